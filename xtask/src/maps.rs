@@ -1,4 +1,4 @@
-//! The files that ARCHITECTURE.md and the crates' tables *Where is what* name exist.
+//! The files that ARCHITECTURE.md and the crates' tables *Modules* name exist.
 
 #[cfg(test)]
 mod tests {
@@ -8,7 +8,7 @@ mod tests {
     };
 
     /// The heading of a crate's table.
-    const HEADING: &str = "//! # Where is what";
+    const HEADING: &str = "//! # Modules";
 
     /// Words in backticks that are paths: with a slash, and of letters, digits, `.`, `_` and `-` alone. `NAME` stands for any name.
     fn paths(text: &str) -> impl Iterator<Item = &str> {

@@ -4,7 +4,7 @@
 //! Every measurement has one struct of options, which the command line fills in, and gives a report of figures. Above them stands the head
 //! of the run: commit, command and machine. A line for each step goes to standard error.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

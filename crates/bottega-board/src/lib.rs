@@ -7,7 +7,7 @@
 //!
 //! **Not for** deciding what it gets: that is the allocator's part. It shades nothing and knows no materials.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

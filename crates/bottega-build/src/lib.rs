@@ -4,7 +4,7 @@
 //! source of the program changes, and no other crate knows of it. A commit that changes no source rebuilds nothing; the
 //! program then names the commit that it was compiled at.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

@@ -1,6 +1,6 @@
 //! The command line of Bottega. No logic of its own: it reads options, calls the crates, and tells what happened.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

@@ -3,7 +3,7 @@
 //! A job is on the notices of the farm, its zones on the blackboard, its scene and pixels are blobs: whoever leads it may
 //! die, and any other process goes on.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

@@ -4,7 +4,7 @@
 //! The decision that shaped it: the library is no part of the program but found where it is installed and loaded when it is
 //! wanted, so whoever wants none needs none. It runs on the processors, and is told how bright the picture is, so that a picture does not depend on whose they are.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

@@ -3,7 +3,7 @@
 //! The farm knows an engine only by [`RenderEngine`]. The decision that shaped it: painting is started and reported,
 //! never waited for, so that one agent can have its next zone under way before the present one has drained.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

@@ -15,7 +15,7 @@
 //! **The decision that shaped it**: instances are placed in world space before they are uploaded, so that the shader
 //! has one tree and one stack. Scenes whose instances would not fit are refused to the GPU, not to the job.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

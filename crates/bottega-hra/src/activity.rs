@@ -3,12 +3,12 @@
 /// The activity of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Activity {
-    /// Waits for work.
+    /// It waits for work.
     Idle,
-    /// Works.
+    /// It works.
     Working,
-    /// Left alone after a failure, for a while; or it does not return from a call.
+    /// It is suspended after a failure; or it does not return from a call.
     Suspended,
-    /// Given up after too many failures in a row, or because it could not be started.
+    /// It was given up after too many consecutive failures, or could not be started.
     Retired,
 }

@@ -1,4 +1,4 @@
-//! The allocator: makes the lanes, hands out clients, ends everything.
+//! The allocator: starts the lanes, creates clients, and shuts everything down.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex};
@@ -13,11 +13,11 @@ use crate::threads::sync::Post;
 use crate::threads::{direct, far, watch};
 use crate::{CostBook, HraClient, HraConfig, HraReport, Resource, ResourceDescriptor, ResourceId, Window, Work};
 
-/// A resource, and how it is served.
+/// A resource, and the way it is called.
 pub enum Lane<W: Work> {
     /// Called directly, one unit at a time: for low latency.
     Direct(Box<dyn Resource<W>>),
-    /// Sent packets ahead of their answers: for high latency.
+    /// Sent several packets before their answers arrive: for high latency.
     Windowed(Box<dyn WindowedResource<W>>, Window),
 }
 
@@ -43,15 +43,14 @@ impl<W: Work> Lane<W> {
     }
 }
 
-/// The allocator waits no longer than this for resources that are idle to be dropped: a driver may hang there, too.
+/// Maximum time to wait at shutdown for idle resources to be dropped: a driver may hang there, too.
 const TEARDOWN_MAX: Duration = Duration::from_secs(2);
 
-/// The Hardware Resource Allocator. Owns a thread for each resource and one that watches over them, and the work bin.
+/// The Hardware Resource Allocator. Owns the work bin, a thread for each resource, and a thread that watches them.
 ///
-/// Dropped, it takes nothing more, answers the units that wait with [`UnitError::Closed`](crate::UnitError::Closed),
-/// lets those under way be finished and answered, and waits for its threads, but for those whose resource hangs: such a thread
-/// ends when its resource answers, or with the process.
-/// Clients may go before or after it.
+/// When dropped it accepts no more units, answers waiting ones with [`UnitError::Closed`](crate::UnitError::Closed),
+/// lets those in progress be finished and answered, and waits for its threads, except those of resources that hang:
+/// such a thread ends when its resource answers, or with the process. Clients may be dropped before or after it.
 pub struct Hra<W: Work> {
     shared: Arc<AllocatorState<W>>,
     lanes: Vec<Option<JoinHandle<()>>>,
@@ -59,7 +58,7 @@ pub struct Hra<W: Work> {
 }
 
 impl<W: Work> Hra<W> {
-    /// An allocator of resources that are called directly. Without any resource it refuses all units.
+    /// An allocator of directly called resources. Without any resource it refuses all units.
     pub fn new(config: HraConfig, resources: Vec<Box<dyn Resource<W>>>) -> Self {
         Self::with_lanes(config, resources.into_iter().map(Lane::from).collect())
     }
@@ -69,7 +68,7 @@ impl<W: Work> Hra<W> {
         Self::with_costs(config, lanes, &CostBook::new(""))
     }
 
-    /// An allocator of resources of both kinds, that knows from the start what they cost.
+    /// An allocator of resources of both kinds, with their costs known from the start.
     pub fn with_costs(config: HraConfig, lanes: Vec<Lane<W>>, costs: &CostBook) -> Self {
         let described: Vec<_> = lanes.iter().map(|lane| (lane.descriptor(), lane.window())).collect();
         let posts = described.iter().map(|(descriptor, window)| LanePost {
@@ -88,29 +87,29 @@ impl<W: Work> Hra<W> {
         Self { shared, lanes, watch }
     }
 
-    /// A new client, with a results bin of its own.
+    /// Creates a client with a results bin of its own.
     pub fn client(&self) -> HraClient<W> {
         self.client_of(0)
     }
 
-    /// The same for units that all have so much more priority than each says.
+    /// Creates a client whose units all have this priority in addition to their own.
     pub fn client_of(&self, priority: i32) -> HraClient<W> {
         HraClient::new(Arc::clone(&self.shared), priority)
     }
 
-    /// What each resource did so far.
+    /// The activity of each resource so far.
     pub fn report(&self) -> HraReport {
         let pending = self.shared.room.taken();
         self.shared.with_core(|core, now, _| HraReport::of(core, now, pending))
     }
 }
 
-/// Starts the thread of a lane. A lane whose thread the system refuses is retired at once.
+/// Starts the thread of a lane. A lane whose thread cannot be started is retired at once.
 fn start<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, lane: Lane<W>) -> Option<JoinHandle<()>> {
     let name = format!("hra {}", shared.lanes[id.index()].descriptor.name.replace('\0', " "));
     let lanes_shared = Arc::clone(shared);
     let run = move || {
-        // The drivers catch what resources panic with; this is for a resource that panics in its `Drop`.
+        // Drivers catch panics of resources; this catches one in a resource's `Drop`.
         let _ = catch_unwind(AssertUnwindSafe(|| {
             let mut lane = lane;
             match &mut lane {
@@ -139,7 +138,7 @@ impl<W: Work> Drop for Hra<W> {
         let this_thread = thread::current().id();
         let is_here =
             |thread: &Option<JoinHandle<()>>| thread.as_ref().is_some_and(|thread| thread.thread().id() == this_thread);
-        // A unit that owned the last handle of its own allocator drops it on a lane, which cannot await itself.
+        // A unit that holds the last handle of its own allocator drops it on a lane, which cannot wait for itself
         for (lane, id) in self.lanes.iter().zip(0..) {
             if is_here(lane) {
                 self.shared.set_end(ResourceId(id), LaneEnd::Over);

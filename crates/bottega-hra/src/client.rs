@@ -1,4 +1,4 @@
-//! The renderer's side: units in, answers out.
+//! Clients: the renderer's interface for submitting units and taking answers.
 
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -11,12 +11,12 @@ use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 
 /// A client of an allocator, with a results bin of its own.
 ///
-/// Clones share the results bin: an answer goes to whichever asks first. When the last clone goes, units that still
-/// wait are cancelled and answers that still come are dropped. A client may outlive its allocator; it then takes what
-/// was answered, and submits nothing more.
+/// Clones share the results bin: an answer goes to the first that asks. When the last clone is dropped, waiting units
+/// are cancelled and later answers are discarded. A client may outlive its allocator; it can then take the remaining
+/// answers, but not submit units.
 pub struct HraClient<W: Work> {
     handle: Arc<ClientHandle<W>>,
-    /// Where its units go in; another for each clone, so that threads do not meet there.
+    /// The inlet of its units; different for each clone, to avoid lock contention.
     inlet: usize,
 }
 
@@ -27,18 +27,18 @@ struct ClientHandle<W: Work> {
     priority: i32,
 }
 
-/// The life time of a client's units, for somebody who may end it. It does not keep the client.
+/// A handle to end the life time of a client's units. It does not keep the client alive.
 pub struct LifeTime<W: Work>(Weak<ClientHandle<W>>);
 
 impl<W: Work> LifeTime<W> {
-    /// As [`HraClient::expire`]; nothing where the client is gone.
+    /// Like [`HraClient::expire`]; does nothing if the client is gone.
     pub fn end(&self) {
         if let Some(handle) = self.0.upgrade() {
             handle.expire();
         }
     }
 
-    /// Whether the client is gone.
+    /// True if the client is gone.
     pub fn is_over(&self) -> bool {
         self.0.strong_count() == 0
     }
@@ -69,57 +69,58 @@ impl<W: Work> HraClient<W> {
         Submitter { client: *id, results, inlet: self.inlet, priority: *priority }
     }
 
-    /// Ends the life time of all units of this client, also of those to come: those that wait are answered by
-    /// [`UnitError::Expired`](crate::UnitError::Expired) now and done by nobody, those under way when their resource answers.
+    /// Ends the life time of all units of this client, including future ones: waiting units are answered by
+    /// [`UnitError::Expired`](crate::UnitError::Expired) now and not done, those in progress when their resource
+    /// answers.
     pub fn expire(&self) {
         self.handle.expire();
     }
 
-    /// The life time of its units, for whoever may end it.
+    /// A handle to end the life time of this client's units.
     pub fn life_time(&self) -> LifeTime<W> {
         LifeTime(Arc::downgrade(&self.handle))
     }
 
-    /// Puts a unit into the work bin; waits while the bin is full.
+    /// Puts a unit into the work bin; blocks while the bin is full.
     pub fn submit(&self, unit: WorkUnit<W>) -> Result<(), SubmitError> {
         self.handle.shared.submit(&self.as_submitter(), unit)
     }
 
-    /// Puts units into the work bin in one call, in their order; waits as often as the bin is full.
+    /// Puts units into the work bin in one call, in order; blocks whenever the bin is full.
     ///
-    /// When any of them cannot be done by any resource, none is taken. When the allocator is shut down while the call
-    /// waits, those already taken are answered, the others are dropped.
+    /// If any of them is supported by no resource, none is accepted. If the allocator is shut down while the call
+    /// blocks, units accepted so far are answered, the others are dropped.
     pub fn submit_group(&self, units: Vec<WorkUnit<W>>) -> Result<(), SubmitError> {
         self.handle.shared.submit_group(&self.as_submitter(), units)
     }
 
-    /// Puts a unit into the work bin if there is room just now.
+    /// Puts a unit into the work bin if there is room.
     pub fn try_submit(&self, unit: WorkUnit<W>) -> Result<(), TrySubmit<W>> {
         self.handle.shared.try_submit(&self.as_submitter(), unit)
     }
 
-    /// The next answer, in the order in which they were computed. Waits for it; `None` when nothing is outstanding.
+    /// Takes the next answer, in order of completion. Blocks; `None` if nothing is outstanding.
     pub fn take(&self) -> Option<Completed<W::Output>> {
         self.handle.results.take(None)
     }
 
-    /// The next answer; `None` when none came in time, or nothing is outstanding.
+    /// Takes the next answer; `None` after the timeout, or if nothing is outstanding.
     pub fn take_timeout(&self, timeout: Duration) -> Option<Completed<W::Output>> {
         self.handle.results.take(deadline_after(timeout))
     }
 
-    /// The next answers, all that are there but at most `max`. Waits for the first; none when nothing is outstanding.
+    /// Takes all available answers, at most `max`. Blocks for the first; empty if nothing is outstanding.
     pub fn take_many(&self, max: usize) -> Vec<Completed<W::Output>> {
         self.handle.results.take_many(max, None)
     }
 
-    /// How many units were submitted, or are being so, and not yet answered to this client.
+    /// Number of units submitted, or being submitted, without an answer taken.
     pub fn outstanding(&self) -> usize {
         self.handle.results.outstanding()
     }
 
-    /// Takes back all units of this client that still wait in the bin; they get no answer. Those under way do.
-    /// Their maximum delay is cut to [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound).
+    /// Takes all waiting units of this client back; they get no answer. Those in progress do. Their maximum delay is
+    /// bounded by [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound).
     pub fn cancel_pending(&self) -> Vec<WorkUnit<W>> {
         let cancelled = self.handle.shared.cancel(self.handle.id);
         self.handle.results.forget(cancelled.len());
@@ -129,7 +130,7 @@ impl<W: Work> HraClient<W> {
 
 impl<W: Work> Drop for ClientHandle<W> {
     fn drop(&mut self) {
-        // First the name goes, so that what fails after that is not put back; see `AllocatorState::try_again`.
+        // Remove the client first, so that units failing later are not put back; see `AllocatorState::try_again`.
         self.shared.clients.leave(self.id);
         let _units = self.shared.cancel(self.id); // Dropped here, outside all locks.
     }

@@ -1,35 +1,36 @@
-//! Bounds of the allocator.
+//! Configuration of the allocator.
 
 use std::time::Duration;
 
-/// Bounds of the allocator.
+/// Configuration of the allocator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HraConfig {
-    /// Most units that the work bin holds; submitters wait beyond it. At least 1.
+    /// Maximum number of units in the work bin; submitters wait beyond it. At least 1.
     pub bin_capacity: usize,
-    /// Least units that it takes, at most `bin_capacity`.
+    /// Minimum capacity of the bin, at most `bin_capacity`.
     pub bin_min: usize,
-    /// How long a unit should wait in the bin. Between its bounds the bin takes as many units as are done in that time
-    /// (Little's law): more gives the allocator more to choose from, less makes a change of mind take effect sooner.
+    /// Target waiting time of a unit in the bin. Between its bounds, the bin's capacity is the number of units done in
+    /// that time (Little's law): more gives the allocator more choice, less makes cancellation and changes take effect
+    /// sooner.
     pub bin_delay: Duration,
-    /// How often a unit is tried before it is answered as failed; at least 1.
+    /// Maximum number of attempts at a unit before it is answered as failed; at least 1.
     pub max_attempts: u32,
     /// Upper bound of every unit's maximum delay.
     pub max_delay_bound: Duration,
-    /// Pause of a resource after its first failure in a row; doubles with each further one.
+    /// Suspension of a resource after a first failure; doubles with each further consecutive one.
     pub pause_min: Duration,
-    /// Longest pause of a resource.
+    /// Maximum suspension of a resource.
     pub pause_max: Duration,
-    /// A resource with so many failures in a row is given up.
+    /// Number of consecutive failures after which a resource is given up.
     pub max_failures: u32,
-    /// A resource hangs when it takes so many times what its cost model expects, its uncertainty on top; at least 1.
+    /// A resource hangs when it takes this many times the expected time plus its uncertainty; at least 1.
     pub hang_factor: f64,
-    /// No resource hangs before so much time has passed.
+    /// Minimum time before a resource counts as hanging.
     pub hang_min: Duration,
-    /// A resource that is called directly hangs after so much time, whatever is expected. For far ones see
+    /// Time after which a directly called resource counts as hanging, whatever its expected time. For far ones see
     /// [`Window::patience`](crate::Window::patience).
     pub hang_max: Duration,
-    /// Spans of activity that are kept for each resource, for [`timeline_svg`](crate::timeline_svg); 0: none.
+    /// Maximum number of activity spans kept per resource, for [`timeline_svg`](crate::timeline_svg); 0: none.
     pub spans_kept: usize,
 }
 

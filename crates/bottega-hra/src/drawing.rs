@@ -10,21 +10,21 @@ const RIGHT: f64 = 80.0;
 const ROW: f64 = 28.0;
 const BAR: f64 = 18.0;
 const TOP: f64 = 30.0;
-/// Height of the row that shows the bin.
+/// Height of the row that shows the bin, in pixels.
 const BIN: f64 = 48.0;
-/// Height of a line of text below the drawing.
+/// Height of a line of text below the drawing, in pixels.
 const LINE: f64 = 18.0;
 
-/// Draws what each resource was at as SVG, a bar a resource with its occupation in percent: the share of the time
-/// since the allocator was made, or of `from` to `to`, in which it had work. Below them is how many units waited in the
-/// bin, and what went wrong when. Needs [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
+/// Draws the activity of the resources as SVG: a bar per resource, with its occupation in percent, the share of the
+/// time (since the allocator was made, or `from` to `to`) in which it had work. Below are the number of units waiting
+/// in the bin, and the incidents. Needs [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
 pub fn timeline_svg(report: &HraReport, window: Option<(Time, Time)>) -> String {
     let (from, to) = window.unwrap_or((Time::ZERO, Time::at(report.uptime)));
     let rows = TOP + ROW * report.resources.len() as f64;
     let lines = report.incidents.len() + usize::from(report.expiries.count() > 0);
     let height = rows + BIN + 40.0 + LINE * lines as f64;
     let mut svg = String::new();
-    // Writing to a string does not fail.
+    // Writing to a string cannot fail
     let _ = write!(
         svg,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
@@ -50,7 +50,7 @@ pub fn timeline_svg(report: &HraReport, window: Option<(Time, Time)>) -> String 
     svg
 }
 
-/// Where moments are.
+/// The horizontal scale of times.
 struct TimeScale {
     from: Time,
     to: Time,
@@ -102,10 +102,10 @@ fn draw_row(svg: &mut String, resource: &ResourceReport, y: f64, scale: &TimeSca
     let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{text:.1}\">{percent:.1} %</text>", WIDTH - RIGHT + 8.0);
 }
 
-/// Units that wait as an area, what the bin takes as a line above it.
+/// Draws the waiting units as an area, and the bin's capacity as a line above it.
 fn draw_bin(svg: &mut String, report: &HraReport, top: f64, scale: &TimeScale) {
     let steps: Vec<_> = report.bin.steps.iter().filter(|step| step.to > scale.from && step.from < scale.to).collect();
-    // What the bin would take is often far more: where it is, its line lies at the top.
+    // A capacity beyond the scale is drawn at the top
     let most = steps.iter().map(|step| step.waiting).fold(1.0, f64::max);
     let bottom = top + BIN - 4.0;
     let y = |units: f64| bottom - (BIN - 10.0) * (units / most).min(1.0);
@@ -131,7 +131,7 @@ fn draw_bin(svg: &mut String, report: &HraReport, top: f64, scale: &TimeScale) {
     );
 }
 
-/// A line of text for each, and where on the time line it happened last.
+/// Draws a line of text per incident, with a mark at its last time.
 fn draw_incidents(svg: &mut String, report: &HraReport, top: f64, scale: &TimeScale) {
     for (incident, line) in report.incidents.iter().zip(0..) {
         let y = top + LINE * f64::from(line);
@@ -158,7 +158,7 @@ fn draw_incidents(svg: &mut String, report: &HraReport, top: f64, scale: &TimeSc
     }
 }
 
-/// A line of text for units past their life time, and a bar above the bin from the first of them to the last.
+/// Draws a line of text for expired units, and a bar above the bin from the first to the last.
 fn draw_expiries(svg: &mut String, report: &HraReport, (bin, line): (f64, f64), scale: &TimeScale) {
     let expired = &report.expiries;
     if expired.count() == 0 {
@@ -186,7 +186,7 @@ fn colour(activity: Activity) -> &'static str {
     }
 }
 
-/// A name as XML text; what no XML may hold is left out.
+/// A name as XML text, without illegal characters.
 fn escaped(name: &str, length_max: usize) -> String {
     let mut out = String::new();
     for c in name.chars().take(length_max) {

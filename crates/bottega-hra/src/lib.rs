@@ -1,17 +1,17 @@
 //! The Hardware Resource Allocator: keeps every processor of one machine at work.
 //!
 //! The renderer puts *work units* into a bounded *work bin* (a full one makes it wait) and takes answers from a
-//! *results bin* of its own. A unit names a [`Primitive`] and refers to its data; *resources* (lanes of the CPU, a
-//! GPU, a board) take from the bin what they can do. One who fails gives its unit back, to be done elsewhere, and is
-//! left alone for a while. Every unit that is submitted is answered exactly once, or given back on cancelling.
+//! *results bin* of its own. A unit names a [`Primitive`] and refers to its data; *resources* (CPU lanes, a GPU, a
+//! board) take from the bin what they can do. A resource that fails gives its unit back, to be done elsewhere, and is
+//! suspended for a while. Every submitted unit is answered exactly once, or given back on cancellation.
 //!
 //! Source: Pereira et al., *Efficient use of Multiple Hardware Components for Image Synthesis*.
 //!
-//! **Not for** knowing what a primitive computes or what a device is: this crate sees the cost and the bound of a
-//! unit, nothing else. No recursion either: a work unit never submits another; the loop that takes answers does.
+//! **Not for** knowing what a primitive computes or what a device is: this crate sees only the cost and the bounds of a
+//! unit. No recursion either: a work unit never submits another; the loop that takes answers does.
 //!
-//! **The decision that shaped it**: resources *pull*. There is no dispatcher thread between bin and resources, so a
-//! unit costs two short locks and wakes only who waits for it.
+//! **The decision that shaped this crate**: resources *pull*. There is no dispatcher thread between bin and resources,
+//! so a unit costs two short locks and wakes only the threads that wait for it.
 //!
 //! ```
 //! use bottega_hra::{Hra, HraConfig, Primitive, VirtualCpu, Work, WorkUnit};
@@ -36,20 +36,20 @@
 //! # Ok::<(), bottega_hra::SubmitError>(())
 //! ```
 //!
-//! # Where is what
+//! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
 //! | units, primitives, resources | `src/work.rs`, `src/primitive.rs`, `src/resource.rs` |
 //! | the allocator and its clients | `src/allocator.rs`, `src/client.rs` |
-//! | everything that decides | `src/policy/` |
-//! | how many packets go to a far resource, how large; who does what | `src/policy/flow.rs`, `src/policy/cable.rs`, `src/policy/plan.rs`, `src/policy/placement.rs` |
-//! | what primitives cost, kept between runs | `src/policy/cost.rs`, `src/policy/book.rs` |
-//! | the policy run by threads | `src/threads/` |
+//! | all decisions | `src/policy/` |
+//! | number and size of packets to a far resource; assignment of work | `src/policy/flow.rs`, `src/policy/cable.rs`, `src/policy/plan.rs`, `src/policy/placement.rs` |
+//! | learned costs of primitives, kept between runs | `src/policy/cost.rs`, `src/policy/book.rs` |
+//! | the policy on threads | `src/threads/` |
 //! | the policy in virtual time | `src/simulate/` |
-//! | what resources and the bin did, in figures, as a drawing and as data | `src/report.rs`, `src/drawing.rs`, `src/timeline.rs` |
+//! | activity of resources and bin: report, drawing, data | `src/report.rs`, `src/drawing.rs`, `src/timeline.rs` |
 //! | batches of rays as work | `src/rays.rs` |
-//! | how to add a board | `examples/board.rs`; rules and promises: `docs/hra.md` |
+//! | adding a board | `examples/board.rs`; rules and guarantees: `docs/hra.md` |
 
 mod activity;
 mod allocator;

@@ -1,34 +1,34 @@
-//! Primitives, sets of them, and names of data.
+//! Primitives, sets of primitives, and ids of data.
 
 use std::fmt;
 
-/// The self-contained, non-recursive, time-bounded computations that work units ask for.
+/// The self-contained, non-recursive, time-bounded computations of work units.
 ///
-/// The allocator knows a primitive by its name alone: what it costs on which resource is learnt, what it computes is
-/// the renderer's business.
+/// The allocator knows a primitive only by name: its cost on each resource is learned, and what it computes is the
+/// renderer's business.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Primitive {
     /// Closest hits of a batch of rays. Low level.
     Intersect,
-    /// Whether each ray of a batch hits anything. Low level.
+    /// For each ray of a batch, whether it hits anything. Low level.
     Occluded,
-    /// The nearest photons of a batch of points. Low level.
+    /// The nearest photons of each point of a batch. Low level.
     PhotonGather,
-    /// Paths of a wave at the surfaces that their rays met. High level.
+    /// Shading of a wave of paths at their rays' hits. High level.
     Shade,
     /// Samples of a block of pixels. High level.
     PixelBlock,
-    /// Paths of a batch of photons. High level.
+    /// Tracing of a batch of photons. High level.
     PhotonBatch,
     /// Irradiance at a batch of points, as sensors measure it. High level.
     SensorBatch,
 }
 
 impl Primitive {
-    /// How many primitives there are.
+    /// The number of primitives.
     pub const COUNT: usize = 7;
 
-    /// Every primitive, in the order of [`Primitive::index`].
+    /// All primitives, in the order of [`Primitive::index`].
     pub const ALL: [Self; Self::COUNT] = [
         Self::Intersect,
         Self::Occluded,
@@ -39,12 +39,12 @@ impl Primitive {
         Self::SensorBatch,
     ];
 
-    /// Place in [`Primitive::ALL`], for tables with an entry a primitive.
+    /// The index in [`Primitive::ALL`], for tables with an entry per primitive.
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// The name that users see.
+    /// The name for users.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Intersect => "intersect",
@@ -64,14 +64,14 @@ impl fmt::Display for Primitive {
     }
 }
 
-/// A set of primitives: what a resource can do.
+/// A set of primitives: the capabilities of a resource.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PrimitiveSet(u8);
 
 impl PrimitiveSet {
-    /// Nothing.
+    /// The empty set.
     pub const NONE: Self = Self(0);
-    /// Every primitive.
+    /// All primitives.
     pub const ALL: Self = Self((1 << Primitive::COUNT) - 1);
 
     /// The set with `primitive` added.
@@ -80,12 +80,12 @@ impl PrimitiveSet {
         Self(self.0 | 1 << primitive.index())
     }
 
-    /// Whether `primitive` is in the set.
+    /// True if `primitive` is in the set.
     pub const fn contains(self, primitive: Primitive) -> bool {
         self.0 & 1 << primitive.index() != 0
     }
 
-    /// Whether the set is empty.
+    /// True if the set is empty.
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
@@ -108,7 +108,7 @@ impl<const N: usize> From<[Primitive; N]> for PrimitiveSet {
     }
 }
 
-/// Names read-only data (a scene, a photon map) that may be resident in a resource's memory.
+/// The id of read-only data (a scene, a photon map) that may be resident in a resource's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct DataId(pub u64);
 

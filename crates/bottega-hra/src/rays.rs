@@ -1,15 +1,15 @@
-//! Work that is a batch of rays, so that a resource that knows rays and no renderer can do it.
+//! Work on batches of rays, for resources that only trace rays.
 
 use bottega_kernels::{Hit, Ray};
 
 use crate::Work;
 
-/// A batch of rays and what is asked of it.
+/// A batch of rays and the query about it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RayQuery<'a> {
     /// The closest hit of each ray.
     Intersect(&'a [Ray]),
-    /// Whether each ray hits anything.
+    /// For each ray, whether it hits anything.
     Occluded(&'a [Ray]),
 }
 
@@ -22,14 +22,14 @@ impl<'a> RayQuery<'a> {
     }
 }
 
-/// Work of which some is a batch of rays.
+/// Work that may be a batch of rays.
 pub trait RayWork: Work {
-    /// The rays, if this work is nothing but rays; then [`Work::primitive`] is `Intersect` or `Occluded` to match.
+    /// The rays, if this work consists of rays only; [`Work::primitive`] is then `Intersect` or `Occluded` to match.
     fn query(&self) -> Option<RayQuery<'_>>;
 
-    /// The output made of the hits, one a ray in the rays' order. Called after [`RayQuery::Intersect`] alone.
+    /// Makes the output from the hits, one per ray in order. Called only after [`RayQuery::Intersect`].
     fn hits(self, hits: Vec<Hit>) -> Self::Output;
 
-    /// The output made of the answers, one a ray in the rays' order. Called after [`RayQuery::Occluded`] alone.
+    /// Makes the output from the answers, one per ray in order. Called only after [`RayQuery::Occluded`].
     fn occlusion(self, occluded: Vec<bool>) -> Self::Output;
 }

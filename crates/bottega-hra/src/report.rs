@@ -1,4 +1,4 @@
-//! The report of a resource: what it did with its time.
+//! Reports: the activity of resources and of the work bin.
 
 use std::time::Duration;
 
@@ -9,51 +9,51 @@ use crate::{
     Activity, CableUse, CostBook, CostModel, Expiries, Incident, Primitive, ResourceDescriptor, ResourceId, Span,
 };
 
-/// The allocator at one moment.
+/// The state of the allocator at one moment.
 #[derive(Clone, Debug)]
 pub struct HraReport {
     /// Time since the allocator was made.
     pub uptime: Duration,
-    /// Units in the work bin.
+    /// Number of units in the work bin.
     pub pending: usize,
-    /// Units that the bin takes at present.
+    /// Current capacity of the bin.
     pub bin_capacity: usize,
-    /// How full it was.
+    /// The fill level of the bin over time.
     pub bin: BinReport,
-    /// One entry a resource, in the order of their numbers.
+    /// The resources, in the order of their ids.
     pub resources: Vec<ResourceReport>,
-    /// What went wrong with resources, for the user to be told.
+    /// Incidents with resources, for the user.
     pub incidents: Vec<Incident>,
-    /// Units past their life time.
+    /// Expired units.
     pub expiries: Expiries,
 }
 
-/// One resource since the allocator was made.
+/// A resource since the allocator was made.
 #[derive(Clone, Debug)]
 pub struct ResourceReport {
-    /// Its number.
+    /// Its id.
     pub id: ResourceId,
-    /// What it is.
+    /// Its description.
     pub descriptor: ResourceDescriptor,
-    /// What it is at now.
+    /// Its current activity.
     pub activity: Activity,
-    /// Units done.
+    /// Number of units done.
     pub units: u64,
-    /// Attempts that failed.
+    /// Number of failed attempts.
     pub failures: u64,
-    /// Time with at least one unit under way.
+    /// Time with at least one unit in progress.
     pub busy: Duration,
     /// Time without work, neither suspended nor retired.
     pub idle: Duration,
-    /// Time left alone after failures.
+    /// Time suspended after failures.
     pub suspended: Duration,
-    /// Bytes of data that it holds.
+    /// Size of the data that it holds, in bytes.
     pub resident_bytes: u64,
-    /// What passed on its cable, if it has one.
+    /// The traffic on its cable, if it has one.
     pub cable: Option<CableUse>,
-    /// Learnt costs of the primitives that it has done, by primitive.
+    /// Learned costs of the primitives that it has done.
     pub costs: Vec<(Primitive, CostModel)>,
-    /// What it was at, in the order of time; empty unless [`HraConfig::spans_kept`](crate::HraConfig::spans_kept).
+    /// Its activity over time; empty unless [`HraConfig::spans_kept`](crate::HraConfig::spans_kept) is set.
     pub spans: Vec<Span>,
 }
 
@@ -77,7 +77,7 @@ impl ResourceReport {
         }
     }
 
-    /// The share of its time in which it had work, from 0 to 1.
+    /// The share of its time in which it had work, 0..=1.
     pub fn occupation(&self) -> f64 {
         let all = (self.busy + self.idle + self.suspended).as_secs_f64();
         if all > 0.0 { self.busy.as_secs_f64() / all } else { 0.0 }
@@ -85,7 +85,7 @@ impl ResourceReport {
 }
 
 impl HraReport {
-    /// All costs learnt, for the next run.
+    /// All learned costs, for the next run.
     pub fn costs(&self, version: impl Into<String>) -> CostBook {
         let mut book = CostBook::new(version);
         for resource in &self.resources {
@@ -96,8 +96,7 @@ impl HraReport {
         book
     }
 
-    /// What has happened since an earlier report of the same allocator, as if it had been made then: all times count from
-    /// there.
+    /// The difference from an earlier report of the same allocator; all times count from there.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         let start = Time::at(before.uptime);
@@ -120,7 +119,7 @@ impl HraReport {
         }
     }
 
-    /// What `core` looks like.
+    /// The report of `core`.
     pub(crate) fn of<T>(core: &mut Core<T>, now: Time, pending: usize) -> Self {
         let bin = core.bin_report(now);
         let resources = core.lanes().iter().zip(0..).map(|(lane, index)| {

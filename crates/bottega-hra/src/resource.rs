@@ -1,87 +1,88 @@
-//! Resources: who does the work, and how far away they are.
+//! Resources: the executors of work, and their distance.
 
 use std::marker::PhantomData;
 use std::time::Duration;
 
 use crate::{DataId, Failed, PrimitiveSet, Work};
 
-/// The distance of a resource from the memory of this process.
+/// The link between this process and a resource.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link {
-    /// Time that one byte needs, one way.
+    /// Time that one byte takes one way.
     pub latency: Duration,
-    /// Bytes a second; infinite where nothing is copied.
+    /// Bytes per second; infinite if nothing is copied.
     pub bandwidth: f64,
 }
 
 impl Link {
-    /// In place: nothing travels.
+    /// No link: the resource uses this process's memory.
     pub const LOCAL: Self = Self { latency: Duration::ZERO, bandwidth: f64::INFINITY };
 
-    /// Time to send `bytes` one way.
+    /// Time to send `bytes` one way, including latency.
     pub fn transfer(&self, bytes: u64) -> Duration {
         let seconds = bytes as f64 / self.bandwidth;
         self.latency.saturating_add(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::ZERO))
     }
 }
 
-/// The description of a resource: what it is and can do.
+/// The description of a resource: its name and capabilities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResourceDescriptor {
-    /// The name that users see.
+    /// The name for users.
     pub name: String,
-    /// What it can do; may be a part only.
+    /// The supported primitives.
     pub primitives: PrimitiveSet,
-    /// Memory of its own for data; `None` where it works in that of this process, or does not tell.
+    /// Its own memory for data, in bytes; `None`: it uses this process's memory, or the size is unknown.
     pub memory_bytes: Option<u64>,
-    /// The way there.
+    /// The link to it.
     pub link: Link,
 }
 
-/// Something that computes work units one at a time, called from a thread of its own.
+/// A resource that computes work units one at a time, called from a thread of its own.
 ///
-/// A panic in `perform` is taken for a failure of the resource (see [`Work::backup`]). After a failure the resource is
-/// left alone for a pause that doubles each time, then [`Resource::recover`] is called, and then it gets work again.
+/// A panic in `perform` counts as a failure of the resource (see [`Work::backup`]). After a failure the resource is
+/// suspended for a time that doubles with each one, then [`Resource::recover`] is called, and then it gets work again.
 pub trait Resource<W: Work>: Send {
-    /// What it is. Asked once, before the first unit.
+    /// The description. Called once, before the first unit.
     fn descriptor(&self) -> ResourceDescriptor;
 
-    /// Does the work; only asked for primitives of the descriptor. Must end in bounded time, must not submit to the
-    /// allocator that calls it (a full bin would then wait for itself), and gives the work back if it cannot do it.
+    /// Does the work; only called with supported primitives. Must end in bounded time, and must not submit to the
+    /// allocator that calls it (with a full bin it deadlocks). Gives the work back if it cannot do it.
     fn perform(&mut self, work: W) -> Result<W::Output, Failed<W>>;
 
-    /// Makes the resource ready again after a failure, or says why that cannot be done yet.
+    /// Makes the resource ready again after a failure, or returns the reason why it is not ready yet.
     fn recover(&mut self) -> Result<(), String> {
         Ok(())
     }
 
-    /// Throws data out of the resource's memory: it is the least recently used, and room is needed. Called before
-    /// `perform`; data that was never seen here may be named.
+    /// Evicts data from the resource's memory: the least recently used, to make room. Called before `perform`; may name
+    /// data that was never sent here.
     fn evict(&mut self, data: DataId) {
         let _ = data;
     }
 
-    /// Asked when `perform` gave work back: whether that was for want of memory.
+    /// Returns whether the last failure of `perform` was for lack of memory.
     fn is_out_of_memory(&self) -> bool {
         false
     }
 
-    /// Bytes of memory that are free for data, if the resource can tell; asked now and then.
+    /// Bytes of memory free for data, if known; called from time to time.
     fn memory_free(&self) -> Option<u64> {
         None
     }
 }
 
-/// Bounds of what is under way to a far resource. Within them the allocator finds the least that keeps it busy.
+/// Limits on packets in flight to a far resource. Within them the allocator uses the least that keeps the resource
+/// busy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
-    /// Packets that may be under way at once; at least 1.
+    /// Maximum number of packets in flight; at least 1.
     pub packets: usize,
-    /// Most units in a packet; at least 1.
+    /// Maximum number of units per packet; at least 1.
     pub units_per_packet: usize,
-    /// A packet without an answer for so long is lost, and with it the resource, until it has recovered; sooner where
-    /// it is known how long it should take, or when it is the last that is waited for and others could have done it long
-    /// since. Also the longest time that shutting down waits for it.
+    /// Time after which an unanswered packet counts as lost, and the resource as failed; earlier if its expected time
+    /// is known, or if it is the last pending packet and other resources could have done it long ago. Also the maximum
+    /// time that shutdown waits for it.
     pub patience: Duration,
     /// Whether data stays in the resource's memory when it has given no answer for long and answers again: then it is not sent twice.
     pub keeps_data: bool,
@@ -93,7 +94,7 @@ impl Default for Window {
     }
 }
 
-/// A lane of the processor: calls a function in place, on the thread that the allocator gives it.
+/// A CPU lane: calls a function on the thread that the allocator gives it.
 pub struct VirtualCpu<W, F> {
     name: String,
     primitives: PrimitiveSet,
@@ -106,12 +107,12 @@ where
     W: Work,
     F: Fn(W) -> W::Output + Send,
 {
-    /// One lane that can do `primitives` by calling `perform`.
+    /// A lane that supports `primitives` by calling `perform`.
     pub fn new(name: impl Into<String>, primitives: PrimitiveSet, perform: F) -> Self {
         Self { name: name.into(), primitives, perform, work: PhantomData }
     }
 
-    /// As many lanes as `threads`, each of which can do everything.
+    /// A number of lanes, each of which supports all primitives.
     pub fn lanes(threads: usize, perform: F) -> Vec<Box<dyn Resource<W>>>
     where
         F: Clone + 'static,

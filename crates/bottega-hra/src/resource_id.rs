@@ -1,8 +1,8 @@
-//! The number of a resource.
+//! Ids of resources.
 
 use std::fmt;
 
-/// Number of a resource within its allocator: its place in the list that the allocator was made with.
+/// The id of a resource: its index in the list that the allocator was made with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ResourceId(pub u32);
 

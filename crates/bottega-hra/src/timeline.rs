@@ -6,7 +6,7 @@ use crate::{Activity, CableUse, HraReport, ResourceReport, Time};
 
 #[derive(Serialize)]
 struct Timeline<'a> {
-    /// Seconds from the beginning to the end.
+    /// Length, in seconds.
     seconds: f64,
     resources: Vec<ResourceLine<'a>>,
     bin: BinLine,
@@ -14,7 +14,7 @@ struct Timeline<'a> {
     expired: ExpiredLine,
 }
 
-/// Units past their life time.
+/// Expired units.
 #[derive(Serialize)]
 struct ExpiredLine {
     waiting: u64,
@@ -27,18 +27,18 @@ struct ExpiredLine {
 struct CableLine {
     sent_bytes: u64,
     received_bytes: u64,
-    /// Bytes a second; none where nothing is known to be slow.
+    /// Bytes per second; absent unless the cable is known to be slow.
     bandwidth_there: Option<f64>,
     bandwidth_back: Option<f64>,
     packets: u64,
-    /// Seconds between the sending of a packet and its answer, in the mean.
+    /// Mean time between the sending of a packet and its answer, in seconds.
     packet_seconds: Option<f64>,
 }
 
 #[derive(Serialize)]
 struct ResourceLine<'a> {
     name: &'a str,
-    /// Share of its time with work.
+    /// Share of its time with work, 0..=1.
     occupation: f64,
     busy: f64,
     idle: f64,
@@ -48,7 +48,7 @@ struct ResourceLine<'a> {
     resident_bytes: u64,
     memory_bytes: Option<u64>,
     cable: Option<CableLine>,
-    /// From, until, at what.
+    /// Start, end, activity.
     spans: Vec<(f64, f64, &'static str)>,
 }
 
@@ -57,7 +57,7 @@ struct BinLine {
     mean_waiting: f64,
     full: f64,
     empty: f64,
-    /// From, until, units that waited in the mean, units that it took.
+    /// Start, end, mean number of waiting units, capacity.
     steps: Vec<(f64, f64, f64, usize)>,
 }
 
@@ -84,8 +84,8 @@ const fn word(activity: Activity) -> &'static str {
     }
 }
 
-/// The same as [`timeline_svg`](crate::timeline_svg) draws, as a JSON object: for each resource what it was at, how full the
-/// bin was, and what went wrong. All times are seconds.
+/// The content of [`timeline_svg`](crate::timeline_svg) as a JSON object: activity of each resource, fill level of the
+/// bin, and incidents. All times are seconds.
 pub fn timeline_json(report: &HraReport) -> String {
     let resource = |resource: &ResourceReport| resource.descriptor.name.clone();
     let timeline = Timeline {

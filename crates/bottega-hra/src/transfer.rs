@@ -1,32 +1,32 @@
-//! Bytes on the cable of a far resource: of one packet as its driver measured them, and of all.
+//! Traffic on the cable of a far resource: of one packet, as its driver measured it, and in total.
 
 use std::time::Duration;
 
-/// The bytes of one packet in one direction, and how fast they passed.
+/// The traffic of a packet in one direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Transfer {
-    /// All of them.
+    /// Number of bytes.
     pub bytes: u64,
-    /// Of these, the ones that followed others without a pause: only they tell how fast the cable is. 0: not measured.
+    /// Number of those that followed others without a gap: only they measure the bandwidth. 0: not measured.
     pub timed_bytes: u64,
-    /// The time in which these passed.
+    /// The time that these took.
     pub time: Duration,
 }
 
-/// What passed on the cable of a far resource.
+/// The traffic on the cable of a far resource.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CableUse {
-    /// Bytes sent there, data included.
+    /// Bytes sent, including data.
     pub sent_bytes: u64,
     /// Bytes of answers.
     pub received_bytes: u64,
-    /// Bytes a second that pass there, as measured last; `None` where nothing is known to be slow.
+    /// Last measured bandwidth to the resource, in bytes per second; `None` unless it is known to limit.
     pub bandwidth_there: Option<f64>,
-    /// The same on the way back.
+    /// The same for answers.
     pub bandwidth_back: Option<f64>,
-    /// Packets that were answered.
+    /// Number of packets answered.
     pub packets: u64,
-    /// Time from sending to the answer, all of them together.
+    /// Total time between sending and answer, over all packets.
     pub away: Duration,
 }
 
@@ -36,7 +36,7 @@ impl CableUse {
         (self.packets > 0).then(|| self.away.div_f64(self.packets as f64))
     }
 
-    /// What has passed since an earlier moment.
+    /// The traffic since an earlier moment.
     pub(crate) fn since(&self, before: &Self) -> Self {
         Self {
             sent_bytes: self.sent_bytes.saturating_sub(before.sent_bytes),

@@ -1,18 +1,18 @@
-//! Work units on their way in, answers on their way out.
+//! Work units and their answers.
 
 use std::time::Duration;
 
 use crate::{DataId, Primitive, ResourceId};
 
-/// Something that a resource can compute: which primitive, on what data, how much of it.
+/// A computation for a resource: a primitive, its data, and its size.
 ///
-/// A value refers to its data (an `Arc` of a scene, say) and carries neither scene nor code. It is read by one
-/// resource at a time, moved in, and its output is moved out.
+/// A value refers to its data (for example an `Arc` of a scene) and contains neither scene nor code. It is used by one
+/// resource at a time: the value is moved in, and its output is moved out.
 pub trait Work: Send + Sized + 'static {
-    /// What comes out.
+    /// The result.
     type Output: Send + 'static;
 
-    /// The function asked for.
+    /// The primitive.
     fn primitive(&self) -> Primitive;
 
     /// Amount of work, in the primitive's items: rays, samples or photons. The cost model is per item.
@@ -23,111 +23,111 @@ pub trait Work: Send + Sized + 'static {
         None
     }
 
-    /// Bytes of [`Work::data`] in the memory of a resource. A resource with less memory never gets the unit.
+    /// Size of [`Work::data`] in the memory of a resource, in bytes. A resource with less memory never gets the unit.
     fn data_bytes(&self) -> u64 {
         0
     }
 
-    /// Bytes that must travel to a resource that already holds [`Work::data`].
+    /// Bytes to send to a resource that already holds [`Work::data`].
     fn payload_bytes(&self) -> u64 {
         0
     }
 
-    /// Bytes that its answer takes on the way back.
+    /// Bytes of its answer.
     fn answer_bytes(&self) -> u64 {
         0
     }
 
-    /// A copy to go back to when a resource dies in the middle of the work (a panic, a lost link). It is taken
-    /// before each attempt, so it must be cheap beside the work itself. `None`: such a unit is not tried again, and
-    /// answered by [`UnitError::Lost`].
+    /// A copy for another attempt if a resource dies during the work (a panic, a lost link). Made before each attempt,
+    /// so it must be cheap compared with the work. `None`: the unit is not attempted again, but answered by
+    /// [`UnitError::Lost`].
     fn backup(&self) -> Option<Self> {
         None
     }
 
-    /// Whether `output` can be what came of work of `size` items: a look for garbage (a wrong length, numbers that are
-    /// none), much cheaper than the work. What it refuses is done again, elsewhere, if there is a [`Work::backup`].
-    /// Must not be chosen so strictly that a sound resource is refused: that would be given up in the end.
+    /// Checks whether `output` can be the result of work of `size` items (wrong length, NaN), much faster than the work
+    /// itself. Rejected work is done again elsewhere, if there is a [`Work::backup`]. Must not reject valid output: the
+    /// resource is given up in the end.
     fn check(output: &Self::Output, size: u64) -> Result<(), String> {
         let (_, _) = (output, size);
         Ok(())
     }
 }
 
-/// Work with what the allocator must know to place it in time.
+/// A work unit: work with all that the allocator needs to schedule it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorkUnit<W> {
-    /// What is to be done.
+    /// The work.
     pub work: W,
-    /// The caller's own number; comes back with the answer. Need not be unique.
+    /// The caller's own number, returned with the answer. Need not be unique.
     pub ticket: u64,
-    /// Longest wait in the bin. As soon as what waits could not be done before then, the unit goes before all that are
-    /// not late themselves, the latest first. Cut to [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound),
-    /// so that nothing starves.
+    /// Maximum time in the bin. Once it can no longer be met, the unit goes before all units that are not late, the
+    /// latest first. Bounded by [`HraConfig::max_delay_bound`](crate::HraConfig::max_delay_bound), so that no unit
+    /// starves.
     pub max_delay: Duration,
-    /// Higher goes first among units that are not late.
+    /// Priority among units that are not late; higher goes first.
     pub priority: i32,
-    /// Life time. A unit that is not done so long after it was submitted is answered by [`UnitError::Expired`]: at
-    /// that time if it still waits, else when its resource answers or is given up.
+    /// Life time. A unit not done by then, counted from its submission, is answered by [`UnitError::Expired`]:
+    /// immediately if it still waits, else when its resource answers or is given up.
     pub validity: Duration,
 }
 
 impl<W> WorkUnit<W> {
-    /// A unit of priority 0 that may wait as long as the allocator lets any unit wait, and does not expire.
+    /// A unit of priority 0 with the maximum delay, which does not expire.
     pub fn new(work: W, ticket: u64) -> Self {
         Self { work, ticket, max_delay: Duration::MAX, priority: 0, validity: Duration::MAX }
     }
 }
 
-/// The answer to one unit. Every submitted unit that is not cancelled gets exactly one.
+/// The answer to a unit. Every submitted unit that is not cancelled gets exactly one.
 #[derive(Clone, Debug)]
 pub struct Completed<O> {
-    /// The number that the caller gave.
+    /// The unit's ticket.
     pub ticket: u64,
-    /// What was computed, or why it was not.
+    /// The output, or the error.
     pub output: Result<O, UnitError>,
-    /// Time that the last attempt took of its resource; the mean of several units where each takes less than some microsecond.
+    /// Time of the last attempt on its resource; the mean of several units if each takes less than about a microsecond.
     pub busy: Duration,
     /// Time between submission and the start of the last attempt.
     pub waited: Duration,
-    /// Who made the last attempt; `None` when there was none.
+    /// The resource of the last attempt; `None` if there was none.
     pub resource: Option<ResourceId>,
 }
 
-/// Why a unit has no output.
+/// The reason why a unit has no output.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnitError {
-    /// Tried as often as the configuration allows.
+    /// It failed as often as the configuration allows.
     #[error("failed {attempts} times, at last because: {reason}")]
     Failed {
-        /// How many resources, or times, it was tried.
+        /// Number of attempts.
         attempts: u32,
-        /// What the last of them said.
+        /// The error of the last attempt.
         reason: String,
     },
     /// The resource was lost together with the unit, which has no [`Work::backup`].
     #[error("lost with its resource: {reason}")]
     Lost {
-        /// The message of the panic, or what happened to the link.
+        /// The message of the panic, or the fault of the link.
         reason: String,
     },
-    /// Every resource that could have done it was given up.
+    /// Every resource that could do it was given up.
     #[error("no resource is left that can do `{0}`")]
     NoResource(Primitive),
     /// It was not done within its [`WorkUnit::validity`].
     #[error("not done within its life time")]
     Expired,
-    /// The allocator was shut down first.
+    /// The allocator was shut down before.
     #[error("the allocator was shut down")]
     Closed,
 }
 
-/// A resource could not do the work and gives it back unchanged.
+/// The failure of a resource, which gives the work back unchanged.
 #[derive(Clone, Debug)]
 pub struct Failed<W> {
-    /// The unit's work, as it was received.
+    /// The work, as received.
     pub work: W,
-    /// What went wrong, for the user.
+    /// The reason, for the user.
     pub reason: String,
 }
 
@@ -136,37 +136,37 @@ pub struct Failed<W> {
 #[error("the allocator was shut down")]
 pub struct Closed;
 
-/// Why units were not taken.
+/// The reason why units were not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SubmitError {
     /// The allocator was shut down.
     #[error(transparent)]
     Closed(#[from] Closed),
-    /// No resource can do this, so the unit would wait for ever.
+    /// No resource supports this primitive, so the unit would wait forever.
     #[error("no resource can do `{0}`")]
     Unsupported(Primitive),
-    /// No resource that could do this has enough memory for the data.
+    /// No resource that supports the primitive has enough memory for the data.
     #[error("no resource that can do `{primitive}` has memory for {bytes} bytes of data")]
     TooLarge {
-        /// What was asked for.
+        /// The primitive.
         primitive: Primitive,
-        /// On so much data.
+        /// Size of the data, in bytes.
         bytes: u64,
     },
 }
 
-/// Why one unit was not taken without waiting; gives it back.
+/// The reason why a unit was not accepted without waiting; gives the unit back.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum TrySubmit<W> {
-    /// The bin is full just now.
+    /// The bin is full at the moment.
     #[error("the work bin is full")]
     Full(WorkUnit<W>),
-    /// It will never be taken.
+    /// The unit will never be accepted.
     #[error("{reason}")]
     Refused {
         /// The unit.
         unit: WorkUnit<W>,
-        /// Why.
+        /// The reason.
         reason: SubmitError,
     },
 }

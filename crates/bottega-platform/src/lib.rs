@@ -4,7 +4,7 @@
 //! them to it. Each function says what it gives where a system does not tell. Linux is tested; Windows and
 //! macOS are compiled and **untested**.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

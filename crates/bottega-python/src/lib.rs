@@ -8,7 +8,7 @@
 //! The files of Python are in `python/bottega`: `__init__.py` says what is public, `_requests.py` is made from the schema of requests
 //! by `cargo xtask python-stubs`, and `_native.pyi` has the types of what is here.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

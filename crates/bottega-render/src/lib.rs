@@ -3,7 +3,7 @@
 //! No network, no agents. All heavy work is submitted to the Hardware Resource Allocator as work units; this crate
 //! defines what a unit computes on a CPU, and controls all recursion above it.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

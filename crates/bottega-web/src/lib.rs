@@ -3,7 +3,7 @@
 //! No logic of its own: it asks a [`ShownFarm`], which is a farm ([`LinkedFarm`]) or this process's picture ([`Dashboard`]). The
 //! events are those of `bottega render --json`. What a client may do, and how much, is in `docs/api.md`.
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

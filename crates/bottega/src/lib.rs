@@ -14,7 +14,7 @@
 //! # Ok::<(), bottega::Error>(())
 //! ```
 //!
-//! # Where is what
+//! # Modules
 //!
 //! | what | where |
 //! |---|---|

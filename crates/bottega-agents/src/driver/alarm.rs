@@ -1,4 +1,4 @@
-//! Wakes threads that sleep under a lock, and costs nothing where none does.
+//! An alarm: wakes threads that sleep under a lock; free of cost if none does.
 
 use std::{
     sync::{
@@ -8,10 +8,10 @@ use std::{
     time::Duration,
 };
 
-/// A condition variable that knows whether anybody waits: else each message would cost a call of the operating system.
+/// A condition variable that knows whether a thread waits, to save a system call per message otherwise.
 ///
-/// Whoever notifies has changed, under the lock, what the others wait for: so one that is about to sleep has either been
-/// counted or sees the change.
+/// The notifying thread has changed the awaited state under the lock: a thread about to sleep is either counted, or
+/// sees the change.
 #[derive(Debug, Default)]
 pub(super) struct Alarm {
     condition: Condvar,

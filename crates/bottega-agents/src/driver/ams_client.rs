@@ -1,4 +1,4 @@
-//! A question to the AMS of a platform by one who may write its pages: answered in this process, without sockets.
+//! Requests to the AMS of a platform by a process with access to its pages: answered in this process, without sockets.
 
 use std::{io, sync::mpsc, time::Duration};
 
@@ -14,14 +14,14 @@ use crate::{
     platform::{Ams, AmsConfig, Function, ManagementContent, Service},
 };
 
-/// How long the store may take.
+/// Timeout for the store.
 const WAIT: Duration = Duration::from_secs(10);
 
-/// Has an AMS over these pages do something, in the name of the platform: as who may change all entries. The AMS of the process in
-/// which an agent lives tells it what its entry wants of it from then on. `None`: the store does not answer.
+/// Has an AMS over these pages execute a function in the name of the platform, which may change all entries. The AMS of
+/// an agent's process then sends the agent the requests in its entry. `None`: the store does not answer.
 ///
 /// # Errors
-/// The operating system gives no thread.
+/// A thread cannot be started.
 pub fn ask_ams(
     pages: Box<dyn EntryStore<String, usize> + Send>,
     platform: &str,
@@ -47,7 +47,7 @@ pub fn ask_ams(
     for (id, machine) in all {
         platform.add(id, machine, Box::new(|_, _| {})).expect("the only agents of a platform have names of their own");
     }
-    // The asker itself gives up in time.
+    // The asker has its own timeout
     let answer = hear.recv_timeout(2 * WAIT).ok();
     platform.stop();
     Ok(answer.and_then(|(_, content)| match content {

@@ -1,4 +1,4 @@
-//! An agent that asks once and is gone.
+//! An agent that sends one request.
 
 use std::{sync::mpsc, time::Duration};
 
@@ -8,7 +8,7 @@ use crate::{
     platform::{ManagementContent, ONTOLOGY},
 };
 
-/// Asks once, hands on what is answered, and is gone.
+/// An agent that sends one request, passes the answer on, and ends.
 pub(super) struct Asker {
     pub(super) me: AgentId,
     pub(super) to: AgentId,
@@ -16,7 +16,7 @@ pub(super) struct Asker {
     pub(super) heard: mpsc::Sender<(Performative, PlainContent)>,
     pub(super) until: Option<Time>,
     pub(super) wait: Duration,
-    /// A number that no other question has.
+    /// A conversation id unique to the request.
     pub(super) conversation: u64,
 }
 
@@ -45,7 +45,7 @@ impl StateMachine for Asker {
             Event::Message(message)
                 if message.in_reply_to == self.conversation && message.performative != Performative::Agree =>
             {
-                // Who asked may have gone.
+                // The receiver may be gone
                 _ = self.heard.send((message.performative, message.content));
                 actions.push(Action::Stop);
             }

@@ -1,22 +1,22 @@
-//! Agents of one node may have effects and reports of different types: here they are made alike.
+//! Adapters that give agents with different effect and report types a common type within a node.
 
 use std::{any::Any, marker::PhantomData};
 
 use super::local::Mailbox;
 use crate::{Action, ActionOf, BoxedMachine, Event, EventOf, StateMachine, Time, gateway::PlainContent};
 
-/// An effect or report of some agent of a node. Only that agent and its performer know what it is.
+/// An effect or report of an agent of a node, known only to that agent and its performer.
 pub type Anything = Box<dyn Any + Send>;
 
-/// An agent of a node, with effects and reports of its own.
+/// An agent of a node, with its own effects and reports.
 pub type NodeMachine = BoxedMachine<PlainContent, String, Anything, Anything>;
 
-/// What an agent made alike says, if it is of its type, which it always is.
+/// Converts an effect or report to the agent's own type; always succeeds for its own.
 pub(super) fn own<T: 'static>(what: Anything) -> Option<T> {
     what.downcast().ok().map(|what| *what)
 }
 
-/// A machine with effects and reports of its own as one of a node.
+/// Adapts a machine with its own effects and reports to a node.
 pub(super) struct Fitted<M>(pub(super) M);
 
 impl<M> StateMachine for Fitted<M>
@@ -67,7 +67,7 @@ where
     }
 }
 
-/// The way to tell an agent what becomes of its effects, and what else it is to know of the world.
+/// A channel of reports to an agent, about its effects and other events.
 pub struct Reports<R> {
     mailbox: Mailbox<NodeMachine>,
     report: PhantomData<fn(R)>,
@@ -80,7 +80,7 @@ impl<R> Clone for Reports<R> {
 }
 
 impl<R: Send + 'static> Reports<R> {
-    /// Tells it. Dropped when the agent has stopped.
+    /// Sends a report. Dropped if the agent has stopped.
     pub fn tell(&self, report: R) {
         self.mailbox.complete(Box::new(report));
     }

@@ -1,4 +1,4 @@
-//! Drivers: they run state machines as agents.
+//! Drivers, which run state machines as agents.
 
 mod alarm;
 #[cfg(feature = "http")]

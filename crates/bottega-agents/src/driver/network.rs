@@ -1,4 +1,4 @@
-//! The network of a simulation: what is on its way, what goes wrong on it, and the bus that puts it there.
+//! The network of a simulation: messages in transit, faults, and the bus.
 
 use std::{
     collections::{BTreeMap, BTreeSet, VecDeque},
@@ -18,42 +18,43 @@ use crate::{
     store::{AddressedStore, MemoryStore},
 };
 
-/// After so long without a sign of life an agent counts as gone.
+/// Time without a sign of life after which an agent counts as gone.
 pub const PRESENCE_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// The most that is on its way at a time; messages on top of it are lost.
+/// Maximum number of planned events; further messages are lost.
 pub const PLANNED_MAX: usize = 1 << 22;
 
-/// How long a cut holds back what must arrive in order, before it is tried again.
+/// Interval of attempts to deliver ordered reports across a partition.
 pub(super) const RETRY_AFTER: Duration = Duration::from_millis(50);
 
-/// The faults of a network, and how often each happens. [`Faults::NONE`] is a fast and faithful network.
+/// The faults of a network, with their frequencies. [`Faults::NONE`] is a fast network without faults.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Faults {
-    /// The shortest time a message takes.
+    /// Minimum latency of a message.
     pub latency_min: Duration,
-    /// What is added to it on the average; a few take five times as long, so that messages overtake each other.
+    /// Mean additional latency; a few messages take five times that, so that messages overtake each other.
     pub latency_extra_mean: Duration,
-    /// What a request to the store takes on top of that: a write is kept by several servers before it is told of.
+    /// Additional latency of store requests: a write is replicated before it is confirmed.
     pub store_latency: Duration,
-    /// Share of messages that are lost, 0..1.
+    /// Share of messages lost, 0..1.
     pub loss: f64,
-    /// Share of messages that arrive twice, 0..1.
+    /// Share of messages duplicated, 0..1.
     pub duplication: f64,
-    /// Mean time between two crashes of an agent, over all agents that may crash.
+    /// Mean time between crashes, over all agents that may crash; `None`: no crashes.
     pub crash_every: Option<Duration>,
-    /// The longest time an agent stays dead.
+    /// Maximum downtime after a crash.
     pub down_max: Duration,
-    /// Mean time between two cuts that part some agents from the others and from the store.
+    /// Mean time between partitions, which separate some agents from the others and from the store; `None`: no
+    /// partitions.
     pub partition_every: Option<Duration>,
-    /// The longest time a cut lasts.
+    /// Maximum duration of a partition.
     pub partition_max: Duration,
-    /// From here on nothing more goes wrong, so that a run can end. Latency stays.
+    /// Time from which no more faults occur, so that a run can end. Latency remains.
     pub until: Time,
 }
 
 impl Faults {
-    /// Nothing goes wrong; a message takes a millisecond.
+    /// No faults; a message takes a millisecond.
     pub const NONE: Self = Self {
         latency_min: Duration::from_millis(1),
         latency_extra_mean: Duration::ZERO,
@@ -67,16 +68,16 @@ impl Faults {
         until: Time::ZERO,
     };
 }
-/// Stands for whoever writes into the store from outside of the platform.
+/// A writer to the store from outside of the platform.
 const OUTSIDE: NodeId = NodeId(u32::MAX);
 
-/// A queue of reports that is larger than this gives its memory back when it is empty.
+/// Capacity above which a queue of reports frees its memory when empty.
 const REPORTS_KEPT_MAX: usize = 1 << 10;
 
-/// Reports of an agent's watches.
+/// Reports of an agent's watches in transit.
 type Reports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::Value>)>;
 
-/// All but the machines: what the bus of a simulation is made of.
+/// The state of a simulation except for the machines: the bus uses it.
 pub(super) struct Network<M: StateMachine> {
     pub(super) now: Time,
     pub(super) plan: EventPlan<M>,
@@ -85,21 +86,21 @@ pub(super) struct Network<M: StateMachine> {
     pub(super) store: MemoryStore<M::Value, NodeId>,
     pub(super) queues: Queues<M::Content>,
     pub(super) blobs: BTreeMap<BlobId, Blob>,
-    /// The name of each agent that was ever spoken of.
+    /// The names of all agents seen so far.
     pub(super) names: Vec<AgentId>,
-    /// A hash map, for speed: never gone through.
+    /// A hash map for speed; never iterated.
     nodes: FxHashMap<AgentId, NodeId>,
-    /// The life of each agent; `None` while it is dead.
+    /// The number of each agent's life; `None` while it is down.
     lives: Vec<Option<u32>>,
-    /// Reports of watches on their way to each agent: a cut holds them back, none is lost, none overtakes another.
+    /// Reports of watches in transit to each agent: a partition delays them; none is lost or reordered.
     reports: Vec<Reports<M>>,
-    /// Agents on the far side of the cut; the store is on the near one.
+    /// Agents cut off by the partition; the store is on the other side.
     pub(super) cut_off: BTreeSet<NodeId>,
     presence_watchers: BTreeSet<NodeId>,
     seen_present: BTreeSet<NodeId>,
     replies: Vec<AddressedStore<M::Value, NodeId>>,
     pub(super) trace: Option<Vec<String>>,
-    /// Messages sent, by receiver.
+    /// Number of messages sent, per receiver.
     pub(super) message_count: u64,
 }
 
@@ -135,19 +136,19 @@ impl<M: StateMachine> Network<M> {
         network
     }
 
-    /// Takes the next thing that happens, if it does until `end`; it is then the present.
+    /// Takes the next event, if it happens until `end`; its time becomes the current one.
     pub(super) fn next(&mut self, end: Time) -> Option<Happening<M>> {
         let (now, what) = self.plan.pop(end)?;
         self.now = now;
         Some(what)
     }
 
-    /// When the next thing happens.
+    /// The time of the next event.
     pub(super) fn next_time(&self) -> Option<Time> {
         self.plan.next_time()
     }
 
-    /// An agent's place; it gets one when it is first spoken of.
+    /// The index of an agent; a new one at its first use.
     pub(super) fn node(&mut self, agent: &AgentId) -> NodeId {
         self.known(agent).unwrap_or_else(|| {
             let node = NodeId(u32::try_from(self.names.len()).expect("fewer than 2³² agents"));
@@ -159,7 +160,7 @@ impl<M: StateMachine> Network<M> {
         })
     }
 
-    /// An agent's place, if it has one.
+    /// The index of an agent, if it has one.
     pub(super) fn known(&self, agent: &AgentId) -> Option<NodeId> {
         self.nodes.get(agent).copied()
     }
@@ -168,14 +169,14 @@ impl<M: StateMachine> Network<M> {
         &self.names[node.index()]
     }
 
-    /// An agent begins its life of this number.
+    /// Starts a life of an agent, with this number.
     pub(super) fn bear(&mut self, node: NodeId, number: u32) {
         self.lives[node.index()] = Some(number);
         self.note(|names| format!("{} starts", names[node.index()]));
         self.tell_presence(node, true);
     }
 
-    /// An agent is dead: what was meant for it is lost.
+    /// Ends a life of an agent: messages to it are lost.
     pub(super) fn bury(&mut self, node: NodeId, how: &str) {
         self.note(|names| format!("{} {how}", names[node.index()]));
         self.lives[node.index()] = None;
@@ -206,7 +207,7 @@ impl<M: StateMachine> Network<M> {
         if self.faults.latency_extra_mean.is_zero() {
             return self.faults.latency_min;
         }
-        // u⁴ has the mean 1/5: most messages are quick, some are late.
+        // u⁴ has mean 1/5: most messages are fast, some are slow
         let u = self.random.unit();
         self.faults.latency_min + self.faults.latency_extra_mean.mul_f64(5.0 * u * u * u * u)
     }
@@ -216,7 +217,7 @@ impl<M: StateMachine> Network<M> {
         mean.mul_f64(2.0 * self.random.unit())
     }
 
-    /// Whether a cut lies between a sender and a receiver.
+    /// True if a partition separates sender and receiver.
     pub(super) fn cut_between(&self, from: NodeId, to: NodeId) -> bool {
         !self.cut_off.is_empty() && self.cut_off.contains(&from) != self.cut_off.contains(&to)
     }
@@ -234,7 +235,7 @@ impl<M: StateMachine> Network<M> {
         self.lives[life.node.index()] == Some(life.number)
     }
 
-    /// Writes a line of the trace, if there is one; it is made with the names of all agents.
+    /// Writes a line of the trace, if enabled; it is made with the names of all agents.
     pub(super) fn note(&mut self, line: impl FnOnce(&[AgentId]) -> String) {
         if let Some(trace) = &mut self.trace {
             let micros = self.now.elapsed().as_micros();
@@ -257,11 +258,11 @@ impl<M: StateMachine> Network<M> {
         }
     }
 
-    /// Sends what the store says; `request`: to whom it is the answer.
+    /// Sends replies of the store; `request`: the request answered.
     fn send_replies(&mut self, request: RequestId, mut replies: Vec<AddressedStore<M::Value, NodeId>>, may_lose: bool) {
         for AddressedStore { to, ticket, reply } in replies.drain(..) {
             let Some(to) = self.life(to) else { continue };
-            // An answer may be lost, a report of a watch is sent again by the store until it arrives.
+            // A reply may be lost; a report of a watch is repeated by the store until it arrives
             if matches!(reply, StoreReply::Changed(_) | StoreReply::CaughtUp) {
                 let after = self.latency();
                 self.reports[to.node.index()].push_back((ticket, reply));
@@ -274,7 +275,7 @@ impl<M: StateMachine> Network<M> {
         self.replies = replies;
     }
 
-    /// The next report for an agent, when it is due.
+    /// The next report for an agent, if due.
     pub(super) fn next_report(&mut self, node: NodeId) -> Option<(Ticket, StoreReply<M::Value>)> {
         let reports = &mut self.reports[node.index()];
         let next = reports.pop_front();
@@ -284,18 +285,18 @@ impl<M: StateMachine> Network<M> {
         next
     }
 
-    /// Writes an entry as somebody outside; those who watch it are told.
+    /// Writes an entry from outside; watching agents are informed.
     pub(super) fn put(&mut self, key: Key, value: M::Value)
     where
         M::Value: Clone,
     {
         let mut replies = std::mem::take(&mut self.replies);
         self.store.handle(OUTSIDE, Ticket(0), StoreRequest::Put { key, value }, &mut replies);
-        // The answer goes nowhere: there is no such agent.
+        // The reply has no receiver
         self.send_replies(RequestId::NONE, replies, false);
     }
 
-    /// An agent asks the store.
+    /// Sends a request of an agent to the store.
     pub(super) fn ask(&mut self, from: NodeId, ticket: Ticket, request: StoreRequest<M::Value>) {
         let Some(from) = self.life(from) else { return };
         let is_watch = matches!(request, StoreRequest::Watch { .. });
@@ -315,7 +316,7 @@ impl<M: StateMachine> Network<M> {
         self.send_replies(id, replies, true);
     }
 
-    /// Brings a message to one receiver, or loses it.
+    /// Sends a message to one receiver, or loses it.
     fn send(&mut self, message: AclMessage<M::Content>)
     where
         M::Content: Clone,
@@ -354,7 +355,7 @@ where
         if message.receivers.len() < 2 {
             return self.send(message);
         }
-        // Each receiver gets a copy of its own, addressed to it alone, as the intended receiver of an envelope is.
+        // Each receiver gets a copy addressed to it alone, like the intended receiver of an envelope
         let mut message = message;
         for to in std::mem::take(&mut message.receivers) {
             self.send(AclMessage { receivers: vec![to], ..message.clone() });

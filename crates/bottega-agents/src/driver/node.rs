@@ -1,4 +1,4 @@
-//! A platform that others can talk to: its services, its gateway and its transport, in one process.
+//! A node: a complete platform in one process, with services, gateway and transport.
 
 use std::{
     collections::hash_map::RandomState,
@@ -34,66 +34,66 @@ use crate::{
     wire::Calendar,
 };
 
-/// Messages that go out at the same time; all to one address go one after the other.
+/// Maximum number of concurrent outgoing messages; those to one address are sent in order.
 const LANES: usize = 8;
-/// The most messages that wait in a lane; what comes on top counts as lost.
+/// Maximum number of messages waiting in a lane; further ones count as lost.
 const LANE_MAX: usize = 256;
-/// The most messages that came and wait for the gateway.
+/// Maximum number of incoming messages waiting for the gateway.
 const ARRIVED_MAX: usize = 1024;
-/// The most lines that wait for one who watches.
+/// Maximum number of trace lines waiting for an observer.
 const TRACE_MAX: usize = 1024;
-/// How often the store is asked what other processes wrote.
+/// Interval of polling the store for writes of other processes.
 const POLL_EVERY: Duration = Duration::from_millis(50);
-/// Threads for agents.
+/// Number of threads for agents.
 const THREADS: usize = 2;
-/// How long the end of a node may take until other directories have let its own go.
+/// Maximum time to wait at the end for other directories to remove this one's entry.
 const FAREWELL_WAIT: Duration = Duration::from_secs(4);
-/// How long another process of the platform may take to show that it is there.
+/// Maximum time to wait for another process of the platform to show that it is present.
 const OTHER_WAIT: Duration = Duration::from_millis(300);
 
-/// How the gateway hears of the transport.
+/// Reports of the transport to the gateway.
 type GatewayReports = Reports<ChannelReport>;
 
-/// A passing message as a line for those who watch.
+/// Formats a passing message as a trace line.
 pub type TraceLine = fn(&Passage, Calendar) -> String;
 
 /// The configuration of a node.
 pub struct NodeConfig {
-    /// The name of the platform: what stands behind `@` in the names of its agents.
+    /// The name of the platform: the part after `@` in the names of its agents.
     pub name: String,
-    /// What others shall connect to, as `host:port`, where that is not where it listens.
+    /// The public address as `host:port`, if it differs from that to listen on.
     pub public: Option<String>,
-    /// What the services know. Nodes over the same entries serve one platform.
+    /// The store of the services. Nodes with the same entries serve one platform.
     pub store: Box<dyn EntryStore<String, usize> + Send>,
-    /// The longest lease that the DF grants.
+    /// Maximum lease that the DF grants.
     pub lease_max: Option<Duration>,
-    /// Directories of other platforms with which this one searches together.
+    /// Directories of other platforms for federated searches.
     pub federates: Vec<AgentId>,
-    /// Who may change all entries; nobody outside can speak in this name.
+    /// Agents that may change all entries; messages from outside cannot use these names.
     pub administrators: Vec<AgentId>,
-    /// Who elsewhere may change all entries too. Nothing proves that it is the one who speaks.
+    /// Agents of other platforms that may change all entries. Their identity is not verified.
     pub trusted: Vec<AgentId>,
-    /// Agents of this platform that stand in the white pages like its services: nobody changes that.
+    /// Agents of this platform in the white pages that are read-only, like its services.
     pub permanent: Vec<AgentId>,
-    /// How to tell what passes.
+    /// Formats passing messages for the trace.
     pub trace_line: TraceLine,
-    /// In which form others are written to who have not written themselves.
+    /// The representation of first messages to other platforms.
     pub first_forms: FirstForms,
 }
 
-/// Why there is no node.
+/// An error in starting a node.
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {
-    /// The operating system gives no thread.
+    /// A thread cannot be started.
     #[error("cannot start the platform")]
     Start(#[from] io::Error),
-    /// The name has characters that names of agents cannot have.
+    /// The name contains characters not allowed in names of agents.
     #[error("`{0}` cannot be the name of a platform: letters, digits, and `-._:` are what it may have")]
     Name(String),
 }
 
-/// A platform that runs. It ends when it is dropped, without a word, as if its process had died; [`Node::stop`] says
-/// farewell first.
+/// A running platform. Dropping it ends it without notice, like a crash of its process; [`Node::stop`] deregisters
+/// first.
 pub struct Node {
     platform: Arc<LocalPlatform<NodeMachine>>,
     address: String,
@@ -105,14 +105,14 @@ pub struct Node {
     network: Option<thread::JoinHandle<()>>,
 }
 
-/// The names of the services of a platform.
+/// The identifiers of a platform's services.
 #[derive(Clone, Debug)]
 struct Ids {
     ams: AgentId,
     df: AgentId,
     start: AgentId,
     acc: AgentId,
-    /// Two that ask, when the node ends.
+    /// Two agents that send requests at the end of the node.
     leavers: [AgentId; 2],
 }
 
@@ -128,12 +128,12 @@ impl Ids {
 }
 
 impl Node {
-    /// Brings a platform to life.
+    /// Starts a platform.
     ///
     /// - `listener`: where it is reached.
     ///
     /// # Errors
-    /// The name is none, or the operating system gives no thread.
+    /// The name is invalid, or a thread cannot be started.
     pub fn start(listener: TcpListener, config: NodeConfig) -> Result<Self, NodeError> {
         let fits = |byte: u8| byte.is_ascii_alphanumeric() || b"-._:".contains(&byte);
         if config.name.is_empty() || config.name.len() > 200 || !config.name.bytes().all(fits) {
@@ -170,35 +170,35 @@ impl Node {
         Ok(Self { platform, address, local, ids, is_federated, trace, end: Some(end), network: Some(network) })
     }
 
-    /// Where strangers reach this node.
+    /// The public address of this node.
     pub fn address(&self) -> &str {
         &self.address
     }
 
-    /// Where it listens.
+    /// The address that it listens on.
     pub fn local_address(&self) -> SocketAddr {
         self.local
     }
 
-    /// The AMS, with where it is reached.
+    /// The AMS, with its address.
     pub fn ams(&self) -> &AgentId {
         &self.ids.ams
     }
 
-    /// The DF, with where it is reached.
+    /// The DF, with its address.
     pub fn df(&self) -> &AgentId {
         &self.ids.df
     }
 
-    /// The Start Service, with where it is reached.
+    /// The Start Service, with its address.
     pub fn start_service(&self) -> &AgentId {
         &self.ids.start
     }
 
-    /// Brings an agent to life, which the AMS enters. It obeys the AMS.
+    /// Adds an agent, which the AMS registers. It obeys the AMS.
     ///
     /// # Errors
-    /// The name is taken.
+    /// The name is in use.
     pub fn add<M>(&self, id: &AgentId, machine: M) -> Result<(), NameTaken>
     where
         M: StateMachine<Content = PlainContent, Value = String> + Send + 'static,
@@ -209,11 +209,11 @@ impl Node {
         self.add_worldly(id, machine, |_| {}).map(drop)
     }
 
-    /// Brings an agent to life that obeys the AMS by itself and does things in the world: `perform` begins them, and must
-    /// return soon; what becomes of them is told by what is returned.
+    /// Adds an agent that handles AMS requests itself and has effects: `perform` begins them and must return quickly;
+    /// their results go through the returned channel.
     ///
     /// # Errors
-    /// The name is taken.
+    /// The name is in use.
     pub fn add_worldly<M>(
         &self,
         id: &AgentId,
@@ -230,11 +230,11 @@ impl Node {
         Ok(Reports::new(self.platform.add(id, fitted, Box::new(performer))?))
     }
 
-    /// Asks an agent of this or another platform, in the name of `from`, who must not live here yet, and returns what
-    /// it answers; an agreement is none. `None`: nothing was heard in time.
+    /// Sends a request to an agent of this or another platform in the name of `from`, which must not exist here, and
+    /// returns the answer; an agree does not count. `None`: there was no answer in time.
     ///
     /// # Errors
-    /// The name is taken.
+    /// The name is in use.
     pub fn ask(
         &self,
         from: &AgentId,
@@ -243,22 +243,22 @@ impl Node {
         wait: Duration,
     ) -> Result<Option<(Performative, PlainContent)>, NameTaken> {
         let (heard, hear) = mpsc::channel();
-        // Numbers of strangers are greater.
+        // Numbers of foreign conversations are greater
         let conversation = random() >> 2 | 1;
         let asker = Asker { me: from.clone(), to: to.clone(), content, heard, until: None, wait, conversation };
         self.add_worldly(from, asker, |()| {})?;
-        // The asker itself gives up in time; it may only die with its platform.
+        // The asker has its own timeout; it only fails with its platform
         Ok(hear.recv().ok())
     }
 
-    /// Says something in the name of an agent, to whom answers go if it lives here.
+    /// Sends a message in the name of an agent, which gets the answers if it exists here.
     pub fn say(&self, from: &AgentId, to: &AgentId, content: ManagementContent) {
         let content = PlainContent::Management(content);
         let message = AclMessage::new(Performative::Request, from.clone(), to.clone(), content);
         self.platform.bus().publish(AclMessage { ontology: ONTOLOGY, protocol: "fipa-request", ..message });
     }
 
-    /// Lines that tell what passes.
+    /// Subscribes to the trace of passing messages.
     pub fn trace(&self) -> broadcast::Receiver<Arc<str>> {
         self.trace.subscribe()
     }
@@ -276,7 +276,7 @@ impl Node {
         self.platform.bus().ask_store(&self.ids.ams, Ticket(u64::MAX), farewell);
     }
 
-    /// Whether another process serves the platform. One that was killed may still be named.
+    /// True if another process serves the platform. A killed one may still be listed.
     fn is_served_elsewhere(&self) -> bool {
         let content = ManagementContent::Action(Function::GetDescription);
         let answer = self.ask(&self.ids.leavers[1], &self.ids.ams, content, FAREWELL_WAIT);
@@ -296,7 +296,7 @@ impl Node {
 impl Drop for Node {
     fn drop(&mut self) {
         if let Some(end) = self.end.take() {
-            // When the transport has ended there is nobody to be told.
+            // The transport may have ended already
             _ = end.send(());
         }
         if let Some(network) = self.network.take() {
@@ -305,14 +305,14 @@ impl Drop for Node {
     }
 }
 
-/// What a GET shows: the name of the platform, for people and for those who want to ask its AMS.
+/// The response to a GET: the name of the platform and the address of its AMS.
 fn about(name: &str, address: &str) -> String {
     format!(
         "(ap-description :name {name} :ap-services (set (ap-service :name fipa.mts.mtp.http.std :type fipa.mts.mtp.http.std :addresses (sequence {address}))))\n"
     )
 }
 
-/// What is needed to people a platform.
+/// The parameters for adding agents to a platform.
 struct Setup {
     name: String,
     address: String,
@@ -359,7 +359,7 @@ impl Setup {
             salt: self.salt,
             first_forms: self.first_forms.clone(),
         });
-        // Only inside is it sure who speaks, so only the gateway tells them apart.
+        // Only within the platform is a sender's identity certain, so the gateway distinguishes these
         let administrators = [&self.administrators[..], &self.trusted].concat();
         let white = Ams::new(AmsConfig {
             id: ams.clone(),
@@ -384,7 +384,7 @@ impl Setup {
                 _ = trace.send(line(&passage, calendar).into());
             }
             Some(ChannelEffect::Send(outbound)) => dispatch(&lanes, *outbound, &Reports::new(mailbox.clone())),
-            // Nobody is looking.
+            // There are no observers
             Some(ChannelEffect::Passed(_)) | None => {}
         };
         let add = |id: &AgentId, machine: NodeMachine| {
@@ -456,15 +456,15 @@ impl NodeNetwork {
                     platform.poll_store();
                 }
             });
-            // Whichever way it ends.
+            // Either by a message or by a dropped sender
             _ = ended.await;
         });
-        // Names that are being looked up must not hold up the end.
+        // Pending name look-ups must not delay the end
         runtime.shutdown_background();
     }
 }
 
-/// Brings the messages of a lane to where they go.
+/// Sends the messages of a lane.
 async fn carry(mut queue: lanes::Receiver<Outbound>, gateway: GatewayReports) {
     static NUMBER: AtomicU64 = AtomicU64::new(1);
     while let Some(outbound) = queue.recv().await {
@@ -476,7 +476,7 @@ async fn carry(mut queue: lanes::Receiver<Outbound>, gateway: GatewayReports) {
     }
 }
 
-/// An error with its causes.
+/// An error with its causes, as text.
 fn error_chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
@@ -487,7 +487,7 @@ fn error_chain(error: &dyn std::error::Error) -> String {
     text
 }
 
-/// Something that nobody outside knows, from the operating system.
+/// A secret random number from the operating system.
 fn random() -> u64 {
     RandomState::new().build_hasher().finish()
 }

@@ -1,4 +1,4 @@
-//! The plan of a simulation: events in the order in which they happen.
+//! The event queue of a simulation.
 
 use std::{
     cmp::Reverse,
@@ -8,13 +8,13 @@ use std::{
 
 use crate::{AclMessage, EventOf, StateMachine, StoreReply, StoreRequest, Ticket, Time};
 
-/// After so long without an answer of the store it counts as unavailable.
+/// Time without a reply after which the store counts as unavailable.
 pub const STORE_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Queues that what is planned is spread over, so that most of it is planned in the order in which it happens.
+/// Number of sorted queues for events, so that most are added in order.
 const LANES: usize = 4;
 
-/// An agent's place in the simulation; it keeps it for all its lives.
+/// The index of an agent in the simulation; kept over all its lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NodeId(pub(super) u32);
 
@@ -24,14 +24,14 @@ impl NodeId {
     }
 }
 
-/// Which life of which agent: what was meant for an earlier life is lost.
+/// A life of an agent: messages to an earlier life are lost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Life {
     pub(super) node: NodeId,
     pub(super) number: u32,
 }
 
-/// Counts the requests to the store. 0: one that is never unanswered, as a watch.
+/// The number of a store request. 0: one without a timeout, such as a watch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RequestId(u64);
 
@@ -39,33 +39,33 @@ impl RequestId {
     pub(super) const NONE: Self = Self(0);
 }
 
-/// What happens.
+/// An event of the simulation.
 pub(super) enum Happening<M: StateMachine> {
-    /// A message arrives; the sender decides whether a cut lies between.
+    /// A message arrives; its sender determines whether a partition blocks it.
     Message { to: NodeId, message: AclMessage<M::Content> },
-    /// An answer of the store arrives.
+    /// A reply of the store arrives.
     FromStore { to: Life, request: RequestId, ticket: Ticket, reply: StoreReply<M::Value> },
     /// The next report of the agent's watches is due.
     Report { to: Life },
     /// A request arrives at the store.
     ToStore { from: Life, id: RequestId, ticket: Ticket, request: StoreRequest<M::Value> },
-    /// Something else befalls an agent.
+    /// Another event for an agent.
     Event { to: Life, event: EventOf<M> },
-    /// An agent wanted to be called.
+    /// An agent's timer.
     Timer { of: NodeId },
-    /// Some agent that may crash does.
+    /// A random agent that may crash does.
     CrashSome,
-    /// A dead agent has a new life.
+    /// A crashed agent restarts.
     Restart(NodeId),
-    /// A cut parts some agents from the others.
+    /// A partition separates some agents.
     PartitionSome,
-    /// The cut ends.
+    /// The partition ends.
     Heal,
-    /// Whether an agent that was silent still is.
+    /// Checks whether an agent is still silent.
     Silent(NodeId),
 }
 
-/// The small ones themselves; where the others are kept, for they are large, and queues move what they hold.
+/// Small events inline; the location of large ones, to keep the queues' elements small.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum EventKind {
     Kept(u32),
@@ -73,7 +73,7 @@ enum EventKind {
     Timer(NodeId),
 }
 
-/// Something planned. What happens at one time happens in the order of planning.
+/// A planned event. Events at equal times happen in the order of planning.
 #[derive(Clone, Copy, Debug)]
 struct PlannedEvent {
     at: Time,
@@ -107,9 +107,9 @@ impl Ord for PlannedEvent {
     }
 }
 
-/// A request to the store that may be open.
+/// A store request that may be open.
 struct OpenRequest {
-    /// When it counts as unanswered.
+    /// The time of its timeout.
     at: Time,
     sequence: u64,
     of: Life,
@@ -117,22 +117,22 @@ struct OpenRequest {
     open: bool,
 }
 
-/// What is planned and when it happens.
+/// The planned events by time.
 pub(super) struct EventPlan<M: StateMachine> {
-    /// Each in order. Times that lie equally far ahead, of messages or of heartbeats, come in order by themselves.
+    /// Sorted queues. Events with equal delays, such as messages or heartbeats, are planned in order.
     lanes: [VecDeque<PlannedEvent>; LANES],
-    /// What fits into no lane.
+    /// Events that fit into no lane in order.
     heap: BinaryHeap<Reverse<PlannedEvent>>,
     kept: Vec<Option<Happening<M>>>,
     free: Vec<u32>,
-    /// They all wait equally long, so the first asked is the first to end. The first one is always open.
+    /// Open requests; all have the same timeout, so they end in order. The first one is always open.
     requests: VecDeque<OpenRequest>,
-    /// Of the first of them.
+    /// The number of the first of them.
     first_request: u64,
     sequence: u64,
 }
 
-/// Where the next thing is found.
+/// The location of the next event.
 #[derive(Clone, Copy)]
 enum NextSource {
     Lane(usize),
@@ -165,7 +165,7 @@ impl<M: StateMachine> EventPlan<M> {
             what => EventKind::Kept(self.keep(what)),
         };
         let planned = PlannedEvent { at, sequence: self.sequence, what };
-        // Of the lanes that it fits behind the one whose end is nearest.
+        // Of the lanes it fits behind, choose the one with the latest end
         let end = |lane: &VecDeque<PlannedEvent>| lane.back().map(|last| last.at);
         let fits = (0..LANES).filter(|&lane| end(&self.lanes[lane]).is_none_or(|end| end <= at));
         match fits.max_by_key(|&lane| end(&self.lanes[lane])) {
@@ -183,7 +183,7 @@ impl<M: StateMachine> EventPlan<M> {
         place
     }
 
-    /// A request to the store begins to wait for its answer.
+    /// Opens a store request, which waits for its reply.
     pub(super) fn open_request(&mut self, now: Time, of: Life, ticket: Ticket) -> RequestId {
         self.sequence += 1;
         let request = OpenRequest { at: now + STORE_TIMEOUT, sequence: self.sequence, of, ticket, open: true };
@@ -191,7 +191,7 @@ impl<M: StateMachine> EventPlan<M> {
         RequestId(self.first_request + self.requests.len() as u64 - 1)
     }
 
-    /// A request has its answer. `false`: it had one before, or its time is over.
+    /// Closes a request. False if it was answered before, or has timed out.
     pub(super) fn close_request(&mut self, RequestId(id): RequestId) -> bool {
         let index = id.checked_sub(self.first_request).map(|index| index as usize);
         let Some(request) = index.and_then(|index| self.requests.get_mut(index)) else { return false };
@@ -224,12 +224,12 @@ impl<M: StateMachine> EventPlan<M> {
         next.map(|((at, _), source)| (at, source))
     }
 
-    /// When the next thing happens.
+    /// The time of the next event.
     pub(super) fn next_time(&self) -> Option<Time> {
         self.next().map(|(at, _)| at)
     }
 
-    /// Takes the next thing if it happens until `end`.
+    /// Takes the next event if it happens until `end`.
     pub(super) fn pop(&mut self, end: Time) -> Option<(Time, Happening<M>)> {
         let (at, source) = self.next().filter(|(at, _)| *at <= end)?;
         let planned = match source {

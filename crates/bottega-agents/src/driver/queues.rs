@@ -1,10 +1,10 @@
-//! Queues from which agents take turns.
+//! Message queues whose members take turns.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::{AclMessage, AgentId, Key};
 
-/// The most messages that wait in a queue which nobody has joined; the oldest goes first.
+/// Maximum number of messages in a queue without members; the oldest is dropped.
 pub(crate) const QUEUED_MESSAGES_MAX: usize = 1 << 16;
 
 struct Queue<C> {
@@ -26,7 +26,7 @@ impl<C> Queues<C> {
         self.0.entry(name.clone()).or_insert_with(|| Queue { members: VecDeque::new(), waiting: VecDeque::new() })
     }
 
-    /// Addresses the message to the member whose turn it is; keeps it where there is none.
+    /// Addresses the message to the next member in turn; keeps it if there is none.
     pub(crate) fn enqueue(&mut self, name: &Key, mut message: AclMessage<C>) -> Option<AclMessage<C>> {
         let queue = self.queue(name);
         let Some(next) = queue.members.pop_front() else {
@@ -41,7 +41,7 @@ impl<C> Queues<C> {
         Some(message)
     }
 
-    /// Adds a member, and gives it what has waited for one.
+    /// Adds a member. Returns the messages that waited for one.
     pub(crate) fn join(&mut self, name: &Key, agent: &AgentId) -> Vec<AclMessage<C>> {
         let queue = self.queue(name);
         if !queue.members.contains(agent) {
@@ -54,7 +54,7 @@ impl<C> Queues<C> {
         waiting
     }
 
-    /// Takes an agent out of all queues.
+    /// Removes an agent from all queues.
     pub(crate) fn forget(&mut self, agent: &AgentId) {
         for queue in self.0.values_mut() {
             queue.members.retain(|member| member != agent);

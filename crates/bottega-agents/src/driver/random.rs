@@ -1,11 +1,11 @@
-//! Chance from a seed, for simulations.
+//! Random numbers from a seed, for simulations.
 
-/// Numbers that a seed decides: SplitMix64 (Steele, Lea, Flood, 2014).
+/// A pseudo-random sequence: SplitMix64 (Steele, Lea, Flood, 2014).
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// The sequence of a seed.
+    /// The sequence of this seed.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
@@ -24,7 +24,7 @@ impl Random {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// One of 0, 1, …, count − 1. Panics when `count` is 0.
+    /// Uniform in 0..count. Panics if `count` is 0.
     pub fn below(&mut self, count: usize) -> usize {
         assert!(count > 0, "one of none");
         (self.bits() % count as u64) as usize

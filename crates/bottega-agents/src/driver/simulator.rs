@@ -1,7 +1,8 @@
-//! Agents in virtual time, over a network that delays, loses, doubles and cuts, among agents that die and come back.
+//! The simulator: agents in virtual time, over a network with delays, loss, duplication and partitions, with crashes
+//! and restarts.
 //!
-//! All chance comes from one seed: the same seed gives the same run, event for event. The store is the one thing that
-//! does not fail, as it is meant to be in the world; but requests and answers on the way to it may be lost.
+//! All random numbers come from one seed: the same seed gives the same run, event for event. The store itself does not
+//! fail, as in reality; but requests and replies may be lost.
 
 use std::{fmt::Debug, time::Duration};
 
@@ -19,10 +20,10 @@ use crate::{
     store::MemoryStore,
 };
 
-/// The world of a simulation, which answers the effects of agents.
+/// The world of a simulation, which executes the effects of agents.
 pub trait World<M: StateMachine> {
-    /// Begins an effect of `agent`; appends what will be reported of it, and after how long. Reports to an agent that
-    /// crashes in between are lost.
+    /// Begins an effect of `agent`; appends its reports with their delays. Reports to an agent that crashes meanwhile
+    /// are lost.
     fn perform(
         &mut self,
         now: Time,
@@ -32,16 +33,15 @@ pub trait World<M: StateMachine> {
         reports: &mut Vec<(Duration, M::Completion)>,
     );
 
-    /// When something will happen in the world by itself: something of which could not be said how long it takes when it
-    /// was begun. `None`: nothing will.
+    /// The time of the world's next own event, for effects of unknown duration. `None`: there is none.
     fn next_change(&self) -> Option<Time> {
         None
     }
 
-    /// What was to happen does; appends what is reported of it, and to whom.
+    /// Executes the event; appends reports with their receivers.
     fn change(&mut self, _now: Time, _reports: &mut Vec<(AgentId, M::Completion)>) {}
 
-    /// An agent is dead: what it had begun is of no use to anybody.
+    /// Notes that an agent has crashed: its effects are useless.
     fn gone(&mut self, _now: Time, _agent: &AgentId) {}
 }
 
@@ -62,26 +62,26 @@ where
     }
 }
 struct SimulatedAgent<M> {
-    /// Absent while the agent is dead.
+    /// `None` while the agent is down.
     machine: Option<M>,
     make: Box<dyn FnMut() -> M>,
     may_crash: bool,
-    /// When it wants to be called.
+    /// The deadline that it has set.
     deadline: Option<Time>,
-    /// When the next timer of its comes: not later than that. One that comes too early is set again, for most deadlines
-    /// are put off before they come.
+    /// The time of its next timer, not later than the deadline. An early timer is set again, because most deadlines are
+    /// postponed before they arrive.
     timer: Option<Time>,
 }
 
-/// Runs machines in virtual time.
+/// A simulator of state machines in virtual time.
 pub struct Simulator<M: StateMachine, W> {
-    /// By [`NodeId`]. `None`: only spoken of, or gone for good.
+    /// By [`NodeId`]. `None`: never added, or retired.
     nodes: Vec<Option<SimulatedAgent<M>>>,
     network: Network<M>,
     world: W,
-    /// How often each agent has lived.
+    /// Number of lives started so far.
     births: u32,
-    /// These are kept for their memory.
+    /// Scratch space.
     actions: Vec<crate::ActionOf<M>>,
     reports: Vec<(AgentId, M::Completion)>,
     begun: Vec<(Duration, M::Completion)>,
@@ -92,7 +92,7 @@ where
     M::Content: Clone,
     M::Value: Clone,
 {
-    /// An empty platform in a world that answers effects.
+    /// An empty platform with a world that executes effects.
     pub fn new(seed: u64, faults: Faults, world: W) -> Self {
         let network = Network::new(seed, faults);
         Self {
@@ -114,13 +114,13 @@ where
         self.nodes.get_mut(node.index())?.as_mut()
     }
 
-    /// All agents that are not gone for good.
+    /// All agents that are not retired.
     fn all(&self) -> impl Iterator<Item = (NodeId, &SimulatedAgent<M>)> {
         let numbered = self.nodes.iter().enumerate();
         numbered.filter_map(|(index, node)| Some((NodeId(index as u32), node.as_ref()?)))
     }
 
-    /// Adds an agent, made anew at each of its lives. `may_crash`: whether the faults may kill it.
+    /// Adds an agent, created by `make` at each start. `may_crash`: true if faults may crash it.
     pub fn add(&mut self, id: &AgentId, may_crash: bool, make: impl FnMut() -> M + 'static) {
         let node = self.network.node(id);
         assert!(self.node(node).is_none(), "an agent's name is given once");
@@ -130,27 +130,27 @@ where
         self.begin(node);
     }
 
-    /// Writes down from now on what happens.
+    /// Records a trace from now on.
     pub fn record_trace(&mut self) {
         self.network.trace = Some(Vec::new());
     }
 
-    /// What was written down, a line for each message, crash, cut and their like; times in milliseconds.
+    /// The recorded trace: a line per message, crash, partition and similar; times in milliseconds.
     pub fn trace(&self) -> String {
         self.network.trace.as_ref().map_or_else(String::new, |lines| lines.join("\n"))
     }
 
-    /// The present.
+    /// The current time.
     pub fn now(&self) -> Time {
         self.network.now
     }
 
-    /// The machine of an agent, while it lives.
+    /// The machine of an agent; `None` while it is down.
     pub fn machine(&self, id: &AgentId) -> Option<&M> {
         self.node(self.network.known(id)?)?.machine.as_ref()
     }
 
-    /// The store, as it is.
+    /// The store.
     pub fn store(&self) -> &MemoryStore<M::Value, NodeId> {
         &self.network.store
     }
@@ -160,34 +160,34 @@ where
         &self.world
     }
 
-    /// The world, to change something in it. It must not bring forward what it has named as its next change.
+    /// The world, mutable. Its next event must not become earlier than announced.
     pub fn world_mut(&mut self) -> &mut W {
         &mut self.world
     }
 
-    /// Messages that agents have sent, counted by receiver; those too that were lost.
+    /// Number of messages sent, per receiver, including lost ones.
     pub fn message_count(&self) -> u64 {
         self.network.message_count
     }
 
-    /// Writes an entry into the store at once, as somebody outside of the platform.
+    /// Writes an entry into the store immediately, from outside of the platform.
     pub fn put(&mut self, key: crate::Key, value: M::Value) {
         self.network.put(key, value);
     }
 
-    /// The bus, to say something from outside.
+    /// The bus, for messages from outside.
     pub fn bus(&mut self) -> &mut impl Bus<Content = M::Content, Value = M::Value> {
         &mut self.network
     }
 
-    /// Kills an agent with all it knows. It stays dead until [`Self::start`].
+    /// Crashes an agent, which loses its memory. It stays down until [`Self::start`].
     pub fn crash(&mut self, id: &AgentId) {
         if let Some(node) = self.network.known(id) {
             self.end(node, "crashes");
         }
     }
 
-    /// Kills an agent for good.
+    /// Removes an agent permanently.
     pub fn retire(&mut self, id: &AgentId) {
         let Some(node) = self.network.known(id) else { return };
         self.end(node, "is gone");
@@ -206,7 +206,7 @@ where
         self.world.gone(self.network.now, self.network.name(id));
     }
 
-    /// Gives a dead agent a new life, without memory.
+    /// Restarts a crashed agent, without memory.
     pub fn start(&mut self, id: &AgentId) {
         if let Some(node) = self.network.known(id) {
             self.begin(node);
@@ -224,7 +224,7 @@ where
         self.feed(id, Event::Start);
     }
 
-    /// Parts these agents from all others and from the store, until [`Self::heal`].
+    /// Separates these agents from all others and from the store, until [`Self::heal`].
     pub fn cut_off(&mut self, agents: impl IntoIterator<Item = AgentId>) {
         let parted = agents.into_iter().map(|agent| self.network.node(&agent)).collect();
         self.part(parted);
@@ -238,7 +238,7 @@ where
         }
     }
 
-    /// Ends all cuts.
+    /// Ends the partition.
     pub fn heal(&mut self) {
         self.network.note(|_| "healed".to_owned());
         for node in std::mem::take(&mut self.network.cut_off) {
@@ -248,8 +248,8 @@ where
         }
     }
 
-    /// Runs while `going_on` says so, until `end` at the longest or until nothing can happen any more. Returns
-    /// whether `going_on` said to stop.
+    /// Runs while `going_on` returns true, at most until `end` or until no events are left. Returns true if `going_on`
+    /// stopped it.
     pub fn run_while(&mut self, end: Time, mut going_on: impl FnMut(&Self) -> bool) -> bool {
         while going_on(self) {
             let change = self.world.next_change().filter(|&at| at <= end);
@@ -263,7 +263,7 @@ where
         true
     }
 
-    /// Something happens in the world by itself.
+    /// Executes an event of the world.
     fn change(&mut self, at: Time) {
         self.network.now = self.network.now.max(at);
         let mut reports = std::mem::take(&mut self.reports);
@@ -339,7 +339,7 @@ where
     }
 
     fn arrive_from_store(&mut self, to: Life, request: RequestId, ticket: Ticket, reply: StoreReply<M::Value>) {
-        // That it is unavailable the agent finds out by itself.
+        // A timeout of the store is detected by the agent itself
         let cut = !matches!(reply, StoreReply::Unavailable) && self.network.is_cut_off(to.node);
         if !cut && self.network.plan.close_request(request) && self.network.is_alive(to) {
             self.feed(to.node, Event::Store { ticket, reply });
@@ -358,7 +358,7 @@ where
         self.feed(to.node, Event::Store { ticket, reply });
     }
 
-    /// A timer has come: it is time, or too early.
+    /// Handles a timer, which may be early.
     fn ring(&mut self, id: NodeId) {
         let now = self.network.now;
         let Some(node) = self.node_mut(id).filter(|node| node.timer == Some(now)) else { return };
@@ -377,7 +377,7 @@ where
         }
     }
 
-    /// Sees to it that a timer comes when the agent wants to be called, or before.
+    /// Ensures a timer at the agent's deadline or before.
     fn set_timer(&mut self, id: NodeId) {
         let now = self.network.now;
         let Some(node) = self.node_mut(id) else { return };
@@ -420,7 +420,7 @@ where
         self.network.plan(after, Happening::PartitionSome);
     }
 
-    /// Gives a living agent an event and carries out what it wants.
+    /// Passes an event to a running agent and executes its actions.
     fn feed(&mut self, id: NodeId, event: EventOf<M>) {
         let Some(node) = self.nodes.get_mut(id.index()).and_then(Option::as_mut) else { return };
         let Some(machine) = node.machine.as_mut() else { return };
@@ -441,7 +441,7 @@ where
         }
     }
 
-    /// Carries out an action. Returns whether it was the agent's last.
+    /// Executes an action. Returns true if the agent has ended.
     fn carry_out(&mut self, id: NodeId, action: crate::ActionOf<M>) -> bool {
         match action {
             Action::Send(message) => self.network.publish(message),

@@ -1,15 +1,15 @@
-//! Why a file is no store.
+//! Errors of file stores.
 
-/// Why a file is no store.
+/// An error of a file store.
 #[derive(Debug, thiserror::Error)]
 pub enum FileStoreError {
     /// The file cannot be read or written.
     #[error("cannot use the file of the store")]
     Io(#[from] std::io::Error),
-    /// It is something else.
+    /// The file is not a store, or of another version.
     #[error("this is no file of a store, or one of another version")]
     Magic,
-    /// There is no room for it.
+    /// A limit on the size is exceeded.
     #[error("too large for the store")]
     TooLarge,
 }

@@ -1,7 +1,7 @@
-//! The file behind a [`FileStore`](super::FileStore): a log that is only added to.
+//! The append-only log behind a [`FileStore`](super::FileStore).
 //!
 //! Format, little endian: eight bytes `BOTTEGA` and 4, a generation (u64), then [records](crate::framing) of a revision
-//! (u64), the length of a key (u32), the key and a value. A record with an empty key tells the last revision only.
+//! (u64), the length of a key (u32), the key and a value. A record with an empty key only gives the last revision.
 
 use std::{
     fs::{File, OpenOptions},
@@ -14,10 +14,10 @@ use crate::framing::{RECORD_HEAD_BYTES, read_record, record_head};
 
 const MAGIC: [u8; 8] = *b"BOTTEGA\x04";
 const HEAD_BYTES: u64 = 16;
-/// The longest payload that is believed, in bytes.
+/// Maximum length of a payload, in bytes.
 const PAYLOAD_BYTES_MAX: u64 = 1 << 21;
 
-/// One write.
+/// A record: one write.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct LogRecord {
     pub(super) revision: u64,
@@ -25,9 +25,9 @@ pub(super) struct LogRecord {
     pub(super) value: String,
 }
 
-/// What came since the log was last looked at.
+/// The records since the log was last read.
 pub(super) struct LogNews {
-    /// The log was written anew: what is known of it must be forgotten first.
+    /// True if the log was rewritten: earlier records must be discarded first.
     pub(super) anew: bool,
     pub(super) records: Vec<LogRecord>,
 }
@@ -37,13 +37,13 @@ pub(super) struct RecordLog {
     path: PathBuf,
     file: File,
     generation: u64,
-    /// How much of the file was read, all of it sound.
+    /// Length of the part of the file that was read, all of it valid.
     sound_bytes: u64,
     lock: File,
 }
 
 impl RecordLog {
-    /// Opens a log, or begins one.
+    /// Opens a log, or creates one.
     pub(super) fn open(path: &Path) -> Result<Self, FileStoreError> {
         let open = |path: &Path| OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
         let lock = open(&beside(path, "lock"))?;
@@ -55,12 +55,12 @@ impl RecordLog {
         begun.map(|()| log)
     }
 
-    /// Writes the head of a new log, checks that of an old one. Under the lock.
+    /// Writes the header of a new log, or checks that of an existing one. Requires the lock.
     fn begin(&mut self) -> Result<(), FileStoreError> {
-        // Another process may have put a new log in the place of the one that was opened.
+        // Another process may have replaced the log after it was opened
         self.file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&self.path)?;
         if self.file.metadata()?.len() < HEAD_BYTES {
-            // New, or torn before anything was in it.
+            // New, or incomplete without any content
             self.file.set_len(0)?;
             self.file.write_all(&head(1))?;
             self.file.sync_all()?;
@@ -74,24 +74,25 @@ impl RecordLog {
         self.sound_bytes
     }
 
-    /// From now on no other process writes.
+    /// Locks the file against writes by other processes.
     pub(super) fn lock(&self) -> io::Result<()> {
         self.lock.lock()
     }
 
-    /// From now on others may write again.
+    /// Unlocks the file.
     pub(super) fn unlock(&self) -> io::Result<()> {
         self.lock.unlock()
     }
 
-    /// Reads what came since. `alone`: a record that does not end was torn, and is cut off; else it may be on its way.
+    /// Reads new records. `alone`: an incomplete record was left by a crash and is cut off; otherwise it may be in
+    /// progress.
     pub(super) fn news(&mut self, alone: bool) -> Result<LogNews, FileStoreError> {
         let mut now = File::open(&self.path)?;
         let generation = read_generation(&mut now)?;
         let anew = generation != self.generation || self.sound_bytes == 0;
         if anew {
             self.file = OpenOptions::new().read(true).write(true).open(&self.path)?;
-            // It may have been replaced once more in between: then the next look finds that out.
+            // If it was replaced again meanwhile, the next read detects that
             self.generation = read_generation(&mut self.file)?;
             self.sound_bytes = HEAD_BYTES;
         }
@@ -117,13 +118,13 @@ impl RecordLog {
         Ok(LogNews { anew, records })
     }
 
-    /// Adds a record. Under the lock, after [`Self::news`].
+    /// Appends a record. Requires the lock, after [`Self::news`].
     pub(super) fn append(&mut self, record: &LogRecord) -> Result<(), FileStoreError> {
         let bytes = print_record(record);
         self.file.seek(SeekFrom::Start(self.sound_bytes))?;
         let written = self.file.write_all(&bytes).and_then(|()| self.file.sync_data());
         if let Err(error) = written {
-            // Half a record would be cut off by the next writer; better now, if that can be done.
+            // The next writer cuts off an incomplete record; do so now if possible
             _ = self.file.set_len(self.sound_bytes);
             return Err(error.into());
         }
@@ -131,7 +132,7 @@ impl RecordLog {
         Ok(())
     }
 
-    /// Writes the log anew with these records alone. Under the lock, after [`Self::news`].
+    /// Rewrites the log with these records only. Requires the lock, after [`Self::news`].
     pub(super) fn replace<'a>(&mut self, records: impl Iterator<Item = &'a LogRecord>) -> Result<(), FileStoreError> {
         let path = beside(&self.path, "new");
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&path)?;
@@ -157,7 +158,7 @@ fn beside(path: &Path, ending: &str) -> PathBuf {
     name.into()
 }
 
-/// The name of a file lasts only when its folder has been written.
+/// Syncs the folder, so that a file's name survives a crash.
 fn sync_folder(path: &Path) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
@@ -192,7 +193,7 @@ fn print_record(record: &LogRecord) -> Vec<u8> {
     bytes
 }
 
-/// A record from its payload. `None`: it was not written by a log.
+/// Parses a record's payload. `None`: invalid.
 fn parse(payload: &[u8]) -> Option<LogRecord> {
     let (revision, payload) = payload.split_at_checked(8)?;
     let (key_bytes, payload) = payload.split_at_checked(4)?;

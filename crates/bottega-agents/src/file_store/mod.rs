@@ -1,8 +1,8 @@
-//! A store in a file, which several processes may share: what one writes the others see, and any of them may die.
+//! A store in a file, shared by several processes: each sees the others' writes, and any of them may crash.
 //!
-//! All is in memory; the file is a log of writes (`log.rs`). A process that writes takes the lock of the file, reads
-//! what others have written meanwhile, compares, adds its record, has the disk keep it, and lets go. A log much longer
-//! than what it tells is written anew. An entry whose value is empty text is gone.
+//! All entries are in memory; the file is a log of writes (`log.rs`). A writing process locks the file, reads the
+//! others' new records, compares, appends its record, syncs it to disk, and unlocks. A log much longer than its live
+//! entries is rewritten. An entry with empty text counts as removed.
 
 mod error;
 mod log;
@@ -14,25 +14,25 @@ use log::{LogNews, LogRecord, RecordLog};
 
 use crate::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, store::AddressedStore};
 
-/// The longest name of an entry, in bytes.
+/// Maximum length of a key, in bytes.
 pub const KEY_BYTES_MAX: usize = 1 << 12;
-/// The longest value, in bytes.
+/// Maximum length of a value, in bytes.
 pub const VALUE_BYTES_MAX: usize = 1 << 20;
-/// The most of all names and values together, in bytes.
+/// Maximum length of all keys and values together, in bytes.
 pub const STORE_BYTES_MAX: usize = 1 << 28;
-/// A log shorter than this is left as it is, in bytes.
+/// Minimum length of a log to compact, in bytes.
 const COMPACT_BYTES_MIN: u64 = 1 << 20;
-/// How much longer than what it tells a log may be.
+/// Ratio of a log's length to that of its live entries at which it is compacted.
 const COMPACT_RATIO: u64 = 4;
-/// What a record takes besides name and value, at most, in bytes.
+/// Maximum length of a record without key and value, in bytes.
 const RECORD_BYTES: u64 = 36;
 
-/// A store in a file. `V` is text of some kind, `W` who asks.
+/// A store in a file. `V` is a text type, `W` identifies clients.
 #[derive(Debug)]
 pub struct FileStore<V, W> {
     log: RecordLog,
     entries: BTreeMap<Key, Entry<V>>,
-    /// Of all names and values, in bytes.
+    /// Length of all keys and values, in bytes.
     live_bytes: usize,
     last: Revision,
     watches: Vec<(Key, Ticket, W)>,
@@ -43,10 +43,10 @@ where
     V: Clone + From<String> + AsRef<str>,
     W: Clone + PartialEq,
 {
-    /// Opens a store, or begins one.
+    /// Opens a store, or creates one.
     ///
     /// # Errors
-    /// The file cannot be used, or is something else.
+    /// The file is inaccessible, or is not a store.
     pub fn open(path: &Path) -> Result<Self, FileStoreError> {
         let log = RecordLog::open(path)?;
         let mut store =
@@ -55,12 +55,12 @@ where
         Ok(store)
     }
 
-    /// Reads an entry, as far as this process knows.
+    /// Returns an entry, as last read by this process.
     pub fn get(&self, key: &Key) -> Option<&Entry<V>> {
         self.entries.get(key)
     }
 
-    /// How long the log is, in bytes.
+    /// Length of the log, in bytes.
     pub fn log_bytes(&self) -> u64 {
         self.log.bytes()
     }
@@ -82,7 +82,7 @@ where
                 self.keep(entry);
             }
         }
-        // Of what went while the log was written anew nothing stands there.
+        // A rewritten log does not contain entries that were removed
         for (key, entry) in before {
             if !self.entries.contains_key(&key) && entry.revision <= known {
                 let gone = Entry { key, revision: self.last, value: V::from(String::new()) };
@@ -112,7 +112,7 @@ where
         }
     }
 
-    /// Runs `change` while no other process writes, after all that others have written was taken over.
+    /// Runs `change` under the file's lock, after reading the others' new records.
     fn alone<T>(
         &mut self,
         replies: &mut Vec<AddressedStore<V, W>>,
@@ -127,7 +127,7 @@ where
         outcome
     }
 
-    /// Writes an entry, if it has the revision that is expected, if one is. While no other process writes.
+    /// Writes an entry if it has the expected revision, if one is given. Requires the lock.
     fn write(&mut self, key: &Key, value: V, expected: Option<Revision>) -> Result<StoreWrite<V>, FileStoreError> {
         let current = self.entries.get(key);
         if expected.is_some_and(|expected| current.map_or(Revision::ABSENT, |entry| entry.revision) != expected) {
@@ -148,7 +148,7 @@ where
         Ok(StoreWrite::Done(entry))
     }
 
-    /// Writes the log anew when it has become too long. While no other process writes.
+    /// Rewrites the log if it is too long. Requires the lock.
     fn compact(&mut self) -> Result<(), FileStoreError> {
         let live = self.live_bytes as u64 + self.entries.len() as u64 * RECORD_BYTES;
         if self.log.bytes() < COMPACT_BYTES_MIN.max(live * COMPACT_RATIO) {
@@ -179,7 +179,7 @@ where
         let (key, value, expected) = match request {
             StoreRequest::Put { key, value } => (key, value, None),
             StoreRequest::CompareAndSet { key, expected_revision, value } => (key, value, Some(expected_revision)),
-            // Reading needs no lock: what is being written just now comes a little later.
+            // Reading needs no lock: a write in progress is seen a little later
             StoreRequest::Get { key } => {
                 self.poll(replies);
                 let entry = self.entries.get(&key).cloned();
@@ -215,7 +215,7 @@ where
     }
 
     fn poll(&mut self, replies: &mut Vec<AddressedStore<V, W>>) {
-        // What cannot be read now may be later; who writes is told.
+        // A failed read may succeed later; writers get the error
         if let Ok(news) = self.log.news(false) {
             self.take_over(news, replies);
         }

@@ -1,28 +1,28 @@
-//! The wire forms for strangers who have not asked anything yet.
+//! Representations of messages to foreign agents that have not written yet.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::{AgentId, wire::Form};
 
-/// The most platforms whose form is remembered; the oldest are forgotten.
+/// Maximum number of platforms whose representation is remembered; the oldest are dropped.
 const REMEMBERED_MAX: usize = 1 << 12;
 
-/// The form of the first message to a platform, where it has not shown its own. An answer is in the form of the question.
+/// The representation of the first message to each platform. Answers use that of the message they answer.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FirstForms {
-    /// For all others.
+    /// The representation for all other platforms.
     pub default: Form,
-    /// By the name of the platform. This holds also for one that writes otherwise.
+    /// By name of the platform; overrides what the platform itself uses.
     pub by_platform: BTreeMap<String, Form>,
 }
 
-/// What is known of the forms of platforms, by their names in small letters.
+/// The known representations, by the platforms' names in lower case.
 #[derive(Clone, Debug)]
 pub(super) struct Forms {
     default: Form,
     set: BTreeMap<String, Form>,
     heard: BTreeMap<String, Form>,
-    /// Those that were heard of, in the order in which they were first.
+    /// The platforms heard from, in order of their first message.
     order: VecDeque<String>,
 }
 
@@ -32,7 +32,7 @@ impl Forms {
         Self { default: first.default, set, heard: BTreeMap::new(), order: VecDeque::new() }
     }
 
-    /// Somebody has written in a form that it so can read.
+    /// Notes that an agent used this representation, and so can read it.
     pub(super) fn hear(&mut self, sender: &AgentId, form: Form) {
         let Some(platform) = platform(sender) else { return };
         if self.heard.insert(platform.clone(), form).is_none() {
@@ -45,7 +45,7 @@ impl Forms {
         }
     }
 
-    /// In which form to write to somebody who has not asked.
+    /// The representation for a message that is not an answer.
     pub(super) fn of(&self, receiver: &AgentId) -> Form {
         let known = |platform: String| self.set.get(&platform).or_else(|| self.heard.get(&platform)).copied();
         platform(receiver).and_then(known).unwrap_or(self.default)

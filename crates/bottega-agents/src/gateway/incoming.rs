@@ -1,4 +1,4 @@
-//! Messages from strangers to agents.
+//! Messages from foreign agents to the platform's agents.
 
 use super::{
     CarriesForeign, Gateway, GatewayActions, Way, is_answer,
@@ -14,17 +14,17 @@ use crate::{
     wire::WireMessage,
 };
 
-/// What a message comes to.
+/// The result of reading a message.
 #[allow(clippy::large_enum_variant, reason = "lives for a moment")]
 enum Read<C> {
     Content(C),
-    /// This act, with this content, is the answer.
+    /// Answer with this performative and content.
     Answer(Performative, ManagementContent),
-    /// There is nothing to say to it.
+    /// Ignore it.
     Nothing,
 }
 
-/// A content that was read as SL, as far as it can be.
+/// A content parsed as SL, as far as possible.
 struct Expressions(Result<Vec<Term>, NotUnderstoodReason>);
 
 impl<C, V> Gateway<C, V>
@@ -32,7 +32,7 @@ where
     C: CarriesForeign,
     V: From<String> + AsRef<str>,
 {
-    /// Brings a stranger's message to an agent that lives here, or answers it.
+    /// Delivers a foreign message to an agent of this process, or answers it.
     pub(super) fn deliver(
         &mut self,
         now: Time,
@@ -42,7 +42,7 @@ where
         actions: &mut GatewayActions<C, V>,
     ) {
         let Some(sender) = message.sender.clone() else {
-            // Whom should anybody answer?
+            // Without a sender nobody can be answered
             self.passed(now, Way::Dropped, to, &message, actions);
             return;
         };
@@ -68,9 +68,9 @@ where
         }
     }
 
-    /// Whether somebody outside speaks in the name of an agent that lives here, or of any agent of this platform to its
-    /// services: those are in each process, so that nobody needs to ask from outside. Other processes of the platform
-    /// tell of failures, and their agents talk to those here.
+    /// True if a foreign message claims to be from an agent of this process, or, to a service, from any agent of this
+    /// platform: each process has these services, so none needs to ask from outside. Other processes of the platform
+    /// report failures, and their agents write to those here.
     fn is_forged(&self, to: &AgentId, sender: &AgentId, message: &WireMessage) -> bool {
         let same = |other: &AgentId| other.name.eq_ignore_ascii_case(&sender.name);
         let asks_service = self.is_service(to) && !is_answer(message.performative);
@@ -96,12 +96,12 @@ where
         }
         let read = match expressions.0 {
             Ok(terms) => read_content(self.config.calendar, now, message.performative, &terms),
-            // What is cancelled, the conversation says.
+            // The conversation tells what is cancelled
             Err(_) if message.performative == Performative::Cancel => Ok(ManagementContent::Cancel),
             Err(reason) => return not_understood(reason),
         };
         match read {
-            // Only an AMS says such a thing, and only within its platform.
+            // Only an AMS may send this, and only within its platform
             Ok(ManagementContent::LifeCycle(_)) => {
                 not_understood(NotUnderstoodReason::UnrecognisedValue("content".into()))
             }
@@ -112,7 +112,7 @@ where
         }
     }
 
-    /// Other agents are told what platforms say of management, and all else as it came.
+    /// Reads a message for an agent that is not a service: agent management as types, everything else as text.
     fn read_for_agent(
         &self,
         now: Time,
@@ -126,7 +126,7 @@ where
                 .ok()
                 .and_then(|terms| read_content(self.config.calendar, now, message.performative, &terms).ok());
             match read {
-                // An agent obeys its AMS, which lives here.
+                // Agents obey only their own AMS, which is in this process
                 Some(ManagementContent::LifeCycle(_)) => {
                     let content =
                         ManagementContent::NotUnderstood(NotUnderstoodReason::UnexpectedAct(message.performative));
@@ -146,7 +146,7 @@ where
         }
     }
 
-    /// The message as agents of this platform know messages.
+    /// The message in the types of this platform.
     fn typed(
         &mut self,
         now: Time,
@@ -186,16 +186,16 @@ where
 }
 
 fn refuse<C>(reason: RefuseReason) -> Read<C> {
-    // The function of a refusal is what was asked for, which is repeated as it came.
+    // The function of the refusal is unknown; the request is repeated as it came
     Read::Answer(Performative::Refuse, ManagementContent::Refused(crate::platform::Function::GetDescription, reason))
 }
 
-/// Acts for which a service of the platform has an ear.
+/// True for performatives that the platform's services handle.
 fn is_expected(act: Performative) -> bool {
     matches!(act, Performative::Request | Performative::Subscribe | Performative::Cancel) || is_answer(act)
 }
 
-/// Reads the content as SL, if that is what it is.
+/// Parses the content as SL, if that is its language.
 fn read_sl(message: &WireMessage) -> Expressions {
     if message.language.as_deref().is_some_and(|language| !sl::is_known(language)) {
         return Expressions(Err(NotUnderstoodReason::UnsupportedValue("language".into())));
@@ -204,7 +204,7 @@ fn read_sl(message: &WireMessage) -> Expressions {
     Expressions(sl::parse(content).map_err(|_| NotUnderstoodReason::UnrecognisedValue("content".into())))
 }
 
-/// Within a platform the names of protocols are those that it knows.
+/// The protocol's name as known within the platform.
 fn known_protocol(name: Option<&str>) -> &'static str {
     const KNOWN: [&str; 8] = [
         "fipa-request",

@@ -1,9 +1,9 @@
-//! The border of a platform: messages in text become messages of its agents, and the other way round.
+//! The gateway of a platform: translates messages between its agents and other platforms.
 //!
-//! The gateway is an agent itself. What its platform has for agents that do not live there comes to it; what the
-//! transport takes in is reported to it. It finds the way ([`Acc`]), keeps the thread of each conversation with
-//! strangers, whose names for conversations are text, and answers what cannot be understood. Agents get what is said
-//! of agent management as types, and everything else as the [`WireMessage`] itself, if their content type takes it.
+//! The gateway is an agent itself. It receives the platform's messages to agents elsewhere, and reports of the
+//! transport about incoming ones. It routes them ([`Acc`]), keeps the thread of each conversation with foreign agents,
+//! which name conversations by text, and answers messages that cannot be understood. Agents get agent-management
+//! content as types, and everything else as the [`WireMessage`] itself, if their content type supports it.
 
 mod forms;
 mod incoming;
@@ -29,24 +29,24 @@ use crate::{
     wire::{Calendar, Form, WireMessage},
 };
 
-/// Content types that can hold what strangers say, as text.
+/// A content type that can carry foreign messages as text.
 pub trait CarriesForeign: CarriesManagement {
-    /// Takes what a stranger says. `None`: agents of this platform do not hear such things, and the stranger is told
-    /// that it was not understood.
+    /// Converts a foreign message. `None`: agents of this platform do not accept it, and the sender gets a
+    /// not-understood.
     fn from_foreign(message: WireMessage) -> Option<Self>;
 
-    /// What goes to a stranger as text: content, language, ontology, encoding and user-defined parameters are taken
-    /// from it; all else is the business of the message around it.
+    /// The text for a foreign agent: content, language, ontology, encoding and user-defined parameters are taken from
+    /// it; the rest from the message around it.
     fn foreign(&self) -> Option<&WireMessage>;
 }
 
-/// The content of a platform whose agents have no vocabulary of their own.
+/// The content type of a platform whose agents have no ontology of their own.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "most of what is said between agents is of management")]
 pub enum PlainContent {
-    /// Of agents and services.
+    /// Agent management.
     Management(ManagementContent),
-    /// Anything else, as text.
+    /// Any other content, as text.
     Foreign(Arc<WireMessage>),
 }
 
@@ -81,44 +81,44 @@ impl CarriesForeign for PlainContent {
 /// An effect of a gateway on its transport.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ChannelEffect {
-    /// Bring this to another platform. If that fails, say so by [`ChannelReport::Failed`].
+    /// Send this to another platform. Failure is reported by [`ChannelReport::Failed`].
     Send(Box<Outbound>),
-    /// This passed, for whoever looks.
+    /// A message has passed; for observers.
     Passed(Passage),
 }
 
-/// A report of the transport to a gateway.
+/// A report of the transport to the gateway.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ChannelReport {
-    /// A message came.
+    /// A message has arrived.
     Arrived(Box<Letter>),
-    /// A message could be brought to none of its addresses.
+    /// A message could not be delivered to any of its addresses.
     Failed {
-        /// Which.
+        /// The message.
         outbound: Box<Outbound>,
-        /// Why not to the last of them.
+        /// The error at the last address.
         reason: String,
     },
 }
 
-/// The way that a message went.
+/// The way of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// To an agent of this platform.
     In,
     /// To another platform.
     Out,
-    /// It came twice or in a circle, or nobody may say such a thing.
+    /// Discarded: a duplicate, a loop, or a forgery.
     Dropped,
-    /// To another platform, but it did not get there.
+    /// To another platform, but undeliverable.
     Lost,
 }
 
 impl Way {
-    /// All of them.
+    /// All ways.
     pub const ALL: [Self; 4] = [Self::In, Self::Out, Self::Dropped, Self::Lost];
 
-    /// The word for it.
+    /// A name for display.
     pub fn word(self) -> &'static str {
         match self {
             Self::In => "in",
@@ -132,38 +132,38 @@ impl Way {
 /// A message that passed the gateway.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {
-    /// When.
+    /// The time.
     pub time: Time,
-    /// Which way.
+    /// The way.
     pub way: Way,
-    /// To whom.
+    /// The receiver.
     pub to: AgentId,
-    /// What was said.
+    /// The message.
     pub message: Arc<WireMessage>,
 }
 
 /// The configuration of a gateway.
 #[derive(Clone, Debug)]
 pub struct GatewayConfig {
-    /// Its own name.
+    /// The gateway's own id.
     pub id: AgentId,
     /// The name of the platform.
     pub platform: String,
-    /// Where this process can be reached.
+    /// The addresses of this process.
     pub addresses: Vec<String>,
     /// The calendar of the platform.
     pub calendar: Calendar,
-    /// The services of the platform: they understand agent management and nothing else.
+    /// The services of the platform: they understand agent management only.
     pub services: Vec<AgentId>,
-    /// Names under which nobody outside may speak.
+    /// Names that messages from outside must not use as sender.
     pub administrators: Vec<AgentId>,
-    /// Makes the names of its conversations differ from those of every other process.
+    /// Makes the names of its conversations differ from those of other processes.
     pub salt: u64,
-    /// In which form others are written to who have not written themselves.
+    /// The representation of first messages to other platforms.
     pub first_forms: FirstForms,
 }
 
-/// Makes agents of a platform and strangers understand each other. See the [module](self).
+/// The gateway between the agents of a platform and foreign agents. See the [module](self).
 pub struct Gateway<C, V>
 where
     C: CarriesForeign,
@@ -173,15 +173,15 @@ where
     acc: Acc,
     threads: Threads,
     forms: Forms,
-    /// The addresses of all processes that serve the platform, this one's first.
+    /// The addresses of all processes that serve the platform, with this one's first.
     nodes: Vec<String>,
-    /// Which of the pages have been read to their end.
+    /// The watches whose existing entries are known.
     known: BTreeSet<Ticket>,
-    /// When to ask for them again.
+    /// The time at which the watches are requested again.
     watch_again: Time,
-    /// What came before: who does not know the threads would speak under strange names.
+    /// Events that arrived before the threads were known: without them, messages go out under wrong names.
     early: VecDeque<EventOf<Self>>,
-    /// Entries of threads that the store has not confirmed, and when they are written again.
+    /// Entries of threads that the store has not confirmed, with the times at which they are written again.
     unconfirmed: BTreeMap<Ticket, Unconfirmed>,
     next_ticket: u64,
     #[allow(clippy::type_complexity, reason = "a marker")]
@@ -196,11 +196,11 @@ struct Unconfirmed {
     again: Time,
 }
 
-/// When what the store has not confirmed is written again.
+/// Time after which an unconfirmed entry is written again.
 const AGAIN_AFTER: Duration = Duration::from_secs(2);
-/// How long the store may take to tell its pages.
+/// Timeout for the store's existing entries.
 const PAGES_WITHIN: Duration = Duration::from_secs(10);
-/// The most that waits for the pages; what comes on top is lost.
+/// Maximum number of events that wait for the pages; further ones are lost.
 const EARLY_MAX: usize = 1 << 12;
 
 const WATCH_PAGES: Ticket = Ticket(0);
@@ -213,7 +213,7 @@ where
     C: CarriesForeign,
     V: From<String> + AsRef<str>,
 {
-    /// The gateway of a platform.
+    /// The gateway of a platform, before its start.
     pub fn new(config: GatewayConfig) -> Self {
         let acc = Acc::new(config.platform.clone(), config.addresses.clone(), config.calendar, config.salt);
         Self {
@@ -235,7 +235,7 @@ where
         self.config.services.contains(agent)
     }
 
-    /// An agent of this platform as strangers may know it: services are reached through every process.
+    /// The identifier of an agent for other platforms: services have the addresses of every process.
     fn with_addresses(&self, agent: &AgentId) -> AgentId {
         let addresses = if self.is_service(agent) { self.nodes.clone() } else { self.config.addresses.clone() };
         AgentId { name: agent.name.clone(), addresses: addresses.into() }
@@ -246,7 +246,7 @@ where
         actions.push(Action::Effect(ChannelEffect::Passed(Passage { time: now, way, to: to.clone(), message })));
     }
 
-    /// Carries out what the channel decided.
+    /// Carries out the decisions of the channel.
     fn route(&mut self, now: Time, form: &str, routed: Vec<Routed>, actions: &mut GatewayActions<C, V>) {
         for one in routed {
             match one {
@@ -299,13 +299,14 @@ where
         self.known.len() == 2
     }
 
-    /// Writes an entry, until the store has it: without its thread a subscription would be told under a strange name.
+    /// Writes an entry, until the store confirms it: without its thread a subscription gets its news under a wrong
+    /// name.
     fn put(&mut self, now: Time, key: String, text: String, actions: &mut GatewayActions<C, V>) {
         let ticket = Ticket(self.next_ticket);
         self.next_ticket += 1;
         let request = StoreRequest::Put { key: key.as_str().into(), value: text.clone().into() };
         actions.push(Action::Store { ticket, request });
-        // The last word counts.
+        // Keep only the last text of a key
         self.unconfirmed.retain(|_, other| other.key != key);
         self.unconfirmed.insert(ticket, Unconfirmed { key, text, again: now + AGAIN_AFTER });
     }
@@ -386,7 +387,7 @@ where
     }
 }
 
-/// Acts that answer something: nobody answers them with not-understood.
+/// True for performatives that are answers: they never get a not-understood.
 fn is_answer(act: Performative) -> bool {
     use Performative as P;
     matches!(act, P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood | P::Confirm | P::Disconfirm)

@@ -1,4 +1,4 @@
-//! Messages from agents to strangers.
+//! Messages from the platform's agents to foreign agents.
 
 use super::{
     CarriesForeign, Gateway, GatewayActions, Way,
@@ -15,7 +15,7 @@ where
     C: CarriesForeign,
     V: From<String> + AsRef<str>,
 {
-    /// Brings a message of an agent of this platform to those of its receivers who do not live here.
+    /// Sends a message of an agent of this platform to its receivers elsewhere.
     pub(super) fn leave(&mut self, now: Time, message: &AclMessage<C>, actions: &mut GatewayActions<C, V>) {
         let thread = self.threads.get(message.in_reply_to).cloned();
         let Some(wire) = self.wire(message, thread.as_ref()) else { return };
@@ -26,9 +26,9 @@ where
         self.send_wire(now, form, &wire, actions);
     }
 
-    /// Sends a message to each of its receivers, or tells its sender that they cannot be reached.
+    /// Sends a message to each of its receivers, or informs its sender that they cannot be reached.
     ///
-    /// - `form`: of what it answers; `None`: nothing.
+    /// - `form`: the representation of the message that it answers; `None`: it is not an answer.
     pub(super) fn send_wire(
         &mut self,
         now: Time,
@@ -50,7 +50,7 @@ where
         }
     }
 
-    /// The message as strangers know messages. `None`: it says nothing that can be put into words.
+    /// The message as text. `None`: its content cannot be expressed.
     fn wire(&self, message: &AclMessage<C>, thread: Option<&Thread>) -> Option<WireMessage> {
         let from = self.with_addresses(&message.sender);
         let content = self.content(message, &from, thread);
@@ -94,10 +94,10 @@ where
         Some(wire)
     }
 
-    /// What is said of management, in SL.
+    /// Agent-management content, in SL.
     fn content(&self, message: &AclMessage<C>, from: &AgentId, thread: Option<&Thread>) -> Option<String> {
         let content = message.content.management()?;
-        // Who is asked acts; who answers has acted.
+        // The actor is the receiver of a request, and the sender of an answer
         let actor = match message.performative {
             Performative::Request | Performative::Subscribe | Performative::Cancel => message.receivers.first()?,
             _ => from,
@@ -110,7 +110,7 @@ where
         (number != 0).then(|| print_number(self.config.salt, number))
     }
 
-    /// The entry of a subscription's thread, when this message ends it.
+    /// The entry of a subscription's thread, if this message ends it.
     fn ended_subscription(&mut self, message: &AclMessage<C>) -> Option<String> {
         use Performative as P;
         let refused = matches!(message.performative, P::Refuse | P::Failure | P::NotUnderstood)

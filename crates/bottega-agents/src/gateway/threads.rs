@@ -1,9 +1,9 @@
-//! The threads of conversations with strangers: which message of theirs an agent of ours answers.
+//! Threads of conversations with foreign agents: the foreign message to which an agent of this platform replies.
 //!
-//! Agents know messages by number, strangers by text. Most threads end within seconds and are kept in memory. A
-//! subscription with a service lives on when its process has died, so its thread is an entry of the store; its number
-//! is a function of the texts, so that every process counts it alike. A subscription with another agent lives as long
-//! as that agent, and so does its thread.
+//! Agents identify messages by number, foreign agents by text. Most threads end within seconds and are kept in memory.
+//! A subscription with a service outlives its process, so its thread is an entry of the store; its number is a function
+//! of the texts, so that all processes agree on it. A subscription with another agent ends with that agent, and so does
+//! its thread.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -13,43 +13,43 @@ use crate::{
     wire::{STRING_FORM, WireMessage, parse_string, print_string},
 };
 
-/// The most threads in memory; the oldest end first.
+/// Maximum number of threads in memory; the oldest end first.
 const THREADS_MAX: usize = 1 << 14;
-/// The most threads in the store.
+/// Maximum number of threads in the store.
 const KEPT_MAX: usize = 1 << 13;
-/// The most threads of subscriptions with agents; the oldest end first.
+/// Maximum number of threads of subscriptions with agents; the oldest end first.
 const LIVE_MAX: usize = 1 << 13;
 
 pub(super) const PREFIX: &str = "thread/";
-/// In an entry of the store: the form in which the stranger writes.
+/// The parameter of an entry with the foreign agent's representation.
 const FORM: &str = "X-form";
 
-/// Numbers of strangers' conversations have this bit, ours do not.
+/// Bit set in numbers of foreign conversations, and in no others.
 const STRANGE: u64 = 1 << 63;
-/// Of those, what belongs to no conversation has this bit.
+/// Bit set in those without a conversation name.
 const NAMELESS: u64 = 1 << 62;
 
-/// A message of a stranger that may be answered.
+/// A foreign message that may be answered.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Thread {
     /// The message, without its content.
     pub(super) message: WireMessage,
     /// The first expression of its content, which answers repeat.
     pub(super) asked: Option<Term>,
-    /// The form in which the stranger writes.
+    /// The representation that the foreign agent uses.
     pub(super) form: String,
 }
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Threads {
     next: u64,
-    /// By number, which grows.
+    /// The threads in memory, by increasing number.
     short: BTreeMap<u64, Thread>,
-    /// Of subscriptions with services, by the number of their conversation.
+    /// The threads of subscriptions with services, by conversation number.
     kept: BTreeMap<u64, Thread>,
-    /// Of subscriptions with other agents, likewise.
+    /// The threads of subscriptions with other agents, by conversation number.
     live: BTreeMap<u64, Thread>,
-    /// The latter in the order in which they began.
+    /// The numbers of `live`, in the order of their beginning.
     live_order: VecDeque<u64>,
 }
 
@@ -58,9 +58,9 @@ impl Threads {
         self.short.get(&number).or_else(|| self.kept.get(&number)).or_else(|| self.live.get(&number))
     }
 
-    /// Begins a thread; returns its number, and what the store must keep of it.
+    /// Begins a thread; returns its number, and the entry for the store, if any.
     ///
-    /// - `with_service`: it is one of the platform's services that is spoken to.
+    /// - `with_service`: true if the receiver is one of the platform's services.
     pub(super) fn begin(
         &mut self,
         conversation: u64,
@@ -92,7 +92,7 @@ impl Threads {
         (self.next, None)
     }
 
-    /// Ends the thread of a subscription; returns the entry to be taken out.
+    /// Ends the thread of a subscription; returns the key of the entry to remove.
     pub(super) fn end(&mut self, conversation: u64) -> Option<String> {
         if self.live.remove(&conversation).is_some() {
             self.live_order.retain(|other| *other != conversation);
@@ -100,7 +100,7 @@ impl Threads {
         self.kept.remove(&conversation).map(|_| key(conversation))
     }
 
-    /// Takes over an entry of the store. `false`: it is no thread.
+    /// Takes in an entry of the store. False if it is not a thread.
     pub(super) fn learn(&mut self, key: &str, text: &str) -> bool {
         let Some(number) = key.strip_prefix(PREFIX) else { return false };
         let Ok(number) = u64::from_str_radix(number, 16) else { return true };
@@ -121,7 +121,7 @@ fn print(thread: &Thread) -> String {
     let mut message = thread.message.clone();
     message.content = thread.asked.as_ref().map(|asked| sl::print(std::slice::from_ref(asked)));
     message.user.insert(FORM.to_owned(), thread.form.clone());
-    // Read from a message, so it can be written: only names of user-defined parameters could not, and were left out.
+    // The message was parsed, so it can be printed; unprintable names of parameters were ignored
     print_string(&message).unwrap_or_default()
 }
 
@@ -132,7 +132,7 @@ fn parse(text: &str) -> Option<Thread> {
     Some(Thread { message, asked, form })
 }
 
-/// The number of a stranger's conversation: the same in every process, today and after a restart. (FNV-1a.)
+/// The number of a foreign conversation: the same in every process and after a restart. (FNV-1a.)
 pub(super) fn strange_number(sender: &AgentId, conversation: &str) -> u64 {
     let name = sender.name.to_lowercase();
     let bytes = name.bytes().chain([0]).chain(conversation.bytes());
@@ -142,17 +142,17 @@ pub(super) fn strange_number(sender: &AgentId, conversation: &str) -> u64 {
     if conversation.is_empty() { hash | NAMELESS } else { hash }
 }
 
-/// Whether a conversation has a name: what has none may be said again and mean another thing.
+/// True if a conversation has a name; without one, equal messages may be different.
 pub(crate) fn has_name(conversation: u64) -> bool {
     conversation != 0 && conversation & (STRANGE | NAMELESS) != (STRANGE | NAMELESS)
 }
 
-/// A number of ours as text for strangers.
+/// A number of this platform, as text for foreign agents.
 pub(super) fn print_number(salt: u64, number: u64) -> String {
     format!("b{salt:x}-{number}")
 }
 
-/// The number behind a text that is one of ours.
+/// Parses a text of [`print_number`].
 pub(super) fn parse_number(salt: u64, text: &str) -> Option<u64> {
     text.strip_prefix(&format!("b{salt:x}-"))?.parse().ok().filter(|number| number & STRANGE == 0)
 }

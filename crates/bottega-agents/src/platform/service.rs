@@ -1,9 +1,9 @@
-//! The frame of the platform's services: a request comes, the store is asked to change, an answer goes.
+//! The framework of the platform's services: requests come in, entries of the store change, answers go out.
 //!
-//! What a service knows is a mirror of entries of the store, which it watches. A change is a compare-and-set against
-//! the revision that it knows: of two replicas that decide at the same time one loses, looks again, and decides anew.
-//! So any number of services can serve the same pages, and one that starts again knows what the one before it knew.
-//! An entry that holds no text is one that was taken out.
+//! A service's knowledge is a mirror of entries of the store, which it watches. A change is a compare-and-set with the
+//! known revision: of two replicas that decide at the same time one loses, reads again and decides again. So any number
+//! of services can serve the same pages, and a restarted one knows what its predecessor knew. An entry with empty text
+//! counts as removed.
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -19,24 +19,24 @@ use crate::{
     StoreReply, StoreRequest, Ticket, Time,
 };
 
-/// How often a change is tried again that others were faster with.
+/// Maximum number of attempts at a change that conflicts with others.
 const TRIES_MAX: u32 = 16;
-/// How long the store may take to answer.
+/// Timeout for the store.
 const STORE_WAIT_MAX: Duration = Duration::from_secs(10);
-/// The most requests that wait for the store at a time.
+/// Maximum number of requests that wait for the store.
 const OPEN_MAX: usize = 1 << 12;
-/// The longest text of an entry, in bytes, unless a service allows more.
+/// Maximum length of an entry's text, in bytes, unless a service sets its own.
 pub const ENTRY_BYTES_MAX: usize = 1 << 16;
 
-/// A message as services see it.
+/// A message to or from a service.
 pub type Said = AclMessage<ManagementContent>;
 
-/// Why a function has no result.
+/// The reason why a function has no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NoResult {
-    /// It was not begun.
+    /// It was refused.
     Refuse(RefuseReason),
-    /// It went wrong.
+    /// It failed.
     Failure(FailureReason),
 }
 
@@ -52,50 +52,50 @@ impl From<FailureReason> for NoResult {
     }
 }
 
-/// One entry of the store that shall change, if it is as it is known to be.
+/// A change of an entry, conditional on its known revision.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// Which.
+    /// The key.
     pub key: Key,
-    /// What it shall hold; nothing: it is taken out.
+    /// The new text; empty: the entry is removed.
     pub text: String,
 }
 
-/// The step that a function has reached.
+/// The next step of a function.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// It is done, and nothing changes.
+    /// It is finished, without a change.
     Done(Outcome),
-    /// This must change; then it is done.
+    /// Write this change; then it is finished with this outcome.
     Write(Change, Outcome),
     /// The service answers later by itself.
     Later,
 }
 
-/// The messages and changes that a service wants besides its answers.
+/// Messages and changes that a service issues in addition to its answers.
 #[derive(Debug, Default)]
 pub struct ServiceOutbox {
-    /// Messages.
+    /// The messages.
     pub send: Vec<Said>,
-    /// Changes of its own, each under a mark by which [`Functions::settled`] tells of it.
+    /// The changes, each with a mark for [`Functions::settled`].
     pub writes: Vec<(u64, Change)>,
 }
 
-/// The functions of a service, without the talk around it.
+/// The functions of a service, without the protocol.
 pub trait Functions {
-    /// How the names of the entries begin that it mirrors.
+    /// The key prefixes of the entries that it mirrors.
     const PREFIXES: &'static [&'static str];
-    /// The longest text of an entry, in bytes.
+    /// Maximum length of an entry's text, in bytes.
     const ENTRY_BYTES_MAX: usize = ENTRY_BYTES_MAX;
 
-    /// Takes over what an entry holds now, and by which write; no text: there is no such entry any more.
+    /// Takes in the current text of an entry, and its revision; empty: the entry was removed.
     fn learn(&mut self, now: Time, key: &str, revision: Revision, text: &str, todo: &mut ServiceOutbox);
 
-    /// Decides on a function as the sender of `request` wants it. May be asked again for the same request, when the
-    /// pages have changed in between.
+    /// Decides on a function requested by `request`. May be called again for the same request if the pages have changed
+    /// meanwhile.
     ///
     /// # Errors
-    /// It is refused or fails. In both cases nothing has changed.
+    /// The function is refused or has failed, without any change.
     fn perform(
         &mut self,
         now: Time,
@@ -104,35 +104,35 @@ pub trait Functions {
         todo: &mut ServiceOutbox,
     ) -> Result<Step, NoResult>;
 
-    /// Why a function is refused whose entry is longer than [`Self::ENTRY_BYTES_MAX`].
+    /// The refusal of a function whose entry is longer than [`Self::ENTRY_BYTES_MAX`].
     fn too_large(&self, function: &Function) -> RefuseReason;
 
-    /// The entry on which the outcome of a function depends, where that is one.
+    /// The entry on which the function's outcome depends, if there is a single one.
     fn entry_of(&self, _function: &Function) -> Option<Key> {
         None
     }
 
-    /// Takes a message that is no request. `false`: it means nothing here.
+    /// Handles a message that is not a request. False if it is not understood.
     fn hear(&mut self, _now: Time, _message: &Said, _todo: &mut ServiceOutbox) -> bool {
         false
     }
 
-    /// An agent came to this platform's process, or is gone from it.
+    /// Notes that an agent arrived in this process or left it.
     fn presence(&mut self, _now: Time, _agent: &AgentId, _present: bool, _todo: &mut ServiceOutbox) {}
 
-    /// A change of its own was made, or was not since the entry is another by now.
+    /// Notes that a change of its own was written, or failed because the entry had another revision.
     fn settled(&mut self, _now: Time, _mark: u64, _made: bool, _todo: &mut ServiceOutbox) {}
 
-    /// Does what is due. First called when all pages are known.
+    /// Does what is due. Called only when all pages are known.
     fn tick(&mut self, _now: Time, _todo: &mut ServiceOutbox) {}
 
-    /// When [`Self::tick`] has something to do.
+    /// The time at which [`Self::tick`] must be called; `None`: never.
     fn next_deadline(&self) -> Option<Time> {
         None
     }
 }
 
-/// A change under way.
+/// A change in progress.
 #[derive(Clone, Debug)]
 struct Open {
     change: Change,
@@ -147,7 +147,7 @@ enum Cause {
         outcome: Outcome,
         tries: u32,
     },
-    /// Nothing is written: the entry is looked at, for the mirror may lag behind.
+    /// Read the entry without writing, because the mirror may be outdated.
     Look {
         request: Said,
         tries: u32,
@@ -155,21 +155,21 @@ enum Cause {
     Own(u64),
 }
 
-/// A service as an agent: takes requests, answers them.
+/// A service as an agent: receives requests and answers them.
 ///
-/// `C` is the platform's content type, `V` what its store holds; `E` and `R` are the types of its effects and
-/// completions, which a service does not use.
+/// `C` is the platform's content type, `V` the value type of its store; `E` and `R` are the types of effects and
+/// completions, which services do not use.
 #[derive(Clone, Debug)]
 pub struct Service<F, C, V, E, R> {
     id: AgentId,
     functions: F,
-    /// Of the entries that are mirrored.
+    /// The revisions of the mirrored entries.
     revisions: BTreeMap<Key, Revision>,
-    /// How many of the prefixes have been read to their end.
+    /// Number of prefixes whose existing entries are known.
     caught_up: usize,
-    /// When to ask for the pages again.
+    /// The time at which the watch is requested again.
     watch_again: Time,
-    /// Came before the pages were known.
+    /// Requests that arrived before the pages were known.
     early: VecDeque<Said>,
     open: BTreeMap<Ticket, Open>,
     next_ticket: u64,
@@ -182,7 +182,7 @@ where
     C: CarriesManagement,
     V: From<String> + AsRef<str>,
 {
-    /// The service as the agent `id`.
+    /// The service, as agent `id`.
     pub fn new(id: AgentId, functions: F) -> Self {
         Self {
             id,
@@ -192,18 +192,18 @@ where
             watch_again: Time::ZERO,
             early: VecDeque::new(),
             open: BTreeMap::new(),
-            // The first tickets are those of the watches.
+            // The first tickets belong to the watches
             next_ticket: F::PREFIXES.len() as u64,
             vocabulary: PhantomData,
         }
     }
 
-    /// What it does, to look at.
+    /// The functions, for inspection.
     pub fn functions(&self) -> &F {
         &self.functions
     }
 
-    /// Whether all pages are known.
+    /// True when all pages are known.
     pub fn is_ready(&self) -> bool {
         self.caught_up >= F::PREFIXES.len()
     }
@@ -246,7 +246,7 @@ where
             self.functions.perform(now, &request, function, todo)
         };
         match step {
-            // The answer is at once, so there is no agree before it.
+            // The answer is immediate, so there is no agree
             Ok(Step::Done(outcome)) => todo.send.push(self.done(&request, outcome)),
             Ok(Step::Later) => {}
             Ok(Step::Write(change, outcome)) if change.text.len() <= F::ENTRY_BYTES_MAX => {
@@ -255,7 +255,7 @@ where
             Ok(Step::Write(..)) => {
                 todo.send.push(self.no_result(&request, self.functions.too_large(function).into()));
             }
-            // A write finds out by itself whether the mirror lags behind; a failure must ask.
+            // A write detects an outdated mirror by itself; before a failure, read the entry
             Err(NoResult::Failure(FailureReason::AlreadyRegistered | FailureReason::NotRegistered))
                 if !looked && let Some(key) = self.functions.entry_of(function) =>
             {
@@ -282,12 +282,12 @@ where
         ticket
     }
 
-    /// Takes over an entry as the store has just said that it is.
+    /// Takes in an entry that the store has just returned.
     fn learn_now(&mut self, now: Time, key: Key, entry: Option<Entry<V>>, todo: &mut ServiceOutbox) {
         match entry {
             Some(entry) => {
                 self.learn(now, &key, entry.revision, entry.value.as_ref(), todo);
-                // Also that of an entry that was taken out, for the next try.
+                // Keep the revision of removed entries too, for the next attempt
                 self.revisions.insert(key, entry.revision);
             }
             None => {
@@ -297,7 +297,7 @@ where
         }
     }
 
-    /// Takes over an entry, unless a later one is known.
+    /// Takes in an entry, unless a later revision is known.
     fn learn(&mut self, now: Time, key: &Key, revision: Revision, text: &str, todo: &mut ServiceOutbox) {
         if self.revisions.get(key).is_some_and(|known| *known >= revision) {
             return;
@@ -392,7 +392,7 @@ where
         }
     }
 
-    /// The answer to what means nothing here; none to answers, of which talk would not end.
+    /// The not-understood reply; none in reply to an answer, to avoid endless replies.
     fn not_understood(&self, message: &Said) -> Option<Said> {
         use Performative as P;
         let reason = match message.performative {
@@ -413,7 +413,7 @@ where
         actions: &mut Vec<Action<C, V, E>>,
     ) {
         let Some(content) = message.content.management().cloned() else {
-            // Its content cannot be looked at; the answer says the same whatever it is.
+            // The content is not management; the reply is the same for any
             let nothing = message.map(|_| ManagementContent::Cancel);
             let act = nothing.performative;
             todo.send.extend(self.not_understood(&nothing).map(|answer| {

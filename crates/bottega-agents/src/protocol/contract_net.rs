@@ -1,4 +1,4 @@
-//! The contract net (FIPA00029): a call for proposals, proposals until a deadline, an award, a result.
+//! The contract net protocol (FIPA00029): a call for proposals, proposals until a deadline, awards, results.
 
 use std::collections::BTreeMap;
 
@@ -8,58 +8,58 @@ use crate::{AclMessage, AgentId, Performative, Time};
 /// The name of the protocol in messages.
 const PROTOCOL: &str = "fipa-contract-net";
 
-/// The most calls that a responder has open at a time; calls on top are refused.
+/// Maximum number of open calls of a responder; further ones are refused.
 pub const RESPONSES_MAX: usize = 1024;
 
 /// A call for proposals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call<C> {
-    /// Who calls.
+    /// The initiator.
     pub initiator: AgentId,
-    /// Who is called.
+    /// The agents called.
     pub participants: Vec<AgentId>,
-    /// What is to be done.
+    /// The task.
     pub content: C,
     /// The language of the content.
     pub language: &'static str,
-    /// Its vocabulary.
+    /// The ontology of the content.
     pub ontology: &'static str,
-    /// One of its own for each call of the initiator.
+    /// Unique among the calls of the initiator.
     pub conversation_id: u64,
-    /// Until when proposals count. Who is silent has refused.
+    /// The deadline of proposals. An agent without a proposal by then has refused.
     pub reply_by: Time,
 }
 
 /// A proposal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal<C> {
-    /// Who.
+    /// The proposer.
     pub from: AgentId,
-    /// On which terms.
+    /// The terms.
     pub content: C,
 }
 
-/// The end of an awarded task.
+/// The outcome of an awarded task.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome<C> {
-    /// It is done, with this to say of it.
+    /// It is done, with this result.
     Done(C),
-    /// It failed, with a reason.
+    /// It failed, for this reason.
     Failed(C),
-    /// Nothing was heard until the deadline, or the contractor does not know of it (any more).
+    /// There was no result by the deadline, or the contractor does not know the task (any more).
     Lost,
 }
 
-/// News of an initiator.
+/// News for an initiator.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InitiatorNews<C> {
-    /// Nobody else can propose any more: call [`ContractNetInitiator::award`]. There may be no proposal.
+    /// All proposals are in: call [`ContractNetInitiator::award`]. There may be none.
     Collected(Vec<Proposal<C>>),
     /// An awarded task ended.
     Ended {
         /// The contractor.
         contractor: AgentId,
-        /// How.
+        /// The outcome.
         outcome: Outcome<C>,
     },
 }
@@ -70,7 +70,7 @@ enum Participant {
     Refused,
     Proposed,
     Rejected,
-    /// The task is awarded to it.
+    /// The task was awarded to it.
     Accepted,
     Ended,
 }
@@ -88,20 +88,20 @@ impl Participant {
     }
 }
 
-/// The side that calls for proposals.
+/// The initiator of one call for proposals.
 #[derive(Clone, Debug)]
 pub struct ContractNetInitiator<C> {
     call: Call<C>,
     participants: BTreeMap<AgentId, Participant>,
-    /// In order of arrival.
+    /// The proposals, in order of arrival.
     proposals: Vec<Proposal<C>>,
     collecting: bool,
-    /// Until when results are awaited.
+    /// The deadline of results.
     results_by: Option<Time>,
 }
 
 impl<C: Clone> ContractNetInitiator<C> {
-    /// Sends the call.
+    /// Sends the call for proposals.
     pub fn call(call: Call<C>, send: &mut Vec<AclMessage<C>>) -> Self {
         let participants: BTreeMap<_, _> =
             call.participants.iter().map(|agent| (agent.clone(), Participant::Called)).collect();
@@ -126,10 +126,10 @@ impl<C: Clone> ContractNetInitiator<C> {
         &self.call
     }
 
-    /// Takes a message of this conversation. A copy of what was said before is passed over.
+    /// Handles a message of this conversation. Duplicates are ignored.
     ///
     /// # Errors
-    /// The sender was not called, or may not say this now; nothing has changed.
+    /// The sender was not called, or the message is out of sequence; nothing has changed.
     pub fn handle_message(
         &mut self,
         now: Time,
@@ -147,7 +147,7 @@ impl<C: Clone> ContractNetInitiator<C> {
                 self.proposals.push(Proposal { from: message.sender.clone(), content: message.content.clone() });
                 P::Proposed
             }
-            // A proposal that comes too late is rejected, and its sender need not wait.
+            // Reject a late proposal, so that its sender need not wait
             (P::Called | P::Rejected, A::Propose) => {
                 send.push(self.say(A::RejectProposal, &message.sender, self.call.content.clone()));
                 P::Rejected
@@ -167,7 +167,7 @@ impl<C: Clone> ContractNetInitiator<C> {
                 };
                 return Ok(Some(InitiatorNews::Ended { contractor: message.sender.clone(), outcome }));
             }
-            // What a network doubles, or what crossed our own message.
+            // Ignore duplicates, and messages that crossed ours
             (P::Proposed | P::Accepted | P::Ended, A::Propose)
             | (P::Refused, A::Refuse | A::Propose)
             | (P::Ended, A::Inform | A::Failure)
@@ -178,7 +178,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         Ok(self.collected(now))
     }
 
-    /// Looks at the clock: whether the time for proposals, or for results, is over.
+    /// Checks the deadlines of proposals and results.
     pub fn handle_time(&mut self, now: Time) -> Vec<InitiatorNews<C>> {
         let mut news: Vec<_> = self.collected(now).into_iter().collect();
         if self.results_by.is_some_and(|by| by <= now) {
@@ -193,17 +193,17 @@ impl<C: Clone> ContractNetInitiator<C> {
         news
     }
 
-    /// When [`Self::handle_time`] has something to do.
+    /// The time at which [`Self::handle_time`] must be called; `None`: never.
     pub fn next_deadline(&self) -> Option<Time> {
         if self.collecting { Some(self.call.reply_by) } else { self.results_by }
     }
 
-    /// Accepts proposals, each with what its contractor must know, and rejects all others.
+    /// Accepts proposals, each with the content for its contractor, and rejects all others.
     ///
-    /// `results_by`: when a contractor counts as lost. Names of agents that proposed nothing are passed over.
+    /// `results_by`: the deadline of results. Agents without a proposal are ignored.
     ///
     /// # Panics
-    /// Before [`InitiatorNews::Collected`], or when called twice.
+    /// If called before [`InitiatorNews::Collected`], or twice.
     pub fn award(&mut self, accepted: &[(AgentId, C)], results_by: Time, send: &mut Vec<AclMessage<C>>) {
         assert!(!self.collecting && self.results_by.is_none(), "an award follows the collection of proposals, once");
         for proposal in std::mem::take(&mut self.proposals) {
@@ -223,7 +223,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         }
     }
 
-    /// Whether nothing more is awaited.
+    /// True if no more messages are expected.
     pub fn is_finished(&self) -> bool {
         !self.collecting
             && self.proposals.is_empty()
@@ -256,36 +256,37 @@ impl<C: Clone> ContractNetInitiator<C> {
     }
 }
 
-/// News of a responder.
+/// News for a responder.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ResponderNews<C> {
-    /// Answer by [`ContractNetResponder::propose`] or [`ContractNetResponder::refuse`] before its `reply_by`.
+    /// A call: answer it by [`ContractNetResponder::propose`] or [`ContractNetResponder::refuse`] before its
+    /// `reply_by`.
     Called(AclMessage<C>),
-    /// The task is ours. End it by [`ContractNetResponder::done`] or [`ContractNetResponder::fail`].
+    /// The task was awarded to this agent. End it by [`ContractNetResponder::done`] or [`ContractNetResponder::fail`].
     Accepted(AclMessage<C>),
-    /// The task went to somebody else.
+    /// The task was awarded to another agent, or to none.
     Rejected(AclMessage<C>),
-    /// The call, or what was awarded, is taken back.
+    /// The call or the award was cancelled.
     Cancelled(AclMessage<C>),
-    /// Nothing was heard of a proposal for so long that it is void.
+    /// A proposal had no answer for so long that it is void.
     Expired {
-        /// Of which call.
+        /// The conversation of the call.
         conversation: Conversation,
     },
 }
 
-/// A conversation of a responder: who called, and with which conversation-id.
+/// A conversation of a responder: the initiator and its conversation id.
 pub type Conversation = (AgentId, u64);
 
 #[derive(Clone, Debug)]
 enum Response<C> {
     Called(AclMessage<C>),
-    /// The call, and until when the proposal stands.
+    /// The call, and the time until which the proposal is valid.
     Proposed(AclMessage<C>, Time),
     Working(AclMessage<C>),
 }
 
-/// The side that proposes. One value keeps all calls that an agent has open.
+/// The responder: all open calls of one agent.
 #[derive(Clone, Debug)]
 pub struct ContractNetResponder<C> {
     me: AgentId,
@@ -298,10 +299,10 @@ impl<C: Clone> ContractNetResponder<C> {
         Self { me, open: BTreeMap::new() }
     }
 
-    /// Takes a message of the protocol. A copy of what was said before is passed over.
+    /// Handles a message of the protocol. Duplicates are ignored.
     ///
     /// # Errors
-    /// Nothing is known of the conversation, or this may not be said now; nothing has changed.
+    /// The conversation is unknown, or the message is out of sequence; nothing has changed.
     pub fn handle_message(
         &mut self,
         now: Time,
@@ -339,7 +340,7 @@ impl<C: Clone> ContractNetResponder<C> {
                 self.open.remove(&key);
                 Ok(Some(ResponderNews::Cancelled(message)))
             }
-            // Copies; a rejection of what is void or was never proposed; complaints about what is over.
+            // Ignore duplicates, rejections of void or missing proposals, and complaints about ended tasks
             (Some(_), A::CallForProposal)
             | (Some(Response::Working(_)), A::AcceptProposal)
             | (None, A::RejectProposal | A::NotUnderstood | A::Cancel) => Ok(None),
@@ -355,7 +356,7 @@ impl<C: Clone> ContractNetResponder<C> {
         }
     }
 
-    /// Proposes; the proposal stands until `until`. Returns whether the call was open.
+    /// Sends a proposal that is valid until `until`. Returns true if the call was open.
     pub fn propose(
         &mut self,
         conversation: &Conversation,
@@ -370,7 +371,7 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Refuses a call. Returns whether it was open.
+    /// Refuses a call. Returns true if it was open.
     pub fn refuse(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         let Some(Response::Called(call)) = self.open.get(conversation) else { return false };
         send.push(call.reply(Performative::Refuse, self.me.clone(), content));
@@ -378,12 +379,12 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Reports that an accepted task is done. Returns whether it was ours.
+    /// Reports success of an accepted task. Returns true if this agent held it.
     pub fn done(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         self.end(conversation, Performative::Inform, content, send)
     }
 
-    /// Reports that an accepted task failed. Returns whether it was ours.
+    /// Reports failure of an accepted task. Returns true if this agent held it.
     pub fn fail(&mut self, conversation: &Conversation, content: C, send: &mut Vec<AclMessage<C>>) -> bool {
         self.end(conversation, Performative::Failure, content, send)
     }
@@ -401,7 +402,7 @@ impl<C: Clone> ContractNetResponder<C> {
         true
     }
 
-    /// Forgets calls that were not answered in time, and proposals that nobody took.
+    /// Drops calls not answered in time and proposals without an answer.
     pub fn handle_time(&mut self, now: Time) -> Vec<ResponderNews<C>> {
         let over = self.open.iter().filter(|(_, response)| response.ends_at().is_some_and(|by| by <= now));
         let over: Vec<Conversation> = over.map(|(conversation, _)| conversation.clone()).collect();
@@ -413,17 +414,17 @@ impl<C: Clone> ContractNetResponder<C> {
         news
     }
 
-    /// When [`Self::handle_time`] has something to do.
+    /// The time at which [`Self::handle_time`] must be called; `None`: never.
     pub fn next_deadline(&self) -> Option<Time> {
         self.open.values().filter_map(Response::ends_at).min()
     }
 
-    /// How many tasks are ours and not ended.
+    /// Number of accepted tasks in progress.
     pub fn working_count(&self) -> usize {
         self.open.values().filter(|response| matches!(response, Response::Working(_))).count()
     }
 
-    /// How many proposals stand.
+    /// Number of valid proposals.
     pub fn proposed_count(&self) -> usize {
         self.open.values().filter(|response| matches!(response, Response::Proposed(..))).count()
     }

@@ -10,10 +10,10 @@ use super::{
 };
 use crate::{AgentId, Performative};
 
-/// Reads one message.
+/// Parses a message.
 ///
 /// # Errors
-/// No well-formed XML, a document type or entity, not a message, or more than the bounds allow.
+/// Not well-formed XML, a document type or entity, not a message, or a limit exceeded.
 pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
     let root = xml::parse(text)?;
     if root.name != "fipa-message" {
@@ -26,7 +26,7 @@ pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
     for element in &root.children {
         let name = element.name.as_str();
         match name {
-            // Many elements with one agent each, or one with many.
+            // Several elements with one agent each, or one with several
             "receiver" => push_agents(&mut message.receivers, element, &known)?,
             "reply-to" => push_agents(&mut message.reply_to, element, &known)?,
             "sender" => {
@@ -48,7 +48,7 @@ pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
             }
             "user-defined" => {
                 bounded(message.user.len(), USER_PARAMETERS_MAX, "user-defined parameters")?;
-                // Without a name, which the document type allows, it says nothing.
+                // Ignore a parameter without a name, which the document type allows
                 let Some(key) = element.attribute("href") else { continue };
                 if message.user.insert(key.to_owned(), element.text.clone()).is_some() {
                     return Err(WireError::Twice(key.to_owned()));
@@ -57,14 +57,14 @@ pub fn parse_xml(text: &str) -> Result<WireMessage, WireError> {
             _ => {}
         }
     }
-    // Some give it twice, as an attribute and as an element; the element can hold any text.
+    // Some platforms give it as an attribute and as an element; the element can contain any text
     if message.conversation_id.is_none() {
         message.conversation_id = root.attribute("conversation-id").map(str::to_owned);
     }
     Ok(message)
 }
 
-/// Where agents are whom the message names in full: elsewhere in it `refid` may stand for them.
+/// The addresses of agents named in full in the message: elsewhere `refid` may refer to them.
 struct NamedAgents<'a>(BTreeMap<&'a str, Vec<String>>);
 
 impl<'a> NamedAgents<'a> {
@@ -74,7 +74,7 @@ impl<'a> NamedAgents<'a> {
         while let Some(element) = open.pop() {
             open.extend(&element.children);
             if let Some(id) = element.child("name").and_then(|name| name.attribute("id")) {
-                // One that cannot be read is refused where it stands.
+                // An invalid one is reported where it is used
                 if let Some(addresses) = addresses_of(element).ok().filter(|addresses| !addresses.is_empty()) {
                     known.insert(id, addresses);
                 }
@@ -84,7 +84,7 @@ impl<'a> NamedAgents<'a> {
     }
 }
 
-/// The text of an element, or what it refers to.
+/// The text of an element, or of its reference.
 fn text_of(element: &XmlElement) -> String {
     match element.attribute("href") {
         Some(reference) if element.text.is_empty() => reference.to_owned(),
@@ -113,13 +113,13 @@ fn parse_agent(element: &XmlElement, known: &NamedAgents<'_>) -> Result<AgentId,
             other
         }
         (None, None, "") => return Err(missing),
-        // As in an envelope: not the standard's way, but some write it.
+        // Not standard, but written by some platforms, as in envelopes
         (None, None, text) => text,
     };
     Ok(identifier(name.to_owned(), addresses))
 }
 
-/// The addresses of an agent; a `url` that says none, which the document type allows, is passed over.
+/// The addresses of an agent; a `url` without an address, which the document type allows, is ignored.
 fn addresses_of(agent: &XmlElement) -> Result<Vec<String>, WireError> {
     let mut addresses = Vec::new();
     for url in agent.children("addresses").flat_map(|addresses| addresses.children("url")) {
@@ -133,16 +133,16 @@ fn addresses_of(agent: &XmlElement) -> Result<Vec<String>, WireError> {
     Ok(addresses)
 }
 
-/// Writes a message, as the document type of FIPA00071 wants it. It reads back as the same.
+/// Formats a message according to the document type of FIPA00071. It parses to the same message.
 ///
 /// # Errors
-/// Text with characters that XML cannot hold.
+/// A text contains characters that XML cannot represent.
 pub fn print_xml(message: &WireMessage) -> Result<String, WireError> {
     let mut out = format!("<?xml version=\"1.0\"?>\n<fipa-message act=\"{}\">", message.performative.word());
     if let Some(sender) = &message.sender {
         push_agents_element(&mut out, "sender", std::slice::from_ref(sender))?;
     }
-    // The one element that may come more than once, so that every reader takes it so.
+    // The only element that may be repeated, so that every parser accepts it
     for receiver in &message.receivers {
         push_agents_element(&mut out, "receiver", std::slice::from_ref(receiver))?;
     }

@@ -1,19 +1,19 @@
-//! Moments as FIPA writes them.
+//! Date-times in FIPA's format.
 
 use std::{fmt, time::Duration};
 
 use super::error::{WireError, bad_value};
 use crate::Time;
 
-/// A moment: `20261121T101500000Z`. Kept as it was written: it may be local time, or relative (`+…`).
+/// A date-time such as `20261121T101500000Z`. Stored as written: it may be local time, or relative (`+…`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DateTime(String);
 
 impl DateTime {
-    /// Reads `[+]YYYYMMDDThhmmssmmm[letter]`; some platforms write `Z` for the `T`.
+    /// Parses `[+]YYYYMMDDThhmmssmmm[letter]`; some platforms write `Z` for the `T`.
     ///
     /// # Errors
-    /// It is not of this form, or a field lies outside of its bounds.
+    /// Another format, or a field out of range.
     pub fn parse(text: &str) -> Result<Self, WireError> {
         let bad = || bad_value("date-time", text);
         let relative = text.starts_with('+');
@@ -39,7 +39,7 @@ impl DateTime {
         if in_bounds && zone_ok && matches!(fields[8], b'T' | b'Z') { Ok(Self(text.to_owned())) } else { Err(bad()) }
     }
 
-    /// As written.
+    /// The date-time as written.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -53,43 +53,43 @@ impl fmt::Display for DateTime {
 
 const SECONDS_A_DAY: u64 = 86_400;
 
-/// Ties the time of a platform to the calendar.
+/// Converts between a platform's time and calendar dates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Calendar {
     unix_at_start: Duration,
 }
 
 impl Calendar {
-    /// Of a platform that started so long after the beginning of 1970 (UTC).
+    /// The calendar of a platform that started this long after the beginning of 1970 (UTC).
     pub fn new(unix_at_start: Duration) -> Self {
         Self { unix_at_start }
     }
 
-    /// A moment as a date, in UTC, cut to milliseconds.
+    /// A moment as a date in UTC, truncated to milliseconds.
     pub fn date(self, time: Time) -> DateTime {
         let unix = self.unix_at_start.saturating_add(time.elapsed());
         let (days, seconds) = (unix.as_secs() / SECONDS_A_DAY, unix.as_secs() % SECONDS_A_DAY);
         let (year, month, day) = date_of_days(days);
         let (hour, minute, second, millis) = (seconds / 3600, seconds / 60 % 60, seconds % 60, unix.subsec_millis());
-        // Four digits hold no more.
+        // The format has four digits
         let year = year.min(9999);
         DateTime(format!("{year:04}{month:02}{day:02}T{hour:02}{minute:02}{second:02}{millis:03}Z"))
     }
 
-    /// The moment of a date; of a relative one, counted from `now`. Dates without zone are read as UTC, since nobody
-    /// knows the zone of the writer. What lies before the start of the platform is [`Time::ZERO`].
+    /// The moment of a date; a relative date counts from `now`. Dates without a zone are read as UTC, since the
+    /// writer's zone is unknown. Dates before the start of the platform give [`Time::ZERO`].
     pub fn time(self, now: Time, date: &DateTime) -> Time {
         let (relative, text) = match date.0.strip_prefix('+') {
             Some(text) => (true, text),
             None => (false, date.0.as_str()),
         };
-        // `DateTime` has checked that these are digits.
+        // `DateTime` has checked that these are digits
         let field = |range: std::ops::Range<usize>| text[range].bytes().fold(0, |sum, b| sum * 10 + u64::from(b & 15));
         let (year, month, day) = (field(0..4), field(4..6), field(6..8));
         let in_day = field(9..11) * 3600 + field(11..13) * 60 + field(13..15);
         let millis = Duration::from_millis(field(15..18));
         if relative {
-            // Years and months of a span have no length of their own: 365 and 30 days.
+            // Years and months of a span have no fixed length: use 365 and 30 days
             let days = year * 365 + month * 30 + day;
             return now + (Duration::from_secs(days * SECONDS_A_DAY + in_day) + millis);
         }
@@ -98,8 +98,8 @@ impl Calendar {
     }
 }
 
-/// Days from 1970-01-01; zero for what lies before. Counted in eras of 400 years that begin in March, so that the
-/// leap day is the last of its year (after Howard Hinnant).
+/// Days since 1970-01-01; zero for earlier dates. Counted in eras of 400 years that begin in March, so that the leap
+/// day is the last of its year (after Howard Hinnant).
 fn days_of_date(year: u64, month: u64, day: u64) -> u64 {
     let year = year - u64::from(month <= 2 && year > 0);
     let (era, of_era) = (year / 400, year % 400);

@@ -8,53 +8,53 @@ use super::{
 };
 use crate::AgentId;
 
-/// The most stamps on an envelope.
+/// Maximum number of stamps on an envelope.
 const STAMPS_MAX: usize = 64;
 
-/// What is written around a message: for whom it is, and which way it came.
+/// The envelope of a message: addressing and trace.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Envelope {
-    /// To whom; the receivers of the message.
+    /// The receivers of the message.
     pub to: Vec<AgentId>,
-    /// From whom.
+    /// The sender.
     pub from: Option<AgentId>,
-    /// Anything.
+    /// A comment.
     pub comments: Option<String>,
-    /// The form of the message: [`STRING_FORM`](super::STRING_FORM) or [`XML_FORM`](super::XML_FORM).
+    /// The representation of the message: [`STRING_FORM`](super::STRING_FORM) or [`XML_FORM`](super::XML_FORM).
     pub acl_representation: String,
-    /// Bytes of the message.
+    /// Length of the message, in bytes.
     pub payload_length: Option<u64>,
     /// Character set of the message; absent: ASCII.
     pub payload_encoding: Option<String>,
-    /// When it was sent.
+    /// The date of sending.
     pub date: Option<DateTime>,
-    /// Who gets this copy. Empty: all of `to`.
+    /// The receivers of this copy. Empty: all of `to`.
     pub intended_receivers: Vec<AgentId>,
-    /// The channels that it passed, in order.
+    /// The stamps of the channels that it passed, in order.
     pub received: Vec<Received>,
     /// User-defined parameters.
     pub user: BTreeMap<String, String>,
 }
 
-/// The stamp of a channel that passed the message on.
+/// The stamp of a channel that forwarded the message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Received {
-    /// The channel.
+    /// The address of the channel.
     pub by: String,
-    /// When. The document type lets a stamp be without.
+    /// The date; the document type allows a stamp without one.
     pub date: Option<DateTime>,
-    /// From which channel.
+    /// The previous channel.
     pub from: Option<String>,
-    /// As which message.
+    /// The message's id.
     pub id: Option<String>,
-    /// By which means.
+    /// The transport used.
     pub via: Option<String>,
 }
 
-/// Reads an envelope: of each parameter the value with the greatest index, of the stamps all, in order of index.
+/// Parses an envelope: for each parameter the value with the greatest index; all stamps in order of index.
 ///
 /// # Errors
-/// No well-formed XML, a document type or entity, not an envelope, or more than the bounds allow.
+/// Not well-formed XML, a document type or entity, not an envelope, or a limit exceeded.
 pub fn parse_envelope(text: &str) -> Result<Envelope, WireError> {
     let root = xml::parse(text)?;
     if root.name != "envelope" {
@@ -80,7 +80,7 @@ pub fn parse_envelope(text: &str) -> Result<Envelope, WireError> {
     Ok(envelope)
 }
 
-/// Takes over what one `params` says.
+/// Takes in one `params` element.
 fn read_params(envelope: &mut Envelope, params: &XmlElement) -> Result<(), WireError> {
     let trimmed = |element: &XmlElement| element.text.trim().to_owned();
     let (mut to, mut intended) = (Vec::new(), Vec::new());
@@ -103,7 +103,7 @@ fn read_params(envelope: &mut Envelope, params: &XmlElement) -> Result<(), WireE
             }
             "user-defined" => {
                 bounded(envelope.user.len(), USER_PARAMETERS_MAX, "user-defined parameters")?;
-                // Without a name, which the document type allows, it says nothing.
+                // Ignore a parameter without a name, which the document type allows
                 if let Some(key) = element.attribute("href") {
                     envelope.user.insert(key.to_owned(), element.text.clone());
                 }
@@ -128,7 +128,7 @@ fn push_agents(agents: &mut Vec<AgentId>, element: &XmlElement) -> Result<(), Wi
     Ok(())
 }
 
-/// Unlike in a message, a name here is text.
+/// Unlike in messages, a name is text here.
 fn parse_agent(element: &XmlElement) -> Result<AgentId, WireError> {
     let name = element.child("name").map(|name| name.text.trim().to_owned()).filter(|name| !name.is_empty());
     let name = name.ok_or(WireError::Missing { object: "agent-identifier", part: "name" })?;
@@ -141,7 +141,7 @@ fn parse_agent(element: &XmlElement) -> Result<AgentId, WireError> {
 }
 
 fn parse_stamp(element: &XmlElement) -> Result<Received, WireError> {
-    // The standard's example has the values in attributes, its document type has url elements.
+    // The standard's example has the values in attributes, its document type has url elements
     let value = |name: &str| {
         let part = element.child(name)?;
         let url = || part.child("url").map_or(part.text.as_str(), |url| url.text.as_str());
@@ -157,11 +157,11 @@ fn parse_stamp(element: &XmlElement) -> Result<Received, WireError> {
     })
 }
 
-/// Writes an envelope: one `params` of the sender, one for each stamp, as the document type of FIPA00085 wants it. It
-/// reads back as the same where names, addresses and stamps have no blanks at their ends.
+/// Formats an envelope according to the document type of FIPA00085: one `params` of the sender, one per stamp. It
+/// parses to the same envelope if names, addresses and stamps have no blanks at their ends.
 ///
 /// # Errors
-/// Text with characters that XML cannot hold.
+/// A text contains characters that XML cannot represent.
 pub fn print_envelope(envelope: &Envelope) -> Result<String, WireError> {
     let mut out = "<?xml version=\"1.0\"?>\n<envelope><params index=\"1\">".to_owned();
     push_agents_element(&mut out, "to", &envelope.to)?;
@@ -192,13 +192,13 @@ pub fn print_envelope(envelope: &Envelope) -> Result<String, WireError> {
     Ok(out)
 }
 
-/// A stamp: who passed it on is a URL in an element, all else an attribute.
+/// Formats a stamp: the channel is a URL in an element, everything else an attribute.
 fn push_stamp(out: &mut String, stamp: &Received) -> Result<(), WireError> {
     _ = write!(out, "<received><received-by><url>{}</url></received-by>", escape(&stamp.by)?);
     if let Some(from) = &stamp.from {
         _ = write!(out, "<received-from><url>{}</url></received-from>", escape(from)?);
     }
-    // The date must be there, if only empty.
+    // The date is required, but may be empty
     match &stamp.date {
         Some(date) => _ = write!(out, "<received-date value=\"{date}\"/>"),
         None => out.push_str("<received-date/>"),
@@ -212,7 +212,7 @@ fn push_stamp(out: &mut String, stamp: &Received) -> Result<(), WireError> {
     Ok(())
 }
 
-/// All agents in one element: the document type knows it once. Nothing for none.
+/// Formats all agents in one element: the document type allows it once. Nothing without agents.
 fn push_agents_element(out: &mut String, name: &str, agents: &[AgentId]) -> Result<(), WireError> {
     if agents.is_empty() {
         return Ok(());

@@ -1,52 +1,52 @@
-//! Why a text is no message or envelope.
+//! Errors of messages and envelopes as text.
 
-/// A fault in a text that came over a wire, or in one that shall be sent.
+/// An error in a received text, or in one to send.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
-    /// More than is taken.
+    /// A limit is exceeded.
     #[error("too many {what}: at most {max}")]
     TooMany {
-        /// Of what.
+        /// The kind of items.
         what: &'static str,
-        /// How many may be.
+        /// The limit.
         max: usize,
     },
-    /// The text does not follow its grammar.
+    /// A syntax error.
     #[error("byte {at}: expected {expected}")]
     Syntax {
-        /// Where, as an offset in bytes.
+        /// The position, as an offset in bytes.
         at: usize,
-        /// What should be there.
+        /// The expected syntax.
         expected: &'static str,
     },
-    /// Not well-formed XML.
+    /// The XML is not well-formed.
     #[error("byte {at}: {reason}")]
     Xml {
-        /// Where, as an offset in bytes.
+        /// The position, as an offset in bytes.
         at: u64,
-        /// What is wrong.
+        /// The error.
         reason: String,
     },
-    /// Something that must be there is not.
+    /// A required part is missing.
     #[error("`{object}` has no `{part}`")]
     Missing {
-        /// Of what.
+        /// The object.
         object: &'static str,
-        /// What.
+        /// The missing part.
         part: &'static str,
     },
-    /// Something may be there once only.
+    /// A part is repeated.
     #[error("`{0}` is given twice")]
     Twice(String),
-    /// A value that makes no sense.
+    /// A value is invalid.
     #[error("`{value}` is no {what}")]
     BadValue {
-        /// What it should be.
+        /// The kind of value.
         what: &'static str,
-        /// What it is; cut short.
+        /// The value, truncated.
         value: String,
     },
-    /// Text with characters that the form cannot hold.
+    /// A text contains characters that the representation does not allow.
     #[error("{0} cannot be written in this form")]
     Unprintable(&'static str),
 }

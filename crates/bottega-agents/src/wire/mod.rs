@@ -1,7 +1,7 @@
-//! Messages and envelopes as text, in the forms of FIPA: everything that crosses the border of the platform.
+//! Messages and envelopes as text, in FIPA's representations: everything that crosses the platform's border.
 //!
-//! [`WireMessage`] is a message as strangers see it, all in text; within a platform it is the typed
-//! [`AclMessage`](crate::AclMessage). Every reader bounds what it takes and answers nonsense with a [`WireError`].
+//! [`WireMessage`] is a message to or from another platform, all in text; within a platform it is the typed
+//! [`AclMessage`](crate::AclMessage). Every parser has limits and reports invalid input as a [`WireError`].
 
 mod acl_xml;
 mod date;
@@ -27,13 +27,13 @@ pub const STRING_FORM: &str = "fipa.acl.rep.string.std";
 /// The name of the XML form in envelopes (FIPA00071).
 pub const XML_FORM: &str = "fipa.acl.rep.xml.std";
 
-/// A form in which messages are written.
+/// A representation of messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
-    /// Brackets, words and strings: what every platform reads.
+    /// The string representation: every platform reads it.
     #[default]
     String,
-    /// XML.
+    /// The XML representation.
     Xml,
 }
 
@@ -46,56 +46,56 @@ impl Form {
         }
     }
 
-    /// The form of this name, if it is one of these.
+    /// The representation with this name, if supported.
     pub fn of_name(name: &str) -> Option<Self> {
         [Self::String, Self::Xml].into_iter().find(|form| form.name().eq_ignore_ascii_case(name))
     }
 }
 
-/// The most bytes of a message or envelope as text: enough for the largest entry of a directory, quoted.
+/// Maximum length of a message or envelope as text, in bytes: enough for the largest entry of a directory, quoted.
 pub const TEXT_BYTES_MAX: usize = 3 << 20;
-/// The most agents in one parameter.
+/// Maximum number of agents in one parameter.
 pub const AGENTS_MAX: usize = 1024;
-/// The most addresses of an agent.
+/// Maximum number of addresses of an agent.
 pub const ADDRESSES_MAX: usize = 64;
-/// The most user-defined parameters.
+/// Maximum number of user-defined parameters.
 pub const USER_PARAMETERS_MAX: usize = 64;
 
 /// A message in text (FIPA00061).
 #[derive(Clone, Debug, PartialEq)]
 pub struct WireMessage {
-    /// What the sender does by saying it.
+    /// The communicative act.
     pub performative: Performative,
-    /// Who says it.
+    /// The sender.
     pub sender: Option<AgentId>,
-    /// To whom.
+    /// The receivers.
     pub receivers: Vec<AgentId>,
-    /// To whom answers go, if not to the sender.
+    /// The receivers of replies, if not the sender.
     pub reply_to: Vec<AgentId>,
-    /// What is said.
+    /// The content.
     pub content: Option<String>,
     /// The language of the content.
     pub language: Option<String>,
     /// The encoding of the content.
     pub encoding: Option<String>,
-    /// The vocabulary of the content.
+    /// The ontology of the content.
     pub ontology: Option<String>,
     /// The interaction protocol.
     pub protocol: Option<String>,
-    /// Ties the messages of one conversation together.
+    /// Identifies the conversation.
     pub conversation_id: Option<String>,
-    /// What an answer must carry as `in_reply_to`.
+    /// The `in_reply_to` of a reply.
     pub reply_with: Option<String>,
-    /// The `reply_with` of the message that this one answers.
+    /// The `reply_with` of the message that this one replies to.
     pub in_reply_to: Option<String>,
-    /// When an answer is of no more use.
+    /// The time until which a reply is accepted.
     pub reply_by: Option<DateTime>,
-    /// User-defined parameters; their names begin with `X-`.
+    /// User-defined parameters; their names start with `X-`.
     pub user: BTreeMap<String, String>,
 }
 
 impl WireMessage {
-    /// A message that says nothing yet.
+    /// An empty message.
     pub fn new(performative: Performative) -> Self {
         Self {
             performative,
@@ -115,7 +115,7 @@ impl WireMessage {
         }
     }
 
-    /// An answer of `from`, threaded as the standard wants it: to `reply_to` if given, else to the sender.
+    /// A reply of `from`, threaded according to the standard: to `reply_to` if given, else to the sender.
     pub fn reply(&self, performative: Performative, from: AgentId, content: String) -> Self {
         let receivers =
             if self.reply_to.is_empty() { self.sender.iter().cloned().collect() } else { self.reply_to.clone() };
@@ -134,17 +134,17 @@ impl WireMessage {
     }
 }
 
-/// Refuses one more than `max`.
+/// Checks that one more item is within `max`.
 fn bounded(count: usize, max: usize, what: &'static str) -> Result<(), WireError> {
     if count < max { Ok(()) } else { Err(WireError::TooMany { what, max }) }
 }
 
-/// Refuses a second value.
+/// Sets a value; fails if it is set already.
 fn set_once<T>(slot: &mut Option<T>, value: T, name: &str) -> Result<(), WireError> {
     if slot.replace(value).is_some() { Err(WireError::Twice(name.to_owned())) } else { Ok(()) }
 }
 
-/// An identifier as it was read.
+/// An identifier from its parsed parts.
 fn identifier(name: String, addresses: Vec<String>) -> AgentId {
     AgentId { name: name.into(), addresses: addresses.into() }
 }

@@ -1,4 +1,4 @@
-//! Messages in the string form (FIPA00070): brackets, words, strings.
+//! Messages in the string representation (FIPA00070).
 
 use std::{collections::BTreeMap, fmt::Write};
 
@@ -8,12 +8,13 @@ use super::{
 };
 use crate::{AgentId, Performative};
 
-/// Reads one message.
+/// Parses a message.
 ///
-/// Unknown parameters are passed over, as are resolvers of identifiers; all but user-defined ones may come once.
+/// Unknown parameters and resolvers of identifiers are ignored; all parameters except user-defined ones may occur only
+/// once.
 ///
 /// # Errors
-/// The text does not follow the grammar or goes beyond a bound.
+/// A syntax error, or a limit exceeded.
 pub fn parse_string(text: &str) -> Result<WireMessage, WireError> {
     let mut reader = TextReader::new(text)?;
     reader.open()?;
@@ -46,19 +47,19 @@ pub fn parse_string(text: &str) -> Result<WireMessage, WireError> {
     Ok(message)
 }
 
-/// Goes over a text of brackets, words and strings; content languages are lexed the same.
+/// The lexer of brackets, words and strings, also used for content languages.
 pub(crate) struct TextReader<'a> {
     text: &'a str,
     at: usize,
 }
 
-/// Bytes that end a word.
+/// True for bytes that end a word.
 fn ends_word(byte: u8) -> bool {
     byte <= b' ' || matches!(byte, b'(' | b')' | b'"')
 }
 
 impl<'a> TextReader<'a> {
-    /// At the beginning of a text of no more than [`TEXT_BYTES_MAX`] bytes.
+    /// Starts at the beginning of a text; fails if it is longer than [`TEXT_BYTES_MAX`] bytes.
     pub(crate) fn new(text: &'a str) -> Result<Self, WireError> {
         if text.len() > TEXT_BYTES_MAX {
             return Err(WireError::TooMany { what: "bytes", max: TEXT_BYTES_MAX });
@@ -94,7 +95,7 @@ impl<'a> TextReader<'a> {
         if self.peek().is_some() { Err(self.expected("the end of the message")) } else { Ok(()) }
     }
 
-    /// The name of the next parameter, or `None` after the closing bracket.
+    /// The name of the next parameter; `None` after the closing bracket.
     fn parameter(&mut self) -> Result<Option<&'a str>, WireError> {
         if self.eat_close() {
             return Ok(None);
@@ -111,7 +112,7 @@ impl<'a> TextReader<'a> {
         let start = self.at;
         let length = self.text.as_bytes()[start..].iter().take_while(|byte| !ends_word(**byte)).count();
         self.at += length;
-        // Only ASCII bytes end a word, so the cut lies between characters.
+        // Only ASCII bytes end a word, so this is a character boundary
         &self.text[start..self.at]
     }
 
@@ -125,7 +126,7 @@ impl<'a> TextReader<'a> {
         }
     }
 
-    /// `"…"`, in which `\"` is a quote and any other backslash is itself.
+    /// Reads `"…"`, in which `\"` is a quote and any other backslash is literal.
     fn quoted(&mut self) -> Result<String, WireError> {
         let mut string = String::new();
         let mut rest = &self.text[self.at + 1..];
@@ -146,8 +147,8 @@ impl<'a> TextReader<'a> {
         }
     }
 
-    /// `#n"` and n bytes. Some count the units of UTF-16 instead, of which there are fewer: that is how a text is read
-    /// that ends in a backslash, the one that must be written so, where n bytes do not.
+    /// Reads `#n"` and n bytes. Some platforms count UTF-16 units, of which there are fewer: a text is read that way if
+    /// it then ends in a backslash (the only text that must be written so) and n bytes do not.
     fn counted(&mut self) -> Result<String, WireError> {
         let rest = &self.text[self.at + 1..];
         let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
@@ -162,7 +163,7 @@ impl<'a> TextReader<'a> {
         Ok(string.to_owned())
     }
 
-    /// `(set AID AID …)`, or a single identifier.
+    /// Reads `(set AID AID …)`, or a single identifier.
     fn agents(&mut self) -> Result<Vec<AgentId>, WireError> {
         let start = self.at;
         self.open()?;
@@ -217,7 +218,7 @@ impl<'a> TextReader<'a> {
     }
 
     fn user_parameter(&mut self, name: &str, user: &mut BTreeMap<String, String>) -> Result<(), WireError> {
-        // What is no text, a platform of ours has not sent.
+        // Content that is not text cannot be from this program
         if self.peek() == Some(b'(') {
             return self.skip();
         }
@@ -229,7 +230,7 @@ impl<'a> TextReader<'a> {
         }
     }
 
-    /// Passes over one expression, however deep.
+    /// Skips one expression, of any depth.
     fn skip(&mut self) -> Result<(), WireError> {
         let mut depth = 0_usize;
         loop {
@@ -251,10 +252,10 @@ impl<'a> TextReader<'a> {
     }
 }
 
-/// Writes a message. It reads back as the same.
+/// Formats a message. It parses to the same message.
 ///
 /// # Errors
-/// A user-defined parameter whose name is not `X-` and a word.
+/// The name of a user-defined parameter is not `X-` and a word.
 pub fn print_string(message: &WireMessage) -> Result<String, WireError> {
     let mut out = format!("({}", message.performative.word());
     if let Some(sender) = &message.sender {
@@ -291,7 +292,7 @@ pub fn print_string(message: &WireMessage) -> Result<String, WireError> {
     Ok(out)
 }
 
-/// The parameters that are text, by name.
+/// The text parameters, by name.
 pub(super) fn texts(message: &WireMessage) -> [(&'static str, Option<&str>); 8] {
     [
         ("content", message.content.as_deref()),
@@ -319,33 +320,34 @@ fn push_agent(out: &mut String, agent: &AgentId) {
     out.push(')');
 }
 
-/// Writes a text so that every reader we know of reads it.
+/// Appends a text so that all known parsers read it.
 pub(crate) fn push_text(out: &mut String, text: &str) {
     if is_word(text) {
         out.push_str(text);
     } else if text.ends_with('\\') {
-        // The one escape cannot say it: with the quote that ends the string it is another quote.
+        // The escape does not work here: before the closing quote a backslash reads as an escaped quote
         push_counted(out, text);
     } else {
         _ = write!(out, "\"{}\"", text.replace('"', "\\\""));
     }
 }
 
-/// Writes a text that ends in a backslash by its length. The standard counts bytes. JADE counts the units of UTF-16, and
-/// reads beyond the end of the text where bytes are counted: so units are, wherever [`TextReader`] cannot take them for bytes.
+/// Appends a text that ends in a backslash with its length. The standard counts bytes. JADE counts UTF-16 units, and
+/// reads beyond the end of the text if bytes are counted: so units are counted wherever [`TextReader`] does not take
+/// them for bytes.
 fn push_counted(out: &mut String, text: &str) {
     let units = text.encode_utf16().count();
     let count = if counted_bytes(text, units).is_none_or(|read| read == text) { units } else { text.len() };
     _ = write!(out, "#{count}\"{text}");
 }
 
-/// The text of so many bytes; `None` if it is rather [`counted_units`] that counts.
+/// The text of this many bytes; `None` if [`counted_units`] applies instead.
 fn counted_bytes(text: &str, count: usize) -> Option<&str> {
     let read = text.get(..count)?;
     (read.ends_with('\\') || counted_units(text, count).is_none()).then_some(read)
 }
 
-/// The text of so many units of UTF-16, if it ends in a backslash.
+/// The text of this many UTF-16 units, if it ends in a backslash.
 fn counted_units(text: &str, count: usize) -> Option<&str> {
     let mut left = count;
     let end = text.char_indices().find_map(|(at, character)| {
@@ -359,14 +361,14 @@ fn counted_units(text: &str, count: usize) -> Option<&str> {
     (read.ends_with('\\') && read.encode_utf16().count() == count).then_some(read)
 }
 
-/// Whether a text may stand without quotes, for every reader we know of.
+/// True if all known parsers read the text without quotes.
 pub(crate) fn is_word(text: &str) -> bool {
     let Some(first) = text.bytes().next() else { return false };
     !matches!(first, b'#' | b'0'..=b'9' | b'-' | b'@' | b':' | b'+')
         && text.bytes().all(|byte| byte.is_ascii_graphic() && !ends_word(byte) && byte != b'\\')
 }
 
-/// Whether a user-defined parameter may have this name. What is named otherwise is passed over.
+/// True for valid names of user-defined parameters. Others are ignored.
 fn is_user_name(name: &str) -> bool {
     let prefix = name.get(..2).is_some_and(|prefix| prefix.eq_ignore_ascii_case("x-"));
     prefix && name.len() > 2 && is_word(name)

@@ -1,4 +1,4 @@
-//! XML as a small tree, with bounds and without document types or entities.
+//! A small XML tree with limits, without document types and entities.
 
 use quick_xml::{
     Reader, XmlVersion,
@@ -7,20 +7,20 @@ use quick_xml::{
 
 use super::{TEXT_BYTES_MAX, WireError};
 
-/// The most elements within elements.
+/// Maximum depth of elements.
 const DEPTH_MAX: usize = 16;
-/// The most elements of a document.
+/// Maximum number of elements in a document.
 const ELEMENTS_MAX: usize = 1 << 14;
-/// The most attributes of an element.
+/// Maximum number of attributes of an element.
 const ATTRIBUTES_MAX: usize = 16;
 
-/// An element, its attributes, the text and the elements in it.
+/// An element with its attributes, text and child elements.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct XmlElement {
     pub(super) name: String,
     pub(super) attributes: Vec<(String, String)>,
     pub(super) children: Vec<XmlElement>,
-    /// All text directly within.
+    /// All text directly within it.
     pub(super) text: String,
 }
 
@@ -38,7 +38,7 @@ impl XmlElement {
     }
 }
 
-/// Reads a document.
+/// Parses a document.
 pub(super) fn parse(text: &str) -> Result<XmlElement, WireError> {
     if text.len() > TEXT_BYTES_MAX {
         return Err(WireError::TooMany { what: "bytes", max: TEXT_BYTES_MAX });
@@ -48,7 +48,7 @@ pub(super) fn parse(text: &str) -> Result<XmlElement, WireError> {
     }
     let mut reader = Reader::from_str(text);
     reader.config_mut().enable_all_checks(true);
-    // The root of all, and the elements that are open.
+    // The document root and the open elements
     let mut open = vec![XmlElement::default()];
     let mut count = 0;
     loop {
@@ -66,7 +66,7 @@ pub(super) fn parse(text: &str) -> Result<XmlElement, WireError> {
                 open[top].children.push(element(&start).map_err(fail)?);
             }
             Event::End(_) => {
-                // The reader has checked that each end has its start.
+                // The parser has checked that each end tag has its start tag
                 let Some(closed) = open.pop().filter(|_| !open.is_empty()) else {
                     return Err(fail("an end without a start".to_owned()));
                 };
@@ -139,12 +139,12 @@ fn element(start: &BytesStart<'_>) -> Result<XmlElement, String> {
     Ok(XmlElement { name: start.name().into_inner().to_owned(), attributes, ..XmlElement::default() })
 }
 
-/// XML 1.0, production 2.
+/// True for characters of XML 1.0, production 2.
 fn is_legal(character: char) -> bool {
     matches!(character, '\t' | '\n' | '\r' | ' '..='\u{d7ff}' | '\u{e000}'..='\u{fffd}' | '\u{10000}'..)
 }
 
-/// Writes text so that it reads back as itself; also between double quotes.
+/// Escapes text, also for use between double quotes.
 pub(super) fn escape(text: &str) -> Result<String, WireError> {
     let mut out = String::with_capacity(text.len());
     for character in text.chars() {

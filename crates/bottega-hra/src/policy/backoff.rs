@@ -1,10 +1,10 @@
-//! Pauses after failures.
+//! Suspension after failures.
 
 use std::time::Duration;
 
 use crate::HraConfig;
 
-/// Failures in a row, and the pauses that follow from them.
+/// Number of consecutive failures, and the resulting suspensions.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Backoff {
     failures: u32,
@@ -15,18 +15,18 @@ impl Backoff {
         self.failures = 0;
     }
 
-    /// Whether it has failed since it last did something.
+    /// True if it has failed since its last success.
     pub(crate) fn has_failed(&self) -> bool {
         self.failures > 0
     }
 
-    /// The pause after one more failure: twice the one before. `None`: enough.
+    /// The suspension after one more failure: twice the one before. `None`: too many failures.
     pub(crate) fn failed(&mut self, config: &HraConfig) -> Option<Duration> {
         self.failures = self.failures.saturating_add(1);
         (self.failures < config.max_failures).then(|| self.pause(config))
     }
 
-    /// The pause after one more doubt: as after a failure, but it is never enough.
+    /// The suspension after one more doubt: as after a failure, but without a maximum number.
     pub(crate) fn doubted(&mut self, config: &HraConfig) -> Duration {
         self.failures = self.failures.saturating_add(1).min(config.max_failures.saturating_sub(1)).max(self.failures);
         self.pause(config)

@@ -1,4 +1,4 @@
-//! The work bin: what waits, and what goes next.
+//! The work bin: waiting units, and the selection of the next one.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,10 +8,10 @@ use super::time::Time;
 use super::unit::{Chunk, Data, Meta, Unit, UnitNeeds};
 use crate::{DataId, Primitive, PrimitiveSet};
 
-/// Sets of data of one priority that are looked at for one that is resident.
+/// Maximum number of data sets of one priority that are searched for a resident one.
 const DATA_LOOKED_AT: usize = 16;
 
-/// A chunk's place: highest priority first, then by data, then first come.
+/// Sort key of a chunk: highest priority, then data, then first come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct ChunkOrder {
     priority: Reverse<i32>,
@@ -23,7 +23,7 @@ pub(crate) struct ChunkOrder {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BinHead {
     pub(crate) order: ChunkOrder,
-    /// Of the unit in front.
+    /// The needs of its first unit.
     pub(crate) needs: UnitNeeds,
     pub(crate) late: Time,
 }
@@ -38,20 +38,20 @@ impl BinHead {
     }
 }
 
-/// How much is handed over at once.
+/// Limit on the units of one packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PacketBound {
     pub(crate) units: usize,
-    /// For a resource behind a slow cable.
+    /// Limit in bytes, for a resource behind a slow cable.
     pub(crate) bytes: Option<CableBytes>,
 }
 
-/// What waits for one primitive.
+/// The waiting units of one primitive.
 struct Shelf<T> {
     chunks: BTreeMap<ChunkOrder, Chunk<T>>,
     /// The chunks, by the time at which their first unit becomes late.
     late: BTreeSet<(Time, ChunkOrder)>,
-    /// Those whose first unit expires, by that time.
+    /// The chunks whose first unit expires, by that time.
     expiring: BTreeSet<(Time, ChunkOrder)>,
     items: u64,
 }
@@ -87,17 +87,17 @@ impl<T> Shelf<T> {
         Some(BinHead { order, needs: front.needs(), late: front.late })
     }
 
-    /// The first chunk after `order` that is of other data or lower priority.
+    /// The first chunk after `order` with other data or lower priority.
     fn beyond(&self, order: ChunkOrder) -> Option<ChunkOrder> {
         let last = ChunkOrder { sequence: u64::MAX, ..order };
         self.chunks.range(last..).next().map(|(&order, _)| order)
     }
 }
 
-/// All units that wait.
+/// All waiting units.
 pub(crate) struct Bin<T> {
     shelves: [Shelf<T>; Primitive::COUNT],
-    /// Units that came back from a resource that failed: few, for a resource that fails is left alone for a while.
+    /// Units that came back from a failed resource: few, because failed resources are suspended.
     retries: Vec<Unit<T>>,
     len: usize,
     sequence: u64,
@@ -112,7 +112,7 @@ impl<T> Bin<T> {
         self.len
     }
 
-    /// Items that wait for a primitive, those of units to be tried again left out.
+    /// Number of waiting items of a primitive, without units to retry.
     pub(crate) fn items_of(&self, primitive: Primitive) -> u64 {
         self.shelves[primitive.index()].items
     }
@@ -127,20 +127,20 @@ impl<T> Bin<T> {
         self.shelves[shelf].put(order, chunk);
     }
 
-    /// Puts back a unit that failed; it goes before all others.
+    /// Puts back a failed unit; it goes before all others.
     pub(crate) fn push_retry(&mut self, unit: Unit<T>) {
         self.retries.push(unit);
         self.len += 1;
     }
 
-    /// A unit that failed elsewhere and `may` be tried here.
+    /// Takes a unit that failed elsewhere and `may` be tried here.
     pub(crate) fn take_retry(&mut self, may: impl Fn(&Meta) -> bool) -> Option<Unit<T>> {
         let index = self.retries.iter().position(|unit| may(&unit.meta))?;
         self.len -= 1;
         Some(self.retries.remove(index))
     }
 
-    /// Of the units that are late at `until`, the one that was so first.
+    /// The unit that became late first, among those late at `until`.
     pub(crate) fn latest(
         &self,
         able: PrimitiveSet,
@@ -155,8 +155,8 @@ impl<T> Bin<T> {
         able.iter().filter_map(first).min_by_key(|head| (head.late, head.needs.primitive, head.order))
     }
 
-    /// Where to draw from for `primitive`: of the highest priority that has data which the resource `holds`, what is
-    /// resident there, else what came first.
+    /// The position to draw from for `primitive`: among the data of the highest priority that the resource `holds`, a
+    /// resident one, else the first come.
     pub(crate) fn head(
         &self,
         primitive: Primitive,
@@ -186,7 +186,7 @@ impl<T> Bin<T> {
         best
     }
 
-    /// Takes units from `head` on, of the same priority and data: as many as the bound lets, and at least one.
+    /// Takes units from `head` on, of the same priority and data: as many as the limit allows, and at least one.
     pub(crate) fn draw(&mut self, head: &BinHead, bound: PacketBound) -> Vec<Unit<T>> {
         let shelf = &mut self.shelves[head.needs.primitive.index()];
         let (mut drawn, mut bytes) = (Vec::new(), CableBytes::default());
@@ -213,7 +213,7 @@ impl<T> Bin<T> {
         drawn
     }
 
-    /// Takes out what is expired.
+    /// Removes expired units.
     pub(crate) fn take_expired(&mut self, now: Time, out: &mut Vec<Unit<T>>) {
         let before = out.len();
         for shelf in &mut self.shelves {
@@ -231,14 +231,14 @@ impl<T> Bin<T> {
         self.len -= out.len() - before;
     }
 
-    /// When the next unit expires.
+    /// The time at which the next unit expires.
     pub(crate) fn next_expiry(&self) -> Option<Time> {
         let shelves = self.shelves.iter().filter_map(|shelf| shelf.expiring.first().map(|&(expires, _)| expires));
         let retries = self.retries.iter().map(|unit| unit.meta.expires).filter(|&expires| expires < Time::NEVER);
         shelves.chain(retries).min()
     }
 
-    /// Takes out all units for which `wanted` holds, in order of submission within a primitive, priority and data.
+    /// Removes all units for which `wanted` holds, in order of submission within a primitive, priority and data.
     pub(crate) fn extract(&mut self, wanted: impl Fn(&Unit<T>) -> bool) -> Vec<Unit<T>> {
         let mut out: Vec<_> = self.retries.extract_if(.., |unit| wanted(unit)).collect();
         for shelf in &mut self.shelves {

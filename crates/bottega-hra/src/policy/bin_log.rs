@@ -1,42 +1,42 @@
-//! The log of the work bin: how full it was over time, in bounded memory.
+//! The log of the work bin's fill level over time, in bounded memory.
 
 use std::time::Duration;
 
 use super::time::Time;
 
-/// Steps of time that are kept.
+/// Maximum number of time steps kept.
 const STEPS_MAX: usize = 512;
-/// Length of the first steps.
+/// Initial length of a step.
 const STEP_MIN: Duration = Duration::from_millis(1);
 
-/// The work bin since the allocator was made, or in a part of that time.
+/// The fill level of the work bin since the allocator was made, or in a part of that time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BinReport {
-    /// Units that waited, in the mean over time.
+    /// Mean number of waiting units over time.
     pub mean_waiting: f64,
-    /// Time in which it had all the units that it took: submitters waited.
+    /// Time in which it was full, and submitters waited.
     pub full: Duration,
-    /// Time in which no unit waited: resources took what came at once, or had nothing to do.
+    /// Time in which no unit waited: resources took everything at once, or had nothing to do.
     pub empty: Duration,
-    /// Equal steps of time, in their order; the last one may not be over.
+    /// Time steps of equal length, in order; the last one may be incomplete.
     pub steps: Vec<BinStep>,
 }
 
-/// The bin during one step of time.
+/// The bin during one time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BinStep {
-    /// From when.
+    /// Start.
     pub from: Time,
-    /// Until when.
+    /// End.
     pub to: Time,
-    /// Units that waited, in the mean.
+    /// Mean number of waiting units.
     pub waiting: f64,
-    /// Units that it took, at the end of the step.
+    /// Capacity at the end of the step.
     pub capacity: usize,
 }
 
 impl BinReport {
-    /// What has happened since an earlier report; times count from there.
+    /// The difference from an earlier report; times count from there.
     pub(crate) fn since(&self, before: &Self, then: Duration, now: Duration) -> Self {
         let start = Time::at(then);
         let seconds = now.saturating_sub(then).as_secs_f64().max(f64::MIN_POSITIVE);
@@ -55,7 +55,7 @@ impl BinReport {
     }
 }
 
-/// Adds up what waits. There are always as many steps as there is time for; when there are too many, two become one.
+/// The log. When there are too many steps, pairs of them are merged.
 #[derive(Debug)]
 pub(crate) struct BinLog {
     now: Time,
@@ -89,7 +89,7 @@ impl BinLog {
         }
     }
 
-    /// From `now` on so many wait, of so many that the bin takes.
+    /// Notes the number of waiting units and the capacity from `now` on.
     pub(crate) fn note(&mut self, now: Time, waiting: usize, capacity: usize) {
         if (waiting, capacity) == (self.waiting, self.capacity) && now.since(self.now) < self.step {
             return;
@@ -141,7 +141,7 @@ impl BinLog {
         self.step *= 2;
     }
 
-    /// What it was like until `now`.
+    /// The report until `now`.
     pub(crate) fn report(&mut self, now: Time) -> BinReport {
         self.advance(now);
         let length = self.step.as_secs_f64();

@@ -1,4 +1,5 @@
-//! The book of costs of primitives on resources, kept from one run to the next. Text in, text out; files are the caller's.
+//! The cost book: learned costs of primitives on resources, kept between runs. Text in, text out; the caller handles
+//! files.
 
 use std::collections::BTreeMap;
 
@@ -7,46 +8,46 @@ use serde::{Deserialize, Serialize};
 use super::cost::CostModel;
 use crate::Primitive;
 
-/// The form of the text. Another number is not read.
+/// Version of the text's format; others are rejected.
 const FORMAT: u32 = 1;
-/// Longest text that is read.
+/// Maximum length of a text, in bytes.
 const TEXT_MAX: usize = 1 << 20;
 
-/// Learnt costs by resource and primitive.
+/// Learned costs by resource and primitive.
 ///
-/// A resource is known by its name without the number at its end: lanes of one processor share an entry. The version
-/// says whose costs these are (that of the program, and what else costs depend on); costs of another version are not
-/// taken over, because they would be wrong without anybody noticing.
+/// A resource is identified by its name without a trailing number: lanes of one processor share an entry. The version
+/// says under which conditions the costs were learned (program version, and all else they depend on); costs of another
+/// version are rejected, because they may be wrong without notice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CostBook {
     version: String,
     costs: BTreeMap<String, [CostModel; Primitive::COUNT]>,
 }
 
-/// Why a text is not a book of costs that can be used.
+/// An error in the text of a cost book.
 #[derive(Debug, thiserror::Error)]
 pub enum CostBookError {
-    /// It is longer than any book.
+    /// It is longer than the maximum.
     #[error("the text has {0} bytes, which no book of costs has")]
     TooLong(usize),
     /// It is not JSON, or has other fields.
     #[error("not a book of costs")]
     Syntax(#[source] serde_json::Error),
-    /// It was written in another form.
+    /// It has another version of the format.
     #[error("the book of costs has form {found}, not {FORMAT}")]
     Format {
-        /// The form of the text.
+        /// The version found.
         found: u32,
     },
-    /// It was learnt by another version.
+    /// It was learned under another version.
     #[error("the costs were learnt by version `{found}`, not `{wanted}`")]
     Version {
-        /// That of the text.
+        /// The version in the text.
         found: String,
-        /// That which was asked for.
+        /// The expected version.
         wanted: String,
     },
-    /// A number makes no sense.
+    /// A number is invalid.
     #[error("the cost of `{primitive}` on `{resource}` is not one")]
     Cost {
         /// The name of the resource.
@@ -75,12 +76,12 @@ struct BookEntry {
 }
 
 impl CostBook {
-    /// An empty book of costs that `version` learns.
+    /// An empty book for costs learned under `version`.
     pub fn new(version: impl Into<String>) -> Self {
         Self { version: version.into(), costs: BTreeMap::new() }
     }
 
-    /// Reads what [`CostBook::to_json`] wrote.
+    /// Parses the JSON of [`CostBook::to_json`].
     pub fn from_json(text: &str, version: &str) -> Result<Self, CostBookError> {
         if text.len() > TEXT_MAX {
             return Err(CostBookError::TooLong(text.len()));
@@ -108,7 +109,7 @@ impl CostBook {
         Ok(book)
     }
 
-    /// The book as text.
+    /// The book as JSON.
     pub fn to_json(&self) -> String {
         let entries = |costs: &[CostModel; Primitive::COUNT]| {
             let known = Primitive::ALL.into_iter().filter(|primitive| costs[primitive.index()].units() > 0);
@@ -119,13 +120,13 @@ impl CostBook {
         serde_json::to_string_pretty(&text).unwrap_or_default()
     }
 
-    /// The cost of a primitive on a resource, if it is known.
+    /// The cost of a primitive on a resource, if known.
     pub fn get(&self, resource: &str, primitive: Primitive) -> Option<&CostModel> {
         let costs = self.costs.get(kind_of(resource))?;
         Some(&costs[primitive.index()]).filter(|cost| cost.units() > 0)
     }
 
-    /// Writes down what a resource costs; of lanes of one kind, the one that has seen most counts.
+    /// Sets the cost on a resource; of several lanes of one kind, the one with most measurements is kept.
     pub fn set(&mut self, resource: &str, primitive: Primitive, cost: CostModel) {
         let costs = self.costs.entry(kind_of(resource).to_owned()).or_default();
         let known = &mut costs[primitive.index()];
@@ -160,7 +161,7 @@ impl BookEntry {
     }
 }
 
-/// A name without the number at its end.
+/// A name without a trailing number.
 fn kind_of(name: &str) -> &str {
     name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end()
 }

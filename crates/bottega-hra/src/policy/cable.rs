@@ -1,23 +1,24 @@
-//! The cable of a far resource: how many bytes a second pass, learnt from what was sent, and how much a packet may hold for it.
+//! The cable of a far resource: its bandwidth, learned from the traffic, and the resulting limit on packets.
 //!
-//! Both directions are in use at the same time, so that the slower one decides. A resource behind a slow cable is one for which the
-//! bytes of a unit take longer than the unit; it gets packets that occupy the cable for [`PACKET_TIME`], whatever else a packet
-//! costs: while one is sent the one before is computed, and no unit waits longer for the others of its packet.
+//! Both directions are used at the same time, so the slower one decides. A cable is slow if the bytes of a unit take
+//! longer than the unit itself. Packets over a slow cable occupy it for [`PACKET_TIME`], whatever their other costs:
+//! while one is sent the one before is computed, and no unit waits longer for the others of its packet.
 //!
 //! Source: Pereira et al., *Efficient use of Multiple Hardware Components for Image Synthesis*, section 3.3.6.
 
 use crate::{CableUse, Link, Transfer};
 
-/// How long a packet occupies a slow cable, in nanoseconds, if it has more than one unit: some fifty times what it takes to hand it over.
+/// Time for which a packet of more than one unit occupies a slow cable, in nanoseconds: about fifty times that of
+/// handing it over.
 const PACKET_TIME: f64 = 10e6;
-/// Share of a unit's time from which on its bytes count as what it costs.
+/// Share of a unit's time from which its bytes count as its cost.
 const SLOW_FROM: f64 = 0.5;
-/// Bytes for which the bandwidth counts that was there before any was measured.
+/// Number of bytes with which the initial bandwidth is weighted.
 const BYTES_BEFORE: f64 = 65_536.0;
-/// Part of the old measurements that is left after each new one.
+/// Factor on the weight of old measurements at each new one.
 const KEPT: f64 = 0.9;
 
-/// Bytes of a unit, or of a packet, in both directions.
+/// Bytes of a unit or a packet in both directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct CableBytes {
     pub(crate) there: u64,
@@ -33,14 +34,14 @@ impl CableBytes {
         self.there <= bound.there && self.back <= bound.back
     }
 
-    /// How many units of so many bytes fit; at least one.
+    /// The number of units of this size that fit; at least one.
     pub(crate) fn units(self, unit: Self) -> usize {
         let [there, back] = [self.there / unit.there.max(1), self.back / unit.back.max(1)];
         usize::try_from(there.min(back)).unwrap_or(usize::MAX).max(1)
     }
 }
 
-/// One direction: bytes, and the time in which they passed, both fading.
+/// One direction: bytes and the time they took, both decaying.
 #[derive(Clone, Copy, Debug)]
 struct CableWay {
     bytes: f64,
@@ -73,7 +74,7 @@ impl CableWay {
     }
 }
 
-/// The cable of a resource.
+/// The cable of a resource, with its learned bandwidth.
 #[derive(Clone, Debug)]
 pub(crate) struct Cable {
     there: CableWay,
@@ -82,19 +83,19 @@ pub(crate) struct Cable {
 }
 
 impl Cable {
-    /// A cable of which only the description is known.
+    /// A cable without measurements.
     pub(crate) fn new(link: &Link) -> Self {
         let (there, back) = (CableWay::new(link.bandwidth), CableWay::new(link.bandwidth));
         Self { there, back, passed: CableUse::default() }
     }
 
-    /// Data goes along with a packet.
+    /// Adds data sent with a packet.
     pub(crate) fn moved(&mut self, bytes: u64) {
         self.passed.sent_bytes = self.passed.sent_bytes.saturating_add(bytes);
     }
 
-    /// A packet is answered, `away_ns` after it was sent. `measured`: the bytes there and back, where the driver knows; else those
-    /// of its units count.
+    /// Takes in an answered packet, `away_ns` after it was sent. `measured`: the traffic in both directions, if the
+    /// driver measured it; else the bytes of its units count.
     pub(crate) fn answered(&mut self, bytes: CableBytes, away: std::time::Duration, measured: Option<&[Transfer; 2]>) {
         let passed = measured.map_or(bytes, |[there, back]| CableBytes { there: there.bytes, back: back.bytes });
         self.passed.sent_bytes = self.passed.sent_bytes.saturating_add(passed.there);
@@ -107,22 +108,23 @@ impl Cable {
         }
     }
 
-    /// Nanoseconds for which bytes occupy the cable.
+    /// Time for which bytes occupy the cable, in nanoseconds.
     pub(crate) fn ns(&self, bytes: CableBytes) -> f64 {
         self.there.ns(bytes.there).max(self.back.ns(bytes.back))
     }
 
-    /// Nanoseconds that bytes take there and their answer back, one after the other.
+    /// Time of bytes to the resource plus that of the answer, in nanoseconds.
     pub(crate) fn way_ns(&self, bytes: CableBytes) -> f64 {
         self.there.ns(bytes.there) + self.back.ns(bytes.back)
     }
 
-    /// Nanoseconds until data is there.
+    /// Time to send data, in nanoseconds.
     pub(crate) fn moving_ns(&self, bytes: u64) -> f64 {
         self.there.ns(bytes)
     }
 
-    /// Most bytes in a packet of such units, if each takes `unit_ns` in all; `None`: the cable sets no bound.
+    /// Maximum number of bytes in a packet of such units, if each takes `unit_ns` in all; `None`: the cable sets no
+    /// limit.
     pub(crate) fn most_bytes(&self, unit: CableBytes, unit_ns: f64) -> Option<CableBytes> {
         let cable_ns = self.ns(unit);
         let is_slow = cable_ns > 0.0 && cable_ns >= SLOW_FROM * unit_ns;

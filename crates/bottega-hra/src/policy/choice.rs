@@ -7,23 +7,23 @@ use super::time::Time;
 use super::unit::Unit;
 use crate::ResourceId;
 
-/// Shortest time after which a resource that got nothing asks again.
+/// Minimum time after which a resource that got nothing asks again.
 pub(super) const ASK_AGAIN_MIN: Duration = Duration::from_micros(200);
 
-/// What a resource gets.
+/// The choice for a resource.
 pub(super) enum LaneChoice<T> {
     /// A unit that failed elsewhere.
     Retry(Unit<T>),
-    /// Units from there.
+    /// Units from this position of the bin.
     Draw { head: BinHead, bound: PacketBound },
-    /// Nothing before that time: others will be sooner, those named first of all, who must be awake to be so.
+    /// Nothing before that time: other resources finish sooner, and must be awake for that.
     Decline { until: Time, sooner: Vec<ResourceId> },
-    /// There is nothing that it can do.
+    /// Nothing that it supports is waiting.
     Nothing,
 }
 
 impl<T> LaneChoice<T> {
-    /// Nothing just now: what it should do is on its way into the bin.
+    /// Nothing at the moment: its work is about to enter the bin.
     pub(super) fn shortly(now: Time) -> Self {
         Self::Decline { until: now.after(ASK_AGAIN_MIN), sooner: Vec::new() }
     }

@@ -1,4 +1,4 @@
-//! The allocator without threads: units come in, resources ask for work and answer, and it is said who does what.
+//! The core of the allocator, without threads: units come in, resources ask for work and answer, and decisions go out.
 
 use std::time::Duration;
 
@@ -33,47 +33,46 @@ pub(crate) struct Core<T> {
     pub(super) expiries: Expiries,
     pub(super) planned: Option<PlannedPacket>,
     pub(super) closed: bool,
-    /// Resources that wait to be woken.
+    /// Number of resources that wait to be woken.
     pub(super) dozing: usize,
-    /// Resources that were woken and have not asked yet.
+    /// Number of resources that were woken and have not asked yet.
     pub(super) called: usize,
 }
 
-/// What a resource is to do.
+/// The next step of a resource.
 pub(crate) enum Next<T> {
-    /// Do this.
+    /// Compute this packet.
     Packet(Packet<T>),
-    /// Throw this out, for after such a failure nobody knows what you hold; make yourself ready, and say whether that went
-    /// well.
+    /// Evict this data, because after such a failure its contents are unknown; recover, and report the result.
     Recover(Vec<DataId>),
     /// Ask again when woken, when something is answered, and at this time.
     Wait(Option<Time>),
-    /// Never ask again.
+    /// End: the resource is not used again.
     End,
 }
 
-/// Units handed to a resource together; all of one primitive and on the same data.
+/// Units given to a resource together; all of one primitive and on the same data.
 pub(crate) struct Packet<T> {
     pub(crate) sequence: u64,
     pub(crate) units: Vec<Unit<T>>,
-    /// What the resource must throw out first.
+    /// Data to evict first.
     pub(crate) evicted: Vec<DataId>,
-    /// When it is overdue.
+    /// The time at which it is overdue.
     pub(crate) deadline: Time,
 }
 
-/// What else is to be done after an event.
+/// Follow-up actions after an event.
 pub(crate) struct FollowUps<T> {
-    /// These should ask for work.
+    /// Wake these resources.
     pub(crate) wake: Vec<ResourceId>,
-    /// These are too old to be of use.
+    /// Answer these units as expired.
     pub(crate) expired: Vec<Unit<T>>,
-    /// Nobody is left who could do these.
+    /// Answer these units, which no remaining resource can do.
     pub(crate) orphans: Vec<Unit<T>>,
-    /// These packets have no answer long after there should have been one. If their units can be done again, call
-    /// [`Core::hung`], else [`Core::spare`].
+    /// These packets are overdue. If their units can be done again, call [`Core::hung`], else [`Core::spare`].
     pub(crate) overdue: Vec<(ResourceId, u64)>,
-    /// Nothing else is left to do, these packets take longer than they should, and others could have done them long since. If their units can be done again, call [`Core::hung`].
+    /// Nothing else is left to do, these packets take longer than expected, and others could have done them long ago.
+    /// If their units can be done again, call [`Core::hung`].
     pub(crate) doubtful: Vec<(ResourceId, u64)>,
 }
 
@@ -83,38 +82,38 @@ impl<T> Default for FollowUps<T> {
     }
 }
 
-/// How a packet ended.
+/// The result of a packet.
 #[derive(Debug, Default)]
 pub(crate) struct PacketLanding {
-    /// Units done, and their items.
+    /// Number of units done, and of their items.
     pub(crate) done: usize,
     pub(crate) done_items: u64,
-    /// Units that failed.
+    /// Number of failed units.
     pub(crate) failed: usize,
     pub(crate) fault: Option<(Fault, String)>,
-    /// The time that it took, where that was measured at the resource.
+    /// Its time, if measured at the resource.
     pub(crate) busy: Option<Duration>,
-    /// What passed on the cable there and back, where that was measured.
+    /// Its traffic in both directions, if measured.
     pub(crate) transfers: Option<[Transfer; 2]>,
-    /// Units that are done, but too late.
+    /// Number of units done too late.
     pub(crate) expired: u64,
     /// Whether nothing of it was begun, because the resource has to make itself ready first.
     pub(crate) is_not_ready: bool,
 }
 
-/// What became of a packet that landed.
+/// The consequences of a packet's result.
 #[derive(Debug)]
 pub(crate) struct LandedPacket {
-    /// Time that it took of the resource.
+    /// Time of the packet on its resource.
     pub(crate) busy: Duration,
-    /// What the resource must throw out to get memory.
+    /// Data to evict, to free memory.
     pub(crate) evicted: Vec<DataId>,
-    /// Whether those that failed are to blame on the resource.
+    /// True if the resource is to blame for failed units.
     pub(crate) blamed: bool,
 }
 
 impl<T> Core<T> {
-    /// An allocator of these resources; far ones have a window. Costs that the book has are known from the start.
+    /// An allocator of these resources; far ones have a window. Costs in the book are known from the start.
     pub(crate) fn new(
         config: HraConfig,
         resources: Vec<(ResourceDescriptor, Option<Window>)>,
@@ -150,39 +149,39 @@ impl<T> Core<T> {
         }
     }
 
-    // ---- The submitter's side.
+    // ---- The submitters' side.
 
-    /// Units that the bin should hold at most.
+    /// Current capacity of the bin.
     pub(crate) fn capacity(&self) -> usize {
         self.length.capacity()
     }
 
-    /// Units that wait.
+    /// Number of waiting units.
     pub(crate) fn waiting(&self) -> usize {
         self.bin.len()
     }
 
-    /// Whether it must be told at once of what comes: some resource waits to be woken, and none is on its way here.
+    /// True if arrivals must be reported at once: some resource waits to be woken, and none is about to ask.
     pub(crate) fn listens(&self) -> bool {
         self.dozing > 0 && self.called == 0
     }
 
-    /// The most data with which anybody can do `primitive`; `None` when nobody can at all.
+    /// The maximum size of data for `primitive`; `None` if no resource supports it.
     pub(crate) fn most_data(&self, primitive: Primitive) -> Option<u64> {
         self.roster.most_data(primitive)
     }
 
-    /// So much will be submitted as soon as there is room.
+    /// Announces work that will be submitted as soon as there is room.
     pub(crate) fn announce(&mut self, primitive: Primitive, items: u64) {
         self.demand.announce(primitive, items);
     }
 
-    /// What was announced will not come.
+    /// Withdraws announced work.
     pub(crate) fn retract(&mut self, primitive: Primitive, items: u64) {
         self.demand.arrived(primitive, items);
     }
 
-    /// Takes in units. After the end, and where nobody can do them, they come back as orphans.
+    /// Takes in units. After shutdown, or if no resource can do them, they come back as orphans.
     pub(crate) fn submit(&mut self, now: Time, mut chunk: Chunk<T>, out: &mut FollowUps<T>) {
         let Some(front) = chunk.front() else { return };
         let needs = front.needs();
@@ -204,7 +203,7 @@ impl<T> Core<T> {
         self.call(now, &needs, units, out);
     }
 
-    /// Takes out the units for which `wanted` holds.
+    /// Removes the waiting units for which `wanted` holds.
     pub(crate) fn cancel(&mut self, wanted: impl Fn(&Unit<T>) -> bool) -> Vec<Unit<T>> {
         self.bin.extract(wanted)
     }
@@ -216,19 +215,19 @@ impl<T> Core<T> {
         out.expired.extend(expired);
     }
 
-    /// Units were done whose life time had ended meanwhile.
+    /// Counts units that were done after the end of their life time.
     pub(crate) fn note_late(&mut self, now: Time, units: u64) {
         self.expiries.note_late(now, units);
     }
 
-    /// Takes out what waits past its life time.
+    /// Removes expired waiting units.
     fn take_expired(&mut self, now: Time, out: &mut FollowUps<T>) {
         let before = out.expired.len();
         self.bin.take_expired(now, &mut out.expired);
         self.expiries.note_waiting(now, (out.expired.len() - before) as u64);
     }
 
-    /// Hands out nothing any more; gives back what waits.
+    /// Stops handing out work; returns the waiting units.
     pub(crate) fn close(&mut self) -> Vec<Unit<T>> {
         self.closed = true;
         self.bin.extract(|_| true)
@@ -236,7 +235,7 @@ impl<T> Core<T> {
 
     // ---- The resources' side.
 
-    /// A resource asks what to do.
+    /// Returns the next step of a resource.
     pub(crate) fn next(&mut self, now: Time, id: ResourceId, out: &mut FollowUps<T>) -> Next<T> {
         self.take_expired(now, out);
         let lane = &mut self.lanes[id.index()];
@@ -291,7 +290,7 @@ impl<T> Core<T> {
         }
     }
 
-    /// Sends a packet. `None`: there is no memory for its data just now, and the units are back in the bin.
+    /// Sends a packet. `None`: there is no memory for its data at the moment, and the units are back in the bin.
     fn launch(&mut self, now: Time, id: ResourceId, units: Vec<Unit<T>>) -> Option<Packet<T>> {
         let lane = &mut self.lanes[id.index()];
         let first = &units.first()?.meta;
@@ -321,7 +320,7 @@ impl<T> Core<T> {
         Some(Packet { sequence, units, evicted, deadline })
     }
 
-    /// An answer to a packet. `None`: it was given up before, and whatever the answer is must be dropped.
+    /// Takes in the result of a packet. `None`: it was given up before, so its result must be dropped.
     pub(crate) fn landed(
         &mut self,
         now: Time,
@@ -355,7 +354,7 @@ impl<T> Core<T> {
         match fault {
             None => lane.backoff.succeeded(),
             Some((Fault::OutOfMemory, reason)) if sent_units > 1 => {
-                // Not a failure of its units: fewer of them may fit.
+                // The units have not failed: fewer of them may fit
                 landed.blamed = false;
                 landed.evicted = lane.residency.evict_all();
                 if let Some(flow) = &mut lane.flow {
@@ -375,7 +374,7 @@ impl<T> Core<T> {
         Some(landed)
     }
 
-    /// Sets the account to what the resource is at.
+    /// Updates the account with the resource's current activity.
     pub(super) fn settle_activity(&mut self, now: Time, id: ResourceId) {
         let lane = &mut self.lanes[id.index()];
         let activity = match lane.health {
@@ -388,14 +387,14 @@ impl<T> Core<T> {
         lane.account.enter(activity, now);
     }
 
-    /// What the resource says of its memory.
+    /// Takes in the free memory that the resource reports.
     pub(crate) fn set_memory_free(&mut self, id: ResourceId, bytes: u64) {
         self.lanes[id.index()].residency.set_free(bytes);
     }
 
     // ---- Time.
 
-    /// Looks at what time alone brings: units that expire, packets that are overdue.
+    /// Handles the passing of time: expired units and overdue packets.
     pub(crate) fn tick(&mut self, now: Time, out: &mut FollowUps<T>) {
         self.take_expired(now, out);
         for (lane, id) in self.lanes.iter().zip(0..) {
@@ -407,8 +406,8 @@ impl<T> Core<T> {
         }
     }
 
-    /// Whether a packet keeps all waiting: it has taken longer than expected, nothing else is left to do, and another resource that
-    /// has nothing to do would have done it several times over since it was sent, or could have tried.
+    /// True if a packet is doubtful: it takes longer than expected, nothing else is left to do, and another idle
+    /// resource could have done it several times since it was sent, or could at least have tried.
     fn is_doubtful(&self, now: Time, id: ResourceId, flight: &Flight) -> bool {
         let age = now.since(flight.sent);
         if self.bin.len() > 0 || age < flight.doubt_after {
@@ -425,7 +424,7 @@ impl<T> Core<T> {
         self.lanes.iter().zip(0..).any(is_far_better)
     }
 
-    /// When [`Core::tick`] is next to be called.
+    /// The time at which [`Core::tick`] must be called next.
     pub(crate) fn next_event(&self, now: Time) -> Option<Time> {
         let look = |flight: &Flight| flight.next_look(now, self.config.hang_min);
         let flights = self.lanes.iter().filter_map(|lane| lane.flights.values().map(look).min());
@@ -438,7 +437,7 @@ impl<T> Core<T> {
         &self.lanes
     }
 
-    /// How full the bin was until now.
+    /// The fill level of the bin until now.
     pub(crate) fn bin_report(&mut self, now: Time) -> BinReport {
         self.bin_log.report(now)
     }

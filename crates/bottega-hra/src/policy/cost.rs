@@ -1,13 +1,13 @@
-//! The cost of a primitive on a resource, learnt from measurements.
+//! The cost model: learned costs of a primitive on a resource.
 
 use std::time::Duration;
 
-/// Cost of one primitive on one resource: time = fixed + per item · size, fitted to what was measured.
+/// The cost of one primitive on one resource: time = fixed + per item · size, fitted to measurements.
 ///
-/// The mean is exponentially weighted: the newest measurement weighs [`CostModel::WEIGHT`], older ones fade
-/// geometrically. How much of it is fixed is told by a least-squares line with a memory ten times as long, for it
-/// takes many noisy measurements to see that. While all sizes seen are alike the two parts cannot be told apart; then
-/// the fixed part stays what it was (at first nothing), and the rest is put down to the items.
+/// The mean is exponentially weighted: the newest measurement has weight [`CostModel::WEIGHT`], older ones decay
+/// geometrically. The fixed part comes from a least-squares line with a memory ten times as long, because it takes many
+/// noisy measurements. While all sizes are similar the two parts cannot be separated: the fixed part stays as it was
+/// (initially 0), and the rest is attributed to the items.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CostModel {
     units: u64,
@@ -16,11 +16,11 @@ pub struct CostModel {
     mean_ns: f64,
     line: CostLine,
     fixed_ns: f64,
-    /// Mean square of what predictions missed by, relative to what was measured.
+    /// Mean square of the relative prediction error.
     miss: f64,
 }
 
-/// Moments of size and time, of which a line is made.
+/// Moments of size and time, for the least-squares line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct CostLine {
     count: f64,
@@ -41,7 +41,7 @@ impl CostLine {
         self.covariance = (1.0 - weight) * (self.covariance + weight * delta_size * delta_ns);
     }
 
-    /// The part of the time that does not depend on the size, if the sizes seen differ by a tenth and more.
+    /// The part of the time that does not depend on the size, if sizes differ by at least a tenth.
     fn fixed_ns(&self) -> Option<f64> {
         let tell = self.mean_size > 0.0 && self.variance_size >= 0.01 * self.mean_size * self.mean_size;
         tell.then(|| {
@@ -52,26 +52,26 @@ impl CostLine {
 }
 
 impl CostModel {
-    /// Weight of the newest measurement once the average has warmed up.
+    /// Weight of the newest measurement, after the first few.
     pub const WEIGHT: f64 = 0.1;
 
-    /// A model that was learnt before: so many units of so many items each on the average, and the line.
+    /// A model learned before: number of units, mean items per unit, and the line.
     pub(crate) fn known(units: u64, items: u64, fixed_ns: f64, ns_per_item: f64, miss: f64) -> Self {
         let mean_size = if units > 0 { items as f64 / units as f64 } else { 0.0 };
         let mean_ns = fixed_ns + ns_per_item * mean_size;
         Self { units, items, mean_size, mean_ns, fixed_ns, miss, ..Self::default() }
     }
 
-    /// Takes in that `size` items took `busy`.
+    /// Takes in a measurement: `size` items took `busy`.
     pub fn observe(&mut self, size: u64, busy: Duration) {
         self.observe_many(1, size, busy);
     }
 
-    /// Takes in that `units` units, handed over as one, of `size` items together, took `busy`. The fixed part is then
-    /// that of handing over.
+    /// Takes in a measurement of `units` units handed over together, with `size` items in all, that took `busy`. The
+    /// fixed part is then that of handing over.
     pub fn observe_many(&mut self, units: u64, size: u64, busy: Duration) {
         let ns = busy.as_nanos() as f64;
-        // A plain average over the first measurements, so that the very first one does not linger.
+        // Use a plain average of the first measurements, so that the very first has no lasting effect
         let seen = self.units as f64;
         let weight = (1.0 / (seen + 1.0)).max(Self::WEIGHT);
         if self.units > 0 && ns > 0.0 {
@@ -89,27 +89,27 @@ impl CostModel {
         self.fixed_ns = self.line.fixed_ns().unwrap_or(self.fixed_ns);
     }
 
-    /// Units seen.
+    /// Number of units measured.
     pub fn units(&self) -> u64 {
         self.units
     }
 
-    /// Items seen.
+    /// Number of items measured.
     pub fn items(&self) -> u64 {
         self.items
     }
 
-    /// Nanoseconds that one more item costs; never negative.
+    /// Nanoseconds per additional item; not negative.
     pub fn ns_per_item(&self) -> f64 {
         self.parts().1
     }
 
-    /// Nanoseconds that a unit, or what is handed over as one, costs before its first item; never negative.
+    /// Nanoseconds per unit or packet before its first item; not negative.
     pub fn fixed_ns(&self) -> f64 {
         self.parts().0
     }
 
-    /// Expected time of a unit; `None` before the first was seen.
+    /// Expected time of a unit; `None` without measurements.
     pub fn predict(&self, size: u64) -> Option<Duration> {
         self.predict_ns(size).map(|ns| Duration::from_nanos(ns as u64))
     }
@@ -120,12 +120,12 @@ impl CostModel {
         (self.units > 0).then_some(fixed + per_item * size as f64)
     }
 
-    /// How far predictions are off, as a share of the time measured (root mean square); `None` before two were seen.
+    /// Relative prediction error (root mean square); `None` before two measurements.
     pub fn uncertainty(&self) -> Option<f64> {
         (self.units > 1).then(|| self.miss.sqrt())
     }
 
-    /// (fixed, per item) in nanoseconds, both at least 0, through the mean of what was seen.
+    /// Fixed and per-item nanoseconds, both at least 0, of the line through the mean.
     fn parts(&self) -> (f64, f64) {
         if self.mean_size > 0.0 {
             let fixed = self.fixed_ns.clamp(0.0, self.mean_ns.max(0.0));
@@ -136,9 +136,9 @@ impl CostModel {
     }
 }
 
-/// Splits `total` items over resources with these costs, so that all who get any finish at the same time, but for the
-/// rounding to whole items: within 2 % of each other as soon as an item takes less than that of the whole. `None`, and
-/// a model that has seen nothing, stand for a resource that gets nothing. All zero where there is no other.
+/// Divides `total` items among resources with these costs so that all that get any finish at the same time: within 2 %
+/// of each other, if an item takes less than that of the whole. `None`, and a model without measurements, stand for a
+/// resource that gets nothing. All zero if there is no other.
 pub fn split_work(total: u64, costs: &[Option<CostModel>]) -> Vec<u64> {
     let line = |cost: &Option<CostModel>| cost.filter(|cost| cost.units() > 0).map(|cost| cost.parts());
     super::plan::split(total, &costs.iter().map(line).collect::<Vec<_>>())

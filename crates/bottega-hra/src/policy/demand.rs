@@ -1,4 +1,4 @@
-//! The demand: how much work is still to come, as far as that can be known.
+//! Demand: an estimate of the work still to come.
 
 use std::time::Duration;
 
@@ -6,15 +6,15 @@ use super::plan::ByPrimitive;
 use super::time::Time;
 use crate::Primitive;
 
-/// Part of the time that a stream of work has lasted by which a resource may finish after all others would have.
+/// Share of the duration of a stream of work by which a resource may finish after all others.
 const OVERSHOOT: f64 = 0.02;
-/// A pause this part of the time before ends a stream.
+/// A pause of one in this many parts of the duration ends a stream.
 const PAUSE: u32 = 10;
 
-/// What was announced and does not wait yet, and for how long work has been coming.
+/// Announced work that is not waiting yet, and the duration of the current stream of work.
 ///
-/// Of what was not announced nothing is known. But what has come for so long will mostly go on for about as long, and
-/// whatever comes, nobody loses much by this: a resource that ends a work by 2 % of its time too late costs 2 %.
+/// Unannounced work is unknown. But a stream usually continues for about as long as it has lasted, and the risk is
+/// small: a resource that finishes 2 % of the duration too late costs 2 %.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Demand {
     announced: ByPrimitive<u64>,
@@ -24,13 +24,13 @@ pub(crate) struct Demand {
 }
 
 impl Demand {
-    /// So many items will come.
+    /// Announces items.
     pub(crate) fn announce(&mut self, primitive: Primitive, items: u64) {
         let announced = &mut self.announced[primitive.index()];
         *announced = announced.saturating_add(items);
     }
 
-    /// Items that were announced are here, or will not come.
+    /// Subtracts announced items that have arrived or were withdrawn.
     pub(crate) fn arrived(&mut self, primitive: Primitive, items: u64) {
         let announced = &mut self.announced[primitive.index()];
         *announced = announced.saturating_sub(items);
@@ -40,7 +40,7 @@ impl Demand {
         self.announced[primitive.index()]
     }
 
-    /// Work came that nobody announced.
+    /// Notes the arrival of unannounced work.
     pub(crate) fn came(&mut self, now: Time) {
         if let Some(idle) = self.idle_since.take() {
             let (pause, lasted) = (now.since(idle), idle.since(self.first));
@@ -51,17 +51,17 @@ impl Demand {
         self.last = now;
     }
 
-    /// Since when work has been coming.
+    /// The start of the current stream of work.
     pub(crate) fn first(&self) -> Time {
         self.first
     }
 
-    /// Nothing is left to do.
+    /// Notes that nothing is left to do.
     pub(crate) fn ran_dry(&mut self, now: Time) {
         self.idle_since.get_or_insert(now);
     }
 
-    /// By how much a resource may finish after all others would have.
+    /// The time by which a resource may finish after all others.
     pub(crate) fn overshoot(&self) -> Duration {
         self.last.since(self.first).mul_f64(OVERSHOOT)
     }

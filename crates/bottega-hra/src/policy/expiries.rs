@@ -1,22 +1,22 @@
-//! The count of units that were too old to be of use.
+//! Statistics of expired units.
 
 use super::time::Time;
 
-/// Units past their life time: how many, and when.
+/// The number and times of expired units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Expiries {
-    /// Units whose life time ended before a resource had begun with them.
+    /// Number of units whose life time ended before a resource began them.
     pub waiting: u64,
-    /// Units that were done, or came back undone, after it.
+    /// Number of units finished, or given back, after the end of their life time.
     pub late: u64,
-    /// When there was the first of them.
+    /// Time of the first one.
     pub first: Time,
-    /// When there was the last of them.
+    /// Time of the last one.
     pub last: Time,
 }
 
 impl Expiries {
-    /// All of them.
+    /// Number of all expired units.
     pub fn count(&self) -> u64 {
         self.waiting + self.late
     }
@@ -38,7 +38,7 @@ impl Expiries {
         }
     }
 
-    /// Those since an earlier moment, by whose time they are told.
+    /// Those since an earlier moment; times count from there.
     pub(crate) fn since(&self, before: &Self, start: Time) -> Self {
         let (waiting, late) = (self.waiting - before.waiting, self.late - before.late);
         if waiting + late == 0 {

@@ -1,4 +1,4 @@
-//! Faults of a resource and what follows: a pause, a try, and in the end its retirement.
+//! Faults of resources: suspension, recovery, and finally retirement.
 
 use super::core::{Core, FollowUps};
 use super::incident::Fault;
@@ -7,21 +7,21 @@ use super::time::Time;
 use super::unit::Unit;
 use crate::ResourceId;
 
-/// Why a unit is not tried again.
+/// The reason why a unit is not attempted again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum GiveUp {
-    /// It was tried as often as allowed.
+    /// It was attempted as often as allowed.
     Failed,
-    /// Nobody is left who could do it.
+    /// No remaining resource can do it.
     NoResource,
     /// The allocator was shut down.
     Closed,
-    /// It is too old to be of use.
+    /// It has expired.
     Expired,
 }
 
 impl<T> Core<T> {
-    /// A resource failed: it is left alone for a while, or for ever.
+    /// Handles a fault of a resource: it is suspended, or retired.
     pub(super) fn fail(&mut self, now: Time, id: ResourceId, fault: Fault, reason: &str, out: &mut FollowUps<T>) {
         self.incidents.note(now, id, fault, reason);
         let lane = &mut self.lanes[id.index()];
@@ -30,7 +30,7 @@ impl<T> Core<T> {
         if let Some(flow) = &mut lane.flow {
             flow.failed();
         }
-        // Packets that were under way when it failed say nothing new.
+        // Packets that were in flight at a failure are not new failures
         if !matches!(lane.health, Health::Paused(_)) {
             let pause = match fault {
                 Fault::Doubted => Some(lane.backoff.doubted(&self.config)),
@@ -46,7 +46,7 @@ impl<T> Core<T> {
         self.wake_all_if_waiting(out);
     }
 
-    /// A resource has to make itself ready before it begins what it was sent: it is asked to, and is sent nothing before.
+    /// Asks a resource to recover before it begins what it was sent, and sends it nothing until it has.
     pub(super) fn make_ready(&mut self, now: Time, id: ResourceId, out: &mut FollowUps<T>) {
         let lane = &mut self.lanes[id.index()];
         if lane.health == Health::Up {
@@ -57,7 +57,7 @@ impl<T> Core<T> {
         self.wake_all_if_waiting(out);
     }
 
-    /// A packet has no answer, and its units are to be done elsewhere.
+    /// Handles an overdue packet whose units are done elsewhere.
     pub(crate) fn hung(&mut self, now: Time, id: ResourceId, sequence: u64, out: &mut FollowUps<T>) {
         let lane = &mut self.lanes[id.index()];
         let Some(flight) = lane.land(sequence) else { return };
@@ -66,25 +66,25 @@ impl<T> Core<T> {
         }
         lane.account.failures += 1;
         let reason = format!("no answer after {:.3} s", now.since(flight.sent).as_secs_f64());
-        // Before its time is over it is only doubted: others do its work, and it is left alone for a while.
+        // Before its deadline the resource is only doubted: others do its work, and it is suspended
         let fault = if flight.deadline > now { Fault::Doubted } else { Fault::Hung };
         self.fail(now, id, fault, &reason, out);
         let lane = &mut self.lanes[id.index()];
-        // A near resource holds its thread; the pause begins when it returns.
+        // A near resource blocks its thread; its suspension begins when it returns
         if lane.flow.is_none() && lane.health != Health::Retired {
             lane.health = Health::Hung;
         }
         self.settle_activity(now, id);
     }
 
-    /// A packet has no answer, and its units cannot be done again: it is given as much time once more.
+    /// Extends the deadline of an overdue packet whose units cannot be done again.
     pub(crate) fn spare(&mut self, now: Time, id: ResourceId, sequence: u64) {
         let Some(flight) = self.lanes[id.index()].flights.get_mut(&sequence) else { return };
         flight.deadline = now.after(now.since(flight.sent));
         self.incidents.note(now, id, Fault::Hung, "no answer; its work has no backup, so it is waited for");
     }
 
-    /// A near resource returned from a call that had been given up: it may try to recover at once.
+    /// Handles the return of a near resource from a call that was given up: it may recover at once.
     pub(super) fn returned(&mut self, now: Time, id: ResourceId) {
         let lane = &mut self.lanes[id.index()];
         if lane.health == Health::Hung {
@@ -92,7 +92,7 @@ impl<T> Core<T> {
         }
     }
 
-    /// The resource was asked to recover: did it?
+    /// Takes in the result of a recovery.
     pub(crate) fn recovered(&mut self, now: Time, id: ResourceId, outcome: Result<(), String>, out: &mut FollowUps<T>) {
         let lane = &mut self.lanes[id.index()];
         if lane.health != Health::Recovering {
@@ -111,7 +111,7 @@ impl<T> Core<T> {
         }
     }
 
-    /// Gives a resource up for good. What nobody else can do becomes an orphan.
+    /// Retires a resource. Units that no other resource can do become orphans.
     pub(crate) fn retire(&mut self, now: Time, id: ResourceId, out: &mut FollowUps<T>) {
         self.incidents.note(now, id, Fault::Retired, "too many failures in a row, or it could not be started");
         let lane = &mut self.lanes[id.index()];
@@ -126,12 +126,12 @@ impl<T> Core<T> {
             self.bin
                 .extract(|unit| !roster.anybody_can(unit.meta.primitive, unit.meta.data.map_or(0, |data| data.bytes))),
         );
-        // A unit that failed on all who are left may now be tried there again.
+        // A unit that failed on all remaining resources may be tried on them again
         self.wake_all_if_waiting(out);
     }
 
-    /// A unit comes back undone from `id`; `blamed` if the resource is to blame. It is tried again, unless that would
-    /// be in vain: then it comes back.
+    /// Handles a unit that comes back undone from `id`; `blamed` if the resource is to blame. It is queued again, or
+    /// returned if that is useless.
     pub(crate) fn give_back(
         &mut self,
         now: Time,
@@ -182,7 +182,7 @@ impl<T> Core<T> {
         }
     }
 
-    /// Whatever a resource that is gone may have been woken for, others must look.
+    /// Wakes all other resources, in place of one that is gone.
     fn wake_all_if_waiting(&mut self, out: &mut FollowUps<T>) {
         if self.bin.len() > 0 {
             for id in 0..self.lanes.len() as u32 {

@@ -1,50 +1,49 @@
-//! The sliding window of a far resource: how many packets are under way, and how much is in each.
+//! The sliding window of a far resource: the number of packets in flight, and their size.
 //!
-//! **Window.** As BBR does (Cardwell et al., *BBR: Congestion-Based Congestion Control*, 2016) it aims at the least
-//! that keeps the resource saturated: the product of the least round trip and the rate of delivery. Counted in the time
-//! that the resource needs for it, a round trip R is covered by work of the length R, whatever the primitives: a packet
-//! goes out while less than [`GAIN`] · R of work is under way, R being that of the largest of the last packets. The
-//! quarter beyond R finds out when the resource has
-//! become faster, or does several packets at once: then answers come closer together, the same packets count for less
-//! work, and more go out, a quarter more each round trip. Where BBR takes the greatest rate seen, for a link that it
-//! shares, this takes the mean that the cost model learns: the resource is ours alone.
+//! **Window.** Like BBR (Cardwell et al., *BBR: Congestion-Based Congestion Control*, 2016) it aims at the least that
+//! saturates the resource: the product of the minimum round trip and the delivery rate. Measured in the resource's
+//! time, a round trip R is covered by work of length R, whatever the primitives: a packet is sent while less than
+//! [`GAIN`] · R of work is in flight, with R that of the largest recent packet. The quarter beyond R detects a resource
+//! that has become faster, or processes several packets at once: answers then come closer together, the same packets
+//! count for less work, and more are sent, a quarter more per round trip. BBR uses the maximum rate, because it shares
+//! the link; here the resource is exclusive, and the mean of the cost model is used.
 //!
-//! **Rate.** An answer tells what its packet took of the resource if the packet had to wait for the one before:
-//! then it is the time between both answers. In general it is that since the later of the answer before, and of when
-//! the packet would have been answered had it taken no time (Lindley's recursion, shifted by the way back).
+//! **Rate.** If a packet waited for the one before it, its time on the resource is the time between both answers. In
+//! general it is the time since the later of two moments: the answer before it, and the moment at which it is answered
+//! if it takes no time (Lindley's recursion, shifted by the way back).
 //!
-//! **Least round trip.** That of a packet sent when nothing else was under way. It is believed for
-//! [`FLOOR_VALID`]; then sending pauses until nothing is under way, and it is measured anew.
+//! **Minimum round trip.** That of a packet sent when no other was in flight. It is valid for [`FLOOR_VALID`]; then
+//! sending pauses until nothing is in flight, and it is measured again.
 //!
 //! **Start.** Two packets of one unit, whose answers give rate and round trip; then, as in TCP's slow start but with
-//! [`GROWTH`] instead of one, more packets for each that is answered: four times as many each round trip. Packets have
-//! at most twice the units of the largest answered.
+//! [`GROWTH`] instead of one, additional packets for each one answered: four times as many per round trip. Packets have
+//! at most twice the units of the largest one answered.
 //!
-//! **Packet.** As many units as are done in an eighth of the round trip: larger ones would not wait any shorter. More
-//! where handing over a packet, the cost model's fixed part, would otherwise cost more than [`OVERHEAD_MAX`] of its
-//! time. Never more than a fair part of what is left to do. Behind a slow cable bytes decide instead ([`super::cable`]).
+//! **Packet.** As many units as are done in an eighth of the round trip, since larger ones do not reduce waiting. More
+//! if handing over a packet, the cost model's fixed part, otherwise takes more than [`OVERHEAD_MAX`] of its time. Never
+//! more than a fair share of the remaining work. Behind a slow cable bytes decide instead ([`super::cable`]).
 
 use std::time::Duration;
 
 use super::time::Time;
 use crate::Primitive;
 
-/// Work under way, in round trips.
+/// Target amount of work in flight, in round trips.
 const GAIN: f64 = 1.25;
-/// Share of a packet's time that handing it over may cost.
+/// Maximum share of a packet's time for handing it over.
 const OVERHEAD_MAX: f64 = 0.02;
-/// Packets that a round trip is at least cut into, where units are small enough.
+/// Minimum number of packets per round trip, if units are small enough.
 const PACKETS_A_ROUND_TRIP: f64 = 8.0;
-/// Every so many packets one of twice the size goes out, so that what a packet costs beside its units is learnt.
+/// One in this many packets has twice the size, to learn the cost per packet.
 const LARGER_EVERY: u64 = 4;
-/// Packets that may be under way in addition for each one answered, until there are enough.
+/// Additional packets in flight for each one answered, until there are enough.
 const GROWTH: usize = 3;
-/// Packets in a row that went alone, after which a round trip is taken for what a packet costs.
+/// Number of consecutive packets without another in flight, after which the round trip counts as the packet's cost.
 const ALONE_MIN: u32 = 4;
-/// How long a least round trip is believed.
+/// Time for which a minimum round trip is valid.
 const FLOOR_VALID: Duration = Duration::from_secs(30);
 
-/// The least round trip, and of what.
+/// The minimum round trip, with the packet it was measured on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PaceFloor {
     pub(crate) round_trip_ns: f64,
@@ -53,25 +52,25 @@ pub(crate) struct PaceFloor {
     at: Time,
 }
 
-/// What decides how many packets are under way and how large they are.
+/// The state that determines number and size of packets.
 #[derive(Clone, Debug)]
 pub(crate) struct Flow {
     packets_max: usize,
     units_max: usize,
-    /// Halved when memory runs out.
+    /// Maximum units per packet; halved when memory runs out.
     units_allowed: usize,
-    /// Packets that slow start allows.
+    /// Number of packets that slow start allows.
     grown: usize,
     largest_answered: usize,
     floor: Option<PaceFloor>,
     last_answer: Time,
-    /// When the packet that was answered last was sent.
+    /// Sending time of the packet that was answered last.
     last_sent: Time,
     packets: usize,
     alone_in_a_row: u32,
-    /// Predicted time of what is under way.
+    /// Predicted time of the work in flight.
     work_ns: f64,
-    /// That of the largest of the last packets.
+    /// Predicted time of the largest recent packet.
     large_ns: f64,
 }
 
@@ -102,13 +101,14 @@ impl Flow {
         self.last_answer
     }
 
-    /// Whether so many packets went all alone that there will be no pair: this resource answers before the next is sent.
+    /// True if so many packets were alone in flight that no pair is expected: the resource answers before the next one
+    /// is sent.
     pub(crate) fn is_one_by_one(&self) -> bool {
         self.alone_in_a_row >= ALONE_MIN
     }
 
-    /// Whether a packet sent at `sent` and answered `now` had to wait for the one before, as far as that can be told
-    /// without knowing the way: both were sent in much less time than there is between their answers.
+    /// True if a packet sent at `sent` and answered `now` probably waited for the one before it: both were sent within
+    /// much less time than there is between their answers.
     pub(crate) fn was_pair(&self, now: Time, sent: Time) -> bool {
         2 * sent.since(self.last_sent) <= now.since(self.last_answer)
     }
@@ -117,7 +117,7 @@ impl Flow {
         self.work_ns
     }
 
-    /// Whether one more packet may be sent, over a way of so long.
+    /// True if one more packet may be sent, over a link with this latency.
     pub(crate) fn has_room(&self, now: Time, latency_ns: f64) -> bool {
         if self.packets == 0 {
             return true;
@@ -129,13 +129,13 @@ impl Flow {
         self.packets < 2 || self.floor.is_none_or(|floor| self.work_ns < GAIN * round_trip(floor))
     }
 
-    /// Whether the round trip must be measured anew. Where two packets are enough it does not matter.
+    /// True if the round trip must be measured again. With two packets at most it does not matter.
     fn is_floor_old(&self, now: Time) -> bool {
         self.packets_max > 2 && self.floor.is_some_and(|floor| now.since(floor.at) > FLOOR_VALID)
     }
 
-    /// Units that packet number `sequence` should have. Given is what a packet costs before its first unit, and each
-    /// unit, in nanoseconds; none while that is not known.
+    /// The number of units for packet number `sequence`, given the cost per packet and per unit in nanoseconds; `None`:
+    /// unknown.
     pub(crate) fn units(&self, cost: Option<(f64, f64)>, sequence: u64) -> usize {
         let wanted = match cost {
             None => 1,
@@ -150,12 +150,12 @@ impl Flow {
         wanted.clamp(1, self.units_bound())
     }
 
-    /// Most units in a packet.
+    /// Maximum number of units per packet.
     pub(crate) fn units_bound(&self) -> usize {
         self.units_allowed.min((2 * self.largest_answered).max(1))
     }
 
-    /// A packet goes out. Returns whether nothing else is under way.
+    /// Notes that a packet is sent. Returns true if no other is in flight.
     pub(crate) fn sent(&mut self, predicted_ns: f64) -> bool {
         self.packets += 1;
         self.large_ns = predicted_ns.max(0.95 * self.large_ns);
@@ -163,13 +163,13 @@ impl Flow {
         self.packets == 1
     }
 
-    /// A packet is not under way any more, answered or lost.
+    /// Notes that a packet is answered or lost.
     pub(crate) fn landed(&mut self, predicted_ns: f64) {
         self.packets = self.packets.saturating_sub(1);
         self.work_ns = if self.packets == 0 { 0.0 } else { (self.work_ns - predicted_ns).max(0.0) };
     }
 
-    /// Takes in an answer: a packet of so many units, sent at `sent`, `alone` if nothing else was under way.
+    /// Takes in an answer to a packet of `units` units sent at `sent`; `alone` if no other was in flight.
     pub(crate) fn answered(&mut self, now: Time, sent: Time, alone: bool, units: usize, of: (Primitive, u64)) {
         (self.last_answer, self.last_sent) = (self.last_answer.max(now), sent);
         self.grown = (self.grown + GROWTH).min(self.packets_max.max(2));
@@ -188,12 +188,12 @@ impl Flow {
         }
     }
 
-    /// The resource ran out of memory over a packet of so many units.
+    /// Notes that a packet with this number of units exceeded the resource's memory.
     pub(crate) fn out_of_memory(&mut self, units: usize) {
         self.units_allowed = (units / 2).max(1);
     }
 
-    /// The resource failed: what was learnt of its size stays, the window starts anew.
+    /// Resets the window after a failure; the learned size limits stay.
     pub(crate) fn failed(&mut self) {
         self.grown = 2;
     }

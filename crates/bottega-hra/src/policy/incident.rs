@@ -1,4 +1,4 @@
-//! Incidents with resources, for the user.
+//! Incidents: faults of resources, reported to the user.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -6,32 +6,32 @@ use std::fmt;
 use super::time::Time;
 use crate::ResourceId;
 
-/// Incidents that are kept; older ones of other kinds are forgotten.
+/// Maximum number of incidents kept; older ones of other kinds are dropped.
 const KEPT_MAX: usize = 64;
 
-/// A kind of failure.
+/// The kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Fault {
     /// It gave work back.
     Refused,
-    /// It panicked, or its link broke, with work in hand.
+    /// It panicked, or its link broke, during work.
     Died,
-    /// It answered with what cannot be right.
+    /// Its answer was invalid.
     Garbage,
-    /// It did not answer within the time that its work should have taken several times over.
+    /// It did not answer within several times the expected time.
     Hung,
-    /// It kept all waiting longer than another, which had nothing to do, would have taken; there was time left for an answer.
+    /// It delayed everything longer than another, idle resource needs for the work; its deadline was not over.
     Doubted,
     /// It ran out of memory.
     OutOfMemory,
-    /// It was asked to recover and could not.
+    /// It failed to recover.
     NotRecovered,
-    /// It was given up: nothing more is asked of it.
+    /// It was given up and is not used again.
     Retired,
 }
 
 impl Fault {
-    /// What happened, as a user reads it.
+    /// A description for users.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Refused => "gave work back",
@@ -52,24 +52,24 @@ impl fmt::Display for Fault {
     }
 }
 
-/// Something that went wrong with a resource. Its units were done elsewhere, if anybody could.
+/// A kind of fault of a resource, with its occurrences. Its units were done elsewhere, if possible.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Incident {
-    /// Whose.
+    /// The resource.
     pub resource: ResourceId,
-    /// What.
+    /// The kind.
     pub fault: Fault,
-    /// When it happened first, since the allocator was made.
+    /// Time of the first occurrence, since the allocator was made.
     pub first: Time,
-    /// When it happened last.
+    /// Time of the last occurrence.
     pub last: Time,
-    /// How often.
+    /// Number of occurrences.
     pub count: u64,
-    /// What was said the last time.
+    /// The reason given at the last occurrence.
     pub reason: String,
 }
 
-/// The list of incidents, one entry a resource and kind.
+/// All incidents, one entry per resource and kind.
 #[derive(Default)]
 pub(crate) struct Incidents(VecDeque<Incident>);
 

@@ -1,4 +1,4 @@
-//! The state of one resource: its health, what it has in hand, what it costs and holds.
+//! The state of one resource: health, packets in flight, costs and resident data.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -14,29 +14,30 @@ use super::time::Time;
 use super::unit::{Data, UnitNeeds};
 use crate::{DataId, HraConfig, Primitive, ResourceDescriptor};
 
-/// How long a near resource is kept from asking again: several units go to it at once, up to so much work.
+/// Maximum amount of work given to a near resource at once, in nanoseconds: several units together, so that it asks
+/// less often.
 const QUANTUM_NS: f64 = 50_000.0;
-/// Most units handed to a near resource at once.
+/// Maximum number of units given to a near resource at once.
 const NEAR_UNITS_MAX: usize = 512;
 
-/// What it costs to hand a packet to a near resource, beside its units: the lock, the choice, the ledger. It is not in the cost
-/// model, which knows what the resource takes.
+/// Cost of giving a packet to a near resource, in addition to its units: the lock, the choice, the ledger. It is not in
+/// the cost model, which contains the resource's own time.
 const NEAR_HANDOVER_NS: f64 = 4_000.0;
 
-/// Whether a resource gets work.
+/// The health of a resource, which decides whether it gets work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Health {
     Up,
-    /// Left alone until then; then it is asked to recover.
+    /// Suspended until this time; then it must recover.
     Paused(Time),
-    /// Asked to recover.
+    /// Recovering.
     Recovering,
-    /// Near, and does not return from a call.
+    /// Near, and not returning from a call.
     Hung,
     Retired,
 }
 
-/// A packet under way.
+/// A packet in flight.
 #[derive(Clone, Debug)]
 pub(crate) struct Flight {
     pub(crate) sent: Time,
@@ -45,27 +46,27 @@ pub(crate) struct Flight {
     pub(crate) bytes: CableBytes,
     pub(crate) primitive: Primitive,
     pub(crate) data: Option<DataId>,
-    /// Of data that went along.
+    /// Bytes of data sent with it.
     pub(crate) moved_bytes: u64,
     pub(crate) predicted_ns: f64,
-    /// Without an answer by then the resource hangs.
+    /// The time from which the resource counts as hanging.
     pub(crate) deadline: Time,
-    /// From this age on it is looked at whether it is all that is waited for, and others could have done it long since. Never, for one
-    /// of a near resource of which is known how long it takes.
+    /// Age from which it is checked whether the packet is all that is pending, and others could have done it long ago.
+    /// Never, for a packet of known time on a near resource.
     pub(crate) doubt_after: Duration,
-    /// How long it may take, what is before it included.
+    /// Maximum time allowed, including the packets before it.
     patience: Duration,
     alone: bool,
 }
 
-/// A packet that may be doubted is looked at so many times in [`HraConfig::hang_min`]: from that age on where nobody knew how long it
-/// should take, from such a part of it on where that is known, or the resource has just failed.
+/// Number of checks of a doubtful packet per [`HraConfig::hang_min`]: from that age on if its time was unknown, from a
+/// fraction of it if the time is known or the resource has just failed.
 const LOOKS: u32 = 8;
-/// No packet is doubted before it has taken so many times what was expected, uncertainty on top.
+/// Minimum multiple of the expected time plus uncertainty before a packet is doubtful.
 const DOUBT_FACTOR: f64 = 3.0;
 
 impl Flight {
-    /// When it is next to be looked at whether it is overdue.
+    /// The time of the next check whether it is overdue.
     pub(crate) fn next_look(&self, now: Time, hang_min: Duration) -> Time {
         let first = self.sent.after(self.doubt_after);
         let next = if now < first { first } else { now.after((hang_min / LOOKS).max(Duration::from_millis(1))) };
@@ -73,33 +74,33 @@ impl Flight {
     }
 }
 
-/// One resource.
+/// The state of a resource.
 pub(crate) struct LaneState {
     pub(crate) descriptor: ResourceDescriptor,
     pub(crate) health: Health,
     pub(crate) backoff: Backoff,
     pub(crate) flights: BTreeMap<u64, Flight>,
     pub(crate) residency: Residency,
-    /// What is between here and there; not used by a near one.
+    /// The cable to it; unused for a near resource.
     pub(crate) cable: Cable,
     pub(crate) account: Account,
-    /// Waits to be woken.
+    /// True if it waits to be woken.
     pub(crate) dozes: bool,
-    /// Was woken and has not asked yet.
+    /// True if it was woken and has not asked yet.
     pub(crate) called: bool,
     /// Whether its data outlasts a time without an answer.
     pub(crate) keeps_data: bool,
     /// Whether it has failed so that nobody knows what it holds.
     pub(crate) is_lost: bool,
     next_sequence: u64,
-    /// None: called directly, with one packet at a time.
+    /// `None`: called directly, with one packet at a time.
     pub(crate) flow: Option<Flow>,
-    /// Longest wait for an answer.
+    /// Maximum time to wait for an answer.
     patience: Duration,
     costs: [CostModel; Primitive::COUNT],
-    /// Upper bounds of the time of an item, in nanoseconds, where nothing better is known.
+    /// Upper bounds of the time per item, in nanoseconds, until it is measured.
     guesses: [Option<f64>; Primitive::COUNT],
-    /// Near: units in the last packet.
+    /// For a near resource: number of units in the last packet.
     last_units: usize,
 }
 
@@ -139,7 +140,7 @@ impl LaneState {
         &self.costs
     }
 
-    /// Whether it could be sent one more packet.
+    /// True if it can be sent one more packet.
     pub(crate) fn has_room(&self, now: Time) -> bool {
         match &self.flow {
             Some(flow) => flow.has_room(now, self.latency_ns()),
@@ -147,25 +148,25 @@ impl LaneState {
         }
     }
 
-    /// Nanoseconds of the resource that a unit needs, its way apart; `None` while nothing is known.
+    /// Nanoseconds of the resource for a unit, without transfer; `None`: unknown.
     pub(crate) fn predict_ns(&self, primitive: Primitive, size: u64) -> Option<f64> {
         let index = primitive.index();
         self.costs[index].predict_ns(size).or_else(|| self.guesses[index].map(|item| item * size as f64))
     }
 
-    /// Whether the primitive was measured.
+    /// True if the primitive was measured.
     pub(crate) fn knows(&self, primitive: Primitive) -> bool {
         self.costs[primitive.index()].units() > 0
     }
 
-    /// Whether a primitive is being tried, while others are known.
+    /// True if a primitive is being tried for the first time, while others are known.
     pub(crate) fn is_trying(&self, primitive: Primitive) -> bool {
         !self.knows(primitive)
             && self.costs.iter().any(|cost| cost.units() > 0)
             && self.flights.values().any(|flight| flight.primitive == primitive)
     }
 
-    /// Nanoseconds an item in the long run, for items in units of the usual size.
+    /// Long-term nanoseconds per item, for items in units of the usual size.
     pub(crate) fn ns_per_item(&self, primitive: Primitive) -> Option<f64> {
         let cost = &self.costs[primitive.index()];
         if cost.units() == 0 || cost.items() == 0 {
@@ -181,13 +182,13 @@ impl LaneState {
         Some((cost.ns_per_item() + fixed_per_unit / mean_size).max(1e-3))
     }
 
-    /// The way there and back, in nanoseconds.
+    /// Latency of the link in both directions, in nanoseconds.
     pub(crate) fn latency_ns(&self) -> f64 {
         let Some(flow) = &self.flow else { return 0.0 };
         match flow.floor() {
             Some(floor) => {
-                // While that is unknown all of it counts as way: what is then thought too fast is soon asked for, and known
-                // better, and what is thought too slow would never be.
+                // Until the service time is known, attribute everything to the link: a resource that seems too fast is
+                // soon used and measured, one that seems too slow never is.
                 let service = self.costs[floor.primitive.index()].predict_ns(floor.size).unwrap_or(0.0);
                 (floor.round_trip_ns - service).max(0.0)
             }
@@ -195,7 +196,7 @@ impl LaneState {
         }
     }
 
-    /// When all that is under way will be answered, as things look.
+    /// The expected time at which everything in flight is answered.
     pub(crate) fn free_at(&self, now: Time) -> Time {
         let Some((_, oldest)) = self.flights.first_key_value() else { return now };
         let done = match &self.flow {
@@ -205,50 +206,50 @@ impl LaneState {
         done.max(now)
     }
 
-    /// Nanoseconds that data takes to get there, if it is not there.
+    /// Nanoseconds to send data that is not resident.
     pub(crate) fn moving_ns(&self, data: Option<Data>) -> f64 {
         let missing = data.filter(|data| !self.residency.is_resident(data.id));
         missing.map_or(0.0, |data| self.cable.moving_ns(data.bytes))
     }
 
-    /// Nanoseconds that the bytes of a unit, with data that is not there, take there, and those of its answer back.
+    /// Nanoseconds for the bytes of a unit and its non-resident data, plus those of its answer.
     pub(crate) fn longest_way_ns(&self, unit: &UnitNeeds) -> f64 {
         let way_ns = if self.flow.is_some() { self.cable.way_ns(unit.bytes) } else { 0.0 };
         self.moving_ns(unit.data) + way_ns
     }
 
-    /// Nanoseconds for which work occupies the resource or its cable, whichever is longer; `None` while nothing is known.
+    /// Nanoseconds for which work occupies the resource or its cable, whichever is longer; `None`: unknown.
     fn occupied_ns(&self, primitive: Primitive, items: u64, bytes: CableBytes) -> Option<f64> {
         let service = self.predict_ns(primitive, items)?;
         Some(if self.flow.is_some() { service.max(self.cable.ns(bytes)) } else { service })
     }
 
-    /// When a unit that is handed over now would be answered; `None` while nothing is known.
+    /// The time at which a unit given now is answered; `None`: unknown.
     pub(crate) fn finish(&self, now: Time, unit: &UnitNeeds) -> Option<Time> {
         let &UnitNeeds { primitive, size, bytes, data } = unit;
         let service = self.occupied_ns(primitive, size, bytes)? + self.moving_ns(data);
         Some(now.plus_ns(self.latency_ns()).max(self.free_at(now)).plus_ns(service))
     }
 
-    /// What a packet costs before its first unit, and each unit of `size` items, in nanoseconds; `None` while that is not known.
+    /// Nanoseconds per packet, and per unit of `size` items; `None`: unknown.
     pub(crate) fn cost_ns(&self, primitive: Primitive, size: u64) -> Option<(f64, f64)> {
         let cost = &self.costs[primitive.index()];
         (cost.units() > 0).then(|| (cost.fixed_ns(), cost.ns_per_item() * size as f64))
     }
 
-    /// Shortest time of units that is worth a packet, given what the cost model says that a packet costs before its first unit.
+    /// Minimum total time of units that is worth a packet, given the fixed cost of a packet.
     pub(crate) fn least_ns(&self, fixed_ns: f64) -> f64 {
         if self.flow.is_some() { fixed_ns } else { fixed_ns.max(NEAR_HANDOVER_NS) }
     }
 
-    /// What is to be handed over at once, if such a unit is in front.
+    /// The limit on a packet that starts with this unit.
     pub(crate) fn packet_bound(&self, unit: &UnitNeeds) -> PacketBound {
         let most = if self.flow.is_some() { usize::MAX } else { 2 * self.last_units };
         let usual = self.usual_bound(unit);
         PacketBound { units: usual.units.min(most), ..usual }
     }
 
-    /// What is handed over at once in the long run.
+    /// The long-term limit on a packet.
     pub(crate) fn usual_bound(&self, unit: &UnitNeeds) -> PacketBound {
         let cost = &self.costs[unit.primitive.index()];
         let known = self.cost_ns(unit.primitive, unit.size);
@@ -267,7 +268,7 @@ impl LaneState {
         PacketBound { units, bytes: None }
     }
 
-    /// Sends a packet on its way. Returns its number.
+    /// Sends a packet. Returns its number.
     pub(crate) fn launch(&mut self, now: Time, packet: &Launch, config: &HraConfig) -> u64 {
         let &Launch { primitive, units, items, bytes, data, moved_bytes } = packet;
         let moving_ns = self.cable.moving_ns(moved_bytes);
@@ -316,7 +317,7 @@ impl LaneState {
         sequence
     }
 
-    /// A packet is not under way any more.
+    /// Removes a packet from those in flight.
     pub(crate) fn land(&mut self, sequence: u64) -> Option<Flight> {
         let flight = self.flights.remove(&sequence)?;
         if let Some(flow) = &mut self.flow {
@@ -328,16 +329,16 @@ impl LaneState {
         Some(flight)
     }
 
-    /// A packet was answered, so the resource does not hang: those that were sent after it have their time from now on. Those before
-    /// it do not, for they may be lost.
+    /// Notes an answer, which shows that the resource does not hang: packets sent later have their full time from now
+    /// on. Earlier ones do not, because they may be lost.
     pub(crate) fn goes_on(&mut self, now: Time, answered: u64) {
         for flight in self.flights.range_mut(answered..).map(|(_, flight)| flight) {
             flight.deadline = flight.deadline.max(now.after(flight.patience));
         }
     }
 
-    /// Learns from an answer to a whole packet; `busy` where the driver measured it. Returns the time that the packet
-    /// took of the resource.
+    /// Learns from an answer to a whole packet; `busy` if the driver measured it. Returns the time of the packet on the
+    /// resource.
     pub(crate) fn learn(&mut self, now: Time, flight: &Flight, busy: Option<Duration>) -> Duration {
         let index = flight.primitive.index();
         let Some(flow) = &self.flow else {
@@ -353,7 +354,7 @@ impl LaneState {
         let service = busy.unwrap_or_else(|| now.since(arrived.max(flow.last_answer())));
         let believed = match busy {
             Some(_) => true,
-            // There and back in less than the way is thought to take: the way is not, and the rest says nothing.
+            // A round trip shorter than the assumed latency: the latency is wrong, and the service time is unknown
             None if way_known => arrived < now && (known || !service.is_zero()),
             None => flow.is_one_by_one() || (!flight.alone && flow.was_pair(now, flight.sent)),
         };
@@ -376,7 +377,7 @@ impl LaneState {
     }
 }
 
-/// A packet to be sent.
+/// A packet to send.
 pub(crate) struct Launch {
     pub(crate) primitive: Primitive,
     pub(crate) units: usize,

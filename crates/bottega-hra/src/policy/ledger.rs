@@ -1,11 +1,11 @@
-//! Units under way. Who takes a packet out of here settles it; who finds it gone does not. So every unit is settled
-//! once, however many claim to have done it.
+//! The ledger of units in progress. Removing a packet settles it, which succeeds once only: so every unit is settled
+//! once, however many threads try to.
 
 use std::collections::BTreeMap;
 
 use super::unit::Unit;
 
-/// What one resource has in hand, by the number of its packet.
+/// The units in progress on one resource, by packet number.
 pub(crate) struct Ledger<T>(BTreeMap<u64, Vec<Unit<T>>>);
 
 impl<T> Ledger<T> {
@@ -17,22 +17,22 @@ impl<T> Ledger<T> {
         self.0.insert(sequence, units);
     }
 
-    /// The units of a packet, if nobody settled it before.
+    /// Removes and returns the units of a packet; `None`: settled before.
     pub(crate) fn settle(&mut self, sequence: u64) -> Option<Vec<Unit<T>>> {
         self.0.remove(&sequence)
     }
 
-    /// Whether there is anything in hand.
+    /// True if there are units in progress.
     pub(crate) fn is_busy(&self) -> bool {
         !self.0.is_empty()
     }
 
-    /// The packets in hand.
+    /// The numbers of the packets in progress.
     pub(crate) fn sequences(&self) -> Vec<u64> {
         self.0.keys().copied().collect()
     }
 
-    /// The units of a packet that was not settled.
+    /// The units of a packet that is not settled.
     pub(crate) fn look(&self, sequence: u64) -> Option<&[Unit<T>]> {
         self.0.get(&sequence).map(Vec::as_slice)
     }

@@ -1,9 +1,10 @@
-//! The length of the bin, by Little's law: what waits is what is done in a second times the seconds it waits.
+//! The capacity of the bin, by Little's law: the number of units done per second times their waiting time in seconds.
 //!
-//! Where that leaves a resource without work, because the bin is full of what others do, it is longer: the paper's
-//! marginalisation. It grows while that is so, and shrinks slowly when it is not.
+//! If a resource has no work because the bin is full of other resources' work, the capacity grows: the paper's
+//! marginalisation. It shrinks slowly when that is over.
 //!
-//! Where units may not wait as long as that, it is shorter: so that a unit that comes last is begun within half of the
+//! If units have shorter maximum delays, the capacity is smaller, so that the last unit is begun within half of the
+//! shortest recent maximum delay, whatever the order.
 //! shortest maximum delay that was asked for of late, whatever the order.
 
 use std::time::Duration;
@@ -11,38 +12,39 @@ use std::time::Duration;
 use super::time::Time;
 use crate::HraConfig;
 
-/// A maximum delay shorter than this says that a unit is urgent, and not how long the bin is to be.
+/// Minimum maximum delay that affects the capacity; shorter ones only mark a unit as urgent.
 const DELAY_MIN: Duration = Duration::from_millis(1);
-/// Over how much time at least the rate is counted.
+/// Minimum interval for measuring the rate.
 const INTERVAL_MIN: Duration = Duration::from_millis(10);
-/// By how much it grows each time that a resource finds nothing of what it should do, and shrinks each interval.
+/// Factor by which the capacity grows when a resource finds none of its work, and shrinks per interval.
 const GROWTH: f64 = 1.5;
 const SHRINKAGE: f64 = 0.995;
-/// Weight of the newest interval.
+/// Weight of the newest interval in the rate.
 const WEIGHT: f64 = 0.3;
 
-/// How many units the bin takes: so many that they wait for [`HraConfig::bin_delay`], within bounds.
+/// The capacity of the bin: units wait for about [`HraConfig::bin_delay`], within bounds.
 #[derive(Clone, Debug)]
 pub(crate) struct BinLength {
     max: usize,
     min: usize,
     delay: Duration,
-    /// Shortest maximum delay asked for of late.
+    /// Shortest recent maximum delay.
     tightest: Duration,
-    /// Units that it takes however short that is: enough for everybody to have one at work and one to follow.
+    /// Minimum capacity, however short the delays are: enough for each resource to have one unit in progress and one
+    /// waiting.
     least: f64,
-    /// How much longer it is than Little's law says; at least 1.
+    /// Factor on the capacity by Little's law; at least 1.
     stretch: f64,
-    /// Units a second, once known.
+    /// Units per second; `None`: unknown.
     rate: Option<f64>,
     since: Time,
     count: u64,
-    /// Whether there was something to do all the time since.
+    /// True if there was always something to do in the current interval.
     busy: bool,
 }
 
 impl BinLength {
-    /// Units that the bin takes before the rate is known, if its bounds allow.
+    /// Capacity before the rate is known, within bounds.
     const AT_FIRST: usize = 1024;
 
     pub(crate) fn new(config: &HraConfig, resources: usize) -> Self {
@@ -62,7 +64,7 @@ impl BinLength {
         }
     }
 
-    /// Units that the bin takes now.
+    /// The current capacity.
     pub(crate) fn capacity(&self) -> usize {
         let wanted = self.rate.map_or(Self::AT_FIRST, |rate| (rate * self.delay.as_secs_f64()) as usize);
         let stretched = self.stretch * wanted.clamp(self.min, self.max) as f64;
@@ -70,12 +72,13 @@ impl BinLength {
         (stretched.min(in_time.max(self.least).max(1.0)) as usize).min(self.max)
     }
 
-    /// A unit was submitted that may wait for so long.
+    /// Takes in the maximum delay of a submitted unit.
     pub(crate) fn may_wait(&mut self, max_delay: Duration) {
         self.tightest = self.tightest.min(max_delay.max(DELAY_MIN));
     }
 
-    /// A resource found nothing of what it should do, though there is more outside. Returns whether the bin grows.
+    /// Notes that a resource found none of its work in the bin, though there is some outside. Returns true if the bin
+    /// grows.
     pub(crate) fn starved(&mut self) -> bool {
         let (before, stretch) = (self.capacity(), self.stretch);
         while self.capacity() == before && self.stretch < 1e6 * stretch {
@@ -88,13 +91,13 @@ impl BinLength {
         grows
     }
 
-    /// How long a unit waits behind `units` others; zero before the rate is known.
+    /// Expected waiting time behind `units` others; zero before the rate is known.
     pub(crate) fn wait_behind(&self, units: usize) -> Duration {
         let seconds = self.rate.filter(|&rate| rate > 0.0).map_or(0.0, |rate| units as f64 / rate);
         Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
     }
 
-    /// `units` were taken; afterwards so many wait.
+    /// Notes that `units` were taken, with `waiting` left.
     pub(crate) fn taken(&mut self, now: Time, units: usize, waiting: usize) {
         self.count += units as u64;
         let elapsed = now.since(self.since);
@@ -103,7 +106,7 @@ impl BinLength {
             self.stretch = (self.stretch * SHRINKAGE).max(1.0);
             self.tightest =
                 Duration::try_from_secs_f64(self.tightest.as_secs_f64() / SHRINKAGE).unwrap_or(Duration::MAX);
-            // An interval in which the resources had nothing to do shows less than they can.
+            // An interval in which resources were idle shows less than they can do
             let counts = self.busy || self.rate.is_none_or(|known| rate > known);
             if counts {
                 self.rate = Some(self.rate.map_or(rate, |known| known + WEIGHT * (rate - known)));

@@ -1,8 +1,8 @@
-//! Everything that decides, and nothing that acts: order, placement, window and packet sizes, residency, pauses, costs.
+//! The policy: all decisions without side effects, about order, placement, window and packet sizes, residency,
+//! suspension and costs.
 //!
-//! Plain state machines: an event and the time go in, decisions come out. No clock, no lock, no thread and no code of
-//! the user in here. The threads of `crate::threads` and the virtual time of `crate::simulate` drive the same
-//! [`Core`](core::Core).
+//! Plain state machines: an event and the time go in, decisions come out. No clocks, locks, threads or user code. The
+//! threads of `crate::threads` and the virtual time of `crate::simulate` drive the same [`Core`](core::Core).
 
 pub(crate) mod account;
 pub(crate) mod backoff;

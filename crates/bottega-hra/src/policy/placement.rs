@@ -1,9 +1,9 @@
-//! Placement: which unit a resource gets, and whether it gets any.
+//! Placement: the unit that a resource gets, if any.
 //!
-//! In turn: a unit that failed elsewhere; the one that is late for longest; the highest priority. Among the primitives
-//! of one priority the fluid [`plan`] says who does which, by comparative advantage. A resource
-//! that would end a unit later than all others will have ended everything does not get it (*expected finish time*, as
-//! in Topcuoglu's HEFT and StarPU's `dmda`), unless work has come for so long that it will not matter.
+//! In this order: a unit that failed elsewhere; the one that has been late longest; the highest priority. Among the
+//! primitives of one priority the fluid [`plan`] assigns work by comparative advantage. A resource that finishes a unit
+//! later than all others finish everything does not get it (*expected finish time*, as in Topcuoglu's HEFT and StarPU's
+//! `dmda`), unless the stream of work has lasted so long that it does not matter.
 
 use std::time::Duration;
 
@@ -16,23 +16,23 @@ use super::time::Time;
 use super::unit::{Data, Meta, UnitNeeds};
 use crate::{Primitive, ResourceId};
 
-/// A plan is believed for this part of the time that it plans for, but no longer than this part of the time that work has come
-/// for, since the first ones know little; and at least for [`PLAN_VALID_MIN`].
+/// Validity of a plan, as a share of the time that it plans for, but at most of the time that work has been coming,
+/// since first plans know little; and at least [`PLAN_VALID_MIN`].
 const PLAN_VALID: f64 = 0.03;
 const PLAN_VALID_OF_PAST: f64 = 0.05;
 const PLAN_VALID_MIN: Duration = Duration::from_millis(5);
-/// Shares of time below this are noise of the search.
+/// Shares of time below this are noise of the optimization.
 const SHARE_MIN: f64 = 0.01;
-/// Part of what is left to do that one packet may hold of a resource's own share.
+/// Maximum share of a resource's remaining work in one packet.
 const PACKET_SHARE: f64 = 0.2;
-/// Nanoseconds of way there and back up to which a resource is tried before anything is known of the others.
+/// Maximum round trip, in nanoseconds, up to which a resource is tried before the others are measured.
 const TRIED_WITHIN: f64 = 10e6;
-/// Longest time after which a resource that got nothing asks again.
+/// Maximum time after which a resource that got nothing asks again.
 const ASK_AGAIN_MAX: Duration = Duration::from_secs(1);
 
-/// How fast what is left gets less.
+/// The rate at which the remaining work is done.
 struct DrainRate {
-    /// What is left, in the plan's prices.
+    /// The remaining work, in the plan's prices.
     worth: f64,
     /// The rate of each resource, in the plan's prices.
     rates: Vec<f64>,
@@ -40,7 +40,8 @@ struct DrainRate {
 }
 
 impl<T> Core<T> {
-    /// What `id`, which has room, gets.
+    /// The choice for `id`, which has room.
+    // First a unit that failed elsewhere
     pub(super) fn choose(&mut self, now: Time, id: ResourceId) -> LaneChoice<T> {
         if self.bin.len() == 0 {
             return LaneChoice::Nothing;
@@ -54,7 +55,7 @@ impl<T> Core<T> {
                 .filter(is_near)
                 .any(|(_, near)| roster.can(ResourceId(near), meta.primitive, meta.data))
         };
-        // What a near resource had no time for failed nowhere: it is not carried a long way.
+        // A unit that a near resource had no time for is not sent far away
         let is_for_near = |meta: &Meta| {
             meta.failed_on.is_empty() && lane.longest_way_ns(&meta.needs()) > TRIED_WITHIN && near_can(meta)
         };
@@ -102,19 +103,19 @@ impl<T> Core<T> {
         ask_again.map_or(LaneChoice::Nothing, |until| LaneChoice::Decline { until, sooner })
     }
 
-    /// By how much a unit counts as late before it is: as long as it takes to do what may be before it.
+    /// The time before its limit at which a unit counts as late: that of the work that may be before it.
     fn lead(&self) -> Duration {
         self.length.wait_behind(self.bin.len()).min(self.config.bin_delay)
     }
 
-    /// Whether `id` is to spend time on a primitive, as far as there is a plan.
+    /// True if `id` has a share of a primitive in the plan, or there is no plan.
     fn has_share(&self, id: ResourceId, primitive: Primitive) -> bool {
         let planned = self.planned.as_ref();
         planned.is_none_or(|plan| plan.plan.shares[plan.rows[id.index()]][primitive.index()] >= SHARE_MIN)
     }
 
-    /// Whether what `id` should do is outside of the bin, and will come in. A bin that is full, or was a moment ago,
-    /// grows for that, if it can.
+    /// True if the work of `id` is outside of the bin and about to enter. A bin that is full, or was a moment ago,
+    /// grows for it if it can.
     fn starves(&mut self, id: ResourceId) -> bool {
         let outside = |primitive: Primitive| {
             let is_outside = self.bin.items_of(primitive) == 0 && self.demand.announced(primitive) > 0;
@@ -129,7 +130,7 @@ impl<T> Core<T> {
             .map(|primitive| self.bin.items_of(primitive).saturating_add(self.demand.announced(primitive)) as f64)
     }
 
-    /// Makes a new plan when the old one is too old, or none when there is nothing to choose.
+    /// Makes a new plan if the old one has expired; none if there is nothing to choose.
     fn replan(&mut self, now: Time) {
         let backlog = self.backlog();
         let live = backlog.map(|items| items > 0.0);
@@ -152,7 +153,8 @@ impl<T> Core<T> {
             Some(PlannedPacket { plan, valid_until: now.after(valid.max(PLAN_VALID_MIN)), live, rows, owed });
     }
 
-    /// The kinds of resources, and of which each is: those that can do the same about equally fast. What is not known of one is taken from the others. `None`: of some primitive nothing is known at all.
+    /// The kinds of resources, those that support the same primitives at about the same speed, and the kind of each. Times that
+    /// are unknown for a resource are taken from the others. `None`: a primitive has not been measured on any.
     fn kinds(&self, live: &ByPrimitive<bool>) -> Option<(Vec<ResourceKind>, Vec<usize>)> {
         let mut typical = [None; Primitive::COUNT];
         for primitive in Primitive::ALL.into_iter().filter(|primitive| live[primitive.index()]) {
@@ -181,8 +183,8 @@ impl<T> Core<T> {
         Some((kinds, rows))
     }
 
-    /// Best first. Without a plan: what the fewest can do, so that one who can do everything does not take away the
-    /// only work of one who cannot; then first come.
+    /// Sorts heads, the best first. Without a plan: primitives that the fewest resources support first, so that
+    /// versatile resources leave the others their only work; then first come.
     fn sort(&self, id: ResourceId, heads: &mut [BinHead]) {
         let Some(planned) = &self.planned else {
             heads.sort_by_key(|head| (self.roster.count_of(head.needs.primitive), head.sequence()));
@@ -204,7 +206,7 @@ impl<T> Core<T> {
         });
     }
 
-    /// Books that `id` spends time on a primitive.
+    /// Accounts for the time that `id` spends on a primitive.
     fn owe(&mut self, id: ResourceId, needs: &UnitNeeds, units: usize) {
         let Some(planned) = &mut self.planned else { return };
         let time = self.lanes[id.index()].predict_ns(needs.primitive, needs.size).unwrap_or(0.0) * units as f64;
@@ -215,7 +217,7 @@ impl<T> Core<T> {
         owed[needs.primitive.index()] -= time;
     }
 
-    /// How fast what is left gets less; `None` while that is not known.
+    /// The rate at which the remaining work is done; `None`: unknown.
     fn pace(&self) -> Option<DrainRate> {
         let backlog = self.backlog();
         let live = || Primitive::ALL.into_iter().filter(|primitive| backlog[primitive.index()] > 0.0);
@@ -237,8 +239,8 @@ impl<T> Core<T> {
         (rate > 0.0).then_some(DrainRate { worth, rate, rates })
     }
 
-    /// Units that `id` gets at once: what suits it, but not more than its part of what is left. Where handing over costs much, a
-    /// packet still has units for as long as that takes: a shorter one would not end much sooner.
+    /// The limit on units for `id` at once: what suits it, but at most its share of the remaining work. If handing over
+    /// is expensive, a packet has units for at least as long as that takes.
     fn packet_bound(&self, id: ResourceId, needs: &UnitNeeds, pace: Option<&DrainRate>) -> PacketBound {
         let lane = &self.lanes[id.index()];
         let wanted = lane.packet_bound(needs);
@@ -252,8 +254,8 @@ impl<T> Core<T> {
         }
     }
 
-    /// Whether others would be done with everything before `id` with this unit; then, when to ask again, and who would
-    /// be done with it first. Of all that ask about a unit, that one does not decline it.
+    /// Returns whether others finish everything before `id` finishes this unit; if so, when to ask again, and which
+    /// resource finishes the unit first. Among all that ask about a unit, that one does not decline it.
     fn declines(
         &self,
         now: Time,
@@ -271,9 +273,9 @@ impl<T> Core<T> {
         let way_ns = lane.longest_way_ns(needs);
         let (mine, pace) = match pace {
             Some(pace) if lane.knows(needs.primitive) => (lane.finish(now, needs)?, pace),
-            // At least that: so much is not sent only to see how fast it would be done.
+            // Lower bound: so much is not sent just to measure the speed
             Some(pace) if way_ns > 0.0 => (now.plus_ns(lane.latency_ns() + way_ns), pace),
-            // Those who are near are soon known.
+            // Near resources are soon measured
             None if !lane.knows(needs.primitive) && way_ns > TRIED_WITHIN => {
                 let (_, near) = others().find(|(lane, _)| lane.flow.is_none())?;
                 return Some((now.plus_ns(0.1 * TRIED_WITHIN), near));
@@ -293,7 +295,7 @@ impl<T> Core<T> {
         Some((now.after(pause), who))
     }
 
-    /// When everything will be done, if all go on as they do.
+    /// The time at which everything is done at the current rates.
     fn all_done(&self, now: Time, pace: &DrainRate) -> Time {
         let mut workers: Vec<(f64, f64)> = self
             .lanes
@@ -309,7 +311,7 @@ impl<T> Core<T> {
         now.plus_ns(plan::water_level(&workers, pace.worth))
     }
 
-    /// Wakes resources for so many units: as many as will take all of them, less those that are on their way here anyway.
+    /// Wakes resources for a number of units: enough to take all of them, without those about to ask anyway.
     pub(super) fn call(&mut self, now: Time, unit: &UnitNeeds, count: usize, out: &mut FollowUps<T>) {
         if self.dozing == 0 {
             return;
@@ -326,7 +328,7 @@ impl<T> Core<T> {
         }
     }
 
-    /// Wakes resources for what is left when one has taken its packet.
+    /// Wakes resources for the work left after one has taken its packet.
     pub(super) fn call_for_rest(&mut self, now: Time, out: &mut FollowUps<T>) {
         for primitive in Primitive::ALL {
             if self.dozing == 0 {
@@ -343,11 +345,11 @@ impl<T> Core<T> {
         }
     }
 
-    /// Of the resources that wait to be woken, the one that would end such a unit first.
+    /// The waiting resource that finishes such a unit first.
     fn best_of_dozing(&self, now: Time, unit: &UnitNeeds) -> Option<ResourceId> {
         let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
         let fit = lanes.filter(|&(lane, id)| lane.dozes && self.roster.can(id, unit.primitive, unit.data));
-        // Who can do the least besides goes first among equals.
+        // Of equal ones prefer the least versatile
         let best = fit.min_by_key(|(lane, id)| (lane.finish(now, unit), self.roster.primitives(*id).iter().count()));
         best.map(|(_, id)| id)
     }

@@ -1,43 +1,44 @@
-//! The fluid plan: who does which primitive, so that all end together, and what is found from it.
+//! The fluid plan: the assignment of primitives to resources with which all finish together.
 //!
-//! Work is taken for a fluid: a resource of kind r needs t(r, p) for an item of primitive p, n(r) of the kind are there,
-//! and b(p) items wait. Sought are times x(r, p) with Σₚ x(r, p) ≤ n(r), such that λ = minₚ Σᵣ x(r, p) / (t(r, p) · b(p))
-//! is as large as can be; the work ends after 1/λ. That is a small linear program, solved by the simplex method
-//! (Dantzig; Bland's rule where it stalls). Its dual gives a price for each primitive, at which everyone does what pays
-//! best by the hour. That is Ricardo's comparative advantage: not what one does faster than others, but what one does
-//! least badly. It is also what keeps those busy who can do little: who can do more is paid better elsewhere.
+//! Work is treated as a fluid: a resource of kind r needs t(r, p) per item of primitive p, there are n(r) of the kind,
+//! and b(p) items wait. Find times x(r, p) with Σₚ x(r, p) ≤ n(r) that maximize λ = minₚ Σᵣ x(r, p) / (t(r, p) · b(p));
+//! the work ends after 1/λ. This is a small linear program, solved by the simplex method (Dantzig; Bland's rule if it
+//! stalls). Its dual gives each primitive a price, at which each resource does what pays best per hour. This is
+//! Ricardo's comparative advantage: a resource does not do what it does faster than others, but what it does least
+//! badly. It also keeps less capable resources busy: for the more capable ones other work pays better.
 
 use super::time::Time;
 use crate::Primitive;
 
 const COUNT: usize = Primitive::COUNT;
 
-/// A table with an entry a primitive.
+/// A table with an entry per primitive.
 pub(crate) type ByPrimitive<T> = [T; COUNT];
 
-/// Numbers smaller than this are taken for rounding; all rates are scaled to at most 1.
+/// Smaller numbers are rounding errors; all rates are scaled to at most 1.
 const TINY: f64 = 1e-12;
-/// Pivots after which the search ends wherever it is; it needs some two for each row.
+/// Maximum number of pivots; about two per row are needed.
 const PIVOTS_MAX: usize = 2_000;
 
 /// Resources of one kind.
 #[derive(Clone, Debug)]
 pub(crate) struct ResourceKind {
-    /// Nanoseconds an item; infinite for what they cannot do.
+    /// Nanoseconds per item; infinite for unsupported primitives.
     pub(crate) times: ByPrimitive<f64>,
-    /// How many there are.
+    /// Their number.
     pub(crate) count: f64,
 }
 
 impl ResourceKind {
-    /// Whether somebody who needs these times is of the kind: can do the same, within a fifth as fast.
+    /// True if a resource with these times is of the kind: it supports the same primitives, within a fifth of the
+    /// speed.
     pub(crate) fn is_like(&self, times: &ByPrimitive<f64>) -> bool {
         self.times.iter().zip(times).all(|(own, time)| {
             own == time || (own.is_finite() && time.is_finite() && (0.8..=1.25).contains(&(own / time)))
         })
     }
 
-    /// Counts one more, and its times into the mean.
+    /// Adds a resource, and its times to the mean.
     pub(crate) fn add(&mut self, times: &ByPrimitive<f64>) {
         self.count += 1.0;
         for (own, time) in self.times.iter_mut().zip(times).filter(|(own, _)| own.is_finite()) {
@@ -46,18 +47,18 @@ impl ResourceKind {
     }
 }
 
-/// Shares of time, and prices.
+/// A solution: shares of time, and prices.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FluidPlan {
-    /// By kind: share of a resource's time for each primitive.
+    /// By kind: the share of a resource's time for each primitive.
     pub(crate) shares: Vec<ByPrimitive<f64>>,
-    /// What an item is worth, in nanoseconds: all together gain the worth of all the work in the time of the plan.
+    /// Value of an item, in nanoseconds: all resources together earn the value of all work in the planned time.
     pub(crate) prices: ByPrimitive<f64>,
-    /// Nanoseconds until all is done.
+    /// Nanoseconds until everything is done.
     pub(crate) time_ns: f64,
 }
 
-/// Plans a backlog in items. Primitives that nobody can do, and those of which nothing waits, are left out.
+/// Plans a backlog of items. Primitives that no resource supports, or without waiting items, are left out.
 pub(crate) fn plan(kinds: &[ResourceKind], backlog: &ByPrimitive<f64>) -> FluidPlan {
     let rate = |r: usize, p: usize| {
         let time = kinds[r].times[p] * backlog[p];
@@ -97,11 +98,11 @@ pub(crate) fn plan(kinds: &[ResourceKind], backlog: &ByPrimitive<f64>) -> FluidP
     plan
 }
 
-/// A linear program in the form: maximize the first variable, rows ≤ limits, all variables at least 0.
+/// A linear program: maximize the first variable, with rows ≤ limits and all variables at least 0.
 struct Tableau {
     rows: usize,
     columns: usize,
-    /// Rows of `columns` + `rows` + 1 numbers: variables, slacks, limit; the objective is the last row.
+    /// The cells: rows of `columns` + `rows` + 1 numbers (variables, slacks, limit); the objective is the last row.
     cells: Vec<f64>,
     basis: Vec<usize>,
 }
@@ -139,7 +140,7 @@ impl Tableau {
         for pivots in 0..PIVOTS_MAX {
             let objective = |column: usize| self.get(self.rows, column);
             let mut gaining = (0..self.width() - 1).filter(|&column| objective(column) < -TINY);
-            // The steepest first; after a while the first (Bland), which never goes in circles.
+            // Choose the steepest column; after a while the first (Bland), which cannot cycle
             let entering = if pivots < PIVOTS_MAX / 2 {
                 gaining.min_by(|&a, &b| objective(a).total_cmp(&objective(b)))
             } else {
@@ -184,10 +185,10 @@ impl Tableau {
     }
 }
 
-/// Splits `total` items over resources with costs `(fixed, per item)` in nanoseconds, so that all who get any finish
-/// at the same time, but for the rounding to whole items. `None` stands for a resource that gets nothing.
+/// Divides `total` items among resources with costs `(fixed, per item)` in nanoseconds so that all that get any finish
+/// at the same time, except for rounding to whole items. `None` stands for a resource that gets nothing.
 ///
-/// Who could not even begin before the others are done gets nothing. Nobody there: all zero.
+/// A resource that cannot start before the others are done gets nothing. All zero without resources.
 pub(crate) fn split(total: u64, costs: &[Option<(f64, f64)>]) -> Vec<u64> {
     let usable = |cost: &(f64, f64)| cost.0 >= 0.0 && cost.0.is_finite() && cost.1 > 0.0 && cost.1.is_finite();
     let mut order: Vec<(usize, f64, f64)> = (0..costs.len())
@@ -205,7 +206,7 @@ pub(crate) fn split(total: u64, costs: &[Option<(f64, f64)>]) -> Vec<u64> {
         left -= shares[index];
         parts.push((index, exact.fract() / per_item));
     }
-    // What rounding left goes to who was cut most, counted in time.
+    // The remainder of rounding goes to those cut most, in time
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
     for &(index, _) in parts.iter().cycle().take(if parts.is_empty() { 0 } else { left.min(1 << 16) as usize }) {
         shares[index] += 1;
@@ -217,7 +218,7 @@ pub(crate) fn split(total: u64, costs: &[Option<(f64, f64)>]) -> Vec<u64> {
     shares
 }
 
-/// The time at which `amount` is done by workers that start at `(start, speed)`, in the order of their starts.
+/// The time at which `amount` is done by workers with `(start, speed)`, in the order of their starts.
 pub(crate) fn water_level(workers: &[(f64, f64)], amount: f64) -> f64 {
     let (mut speed, mut level, mut done) = (0.0, 0.0, 0.0);
     for &(start, own) in workers {
@@ -233,14 +234,14 @@ pub(crate) fn water_level(workers: &[(f64, f64)], amount: f64) -> f64 {
     if speed > 0.0 { level + (amount - done).max(0.0) / speed } else { f64::INFINITY }
 }
 
-/// A plan, and how far it was followed.
+/// A plan, with its execution so far.
 pub(super) struct PlannedPacket {
     pub(super) plan: FluidPlan,
     pub(super) valid_until: Time,
     pub(super) live: ByPrimitive<bool>,
     /// By resource: its row in the plan.
     pub(super) rows: Vec<usize>,
-    /// By resource and primitive: planned time less time spent, in nanoseconds.
+    /// By resource and primitive: planned time minus time spent, in nanoseconds.
     pub(super) owed: Vec<ByPrimitive<f64>>,
 }
 

@@ -1,18 +1,18 @@
-//! Residency: which data is in a resource's memory, and what goes when there is no room.
+//! Residency: the data in a resource's memory, and the choice of data to evict.
 
 use std::collections::BTreeMap;
 
 use super::unit::Data;
 use crate::DataId;
 
-/// The data that a resource holds; the least recently used goes first.
+/// The data that a resource holds; the least recently used is evicted first.
 #[derive(Debug)]
 pub(crate) struct Residency {
     capacity: u64,
     used: u64,
     held: BTreeMap<DataId, ResidentData>,
     uses: u64,
-    /// Whether it works in the memory of this process, where all data is.
+    /// True if it uses this process's memory, where all data is resident.
     is_here: bool,
 }
 
@@ -20,26 +20,26 @@ pub(crate) struct Residency {
 struct ResidentData {
     bytes: u64,
     last_use: u64,
-    /// Packets under way that need it.
+    /// Number of packets in flight that need it.
     pins: u32,
 }
 
-/// What it takes to have data there.
+/// The steps to make data resident.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Admission {
-    /// To be thrown out first.
+    /// Data to evict first.
     pub(crate) evicted: Vec<DataId>,
-    /// Bytes that must travel.
+    /// Bytes to send.
     pub(crate) moved_bytes: u64,
 }
 
 impl Residency {
-    /// Empty, for so many bytes.
+    /// An empty memory of `capacity` bytes; `None`: unlimited.
     pub(crate) fn new(capacity: Option<u64>) -> Self {
         Self { capacity: capacity.unwrap_or(u64::MAX), used: 0, held: BTreeMap::new(), uses: 0, is_here: false }
     }
 
-    /// Of a resource that works in the memory of this process: everything is there.
+    /// That of a resource in this process's memory: everything is resident.
     pub(crate) fn here() -> Self {
         Self { is_here: true, ..Self::new(None) }
     }
@@ -48,12 +48,12 @@ impl Residency {
         self.is_here || self.held.contains_key(&id)
     }
 
-    /// Bytes of data there.
+    /// Bytes of resident data.
     pub(crate) fn used(&self) -> u64 {
         self.used
     }
 
-    /// Makes room for `data` and pins it. `None`: there is no room while what is under way needs the rest.
+    /// Makes room for `data` and pins it. `None`: pinned data leaves no room.
     pub(crate) fn admit(&mut self, data: Data) -> Option<Admission> {
         if self.is_here {
             return Some(Admission { evicted: Vec::new(), moved_bytes: 0 });
@@ -76,19 +76,19 @@ impl Residency {
         Some(Admission { evicted, moved_bytes: data.bytes })
     }
 
-    /// A packet that needed it is back.
+    /// Unpins data after a packet is done.
     pub(crate) fn release(&mut self, id: DataId) {
         if let Some(held) = self.held.get_mut(&id) {
             held.pins = held.pins.saturating_sub(1);
         }
     }
 
-    /// Throws out all that nothing under way needs.
+    /// Evicts all data that no packet in flight needs.
     pub(crate) fn evict_all(&mut self) -> Vec<DataId> {
         std::iter::from_fn(|| self.evict_oldest()).collect()
     }
 
-    /// The resource says that so many bytes are free.
+    /// Takes in the free memory that the resource reports.
     pub(crate) fn set_free(&mut self, free: u64) {
         self.capacity = self.used.saturating_add(free);
     }

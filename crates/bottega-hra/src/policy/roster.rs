@@ -1,14 +1,14 @@
-//! The roster of resources and of what each can do.
+//! The roster of resources and their capabilities.
 
 use super::unit::{Data, Meta};
 use crate::{Primitive, PrimitiveSet, ResourceDescriptor, ResourceId};
 
-/// The capabilities of all resources that were not given up.
+/// The capabilities of all resources that are not retired.
 pub(crate) struct Capabilities {
     able: Vec<PrimitiveSet>,
     memory: Vec<u64>,
     counts: [u32; Primitive::COUNT],
-    /// Memory of the roomiest resource that can do each primitive.
+    /// For each primitive, the largest memory of a resource that supports it.
     roomiest: [u64; Primitive::COUNT],
 }
 
@@ -29,7 +29,7 @@ impl Capabilities {
         }
     }
 
-    /// Takes a resource out for good.
+    /// Removes a resource permanently.
     pub(crate) fn retire(&mut self, resource: ResourceId) {
         self.able[resource.index()] = PrimitiveSet::NONE;
         self.count();
@@ -39,22 +39,22 @@ impl Capabilities {
         self.able[resource.index()]
     }
 
-    /// How many resources can do it, data apart.
+    /// Number of resources that support it, regardless of data.
     pub(crate) fn count_of(&self, primitive: Primitive) -> u32 {
         self.counts[primitive.index()]
     }
 
-    /// The most data with which anybody can do it.
+    /// Maximum size of data for which it is supported; `None`: unsupported.
     pub(crate) fn most_data(&self, primitive: Primitive) -> Option<u64> {
         (self.count_of(primitive) > 0).then_some(self.roomiest[primitive.index()])
     }
 
-    /// Whether anybody can do `primitive` on so much data.
+    /// True if a resource supports `primitive` on this much data.
     pub(crate) fn anybody_can(&self, primitive: Primitive, data_bytes: u64) -> bool {
         self.count_of(primitive) > 0 && data_bytes <= self.roomiest[primitive.index()]
     }
 
-    /// Whether the data fits into the memory of `resource`.
+    /// True if the data fits into the memory of `resource`.
     pub(crate) fn holds(&self, resource: ResourceId, data: Option<Data>) -> bool {
         data.is_none_or(|data| data.bytes <= self.memory[resource.index()])
     }
@@ -63,7 +63,7 @@ impl Capabilities {
         self.able[resource.index()].contains(primitive) && self.holds(resource, data)
     }
 
-    /// Whether `resource` may try a unit that failed elsewhere: not if it failed here, unless it failed with everyone.
+    /// True if `resource` may try a unit that failed elsewhere: not if it failed here, unless it failed on all.
     pub(crate) fn may_try(&self, resource: ResourceId, meta: &Meta) -> bool {
         let can = |index: usize| self.can(ResourceId(index as u32), meta.primitive, meta.data);
         let failed = |index: usize| meta.failed_on.iter().any(|failed| failed.index() == index);

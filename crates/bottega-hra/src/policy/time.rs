@@ -1,18 +1,18 @@
-//! Time as the policy knows it: nanoseconds since the allocator was made, real or virtual.
+//! Time in the policy: nanoseconds since the allocator was made, real or virtual.
 
 use std::time::Duration;
 
-/// A moment, in nanoseconds since the start of an allocator; nobody but a driver reads it from a clock.
+/// A moment, in nanoseconds since the allocator was made; only drivers read a clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Time(u64);
 
 impl Time {
-    /// When the allocator was made.
+    /// The moment at which the allocator was made.
     pub const ZERO: Self = Self(0);
-    /// Later than every event; after some 584 years.
+    /// Later than every event; about 584 years.
     pub const NEVER: Self = Self(u64::MAX);
 
-    /// So many nanoseconds after the start.
+    /// The moment this many nanoseconds after the start.
     pub const fn from_nanos(nanos: u64) -> Self {
         Self(nanos)
     }
@@ -22,24 +22,24 @@ impl Time {
         self.0
     }
 
-    /// So much time after the start.
+    /// The moment this long after the start.
     pub fn at(elapsed: Duration) -> Self {
         Self::ZERO.after(elapsed)
     }
 
-    /// Later by `delay`; [`Time::NEVER`] where that is beyond what can be said.
+    /// The moment later by `delay`, at most [`Time::NEVER`].
     #[must_use]
     pub fn after(self, delay: Duration) -> Self {
         Self(u64::try_from(delay.as_nanos()).map_or(u64::MAX, |delay| self.0.saturating_add(delay)))
     }
 
-    /// Later by `nanos`, rounded up; a number that is not positive is none.
+    /// The moment later by `nanos`, rounded up; numbers that are not positive count as 0.
     #[must_use]
     pub(crate) fn plus_ns(self, nanos: f64) -> Self {
         Self(self.0.saturating_add(nanos.ceil() as u64))
     }
 
-    /// Time since `earlier`; zero if that is not earlier.
+    /// Time since `earlier`; zero if `earlier` is later.
     pub fn since(self, earlier: Self) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }

@@ -5,23 +5,23 @@ use std::time::Duration;
 use super::time::Time;
 use crate::Activity;
 
-/// A stretch of time in which a resource was at one thing.
+/// A span of time with one activity of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    /// What it was at.
+    /// The activity.
     pub activity: Activity,
-    /// From when.
+    /// Start.
     pub from: Time,
-    /// Until when.
+    /// End.
     pub to: Time,
 }
 
-/// Spans in the order of time. When there are too many, gaps of idleness that are shorter than a limit are taken for
-/// work, and the limit doubles until there is room: a drawing of that many spans could not show them anyway.
+/// Spans in order of time. If there are too many, idle gaps shorter than a limit count as work, and the limit doubles
+/// until there is room: a drawing cannot show that many spans anyway.
 pub(crate) struct Spans {
     kept: Vec<Span>,
     max: usize,
-    /// Idle spans shorter than this are not told apart from the work around them.
+    /// Idle spans shorter than this are merged with the work around them.
     grain: Duration,
 }
 
@@ -49,7 +49,7 @@ impl Spans {
     fn append(&mut self, span: Span) {
         let short = |span: &Span| span.activity == Activity::Idle && span.to.since(span.from) < self.grain;
         match self.kept.last_mut() {
-            // What was too short to be shown goes to the span before, and two of a kind are one.
+            // Merge spans too short to show with the one before, and two of one activity
             Some(last) if last.activity == span.activity || (short(&span) && last.activity == Activity::Working) => {
                 last.to = span.to;
             }
@@ -60,7 +60,7 @@ impl Spans {
         }
     }
 
-    /// All spans, `last` behind them.
+    /// All spans, followed by `last`.
     pub(crate) fn with(&self, last: Span) -> Vec<Span> {
         let mut spans = self.kept.clone();
         if self.max > 0 && last.to > last.from {

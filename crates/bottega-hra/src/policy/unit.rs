@@ -1,4 +1,4 @@
-//! A unit as the policy sees it: what it asks for, until when, and who failed with it.
+//! Units in the policy: needs, deadlines and failed attempts.
 
 use std::collections::VecDeque;
 
@@ -13,35 +13,35 @@ pub(crate) struct Data {
     pub(crate) bytes: u64,
 }
 
-/// What a unit asks of a resource.
+/// The needs of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct UnitNeeds {
     pub(crate) primitive: Primitive,
-    /// Items.
+    /// Number of items.
     pub(crate) size: u64,
     /// Bytes on a cable.
     pub(crate) bytes: CableBytes,
     pub(crate) data: Option<Data>,
 }
 
-/// All that decides where and when a unit is done.
+/// The properties of a unit that determine its scheduling.
 #[derive(Clone, Debug)]
 pub(crate) struct Meta {
     pub(crate) primitive: Primitive,
-    /// Items.
+    /// Number of items.
     pub(crate) size: u64,
     /// Bytes on a cable.
     pub(crate) bytes: CableBytes,
     pub(crate) data: Option<Data>,
-    /// Higher goes first.
+    /// Priority; higher goes first.
     pub(crate) priority: i32,
     pub(crate) submitted: Time,
-    /// From when on it goes before all that are not late.
+    /// The time from which it goes before all units that are not late.
     pub(crate) late: Time,
-    /// From when on nobody wants its output.
+    /// The time from which its output is no longer wanted.
     pub(crate) expires: Time,
     pub(crate) attempts: u32,
-    /// Who tried and failed.
+    /// Resources on which it failed.
     pub(crate) failed_on: Vec<ResourceId>,
 }
 
@@ -52,39 +52,39 @@ impl Meta {
     }
 }
 
-/// What the policy carries about: facts for itself, and a load that only the driver understands.
+/// A unit in the policy: its properties, and a load for the driver.
 #[derive(Clone, Debug)]
 pub(crate) struct Unit<T> {
     pub(crate) meta: Meta,
     pub(crate) load: T,
 }
 
-/// Units in a row that wait as one: equal in primitive, data and priority, and none due before the one in front of it.
-/// The bin puts them in order once a chunk, not once a unit.
+/// A chunk: consecutive waiting units with equal primitive, data and priority, none due before the one in front of it.
+/// The bin sorts chunks, not units.
 #[derive(Clone, Debug)]
 pub(crate) struct Chunk<T> {
     units: VecDeque<Unit<T>>,
     items: u64,
-    /// Its units were announced before, as the rest of a group that the bin had no room for.
+    /// True if its units were announced, as the rest of a group for which the bin had no room.
     pub(crate) announced: bool,
 }
 
 impl<T> Chunk<T> {
-    /// Most units in a chunk: enough that what a chunk costs is nothing beside what its units cost.
+    /// Maximum number of units in a chunk: so many that the cost per chunk is negligible.
     pub(crate) const UNITS_MAX: usize = 512;
 
     pub(crate) fn new(unit: Unit<T>, announced: bool) -> Self {
         Self::with_room(unit, announced, 1)
     }
 
-    /// A chunk that is to have so many units, if that may be.
+    /// A chunk with room for a number of units, within the maximum.
     pub(crate) fn with_room(unit: Unit<T>, announced: bool, units: usize) -> Self {
         let mut chunk = Self { units: VecDeque::with_capacity(units.min(Self::UNITS_MAX)), items: 0, announced };
         chunk.push(unit);
         chunk
     }
 
-    /// Whether `meta` may follow here.
+    /// True if a unit with `meta` may be appended.
     pub(crate) fn accepts(&self, meta: &Meta, announced: bool) -> bool {
         let Some(last) = self.units.back().map(|unit| &unit.meta) else { return false };
         self.units.len() < Self::UNITS_MAX
@@ -100,7 +100,7 @@ impl<T> Chunk<T> {
         self.units.push_back(unit);
     }
 
-    /// Appends all units of another chunk, if they may follow and there is room; else it comes back.
+    /// Appends all units of another chunk, if it accepts them and has room; otherwise returns it.
     pub(crate) fn join(&mut self, mut other: Self) -> Option<Self> {
         let follows = other.front().is_some_and(|front| self.accepts(front, other.announced));
         if !follows || self.len() + other.len() > Self::UNITS_MAX {
@@ -117,7 +117,7 @@ impl<T> Chunk<T> {
         Some(unit)
     }
 
-    /// Takes up to `count` units from the front. Those of a whole chunk stay where they are in memory.
+    /// Takes up to `count` units from the front. The units of a whole chunk are not moved in memory.
     pub(crate) fn draw(&mut self, count: usize, drawn: &mut Vec<Unit<T>>) {
         if count >= self.len() && drawn.is_empty() {
             self.items = 0;
@@ -127,8 +127,7 @@ impl<T> Chunk<T> {
         }
     }
 
-    /// Takes units from the front until there are as many, or the next does not fit; the first of all always does. Returns whether
-    /// more may follow.
+    /// Takes units from the front up to a number and a size in bytes; at least one. Returns true if more may follow.
     pub(crate) fn draw_bytes(
         &mut self,
         (units, most): (usize, CableBytes),
@@ -148,7 +147,7 @@ impl<T> Chunk<T> {
         drawn.len() < units
     }
 
-    /// The facts of the unit in front.
+    /// The properties of the first unit.
     pub(crate) fn front(&self) -> Option<&Meta> {
         self.units.front().map(|unit| &unit.meta)
     }
@@ -161,7 +160,7 @@ impl<T> Chunk<T> {
         self.items
     }
 
-    /// Takes out the units for which `wanted` holds; both parts stay in order.
+    /// Removes the units for which `wanted` holds; both parts keep their order.
     pub(crate) fn extract(&mut self, wanted: impl Fn(&Unit<T>) -> bool, out: &mut Vec<Unit<T>>) {
         if !self.units.iter().any(&wanted) {
             return;

@@ -1,4 +1,4 @@
-//! The far end: when a packet is answered, and how.
+//! Simulated devices: time and kind of the answer to a packet.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::policy::incident::Fault;
 use crate::policy::time::Time;
 use crate::{DataId, Primitive, Transfer};
 
-/// A packet as the device sees it.
+/// A packet, as the device sees it.
 pub(super) struct Parcel {
     pub(super) primitive: Primitive,
     pub(super) units: usize,
@@ -18,12 +18,12 @@ pub(super) struct Parcel {
     pub(super) data: Option<(DataId, u64)>,
 }
 
-/// What will come of a packet.
+/// The outcome of a packet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fate {
-    /// When the answer is there; a device that hangs and is called directly returns then. `None`: never.
+    /// Time of the answer; for a directly called device that hangs, of its return. `None`: never.
     pub(super) at: Option<Time>,
-    /// What it will be, if not results.
+    /// The fault, if it fails.
     pub(super) fault: Option<Fault>,
 }
 
@@ -33,12 +33,12 @@ pub(super) struct SimulatedDevice {
     link_free: Time,
     free: Time,
     back_free: Time,
-    /// Down until then.
+    /// Down until this time.
     down_until: Option<Time>,
-    /// Counts up when all that is in hand is lost.
+    /// Increases when everything in progress is lost.
     pub(super) generation: u64,
     held: BTreeMap<DataId, u64>,
-    /// Whether it was ever made to hold more than it can.
+    /// True if it ever had to hold more than its memory.
     pub(super) overfull: bool,
 }
 
@@ -57,7 +57,7 @@ impl SimulatedDevice {
         self.held.remove(&data);
     }
 
-    /// Whether it is up again.
+    /// Recovers, if it is no longer down.
     pub(super) fn recover(&mut self, now: Time) -> Result<(), String> {
         if self.down_until.is_some_and(|until| now < until) {
             return Err("still down".to_owned());
@@ -104,7 +104,7 @@ impl SimulatedDevice {
         kinds.into_iter().find(|&(_, chance)| chance > 0.0 && self.random.chance(chance)).map(|(fault, _)| fault)
     }
 
-    /// What a driver would measure of the cable, where bytes take time on it.
+    /// The traffic that a driver measures, if bytes take time on the link.
     pub(super) fn transfers(&self, bytes: CableBytes) -> Option<[Transfer; 2]> {
         let link = self.model.link;
         let passed =
@@ -112,8 +112,8 @@ impl SimulatedDevice {
         (self.is_far() && link.bandwidth.is_finite()).then(|| [passed(bytes.there), passed(bytes.back)])
     }
 
-    /// When a packet is answered that goes out now: it occupies the link for its bytes, arrives after the latency,
-    /// waits for the packets before it, is served, and its answer occupies the way back and takes the latency again.
+    /// The time at which a packet sent now is answered: it occupies the link for its bytes, arrives after the latency,
+    /// waits for the packets before it and is served; its answer occupies the way back and takes the latency again.
     fn serve(&mut self, now: Time, parcel: &Parcel, moved_bytes: u64) -> Time {
         let per_item = self.model.time_per_item[parcel.primitive.index()].unwrap_or(0.0);
         let noise = 1.0 + self.model.noise * self.random.between(-1.0, 1.0);
@@ -130,7 +130,7 @@ impl SimulatedDevice {
         self.back_free.after(link.latency)
     }
 
-    /// Makes data resident. Returns the bytes that must travel.
+    /// Makes data resident. Returns the bytes to send.
     fn hold(&mut self, data: Option<(DataId, u64)>) -> u64 {
         let Some((id, bytes)) = data else { return 0 };
         if self.held.insert(id, bytes).is_some() {

@@ -1,8 +1,8 @@
-//! The allocator in virtual time: the very policy that the threads run, over modelled resources.
+//! Simulation of the allocator in virtual time, with the same policy that the threads run, over modelled resources.
 //!
-//! For tests and for planning: hours of load over many resources take seconds, any fault can be injected, and the same
-//! seed gives the same run. The world checks while it runs that every unit is answered exactly once and that no
-//! resource is made to hold more data than it has memory for.
+//! For tests and planning: hours of load over many resources take seconds, any fault can be injected, and the same seed
+//! gives the same run. Invariants are checked during the run: every unit is answered exactly once, and no resource has
+//! to hold more data than its memory.
 
 mod device;
 mod load;

@@ -1,47 +1,47 @@
-//! The model of a resource.
+//! Models of resources.
 
 use std::time::Duration;
 
 use crate::{Link, Primitive, PrimitiveSet, ResourceDescriptor, Window};
 
-/// A resource in virtual time: how fast, how far away, how large, and what goes wrong with it.
+/// A resource in virtual time: speed, link, memory and faults.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     /// Its name.
     pub name: String,
-    /// Nanoseconds an item by primitive, in the order of [`Primitive::ALL`]; `None`: it cannot do that.
+    /// Nanoseconds per item by primitive, in the order of [`Primitive::ALL`]; `None`: unsupported.
     pub time_per_item: [Option<f64>; Primitive::COUNT],
-    /// Time of a packet before its first item.
+    /// Time per packet before its first item.
     pub time_per_packet: Duration,
-    /// The way there, and back again.
+    /// The link in both directions.
     pub link: Link,
-    /// Bounds of its window. `None`: it is called directly, and its link is not used.
+    /// The limits of its window. `None`: it is called directly, and its link is not used.
     pub window: Option<Window>,
-    /// Memory for data.
+    /// Memory for data, in bytes.
     pub memory_bytes: Option<u64>,
-    /// Times vary evenly by this share up and down; below 1.
+    /// Times vary uniformly by this share up and down; below 1.
     pub noise: f64,
-    /// What goes wrong.
+    /// Its faults.
     pub faults: Faults,
 }
 
-/// The faults of a resource, by packet.
+/// The faults of a resource, per packet.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// Probability that it stops answering, this packet and all others, until it is made to recover.
+    /// Probability that it stops answering, this packet and all others, until it recovers.
     pub hang: f64,
-    /// Probability that it answers with garbage.
+    /// Probability of an invalid answer.
     pub garbage: f64,
-    /// Probability that it dies: all that it has in hand is lost at once.
+    /// Probability that it dies and loses everything in progress.
     pub death: f64,
-    /// How long it cannot recover after it hung or died.
+    /// Time after a hang or death until it can recover.
     pub lasts: Duration,
-    /// Packets of more units than this run out of memory.
+    /// Packets of more units than this exceed its memory; `None`: none do.
     pub units_max: Option<usize>,
 }
 
 impl Model {
-    /// A sound resource next to the processor, of which an item takes `ns_per_item`, whatever the primitive.
+    /// A resource without faults next to the processor, with `ns_per_item` for every primitive.
     pub fn near(name: impl Into<String>, ns_per_item: f64) -> Self {
         Self {
             name: name.into(),
@@ -55,12 +55,12 @@ impl Model {
         }
     }
 
-    /// A sound resource behind a link.
+    /// A resource without faults behind a link.
     pub fn far(name: impl Into<String>, ns_per_item: f64, link: Link) -> Self {
         Self { link, window: Some(Window::default()), ..Self::near(name, ns_per_item) }
     }
 
-    /// What the allocator is told of it.
+    /// Its description for the allocator.
     pub fn descriptor(&self) -> ResourceDescriptor {
         let able = Primitive::ALL.into_iter().filter(|primitive| self.time_per_item[primitive.index()].is_some());
         let primitives: PrimitiveSet = able.collect();

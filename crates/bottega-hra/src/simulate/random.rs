@@ -1,13 +1,13 @@
-//! Numbers that depend on a seed alone.
+//! Random numbers from a seed.
 
 use bottega_kernels::SplitMix64;
 
-/// Loads and faults from a seed.
+/// Random loads and faults from a seed.
 #[derive(Clone, Debug)]
 pub struct LoadRandom(SplitMix64);
 
 impl LoadRandom {
-    /// A sequence that depends on `seed` alone.
+    /// The sequence of this seed.
     pub fn new(seed: u64) -> Self {
         Self(SplitMix64::new(seed))
     }
@@ -27,12 +27,12 @@ impl LoadRandom {
         from + (to - from) * self.uniform()
     }
 
-    /// Uniform by its logarithm: as likely between 1 and 10 as between 10 and 100. Both ends must be positive.
+    /// Log-uniform: as likely between 1 and 10 as between 10 and 100. Both ends must be positive.
     pub fn by_magnitude(&mut self, from: f64, to: f64) -> f64 {
         from * (to / from).powf(self.uniform())
     }
 
-    /// Below `end`, which must not be 0.
+    /// Uniform below `end`, which must not be 0.
     pub fn below(&mut self, end: u64) -> u64 {
         self.bits() % end
     }
@@ -42,7 +42,7 @@ impl LoadRandom {
         self.uniform() < probability
     }
 
-    /// Exponential with a mean: the time to the next of events that come at random.
+    /// Exponential with this mean: the time to the next random event.
     pub fn exponential(&mut self, mean: f64) -> f64 {
         -mean * (1.0 - self.uniform()).ln()
     }

@@ -1,4 +1,4 @@
-//! The driver in virtual time: events in the order of their times, and a check of what must hold.
+//! The driver in virtual time: processes events in the order of their times and checks invariants.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
@@ -16,66 +16,66 @@ use crate::policy::time::Time;
 use crate::policy::unit::{Chunk, Data, Meta, Unit};
 use crate::{CostBook, HraConfig, HraReport, ResourceId, Transfer, UnitError};
 
-/// A unit and its answer.
+/// The outcome of a unit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnsweredUnit {
-    /// Done, or why not. `None`: cancelled.
+    /// The result. `None`: cancelled.
     pub outcome: Option<Result<(), UnitError>>,
-    /// When that was known.
+    /// Time of the answer.
     pub at: Time,
-    /// When it went into the bin.
+    /// Time of submission.
     pub submitted: Time,
-    /// How long it waited there before it was first handed to a resource, if it was.
+    /// Waiting time in the bin before it was first given to a resource, if it was.
     pub waited: Option<Duration>,
-    /// Who did it.
+    /// The resource that did it.
     pub resource: Option<ResourceId>,
 }
 
-/// The outcome of a run.
+/// The outcome of a simulation.
 #[derive(Clone, Debug)]
 pub struct DayOutcome {
-    /// One a unit, in the order of the load. `None`: it was lost, which must not be.
+    /// One per unit, in the order of the load. `None`: lost, a violation.
     pub answers: Vec<Option<AnsweredUnit>>,
-    /// Units that were answered more than once, which must not be.
+    /// Number of units answered more than once, a violation.
     pub doubled: usize,
-    /// Whether a resource was ever made to hold more than its memory, which must not be.
+    /// True if a resource had to hold more than its memory, a violation.
     pub overfull: bool,
-    /// When the last unit was answered.
+    /// Time of the last answer.
     pub end: Time,
-    /// Greatest number of units that waited in the bin.
+    /// Maximum number of units waiting in the bin.
     pub waiting_max: usize,
-    /// The resources at the end.
+    /// The report of the allocator at the end.
     pub report: HraReport,
 }
 
 impl DayOutcome {
-    /// Units that were done.
+    /// Number of successful units.
     pub fn done(&self) -> usize {
         self.answers.iter().flatten().filter(|answer| answer.outcome == Some(Ok(()))).count()
     }
 
-    /// Units that were never answered.
+    /// Number of units that were never answered.
     pub fn lost(&self) -> usize {
         self.answers.iter().filter(|answer| answer.is_none()).count()
     }
 }
 
-/// Runs a load until all of it is answered. Equal arguments give equal outcomes.
+/// Runs a load until every unit is answered. Equal arguments give equal outcomes.
 ///
-/// Every unit can be tried again, as one with a [`Work::backup`](crate::Work::backup).
+/// Every unit can be attempted again, like one with a [`Work::backup`](crate::Work::backup).
 pub fn simulate(config: HraConfig, models: &[Model], load: &Load, costs: &CostBook, seed: u64) -> DayOutcome {
     let mut world = VirtualWorld::new(config, models, load, costs, seed);
     world.run();
     world.outcome()
 }
 
-/// What happens at some time.
+/// An event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum WorldEvent {
-    /// All of the load from this place on that has the same time is submitted.
+    /// All units from this index on with the same time are submitted.
     Arrive(usize),
     CancelAll,
-    /// An answer, if the device still was of that generation.
+    /// A reply arrives, if the device is still of that generation.
     Reply {
         lane: u32,
         sequence: u64,
@@ -99,7 +99,7 @@ struct VirtualWorld<'a> {
     waiting_max: usize,
     /// By lane and packet: how it will end.
     fates: Vec<BTreeMap<u64, Option<Fault>>>,
-    /// What a far device measures of its cable.
+    /// The traffic that a far device measures on its cable.
     transfers: Vec<BTreeMap<u64, [Transfer; 2]>>,
     events: BinaryHeap<Reverse<(Time, u64, WorldEvent)>>,
     event_count: u64,
@@ -195,7 +195,7 @@ impl<'a> VirtualWorld<'a> {
                 }
             }
             WorldEvent::Ask(lane) => self.to_ask.push_back(ResourceId(lane)),
-            // One that was set before an earlier one was is none any more: it would set another each time.
+            // Ignore ticks that an earlier tick has replaced; each sets another one
             WorldEvent::Tick if self.now < self.next_tick => {}
             WorldEvent::Tick => {
                 self.next_tick = Time::NEVER;
@@ -228,7 +228,7 @@ impl<'a> VirtualWorld<'a> {
         }
     }
 
-    /// Does all that is to be done at this moment.
+    /// Does everything due at the current time.
     fn settle_down(&mut self) {
         loop {
             self.let_in();
@@ -261,7 +261,7 @@ impl<'a> VirtualWorld<'a> {
         }
     }
 
-    /// Units go into the bin as long as it has room.
+    /// Puts waiting units into the bin while it has room.
     fn let_in(&mut self) {
         while self.core.waiting() < self.core.capacity() {
             let Some(&(first, announced)) = self.outside.front() else { return };
@@ -351,7 +351,7 @@ impl<'a> VirtualWorld<'a> {
         if let Some(at) = at {
             self.schedule(at, WorldEvent::Reply { lane: id.0, sequence, generation: after });
         }
-        // Who dies takes along what else it had in hand.
+        // A device that dies loses everything else that it holds
         if is_far && after != before && fault == Some(Fault::Died) {
             for other in self.ledgers[id.index()].sequences() {
                 self.fates[id.index()].insert(other, Some(Fault::Died));

@@ -1,11 +1,11 @@
-//! The alarm: when the watch wakes next.
+//! The alarm: the time at which the watch wakes next.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::sync::Post;
 use crate::policy::time::Time;
 
-/// When the watch wakes next.
+/// The time at which the watch wakes next.
 pub(crate) struct Alarm {
     pub(super) at: AtomicU64,
     pub(super) ended: AtomicBool,
@@ -19,7 +19,7 @@ impl Default for Alarm {
 }
 
 impl Alarm {
-    /// The watch must not wake later than that.
+    /// Makes the watch wake at this time at the latest.
     pub(crate) fn set(&self, at: Time) {
         if self.at.load(Ordering::SeqCst) > at.nanos() && self.at.fetch_min(at.nanos(), Ordering::SeqCst) > at.nanos() {
             self.post.wake();

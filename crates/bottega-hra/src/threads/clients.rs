@@ -1,4 +1,4 @@
-//! The clients by number, so that a unit need only bear a number.
+//! Clients by id, so that units only carry an id.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -6,12 +6,12 @@ use std::sync::{Arc, Mutex};
 use super::results_bin::ResultsBin;
 use super::sync::lock;
 
-/// Number of a client; never given twice.
+/// The id of a client; never reused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct ClientId(u64);
 
-/// The results bins of all clients that are there. Units say by number whose they are: a count of references to the bin would be
-/// written by submitters and lanes in turn, for each unit.
+/// The results bins of all clients. Units refer to them by id: a reference count of the bin is written by submitters
+/// and lanes alternately, for each unit.
 pub(crate) struct Clients<O>(Mutex<List<O>>);
 
 struct List<O> {
@@ -24,7 +24,7 @@ impl<O> Clients<O> {
         Self(Mutex::new(List { bins: BTreeMap::new(), next: 0 }))
     }
 
-    /// A new client, and its results bin.
+    /// Adds a client with a results bin.
     pub(crate) fn enter(&self) -> (ClientId, Arc<ResultsBin<O>>) {
         let results = Arc::new(ResultsBin::new());
         let mut list = lock(&self.0);
@@ -34,18 +34,18 @@ impl<O> Clients<O> {
         (id, results)
     }
 
-    /// Nobody will take the answers to this client any more.
+    /// Removes a client, whose answers are discarded from now on.
     pub(crate) fn leave(&self, id: ClientId) {
         let results = lock(&self.0).bins.remove(&id);
         drop(results); // Outside the lock: an output may do anything in its `Drop`.
     }
 
-    /// Whether anybody could take answers to this client.
+    /// True if the client exists.
     pub(crate) fn has(&self, id: ClientId) -> bool {
         lock(&self.0).bins.contains_key(&id)
     }
 
-    /// Where answers go; `None` when nobody would take them.
+    /// The results bin of a client; `None` if it is gone.
     pub(crate) fn results(&self, id: ClientId) -> Option<Arc<ResultsBin<O>>> {
         lock(&self.0).bins.get(&id).cloned()
     }

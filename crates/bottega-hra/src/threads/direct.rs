@@ -1,4 +1,4 @@
-//! The thread of a resource that is called directly: take a packet, do its units, answer.
+//! The thread of a directly called resource: it takes a packet, does its units, and answers.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -13,16 +13,16 @@ use crate::policy::incident::Fault;
 use crate::policy::unit::Unit;
 use crate::{Failed, Resource, ResourceId, Work};
 
-/// A packet that takes longer than this goes back with what is left of it: it was cut for much less.
+/// Time after which the rest of a packet goes back to the bin: it was planned for much less.
 const PACKET_TIME_MAX: Duration = Duration::from_micros(500);
-/// The clock is read once for several units where those before took less than this each: so many that reading it costs little, so few
-/// that not much is done before it is noticed that they take longer now.
+/// Maximum time per unit for which the clock is read once for several units: so many that reading it costs little, but
+/// so few that slower units are soon noticed.
 const STRETCHED_BELOW: Duration = Duration::from_micros(1);
 const STRETCH_MAX: usize = 16;
-/// Packets after which a resource is asked for its memory again.
+/// Number of packets after which a resource is asked for its free memory again.
 const ASK_MEMORY_EVERY: u64 = 64;
 
-/// Serves `resource` until the allocator is shut down or the resource given up.
+/// Serves `resource` until the allocator is shut down or the resource is retired.
 pub(crate) fn drive<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, resource: &mut dyn Resource<W>) {
     let lane = &shared.lanes[id.index()];
     lane.post.man();
@@ -49,7 +49,7 @@ pub(crate) fn drive<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, re
     }
 }
 
-/// Does a packet. Returns what to do next.
+/// Does a packet. Returns the next step.
 fn serve<W: Work>(
     shared: &AllocatorState<W>,
     id: ResourceId,
@@ -66,7 +66,7 @@ fn serve<W: Work>(
     shared.alarm.set(deadline);
     let sent = shared.now();
     let (attempts, busy) = perform(resource, works);
-    // Whoever finds it gone has no right to answer: it took so long that its units were given to others.
+    // Settled before: the packet took so long that its units were given to others
     let Some(units) = lock(&lane.ledger).settle(sequence) else {
         drop(attempts);
         shared.set_end(id, LaneEnd::AtWork);
@@ -95,7 +95,7 @@ fn serve<W: Work>(
     next
 }
 
-/// Does one work after the other, up to the first that fails. Returns each attempt and its time, and the time of all.
+/// Does works one after the other, up to the first failure. Returns each attempt with its time, and the total time.
 fn perform<W: Work>(resource: &mut dyn Resource<W>, works: Vec<W>) -> (Vec<(Attempt<W>, Duration)>, Duration) {
     let mut attempts = Vec::with_capacity(works.len());
     let started = Instant::now();
@@ -127,7 +127,7 @@ fn perform<W: Work>(resource: &mut dyn Resource<W>, works: Vec<W>) -> (Vec<(Atte
     (attempts, before - started)
 }
 
-/// Takes out the works, which move to the resource; their backups stay behind.
+/// Takes the works out, to move them to the resource; their backups stay.
 pub(crate) fn take_works<W: Work>(units: &mut [Unit<UnitPayload<W>>]) -> Vec<W> {
     let take = |unit: &mut Unit<UnitPayload<W>>| {
         let work = unit.load.work.take()?;
@@ -139,7 +139,7 @@ pub(crate) fn take_works<W: Work>(units: &mut [Unit<UnitPayload<W>>]) -> Vec<W> 
     works
 }
 
-/// Asks a resource to recover; a panic is taken for a no. Nobody waits for one that does not answer, nor for one that says no.
+/// Asks a resource to recover; a panic counts as a failure. Its success is not awaited by anything.
 pub(crate) fn recover<W: Work>(
     shared: &AllocatorState<W>,
     id: ResourceId,
@@ -153,7 +153,7 @@ pub(crate) fn recover<W: Work>(
     outcome
 }
 
-/// Calls what must not end the thread.
+/// Calls a function and swallows its panic, so that the thread continues.
 pub(crate) fn quietly(call: impl FnOnce()) {
     let _ = catch_unwind(AssertUnwindSafe(call));
 }

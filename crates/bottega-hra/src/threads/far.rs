@@ -1,8 +1,8 @@
-//! The thread of a resource that is far away: a sliding window of numbered packets, sent without waiting for answers.
+//! The thread of a far resource: a sliding window of numbered packets, sent without waiting for answers.
 //!
 //! Source: Pereira et al., *Efficient use of Multiple Hardware Components for Image Synthesis*, sections 3.2.1 and
-//! 3.3.6. Unlike there, packets may be answered in any order, lost ones are noticed, and how many are under way and
-//! how large they are follows from what is measured ([`crate::policy::flow`]).
+//! 3.3.6. Unlike there, packets may be answered in any order, lost ones are detected, and their number and size follow
+//! from measurements ([`crate::policy::flow`]).
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -20,40 +20,40 @@ use crate::{DataId, Failed, ResourceDescriptor, ResourceId, Transfer, Work};
 
 /// A resource that takes packets without answering at once. Called from a thread of its own.
 pub trait WindowedResource<W: Work>: Send {
-    /// What it is. Asked once, before the first packet.
+    /// The description. Called once, before the first packet.
     fn descriptor(&self) -> ResourceDescriptor;
 
-    /// Sends a packet on its way; must not wait for its results. Its [`Reply`] may be used later, from any thread.
+    /// Sends a packet; must not wait for its results. Its [`Reply`] may be used later, from any thread.
     fn send(&mut self, packet: Packet<W>);
 
-    /// Makes the resource ready again after a failure, or says why that cannot be done yet.
+    /// Makes the resource ready again after a failure, or returns the reason why it is not ready yet.
     fn recover(&mut self) -> Result<(), String> {
         Ok(())
     }
 
-    /// Throws data out of the resource's memory: it is the least recently used, and room is needed. No packet under
-    /// way needs it; data that was never seen here may be named.
+    /// Evicts data from the resource's memory: the least recently used, to make room. No packet in flight needs it; may
+    /// name data that was never sent here.
     fn evict(&mut self, data: DataId) {
         let _ = data;
     }
 
-    /// Bytes of memory that are free for data, if the resource can tell; asked after it ran out of memory.
+    /// Bytes of memory free for data, if known; called after it ran out of memory.
     fn memory_free(&self) -> Option<u64> {
         None
     }
 }
 
-/// Units that travel together.
+/// Units sent together.
 pub struct Packet<W: Work> {
-    /// Number of the packet; counts up by one for each that is sent to this resource.
+    /// The number of the packet; increases by one per packet to this resource.
     pub sequence: u64,
-    /// What is to be done; all of one primitive, on the same data.
+    /// The works; all of one primitive, on the same data.
     pub works: Vec<W>,
-    /// Where the results go.
+    /// The handle for its results.
     pub reply: Reply<W>,
 }
 
-/// Takes the results of one packet. Dropped without use, it says that the packet is lost.
+/// The handle for the results of a packet. Dropping it unused reports the packet as lost.
 pub struct Reply<W: Work> {
     shared: Arc<AllocatorState<W>>,
     lane: ResourceId,
@@ -62,26 +62,27 @@ pub struct Reply<W: Work> {
 }
 
 impl<W: Work> Reply<W> {
-    /// Answers the packet: an outcome for each work, in the packet's order. Units beyond the end of `outcomes` count
-    /// as lost; outcomes beyond the last unit are dropped.
+    /// Answers the packet with an outcome per work, in order. Units beyond the end of `outcomes` count as lost; further
+    /// outcomes are dropped.
     pub fn send(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>) {
         self.answer(outcomes, None, None, Fault::Refused);
     }
 
-    /// Answers as [`Reply::send`] does, and says what passed on the cable there and back: packets are cut by that.
+    /// Answers like [`Reply::send`], and reports the measured traffic in both directions, which determines packet
+    /// sizes.
     pub fn send_transferred(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, transfers: [Transfer; 2]) {
         self.answer(outcomes, None, Some(transfers), Fault::Refused);
     }
 
-    /// Answers as [`Reply::send`] does, and says how long the resource was at work on the packet, which is then not
-    /// concluded from the time between answers.
+    /// Answers like [`Reply::send`], and reports the time that the resource worked on the packet, which is otherwise
+    /// inferred from the times of answers.
     pub fn send_timed(mut self, outcomes: Vec<Result<W::Output, Failed<W>>>, busy: Duration) {
         self.answer(outcomes, Some(busy), None, Fault::Refused);
     }
 
-    /// Says that the resource has to make itself ready before it begins this packet, such as compile what the work asks for, and gives
-    /// all of it back: others may do it meanwhile. The resource is asked to [recover](WindowedResource::recover), which takes as long as
-    /// it takes, and is sent nothing before that. It is no failure, and no time counts before the first answer.
+    /// Reports that the resource must prepare before it begins this packet, such as compile kernels, and gives all of the packet back:
+    /// others may do it meanwhile. The resource is asked to [recover](WindowedResource::recover), for any length of time, and is sent
+    /// nothing before. This is not a failure, and no time counts before the first answer.
     pub fn not_ready(mut self, works: Vec<W>) {
         self.answered = true;
         self.deliver(PacketAnswer {
@@ -94,15 +95,15 @@ impl<W: Work> Reply<W> {
         });
     }
 
-    /// Says that the resource has not the memory for this packet, and gives all of it back. It will be sent less at
-    /// once, and what cannot be done here even alone is done elsewhere.
+    /// Reports that the resource lacks memory for this packet, and gives all of it back. It then gets smaller packets,
+    /// and units too large for it alone are done elsewhere.
     pub fn out_of_memory(mut self, works: Vec<W>) {
         let failed = |work| Err(Failed { work, reason: "out of memory".to_owned() });
         self.answer(works.into_iter().map(failed).collect(), None, None, Fault::OutOfMemory);
     }
 
-    /// Whether anybody waits for the answer: not after the packet was given up, for then its units are done elsewhere. Who
-    /// has fallen behind need not do what nobody waits for.
+    /// True if the answer is still wanted: not after the packet was given up and its units done elsewhere. A resource
+    /// that is behind may skip unwanted packets.
     pub fn is_awaited(&self) -> bool {
         lock(&self.shared.lanes[self.lane.index()].ledger).look(self.sequence).is_some()
     }
@@ -133,7 +134,7 @@ impl<W: Work> Drop for Reply<W> {
     }
 }
 
-/// Serves `resource` until the allocator is shut down or the resource given up.
+/// Serves `resource` until the allocator is shut down or the resource is retired.
 pub(crate) fn drive<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, resource: &mut dyn WindowedResource<W>) {
     shared.lanes[id.index()].post.man();
     Driver { shared, id, resource, sent: BTreeMap::new() }.run();
@@ -143,7 +144,7 @@ struct Driver<'a, W: Work> {
     shared: &'a Arc<AllocatorState<W>>,
     id: ResourceId,
     resource: &'a mut dyn WindowedResource<W>,
-    /// When the packets under way were sent.
+    /// Sending times of the packets in flight.
     sent: BTreeMap<u64, Time>,
 }
 
@@ -188,11 +189,11 @@ impl<W: Work> Driver<'_, W> {
         self.sent.insert(sequence, self.shared.now());
         let reply = Reply { shared: Arc::clone(self.shared), lane: self.id, sequence, answered: false };
         let packet = Packet { sequence, works, reply };
-        // A panic drops the reply, which says that the packet is lost.
+        // A panic drops the reply, which reports the packet as lost
         let _ = catch_unwind(AssertUnwindSafe(|| self.resource.send(packet)));
     }
 
-    /// Settles the units of a packet.
+    /// Settles the units of an answered packet.
     fn read(&mut self, answer: PacketAnswer<W>) {
         let PacketAnswer { sequence, outcomes, busy, transfers, fault, unbegun } = answer;
         let sent = self.sent.remove(&sequence).unwrap_or_default();

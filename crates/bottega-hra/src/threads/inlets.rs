@@ -1,4 +1,5 @@
-//! Inlets of the bin, where units wait until somebody looks into it: many small queues, each with a lock of its own.
+//! The inlets of the bin: many small queues with a lock each, in which submitted units wait until the policy takes them
+//! in.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -6,17 +7,17 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use super::sync::lock;
 use crate::policy::unit::{Chunk, Unit};
 
-/// How many inlets there are, at most 64. Each client has one, by turns.
+/// Number of inlets, at most 64. Clients are assigned to them in turn.
 const COUNT: usize = 32;
 
-/// A lock on a cache line of its own.
+/// A lock on its own cache line.
 #[repr(align(128))]
 struct Inlet<T>(Mutex<Vec<Chunk<T>>>);
 
-/// The way in.
+/// All inlets of the bin.
 pub(crate) struct Inlets<T> {
     inlets: Vec<Inlet<T>>,
-    /// A bit an inlet that something was put into since it was last emptied.
+    /// One bit per inlet: set if it may contain units.
     filled: AtomicU64,
     next: AtomicUsize,
 }
@@ -27,12 +28,12 @@ impl<T> Inlets<T> {
         Self { inlets, filled: AtomicU64::new(0), next: AtomicUsize::new(0) }
     }
 
-    /// The number of an inlet for a new client.
+    /// The index of an inlet for a new client.
     pub(crate) fn assign(&self) -> usize {
         self.next.fetch_add(1, Ordering::Relaxed) % COUNT
     }
 
-    /// Puts a unit in.
+    /// Adds a unit.
     pub(crate) fn push(&self, inlet: usize, unit: Unit<T>) {
         self.fill(inlet, |chunks| match chunks.last_mut() {
             Some(last) if last.accepts(&unit.meta, false) => last.push(unit),
@@ -40,7 +41,7 @@ impl<T> Inlets<T> {
         });
     }
 
-    /// Puts units in, in their order.
+    /// Adds units in order.
     pub(crate) fn push_all(&self, inlet: usize, new: Vec<Chunk<T>>) {
         self.fill(inlet, |chunks| {
             for chunk in new {
@@ -62,12 +63,12 @@ impl<T> Inlets<T> {
         }
     }
 
-    /// Whether there is anything to take.
+    /// True if there are units to take.
     pub(crate) fn is_filled(&self) -> bool {
         self.filled.load(Ordering::SeqCst) != 0
     }
 
-    /// Takes everything out.
+    /// Takes all units out.
     pub(crate) fn drain(&self, mut take: impl FnMut(Chunk<T>)) {
         let mut filled = self.filled.swap(0, Ordering::SeqCst);
         while filled != 0 {

@@ -1,9 +1,9 @@
-//! The policy run by threads in real time: one a resource, one that watches, and those of the submitters.
+//! The policy on threads in real time: one per resource, one for the watch, and those of the submitters.
 //!
-//! No thread ever spins. Submitters put units into inlets, each with a lock of its own; whoever needs work, and only
-//! then, takes the lock of the policy, empties all inlets and takes a packet. So the lock is taken once a packet, not
-//! once a unit, and what is done under it goes by chunks of units. No code of the user runs under any lock, and no two
-//! locks are held together but the policy's and that of an inlet, or of the list of clients.
+//! No thread ever spins. Submitters put units into inlets, each with its own lock; only a thread that needs work takes
+//! the lock of the policy, empties all inlets and takes a packet. So the lock is taken once per packet, not per unit,
+//! and the work under it is per chunk of units. No user code runs under any lock, and no two locks are held together
+//! except the policy's with that of an inlet, or of the list of clients.
 
 pub(crate) mod alarm;
 pub(crate) mod clients;

@@ -1,4 +1,4 @@
-//! The results bin of one client: answers in the order in which they were computed.
+//! The results bin of a client: answers in order of completion.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -9,22 +9,22 @@ use std::vec;
 use super::sync::{lock, wait};
 use crate::Completed;
 
-/// Unbounded, as in the paper: the work bin is what holds the client back.
+/// A results bin. Unbounded, as in the paper: the work bin limits the client.
 pub(crate) struct ResultsBin<O> {
     state: Mutex<ResultsState<O>>,
     arrived: Condvar,
-    /// Units that were ever submitted, or are being so.
+    /// Number of units ever submitted, or being submitted.
     expected: AtomicUsize,
-    /// Whether the life time of all its units is over.
+    /// True if the life time of all its units has ended.
     over: AtomicBool,
 }
 
 struct ResultsState<O> {
-    /// As they came, none empty: the answers of a packet together, so that many cost no more than one to put in.
+    /// The answers in order, by packet, no batch empty: a batch costs no more to insert than one answer.
     batches: VecDeque<vec::IntoIter<Completed<O>>>,
-    /// Units, of those expected, whose answer was taken or will not come.
+    /// Number of expected units whose answer was taken, or will not come.
     settled: usize,
-    /// Threads in `take`.
+    /// Number of threads in `take`.
     takers: usize,
 }
 
@@ -45,7 +45,7 @@ impl<O> ResultsBin<O> {
         }
     }
 
-    /// From now on nobody wants an output of these units.
+    /// Ends the life time of all its units.
     pub(crate) fn end(&self) {
         self.over.store(true, Ordering::SeqCst);
     }
@@ -58,18 +58,18 @@ impl<O> ResultsBin<O> {
         lock(&self.state)
     }
 
-    /// Announces `count` units, before they go into the work bin.
+    /// Announces `count` units, before they enter the work bin.
     pub(crate) fn expect(&self, count: usize) {
         self.expected.fetch_add(count, Ordering::SeqCst);
     }
 
-    /// Takes back the announcement of units that went into no bin, or were cancelled there.
+    /// Withdraws units that were not submitted, or were cancelled.
     pub(crate) fn forget(&self, count: usize) {
         let mut state = self.lock();
         self.settle(&mut state, count);
     }
 
-    /// So many units are not outstanding any more; if none is, nobody need wait.
+    /// Marks units as settled; wakes waiting threads if none is outstanding.
     fn settle(&self, state: &mut ResultsState<O>, count: usize) {
         state.settled += count;
         if state.takers > 0 && self.left(state) == 0 {
@@ -77,7 +77,7 @@ impl<O> ResultsBin<O> {
         }
     }
 
-    /// Units whose answer is still to be taken.
+    /// Number of units whose answer is outstanding.
     fn left(&self, state: &ResultsState<O>) -> usize {
         self.expected.load(Ordering::SeqCst) - state.settled
     }
@@ -86,7 +86,7 @@ impl<O> ResultsBin<O> {
         self.left(&self.lock())
     }
 
-    /// Puts in answers.
+    /// Adds answers.
     pub(crate) fn deliver(&self, completed: Vec<Completed<O>>) {
         let arrived = completed.len();
         let mut state = self.lock();
@@ -100,7 +100,7 @@ impl<O> ResultsBin<O> {
         }
     }
 
-    /// Waits for an answer until `deadline`, or for as long as any is outstanding.
+    /// Waits for an answer until `deadline`, or while any is outstanding.
     pub(crate) fn take(&self, deadline: Option<Instant>) -> Option<Completed<O>> {
         let mut state = self.filled(deadline)?;
         let taken = state.batches.front_mut()?.next();
@@ -109,7 +109,7 @@ impl<O> ResultsBin<O> {
         taken
     }
 
-    /// Waits for answers as [`ResultsBin::take`] does; takes all that are there, up to `max`. Empty: there are none.
+    /// Waits like [`ResultsBin::take`]; takes all available answers, up to `max`. Empty: there are none.
     pub(crate) fn take_many(&self, max: usize, deadline: Option<Instant>) -> Vec<Completed<O>> {
         if max == 0 {
             return Vec::new();
@@ -127,7 +127,7 @@ impl<O> ResultsBin<O> {
         taken
     }
 
-    /// Waits until there is an answer. `None`: none came until `deadline`, or none is outstanding.
+    /// Waits until there is an answer. `None`: none came by `deadline`, or none is outstanding.
     fn filled(&self, deadline: Option<Instant>) -> Option<MutexGuard<'_, ResultsState<O>>> {
         let mut state = self.lock();
         while state.batches.is_empty() {
@@ -146,7 +146,7 @@ impl<O> ResultsBin<O> {
     }
 }
 
-/// The instant after `timeout`, or none where it is beyond what a clock can say.
+/// The instant after `timeout`; `None` if it exceeds the clock's range.
 pub(crate) fn deadline_after(timeout: Duration) -> Option<Instant> {
     Instant::now().checked_add(timeout)
 }

@@ -1,15 +1,15 @@
-//! Places in the work bin, and submitters that wait for one.
+//! Room in the work bin, and submitters that wait for it.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex};
 
 use super::sync::{lock, wait};
 
-/// Places that must be free before a waiting submitter is woken, at most a quarter of the bin: not for every single
-/// place, which would switch threads for every unit.
+/// Number of free places at which a waiting submitter is woken, at most a quarter of the bin: waking it for each place
+/// switches threads per unit.
 const ROOM_TO_WAKE_FOR: usize = 32;
 
-/// Counts the units that wait, wherever they do.
+/// The count of waiting units, in inlets and bin.
 pub(crate) struct Room {
     taken: AtomicUsize,
     capacity: AtomicUsize,
@@ -43,7 +43,7 @@ impl Room {
         self.closed.load(Ordering::SeqCst)
     }
 
-    /// Takes up to `wanted` places. Returns how many; none after the end.
+    /// Reserves up to `wanted` places. Returns their number; 0 after shutdown.
     pub(crate) fn reserve(&self, wanted: usize) -> usize {
         let mut taken = self.taken.load(Ordering::SeqCst);
         loop {
@@ -58,8 +58,8 @@ impl Room {
         }
     }
 
-    /// Of so many units that waited, so many still do, or again: those that failed are put back whether there is room
-    /// or not. To be called under the policy's lock, so that this is in step with the bin.
+    /// Updates the count from `before` to `after` waiting units; failed units are put back even without room. Called
+    /// under the policy's lock, to stay consistent with the bin.
     pub(crate) fn set(&self, before: usize, after: usize, capacity: usize) {
         if after > before {
             self.taken.fetch_add(after - before, Ordering::SeqCst);
@@ -71,12 +71,12 @@ impl Room {
         }
     }
 
-    /// Lets a waiting submitter look, if that is worth waking it.
+    /// Wakes a waiting submitter, if there are enough free places.
     pub(crate) fn let_some_in(&self) {
         self.let_in(ROOM_TO_WAKE_FOR.min(self.capacity.load(Ordering::SeqCst) / 4));
     }
 
-    /// Lets a waiting submitter look, if there are so many places.
+    /// Wakes a waiting submitter, if there are this many free places.
     pub(crate) fn let_in(&self, places: usize) {
         if self.waiters.load(Ordering::SeqCst) > 0 && self.free() >= places.max(1) {
             drop(lock(&self.gate));
@@ -84,7 +84,7 @@ impl Room {
         }
     }
 
-    /// Waits until there is room, or the end.
+    /// Waits for room, or shutdown.
     pub(crate) fn wait(&self) {
         let gate = lock(&self.gate);
         self.waiters.fetch_add(1, Ordering::SeqCst);
@@ -96,13 +96,13 @@ impl Room {
         self.waiters.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// Nothing is taken any more.
+    /// Shuts down: no more units are accepted.
     pub(crate) fn close(&self) {
         self.closed.store(true, Ordering::SeqCst);
         self.wake_all();
     }
 
-    /// Makes all who wait look anew.
+    /// Wakes all waiting submitters.
     pub(crate) fn wake_all(&self) {
         drop(lock(&self.gate));
         self.freed.notify_all();

@@ -1,4 +1,4 @@
-//! The settlement of units: an answer, or another try.
+//! Settlement of units: an answer, or another attempt.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use crate::policy::time::Time;
 use crate::policy::unit::Unit;
 use crate::{Completed, ResourceId, UnitError, Work};
 
-/// How an attempt at one unit ended.
+/// The result of an attempt at a unit.
 pub(crate) enum Attempt<W: Work> {
     Done(W::Output),
     /// It was not begun.
@@ -24,28 +24,28 @@ pub(crate) enum Attempt<W: Work> {
     },
 }
 
-/// A packet that is back, and how.
+/// A packet with its results.
 pub(crate) struct SettledWork<W: Work> {
     pub(crate) landing: PacketLanding,
     undone: Vec<UnfinishedWork<W>>,
     mail: Mail<W>,
 }
 
-/// A unit that was not done; it can be done again if it has its work.
+/// A unit that was not done; it can be done again if it contains its work.
 struct UnfinishedWork<W: Work> {
     unit: Unit<UnitPayload<W>>,
-    /// Why, if it was tried.
+    /// The reason, if it was attempted.
     failed: Option<String>,
 }
 
-/// Answers, gathered so that each client's bin is locked once for several.
+/// Answers grouped by client, so that each results bin is locked once for several.
 struct Mail<W: Work>(Vec<Letter<W>>);
 
 /// Answers to one client.
 type Letter<W> = (ClientId, Vec<Completed<<W as Work>::Output>>);
 
 impl<W: Work> Mail<W> {
-    /// Adds an answer; so many more may follow.
+    /// Adds an answer; up to `more` further ones are expected.
     fn add(&mut self, client: ClientId, answer: Completed<W::Output>, more: usize) {
         match self.0.last_mut() {
             Some((last, answers)) if *last == client => answers.push(answer),
@@ -57,8 +57,8 @@ impl<W: Work> Mail<W> {
         }
     }
 
-    /// Delivers to clients that are still there. No output is delivered where the life time of all units is over; returns how many
-    /// are kept back so.
+    /// Delivers the answers to existing clients. Outputs of units whose life time has ended are withheld; returns their
+    /// number.
     fn send(self, clients: &Clients<W::Output>) -> u64 {
         let mut late = 0;
         for (client, mut answers) in self.0 {
@@ -76,7 +76,8 @@ impl<W: Work> Mail<W> {
 }
 
 impl<W: Work> AllocatorState<W> {
-    /// Prepares the answers to what was done, and sorts the rest. `sent` is when the packet went out, `busy` the time of each unit.
+    /// Makes answers for finished units and sorts the others. `sent`: sending time of the packet; `busy`: time of each
+    /// unit.
     pub(crate) fn sort(
         &self,
         id: ResourceId,
@@ -123,8 +124,8 @@ impl<W: Work> AllocatorState<W> {
         settled
     }
 
-    /// Tells the policy how a packet ended, gives back what was not done, and answers the rest. Returns what became of it, and what
-    /// `then` says.
+    /// Reports the result of a packet to the policy, puts back unfinished units, and answers the others. Returns the
+    /// consequences, and the result of `then`.
     pub(crate) fn land<R>(
         &self,
         id: ResourceId,
@@ -140,7 +141,7 @@ impl<W: Work> AllocatorState<W> {
             answers = self.try_again(core, now, id, undone, blamed, out);
             (landed, then(core, now, out))
         });
-        // After the books are kept, so that who has an answer finds it in the report.
+        // Answer after the accounts are updated, so that a client with its answer finds it in the report
         let late = mail.send(&self.clients);
         if late > 0 {
             self.with_core(|core, now, _| core.note_late(now, late));
@@ -149,7 +150,7 @@ impl<W: Work> AllocatorState<W> {
         (landed, then)
     }
 
-    /// Puts back what can be tried again. Returns the rest, and why.
+    /// Puts back units for another attempt. Returns the others, with the reasons.
     fn try_again(
         &self,
         core: &mut Core<UnitPayload<W>>,
@@ -167,7 +168,7 @@ impl<W: Work> AllocatorState<W> {
                 answers.push(AbandonedUnit { unit, error: UnitError::Lost { reason } });
                 continue;
             }
-            // A client that goes says so before it empties the bin, so either this sees it or that finds the unit.
+            // A leaving client removes itself before it cancels its units, so one of the two sees the unit
             let abandoned = !self.clients.has(unit.load.client);
             let given_up =
                 if abandoned { Some((unit, GiveUp::Closed)) } else { core.give_back(now, id, unit, blamed, out) };
@@ -194,7 +195,7 @@ impl<W: Work> AllocatorState<W> {
         }
     }
 
-    /// Answers units that no resource has now; by default because nobody is left to do them.
+    /// Answers units that were never started; by default because no resource can do them.
     pub(crate) fn answer_unstarted(&self, units: Vec<Unit<UnitPayload<W>>>, error: Option<&UnitError>) {
         let now = self.now();
         let mut mail = Mail::<W>(Vec::new());
@@ -212,10 +213,10 @@ impl<W: Work> AllocatorState<W> {
         mail.send(&self.clients);
     }
 
-    /// A packet has no answer long after there should have been one: its units are done elsewhere. A near resource
-    /// whose units cannot be done again is waited for, unless everything ends.
+    /// Gives up an overdue packet: its units are done elsewhere. A near resource whose units cannot be done again is
+    /// waited for, except at shutdown.
     ///
-    /// - `blamed`: whether that counts against the units as a try.
+    /// - `blamed`: true if this counts as an attempt at the units.
     pub(crate) fn give_up(&self, id: ResourceId, sequence: u64, blamed: bool) {
         let lane = &self.lanes[id.index()];
         let units = {
@@ -238,13 +239,12 @@ impl<W: Work> AllocatorState<W> {
             answers = self.try_again(core, now, id, undone, blamed, out);
         });
         self.answer_failed(id, answers);
-        // A near one holds its thread, a far one may hold it as soon as anything is asked of it.
+        // A near resource blocks its thread, a far one may block it at the next call
         self.set_end(id, LaneEnd::Over);
         lane.post.wake();
     }
 
-    /// A packet of which nobody knows how long it should take is all that is left to wait for: its units are done elsewhere if
-    /// they can be done again.
+    /// Gives up a doubtful packet, the last one pending: its units are done elsewhere if they can be done again.
     pub(crate) fn do_elsewhere(&self, id: ResourceId, sequence: u64) {
         let can_be_done_again = |units: &[Unit<UnitPayload<W>>]| units.iter().all(|unit| unit.load.work.is_some());
         if lock(&self.lanes[id.index()].ledger).look(sequence).is_some_and(can_be_done_again) {
@@ -253,13 +253,13 @@ impl<W: Work> AllocatorState<W> {
     }
 }
 
-/// A unit that is not tried again, and why. What is left of its work is dropped outside of all locks.
+/// A unit that is not attempted again, and the reason. Its work is dropped outside of all locks.
 struct AbandonedUnit<W: Work> {
     unit: Unit<UnitPayload<W>>,
     error: UnitError,
 }
 
-/// An attempt whose resource took the work with it.
+/// The attempt of a resource that was lost together with the work.
 pub(crate) fn lost<W: Work>(reason: &str) -> Attempt<W> {
     Attempt::Failed { fault: Fault::Died, reason: reason.to_owned(), work: None }
 }

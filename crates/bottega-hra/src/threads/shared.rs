@@ -1,4 +1,4 @@
-//! The state that submitters, lanes and the watch share, and the one way to the policy.
+//! The state shared by submitters, lanes and the watch, and their access to the policy.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex};
@@ -16,17 +16,17 @@ use crate::policy::time::Time;
 use crate::policy::unit::Unit;
 use crate::{Failed, Primitive, ResourceDescriptor, ResourceId, Transfer, Work};
 
-/// What a unit carries.
+/// The payload of a unit.
 pub(crate) struct UnitPayload<W: Work> {
-    /// What is to be done. While a resource has that, what to go back to if it is lost there: its backup, if any.
+    /// The work. While a resource has it: its backup, if any.
     pub(crate) work: Option<W>,
-    /// Whose it is.
+    /// The client.
     pub(crate) client: ClientId,
-    /// The client's own number.
+    /// The client's ticket.
     pub(crate) ticket: u64,
 }
 
-/// What all threads may know of a lane.
+/// The state of a lane that all threads may access.
 pub(crate) struct LanePost<W: Work> {
     pub(crate) descriptor: ResourceDescriptor,
     pub(crate) is_far: bool,
@@ -35,26 +35,26 @@ pub(crate) struct LanePost<W: Work> {
     pub(crate) inbox: Mutex<Vec<PacketAnswer<W>>>,
 }
 
-/// What came back of a packet.
+/// The answer to a packet.
 pub(crate) struct PacketAnswer<W: Work> {
     pub(crate) sequence: u64,
     pub(crate) outcomes: Vec<Result<W::Output, Failed<W>>>,
     pub(crate) busy: Option<Duration>,
     pub(crate) transfers: Option<[Transfer; 2]>,
-    /// What it means if a unit came back undone.
+    /// The kind of fault, if a unit came back undone.
     pub(crate) fault: Fault,
     /// All works of the packet, where the resource has to make itself ready before it begins them.
     pub(crate) unbegun: Option<Vec<W>>,
 }
 
-/// How the thread of a lane ends.
+/// The end of a lane's thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LaneEnd {
-    /// Not yet.
+    /// Not ended.
     AtWork,
     /// Its work is over, and its resource is being dropped.
     TearingDown,
-    /// It has ended, or nobody waits for it, for its resource hangs or cannot be had.
+    /// It has ended, or is not waited for, because its resource hangs or cannot be used.
     Over,
 }
 
@@ -65,11 +65,11 @@ pub(crate) struct AllocatorState<W: Work> {
     pub(crate) room: Room,
     pub(crate) lanes: Vec<LanePost<W>>,
     pub(crate) alarm: Alarm,
-    /// Whether the policy must be told when something comes in, for some lane waits to be woken.
+    /// True if the policy must be told of arrivals, because a lane waits to be woken.
     listens: AtomicBool,
-    /// By primitive: 1 + the most data that anybody can do it with; 0 when nobody can.
+    /// By primitive: 1 + the maximum size of data; 0 if unsupported.
     able: [AtomicU64; Primitive::COUNT],
-    /// By lane: how its thread ends.
+    /// By lane: the end of its thread.
     over: Mutex<Vec<LaneEnd>>,
     over_changed: Condvar,
     started: Instant,
@@ -100,7 +100,7 @@ impl<W: Work> AllocatorState<W> {
         Time::at(self.started.elapsed())
     }
 
-    /// Has the policy take in what was submitted and decide something; then does what follows from it.
+    /// Runs `decide` on the policy after taking in submitted units; then carries out the follow-ups.
     pub(crate) fn with_core<R>(
         &self,
         decide: impl FnOnce(&mut Core<UnitPayload<W>>, Time, &mut FollowUps<UnitPayload<W>>) -> R,
@@ -110,8 +110,8 @@ impl<W: Work> AllocatorState<W> {
         let now = self.now();
         let mut counted = core.waiting() + self.take_in(&mut core, now, &mut out);
         let decided = decide(&mut core, now, &mut out);
-        // Who submits looks at `listens` after filling an inlet, and this looks at the inlets after setting it: one of
-        // both sees the other.
+        // Submitters read `listens` after filling an inlet, and this reads the inlets after setting it: one of the two
+        // sees the other
         self.listens.store(core.listens(), Ordering::SeqCst);
         if core.listens() && self.inlets.is_filled() {
             counted += self.take_in(&mut core, now, &mut out);
@@ -127,7 +127,7 @@ impl<W: Work> AllocatorState<W> {
         decided
     }
 
-    /// Empties the inlets. Returns how many units came.
+    /// Empties the inlets. Returns the number of units.
     fn take_in(&self, core: &mut Core<UnitPayload<W>>, now: Time, out: &mut FollowUps<UnitPayload<W>>) -> usize {
         let mut units = 0;
         self.inlets.drain(|chunk| {
@@ -137,7 +137,7 @@ impl<W: Work> AllocatorState<W> {
         units
     }
 
-    /// Lets submitters see what can be done.
+    /// Publishes the capabilities to submitters.
     pub(crate) fn publish(&self, core: &Core<UnitPayload<W>>) {
         for primitive in Primitive::ALL {
             let most = core.most_data(primitive).map_or(0, |bytes| bytes.saturating_add(1));
@@ -145,13 +145,13 @@ impl<W: Work> AllocatorState<W> {
         }
     }
 
-    /// Whether anybody can do `primitive`, and with so much data.
+    /// Whether `primitive` is supported, and on this much data.
     pub(crate) fn can(&self, primitive: Primitive, data_bytes: u64) -> (bool, bool) {
         let able = self.able[primitive.index()].load(Ordering::SeqCst);
         (able > 0, data_bytes < able || able == u64::MAX)
     }
 
-    /// Tells those who wait for work that there may be some.
+    /// Wakes lanes that wait for work.
     pub(crate) fn announce_arrival(&self) {
         if self.listens.load(Ordering::SeqCst) || self.room.is_closed() {
             self.with_core(|_, _, _| ());
@@ -172,9 +172,9 @@ impl<W: Work> AllocatorState<W> {
         }
     }
 
-    // ---- The end.
+    // ---- Shutdown.
 
-    /// Shuts down: units that wait are answered, those under way are finished, nothing more is taken.
+    /// Shuts down: waiting units are answered, those in progress are finished, no more are accepted.
     pub(crate) fn close(&self) {
         self.room.close();
         let unstarted = self.with_core(|core, _, _| core.close());
@@ -184,13 +184,13 @@ impl<W: Work> AllocatorState<W> {
         self.answer_unstarted(unstarted, Some(&crate::UnitError::Closed));
     }
 
-    /// How a lane's thread ends, or whether it is expected to.
+    /// Sets the end of a lane's thread.
     pub(crate) fn set_end(&self, id: ResourceId, end: LaneEnd) {
         lock(&self.over)[id.index()] = end;
         self.over_changed.notify_all();
     }
 
-    /// The work of a lane is over. Who was not waited for before is not waited for now.
+    /// Notes that a lane's work is over. A lane that is not waited for stays so.
     pub(crate) fn tear_down(&self, id: ResourceId) {
         let mut over = lock(&self.over);
         if over[id.index()] == LaneEnd::AtWork {
@@ -200,7 +200,7 @@ impl<W: Work> AllocatorState<W> {
         self.over_changed.notify_all();
     }
 
-    /// Waits for the threads of all lanes whose resources do not hang; for so long at most while these are torn down.
+    /// Waits for the threads of all lanes whose resources do not hang; at most `teardown_max` while these are dropped.
     pub(crate) fn wait_until_over(&self, teardown_max: Duration) {
         let mut over = lock(&self.over);
         while over.contains(&LaneEnd::AtWork) {
@@ -216,12 +216,12 @@ impl<W: Work> AllocatorState<W> {
         }
     }
 
-    /// Takes out the units of a client that still wait.
+    /// Removes the waiting units of a client.
     pub(crate) fn cancel(&self, client: ClientId) -> Vec<Unit<UnitPayload<W>>> {
         self.with_core(|core, _, _| core.cancel(|unit| unit.load.client == client))
     }
 
-    /// Ends the life time of all units of a client that wait; they are answered so.
+    /// Ends the life time of all waiting units of a client, and answers them.
     pub(crate) fn expire(&self, client: ClientId) {
         self.with_core(|core, now, out| core.expire(now, |unit| unit.load.client == client, out));
     }

@@ -1,4 +1,4 @@
-//! The submitter's side: a place in the bin, an inlet, and somebody woken if somebody waits.
+//! Submission: reserves room, fills an inlet, and wakes a resource if one waits.
 
 use std::time::Duration;
 
@@ -13,20 +13,20 @@ use crate::{Closed, Primitive, SubmitError, TrySubmit, Work, WorkUnit};
 /// Items by primitive.
 type Items = [u64; Primitive::COUNT];
 
-/// Who submits.
+/// A submitter.
 pub(crate) struct Submitter<'a, O> {
     pub(crate) client: ClientId,
     pub(crate) results: &'a ResultsBin<O>,
-    /// Where its units go in.
+    /// The index of its inlet.
     pub(crate) inlet: usize,
-    /// On top of that of each unit.
+    /// Added to the priority of each unit.
     pub(crate) priority: i32,
 }
 
 impl<W: Work> AllocatorState<W> {
     pub(crate) fn submit(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) -> Result<(), SubmitError> {
         self.look_at(&unit.work)?;
-        // Announced before it can be answered, so that a clone of the client that takes meanwhile waits for it.
+        // Announce the unit before it can be answered, so that a clone of the client waits for it
         from.results.expect(1);
         while self.room.reserve(1) == 0 {
             if self.room.is_closed() {
@@ -87,7 +87,7 @@ impl<W: Work> AllocatorState<W> {
         Ok(())
     }
 
-    /// Refuses what nobody can do.
+    /// Refuses unsupported work.
     fn look_at(&self, work: &W) -> Result<(), SubmitError> {
         if self.room.is_closed() {
             return Err(Closed.into());
@@ -101,7 +101,7 @@ impl<W: Work> AllocatorState<W> {
         }
     }
 
-    /// Puts a unit for which there is a place into the bin.
+    /// Puts a unit with reserved room into its inlet.
     fn put(&self, from: &Submitter<'_, W::Output>, unit: WorkUnit<W>) {
         let unit = self.write_down(from, self.now(), unit);
         let expires = unit.meta.expires;
@@ -109,7 +109,7 @@ impl<W: Work> AllocatorState<W> {
         self.tell_of_arrival(from, expires);
     }
 
-    /// Puts units for which there are places into the bin.
+    /// Puts units with reserved room into their inlet.
     fn put_all(
         &self,
         from: &Submitter<'_, W::Output>,
@@ -134,7 +134,7 @@ impl<W: Work> AllocatorState<W> {
         self.tell_of_arrival(from, first_expiry);
     }
 
-    /// Writes down what the policy must know of a unit.
+    /// Converts a unit to the policy's form.
     fn write_down(&self, from: &Submitter<'_, W::Output>, now: Time, unit: WorkUnit<W>) -> Unit<UnitPayload<W>> {
         let WorkUnit { work, ticket, max_delay, priority, validity } = unit;
         let meta = Meta {
@@ -167,7 +167,7 @@ fn data_of<W: Work>(work: &W) -> Option<Data> {
     work.data().map(|id| Data { id, bytes: work.data_bytes() })
 }
 
-/// What the client submitted, if it is not with a resource; its maximum delay cut to the allocator's bound.
+/// The unit as submitted, unless a resource has it; its maximum delay bounded by the configuration.
 pub(crate) fn into_unit<W: Work>(unit: Unit<UnitPayload<W>>) -> Option<WorkUnit<W>> {
     let Unit { meta, load: UnitPayload { work, ticket, .. } } = unit;
     let validity = if meta.expires < Time::NEVER { meta.expires.since(meta.submitted) } else { Duration::MAX };

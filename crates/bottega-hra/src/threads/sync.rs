@@ -1,10 +1,10 @@
-//! Locks that outlive a panic, waiting with or without an end, and posts at which threads can be woken.
+//! Synchronization: locks that survive a panic, waiting with and without a timeout, and parking posts of threads.
 
 use std::sync::{Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::{self, Thread};
 use std::time::Duration;
 
-/// Locks, also after a panic under the lock: the crate leaves its data consistent at every step that may panic.
+/// Locks, even after a panic under the lock: data is consistent at every step that may panic.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -21,12 +21,12 @@ pub(crate) fn wait<'a, T>(
     }
 }
 
-/// Where one thread waits. Who wakes it before it waits has woken it all the same.
+/// A place at which one thread waits. Waking it before it waits is not lost.
 #[derive(Default)]
 pub(crate) struct Post(OnceLock<Thread>);
 
 impl Post {
-    /// The calling thread is the one that waits here; to be called before it looks at what it would wait for.
+    /// Registers the calling thread; must be called before it checks the condition it waits for.
     pub(crate) fn man(&self) {
         let _ = self.0.set(thread::current());
     }

@@ -1,4 +1,4 @@
-//! The thread that sees to what time alone brings: units that expire, packets that are overdue.
+//! The watch: a thread for events of time, such as expired units and overdue packets.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -7,12 +7,12 @@ use super::shared::AllocatorState;
 use crate::Work;
 use crate::policy::time::Time;
 
-/// Watches until it is ended.
+/// Watches until ended.
 pub(crate) fn watch<W: Work>(shared: &Arc<AllocatorState<W>>) {
     let alarm = &shared.alarm;
     alarm.post.man();
     while !alarm.ended.load(Ordering::SeqCst) {
-        // First nothing is set, so that what comes while the policy is asked sets it again.
+        // Reset first, so that events during the following call set it again
         alarm.at.store(u64::MAX, Ordering::SeqCst);
         let next = shared.with_core(|core, now, out| {
             core.tick(now, out);

@@ -1,4 +1,4 @@
-//! Takes messages to other platforms.
+//! The HTTP client: sends messages to other platforms.
 
 use std::time::Duration;
 
@@ -14,30 +14,30 @@ use super::{
 };
 use crate::{acc::Outbound, wire::WireError};
 
-/// How long a connection may take to come about.
+/// Timeout of connecting.
 const CONNECT_WAIT: Duration = Duration::from_secs(3);
-/// How long the other side may take for a message.
+/// Timeout of the response.
 const ANSWER_WAIT: Duration = Duration::from_secs(10);
 
-/// Why a message was not taken.
+/// The reason why a message was not accepted.
 #[derive(Debug, thiserror::Error)]
 pub enum SendError {
-    /// There is no address to try.
+    /// There are no addresses.
     #[error("there is no address to try")]
     NoAddress,
-    /// The address is none of this transport.
+    /// The address is not an HTTP address.
     #[error("`{0}` is no address of HTTP")]
     Address(String),
     /// The connection failed.
     #[error("no connection")]
     Io(#[from] std::io::Error),
-    /// Nothing was heard in time.
+    /// The response timed out.
     #[error("no answer in time")]
     Silence,
-    /// The other side says no.
+    /// The response has an error status.
     #[error("the answer is {0}")]
     Status(u16),
-    /// The other side speaks no HTTP.
+    /// The response is not HTTP.
     #[error("the answer is no HTTP")]
     Answer(#[source] HttpError),
     /// The message cannot be written.
@@ -45,7 +45,7 @@ pub enum SendError {
     Message(#[from] WireError),
 }
 
-/// Host with port, and path, of `http://host[:port][/path]`.
+/// Splits `http://host[:port][/path]` into host with port, and path.
 pub fn parse_address(address: &str) -> Result<(String, &str), SendError> {
     let bad = || SendError::Address(address.chars().take(200).collect());
     let scheme = address.get(..7).filter(|scheme| scheme.eq_ignore_ascii_case("http://")).ok_or_else(bad)?;
@@ -55,15 +55,15 @@ pub fn parse_address(address: &str) -> Result<(String, &str), SendError> {
     if host.is_empty() || host.contains('@') || !clean(host) || !clean(path) {
         return Err(bad());
     }
-    // An IPv6 address has colons within its brackets.
+    // An IPv6 address contains colons within its brackets
     let has_port = host.rsplit_once(':').is_some_and(|(_, port)| port.bytes().all(|byte| byte.is_ascii_digit()));
     Ok((if has_port { host.to_owned() } else { format!("{host}:80") }, path))
 }
 
-/// Brings a message to the first of its addresses that takes it.
+/// Sends a message to the first of its addresses that accepts it.
 ///
 /// # Errors
-/// None does: what the last of them said.
+/// None accepts it: the error of the last one.
 pub async fn send(outbound: &Outbound, number: u64) -> Result<(), SendError> {
     let (content_type, body) = seal(outbound, number)?;
     let mut last = SendError::NoAddress;
@@ -86,11 +86,11 @@ async fn send_to(address: &str, content_type: &str, body: &[u8]) -> Result<(), S
     );
     let exchange = async {
         stream.write_all(&[head.as_bytes(), body].concat()).await?;
-        // JADE's answers have a body without a length: the status is all that matters, and the connection is dropped.
+        // JADE's responses have a body without a length: use the status only, and drop the connection
         let mut heard = Vec::new();
         loop {
             if let Some(status) = parse_status(&heard).map_err(SendError::Answer)? {
-                // Told to go on, which nobody asked: what counts comes after.
+                // Skip an unrequested 100 Continue
                 if status != 100 {
                     return if status == 200 { Ok(()) } else { Err(SendError::Status(status)) };
                 }

@@ -1,32 +1,32 @@
-//! Heads of HTTP/1.1, as old platforms write them.
+//! Headers of HTTP/1.1, lenient towards old platforms.
 
 use super::HEAD_BYTES_MAX;
 
-/// Why a request is not taken, with the status that says so.
+/// The reason why a request is rejected, with its status.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum HttpError {
-    /// 400.
+    /// 400: the request is malformed.
     #[error("bad request: {0}")]
     Bad(&'static str),
-    /// 404.
+    /// 404: the path does not exist.
     #[error("nothing is here")]
     NotFound,
-    /// 405.
+    /// 405: the method is not supported for this path.
     #[error("this method is not for this path")]
     Method,
-    /// 411.
+    /// 411: the length is missing.
     #[error("a length is needed")]
     Length,
-    /// 413.
+    /// 413: the request is too large.
     #[error("too large")]
     TooLarge,
-    /// 503.
+    /// 503: the server is overloaded.
     #[error("too much to do")]
     Busy,
 }
 
 impl HttpError {
-    /// The status line's number and words.
+    /// Status code and reason phrase.
     pub fn status(&self) -> &'static str {
         match self {
             Self::Bad(_) => "400 Bad Request",
@@ -39,29 +39,29 @@ impl HttpError {
     }
 }
 
-/// The head of a request.
+/// The header of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Head {
-    /// `POST`, `GET`, …
+    /// The method: `POST`, `GET`, …
     pub method: String,
-    /// The path of the target, without its query; the target may come in absolute form.
+    /// The path of the target without its query; the target may be in absolute form.
     pub path: String,
-    /// Whether the connection shall be kept.
+    /// True if the connection stays open.
     pub keep: bool,
     /// The value of Content-Type.
     pub content_type: String,
-    /// Bytes of the body.
+    /// Length of the body, in bytes.
     pub content_length: usize,
-    /// The client waits to be told before it sends the body.
+    /// True if the client waits for 100 Continue before it sends the body.
     pub expects_continue: bool,
 }
 
-/// Reads a head from the beginning of `bytes`; also returns how many bytes it takes. `None`: it does not end yet.
+/// Parses a header at the beginning of `bytes`; also returns its length in bytes. `None`: it is incomplete.
 ///
-/// Blank lines before it are passed over, fields may be folded over several lines, and lines may end in LF alone.
+/// Blank lines before it are ignored, fields may be folded over several lines, and lines may end in LF alone.
 ///
 /// # Errors
-/// It is too long or no head.
+/// It is too long or malformed.
 pub fn parse_head(bytes: &[u8]) -> Result<Option<(Head, usize)>, HttpError> {
     let blank = bytes.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
     let Some(length) = end_of_head(&bytes[blank..]) else {
@@ -74,7 +74,7 @@ pub fn parse_head(bytes: &[u8]) -> Result<Option<(Head, usize)>, HttpError> {
     Ok(Some((read_head(&text)?, blank + length)))
 }
 
-/// How many bytes the lines up to the first empty one take, with it.
+/// Length of the header in bytes, including the empty line at its end.
 pub(super) fn end_of_head(bytes: &[u8]) -> Option<usize> {
     let ends = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at);
     ends.map(|at| (at, &bytes[at + 1..])).find_map(|(at, rest)| match rest {
@@ -112,7 +112,7 @@ fn read_head(text: &str) -> Result<Head, HttpError> {
                     return Err(HttpError::Bad("two lengths"));
                 }
             }
-            // Nobody who speaks this transport sends chunks, and two ways to say a length are one too many.
+            // No client of this transport uses chunks, and two ways to give a length are unsafe
             "transfer-encoding" => return Err(HttpError::Length),
             "expect" => expects_continue = value.eq_ignore_ascii_case("100-continue"),
             _ => {}
@@ -131,7 +131,7 @@ fn read_head(text: &str) -> Result<Head, HttpError> {
     })
 }
 
-/// Names in small letters, and values. A line that begins with a blank goes on with the one before it.
+/// Field names in lower case, with values. A line that starts with a blank continues the one before.
 fn fields<'a>(lines: impl Iterator<Item = &'a str>) -> Result<Vec<(String, String)>, HttpError> {
     let mut fields: Vec<(String, String)> = Vec::new();
     for line in lines {
@@ -158,10 +158,10 @@ fn path_of(target: &str) -> &str {
     path.split(['?', '#']).next().unwrap_or(path)
 }
 
-/// Reads the number of a status line. `None`: the line does not end yet.
+/// Parses the code of a status line. `None`: the line is incomplete.
 ///
 /// # Errors
-/// It is no status line.
+/// It is not a status line.
 pub fn parse_status(bytes: &[u8]) -> Result<Option<u16>, HttpError> {
     let bad = HttpError::Bad("no status line");
     let Some(end) = bytes.iter().position(|byte| *byte == b'\n') else {

@@ -1,4 +1,4 @@
-//! The two parts of a message on this transport: envelope and payload.
+//! The multipart body of this transport: envelope and payload.
 
 use super::head::{HttpError, end_of_head};
 use crate::{
@@ -8,10 +8,10 @@ use crate::{
 
 const MALFORMED: HttpError = HttpError::Bad("the body does not have the two parts that it must have");
 
-/// Reads the body of a POST: the envelope, and the message as it says.
+/// Parses the body of a POST: the envelope and the message.
 ///
 /// # Errors
-/// Parts, envelope or message cannot be read.
+/// The parts, the envelope or the message are invalid.
 pub fn open(content_type: &str, body: &[u8]) -> Result<Letter, HttpError> {
     let (envelope, payload) = split(content_type, body)?;
     let envelope = std::str::from_utf8(envelope).map_err(|_| HttpError::Bad("the envelope is no text"))?;
@@ -19,7 +19,7 @@ pub fn open(content_type: &str, body: &[u8]) -> Result<Letter, HttpError> {
     Letter::open(envelope, payload).map_err(|_| HttpError::Bad("the message cannot be read"))
 }
 
-/// The bytes of the two parts. Their own fields say nothing that the envelope does not say better.
+/// The bytes of the two parts. Their own fields are ignored, because the envelope has the same information.
 fn split<'a>(content_type: &str, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), HttpError> {
     let boundary = boundary(content_type).ok_or(HttpError::Bad("not multipart/mixed with a boundary"))?;
     let delimiter = [b"--", boundary.as_bytes()].concat();
@@ -27,7 +27,7 @@ fn split<'a>(content_type: &str, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]),
     let mut begin = None;
     for (start, after) in delimiters(body, &delimiter) {
         if let Some(begin) = begin {
-            // The line end before a delimiter may be that of the delimiter before.
+            // The line end before a delimiter may belong to the delimiter before
             parts.push(part(body.get(begin..start).ok_or(MALFORMED)?)?);
         }
         if body[after..].starts_with(b"--") {
@@ -42,7 +42,7 @@ fn split<'a>(content_type: &str, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]),
     Err(MALFORMED)
 }
 
-/// The value of `boundary` of `multipart/mixed`, which old platforms write `multipart-mixed`, with or without quotes.
+/// The `boundary` of `multipart/mixed`, which old platforms write `multipart-mixed`, with or without quotes.
 fn boundary(content_type: &str) -> Option<&str> {
     let (kind, parameters) = content_type.split_once(';')?;
     let kind = kind.trim();
@@ -56,12 +56,12 @@ fn boundary(content_type: &str) -> Option<&str> {
     (1..=200).contains(&value.len()).then_some(value)
 }
 
-/// Where lines begin with the delimiter: where the part before it ends, and where the delimiter ends.
+/// The delimiters at beginnings of lines: the end of the part before, and the end of the delimiter.
 fn delimiters<'a>(body: &'a [u8], delimiter: &'a [u8]) -> impl Iterator<Item = (usize, usize)> + 'a {
     let starts =
         std::iter::once(0).chain(body.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at + 1));
     starts.filter(|start| body[*start..].starts_with(delimiter)).map(|start| {
-        // The line end before a delimiter belongs to it.
+        // The line end before a delimiter belongs to it
         let before = &body[..start];
         let before = before.strip_suffix(b"\n").unwrap_or(before);
         let before = before.strip_suffix(b"\r").unwrap_or(before);
@@ -69,7 +69,7 @@ fn delimiters<'a>(body: &'a [u8], delimiter: &'a [u8]) -> impl Iterator<Item = (
     })
 }
 
-/// What comes after the fields of a part.
+/// The content after the fields of a part.
 fn part(bytes: &[u8]) -> Result<&[u8], HttpError> {
     for blank in [&b"\r\n"[..], b"\n"] {
         if let Some(rest) = bytes.strip_prefix(blank) {
@@ -79,15 +79,15 @@ fn part(bytes: &[u8]) -> Result<&[u8], HttpError> {
     end_of_head(bytes).map(|length| &bytes[length..]).ok_or(MALFORMED)
 }
 
-/// The Content-Type and the body of a message that goes out, in the one way that every known platform reads. `number`
-/// makes one boundary differ from another.
+/// Content-Type and body of an outgoing message, in the form that every known platform reads. `number` makes the
+/// boundary unique.
 ///
 /// # Errors
 /// The envelope cannot be written in XML.
 pub fn seal(outbound: &Outbound, number: u64) -> Result<(String, Vec<u8>), WireError> {
     let envelope: String = print_envelope(&outbound.envelope)?
         .chars()
-        // Some take the bytes of an envelope for Latin-1.
+        // Some platforms read the bytes of an envelope as Latin-1
         .map(|character| match character {
             ascii if ascii.is_ascii() => ascii.to_string(),
             other => format!("&#{};", u32::from(other)),

@@ -1,4 +1,4 @@
-//! Takes messages of other platforms in.
+//! The HTTP server: accepts messages from other platforms.
 
 use std::{
     net::{IpAddr, SocketAddr},
@@ -20,48 +20,48 @@ use super::{
 };
 use crate::acc::Letter;
 
-/// The most connections at a time.
+/// Maximum number of connections.
 pub const CONNECTIONS_MAX: usize = 256;
-/// The most that the bodies of all connections together may take, in KiB: who comes on top shall come again.
+/// Maximum size of the bodies of all connections together, in KiB; further requests get 503.
 const BODIES_KIB_MAX: usize = 1 << 18;
-/// How long a connection is kept without a request.
+/// Time after which an idle connection is closed.
 const IDLE_WAIT: Duration = Duration::from_secs(60);
-/// How long a request may take to come, from its first byte on.
+/// Maximum time of a request, from its first byte.
 const REQUEST_WAIT: Duration = Duration::from_secs(20);
-/// How long an answer may take to go.
+/// Maximum time to send a response.
 const ANSWER_WAIT: Duration = Duration::from_secs(20);
 
-/// The path under which those on this machine can watch what passes.
+/// The path of the trace of passing messages, for clients on this machine.
 pub const TRACE_PATH: &str = "/trace";
 
-/// The service behind a server.
+/// The service behind the server.
 pub struct Service {
-    /// Takes a message that came. `false`: there is no room for it now.
+    /// Accepts a message. False if there is no room at the moment.
     pub take: Box<dyn Fn(Letter) -> bool + Send + Sync>,
-    /// What a GET of [`PATH`] shows.
+    /// Returns the response to a GET of [`PATH`].
     pub about: Box<dyn Fn() -> String + Send + Sync>,
-    /// Lines that tell what passes, without their ends.
+    /// The trace lines, without line ends.
     pub trace: broadcast::Sender<Arc<str>>,
 }
 
-/// Serves until it is dropped.
+/// Serves until dropped.
 pub async fn serve(listener: TcpListener, service: Arc<Service>) {
     let room = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let bodies = Arc::new(Semaphore::new(BODIES_KIB_MAX));
     loop {
         let Ok((stream, peer)) = listener.accept().await else {
-            // Out of handles, say: others will end.
+            // For example out of file handles: wait for others to close
             tokio::time::sleep(Duration::from_millis(50)).await;
             continue;
         };
         let Ok(place) = Arc::clone(&room).try_acquire_owned() else {
-            // Whoever it is tries another address, or again.
+            // The client tries another address, or again
             drop(stream);
             continue;
         };
         let (service, bodies) = (Arc::clone(&service), Arc::clone(&bodies));
         tokio::spawn(async move {
-            // A connection that fails has nobody to be told.
+            // A failed connection has nobody to report to
             _ = Connection { stream, peer, bytes: Vec::new(), service, bodies }.run().await;
             drop(place);
         });
@@ -71,14 +71,14 @@ pub async fn serve(listener: TcpListener, service: Arc<Service>) {
 struct Connection {
     stream: TcpStream,
     peer: SocketAddr,
-    /// What was read and not used.
+    /// Bytes read and not consumed.
     bytes: Vec<u8>,
     service: Arc<Service>,
-    /// Room for bodies, by KiB.
+    /// Free room for bodies, in KiB.
     bodies: Arc<Semaphore>,
 }
 
-/// The body of a request, and the room that it takes.
+/// The body of a request, with the room it takes.
 struct Body {
     bytes: Vec<u8>,
     _room: OwnedSemaphorePermit,
@@ -100,7 +100,7 @@ impl Connection {
                     return self.show_trace().await;
                 }
                 Ok(Some((head, body))) => (head.keep, self.answer(&head, &body.bytes)),
-                // Where the next request would begin, nobody knows.
+                // The start of a next request is unknown
                 Err(error) => (false, Err(error)),
             };
             let (status, text) = match answer {
@@ -109,7 +109,7 @@ impl Connection {
             };
             self.write(status, &text, keep).await?;
             if !keep {
-                // What is still on its way is read, so that the answer is not lost by a reset.
+                // Read the rest of the request, so that a reset does not lose the response
                 self.stream.shutdown().await?;
                 _ = timeout(Duration::from_secs(1), self.read_away()).await;
                 return Ok(());
@@ -117,7 +117,7 @@ impl Connection {
         }
     }
 
-    /// Waits until something of a request is there. Line ends between requests are nothing.
+    /// Waits for the beginning of a request. Line ends between requests are ignored.
     async fn wait_for_request(&mut self) -> std::io::Result<bool> {
         loop {
             let blank = self.bytes.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
@@ -132,7 +132,7 @@ impl Connection {
         }
     }
 
-    /// Reads a request. `None`: the other side is gone.
+    /// Reads a request. `None`: the client has closed the connection.
     async fn request(&mut self) -> std::io::Result<Result<Option<(Head, Body)>, HttpError>> {
         let head = loop {
             match parse_head(&self.bytes) {
@@ -176,7 +176,7 @@ impl Connection {
         }
     }
 
-    /// JADE closes on any other writing of the last field's value.
+    /// JADE closes on any other spelling of the last field's value
     async fn write(&mut self, status: &str, text: &str, keep: bool) -> std::io::Result<()> {
         let connection = if keep { "Keep-Alive" } else { "close" };
         let answer = format!(
@@ -196,7 +196,8 @@ impl Connection {
         Ok(())
     }
 
-    /// Shows what passes for as long as somebody looks. What agents say is for those on this machine only.
+    /// Sends the trace while the client reads it. Only for clients on this machine, because it shows the content of
+    /// messages.
     async fn show_trace(mut self) -> std::io::Result<()> {
         if !is_local(self.peer.ip()) {
             return self.write(HttpError::NotFound.status(), "", false).await;

@@ -1,4 +1,4 @@
-//! The bus of a platform of one process.
+//! The bus of a platform in one process.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::{
     bus::{BLOBS_MAX, Blob, BlobId, Bus},
 };
 
-/// The bus of a [`LocalPlatform`](super::LocalPlatform): may be cloned and used by any thread.
+/// The bus of a [`LocalPlatform`](super::LocalPlatform): can be cloned and used by any thread.
 pub struct LocalBus<M: StateMachine>(pub(super) Arc<PlatformShared<M>>);
 
 impl<M: StateMachine> Clone for LocalBus<M> {
@@ -40,7 +40,7 @@ where
         let mut elsewhere = Vec::new();
         self.with(|state| {
             for receiver in &message.receivers {
-                // Of one who has stopped the gateway tells the sender.
+                // For a stopped agent, the gateway informs the sender
                 let here = |to: usize| state.gateway.is_none_or(|gateway| gateway != to && !state.slots[to].stopped);
                 match state.index.get(receiver) {
                     Some(&to) if here(to) => _ = state.deliver(to, Event::Message(message.clone())),

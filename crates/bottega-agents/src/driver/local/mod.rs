@@ -1,7 +1,7 @@
-//! Agents in one process: a few threads, mailboxes in memory, real time.
+//! The local platform: agents in one process on a few threads, with mailboxes in memory and real time.
 //!
-//! One lock guards mailboxes, store and timers; no machine ever runs under it. A thread without work sleeps until a
-//! mailbox fills or the next deadline comes: nothing polls.
+//! One lock guards mailboxes and timers; no machine runs under it. A thread without work sleeps until a mailbox fills
+//! or the next deadline arrives: nothing polls.
 
 mod bus;
 mod state;
@@ -27,10 +27,10 @@ use crate::{
     wire::Calendar,
 };
 
-/// How many events an agent may take before the next agent has its turn.
+/// Maximum number of events an agent handles before the next agent's turn.
 const TURN_EVENTS_MAX: usize = 32;
 
-/// The shortest time after which a machine is woken again that names a deadline in the past.
+/// Minimum delay of a machine that sets a deadline in the past.
 const WAKE_AFTER_MIN: Duration = Duration::from_millis(1);
 
 /// A platform in one process.
@@ -46,27 +46,27 @@ where
     M::Effect: Send + 'static,
     M::Completion: Send + 'static,
 {
-    /// Starts so many threads (at least one), which sleep until there are agents.
+    /// Starts a number of threads (at least one), which sleep until there are agents.
     ///
     /// # Errors
-    /// When the operating system gives no thread.
+    /// A thread cannot be started.
     pub fn new(threads: usize) -> std::io::Result<Self> {
         Self::build(threads, Box::new(MemoryStore::default()), None)
     }
 
-    /// The same over a store that may be shared with other processes, or outlast this one.
+    /// Like [`Self::new`], with a store that may be shared with other processes, or be persistent.
     ///
     /// # Errors
-    /// When the operating system gives no thread.
+    /// A thread cannot be started.
     pub fn with_store(threads: usize, store: Box<dyn EntryStore<M::Value, usize> + Send>) -> std::io::Result<Self> {
         Self::build(threads, store, None)
     }
 
-    /// The same with a link to other processes: who is not here is sought there, and the store is the one that all share.
-    /// Queues, blobs and presence stay within the process.
+    /// Like [`Self::new`], with a link to other processes: agents not found here are looked for there, and the store is
+    /// shared by all. Queues, blobs and presence stay within the process.
     ///
     /// # Errors
-    /// When the operating system gives no thread.
+    /// A thread cannot be started.
     pub fn linked(threads: usize, uplink: Option<Arc<dyn Uplink<M>>>) -> std::io::Result<Self> {
         Self::build(threads, Box::new(MemoryStore::default()), uplink)
     }
@@ -93,10 +93,10 @@ where
         Ok(platform)
     }
 
-    /// Brings an agent to life. Its first event is [`Event::Start`].
+    /// Adds an agent. Its first event is [`Event::Start`].
     ///
     /// # Errors
-    /// When the name is taken, by an agent that lives or has lived.
+    /// The name was used by another agent, running or stopped.
     pub fn add(&self, id: &AgentId, machine: M, performer: Performer<M>) -> Result<Mailbox<M>, NameTaken> {
         let mut state = self.shared.lock();
         if state.index.contains_key(id) {
@@ -115,7 +115,7 @@ where
         });
         state.alive += 1;
         let mailbox = Mailbox { shared: Arc::clone(&self.shared), agent };
-        // It must be reachable before it says its first word.
+        // It must be reachable before it sends its first message
         drop(state);
         if let Some(uplink) = &self.shared.uplink {
             uplink.add(id, mailbox.clone());
@@ -128,8 +128,8 @@ where
         Ok(mailbox)
     }
 
-    /// From now on this agent gets all messages to agents that are not here, and is told who is, before anything that
-    /// comes from outside can reach it. `false`: it is not here itself.
+    /// Makes an agent of this platform the gateway: it gets all messages to agents elsewhere, and presence events
+    /// before any message from outside. False if the agent is not here.
     pub fn set_gateway(&self, agent: &AgentId) -> bool {
         let mut state = self.shared.lock();
         state.gateway = state.index.get(agent).copied();
@@ -142,32 +142,32 @@ where
         known
     }
 
-    /// Tells agents what other processes wrote into the store. To be called now and then where it is shared.
+    /// Delivers writes of other processes to watching agents. Called from time to time if the store is shared.
     pub fn poll_store(&self) {
         self.shared.with_store(|store, replies| store.poll(replies));
     }
 
-    /// The bus, for threads outside of the platform.
+    /// The bus, for other threads.
     pub fn bus(&self) -> LocalBus<M> {
         LocalBus(Arc::clone(&self.shared))
     }
 
-    /// Messages that nobody got: no such agent, or its mailbox was full.
+    /// Number of lost messages: to unknown agents or full mailboxes.
     pub fn messages_lost(&self) -> u64 {
         self.shared.lock().messages_lost
     }
 
-    /// The platform's time.
+    /// The platform's current time.
     pub fn now(&self) -> Time {
         self.shared.now()
     }
 
-    /// What ties the platform's time to the calendar.
+    /// The conversion between the platform's time and the calendar.
     pub fn calendar(&self) -> Calendar {
         Calendar::new(unix_time().saturating_sub(self.now().elapsed()))
     }
 
-    /// Waits until every agent has stopped, then ends the threads. Goes on with the panic of a machine, if one did.
+    /// Waits until every agent has stopped, then ends the threads. Propagates a machine's panic.
     pub fn wait(mut self) {
         let mut state = self.shared.lock();
         while state.alive > 0 && !state.panicked {
@@ -177,7 +177,7 @@ where
         self.close();
     }
 
-    /// Ends the threads after the events they have in hand, whether agents have stopped or not.
+    /// Ends the threads after their current events, whether or not agents have stopped.
     pub fn stop(mut self) {
         self.close();
     }
@@ -193,7 +193,7 @@ impl<M: StateMachine> LocalPlatform<M> {
                 first_panic.get_or_insert(panic);
             }
         }
-        // Performers may hold mailboxes, which hold the platform: cut the circle, outside of the lock.
+        // Performers may hold mailboxes, which hold the platform: break the cycle, outside of the lock
         let retire = |slot: &mut Slot<M>| {
             slot.stopped = true;
             slot.mailbox.clear();
@@ -217,12 +217,12 @@ impl<M: StateMachine> Drop for LocalPlatform<M> {
     }
 }
 
-/// An agent's name is its identity and is never given twice.
+/// The name was used by another agent; names are never reused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is already an agent `{0}`")]
 pub struct NameTaken(pub AgentId);
 
-/// Tells the platform when a machine panics, so that nobody waits for it.
+/// Notifies the platform of a machine's panic, so that waiting threads end.
 struct PanicNotice<'a, M: StateMachine>(&'a PlatformShared<M>);
 
 impl<M: StateMachine> Drop for PanicNotice<'_, M> {
@@ -276,7 +276,7 @@ where
     }
 }
 
-/// Waits for an agent that has something to do. `None`: the platform closes.
+/// Waits for an agent with work. `None`: the platform closes.
 fn next_agent<M: StateMachine>(shared: &PlatformShared<M>) -> Option<usize> {
     let mut state = shared.lock();
     loop {
@@ -300,7 +300,7 @@ fn next_agent<M: StateMachine>(shared: &PlatformShared<M>) -> Option<usize> {
 
 /// Puts a machine back after its turn.
 fn rest<M: StateMachine>(shared: &PlatformShared<M>, agent: usize, machine: M, performer: Performer<M>, stopped: bool) {
-    // A deadline in the past was just answered: do not turn in place.
+    // Postpone a deadline in the past, which was just handled, to avoid a busy loop
     let deadline = machine.next_deadline().map(|at| at.max(shared.now() + WAKE_AFTER_MIN));
     let mut state = shared.lock();
     if stopped {
@@ -308,7 +308,7 @@ fn rest<M: StateMachine>(shared: &PlatformShared<M>, agent: usize, machine: M, p
         let last = state.alive == 0;
         drop(state);
         shared.store.lock().unwrap_or_else(PoisonError::into_inner).forget(&agent);
-        // The machine is dropped outside of the lock: it may hold anything.
+        // Drop the machine outside of the lock: its destructor may do anything
         drop((machine, performer));
         if last {
             shared.finished.notify_all();
@@ -321,7 +321,7 @@ fn rest<M: StateMachine>(shared: &PlatformShared<M>, agent: usize, machine: M, p
     slot.machine = Some((machine, performer));
     slot.scheduled = false;
     let again = !slot.mailbox.is_empty() && state.schedule(agent);
-    // Who sleeps until a later deadline must look again; this thread may be busy by then.
+    // A thread that sleeps until a later deadline must check again; this one may be busy by then
     let earliest = deadline.is_some() && state.timers.first().is_some_and(|(_, first)| *first == agent);
     drop(state);
     if again || earliest {
@@ -336,6 +336,6 @@ fn start_of_time() -> Instant {
 
 #[allow(clippy::disallowed_methods, reason = "this is where a platform gets the date from")]
 fn unix_time() -> Duration {
-    // A clock that stands before 1970 has been set by nobody.
+    // Treat a clock before 1970 as 1970
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default()
 }

@@ -1,5 +1,4 @@
-//! The memory of a platform of one process, its locks, and the ways in and out: mailboxes and the link to other
-//! processes. These know each other, for what comes back over the link goes into a mailbox.
+//! The state of a local platform, its locks, mailboxes, and the link to other processes.
 
 use std::{
     collections::{BTreeMap, BTreeSet, VecDeque},
@@ -15,18 +14,18 @@ use crate::{
     store::AddressedStore,
 };
 
-/// The most messages that wait in a mailbox; what comes on top is lost, as on any network.
+/// Maximum number of messages in a mailbox; further ones are lost, as on any network.
 ///
-/// Completions and answers of the store are not counted: each was asked for by the agent itself.
+/// Completions and replies of the store are not counted: the agent requested each of them.
 pub const MAILBOX_MESSAGES_MAX: usize = 1 << 16;
 
 pub(super) struct Slot<M: StateMachine> {
     pub(super) id: AgentId,
-    /// Absent while a thread runs it, and when it has stopped.
+    /// `None` while a thread runs it, and after it has stopped.
     pub(super) machine: Option<(M, Performer<M>)>,
     pub(super) mailbox: VecDeque<EventOf<M>>,
     pub(super) messages: usize,
-    /// In the ready queue, or running.
+    /// True while in the ready queue, or running.
     pub(super) scheduled: bool,
     pub(super) deadline: Option<Time>,
     pub(super) stopped: bool,
@@ -40,10 +39,10 @@ pub(super) struct PlatformState<M: StateMachine> {
     pub(super) queues: Queues<M::Content>,
     pub(super) blobs: BTreeMap<BlobId, Blob>,
     pub(super) presence_watchers: BTreeSet<usize>,
-    /// Agents that have not stopped.
+    /// Number of agents that have not stopped.
     pub(super) alive: usize,
     pub(super) messages_lost: u64,
-    /// Gets what is for agents that are not here.
+    /// The index of the agent that gets messages to agents elsewhere.
     pub(super) gateway: Option<usize>,
     pub(super) closing: bool,
     pub(super) panicked: bool,
@@ -53,21 +52,21 @@ pub(super) type Store<V> = Box<dyn EntryStore<V, usize> + Send>;
 
 pub(super) struct PlatformShared<M: StateMachine> {
     pub(super) state: Mutex<PlatformState<M>>,
-    /// Locked before `state` where both are, so that replies arrive in the order of what they tell, and that a store
-    /// which takes its time holds up nobody who does not need it.
+    /// Locked before `state` if both are, so that replies arrive in order, and a slow store only delays those that use
+    /// it.
     pub(super) store: Mutex<Store<M::Value>>,
-    /// There is work for a worker, or the platform closes.
+    /// Notified when there is work, or the platform closes.
     pub(super) work: Alarm,
-    /// The last agent stopped, or the platform closes.
+    /// Notified when the last agent has stopped, or the platform closes.
     pub(super) finished: Condvar,
     pub(super) started: Instant,
-    /// What lies beyond this process.
+    /// The link to other processes.
     pub(super) uplink: Option<Arc<dyn Uplink<M>>>,
 }
 
 impl<M: StateMachine> PlatformShared<M> {
     pub(super) fn lock(&self) -> MutexGuard<'_, PlatformState<M>> {
-        // No machine runs under the lock, so a panic elsewhere leaves the state whole.
+        // No machine runs under the lock, so the state is consistent after a panic
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -75,12 +74,12 @@ impl<M: StateMachine> PlatformShared<M> {
         Time::since_start(self.started.elapsed())
     }
 
-    /// Does something with the store and delivers what it says.
+    /// Runs a function on the store and delivers its replies.
     pub(super) fn with_store(
         &self,
         change: impl FnOnce(&mut Store<M::Value>, &mut Vec<AddressedStore<M::Value, usize>>),
     ) {
-        // A store that panicked is as good as one that cannot be asked; its own invariants are its business.
+        // A store that panicked is responsible for its own invariants
         let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
         let mut replies = Vec::new();
         change(&mut store, &mut replies);
@@ -115,7 +114,7 @@ impl<M: StateMachine> PlatformState<M> {
         }
     }
 
-    /// Puts an event into a mailbox. Returns whether a worker must be woken.
+    /// Puts an event into a mailbox. Returns true if a worker must be woken.
     pub(super) fn deliver(&mut self, to: usize, event: EventOf<M>) -> bool {
         let slot = &mut self.slots[to];
         if slot.stopped {
@@ -132,7 +131,7 @@ impl<M: StateMachine> PlatformState<M> {
         self.schedule(to)
     }
 
-    /// From now on it is told who comes and goes, and now who is here.
+    /// Adds a watcher of presence, and reports the agents present.
     pub(super) fn watch_presence(&mut self, watcher: usize) {
         self.presence_watchers.insert(watcher);
         for agent in 0..self.slots.len() {
@@ -167,7 +166,7 @@ impl<M: StateMachine> PlatformState<M> {
         }
     }
 
-    /// Moves agents whose deadline has come into the ready queue.
+    /// Moves agents with expired deadlines into the ready queue.
     pub(super) fn wake_due(&mut self, now: Time) {
         while let Some(&(at, agent)) = self.timers.first() {
             if at > now {
@@ -201,7 +200,7 @@ impl<M: StateMachine> PlatformState<M> {
     }
 }
 
-/// The mailbox of one agent, for threads outside of the platform: an engine that reports, a user who interrupts.
+/// The mailbox of an agent, for threads outside of the platform, such as an engine that reports progress.
 pub struct Mailbox<M: StateMachine> {
     pub(super) shared: Arc<PlatformShared<M>>,
     pub(super) agent: usize,
@@ -214,50 +213,50 @@ impl<M: StateMachine> Clone for Mailbox<M> {
 }
 
 impl<M: StateMachine> Mailbox<M> {
-    /// Reports an effect. Dropped when the agent has stopped.
+    /// Reports the completion of an effect. Dropped if the agent has stopped.
     pub fn complete(&self, completion: M::Completion) {
         self.shared.lock().deliver(self.agent, Event::Completed(completion));
         self.shared.work.notify_all();
     }
 
-    /// Delivers an event from beyond this process. It is dropped when the agent has stopped.
+    /// Delivers an event from another process. Dropped if the agent has stopped.
     pub fn deliver(&self, event: EventOf<M>) {
         self.shared.lock().deliver(self.agent, event);
         self.shared.work.notify_all();
     }
 
-    /// Returns the number of the agent among those of its platform.
+    /// The index of the agent in its platform.
     pub fn number(&self) -> usize {
         self.agent
     }
 
-    /// Whether the agent has stopped, so that nothing can be delivered to it.
+    /// True if the agent has stopped.
     pub fn is_closed(&self) -> bool {
         let state = self.shared.lock();
         state.closing || state.slots[self.agent].stopped
     }
 
-    /// The platform's time.
+    /// The platform's current time.
     pub fn now(&self) -> Time {
         self.shared.now()
     }
 }
 
-/// Begins effects of one agent. It must return soon; what takes long belongs on another thread, which reports its
-/// end through the [`Mailbox`].
+/// Begins the effects of one agent. Must return quickly; long work belongs on another thread, which reports its
+/// completion to the [`Mailbox`].
 pub type Performer<M> = Box<dyn FnMut(<M as StateMachine>::Effect, &Mailbox<M>) + Send>;
 
-/// Links a platform in one process with others: for messages to agents who are elsewhere, and for a store that all share.
+/// A link of a local platform to other processes, for messages to agents elsewhere and a shared store.
 ///
-/// No method waits. What comes back goes into a mailbox.
+/// No method blocks, except as stated. Results arrive in a mailbox.
 pub trait Uplink<M: StateMachine>: Send + Sync {
-    /// An agent has come to life here: what others send to it goes into its mailbox. Returns when that is so, or when
-    /// it is known that it cannot be for now.
+    /// Connects a new agent: messages from elsewhere go into its mailbox. Returns when that is done, or is known to be
+    /// impossible at present.
     fn add(&self, agent: &AgentId, mailbox: Mailbox<M>);
 
-    /// Brings a message to one of its receivers, who is not here, or loses it.
+    /// Sends a message to one receiver elsewhere, or loses it.
     fn publish(&self, now: Time, message: &AclMessage<M::Content>, receiver: &AgentId);
 
-    /// Asks the store for the agent with this mailbox.
+    /// Sends a store request for the agent with this mailbox.
     fn ask_store(&self, mailbox: Mailbox<M>, ticket: Ticket, request: StoreRequest<M::Value>);
 }

@@ -20,23 +20,23 @@ use tokio_stream::StreamExt;
 
 use super::error::NatsError;
 
-/// A blob lies in messages of so many bytes.
+/// Size of the messages of a blob, in bytes.
 const PART_BYTES: usize = 128 << 10;
-/// A server that sends nothing more of what was asked for is not waited for any longer: parts that somebody has let go meanwhile never
-/// come.
+/// Time without further data after which a server's answer counts as incomplete: parts that were deleted meanwhile
+/// never arrive.
 const SILENT: Duration = Duration::from_secs(10);
 
-/// A blob that could not be kept or had.
+/// An error in storing or reading a blob.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the blob `{name}`: {reason}")]
 pub struct BlobError {
-    /// Its name.
+    /// The name of the blob.
     pub name: String,
-    /// What is wrong.
+    /// The reason.
     pub reason: String,
-    /// Whether it will be so whenever it is tried again; not of a server that is away or has no room.
+    /// True if retrying is useless; false if the server is unreachable or has no room.
     pub is_lasting: bool,
-    /// Whether the server says that it has no room.
+    /// True if the server has no room.
     pub is_full: bool,
 }
 
@@ -45,7 +45,7 @@ impl BlobError {
         Self { name: name.to_owned(), reason: error.to_string(), is_lasting: false, is_full: says_full(error) }
     }
 
-    /// The server has sent a part of it and then no more.
+    /// The server stopped sending in the middle of the blob.
     fn silent(name: &str) -> Self {
         let reason = format!("the server has sent nothing of it for {} s", SILENT.as_secs());
         Self { name: name.to_owned(), reason, is_lasting: false, is_full: false }
@@ -56,7 +56,7 @@ impl BlobError {
     }
 }
 
-/// Whether an error, or what it is due to, is the server's that it has no room.
+/// True if an error, or one of its causes, is the server's lack of room.
 fn says_full(error: &(dyn std::error::Error + 'static)) -> bool {
     let mut next = Some(error);
     while let Some(error) = next {
@@ -75,18 +75,18 @@ fn says_full(error: &(dyn std::error::Error + 'static)) -> bool {
     false
 }
 
-/// A blob as it is listed.
+/// A blob in a listing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Blob {
     /// Its name.
     pub name: String,
-    /// What is in it.
+    /// Its size, in bytes.
     pub bytes: u64,
-    /// How long ago it was put there.
+    /// Time since it was stored.
     pub age: Duration,
 }
 
-/// Opens a bucket of a farm, or makes it. What the server then says of it is compared with what was asked.
+/// Opens a bucket of a farm, or creates it. Compares the server's description of it with the request.
 pub(super) async fn open(
     context: &Context,
     bucket: String,
@@ -130,12 +130,12 @@ pub(super) async fn open(
     }
 }
 
-/// The blobs of a farm. Its methods block: they are for threads that work.
+/// The blobs of a farm. Its methods block, so call them from worker threads.
 #[derive(Clone)]
 pub struct NatsBlobs {
     context: Context,
     store: ObjectStore,
-    /// In which the bucket lies.
+    /// The stream of the bucket.
     stream: Stream,
     bucket: String,
     handle: Handle,
@@ -151,17 +151,17 @@ impl NatsBlobs {
         Self { context, store, stream, bucket, handle }
     }
 
-    /// Keeps a blob. Nothing of one is left that was not taken as a whole.
+    /// Stores a blob, completely or not at all.
     ///
-    /// It is done here and not by the library, which leaves the parts that a full server took: nobody knows them, and they
-    /// take room for ever.
+    /// Done here and not by the library, which leaves the parts that a full server accepted: nothing refers to them,
+    /// and they occupy room forever.
     ///
     /// # Errors
-    /// The server does not take it.
+    /// The server does not accept it.
     pub fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
         self.handle.block_on(async {
             let before = self.store.info(name).await.ok();
-            // The last word of an inbox is a number that no other has.
+            // The last token of an inbox is unique
             let inbox = self.context.client().new_inbox();
             let number = inbox.rsplit('.').next().unwrap_or(&inbox).to_owned();
             let parts = self.parts_of(&number);
@@ -208,27 +208,27 @@ impl NatsBlobs {
         kept.map(drop).map_err(|error| BlobError::passing(name, &error))
     }
 
-    /// The subject of the parts of a blob.
+    /// The subject of a blob's parts.
     fn parts_of(&self, number: &str) -> String {
         format!("$O.{}.C.{number}", self.bucket)
     }
 
-    /// The subject of what is said of a blob.
+    /// The subject of a blob's description.
     fn description_of(&self, name: &str) -> String {
         format!("$O.{}.M.{}", self.bucket, URL_SAFE.encode(name))
     }
 
-    /// Lets messages go. It takes no room, as every other way of removing something does: so it works on a full server, too.
+    /// Deletes messages. Unlike other ways of deletion this needs no room, so it works on a full server.
     async fn purge(&self, subject: String) {
         if let Err(error) = self.stream.purge().filter(&subject).await {
             tracing::debug!(%error, subject, "messages were not let go");
         }
     }
 
-    /// Whether there is a blob of this name.
+    /// True if a blob of this name exists.
     ///
     /// # Errors
-    /// The server does not say.
+    /// The server does not answer.
     pub fn has(&self, name: &str) -> Result<bool, BlobError> {
         self.age(name).map(|age| age.is_some())
     }
@@ -238,7 +238,7 @@ impl NatsBlobs {
     /// - `bytes_max`: larger ones are refused.
     ///
     /// # Errors
-    /// The server does not give it, or it is not what was put in.
+    /// The server does not return it, or it is damaged.
     pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
         self.handle.block_on(async {
             let mut object = match self.store.get(name).await {
@@ -262,7 +262,7 @@ impl NatsBlobs {
         })
     }
 
-    /// Lets a blob go.
+    /// Deletes a blob.
     pub fn forget(&self, name: &str) {
         self.handle.block_on(async {
             if let Ok(info) = self.store.info(name).await {
@@ -276,7 +276,7 @@ impl NatsBlobs {
         self.purge(self.parts_of(&info.nuid)).await;
     }
 
-    /// All blobs.
+    /// Lists all blobs.
     pub fn list(&self) -> Vec<Blob> {
         let infos = self.handle.block_on(self.infos());
         let blob = |info: ObjectInfo| Blob { age: age_of(&info), bytes: info.size as u64, name: info.name };
@@ -286,16 +286,16 @@ impl NatsBlobs {
     async fn infos(&self) -> Vec<ObjectInfo> {
         let Ok(mut list) = self.store.list().await else { return Vec::new() };
         let mut infos = Vec::new();
-        // What was let go while it is listed may never be told.
+        // A blob deleted during the listing may never be reported
         while let Ok(Some(Ok(info))) = tokio::time::timeout(SILENT, list.next()).await {
             infos.push(info);
         }
         infos
     }
 
-    /// Lets parts go that belong to no blob: of one whose sender died amid it.
+    /// Deletes parts that belong to no blob, because their sender failed in the middle.
     ///
-    /// - `after`: the last of them came at least so long ago.
+    /// - `after`: minimum age of the last part.
     pub fn forget_strays(&self, after: Duration) {
         self.handle.block_on(async {
             let subjects = match self.stream.info_with_subjects(self.parts_of("*")).await {
@@ -318,11 +318,11 @@ impl NatsBlobs {
         });
     }
 
-    /// How long ago a blob was put there, by the clock of the machine that did it and of this one; `None`: there is none of
-    /// this name.
+    /// Time since a blob was stored, by the clocks of the machine that stored it and of this one; `None`: there is none
+    /// of this name.
     ///
     /// # Errors
-    /// The server does not say.
+    /// The server does not answer.
     pub fn age(&self, name: &str) -> Result<Option<Duration>, BlobError> {
         match self.handle.block_on(self.store.info(name)) {
             Ok(info) => Ok((!info.deleted).then(|| age_of(&info))),
@@ -331,7 +331,7 @@ impl NatsBlobs {
         }
     }
 
-    /// Lets all blobs go of whose names and ages it is true.
+    /// Deletes all blobs for whose names and ages `is_dead` is true.
     pub fn forget_all(&self, mut is_dead: impl FnMut(&str, Duration) -> bool) {
         self.handle.block_on(async {
             for info in self.infos().await {
@@ -343,7 +343,7 @@ impl NatsBlobs {
     }
 }
 
-/// One of the future, or of no time, is new.
+/// The age of a blob; zero if its time is in the future or missing.
 fn age_of(info: &ObjectInfo) -> Duration {
     info.modified.map(|put| since(put.into())).unwrap_or_default()
 }

@@ -1,4 +1,4 @@
-//! The notices of a farm that everybody may read and change: its jobs, their leaders, who is present.
+//! Notices of a farm, which all members may read and change: jobs, their leaders, members present.
 
 use std::{
     collections::BTreeMap,
@@ -21,21 +21,20 @@ use super::{
 };
 use crate::Key;
 
-/// A notice as it was last heard of.
+/// The last known state of a notice.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Notice {
     /// Its name.
     pub name: String,
-    /// The number of its last writing, which no other writing has.
+    /// The unique number of its last write.
     pub revision: u64,
-    /// What it says.
+    /// Its text.
     pub text: Arc<[u8]>,
-    /// For how long it has been so, while the server was there to tell of changes.
+    /// Time without a change while the server was reachable.
     pub unchanged: Duration,
 }
 
-/// Notices by name. What they say is known here without asking; its methods that write block: they are for threads that
-/// may wait.
+/// The notices by name. Reading uses a local copy; methods that write block, so call them from threads that may wait.
 #[derive(Clone)]
 pub struct NoticeBoard {
     client: Client,
@@ -44,15 +43,15 @@ pub struct NoticeBoard {
     seen: Arc<Mutex<KnownNotices>>,
 }
 
-/// What was heard of the notices.
+/// The local copy of the notices.
 struct KnownNotices {
     notices: BTreeMap<String, ReceivedNote>,
-    /// How often the server has begun to list all notices. What it lists then is so, whatever was known before: a server that lost
-    /// its last writings counts from an earlier number again.
+    /// Number of listings begun by the server. A listing overrides the local copy: a server that has lost its last
+    /// writes reuses their numbers.
     listing: u64,
-    /// How often something was heard of each folder: what stands before the first stroke.
+    /// Number of changes per folder: the part before the first `/`.
     changes: BTreeMap<String, u64>,
-    /// How often the server was reached, and when it was the last time.
+    /// Number of connections to the server, and the time of the last one.
     connects: u64,
     connected: Instant,
 }
@@ -61,12 +60,12 @@ struct ReceivedNote {
     revision: u64,
     text: Arc<[u8]>,
     at: Instant,
-    /// The listing in which it was heard of last.
+    /// The last listing that contained it.
     listing: u64,
 }
 
 impl NoticeBoard {
-    /// The board, when all that is on it has been read.
+    /// Opens the board; returns when all notices are read.
     pub(super) async fn open(client: Client, store: kv::Store, handle: Handle) -> Self {
         let seen = KnownNotices::new();
         let board = Self { client, store, handle, seen: Arc::new(Mutex::new(seen)) };
@@ -81,7 +80,7 @@ impl NoticeBoard {
                     WatchNews::Entry(entry) => lock(&seen).told(&entry),
                     WatchNews::CaughtUp => {
                         lock(&seen).forget_unlisted();
-                        // Who opened it may have given up.
+                        // The opener may have given up
                         _ = read.take().map(|read| read.send(()));
                     }
                     WatchNews::Nothing => {}
@@ -94,27 +93,27 @@ impl NoticeBoard {
         board
     }
 
-    /// Puts a notice up, in the place of one of the same name. Returns the number of the writing.
+    /// Writes a notice unconditionally. Returns the number of the write.
     ///
     /// # Errors
-    /// The server does not take it.
+    /// The server does not accept it.
     pub fn put(&self, name: &str, text: &[u8]) -> Result<u64, BlobError> {
         let put = self.handle.block_on(self.store.put(names::key(&Key::from(name.to_owned())), text.to_vec().into()));
         put.inspect(|revision| self.wrote(name, *revision, text)).map_err(|error| BlobError::passing(name, &error))
     }
 
-    /// Puts a notice up only if it is still as it was read. Returns the number of the writing; `None`: it is not, and what it says
-    /// now is known here from then on.
+    /// Writes a notice if it is unchanged since it was read. Returns the number of the write; `None`: it has changed,
+    /// and the local copy is updated.
     ///
-    /// - `revision`: the number of its last writing; 0: there is none of this name, whether there never was one or it was taken down.
+    /// - `revision`: the number of its last write; 0: it does not exist, or was removed.
     ///
     /// # Errors
-    /// The server does not say whether it took it.
+    /// It is unknown whether the server accepted it.
     pub fn update(&self, name: &str, text: &[u8], revision: u64) -> Result<Option<u64>, BlobError> {
         let (key, bytes) = (names::key(&Key::from(name.to_owned())), text.to_vec().into());
         let written = self.handle.block_on(async {
             if revision == 0 {
-                // A name that was taken down has a last writing, too: the one that says so.
+                // A removed name also has a last write: that of its removal
                 return match self.store.create(key, bytes).await {
                     Err(error) if error.kind() == CreateErrorKind::AlreadyExists => Ok(None),
                     written => written.map(Some).map_err(|error| BlobError::passing(name, &error)),
@@ -132,10 +131,10 @@ impl NoticeBoard {
         Ok(written)
     }
 
-    /// Puts up the first notice of a name. Returns the number of the writing; `None`: there is one, or there was one before.
+    /// Writes the first notice of a name. Returns the number of the write; `None`: the name exists, or did before.
     ///
     /// # Errors
-    /// The server does not say whether it took it.
+    /// It is unknown whether the server accepted it.
     pub fn put_first(&self, name: &str, text: &[u8]) -> Result<Option<u64>, BlobError> {
         let written = self.store.update(names::key(&Key::from(name.to_owned())), text.to_vec().into(), 0);
         match self.handle.block_on(written) {
@@ -148,23 +147,23 @@ impl NoticeBoard {
         }
     }
 
-    /// Whether there is a notice of this name, or was one that was taken down.
+    /// True if a notice of this name exists, or was removed.
     ///
     /// # Errors
-    /// The server does not say.
+    /// The server does not answer.
     pub fn was_ever(&self, name: &str) -> Result<bool, BlobError> {
         let entry = self.handle.block_on(self.store.entry(names::key(&Key::from(name.to_owned()))));
         entry.map(|entry| entry.is_some()).map_err(|error| BlobError::passing(name, &error))
     }
 
-    /// Asks the server for a notice of which an outdated text is known here: a later writing was not reported yet, or the server has lost
-    /// the last one.
+    /// Reads a notice from the server whose local copy is outdated: a later write was not reported yet, or the server
+    /// has lost the last one.
     fn read_again(&self, name: &str) -> Result<(), BlobError> {
         let before = lock(&self.seen).notices.get(name).map(|heard| heard.revision);
         let entry = self.handle.block_on(self.store.entry(names::key(&Key::from(name.to_owned()))));
         let entry = entry.map_err(|error| BlobError::passing(name, &error))?;
         let mut seen = lock(&self.seen);
-        // Something newer may have been told meanwhile.
+        // A newer write may have been reported meanwhile
         if seen.notices.get(name).map(|heard| heard.revision) == before {
             match entry.filter(|entry| entry.operation == Operation::Put) {
                 Some(entry) => seen.set(name, entry.revision, &entry.value),
@@ -174,7 +173,7 @@ impl NoticeBoard {
         Ok(())
     }
 
-    /// Takes a notice down.
+    /// Removes a notice.
     ///
     /// # Errors
     /// The server does not do it.
@@ -186,19 +185,19 @@ impl NoticeBoard {
         Ok(())
     }
 
-    /// Who has written a notice reads it so from then on, without waiting until the server tells of it.
+    /// Updates the local copy after a write, before the server reports it.
     fn wrote(&self, name: &str, revision: u64, text: &[u8]) {
         lock(&self.seen).hear(name, revision, text);
     }
 
-    /// A notice as it was last heard of.
+    /// The last known state of a notice.
     pub fn get(&self, name: &str) -> Option<Notice> {
         self.refresh();
         let seen = lock(&self.seen);
         seen.notices.get_key_value(name).map(|(name, heard)| self.notice(&seen, name, heard))
     }
 
-    /// All notices whose names begin so, by name.
+    /// All notices whose names start with `prefix`, by name.
     pub fn all(&self, prefix: &str) -> Vec<Notice> {
         self.refresh();
         let seen = lock(&self.seen);
@@ -206,12 +205,12 @@ impl NoticeBoard {
         from.map(|(name, heard)| self.notice(&seen, name, heard)).collect()
     }
 
-    /// A number that is another one when something was heard of notices in this folder: what stands before the first stroke.
+    /// A number that changes with every reported change in a folder: the part of names before the first `/`.
     pub(super) fn changes(&self, folder: &str) -> u64 {
         lock(&self.seen).changes.get(folder).copied().unwrap_or_default()
     }
 
-    /// While the server was away nobody could renew anything.
+    /// Restarts the ages of all notices after a reconnection: nothing could be renewed meanwhile.
     fn refresh(&self) {
         let connects = self.client.statistics().connects.load(std::sync::atomic::Ordering::Relaxed);
         let is_connected = self.client.connection_state() == State::Connected;
@@ -248,7 +247,7 @@ impl KnownNotices {
         }
     }
 
-    /// The server has listed all notices: there are no others.
+    /// Removes all notices that the finished listing did not contain.
     fn forget_unlisted(&mut self) {
         let listing = self.listing;
         let unlisted = self.notices.iter().filter(|(_, heard)| heard.listing < listing).map(|(name, _)| name.clone());
@@ -267,7 +266,7 @@ impl KnownNotices {
 
     fn hear(&mut self, name: &str, revision: u64, text: &[u8]) {
         match self.notices.get_mut(name) {
-            // It is as it was: nobody has written it since.
+            // Unchanged since the last listing
             Some(heard) if heard.revision == revision => heard.listing = self.listing,
             Some(heard) if heard.listing == self.listing && heard.revision > revision => {}
             _ => self.set(name, revision, text),

@@ -1,4 +1,4 @@
-//! Enrolment: one who knows the farm's word becomes a member with a key of its own.
+//! Enrolment: a machine that knows a farm's token becomes a member with its own key.
 
 use std::{sync::Arc, time::Duration};
 
@@ -9,28 +9,28 @@ use tokio_stream::StreamExt;
 use super::{Login, NatsError, NatsOptions, NatsUplink, names, options::ANSWER_TIME, rights::NEWCOMER};
 use crate::codec::Codec;
 
-/// The largest request.
+/// Maximum length of a request, in bytes.
 const REQUEST_BYTES_MAX: usize = 1 << 12;
-/// How long an answer may take: many may want to be let in at once, and a server reads its configuration for each.
+/// Timeout of an answer: many machines may enrol at once, and the server reloads its configuration for each.
 const ENROL_TIME: Duration = Duration::from_secs(10);
-/// Requests of a group that are answered at once.
+/// Maximum number of requests of a group answered concurrently.
 const AT_ONCE: usize = 16;
 
-/// A key by which a server knows somebody.
+/// The key pair of a member.
 pub struct MemberKey(nkeys::KeyPair);
 
 impl MemberKey {
-    /// One that nobody has.
+    /// Generates a key pair.
     pub fn new() -> Self {
         Self(nkeys::KeyPair::new_user())
     }
 
-    /// What others may know of it.
+    /// The public key.
     pub fn public(&self) -> String {
         self.0.public_key()
     }
 
-    /// The secret, to be kept; `None`: it has none.
+    /// The secret seed, to be stored; `None`: there is none.
     pub fn seed(&self) -> Option<String> {
         self.0.seed().ok()
     }
@@ -42,17 +42,17 @@ impl Default for MemberKey {
     }
 }
 
-/// Whether this is the public key of somebody: nothing else may get into the configuration of a server.
+/// True if this is the public key of a member; nothing else may enter a server's configuration.
 pub fn is_public_key(text: &str) -> bool {
     nkeys::KeyPair::from_public_key(text).is_ok() && text.starts_with('U')
 }
 
-/// Asks to be let in. Returns what is answered.
+/// Sends a request for enrolment. Returns the answer.
 ///
-/// - `group`: as whom.
+/// - `group`: the group to join.
 ///
 /// # Errors
-/// Nobody is there, or nobody answers.
+/// The server is unreachable, or nobody answers.
 pub fn enrol(options: &NatsOptions, group: &str, request: &[u8]) -> Result<Vec<u8>, NatsError> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
@@ -66,9 +66,9 @@ pub fn enrol(options: &NatsOptions, group: &str, request: &[u8]) -> Result<Vec<u
 }
 
 impl<K: Codec> NatsUplink<K> {
-    /// Answers those who want to be let in, for as long as this lives; several at once.
+    /// Answers enrolment requests while the returned value lives; several concurrently.
     ///
-    /// - `answer`: gets the group and the request; blocks for as long as it needs. `None`: no answer.
+    /// - `answer`: gets the group and the request; may block. `None`: no answer.
     pub fn answer_newcomers(
         &self,
         groups: &[&str],
@@ -85,7 +85,7 @@ impl<K: Codec> NatsUplink<K> {
                     if request.payload.len() > REQUEST_BYTES_MAX {
                         continue;
                     }
-                    // It is closed by nobody.
+                    // It is never closed
                     let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
                     let (client, answer, group) = (client.clone(), Arc::clone(&answer), group.clone());
                     tokio::spawn(async move {
@@ -98,12 +98,12 @@ impl<K: Codec> NatsUplink<K> {
                 }
             });
         }
-        // Whoever is told the word from now on is heard.
+        // The subscription is active when this returns
         _ = self.handle.block_on(async { tokio::time::timeout(ANSWER_TIME, self.client.flush()).await });
     }
 }
 
-/// Who knows a word and has no key yet.
+/// The login of a machine with the token and without a key.
 pub fn newcomer(group: &str, word: &str) -> Login {
     Login::User(group.to_owned(), word.to_owned())
 }

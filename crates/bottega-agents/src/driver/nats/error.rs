@@ -1,87 +1,87 @@
-//! Why there is no link.
+//! Errors of links to a farm.
 
 use std::path::PathBuf;
 
 use async_nats::ConnectErrorKind;
 
-/// Why there is no link.
+/// An error of a link.
 #[derive(Debug, thiserror::Error)]
 pub enum NatsError {
-    /// Nobody answers, or not to us.
+    /// The server is unreachable, or does not accept the connection.
     #[error("cannot reach a NATS server at {servers}")]
     Connect {
-        /// Where it was sought.
+        /// The addresses tried.
         servers: String,
-        /// Why not.
+        /// The error.
         source: async_nats::ConnectError,
     },
-    /// An address that is none.
+    /// An address is invalid.
     #[error("`{address}` is no address of a NATS server, such as nats://host:4222")]
     Address {
         /// The address.
         address: String,
     },
-    /// A name that cannot be one.
+    /// A name is invalid.
     #[error("`{name}` is no name of a farm: letters, digits, - and _ make one")]
     Name {
         /// The name.
         name: String,
     },
-    /// What one says who one is with cannot be read.
+    /// The credentials cannot be read.
     #[error("cannot use the credentials in `{}`", .path.display())]
     Credentials {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The error.
         source: std::io::Error,
     },
-    /// The server is older than any that is known to work.
+    /// The server is older than the oldest supported version.
     #[error("the NATS server is of version {version}; 2.9 or newer is needed")]
     Version {
         /// Its version.
         version: String,
     },
-    /// The server keeps nothing, or not what was asked for.
+    /// The server has no storage, or a different one than requested.
     #[error("the NATS server does not keep {what} for the farm: {reason}")]
     Keep {
-        /// What.
+        /// The kind of storage.
         what: &'static str,
-        /// Why not.
+        /// The reason.
         reason: String,
-        /// Whether it is so whenever it is tried again; not of a server that reads its configuration anew.
+        /// True if retrying is useless; false if the server is reloading its configuration.
         is_lasting: bool,
     },
-    /// Nobody answers one who wants to be let in.
+    /// Nobody answers the request for enrolment.
     #[error("nobody lets machines into the farm: {reason}")]
     NobodyAnswers {
-        /// What the server says.
+        /// The server's message.
         reason: String,
     },
-    /// The server does not say that it has read its configuration again.
+    /// The server does not confirm that it has reloaded its configuration.
     #[error("the NATS server does not read its configuration again: {reason}")]
     NoReload {
         /// What came instead of an answer.
         reason: String,
     },
-    /// The server refuses its configuration.
+    /// The server rejects its configuration.
     #[error("the NATS server refuses its new configuration: {reason}")]
     Configuration {
-        /// What it says.
+        /// The server's message.
         reason: String,
     },
-    /// The operating system gives no thread.
+    /// A thread cannot be started.
     #[error("cannot start a thread")]
     Thread(#[from] std::io::Error),
 }
 
 impl NatsError {
-    /// Whether the server does not know who one is. One that reads its configuration anew may not know it yet.
+    /// True if the server does not know the credentials. While it reloads its configuration this may be temporary.
     pub fn is_refusal(&self) -> bool {
         matches!(self, Self::Connect { source, .. } if source.kind() == ConnectErrorKind::AuthorizationViolation)
     }
 
-    /// Whether a server that was reached a moment ago may do it when it is asked again: while it reads its configuration anew it
-    /// turns members away, closes links and keeps nothing.
+    /// True if retrying may succeed on a server that was reachable a moment ago: while it reloads its configuration it
+    /// rejects members, closes connections and has no storage.
     pub fn may_pass(&self) -> bool {
         match self {
             Self::Connect { source, .. } => matches!(

@@ -1,4 +1,4 @@
-//! Messages and entries as bytes: a version, and what `postcard` makes of the rest.
+//! Messages and entries as bytes: a version, followed by `postcard` data.
 
 use std::time::Duration;
 
@@ -9,10 +9,10 @@ use crate::{
     codec::{Codec, WIRE_VERSION},
 };
 
-/// A word that is not in the vocabulary.
+/// Stands for a word that is not in the vocabulary.
 const NO_WORD: u8 = u8::MAX;
 
-/// Why a message or an entry is refused.
+/// The reason why a message or an entry is rejected.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub(super) enum CodecError<E: std::error::Error + 'static> {
     #[error("it is empty")]
@@ -27,21 +27,21 @@ pub(super) enum CodecError<E: std::error::Error + 'static> {
     Body(E),
 }
 
-/// What stands before the content of a message. Sender and receiver stand in its subject.
+/// The header of a message. Sender and receiver are in its subject.
 #[derive(Serialize, Deserialize)]
 struct Head {
-    /// Its place in [`Performative::ALL`].
+    /// The index in [`Performative::ALL`].
     performative: u8,
-    /// Language, ontology and protocol: their places in [`Codec::words`].
+    /// Language, ontology and protocol: indices in [`Codec::words`].
     words: [u8; 3],
     conversation_id: u64,
     reply_with: u64,
     in_reply_to: u64,
-    /// For how long from now on an answer is of use, in nanoseconds: clocks differ.
+    /// Time from now until which an answer is accepted, in nanoseconds; relative, because clocks differ.
     reply_within: Option<u64>,
 }
 
-/// A message without sender and receiver.
+/// Encodes a message, without sender and receiver.
 pub(super) fn write_message<K: Codec>(codec: &K, now: Time, message: &AclMessage<K::Content>) -> Vec<u8> {
     let words = codec.words();
     let word = |word: &str| words.iter().position(|known| *known == word).map_or(NO_WORD, |at| at as u8);
@@ -60,7 +60,7 @@ pub(super) fn write_message<K: Codec>(codec: &K, now: Time, message: &AclMessage
     bytes
 }
 
-/// Reads a message of `sender` to `receiver`.
+/// Decodes a message of `sender` to `receiver`.
 pub(super) fn read_message<K: Codec>(
     codec: &K,
     now: Time,
@@ -91,19 +91,19 @@ pub(super) fn read_message<K: Codec>(
     })
 }
 
-/// The value of an entry of the store.
+/// Encodes the value of an entry.
 pub(super) fn write_entry<K: Codec>(codec: &K, value: &K::Value) -> Vec<u8> {
     let mut bytes = vec![WIRE_VERSION];
     codec.write_value(value, &mut bytes);
     bytes
 }
 
-/// Reads the value of an entry.
+/// Decodes the value of an entry.
 pub(super) fn read_entry<K: Codec>(codec: &K, bytes: &[u8]) -> Result<K::Value, CodecError<K::Error>> {
     codec.read_value(body(bytes)?).map_err(CodecError::Body)
 }
 
-/// What follows the version.
+/// The bytes after the version.
 fn body<E: std::error::Error>(bytes: &[u8]) -> Result<&[u8], CodecError<E>> {
     match bytes.split_first() {
         None => Err(CodecError::Empty),

@@ -56,13 +56,13 @@ use self::{options::ANSWER_TIME, store::Bucket};
 use super::{Mailbox, Uplink};
 use crate::{AclMessage, AgentId, Event, Key, StateMachine, StoreRequest, Ticket, Time, codec::Codec};
 
-/// Messages that wait to go out at most; what comes on top is lost, as on any network.
+/// Maximum number of outgoing messages waiting; further ones are lost, as on any network.
 const OUTBOX_MAX: usize = 1 << 14;
-/// How often an agent that hears nothing is asked whether it is still there.
+/// Interval of checks whether an agent without messages is still there.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// The subject on which a server says what it stores.
+/// The subject of requests for the server's storage state.
 const STORE_INFO: &str = "$JS.API.INFO";
-/// The oldest server that is known to work.
+/// The oldest supported version of the server.
 const OLDEST: (i64, i64, i64) = (2, 9, 0);
 
 /// A link to a farm.
@@ -75,31 +75,31 @@ pub struct NatsUplink<K> {
     notices: NoticeBoard,
     member: String,
     is_guest: bool,
-    /// What waits to go out: subject and message, in order.
+    /// Outgoing messages in order, with their subjects.
     outbox: mpsc::Sender<(String, Vec<u8>)>,
     farm: String,
     handle: Handle,
-    /// On which all of it runs.
+    /// The thread that runs the link.
     _thread: Arc<NatsThread>,
 }
 
-/// A thread on which links run: each has one of its own, unless it is told to share one. It ends with its last link.
+/// A thread that runs links: each link has its own, unless it shares one. It ends with its last link.
 pub struct NatsThread {
     handle: Handle,
     _end: oneshot::Sender<()>,
 }
 
 impl NatsThread {
-    /// Starts it.
+    /// Starts the thread.
     ///
     /// # Errors
-    /// The operating system gives no thread.
+    /// A thread cannot be started.
     pub fn start() -> Result<Arc<Self>, NatsError> {
         let runtime = Builder::new_current_thread().enable_all().build()?;
         let handle = runtime.handle().clone();
         let (end, ended) = oneshot::channel::<()>();
         thread::Builder::new().name("nats".to_owned()).spawn(move || {
-            // Whether it is told or forgotten, it is over.
+            // Either by a message or by a dropped sender
             _ = runtime.block_on(ended);
         })?;
         Ok(Arc::new(Self { handle, _end: end }))
@@ -107,18 +107,18 @@ impl NatsThread {
 }
 
 impl<K: Codec> NatsUplink<K> {
-    /// Links up with a farm; makes its buckets where it has none. Blocks until that is done.
+    /// Connects to a farm; creates its buckets if missing. Blocks until done.
     ///
     /// # Errors
-    /// Nobody is there, or one who cannot serve a farm.
+    /// The server is unreachable, or cannot serve a farm.
     pub fn connect(options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
         Self::connect_on(&NatsThread::start()?, options, codec)
     }
 
-    /// The same on a thread that other links have too.
+    /// Like [`Self::connect`], on a thread shared with other links.
     ///
     /// # Errors
-    /// Nobody is there, or one who cannot serve a farm.
+    /// The server is unreachable, or cannot serve a farm.
     pub fn connect_on(thread: &Arc<NatsThread>, options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
         let handle = thread.handle.clone();
         let Opened { client, context, blackboard, notices, objects, tiles } = handle.block_on(open(options))?;
@@ -146,12 +146,12 @@ impl<K: Codec> NatsUplink<K> {
         })
     }
 
-    /// Scenes, orders and pictures.
+    /// The blobs: scenes, orders and pictures.
     pub fn blobs(&self) -> &NatsBlobs {
         &self.blobs
     }
 
-    /// What is painted.
+    /// The painted tiles.
     pub fn tiles(&self) -> &NatsTiles {
         &self.tiles
     }
@@ -161,22 +161,22 @@ impl<K: Codec> NatsUplink<K> {
         &self.member
     }
 
-    /// Whether the farm lets one paint and no more.
+    /// True if the farm allows this member to paint only.
     pub fn is_guest(&self) -> bool {
         self.is_guest
     }
 
-    /// What everybody in the farm may read.
+    /// The notices of the farm.
     pub fn notices(&self) -> &NoticeBoard {
         &self.notices
     }
 
-    /// What the server says of itself.
+    /// The version of the server.
     pub fn server_version(&self) -> String {
         self.client.server_info().version
     }
 
-    /// What has gone over the link so far.
+    /// The traffic over the link so far.
     pub fn traffic(&self) -> Traffic {
         let told = self.client.statistics();
         Traffic {
@@ -187,12 +187,12 @@ impl<K: Codec> NatsUplink<K> {
         }
     }
 
-    /// Whether the server is there now.
+    /// True if the server is connected.
     pub fn is_connected(&self) -> bool {
         self.client.connection_state() == async_nats::connection::State::Connected
     }
 
-    /// Asks the server what it stores; blocks until it answers, two seconds at most.
+    /// Asks the server for the state of its storage; blocks at most two seconds.
     pub fn server_state(&self) -> ServerState {
         let asked = Request::new().timeout(Some(ANSWER_TIME));
         match self.handle.block_on(self.client.send_request(STORE_INFO, asked)) {
@@ -204,26 +204,26 @@ impl<K: Codec> NatsUplink<K> {
         }
     }
 
-    /// Tells of all entries of the store whose names begin so, and from then on of every write to one, until `tell` says that it
-    /// is enough; it is asked at least every few seconds. Blocks meanwhile.
+    /// Reports all entries of the store whose keys start with `prefix`, and then every write to one, until `tell`
+    /// returns false; it is called at least every few seconds. Blocks meanwhile.
     pub fn follow_entries(&self, prefix: &Key, tell: impl FnMut(EntryNews<K::Value>) -> bool) {
         self.handle.block_on(self.bucket.follow(prefix, tell));
     }
 
-    /// Lets all entries of the store go whose names begin so.
+    /// Deletes all entries of the store whose keys start with `prefix`.
     pub fn forget(&self, prefix: &Key) {
         self.handle.block_on(self.bucket.forget(prefix));
     }
 
-    /// Where an agent is reached over this link: an address for directories.
+    /// The address of an agent over this link, for directories.
     pub fn address_of(&self, agent: &AgentId) -> String {
         names::address(&self.farm, &agent.name)
     }
 
-    /// Has all that was said go out, as far as the server takes it in some seconds.
+    /// Sends all waiting messages; gives up after some seconds.
     pub fn flush(&self) {
         let wait = async {
-            // What waits in the outbox goes out first.
+            // Send the outbox first
             while self.outbox.capacity() < OUTBOX_MAX {
                 tokio::time::sleep(Duration::from_millis(1)).await;
             }
@@ -233,25 +233,25 @@ impl<K: Codec> NatsUplink<K> {
     }
 }
 
-/// The state of a server's storage, as it tells it.
+/// The state of a server's storage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerState {
     /// It does not answer.
     Silent,
-    /// It answers, and stores nothing: its disk was full once, or is.
+    /// It answers, but has no storage, for example because its disk was full.
     StoresNothing {
-        /// What it says.
+        /// The server's message.
         reason: String,
     },
-    /// It stores.
+    /// It has storage.
     Stores {
-        /// What it keeps of all farms.
+        /// Bytes stored for all farms.
         bytes: u64,
     },
 }
 
 impl ServerState {
-    /// What an answer says. The library's own way of reading it does not know all servers.
+    /// Parses an answer. The library's own type does not support all servers.
     fn read(answer: &[u8]) -> Self {
         let told: serde_json::Value = serde_json::from_slice(answer).unwrap_or_default();
         match told["storage"].as_u64() {
@@ -263,7 +263,7 @@ impl ServerState {
     }
 }
 
-/// Sends what waits, in its order.
+/// Sends waiting messages in order.
 async fn post(client: Client, mut mail: mpsc::Receiver<(String, Vec<u8>)>) {
     while let Some((subject, message)) = mail.recv().await {
         if let Err(error) = client.publish(subject, message.into()).await {
@@ -272,7 +272,7 @@ async fn post(client: Client, mut mail: mpsc::Receiver<(String, Vec<u8>)>) {
     }
 }
 
-/// The traffic over a link: everything, answers of the server too, without what the protocol of NATS adds.
+/// The traffic over a link, including the server's answers, without the overhead of the NATS protocol.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Messages to the server.
@@ -285,7 +285,7 @@ pub struct Traffic {
     pub bytes_in: u64,
 }
 
-/// All that a link needs.
+/// The opened parts of a link.
 struct Opened {
     client: Client,
     context: jetstream::Context,
@@ -295,7 +295,7 @@ struct Opened {
     tiles: jetstream::stream::Stream,
 }
 
-/// A connection to the servers.
+/// Connects to the servers.
 async fn connect(options: &NatsOptions) -> Result<Client, NatsError> {
     let mut addresses = Vec::new();
     for address in &options.servers {

@@ -1,30 +1,30 @@
-//! Names of agents and entries as tokens of subjects and keys; subjects, and names of what a server keeps.
+//! Names of agents and entries as tokens of subjects and keys; names of subjects, buckets and streams.
 //!
-//! Letters, digits, `-` and `_` stand for themselves, every other byte is `=` and two hexadecimal digits: so a name is one
-//! token, whatever it holds, and two names are never one.
+//! Letters, digits, `-` and `_` stand for themselves, every other byte is `=` and two hexadecimal digits: so every name
+//! is a single token, and different names have different tokens.
 
 use std::fmt::Write;
 
 use crate::{AgentId, Key, machine_of};
 
-/// How the addresses of agents begin that are reached over NATS.
+/// Prefix of agents' addresses over NATS.
 const SCHEME: &str = "nats:";
 
-/// A name as one token.
+/// Encodes a name as a token.
 pub(super) fn token(name: &str) -> String {
     let mut token = String::with_capacity(name.len() + 8);
     for byte in name.bytes() {
         match byte {
             b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' => token.push(char::from(byte)),
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail
             _ => _ = write!(token, "={byte:02x}"),
         }
     }
-    // A token is never empty.
+    // A token is never empty
     if token.is_empty() { "=".to_owned() } else { token }
 }
 
-/// The name that a token stands for; `None`: it is no token of ours.
+/// Decodes a token; `None`: it is invalid.
 pub(super) fn name(token: &str) -> Option<String> {
     if token == "=" {
         return Some(String::new());
@@ -51,12 +51,12 @@ pub(super) fn message(farm: &str, to: &str, from: &str) -> String {
     format!("bottega.{farm}.to.{to_home}.{to}.from.{from_home}.{from}")
 }
 
-/// Where an agent is reached: the subject of messages to it, up to who sends them.
+/// The address of an agent: the subject of messages to it, up to the sender.
 pub(super) fn address(farm: &str, agent: &str) -> String {
     format!("{SCHEME}bottega.{farm}.to.{}.{}", token(machine_of(agent)), token(agent))
 }
 
-/// The subject of a message to an agent, where its first address in this farm says, or else its name.
+/// The subject of a message to an agent, from its first address in this farm, or else from its name.
 pub(super) fn message_to(farm: &str, to: &AgentId, from: &str) -> String {
     let ours = format!("bottega.{farm}.to.");
     let is_subject = |subject: &&str| {
@@ -74,29 +74,29 @@ pub(super) fn messages_to(farm: &str, to: &str) -> String {
     format!("bottega.{farm}.to.{}.{}.from.*.*", token(machine_of(to)), token(to))
 }
 
-/// The sender of a message by its subject; `None`: it says that it is at home elsewhere than a server let it speak from.
+/// The sender of a message by its subject; `None`: the name does not match the home that the server verified.
 pub(super) fn sender(subject: &str) -> Option<String> {
     let mut tokens = subject.rsplit('.');
     let (name, home) = (self::name(tokens.next()?)?, self::name(tokens.next()?)?);
     (machine_of(&name) == home).then_some(name)
 }
 
-/// The subjects of all that the agents of a member say.
+/// The subjects of all messages from agents of a member.
 pub(super) fn said_by(farm: &str, member: &str) -> String {
     format!("bottega.{farm}.to.*.*.from.{}.*", token(member))
 }
 
-/// The subjects of all that is said to agents of a member.
+/// The subjects of all messages to agents of a member.
 pub(super) fn said_to(farm: &str, member: &str) -> String {
     format!("bottega.{farm}.to.{}.>", token(member))
 }
 
-/// The subject on which one asks to be let in.
+/// The subject of enrolment requests.
 pub(super) fn enrolment(group: &str) -> String {
     format!("bottega-enrol.{}", token(group))
 }
 
-/// Where answers to a member come.
+/// The inbox prefix of a member.
 pub(super) fn inbox(member: &str) -> String {
     format!("_INBOX_{}", token(member))
 }
@@ -116,28 +116,28 @@ pub(super) fn objects(farm: &str) -> String {
     format!("bottega-{farm}")
 }
 
-/// The stream of what is painted.
+/// The stream of painted tiles.
 pub(super) fn tiles(farm: &str) -> String {
     format!("bottega-{farm}-tiles")
 }
 
-/// How the subjects of that stream begin.
+/// The prefix of that stream's subjects.
 pub(super) fn tiles_prefix(farm: &str) -> String {
     format!("bottega.{farm}.tile.")
 }
 
-/// The key of an entry: its parts are tokens.
+/// The encoded key of an entry: its parts are tokens.
 pub(super) fn key(key: &Key) -> String {
     key.to_string().split('/').map(token).collect::<Vec<_>>().join(".")
 }
 
-/// The entry that a key stands for.
+/// Decodes the key of an entry.
 pub(super) fn entry(key: &str) -> Option<Key> {
     let parts: Option<Vec<String>> = key.split('.').map(name).collect();
     parts.map(|parts| Key::from(parts.join("/")))
 }
 
-/// What to watch for all entries whose names begin with whole parts, and end in a stroke.
+/// The subject filter for all entries below a prefix that ends in `/`.
 pub(super) fn below(prefix: &Key) -> String {
     let folder = prefix.to_string();
     match folder.rsplit_once('/') {

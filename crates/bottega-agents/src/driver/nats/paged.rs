@@ -1,4 +1,4 @@
-//! A link on which the pages of a platform lie beside the other entries: each process has Start Service, AMS and DF of its own,
+//! A link with a platform's pages among the entries of its store: each process has its own Start Service, AMS and DF
 //! over the same notices.
 
 use std::{
@@ -17,28 +17,28 @@ use crate::{
     codec::Codec, entry_store::EntryStore, platform::PAGE_FOLDERS, store::AddressedStore,
 };
 
-/// How often is looked what other processes wrote.
+/// Interval of checks for writes of other processes.
 const POLL_EVERY: Duration = Duration::from_millis(50);
-/// Who subscribes to directories is told by the processes that strangers reach, not by this one.
+/// Prefix of subscriptions to directories, which the processes with public addresses handle, not this one.
 const OF_SUBSCRIBERS: &str = "df/subscription/";
-/// As whom this link takes entries out.
+/// The client number of this link itself, for removing entries.
 const NOBODY: usize = usize::MAX;
 
-/// A wish of an agent of this process.
+/// A store request of an agent of this process.
 struct PageRequest<M: StateMachine> {
     mailbox: Mailbox<M>,
     ticket: Ticket,
     request: StoreRequest<M::Value>,
 }
 
-/// A [`NatsUplink`] whose store has the pages of a platform, too; until it is [closed](Self::close).
+/// A [`NatsUplink`] whose store also contains a platform's pages; until it is [closed](Self::close).
 pub struct PagedUplink<K, M: StateMachine> {
     link: Arc<NatsUplink<K>>,
-    /// Nobody is told where they are: each process has its own.
+    /// Not announced to others: each process has its own.
     services: Vec<AgentId>,
-    /// The agents of this process, in small letters.
+    /// The agents of this process, in lower case.
     residents: Arc<Mutex<BTreeSet<String>>>,
-    /// Gone when this is closed.
+    /// `None` after it is closed.
     wishes: Mutex<Option<Sender<PageRequest<M>>>>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
@@ -52,12 +52,14 @@ where
     M::Effect: Send + 'static,
     M::Completion: Send + 'static,
 {
-    /// - `platform`: whose pages.
-    /// - `process`: what stands behind `@` in the names of agents that live in this process and nowhere else.
+    /// Starts the link's page keeper.
+    ///
+    /// - `platform`: the platform of the pages.
+    /// - `process`: the part after `@` in the names of agents that exist in this process only.
     /// - `services`: its Start Service, AMS and DF.
     ///
     /// # Errors
-    /// The operating system gives no thread.
+    /// A thread cannot be started.
     pub fn begin(
         link: Arc<NatsUplink<K>>,
         platform: &str,
@@ -77,11 +79,12 @@ where
         Ok(Self { link, services, residents, wishes: Mutex::new(Some(wishes)), thread: Mutex::new(Some(thread)) })
     }
 
-    /// Takes the entries of this process's agents out, as far as the server takes it. From then on nothing is heard of pages.
+    /// Removes the entries of this process's agents, as far as the server accepts it. The pages are inaccessible
+    /// afterwards.
     pub fn close(&self) {
         self.wishes.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(thread) = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            // A panic in there was reported by the thread itself.
+            // The thread has reported its own panic
             _ = thread.join();
         }
     }
@@ -112,7 +115,7 @@ where
             return self.link.ask_store(mailbox, ticket, request);
         }
         if let Some(wishes) = &*self.wishes.lock().unwrap_or_else(PoisonError::into_inner) {
-            // The keeper ends after this.
+            // The keeper ends after this
             _ = wishes.send(PageRequest { mailbox, ticket, request });
         }
     }
@@ -122,20 +125,20 @@ fn is_page(key: &Key) -> bool {
     PAGE_FOLDERS.iter().any(|folder| key.folder.starts_with(folder))
 }
 
-/// Whose entry it is, if it is that of an agent.
+/// The agent of an entry, if it is one of an agent.
 fn agent_of(key: &str) -> Option<&str> {
     key.split_once("/agent/").map(|(_, agent)| agent)
 }
 
-/// Reads and writes the pages on a thread of its own: a server that is slow holds up no agent.
+/// Reads and writes the pages on its own thread, so that a slow server delays no agent.
 struct PageKeeper<M: StateMachine> {
     pages: NoticePages,
-    /// How the names of agents end that live here and nowhere else.
+    /// Suffix of the names of agents that exist in this process only.
     at_process: String,
-    /// Of those who have asked, by number.
+    /// The mailboxes of agents with requests, by number.
     mailboxes: BTreeMap<usize, Mailbox<M>>,
     residents: Arc<Mutex<BTreeSet<String>>>,
-    /// What this process has written of its agents, and by which write.
+    /// Entries of its agents written by this process, with their revisions.
     entered: BTreeMap<String, Revision>,
 }
 
@@ -191,8 +194,8 @@ where
         }
     }
 
-    /// The agents of this process have gone. An agent that may live elsewhere by now is taken out if nobody has written its entry
-    /// since; another process's AMS may have changed how one stands that lived here alone.
+    /// Removes the entries of this process's agents at its end. That of an agent that may be elsewhere by now is
+    /// removed only if unchanged since; another process's AMS may have changed the state of one that existed here only.
     fn take_out(mut self) {
         let mut replies = Vec::new();
         for (name, entered) in std::mem::take(&mut self.entered) {
@@ -202,7 +205,7 @@ where
             };
             let request = StoreRequest::CompareAndSet { key: name.into(), expected_revision, value: String::new() };
             self.pages.handle(NOBODY, Ticket(0), request, &mut replies);
-            // A server that does not answer would be waited for again and again. Somebody sweeps up after us.
+            // Do not wait for an unresponsive server again and again; other processes clean up
             if replies.iter().any(|reply| reply.to == NOBODY && reply.reply == StoreReply::Unavailable) {
                 return;
             }

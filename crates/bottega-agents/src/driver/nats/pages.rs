@@ -1,4 +1,4 @@
-//! The pages of a platform as notices of a farm: every process that has a link to it can serve the platform.
+//! The pages of a platform as notices of a farm: every process with a link to the farm can serve the platform.
 
 use std::collections::BTreeMap;
 
@@ -9,16 +9,16 @@ use crate::{
 
 /// The folder of the notices.
 const FOLDER: &str = "page";
-/// What stands before the name of an agent in the name of its entry.
+/// The part of an entry's key before the agent's name.
 const OF_AGENT: &str = "/agent/";
 
-/// A store of pages over notices. Its writes block until the server has them.
+/// A store of pages in notices. Its writes block until the server confirms them.
 pub struct NoticePages {
     notices: NoticeBoard,
-    /// How the names of this platform's notices begin.
+    /// Prefix of the names of this platform's notices.
     folder: String,
     watches: Vec<PageWatch>,
-    /// Of the folder, when those who watch were told last.
+    /// The change count of the folder at the last report to watches.
     changes: Option<u64>,
 }
 
@@ -26,19 +26,19 @@ struct PageWatch {
     prefix: Key,
     ticket: Ticket,
     who: usize,
-    /// Which writing of each entry was told last.
+    /// The last reported write of each entry.
     told: BTreeMap<String, u64>,
 }
 
 type Replies = Vec<AddressedStore<String, usize>>;
 
 impl NoticePages {
-    /// The pages of the platform of this name.
+    /// The pages of the platform with this name.
     pub fn new(notices: NoticeBoard, platform: &str) -> Self {
         Self { notices, folder: folder(platform), watches: Vec::new(), changes: None }
     }
 
-    /// The write by which an entry is as it is.
+    /// The revision of an entry.
     pub(super) fn revision(&self, key: &Key) -> Option<Revision> {
         self.get(key).map(|entry| entry.revision)
     }
@@ -51,7 +51,7 @@ impl NoticePages {
         self.notices.get(&self.name(key)).and_then(|notice| self.entry(&notice))
     }
 
-    /// What a notice says; `None`: it is no page.
+    /// The entry in a notice; `None`: it is not a page.
     fn entry(&self, notice: &Notice) -> Option<Entry<String>> {
         let key = entry_name(notice.name.strip_prefix(&self.folder)?)?;
         let value = String::from_utf8(notice.text.to_vec()).ok()?;
@@ -76,7 +76,7 @@ impl NoticePages {
         }
     }
 
-    /// Appends what those who watch have not heard.
+    /// Appends changes that watches have not received.
     fn tell(&mut self, replies: &mut Replies) {
         let changes = self.notices.changes(FOLDER);
         if self.watches.is_empty() || self.changes == Some(changes) {
@@ -107,7 +107,7 @@ impl PageWatch {
             }
             told.insert(name, before.max(entry.revision.0));
         }
-        // One that was let go held no text before; to be sure it is told so.
+        // A deleted notice had no text before; report it in any case
         for (name, revision) in gone {
             let entry = Entry { key: name.into(), revision: Revision(revision), value: String::new() };
             replies.push(self.say(StoreReply::Changed(entry)));
@@ -134,7 +134,7 @@ impl EntryStore<String, usize> for NoticePages {
                 StoreReply::CaughtUp
             }
         };
-        // What happened before comes first; what is written by this request, after its answer.
+        // Report earlier events first, and this request's write after its reply
         let is_watch = matches!(reply, StoreReply::CaughtUp);
         if is_watch {
             self.tell(replies);
@@ -154,17 +154,17 @@ impl EntryStore<String, usize> for NoticePages {
     }
 }
 
-/// An agent's entry as a notice of the farm.
+/// An agent's entry as a notice.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AgentPage {
-    /// The name of the agent, in small letters.
+    /// The name of the agent, in lower case.
     pub agent: String,
     /// The notice.
     pub notice: Notice,
 }
 
 impl AgentPage {
-    /// All entries of agents in the pages of a platform, those too that were taken out and hold no text.
+    /// All entries of agents in a platform's pages, including removed ones without text.
     pub fn all(notices: &NoticeBoard, platform: &str) -> Vec<Self> {
         let folder = folder(platform);
         let page = |notice: Notice| {
@@ -175,19 +175,19 @@ impl AgentPage {
         notices.all(&folder).into_iter().filter_map(page).collect()
     }
 
-    /// Whether it was taken out.
+    /// True if it was removed.
     pub fn is_empty(&self) -> bool {
         self.notice.text.is_empty()
     }
 }
 
-/// How the names of a platform's notices begin.
+/// The prefix of a platform's notices.
 fn folder(platform: &str) -> String {
     format!("{FOLDER}/{}/", platform.to_lowercase())
 }
 
-/// The name of an entry's notice: that of an agent stands below its machine, so that a server can let each machine enter its own
-/// agents alone.
+/// The name of an entry's notice: an agent's is below its machine, so that a server can restrict each machine to its
+/// own agents.
 fn notice_name(key: &str) -> String {
     match key.split_once(OF_AGENT) {
         Some((which, agent)) => format!("{which}{OF_AGENT}{}/{agent}", machine_of(agent)),
@@ -195,7 +195,7 @@ fn notice_name(key: &str) -> String {
     }
 }
 
-/// The entry of a notice; `None`: the agent is of another machine than the notice.
+/// The key of a notice's entry; `None`: the agent is of another machine than the notice.
 fn entry_name(name: &str) -> Option<String> {
     let Some((which, rest)) = name.split_once(OF_AGENT) else { return Some(name.to_owned()) };
     let agent = rest.match_indices('/').map(|(at, _)| rest.split_at(at));

@@ -1,4 +1,4 @@
-//! A server that is known by its certificate alone: no authority need vouch for it, and no other can take its place.
+//! Pinning of a server's certificate: no authority is needed, and no other server can take its place.
 
 use std::{fmt, str::FromStr, sync::Arc};
 
@@ -9,15 +9,15 @@ use rustls::{
     pki_types::{CertificateDer, ServerName, UnixTime},
 };
 
-/// Bytes of a pin: as hard to hit as a token is to guess.
+/// Length of a pin in bytes: as hard to match as a token is to guess.
 const BYTES: usize = 16;
 
-/// The digest of a certificate (BLAKE3, cut).
+/// The digest of a certificate (BLAKE3, truncated).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Pin([u8; BYTES]);
 
 impl Pin {
-    /// Of a certificate in DER.
+    /// The pin of a certificate in DER.
     pub fn of(certificate: &[u8]) -> Self {
         let hash = blake3::hash(certificate);
         let mut pin = [0; BYTES];
@@ -25,7 +25,7 @@ impl Pin {
         Self(pin)
     }
 
-    /// Of a client that talks to no other server.
+    /// The configuration of a client that accepts this server only.
     pub fn client_config(self) -> ClientConfig {
         let provider = Arc::new(ring::default_provider());
         let verifier = Arc::new(OnlyThis { pin: self, provider: Arc::clone(&provider) });

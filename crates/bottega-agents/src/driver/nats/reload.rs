@@ -1,4 +1,4 @@
-//! The server reads its configuration again: asked by a user of its system account.
+//! Reloading of the server's configuration, requested by a user of its system account.
 
 use async_nats::Request;
 use serde::Deserialize;
@@ -9,7 +9,7 @@ use super::{
     options::{ANSWER_TIME, NatsOptions},
 };
 
-/// What the server answers.
+/// The server's answer.
 #[derive(Deserialize)]
 struct ReloadAnswer {
     error: Option<ReloadError>,
@@ -20,12 +20,12 @@ struct ReloadError {
     description: Option<String>,
 }
 
-/// Has the server read its configuration again, and waits until it has.
+/// Makes the server reload its configuration, and waits until it has.
 ///
-/// - `options`: of a user of the system account.
+/// - `options`: those of a user of the system account.
 ///
 /// # Errors
-/// The server is not there, knows no such request (2.10 is the first that does), or refuses its configuration.
+/// The server is unreachable, does not support the request (2.10 is the first that does), or rejects its configuration.
 pub fn reload_server(options: &NatsOptions) -> Result<(), NatsError> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {

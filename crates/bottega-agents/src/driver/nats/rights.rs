@@ -5,32 +5,32 @@
 
 use super::names;
 
-/// The inbox of one who has no key yet.
+/// The inbox of a machine without a key.
 pub(super) const NEWCOMER: &str = "NEWCOMER";
 
-/// Subjects that one may say something on, and hear.
+/// The subjects that a client may publish and subscribe to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rights {
-    /// Said.
+    /// Subjects to publish.
     pub publish: Vec<String>,
-    /// Heard.
+    /// Subjects to subscribe to.
     pub subscribe: Vec<String>,
 }
 
 impl Rights {
-    /// Of one who knows the word of a group, and has no key yet.
+    /// The rights of a machine with a group's token and without a key.
     pub fn of_newcomer(group: &str) -> Self {
         Self { publish: vec![names::enrolment(group)], subscribe: vec![format!("{}.>", names::inbox(NEWCOMER))] }
     }
 
-    /// Of a member that only paints.
+    /// The rights of a member that only paints.
     pub fn of_guest(farm: &str, member: &str) -> Self {
         let [rows, notices] = [names::blackboard(farm), names::notices(farm)].map(|bucket| format!("KV_{bucket}"));
         let (objects, tiles) = (format!("OBJ_{}", names::objects(farm)), names::tiles(farm));
         let mut publish = vec![
             names::said_by(farm, member),
             format!("$KV.{}.seat.{}.>", names::notices(farm), names::token(member)),
-            // Of a platform's white and yellow pages those of its own agents.
+            // In white and yellow pages, the entries of its own agents only
             format!("$KV.{}.page.*.*.agent.{}.*", names::notices(farm), names::token(member)),
             format!("{}>", names::tiles_prefix(farm)),
             format!("$JS.API.DIRECT.GET.{tiles}"),

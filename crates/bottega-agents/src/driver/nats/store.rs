@@ -20,16 +20,16 @@ use crate::{
     Entry, Event, Key, Revision, StateMachine, StoreReply, StoreRequest, Ticket, codec::Codec, driver::Mailbox,
 };
 
-/// The largest value of an entry.
+/// Maximum size of an entry's value, in bytes.
 const VALUE_BYTES_MAX: i32 = 1 << 20;
-/// How long one who was refused waits.
+/// Delay after a refusal by the server.
 const AGAIN_AFTER: Duration = Duration::from_millis(250);
 
-/// Opens a bucket of a farm, or makes it. What the server then says of it is compared with what was asked: older ones
-/// leave out silently what they do not know.
+/// Opens a bucket of a farm, or creates it. Compares the server's description with the request: older servers silently
+/// ignore what they do not support.
 ///
-/// A bucket is a stream of this shape. It is made as one, for the library's own way of making buckets does not read what
-/// servers before 2.10 say of an account.
+/// A bucket is a stream of this shape, and is created as a stream, because the library's own function cannot read the
+/// account information of servers before 2.10.
 pub(super) async fn open(
     context: &Context,
     bucket: String,
@@ -79,14 +79,14 @@ pub(super) async fn open(
     }
 }
 
-/// A change of entries, for those who follow them.
+/// A change of entries, for followers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EntryNews<V> {
-    /// An entry as it is, or is from now on.
+    /// The current or new state of an entry.
     Entry(Entry<V>),
-    /// All entries that there were have been told.
+    /// All existing entries have been reported.
     CaughtUp,
-    /// Nothing of use, or nothing for a while.
+    /// Nothing relevant, or nothing for some time.
     Nothing,
 }
 
@@ -108,7 +108,7 @@ impl<K: Codec> Bucket<K> {
         Self { client, store, codec }
     }
 
-    /// Anything but a watch. A server that refuses at once is not asked again at once.
+    /// Executes a request other than a watch. Waits after an immediate refusal by the server.
     pub(super) async fn ask(&self, request: StoreRequest<K::Value>) -> StoreReply<K::Value> {
         let reply = self.ask_once(request).await;
         if matches!(reply, StoreReply::Unavailable) {
@@ -154,7 +154,7 @@ impl<K: Codec> Bucket<K> {
         Ok(found.and_then(|found| self.read(&found.key, found.revision, &found.value)))
     }
 
-    /// An entry, if it can be read.
+    /// Decodes an entry; `None`: it is invalid.
     fn read(&self, key: &str, revision: u64, value: &[u8]) -> Option<Entry<K::Value>> {
         let Some(read_key) = names::entry(key) else {
             tracing::warn!(key, "an entry whose name cannot be read");
@@ -169,8 +169,8 @@ impl<K: Codec> Bucket<K> {
         }
     }
 
-    /// Reports all entries under `prefix`, and from then on every write to one, until the agent is gone. After an
-    /// interruption everything is reported again: who watches knows revisions.
+    /// Reports all entries under `prefix`, and then every write to one, until the agent is gone. After an interruption
+    /// everything is reported again: watchers compare revisions.
     pub(super) async fn watch<M>(&self, prefix: &Key, ticket: Ticket, mailbox: &Mailbox<M>)
     where
         M: StateMachine<Content = K::Content, Value = K::Value>,
@@ -187,8 +187,8 @@ impl<K: Codec> Bucket<K> {
         .await;
     }
 
-    /// Tells of all entries under `prefix`, and from then on of every write to one, until `tell` says that it is enough. After
-    /// an interruption all are told again.
+    /// Reports all entries under `prefix`, and then every write to one, until `tell` returns false. After an
+    /// interruption all are reported again.
     pub(super) async fn follow(&self, prefix: &Key, mut tell: impl FnMut(EntryNews<K::Value>) -> bool) {
         let mut caught_up = false;
         follow(&self.client, &self.store, &names::below(prefix), |news| match news {
@@ -204,7 +204,7 @@ impl<K: Codec> Bucket<K> {
         .await;
     }
 
-    /// Lets all entries under a prefix go.
+    /// Deletes all entries under a prefix.
     pub(super) async fn forget(&self, prefix: &Key) {
         let subject = format!("{}{}", self.store.prefix, names::below(prefix));
         if let Err(error) = self.store.stream.purge().filter(subject).await {

@@ -1,8 +1,8 @@
-//! Painted tiles as small blobs, each written once and read once or twice, thousands a second.
+//! Painted tiles as small blobs, each written once and read once or twice, thousands per second.
 //!
-//! A tile lies in a stream, in parts of some hundred kilobytes; most have one. So one costs a message to write and one to read,
-//! where an object of the object store costs three and a consumer. The first part, which says how many there are, is written
-//! last: a tile that is there is whole. Who reads it checks that it is the one that was meant.
+//! A tile is stored in a stream, in parts of some hundred kilobytes; most have one. So a tile costs one message to
+//! write and one to read, where an object in the object store costs three and a consumer. The first part, which gives
+//! the size, is written last: an existing tile is complete. Readers verify its digest.
 
 use std::collections::BTreeMap;
 
@@ -18,24 +18,24 @@ use tokio_stream::StreamExt;
 use super::{blobs::BlobError, error::NatsError, names};
 use crate::Key;
 
-/// The largest part, so that it fits into a message of any server.
+/// Maximum size of a part in bytes, which fits into a message of any server.
 const PART_BYTES: usize = 256 << 10;
-/// What the first part begins with: how many bytes the tile has.
+/// Length of the first part's header in bytes: the size of the tile.
 const HEAD_BYTES: usize = 8;
-/// Parts that are on their way at once.
+/// Maximum number of parts being sent at a time.
 const UNDER_WAY_MAX: usize = 16;
 
-/// The tiles of a farm. Its methods block: they are for threads that work.
+/// The tiles of a farm. Its methods block, so call them from worker threads.
 #[derive(Clone)]
 pub struct NatsTiles {
     context: Context,
     stream: Stream,
-    /// Subjects begin so.
+    /// Prefix of the subjects.
     prefix: String,
     handle: Handle,
 }
 
-/// Opens the stream of a farm, or makes it. What the server then says of it is compared with what was asked.
+/// Opens the stream of a farm, or creates it. Compares the server's description of it with the request.
 pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Result<Stream, NatsError> {
     let keep = |reason: String| NatsError::Keep { what: "pixels", reason, is_lasting: false };
     let name = names::tiles(farm);
@@ -46,7 +46,7 @@ pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Resul
         max_messages_per_subject: 1,
         storage: StorageType::File,
         discard: DiscardPolicy::New,
-        // Nobody writes over what is there.
+        // Existing tiles are never overwritten
         discard_new_per_subject: true,
         num_replicas: 1,
         deny_delete: true,
@@ -89,10 +89,10 @@ impl NatsTiles {
         format!("{}{}.{part}", self.prefix, names::key(&Key::from(name.to_owned())))
     }
 
-    /// Keeps a tile. What is there already stays, whoever wrote it.
+    /// Stores a tile. An existing one stays, whoever wrote it.
     ///
     /// # Errors
-    /// The server does not take it, or there is another one of this name.
+    /// The server does not accept it, or there is a different one with this name.
     pub fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError> {
         let (first, rest) = bytes.split_at(bytes.len().min(PART_BYTES - HEAD_BYTES));
         let head = [&(bytes.len() as u64).to_le_bytes()[..], first].concat();
@@ -112,7 +112,7 @@ impl NatsTiles {
         })
     }
 
-    /// Waits until the server has a part. It refuses one that is there, as after an answer that was lost.
+    /// Waits until the server has a part. It rejects an existing one, for example after a lost answer.
     async fn kept(&self, name: &str, part: usize, bytes: &[u8], written: PublishAckFuture) -> Result<(), BlobError> {
         let Err(error) = written.await else { return Ok(()) };
         match self.part(name, part).await? {
@@ -135,7 +135,7 @@ impl NatsTiles {
     /// - `bytes_max`: larger ones are refused.
     ///
     /// # Errors
-    /// The server does not give it, or not all of it.
+    /// The server does not return it, or not completely.
     pub fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError> {
         let wrong = |reason: String| BlobError::lasting(name, reason);
         self.handle.block_on(async {
@@ -147,7 +147,7 @@ impl NatsTiles {
             if count > bytes_max {
                 return Err(wrong(format!("it has {count} bytes, more than {bytes_max}")));
             }
-            // It grows with what comes: whoever wrote it is not believed.
+            // Allocate as data arrives, because the header is not trusted
             let mut bytes = first.to_vec();
             let last = count.saturating_sub(first.len()).div_ceil(PART_BYTES);
             for begin in (1..=last).step_by(UNDER_WAY_MAX) {
@@ -176,7 +176,7 @@ impl NatsTiles {
         }
     }
 
-    /// The first words of the names of all tiles that there are.
+    /// The first words of the names of all tiles.
     pub fn folders(&self) -> Vec<String> {
         let mut folders = Vec::new();
         self.handle.block_on(async {
@@ -191,7 +191,7 @@ impl NatsTiles {
         folders
     }
 
-    /// About how many bytes there are by the first words of the names of tiles: servers count messages and not bytes.
+    /// The approximate number of bytes by the first word of tiles' names: servers count messages, not bytes.
     pub fn bytes_by_folder(&self) -> BTreeMap<String, u64> {
         let mut counts: BTreeMap<String, u64> = BTreeMap::new();
         let all = self.handle.block_on(async {
@@ -209,7 +209,7 @@ impl NatsTiles {
         counts.into_iter().map(|(folder, count)| (folder, bytes(count))).collect()
     }
 
-    /// Lets all tiles go whose names begin with this word and a stroke.
+    /// Deletes all tiles whose names start with this word and `/`.
     pub fn forget(&self, folder: &str) {
         let subjects = format!("{}{}.>", self.prefix, names::token(folder));
         let purged = self.handle.block_on(async { self.stream.purge().filter(subjects).await });

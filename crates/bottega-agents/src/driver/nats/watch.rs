@@ -1,4 +1,4 @@
-//! All entries below a name, and every change to one from then on.
+//! Watches: all entries below a name, and then every change of one.
 
 use std::{ops::Range, time::Duration};
 
@@ -15,39 +15,39 @@ use bytes::Bytes;
 use tokio::time::Instant;
 use tokio_stream::StreamExt;
 
-/// After what time a watch that broke is begun again.
+/// Delay before a broken watch is restarted.
 const AGAIN_AFTER: Duration = Duration::from_millis(250);
-/// How often one who follows entries is asked whether it is enough, when nothing happens.
+/// Interval of calls to a follower without news.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// How often a second the server is asked at most what it passed over. Where entries are written anew faster than they are told, numbers
 /// are missing between nearly all of them: then all are told again.
 const QUESTIONS_MAX: u32 = 200;
-/// The header by which a message says that an entry is no more.
+/// The header of a message that says that an entry was removed.
 const OPERATION: &str = "KV-Operation";
 
-/// What one is told who follows entries.
+/// News for a follower.
 pub(super) enum WatchNews {
-    /// From here on all entries that there are will be told, and then every change.
+    /// A report of all existing entries begins, followed by changes.
     Begins,
-    /// An entry as it is, or is from now on.
+    /// The current or new state of an entry.
     Entry(WrittenEntry),
-    /// All entries that there were have been told.
+    /// All existing entries have been reported.
     CaughtUp,
-    /// Nothing has happened for a while.
+    /// Nothing has happened for some time.
     Nothing,
 }
 
-/// A writing of an entry.
+/// A write of an entry.
 pub(super) struct WrittenEntry {
-    /// Its key, as the server has it.
+    /// Its key on the server.
     pub(super) key: String,
     pub(super) revision: u64,
-    /// `None`: it was taken out.
+    /// `None`: it was removed.
     pub(super) value: Option<Bytes>,
 }
 
-/// Tells of all entries below a name, and from then on of every change, until `tell` says that it is enough. After an
-/// interruption all are told again.
+/// Reports all entries below a name, and then every change, until `tell` returns false. After an interruption all are
+/// reported again.
 ///
 /// Neither the number of entries that wait, which the server tells with each, nor that a consumer delivers all of them is relied
 /// on: servers (2.9.10) may count wrongly and never come to 0 where entries are written while a consumer begins, and under load
@@ -73,9 +73,9 @@ pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut 
     }
 }
 
-/// Tells of what a consumer delivers until it breaks. Returns whether to go on with another one.
+/// Reports what a consumer delivers until it fails. Returns true to continue with another consumer.
 ///
-/// - `there`: the number of the last writing before the consumer began.
+/// - `there`: the number of the last write before the consumer started.
 async fn listen(
     store: &kv::Store,
     filter: &str,
@@ -83,10 +83,10 @@ async fn listen(
     there: u64,
     tell: &mut impl FnMut(WatchNews) -> bool,
 ) -> bool {
-    // Entries come in the order of their writing: with this one all have come that were there at the beginning.
+    // Entries arrive in the order of their writes: with this one, all that existed at the start have arrived
     let Ok(mut last) = last_written(store, filter).await else { return true };
     let (mut told, mut is_caught_up) = (0, false);
-    // There was something a while ago that had not come.
+    // A write was missing at the last check
     let mut is_late = false;
     let mut questions = Questions { begun: Instant::now(), asked: 0 };
     loop {
@@ -119,7 +119,7 @@ async fn listen(
                 if !tell(WatchNews::Nothing) {
                     return false;
                 }
-                // A server that does not answer will be asked again.
+                // Ask again later if the server does not answer
                 let Ok(now) = last_written(store, filter).await else { continue };
                 last = now;
                 if std::mem::replace(&mut is_late, told < last) && is_late {
@@ -134,14 +134,14 @@ async fn listen(
     }
 }
 
-/// The questions of a second.
+/// The number of questions to the server in the current second.
 struct Questions {
     begun: Instant,
     asked: u32,
 }
 
 impl Questions {
-    /// Whether one more may be asked, which counts it.
+    /// Counts one more question. False if there are too many.
     fn may_ask(&mut self) -> bool {
         if self.begun.elapsed() > LOOK_EVERY {
             *self = Self { begun: Instant::now(), asked: 0 };
@@ -151,8 +151,8 @@ impl Questions {
     }
 }
 
-/// The entries of these numbers that are still there: a consumer did not deliver them. Those that somebody has written anew since are
-/// delivered later.
+/// The entries with these numbers that still exist and were not delivered. Those written again since are delivered
+/// later.
 async fn passed_over(store: &kv::Store, filter: &str, numbers: Range<u64>) -> Result<Vec<WrittenEntry>, String> {
     let (mut from, mut entries) = (numbers.start, Vec::new());
     while from < numbers.end {
@@ -172,7 +172,7 @@ async fn passed_over(store: &kv::Store, filter: &str, numbers: Range<u64>) -> Re
     Ok(entries)
 }
 
-/// The number of the last writing below a name; 0: there is none.
+/// The number of the last write below a name; 0: there is none.
 async fn last_written(store: &kv::Store, filter: &str) -> Result<u64, String> {
     match store.stream.get_last_raw_message_by_subject(filter).await {
         Ok(message) => Ok(message.sequence),
@@ -184,8 +184,8 @@ async fn last_written(store: &kv::Store, filter: &str) -> Result<u64, String> {
     }
 }
 
-/// A consumer of the entries below a name, the last of each first. What the server then says of it is compared with what was
-/// asked.
+/// A consumer of the entries below a name, beginning with the last write of each. Compares the server's description of
+/// it with the request.
 async fn open(client: &Client, store: &kv::Store, filter: &str) -> Result<push::Ordered, String> {
     let filter_subject = filter.to_owned();
     let wanted = push::OrderedConfig {
@@ -213,7 +213,7 @@ async fn open(client: &Client, store: &kv::Store, filter: &str) -> Result<push::
     consumer.messages().await.map_err(|error| error.to_string())
 }
 
-/// What a message says.
+/// Decodes a message.
 fn written(store: &kv::Store, message: &Message) -> Option<WrittenEntry> {
     let info = message.info().ok()?;
     let key = message.subject.strip_prefix(&*store.prefix)?.to_owned();
@@ -221,7 +221,7 @@ fn written(store: &kv::Store, message: &Message) -> Option<WrittenEntry> {
     Some(WrittenEntry { key, revision: info.stream_sequence, value })
 }
 
-/// What an entry says; `None`: that it is no more.
+/// The value of an entry; `None`: it was removed.
 fn value_of(headers: Option<&HeaderMap>, payload: &Bytes) -> Option<Bytes> {
     let operation = headers.and_then(|headers| headers.get(OPERATION));
     operation.is_none_or(|operation| operation.as_str() == "PUT").then(|| payload.clone())

@@ -1,4 +1,4 @@
-//! The entries of a directory, and who may see them.
+//! Entries of a directory, and their visibility.
 
 use super::super::{
     management::{DfAgentDescription, RefuseReason, largest},
@@ -8,30 +8,30 @@ use super::super::{
 };
 use crate::{AgentId, Revision, Time, sl, wire::Calendar};
 
-/// The longest text of an entry, in bytes.
+/// Maximum length of an entry's text, in bytes.
 pub const DESCRIPTION_BYTES_MAX: usize = 1 << 20;
 
-/// The most offers of one answer, also where all were asked for: they must fit into a message.
+/// Maximum number of offers in an answer, even if all were requested: they must fit into a message.
 pub const RESULTS_MAX: usize = 500;
 
-/// The most that they take together, in bytes; one that takes as much by itself is told.
+/// Maximum length of those together, in bytes; a single offer of that length is returned.
 pub const RESULTS_BYTES_MAX: usize = DESCRIPTION_BYTES_MAX;
 
 pub(super) const ENTRY: &str = "df/agent/";
 
-/// One offer and the write that entered it.
+/// An offer with the write that entered it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct DfEntry {
     pub(super) offer: DfAgentDescription,
-    /// The request that it was entered by.
+    /// The request that entered it.
     pub(super) by: Option<String>,
     pub(super) revision: Revision,
-    /// Of its text.
+    /// Length of its text, in bytes.
     pub(super) bytes: usize,
 }
 
 impl DfEntry {
-    /// What others wrote into the store: what cannot be read is passed over.
+    /// Parses an entry; others write to the store too, so invalid ones are ignored.
     pub(super) fn parse(calendar: Calendar, now: Time, revision: Revision, text: &str) -> Option<Self> {
         let term = sl::parse_term(text).ok()?;
         let offer = read_df_description(calendar, now, &term).ok()?;
@@ -39,25 +39,26 @@ impl DfEntry {
         Some(Self { offer, by: written_by(DF_DESCRIPTION, &term), revision, bytes: text.len() })
     }
 
-    /// Whether it is there by this request, which has come before.
+    /// True if it was entered by this same request before.
     pub(super) fn is_by(&self, request: &Said, description: &DfAgentDescription) -> bool {
-        // The lease is what was granted.
+        // Compare with the granted lease
         let granted = DfAgentDescription { lease_time: self.offer.lease_time, ..description.clone() };
         self.by.is_some() && self.by == name_of_request(request) && self.offer == granted
     }
 }
 
-/// What an agent offers, as an entry of the yellow pages says it. When a lease ends is told by nobody's time.
+/// The offer in an entry of the yellow pages. The end of its lease is not converted to a time.
 pub fn read_yellow_page(text: &str) -> Option<DfAgentDescription> {
     DfEntry::parse(Calendar::default(), Time::ZERO, Revision::ABSENT, text).map(|entry| entry.offer)
 }
 
-/// Whether the lease of an offer has not ended.
+/// True if the lease of an offer has not ended.
 pub(super) fn holds(offer: &DfAgentDescription, now: Time) -> bool {
     offer.lease_time.is_none_or(|end| now < end)
 }
 
-/// Whether `asker` may see an offer: what is `local` and not `global` is for agents of the directory's platform only.
+/// True if `asker` may see an offer: `local` offers that are not `global` are for agents of the directory's platform
+/// only.
 pub(super) fn is_for(df: &AgentId, asker: &AgentId, offer: &DfAgentDescription) -> bool {
     let says = |scope: &str| offer.scope.iter().any(|said| said.eq_ignore_ascii_case(scope));
     let platform = |agent: &AgentId| agent.name.rsplit_once('@').map(|(_, platform)| platform.to_lowercase());
@@ -79,7 +80,7 @@ pub(super) fn largest_of(calendar: Calendar, offer: &DfAgentDescription) -> Refu
     largest(DF_DESCRIPTION, &sizes)
 }
 
-/// Names of agents are compared without case.
+/// The key of an agent: names are compared without case.
 pub(super) fn index(agent: &AgentId) -> String {
     agent.name.to_lowercase()
 }

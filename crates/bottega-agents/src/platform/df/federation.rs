@@ -1,4 +1,4 @@
-//! Searches that go on to other directories.
+//! Federated searches, in other directories too.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -19,57 +19,57 @@ use super::{
 };
 use crate::{AclMessage, AgentId, Performative, Time, sl, wire::Calendar};
 
-/// The most searches under way at a time; more are answered from this directory alone.
+/// Maximum number of searches in progress; further ones are answered from this directory alone.
 const SEARCHES_MAX: usize = 256;
-/// The most directories that are asked for one search.
+/// Maximum number of directories asked for one search.
 const DIRECTORIES_MAX: usize = 32;
-/// The most searches whose names are remembered.
+/// Maximum number of search ids remembered.
 const SEEN_MAX: usize = 4096;
-/// How long the name of a search is remembered.
+/// Time for which a search id is remembered.
 const SEEN_FOR: Duration = Duration::from_secs(60);
-/// How long to wait for other directories, and how much longer for each further hop that they may go: who is asked
-/// must give up before who asks does.
+/// Time to wait for other directories, and additional time for each further hop: a directory must give up before the
+/// one that asks it does.
 const WAIT: Duration = Duration::from_secs(2);
 const WAIT_A_HOP: Duration = Duration::from_secs(1);
-/// When a directory that did not take this one in is asked again, and when one that did.
+/// Interval of registration at a directory that did not accept this one, and of checks at one that did.
 const TRY_AGAIN_AFTER: Duration = Duration::from_secs(5);
 const RENEW_AFTER: Duration = Duration::from_secs(300);
-/// How long this directory stands in others that nobody renews: a process that was killed takes itself out nowhere.
+/// Lease of this directory's entries at others: a killed process cannot remove them.
 const LEASE: Duration = Duration::from_secs(900);
-/// How long others may take to let it go.
+/// Time to wait for other directories to remove the entry.
 const LEAVE_WAIT: Duration = Duration::from_secs(3);
-/// More hops than that are not waited for.
+/// Maximum number of hops waited for.
 const HOPS_MAX: u32 = 8;
 
 #[derive(Clone, Debug)]
 struct Search {
     request: Said,
     found: Vec<DfAgentDescription>,
-    /// Of their text.
+    /// Length of their text, in bytes.
     bytes: usize,
     most: usize,
-    /// Who has not answered yet.
+    /// Directories that have not answered.
     awaited: BTreeSet<AgentId>,
     until: Time,
 }
 
-/// A directory with which this one registers itself.
+/// A directory at which this one registers.
 #[derive(Clone, Debug)]
 struct Join {
     other: AgentId,
-    /// In which it is asked at present; 0: it was never asked.
+    /// The current conversation; 0: never asked.
     conversation: u64,
     again: Time,
-    /// As far as is known this one stands there.
+    /// True if this directory is registered there, as far as known.
     is_there: bool,
-    /// It was asked to let this one go, and has not answered.
+    /// True if deregistration was requested and not answered.
     is_leaving: bool,
 }
 
-/// What is under way once this directory shall not stand in others any more.
+/// The state of leaving all other directories.
 #[derive(Clone, Debug)]
 struct PendingWithdrawal {
-    /// Who is told when it is so; `None`: it was told.
+    /// The request to answer when done; `None`: answered.
     request: Option<Said>,
     until: Time,
 }
@@ -81,7 +81,7 @@ pub(super) struct Federation {
     next: u64,
     joins: Vec<Join>,
     leaving: Option<PendingWithdrawal>,
-    /// By the conversation in which others are asked.
+    /// The searches, by the conversation with the other directories.
     searches: BTreeMap<u64, Search>,
     seen: BTreeMap<String, Time>,
 }
@@ -93,17 +93,17 @@ impl Federation {
         Self { me, salt, next: 1, joins, leaving: None, searches: BTreeMap::new(), seen: BTreeMap::new() }
     }
 
-    /// Whether a search of this name has been here, and remembers it.
+    /// Returns true if this search id was seen before, and remembers it.
     pub(super) fn has_seen(&mut self, now: Time, search_id: &str) -> bool {
         self.seen.retain(|_, until| now < *until);
         if self.seen.len() >= SEEN_MAX {
-            // Rather none too many than a circle.
+            // Rather miss results than search in circles
             return true;
         }
         self.seen.insert(search_id.to_owned(), now + SEEN_FOR).is_some()
     }
 
-    /// Asks others too. `false`: there is nobody to ask.
+    /// Asks other directories. False if there are none.
     pub(super) fn search(
         &mut self,
         now: Time,
@@ -126,7 +126,7 @@ impl Federation {
         });
         let most = constraints.results_max(RESULTS_MAX);
         let onward = SearchConstraints {
-            // A negative depth has no limit.
+            // A negative depth means no limit
             max_depth: Some(if depth > 0 { depth - 1 } else { depth }),
             max_results: constraints.max_results.map(|_| most as i64),
             search_id: Some(search_id),
@@ -153,7 +153,7 @@ impl Federation {
         true
     }
 
-    /// Takes what another directory answers.
+    /// Handles the answer of another directory.
     pub(super) fn hear(&mut self, now: Time, message: &Said, todo: &mut ServiceOutbox) -> bool {
         use Performative as P;
         if !matches!(message.performative, P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood) {
@@ -187,7 +187,7 @@ impl Federation {
         true
     }
 
-    /// A directory does not get what it was asked.
+    /// Notes that a directory is unreachable.
     pub(super) fn unreachable(&mut self, other: &AgentId, todo: &mut ServiceOutbox) {
         for join in self.joins.iter_mut().filter(|join| index(&join.other) == index(other)) {
             join.is_leaving = false;
@@ -212,7 +212,7 @@ impl Federation {
         todo.send.push(search.request.reply(Performative::Inform, self.me.clone(), content));
     }
 
-    /// Registers this directory with the others, again and again: they may have started anew, and leases end.
+    /// Registers at the other directories, repeatedly: they may have restarted, and leases end.
     fn join(&mut self, now: Time, todo: &mut ServiceOutbox) {
         if self.leaving.is_some() {
             return;
@@ -226,10 +226,10 @@ impl Federation {
         }
     }
 
-    /// Takes this directory out of the others, for good; `request` is answered when that is done, or takes too long.
+    /// Deregisters from the other directories permanently; `request` is answered when that is done, or takes too long.
     pub(super) fn leave(&mut self, now: Time, request: &Said, todo: &mut ServiceOutbox) {
         self.leaving = Some(PendingWithdrawal { request: Some(request.clone()), until: now + LEAVE_WAIT });
-        // One that was asked may have taken it in, whatever was heard of that.
+        // A directory may have accepted this one even without an answer
         for join in self.joins.iter_mut().filter(|join| join.conversation != 0) {
             join.is_leaving = true;
             let entry = DfAgentDescription { name: Some(self.me.clone()), ..DfAgentDescription::default() };
@@ -276,7 +276,7 @@ impl Federation {
 }
 
 impl Join {
-    /// Asks the other directory, in a conversation of its own.
+    /// Sends a request to the other directory, in a new conversation.
     fn ask(&mut self, me: &AgentId, next: &mut u64, function: Function, todo: &mut ServiceOutbox) {
         self.conversation = *next;
         *next += 1;
@@ -292,7 +292,7 @@ impl Join {
         });
     }
 
-    /// Takes its answer. What it did not do it is asked again soon.
+    /// Handles its answer. Failed requests are repeated soon.
     fn hear(&mut self, now: Time, answer: &ManagementContent) {
         if std::mem::replace(&mut self.is_leaving, false) {
             return;
@@ -314,12 +314,12 @@ impl Join {
     }
 }
 
-/// How long the text of an offer is; dates are as long in any calendar.
+/// Length of an offer's text; dates have the same length in any calendar.
 fn bytes_of(offer: &DfAgentDescription) -> usize {
     sl::print_term(&df_description(Calendar::default(), offer)).len()
 }
 
-/// A directory as others enter it.
+/// The offer with which a directory registers at others.
 pub(super) fn directory(df: &AgentId) -> DfAgentDescription {
     let service = ServiceDescription {
         name: Some("df".to_owned()),

@@ -26,44 +26,44 @@ use super::{
 };
 use crate::{AgentId, Key, Performative, Revision, Time, sl, wire::Calendar};
 
-/// The most entries of a directory.
+/// Maximum number of entries of a directory.
 pub const DESCRIPTIONS_MAX: usize = 1 << 16;
-/// The most that all entries take together, in bytes of their text.
+/// Maximum length of all entries together, in bytes of text.
 pub const DIRECTORY_BYTES_MAX: usize = 1 << 28;
 
-/// How long after a lease has ended its entry is taken out at the latest.
+/// Maximum time after the end of a lease until its entry is removed.
 const SWEEP_AFTER: Duration = Duration::from_secs(1);
 
-/// The configuration of a directory: its name, and what it allows.
+/// The configuration of a directory.
 #[derive(Clone, Debug)]
 pub struct DfConfig {
-    /// Its own name.
+    /// The DF's own id.
     pub id: AgentId,
-    /// The calendar of the platform: leases are dates.
+    /// The calendar of the platform, for leases.
     pub calendar: Calendar,
-    /// The longest lease that is granted. `None`: any, also one without end.
+    /// Maximum lease granted. `None`: any, including unlimited.
     pub lease_max: Option<Duration>,
-    /// Who may enter what others offer, such as other directories.
+    /// Agents that may register offers of others, such as other directories.
     pub administrators: Vec<AgentId>,
-    /// Directories with which it registers itself, and which it asks too.
+    /// Directories at which it registers, and which it asks too.
     pub federates: Vec<AgentId>,
-    /// Makes the names of its searches differ from those of every other process.
+    /// Makes its search ids differ from those of other processes.
     pub salt: u64,
 }
 
-/// The yellow pages: the offers of agents. An agent may enter, change and take out only what it offers itself.
+/// The yellow pages: the offers of agents. An agent may register, modify and deregister its own offers only.
 #[derive(Clone, Debug)]
 pub struct Df {
     config: DfConfig,
-    /// By name in small letters.
+    /// The entries, by name in lower case.
     entries: BTreeMap<String, DfEntry>,
-    /// Of the text of all of them.
+    /// Length of the text of all entries, in bytes.
     bytes: usize,
-    /// What was taken out, and by which write.
+    /// Removed entries, with the revision of the removal.
     gone: BTreeMap<String, Revision>,
-    /// Entries whose lease has ended and that are being taken out.
+    /// Entries whose lease has ended, being removed.
     ending: BTreeSet<String>,
-    /// When to look for leases that have ended.
+    /// The next time to check leases.
     sweep_at: Option<Time>,
     newest: Revision,
     subscriptions: Subscriptions,
@@ -100,7 +100,7 @@ impl Df {
         }
     }
 
-    /// Enters a description, with the lease that is granted.
+    /// Registers an offer, with the lease that is granted.
     fn enter(
         &self,
         now: Time,
@@ -128,7 +128,7 @@ impl Df {
         Ok(Step::Write(Change { key: key(name).into(), text }, Outcome::Entered(entry)))
     }
 
-    /// Entries that still hold.
+    /// The entry of an agent, if its lease has not ended.
     fn entry(&self, now: Time, name: &AgentId) -> Option<&DfEntry> {
         self.entries.get(&index(name)).filter(|entry| holds(&entry.offer, now))
     }
@@ -175,7 +175,7 @@ impl Df {
         Step::Done(Outcome::Offers(found))
     }
 
-    /// The directories that are entered here, besides this one and the one that asks.
+    /// The directories registered here, except this one and the one that asks.
     fn directories(&self, now: Time, asker: &AgentId) -> Vec<AgentId> {
         let is_directory = |offer: &DfAgentDescription| {
             let mut types = offer.services.iter().filter_map(|service| service.service_type.as_deref());
@@ -199,7 +199,7 @@ impl Df {
         }
         let ends = self.entries.iter().filter(|(name, _)| !self.ending.contains(*name));
         self.sweep_at = ends.filter_map(|(_, entry)| entry.offer.lease_time).min();
-        // What is being taken out is looked at again, in case that failed.
+        // Check pending removals again, in case they failed
         if !self.ending.is_empty() {
             let again = now + SWEEP_AFTER;
             self.sweep_at = Some(self.sweep_at.map_or(again, |at| at.min(again)));
@@ -319,7 +319,7 @@ impl Functions for Df {
                 self.subscriptions.lost(now, message.in_reply_to);
                 true
             }
-            // Before its process ends. Nobody outside can say so: see the gateway.
+            // Before its process ends. Messages from outside cannot contain this: see the gateway.
             (ManagementContent::LifeCycle(LifeCycleRequest::Quit), Performative::Request) => {
                 self.federation.leave(now, message, todo);
                 true

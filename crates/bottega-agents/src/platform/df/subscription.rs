@@ -1,4 +1,4 @@
-//! One subscription: what is new to its subscriber, and what of that it knows.
+//! A subscription: pending news for its subscriber, and what is known to have arrived.
 
 use std::time::Duration;
 
@@ -11,38 +11,38 @@ use super::{
 };
 use crate::{AgentId, Performative, Revision, Time};
 
-/// The most news that wait to be told to one subscriber; the oldest are dropped.
+/// Maximum number of pending news per subscriber; the oldest are dropped.
 const NEWS_MAX: usize = 1024;
-/// The most that their offers take together, in bytes of text; the newest is kept whatever it takes.
+/// Maximum length of their offers together, in bytes of text; the newest is kept anyway.
 const NEWS_BYTES_MAX: usize = 1 << 24;
-/// What was told is sure when in this time nobody has said that it did not arrive: longer than a message may take.
+/// Time without an error report after which a sent message counts as arrived: longer than a message may take.
 const SURE_AFTER: Duration = Duration::from_secs(30);
-/// Who was told something of which nobody says for so long that it did not arrive has been reached.
+/// Time without an error report after which a subscriber counts as reachable.
 const REACHED_AFTER: Duration = Duration::from_secs(15);
-/// What nobody has told for so long, another process tells.
+/// Time after which another process sends news that were not sent.
 const TELL_WITHIN: Duration = Duration::from_secs(3);
-/// What was told and is not sure for so long, another process tells again: when the first would have lost its patience.
+/// Time after which another process repeats news that are not confirmed: when the first one gives up.
 const SURE_WITHIN: Duration = Duration::from_secs(120);
-/// When one is told again who could not be reached.
+/// Interval of attempts to reach a subscriber.
 pub(super) const TRY_AGAIN_AFTER: Duration = Duration::from_secs(5);
-/// Who cannot be reached for so long is forgotten.
+/// Time after which an unreachable subscriber is dropped.
 pub(super) const PATIENCE: Duration = Duration::from_secs(60);
 
 pub(super) type SearchRequest = (DfAgentDescription, SearchConstraints);
 
-/// A subscription as it stands in the store.
+/// A subscription in the store.
 #[derive(Clone, Debug)]
 pub(super) struct SubscriptionState {
-    /// The message that began it, of which the answers are made.
+    /// The message that began it, from which the informs are made.
     pub(super) message: Said,
     pub(super) wish: SearchRequest,
-    /// Who tells the subscriber.
+    /// The process that informs the subscriber.
     pub(super) teller: String,
-    /// The newest revision when it began: what was gone by then is none of its business.
+    /// The newest revision at its beginning: entries removed by then do not concern it.
     pub(super) begun: Revision,
-    /// Up to which revision the subscriber was told, as far as is sure.
+    /// The revision up to which news have certainly arrived.
     pub(super) sure: Revision,
-    /// Up to which it was told.
+    /// The revision up to which news were sent.
     pub(super) told: Revision,
 }
 
@@ -50,15 +50,15 @@ pub(super) struct SubscriptionState {
 pub(super) struct SubscriptionNews {
     pub(super) revision: Revision,
     pub(super) offer: DfAgentDescription,
-    /// Of the offer's text.
+    /// Length of the offer's text, in bytes.
     pub(super) bytes: usize,
-    /// Since when this process knows it.
+    /// Time since which this process knows it.
     pub(super) since: Time,
-    /// When this process told it, and in the message of which number.
+    /// Time at which this process sent it, and the number of the message.
     pub(super) said: Option<(Time, u64)>,
 }
 
-/// A subscriber that cannot be reached.
+/// The state of an unreachable subscriber.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct UnreachableSubscriber {
     pub(super) since: Time,
@@ -68,15 +68,15 @@ pub(super) struct UnreachableSubscriber {
 #[derive(Clone, Debug)]
 pub(super) struct Subscription {
     pub(super) standing: SubscriptionState,
-    /// What is not sure, one for each agent, in order of revision.
+    /// News that are not confirmed, one per agent, in order of revision.
     pub(super) news: Vec<SubscriptionNews>,
     pub(super) lost: Option<UnreachableSubscriber>,
-    /// A change of its entry is under way.
+    /// True if a change of its entry is in progress.
     pub(super) is_written: bool,
 }
 
 impl Subscription {
-    /// Adds what is the newest, in place of what was new of the same agent.
+    /// Adds the newest news, replacing earlier ones about the same agent.
     pub(super) fn add(&mut self, news: SubscriptionNews) {
         let name = news.offer.name.as_ref().map(index);
         self.news.retain(|other| other.offer.name.as_ref().map(index) != name);
@@ -87,14 +87,14 @@ impl Subscription {
         }
     }
 
-    /// Tells what was not told yet.
+    /// Sends news that were not sent.
     pub(super) fn tell(&mut self, now: Time, me: &AgentId, next_number: &mut u64, todo: &mut ServiceOutbox) {
         if self.lost.is_some_and(|lost| now < lost.again) {
             return;
         }
         let SubscriptionState { message, wish, .. } = &self.standing;
         let mut unsaid: Vec<&mut SubscriptionNews> = self.news.iter_mut().filter(|news| news.said.is_none()).collect();
-        // Who wants all gets all, in as many messages as it takes.
+        // A subscriber to all offers gets all, in as many messages as needed
         let is_all = wish.1.max_results.is_some_and(|most| most < 0);
         let most = if is_all { unsaid.len() } else { wish.1.results_max(RESULTS_MAX) };
         let (mut parts, mut bytes) = (Vec::<Vec<DfAgentDescription>>::new(), 0);
@@ -114,20 +114,20 @@ impl Subscription {
         for offers in parts {
             let content = ManagementContent::News(wish.0.clone(), wish.1.clone(), offers);
             let inform = message.reply(Performative::Inform, me.clone(), content);
-            // By this number it is told if it does not arrive.
+            // Error reports refer to this number
             todo.send.push(Said { reply_with: *next_number, ..inform });
             *next_number += 1;
         }
     }
 
-    /// It can be reached, if something that it was told lately has not come back.
+    /// Notes that the subscriber is reachable, if recent messages caused no error reports.
     pub(super) fn note_if_reached(&mut self, now: Time) {
         if self.news.iter().any(|news| news.said.is_some_and(|(said, _)| said + REACHED_AFTER <= now)) {
             self.lost = None;
         }
     }
 
-    /// How it stands now, if that is not what the store has.
+    /// The current state, if it differs from that in the store.
     pub(super) fn moved(&self, now: Time) -> Option<SubscriptionState> {
         let is_sure = |news: &SubscriptionNews| news.said.is_some_and(|(said, _)| said + SURE_AFTER <= now);
         let last =
@@ -140,7 +140,7 @@ impl Subscription {
         Some(SubscriptionState { sure, told, ..self.standing.clone() })
     }
 
-    /// When another process shall tell.
+    /// The time at which another process takes over.
     pub(super) fn take_over_at(&self) -> Option<Time> {
         let at = |news: &SubscriptionNews| {
             news.since + if news.revision > self.standing.told { TELL_WITHIN } else { SURE_WITHIN }
@@ -148,7 +148,7 @@ impl Subscription {
         self.news.iter().map(at).min()
     }
 
-    /// When there is something to do for the process of this name.
+    /// The time at which the process with this name must act.
     pub(super) fn next_deadline(&self, teller: &str) -> Option<Time> {
         if self.standing.teller != teller {
             return self.take_over_at().filter(|_| !self.is_written);

@@ -1,10 +1,9 @@
-//! Subscriptions to the yellow pages: agents that want to hear of offers.
+//! Subscriptions to the yellow pages.
 //!
-//! A subscription is an entry of the store. It says which process tells the subscriber, up to which revision it has done so,
-//! and up to which it is sure that this arrived: when for a while nobody has said that it did not. Where the one who tells
-//! has died, another takes the subscription over, and tells all that is not sure; where a subscriber cannot be reached,
-//! it is told again, for a while. So in the end a subscriber knows how things stand, whoever dies on the way. What it is told, it
-//! may be told twice.
+//! A subscription is an entry of the store. It names the process that informs the subscriber, the revision up to which
+//! it has sent news, and the one up to which they have certainly arrived: no error was reported for some time. If that
+//! process fails, another takes over and repeats all that is not confirmed; if a subscriber is unreachable, news are
+//! repeated for some time. So in the end a subscriber knows the current state, whatever fails. News may arrive twice.
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -23,23 +22,23 @@ use super::{
 };
 use crate::{AclMessage, AgentId, Performative, Revision, Time, sl, sl::Term, wire::Calendar};
 
-/// The most subscriptions at a time.
+/// Maximum number of subscriptions.
 const SUBSCRIPTIONS_MAX: usize = 4096;
-/// The longest text of what a subscriber wants, in bytes.
+/// Maximum length of a subscriber's template, in bytes.
 const WISH_BYTES_MAX: usize = 1 << 15;
-/// How often a subscription is tried to be entered that others have entered meanwhile.
+/// Maximum number of attempts to enter a subscription against concurrent writes.
 const TRIES_MAX: u32 = 3;
-/// The mark of changes of which nobody needs to hear.
+/// The mark of changes whose result is ignored.
 pub(super) const NO_MARK: u64 = 0;
 
 const PREFIX: &str = "df/subscription/";
 const OBJECT: &str = "subscription";
 
-/// What a directory knows of its entries.
+/// The entries of a directory.
 pub(super) struct Pages<'a> {
-    /// By name in small letters.
+    /// The entries, by name in lower case.
     pub(super) entries: &'a BTreeMap<String, DfEntry>,
-    /// What was taken out, and by which write.
+    /// Removed entries, with the revision of the removal.
     pub(super) gone: &'a BTreeMap<String, Revision>,
 }
 
@@ -54,17 +53,17 @@ enum Pending {
 #[derive(Clone, Debug)]
 pub(super) struct Subscriptions {
     me: AgentId,
-    /// By which this process is known, also after a restart.
+    /// The name of this process, kept over restarts.
     teller: String,
     calendar: Calendar,
     by_key: BTreeMap<String, Subscription>,
     pending: BTreeMap<u64, Pending>,
     next_mark: u64,
-    /// Of messages to subscribers.
+    /// The number of the next message to a subscriber.
     next_number: u64,
-    /// Before all pages are known nothing is told: what is read may be old news.
+    /// False until all pages are known; nothing is sent before, because entries read may be old.
     pages_known: bool,
-    /// When to look at them again.
+    /// The time of the next check.
     due: Option<Time>,
 }
 
@@ -95,9 +94,9 @@ impl Subscriptions {
         todo.writes.push((mark, Change { key: key.into(), text }));
     }
 
-    /// Begins a subscription; one whose wish is too large is refused.
+    /// Begins a subscription; one with too large a template is refused.
     ///
-    /// - `newest`: the last revision that is known.
+    /// - `newest`: the last known revision.
     pub(super) fn subscribe(
         &mut self,
         message: &Said,
@@ -153,7 +152,7 @@ impl Subscriptions {
         true
     }
 
-    /// The message of this number did not reach its subscriber.
+    /// Notes that the message with this number did not arrive.
     pub(super) fn lost(&mut self, now: Time, number: u64) {
         for subscription in self.by_key.values_mut() {
             let in_it = |news: &&mut SubscriptionNews| news.said.is_some_and(|(_, said)| said == number);
@@ -167,9 +166,9 @@ impl Subscriptions {
         }
     }
 
-    /// An offer is new, another, or gone (then `after` has its name alone).
+    /// Notes that an offer is new, changed, or removed (then `after` has its name only).
     ///
-    /// - `bytes`: of its text.
+    /// - `bytes`: length of its text.
     pub(super) fn changed(
         &mut self,
         now: Time,
@@ -184,13 +183,13 @@ impl Subscriptions {
             let SubscriptionState { message, wish, sure, .. } = &subscription.standing;
             let fits = |offer: &DfAgentDescription| wish.0.matches(offer) && is_for(&self.me, &message.sender, offer);
             let was_like_it = before.is_some_and(|before| fits(&before.offer));
-            // What is not like it any more is told as gone.
+            // An offer that no longer matches is reported as removed
             let (offer, bytes) = match (fits(after), was_like_it) {
                 (true, _) => (after.clone(), bytes),
                 (false, true) => (DfAgentDescription { name: after.name.clone(), ..Default::default() }, 0),
                 (false, false) => continue,
             };
-            // Of an entry that was found to be gone nobody knows by which write.
+            // The revision of an unnoticed removal is unknown
             let newest = subscription.news.last().map_or(*sure, |news| news.revision);
             let revision = if revision == Revision::ABSENT { Revision(newest.0 + 1) } else { revision };
             if revision > *sure {
@@ -217,7 +216,7 @@ impl Subscriptions {
                 }
             }
             Some(Pending::End(message)) => {
-                // Not made: it was cancelled elsewhere, or changed and is still there.
+                // Failed: it was cancelled elsewhere, or was changed and still exists
                 if self.by_key.contains_key(&Self::key(&message)) {
                     self.cancel(&message, todo);
                 } else {
@@ -227,7 +226,7 @@ impl Subscriptions {
         }
     }
 
-    /// Does what is due: tells, writes down what was told, takes over what nobody tells.
+    /// Does what is due: sends news, records what was sent, takes over from other processes.
     pub(super) fn tick(&mut self, now: Time, todo: &mut ServiceOutbox) {
         if self.due.is_none_or(|due| now < due) {
             return;
@@ -263,10 +262,11 @@ impl Subscriptions {
         self.due = next.map(|next| next.max(now + Duration::from_millis(1)));
     }
 
-    /// Ends the subscription of one who cannot be reached. It will hardly hear this; the gateway ends the thread by it.
+    /// Ends the subscription of an unreachable subscriber. The message probably does not arrive, but the gateway ends
+    /// the thread.
     fn give_up(&mut self, now: Time, key: &str, todo: &mut ServiceOutbox) {
         let Some(subscription) = self.by_key.get_mut(key) else { return };
-        // In case that the store does not take it.
+        // In case the store does not accept the change
         subscription.lost = Some(UnreachableSubscriber { since: now, again: now + TRY_AGAIN_AFTER });
         let SubscriptionState { message, wish, .. } = subscription.standing.clone();
         todo.send.push(self.failure(&message, wish, "you could not be reached"));
@@ -277,7 +277,7 @@ impl Subscriptions {
         self.due
     }
 
-    /// Takes over an entry of the store.
+    /// Takes in an entry of the store.
     pub(super) fn learn(&mut self, now: Time, key: &str, text: &str, pages: &Pages<'_>) {
         self.due = Some(now);
         let Some(standing) = self.parse(now, text).filter(|_| key.starts_with(PREFIX)) else {
@@ -286,10 +286,10 @@ impl Subscriptions {
         };
         let begins = match self.by_key.get_mut(key) {
             Some(known) => {
-                // One that begins again knows nothing, and one that is taken over may know less than was told.
+                // A restarted process knows nothing, and one taken over from may have sent more than recorded
                 let begins = standing.sure < known.standing.sure || standing.told < known.standing.told;
                 if standing.teller != known.standing.teller {
-                    // It has its time to tell it, whoever it is.
+                    // The process in charge gets its full time
                     known.news.iter_mut().for_each(|news| (news.since, news.said) = (now, None));
                     known.lost = None;
                 }
@@ -308,14 +308,14 @@ impl Subscriptions {
         }
     }
 
-    /// All of which it is not sure that the subscriber was told.
+    /// Collects all news that are not confirmed.
     fn look_for_news(&mut self, now: Time, key: &str, pages: &Pages<'_>) {
         let Some(subscription) = self.by_key.get_mut(key) else { return };
         let SubscriptionState { message, wish, begun, sure, .. } = &subscription.standing;
         let fits = |offer: &DfAgentDescription| wish.0.matches(offer) && is_for(&self.me, &message.sender, offer);
         let offered = pages.entries.values().filter(|entry| entry.revision > *sure && fits(&entry.offer));
         let offered = offered.map(|entry| (entry.revision, entry.offer.clone(), entry.bytes));
-        // What they were is not known any more: perhaps what the subscriber wanted.
+        // The removed offers are unknown: assume that they matched
         let gone = pages.gone.iter().filter(|(_, revision)| **revision > *sure.max(begun)).map(|(name, revision)| {
             let name = Some(AgentId::new(name.as_str()));
             (*revision, DfAgentDescription { name, ..Default::default() }, 0)
@@ -331,7 +331,7 @@ impl Subscriptions {
         subscription.news.sort_by_key(|news| news.revision);
     }
 
-    /// From now on all that is learned is new.
+    /// Notes that all pages are known: entries from now on are news.
     pub(super) fn pages_are_known(&mut self, now: Time, pages: &Pages<'_>) {
         if std::mem::replace(&mut self.pages_known, true) {
             return;

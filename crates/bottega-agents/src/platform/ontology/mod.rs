@@ -1,7 +1,7 @@
-//! The ontology `fipa-agent-management` between SL and [`ManagementContent`](super::ManagementContent).
+//! Conversion of the ontology `fipa-agent-management` between SL and [`ManagementContent`](super::ManagementContent).
 //!
-//! Names of objects, functions and parameters are compared without case, and parameters that are not known are passed
-//! over: other platforms add their own.
+//! Names of objects, functions and parameters are compared without case, and unknown parameters are ignored: other
+//! platforms add their own.
 
 mod print;
 mod read;

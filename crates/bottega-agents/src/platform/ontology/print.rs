@@ -1,4 +1,4 @@
-//! The printer of the ontology: types to SL.
+//! The printer of the ontology: converts types to SL.
 
 use super::{
     super::management::{
@@ -10,12 +10,12 @@ use super::{
 };
 use crate::{AgentId, sl, sl::Term, wire::Calendar};
 
-/// Writes what is said as a content in SL. `actor` is who acts: the receiver of a request, the sender of an answer.
+/// Formats a content in SL. `actor` is the agent that acts: the receiver of a request, or the sender of an answer.
 pub fn print_content(calendar: Calendar, actor: &AgentId, content: &ManagementContent) -> String {
     print_content_of(calendar, actor, content, None)
 }
 
-/// Writes an answer to `asked`, the first expression of the request or subscription, which is repeated as it came.
+/// Formats an answer to `asked`, the first expression of the request or subscription, which is repeated unchanged.
 pub fn print_content_of(
     calendar: Calendar,
     actor: &AgentId,
@@ -36,7 +36,7 @@ pub fn print_content_of(
         M::LifeCycle(request) => vec![life_cycle(actor, *request)],
         M::LifeCycleDone(request) => vec![Term::call("done", [life_cycle(actor, *request)])],
         M::NotUnderstood(reason) => {
-            // The act that was not understood, where there is something of it that can be repeated.
+            // Repeat the act that was not understood, if possible
             asked.cloned().into_iter().chain([not_understood_reason(reason)]).collect()
         }
         M::Subscription(template, constraints) => vec![iota(calendar, actor, template, constraints)],
@@ -62,13 +62,13 @@ fn done(
     outcome: &Outcome,
     as_asked: impl Fn(&Function) -> Term,
 ) -> Term {
-    // JADE writes and reads a sequence, where the standard has a set.
+    // JADE writes and reads a sequence where the standard has a set
     let result = |function: &Function, found: Vec<Term>| {
         Term::call("result", [as_asked(function), Term::call("sequence", found)])
     };
     match outcome {
         Outcome::Done => Term::call("done", [as_asked(function)]),
-        // The directory says what it granted, where that is not what was asked for.
+        // The directory returns the granted offer if it differs from the requested one
         Outcome::Entered(granted) => match function {
             Function::Register(asked) if asked.lease_time != granted.lease_time => {
                 Term::call("done", [action(calendar, actor, &Function::Register(granted.clone()))])
@@ -112,14 +112,14 @@ fn life_cycle(actor: &AgentId, request: LifeCycleRequest) -> Term {
     Term::call("action", [agent_term(actor), Term::call(request.word(), [])])
 }
 
-/// `(iota ?x (result (action DF (search …)) ?x))`.
+/// Formats `(iota ?x (result (action DF (search …)) ?x))`.
 fn iota(calendar: Calendar, df: &AgentId, template: &DfAgentDescription, constraints: &SearchConstraints) -> Term {
     let variable = || Term::Bare("?x".to_owned());
     let search = action(calendar, df, &Function::Search(template.clone(), constraints.clone()));
     Term::call("iota", [variable(), Term::call("result", [search, variable()])])
 }
 
-/// An object of named parameters; what is absent or empty is left out.
+/// An object with named parameters; absent and empty ones are omitted.
 struct Fields(Vec<Term>);
 
 impl Fields {

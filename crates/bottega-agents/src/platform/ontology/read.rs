@@ -1,4 +1,4 @@
-//! The reader of the ontology: SL to types.
+//! The parser of the ontology: converts SL to types.
 
 use std::borrow::Cow;
 
@@ -19,12 +19,12 @@ use crate::{
     wire::{ADDRESSES_MAX, Calendar, DateTime},
 };
 
-/// Why a content is nothing that a platform service could be told. It is also the answer to a request.
+/// The reason why a content cannot be read; also the answer to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Unread {
-    /// It makes no sense.
+    /// It is not understood.
     NotUnderstood(NotUnderstoodReason),
-    /// It is a request, but not as it must be.
+    /// It is a request, but malformed.
     Refuse(RefuseReason),
 }
 
@@ -38,10 +38,10 @@ fn senseless() -> Unread {
     Unread::NotUnderstood(NotUnderstoodReason::UnrecognisedValue("content".into()))
 }
 
-/// Reads what a message with this act says. Relative dates count from `now`.
+/// Parses the content of a message with this performative. Relative dates count from `now`.
 ///
 /// # Errors
-/// It says nothing of agent management.
+/// It is not agent-management content.
 pub fn read_content(
     calendar: Calendar,
     now: Time,
@@ -51,7 +51,7 @@ pub fn read_content(
     let reader = TermReader { calendar, now };
     use ManagementContent as M;
     match (act, content) {
-        // Whatever it repeats: the conversation tells what is cancelled.
+        // Any content: the conversation tells what is cancelled
         (Performative::Cancel, _) => Ok(M::Cancel),
         (Performative::Request, [action]) => reader.request(action),
         (Performative::Subscribe, [iota]) => {
@@ -89,7 +89,7 @@ impl TermReader {
         self.action(action).map(ManagementContent::Action)
     }
 
-    /// `(action AID (function …))`.
+    /// Parses `(action AID (function …))`.
     fn action(&self, action: &Term) -> Result<Function, Unread> {
         let Some([_, act]) = action.arguments_of("action") else { return Err(senseless()) };
         let (word, arguments) = act.as_call().ok_or_else(senseless)?;
@@ -114,7 +114,7 @@ impl TermReader {
         }
     }
 
-    /// The functions that white and yellow pages share: the description tells which are meant.
+    /// Parses functions that white and yellow pages share: the description distinguishes them.
     fn directory_function(&self, word: &str, arguments: &[Term]) -> Result<Function, RefuseReason> {
         let Some((description, rest)) = arguments.split_first() else {
             return Err(RefuseReason::MissingArgument("agent-description".into()));
@@ -154,10 +154,10 @@ impl TermReader {
             {
                 return Ok(ManagementContent::LifeCycleDone(request));
             }
-            // Of something else, such as a subscription: what was cancelled.
+            // Another result, such as that of a cancelled subscription
             let Ok(function) = self.action(done) else { return Ok(ManagementContent::Cancel) };
             let outcome = match &function {
-                // What it says is what was entered, with the lease that is granted.
+                // It contains what was entered, with the granted lease
                 Function::Register(granted) | Function::Modify(granted) => Outcome::Entered(granted.clone()),
                 _ => Outcome::Done,
             };
@@ -176,7 +176,7 @@ impl TermReader {
     }
 
     fn outcome(&self, function: &Function, found: &Term) -> Result<Outcome, Unread> {
-        // A result of one may stand without a set around it.
+        // A single result may lack the set around it
         let elements = found.elements().unwrap_or(std::slice::from_ref(found));
         Ok(match function {
             Function::SearchAgents(..) => {
@@ -197,7 +197,7 @@ impl TermReader {
         Ok(elements.iter().map(read).collect::<Result<_, _>>()?)
     }
 
-    /// `(iota ?x (result (action DF (search …)) ?x))`, of which the variable may have any name.
+    /// Parses `(iota ?x (result (action DF (search …)) ?x))`; the variable may have any name.
     fn iota(&self, term: &Term) -> Result<(DfAgentDescription, SearchConstraints), Unread> {
         let arguments = term.arguments_of("iota").or_else(|| term.arguments_of("all"));
         let Some([_, result]) = arguments else { return Err(senseless()) };
@@ -225,14 +225,14 @@ fn life_cycle_request(word: &str) -> Option<LifeCycleRequest> {
     LifeCycleRequest::ALL.into_iter().find(|request| request.word().eq_ignore_ascii_case(word))
 }
 
-/// An object of named parameters.
+/// An object with named parameters.
 pub(crate) struct Object<'a> {
     kind: &'static str,
     fields: Vec<(&'a str, &'a Term)>,
 }
 
 impl<'a> Object<'a> {
-    /// Reads `(kind :parameter value …)`.
+    /// Parses `(kind :parameter value …)`.
     pub(crate) fn read(kind: &'static str, term: &'a Term) -> Result<Self, RefuseReason> {
         let Some(arguments) = term.arguments_of(kind) else {
             return Err(RefuseReason::UnexpectedArgument(
@@ -266,7 +266,7 @@ impl<'a> Object<'a> {
         self.get(parameter).map(integer).transpose()
     }
 
-    /// The elements of a set or a sequence; none where the parameter is absent.
+    /// The elements of a set or a sequence; none if the parameter is absent.
     pub(crate) fn elements(&self, parameter: &'static str) -> Result<&'a [Term], RefuseReason> {
         self.get(parameter).map_or(Ok(&[]), |term| term.elements().ok_or_else(|| self.bad(parameter)))
     }
@@ -302,7 +302,7 @@ pub(crate) fn read_ams_description(term: &Term) -> Result<AmsAgentDescription, R
     })
 }
 
-/// As another platform tells it: states may be there that FIPA does not know.
+/// Parses a description from another platform, ignoring states that FIPA does not define.
 fn ams_description_leniently(term: &Term) -> Result<AmsAgentDescription, RefuseReason> {
     let object = Object::read(AMS_DESCRIPTION, term)?;
     Ok(AmsAgentDescription {
@@ -366,7 +366,7 @@ fn read_platform(term: &Term) -> Result<PlatformDescription, RefuseReason> {
     const OBJECT: &str = "ap-description";
     let object = Object::read(OBJECT, term)?;
     let name = object.text("name")?.ok_or_else(|| RefuseReason::missing(OBJECT, "name"))?;
-    // JADE puts quotes into the name.
+    // JADE puts quotes into the name
     let name = name.trim_matches('"').to_owned();
     let service = |term| {
         let object = Object::read("ap-service", term)?;
@@ -391,7 +391,7 @@ pub(crate) fn read_service_entry(term: &Term) -> Result<ServiceEntry, RefuseReas
     })
 }
 
-/// A reason as `(word argument …)`, or the word alone, which JADE writes.
+/// A reason `(word argument …)`, or the word alone, as JADE writes it.
 fn reason(term: &Term) -> Option<(&str, Vec<Cow<'static, str>>)> {
     match term {
         Term::List(_) => {
@@ -428,7 +428,7 @@ fn failure_reason(term: &Term) -> FailureReason {
     }
 }
 
-/// What `(internal-error "…")` says, or all of what stands in its place.
+/// The text in `(internal-error "…")`, or the whole term.
 fn error_text(term: &Term) -> String {
     match term.arguments_of("internal-error") {
         Some([Term::Text(text)]) => text.clone(),
