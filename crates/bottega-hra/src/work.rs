@@ -148,7 +148,7 @@ pub enum SubmitError {
     /// No resource that supports the primitive has enough memory for the data.
     #[error("no resource that can do `{primitive}` has memory for {bytes} bytes of data")]
     TooLarge {
-        /// The primitive.
+        /// The primitive requested.
         primitive: Primitive,
         /// Size of the data, in bytes.
         bytes: u64,
