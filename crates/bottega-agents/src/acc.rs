@@ -27,7 +27,7 @@ const REMEMBERED_FOR: Duration = Duration::from_secs(300);
 pub struct Letter {
     /// The envelope.
     pub envelope: Envelope,
-    /// The message.
+    /// The message, with its content.
     pub message: WireMessage,
     /// The message as text, for forwarding.
     pub payload: String,
@@ -69,7 +69,7 @@ pub struct Outbound {
     pub envelope: Envelope,
     /// The message as text.
     pub payload: String,
-    /// The message.
+    /// The message, with its content.
     pub message: WireMessage,
 }
 
@@ -81,7 +81,7 @@ pub enum Routed {
     Deliver {
         /// The agent.
         to: AgentId,
-        /// The message.
+        /// The message, with its content.
         message: WireMessage,
     },
     /// Forward it to another platform.

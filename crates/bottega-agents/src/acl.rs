@@ -104,7 +104,7 @@ impl fmt::Display for Performative {
 pub struct AclMessage<C = String> {
     /// The communicative act.
     pub performative: Performative,
-    /// The sender.
+    /// The name of the sender.
     pub sender: AgentId,
     /// The receivers.
     pub receivers: Vec<AgentId>,

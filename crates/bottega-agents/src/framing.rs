@@ -2,7 +2,6 @@
 //!
 //! A record consists of the length of its payload (u64, little endian), the first 16 bytes of the BLAKE3 hash of length
 //! and payload, and the payload. A record that a crash left incomplete is ignored with all that follows it.
-//! and the payload. Of a record that was torn by a crash, and of all behind it, nothing is believed.
 
 use std::io::{self, Read};
 

@@ -27,7 +27,7 @@ pub enum Event<C, V, R> {
     /// An agent arrived, or was silent for so long that it counts as gone. This may be wrong: only a compare-and-set
     /// decides ownership. Sent to agents that requested it by [`Action::WatchPresence`].
     Presence {
-        /// The agent.
+        /// The name of the agent.
         agent: AgentId,
         /// True if it is present.
         present: bool,
@@ -53,9 +53,9 @@ pub enum Action<C, V, E> {
     Effect(E),
     /// Puts a message into a queue: exactly one agent that joined it gets the message. Its receivers are ignored.
     Enqueue {
-        /// The queue.
+        /// The name of the queue.
         queue: Key,
-        /// The message.
+        /// The message, with its content.
         message: AclMessage<C>,
     },
     /// Joins a queue, to receive messages from it in turn.

@@ -141,7 +141,7 @@ fn bare(token: &str) -> Term {
     if is_special(token) { Term::Bare(token.to_owned()) } else { Term::Text(token.to_owned()) }
 }
 
-/// True if a token is not a plain word: a number, a date-time, a variable or similar.
+/// True if a token cannot be a plain word: it starts like a number, a variable, a key or similar, or is a truth value.
 fn is_special(token: &str) -> bool {
     token.starts_with(|first: char| first.is_ascii_digit() || matches!(first, '+' | '-' | '.' | '?' | ':' | '@'))
         || ["true", "false"].iter().any(|word| word.eq_ignore_ascii_case(token))

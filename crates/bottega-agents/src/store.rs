@@ -42,12 +42,12 @@ pub struct Entry<V> {
 pub enum StoreRequest<V> {
     /// Reads an entry; answered by [`StoreReply::Got`].
     Get {
-        /// The key.
+        /// The key of the entry.
         key: Key,
     },
     /// Writes an entry unconditionally; answered by [`StoreReply::Written`].
     Put {
-        /// The key.
+        /// The key of the entry.
         key: Key,
         /// The new value.
         value: V,
@@ -55,7 +55,7 @@ pub enum StoreRequest<V> {
     /// Writes an entry if it still has a given revision; answered by [`StoreReply::Written`] or
     /// [`StoreReply::Conflict`].
     CompareAndSet {
-        /// The key.
+        /// The key of the entry.
         key: Key,
         /// The revision it must have: [`Revision::ABSENT`] if it must not exist.
         expected_revision: Revision,
@@ -65,7 +65,7 @@ pub enum StoreRequest<V> {
     /// Reports all entries whose key starts with a prefix, then [`StoreReply::CaughtUp`], then every write to one of
     /// them.
     Watch {
-        /// The prefix.
+        /// The prefix of the keys.
         prefix: Key,
     },
 }
@@ -105,21 +105,21 @@ impl<V> StoreRequest<V> {
 pub enum StoreReply<V> {
     /// The requested entry, if it exists.
     Got {
-        /// The key.
+        /// The key of the entry.
         key: Key,
-        /// The entry.
+        /// The entry, if it exists.
         entry: Option<Entry<V>>,
     },
     /// The entry was written.
     Written {
-        /// The key.
+        /// The key of the entry.
         key: Key,
         /// The new revision: the fencing token.
         revision: Revision,
     },
     /// The entry was not written: it has another revision than expected.
     Conflict {
-        /// The key.
+        /// The key of the entry.
         key: Key,
         /// The current entry.
         entry: Option<Entry<V>>,

@@ -27,7 +27,7 @@ pub struct AnalystConfig {
     pub id: AgentId,
     /// The Master to notify at the end.
     pub master: AgentId,
-    /// The work.
+    /// The id of the work.
     pub work: WorkId,
     /// The user's settings.
     pub settings: WorkSettings,

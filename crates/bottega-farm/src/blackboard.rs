@@ -77,9 +77,9 @@ pub struct WorkRow {
 /// The row of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentRow {
-    /// The agent.
+    /// The name of the agent.
     pub agent: AgentId,
-    /// V_cp.
+    /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
     pub power: RelativePower,
     /// Number of processors that work on its zones at once; may be a fraction if agents share a machine.
     pub lanes: f64,

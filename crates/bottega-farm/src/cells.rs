@@ -194,7 +194,8 @@ mod tests {
         }
     }
 
-    /// Paints a zone to its end; a new `Cells` after each octave where `anew`, and a painter who knows no parts where `all`.
+    /// Paints a zone to its end; with a new `Cells` after each octave if `anew`, and without restriction to parts if
+    /// `all`.
     fn paint(rect: Rect, wanted: f64, samples_max: u32, anew: bool, all: bool) -> (Tile, Option<f64>) {
         let mut tile = Tile::new(rect, Layout::new(AovSet::NONE));
         let mut cells = Cells::new(rect, wanted, samples_max);
@@ -249,7 +250,7 @@ mod tests {
         let (least, most) = (samples.iter().min().unwrap(), samples.iter().max().unwrap());
         assert!(4 * least < *most && *most < 4096, "the noise differs, and so do the samples: {samples:?}");
         assert!(samples.iter().all(|samples| !samples.is_power_of_two()), "{samples:?}");
-        // In other zones, handed over after each octave, by a painter who paints more than is asked for.
+        // In other zones, with a new painter after each octave that ignores the restriction to parts
         for zone in [Rect::new(0, 0, 64, 70), Rect::new(64, 0, 96, 32), Rect::new(96, 32, 200, 70)] {
             for (anew, all) in [(false, false), (true, false), (false, true), (true, true)] {
                 let (tile, _) = paint(zone, 0.01, 4096, anew, all);

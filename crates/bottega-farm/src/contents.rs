@@ -26,7 +26,7 @@ pub mod protocol {
 /// A zone on offer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offer {
-    /// The zone.
+    /// The id of the zone.
     pub zone: ZoneId,
     /// Predicted cost of its pixels, in average pixels of the frame.
     pub complexity: f64,
@@ -37,7 +37,7 @@ pub struct Offer {
 /// The bid of an agent for a zone on offer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bid {
-    /// The zone.
+    /// The id of the zone.
     pub zone: ZoneId,
     /// Time from now until the agent finishes it, if it is the agent's next zone.
     pub finish: Duration,
@@ -59,11 +59,11 @@ pub struct Order {
 /// The result of an order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// The zone.
+    /// The id of the zone.
     pub zone: ZoneId,
     /// The fencing token of the order.
     pub fence: Revision,
-    /// What was painted, or the error.
+    /// The painting, or the error.
     pub outcome: Result<Painting, String>,
     /// The rules that chose the settings: see [`Expert::reasons`](crate::Expert::reasons).
     pub reasons: Option<Arc<str>>,
@@ -72,7 +72,7 @@ pub struct Report {
 /// An order that an agent holds, as its heartbeat reports it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Holding {
-    /// The zone.
+    /// The id of the zone.
     pub zone: ZoneId,
     /// The fencing token of the order.
     pub fence: Revision,
@@ -83,7 +83,7 @@ pub struct Holding {
 /// An order that an agent hands over to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PassedOrder {
-    /// The zone.
+    /// The id of the zone.
     pub zone: ZoneId,
     /// The fencing token of the order.
     pub fence: Revision,
@@ -98,7 +98,7 @@ pub enum LifeCycle {
     Suspend,
     /// Take zones again.
     Resume,
-    /// End.
+    /// End at once.
     Terminate,
 }
 
@@ -107,7 +107,7 @@ pub enum LifeCycle {
 pub enum FarmContent {
     /// *subscribe*: an agent registers, with the results of its benchmark.
     Subscription {
-        /// V_cp.
+        /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
         /// Number of processors that work on its zones at once.
         lanes: f64,
@@ -137,37 +137,37 @@ pub enum FarmContent {
     Report(Arc<Report>),
     /// *confirm*: the report of this order is on the Blackboard.
     Received {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The fencing token of the order.
         fence: Revision,
     },
     /// *disconfirm*: the report of this order is rejected.
     Refused {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The fencing token of the order.
         fence: Revision,
-        /// The reason.
+        /// The reason, as text for the user.
         reason: String,
     },
     /// *cancel*: another agent has painted this zone; the order is void.
     Withdrawn {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The fencing token of the order.
         fence: Revision,
     },
     /// *inform*: the heartbeat of an agent.
     Alive {
-        /// V_cp.
+        /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
         /// The orders that it holds.
         hands: Vec<Holding>,
     },
     /// *refuse*: the Master no longer calls this agent and accepts nothing from it.
     LeftOut {
-        /// The reason.
+        /// The reason, as text for the user.
         reason: String,
     },
     /// *inform*: the agents from which the receiver may take zones.
@@ -183,9 +183,9 @@ pub enum FarmContent {
     Yielded(u32),
     /// *inform* to the Master: the sender hands these orders, none of them begun, to another agent.
     HandedOver {
-        /// The receiver.
+        /// The name of the receiver.
         to: AgentId,
-        /// The orders.
+        /// The orders handed over.
         orders: Vec<PassedOrder>,
     },
     /// *request*: suspend, resume, terminate.

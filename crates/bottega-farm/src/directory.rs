@@ -103,7 +103,7 @@ pub(crate) const FIPA_DF: &str = "fipa-df";
 pub struct RegistrationConfig {
     /// The Start Service.
     pub start: AgentId,
-    /// The work.
+    /// The id of the work.
     pub work: WorkId,
     /// The number of the job, if it has one.
     pub job: Option<u32>,

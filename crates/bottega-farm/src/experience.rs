@@ -25,7 +25,7 @@ const TEXT_MAX: usize = 1 << 20;
 /// Seconds of painting from which a job counts fully; shorter ones have less weight, because of start-up time.
 const TELLING_SECONDS: f64 = 1.0;
 
-/// What a machine has learned about the time of zones and about its V_cp.
+/// The learned times of zones and V_cp of a machine.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Experience {
     /// The number of jobs learned from.

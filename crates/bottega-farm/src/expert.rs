@@ -294,7 +294,7 @@ mod tests {
         assert_eq!(band(&small), 2);
     }
 
-    /// Rule 11 of the paper, and what comes of each level in a large complex zone.
+    /// Rule 11 of the paper, and the resulting settings of each level for a large complex zone.
     #[test]
     fn in_the_papers_rules_each_level_leaves_other_bounces() {
         let paper = Expert::parse(crate::PAPER_RULES).unwrap();

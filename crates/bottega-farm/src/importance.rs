@@ -107,7 +107,7 @@ pub enum ImportanceError {
     /// The frame is empty or reaches beyond the survey.
     #[error("no pixel of the frame {frame} lies in the surveyed picture {surveyed}")]
     OutsideSurvey {
-        /// The frame.
+        /// The pixels to paint.
         frame: Rect,
         /// The pixels that the survey covers.
         surveyed: Rect,

@@ -83,7 +83,7 @@ impl Default for Timing {
 pub struct MasterConfig {
     /// The Master's own id.
     pub id: AgentId,
-    /// The work.
+    /// The id of the work.
     pub work: WorkId,
     /// The rule of the auction.
     pub auction: AuctionRule,

@@ -22,7 +22,7 @@ pub struct ResultRef {
 pub struct Painting {
     /// The settings used.
     pub choice: Choice,
-    /// The samples.
+    /// The reference to the samples.
     pub result: ResultRef,
     /// T: the time it took, in reference-machine time.
     pub time_measured: Duration,

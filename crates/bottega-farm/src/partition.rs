@@ -91,7 +91,7 @@ impl Partition {
         zones.iter().enumerate().all(|(i, zone)| index.touching(zone).all(|j| j == i))
     }
 
-    /// The frame.
+    /// The frame that the zones cover.
     pub fn frame(&self) -> Rect {
         self.frame
     }

@@ -184,7 +184,7 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    /// Ten zones of 100 samples that nobody has seen.
+    /// Ten zones of 100 samples each, unprofiled.
     fn open() -> Vec<ZoneRow> {
         let row =
             |zone| ZoneRow::open(WorkId(1), ZoneId(zone), Rect::of_size(8, 8), 64.0, NeighborDifference::default());

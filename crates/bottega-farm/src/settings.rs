@@ -17,15 +17,15 @@ pub enum Optimization {
     /// The user's settings everywhere: the picture is bit-identical for any agents.
     #[default]
     Off,
-    /// VS.
+    /// Level 1, very small (VS).
     VerySmall,
-    /// S.
+    /// Level 2, small (S).
     Small,
-    /// N.
+    /// Level 3, normal (N).
     Normal,
-    /// B.
+    /// Level 4, big (B).
     Big,
-    /// VB.
+    /// Level 5, very big (VB).
     VeryBig,
 }
 

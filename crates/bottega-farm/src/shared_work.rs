@@ -58,15 +58,15 @@ mod tests {
     /// A machine of the simulation.
     struct Machine {
         name: String,
-        /// Parts in a thousand steps.
+        /// Parts done per thousand steps.
         speed: u32,
-        /// When it goes without a word, and whether others take it for one that is there all the same.
+        /// The step at which it leaves silently, and true if others still take it for present.
         gone: Option<(u32, bool)>,
-        /// What it is at, and until when.
+        /// The part that it works on, and the step at which it is done.
         busy: Option<(usize, u32)>,
     }
 
-    /// Has machines do parts, a millisecond a step. When all is done.
+    /// Runs machines until all parts are done, at a millisecond per step. Returns the number of steps.
     fn simulate(count: usize, mut machines: Vec<Machine>) -> Option<u32> {
         let mut parts = vec![SharedPart::default(); count];
         for now in 0..1_000_000 {

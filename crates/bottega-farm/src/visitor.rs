@@ -51,14 +51,14 @@ pub enum VisitorEffect {
     },
     /// The order is cancelled.
     Withdrawn {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The fencing token of the order.
         fence: Revision,
     },
     /// The Master has excluded this visitor.
     LeftOut {
-        /// The reason.
+        /// The reason, as text for the user.
         reason: String,
     },
 }
@@ -82,7 +82,7 @@ pub enum VisitorReport {
     },
     /// The result of an order.
     Painted {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The fencing token of the order.
         fence: Revision,

@@ -14,7 +14,7 @@ use crate::{
 /// An order to paint a zone, or some of its samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PaintOrder {
-    /// The zone.
+    /// The id of the zone.
     pub zone: ZoneId,
     /// The fencing token of the award.
     pub fence: Revision,
@@ -28,7 +28,7 @@ pub struct PaintOrder {
     pub leaning: EnginePreference,
     /// The earlier samples, which `samples` continues. `None`: `samples` starts at 0.
     pub from: Option<ResultRef>,
-    /// What the remaining error is used for.
+    /// The use of the remaining error.
     pub error_use: ErrorUse,
     /// The maximum number of samples per pixel, over this order and later ones.
     pub samples_max: u32,
@@ -69,7 +69,7 @@ pub enum FarmEffect {
     Paint(PaintOrder),
     /// Cancel painting of this order; it is not answered.
     Drop {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The fencing token of the order.
         fence: Revision,
@@ -78,14 +78,14 @@ pub enum FarmEffect {
     Look(Vec<(ZoneId, Revision)>),
     /// The Master has excluded this agent from the work.
     Dismissed {
-        /// The reason.
+        /// The reason, as text for the user.
         reason: String,
     },
     /// An agent is excluded from the work from now on; for observers.
     LeftOut {
-        /// The agent.
+        /// The name of the agent.
         agent: AgentId,
-        /// The reason.
+        /// The reason, as text for the user.
         reason: String,
     },
     /// Zones wait because there are fewer machines than are needed to compare paintings; for observers.
@@ -117,14 +117,14 @@ pub enum FarmEffect {
     Stolen(Theft),
     /// Compare two paintings of a zone by their look; answered by [`FarmCompletion::Compared`].
     Compare {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The two paintings.
         results: [ResultRef; 2],
     },
     /// Add a painted zone to the film; answered by [`FarmCompletion::Composed`].
     Compose {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// Its samples.
         result: ResultRef,
@@ -138,7 +138,7 @@ pub enum FarmEffect {
     },
     /// The work has failed.
     Abandon {
-        /// The reason.
+        /// The reason, as text for the user.
         reason: String,
     },
 }
@@ -150,7 +150,7 @@ pub enum FarmCompletion {
     Surveyed(Result<Arc<Survey>, String>),
     /// The answer to [`FarmEffect::Benchmark`].
     Benchmarked {
-        /// V_cp.
+        /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
         /// Number of processors that will work on the agent's zones at once.
         lanes: f64,
@@ -159,7 +159,7 @@ pub enum FarmCompletion {
     Fetched(WorkId),
     /// The answer to [`FarmEffect::Paint`].
     Painted {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The fencing token of the award.
         fence: Revision,
@@ -173,7 +173,7 @@ pub enum FarmCompletion {
     ),
     /// The answer to [`FarmEffect::Compare`].
     Compared {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The two paintings.
         results: [ResultRef; 2],
@@ -182,14 +182,14 @@ pub enum FarmCompletion {
     },
     /// The answer to [`FarmEffect::Compose`].
     Composed {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The error, if the samples could not be used.
         outcome: Result<(), String>,
     },
     /// A request to paint a zone again that is done or given up.
     Requeue {
-        /// The zone.
+        /// The id of the zone.
         zone: ZoneId,
         /// The fencing token of the samples to discard, so that no others are; `None`: the zone was given up.
         fence: Option<Revision>,
@@ -201,9 +201,9 @@ pub enum FarmCompletion {
 /// The result of a paint order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaintResult {
-    /// The samples.
+    /// The reference to the samples.
     pub result: ResultRef,
-    /// Processor time.
+    /// Processor time that it took.
     pub busy: Duration,
     /// `true`: `busy` is a measurement; nothing was loaded, compiled or started meanwhile.
     pub is_measured: bool,

@@ -142,13 +142,13 @@ pub enum SubmitError {
     /// The allocator was shut down.
     #[error(transparent)]
     Closed(#[from] Closed),
-    /// No resource supports this primitive, so the unit would wait forever.
+    /// No resource supports this primitive: it cannot be done.
     #[error("no resource can do `{0}`")]
     Unsupported(Primitive),
     /// No resource that supports the primitive has enough memory for the data.
     #[error("no resource that can do `{primitive}` has memory for {bytes} bytes of data")]
     TooLarge {
-        /// The primitive.
+        /// The primitive requested.
         primitive: Primitive,
         /// Size of the data, in bytes.
         bytes: u64,

@@ -81,7 +81,7 @@ pub struct Simulator<M: StateMachine, W> {
     world: W,
     /// Number of lives started so far.
     births: u32,
-    /// Scratch space.
+    /// Scratch space, kept to avoid allocations.
     actions: Vec<crate::ActionOf<M>>,
     reports: Vec<(AgentId, M::Completion)>,
     begun: Vec<(Duration, M::Completion)>,

@@ -136,9 +136,9 @@ pub struct Passage {
     pub time: Time,
     /// The way.
     pub way: Way,
-    /// The receiver.
+    /// The name of the receiver.
     pub to: AgentId,
-    /// The message.
+    /// The message, with its content.
     pub message: Arc<WireMessage>,
 }
 

@@ -49,9 +49,9 @@ pub enum ManagementContent {
     Cancel,
     /// In a failure from an AMS: a message did not reach a receiver.
     Undelivered {
-        /// The receiver.
+        /// The name of the receiver.
         receiver: AgentId,
-        /// The reason.
+        /// The reason, as text for the user.
         reason: String,
     },
 }
@@ -69,7 +69,7 @@ pub enum Function {
     SearchAgents(AmsAgentDescription, SearchConstraints),
     /// AMS: end an agent. Graceful: it is asked to quit; else it is destroyed.
     TerminateAgent {
-        /// The agent.
+        /// The name of the agent.
         agent: AgentId,
         /// True if it may finish its work, or ignore the request.
         graceful: bool,

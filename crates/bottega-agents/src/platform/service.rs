@@ -55,7 +55,7 @@ impl From<FailureReason> for NoResult {
 /// A change of an entry, conditional on its known revision.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// The key.
+    /// The key of the entry.
     pub key: Key,
     /// The new text; empty: the entry is removed.
     pub text: String,

@@ -21,7 +21,7 @@ use crate::{AgentId, Performative};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{got}` from {from} is out of sequence: the conversation is {state}")]
 pub struct OutOfSequence {
-    /// The sender.
+    /// The name of the sender.
     pub from: AgentId,
     /// The performative received.
     pub got: Performative,

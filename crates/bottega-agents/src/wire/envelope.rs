@@ -16,7 +16,7 @@ const STAMPS_MAX: usize = 64;
 pub struct Envelope {
     /// The receivers of the message.
     pub to: Vec<AgentId>,
-    /// The sender.
+    /// The name of the sender.
     pub from: Option<AgentId>,
     /// A comment.
     pub comments: Option<String>,

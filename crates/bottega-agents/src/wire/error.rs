@@ -8,7 +8,7 @@ pub enum WireError {
     TooMany {
         /// The kind of items.
         what: &'static str,
-        /// The limit.
+        /// The greatest length that is accepted.
         max: usize,
     },
     /// A syntax error.

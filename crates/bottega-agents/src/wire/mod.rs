@@ -66,7 +66,7 @@ pub const USER_PARAMETERS_MAX: usize = 64;
 pub struct WireMessage {
     /// The communicative act.
     pub performative: Performative,
-    /// The sender.
+    /// The name of the sender.
     pub sender: Option<AgentId>,
     /// The receivers.
     pub receivers: Vec<AgentId>,

@@ -65,9 +65,9 @@ pub struct Bidder {
 /// The award of a zone, or of its first piece, to an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Award {
-    /// The zone.
+    /// The id of the zone.
     pub zone: ZoneId,
-    /// The winner.
+    /// The agent that wins it.
     pub agent: MemberId,
     /// The share of the zone to cut off for the winner, 0..1; `None`: all of it.
     pub share: Option<f64>,
@@ -88,7 +88,7 @@ pub struct BidderStanding<'a> {
 /// The decision of a round.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decision {
-    /// The winners.
+    /// The awards, one per winner and zone.
     pub awards: Vec<Award>,
     /// True if the awards differ from those with all promises believed alike.
     pub credit_decided: bool,

@@ -16,9 +16,9 @@ pub const ATTEMPTS_MAX: u32 = 5;
 /// The row of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZoneRow {
-    /// IdWork.
+    /// IdWork: the work that it belongs to.
     pub work: WorkId,
-    /// IdZone.
+    /// IdZone: its index in the partition, or a new number for a piece.
     pub zone: ZoneId,
     /// Its pixels, without the band. The paper's Size is their number: [`ZoneRow::size`].
     pub rect: Rect,
@@ -96,7 +96,7 @@ pub enum ZoneState {
     Profiled,
     /// An agent paints it. The fencing token is the revision of the row with this state.
     Awarded,
-    /// Painted completely.
+    /// All its samples are painted.
     Done,
     /// Given up after [`ATTEMPTS_MAX`] attempts.
     Failed,
@@ -105,7 +105,7 @@ pub enum ZoneState {
 /// The painting that an agent reports for a step of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vote {
-    /// The agent.
+    /// The name of the agent.
     pub agent: AgentId,
     /// The painting.
     pub painting: Painting,

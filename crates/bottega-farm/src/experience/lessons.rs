@@ -12,7 +12,7 @@ const REMEMBERED: f64 = 0.5;
 const ZONES_MAX: f64 = 64.0;
 /// Number of zones with logarithm 0 added to each kind, so that few zones have little effect (shrinkage).
 const DOUBT: f64 = 2.0;
-/// The same for the widest kind, for which no wider one exists.
+/// Like [`DOUBT`], for the widest kind, for which no wider one exists.
 const DOUBT_OF_ALL: f64 = 0.25;
 /// Bound on logarithms; values beyond it are not plausible measurements.
 const LOG_MAX: f64 = 20.0;

@@ -541,7 +541,7 @@ impl Member {
         self.row.power.get() / self.row.lanes.max(1e-6)
     }
 
-    /// The same, weighted by its reliability.
+    /// Own seconds per second of the reference machine, weighted by its reliability.
     pub(super) fn own(&self) -> f64 {
         self.promised_own() / self.worth()
     }

@@ -98,7 +98,7 @@ mod tests {
         assert_eq!(worth.of(Some(odd), &row(5.0), 64), Some(Duration::from_secs_f64(6.4)));
         let of_all = worth.of(None, &row(5.0), 64).unwrap().as_secs_f64();
         assert!((of_all - 320.0 * 400.8 / 80.0).abs() < 1e-6, "{of_all}");
-        // Who is alone is held to its own.
+        // An agent alone is measured by its own zones.
         let mut alone = ZoneWorth::default();
         alone.see(odd, &row(10.0), &painting(4, 0.4));
         assert_eq!(alone.of(Some(odd), &row(10.0), 8), Some(Duration::from_secs_f64(0.8)));

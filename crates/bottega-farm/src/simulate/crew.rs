@@ -47,7 +47,7 @@ pub struct Incident {
     pub at: Duration,
     /// Index of the agent.
     pub agent: usize,
-    /// The kind.
+    /// The kind, with its parameters.
     pub kind: IncidentKind,
 }
 
@@ -80,7 +80,7 @@ pub enum CrewError {
     Item {
         /// The word.
         item: String,
-        /// The problem.
+        /// The problem, as text for the user.
         problem: &'static str,
     },
     /// There are no agents.

@@ -177,7 +177,7 @@ mod tests {
         Time::since_start(Duration::from_secs_f64(seconds))
     }
 
-    /// When each job of one machine ends: zone and time, in order.
+    /// The end of each job of one machine, in order: zone and time.
     fn ends(machines: &mut Machines) -> Vec<(u32, f64)> {
         let mut ends = Vec::new();
         while let Some(now) = machines.next() {

@@ -223,7 +223,7 @@ pub enum SimulationError {
     /// The Master abandoned the work.
     #[error("the work was given up: {reason}")]
     Abandoned {
-        /// The reason.
+        /// The reason, as text for the user.
         reason: String,
     },
     /// An invariant does not hold: an error in this program.

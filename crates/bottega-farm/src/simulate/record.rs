@@ -101,7 +101,7 @@ pub struct RecordedZone {
     pub complexity: f64,
     /// The Neighbor Difference.
     pub neighbor_difference: NeighborDifference,
-    /// The settings.
+    /// The settings that it was painted with.
     pub choice: Choice,
     /// Processor time of the first [`Choice::profile_samples`] samples.
     pub profiling: Duration,
@@ -206,7 +206,7 @@ pub enum RecordError {
         line: usize,
         /// The column, from 1.
         column: usize,
-        /// The problem.
+        /// The problem, as text for the user.
         problem: String,
     },
     /// It has another version.
@@ -220,7 +220,7 @@ pub enum RecordError {
     Value {
         /// The name of the field.
         field: String,
-        /// The problem.
+        /// The problem, as text for the user.
         problem: String,
     },
 }

@@ -112,7 +112,7 @@ pub(super) struct SimulatedFarm {
     /// Minimum latency of a message.
     latency: Duration,
     random: Random,
-    /// Scratch space.
+    /// Scratch space, kept to avoid allocations.
     done: Vec<PaintJob>,
     pub(super) spans: Vec<Span>,
     pub(super) spans_left_out: u64,

@@ -52,7 +52,7 @@ pub enum WireError {
         what: &'static str,
         /// Its length.
         length: usize,
-        /// The limit.
+        /// The greatest length that is accepted.
         max: usize,
     },
     /// A set of AOVs contains an unknown one.

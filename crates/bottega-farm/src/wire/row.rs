@@ -302,7 +302,7 @@ enum OptimizationRecord {
 enum GoalRecord {
     Samples,
     Error(f64),
-    /// Nanoseconds.
+    /// The time, in nanoseconds.
     Time(u64),
 }
 

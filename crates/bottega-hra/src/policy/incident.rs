@@ -55,7 +55,7 @@ impl fmt::Display for Fault {
 /// A kind of fault of a resource, with its occurrences. Its units were done elsewhere, if possible.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Incident {
-    /// The resource.
+    /// The id of the resource.
     pub resource: ResourceId,
     /// The kind.
     pub fault: Fault,

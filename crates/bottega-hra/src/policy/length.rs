@@ -5,7 +5,6 @@
 //!
 //! If units have shorter maximum delays, the capacity is smaller, so that the last unit is begun within half of the
 //! shortest recent maximum delay, whatever the order.
-//! shortest maximum delay that was asked for of late, whatever the order.
 
 use std::time::Duration;
 

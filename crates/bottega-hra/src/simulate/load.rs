@@ -9,7 +9,7 @@ use crate::{DataId, Primitive, Time};
 pub struct Arrival {
     /// The time; it enters the bin then, or when there is room.
     pub at: Time,
-    /// The primitive.
+    /// The primitive requested.
     pub primitive: Primitive,
     /// Number of items.
     pub size: u64,

@@ -139,7 +139,8 @@ pub(crate) fn take_works<W: Work>(units: &mut [Unit<UnitPayload<W>>]) -> Vec<W> 
     works
 }
 
-/// Asks a resource to recover; a panic counts as a failure. Its success is not awaited by anything.
+/// Asks a resource to recover; a panic counts as a failure. Shutdown does not wait for the thread meanwhile, nor after
+/// a failure.
 pub(crate) fn recover<W: Work>(
     shared: &AllocatorState<W>,
     id: ResourceId,

@@ -145,7 +145,7 @@ impl<W: Work> AllocatorState<W> {
         }
     }
 
-    /// Whether `primitive` is supported, and on this much data.
+    /// Returns two bools: true if `primitive` is supported at all, and true if it is on this much data.
     pub(crate) fn can(&self, primitive: Primitive, data_bytes: u64) -> (bool, bool) {
         let able = self.able[primitive.index()].load(Ordering::SeqCst);
         (able > 0, data_bytes < able || able == u64::MAX)

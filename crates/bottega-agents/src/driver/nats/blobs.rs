@@ -32,7 +32,7 @@ const SILENT: Duration = Duration::from_secs(10);
 pub struct BlobError {
     /// The name of the blob.
     pub name: String,
-    /// The reason.
+    /// The reason, as text for the user.
     pub reason: String,
     /// True if retrying is useless; false if the server is unreachable or has no room.
     pub is_lasting: bool,

@@ -46,7 +46,7 @@ pub enum NatsError {
     Keep {
         /// The kind of storage.
         what: &'static str,
-        /// The reason.
+        /// The reason, as text for the user.
         reason: String,
         /// True if retrying is useless; false if the server is reloading its configuration.
         is_lasting: bool,
@@ -60,7 +60,7 @@ pub enum NatsError {
     /// The server does not confirm that it has reloaded its configuration.
     #[error("the NATS server does not read its configuration again: {reason}")]
     NoReload {
-        /// What came instead of an answer.
+        /// The error received instead of an answer.
         reason: String,
     },
     /// The server rejects its configuration.

@@ -1,10 +1,10 @@
-//! The uplink over NATS: messages on subjects, the store in a key-value bucket of JetStream, blobs in an object store, pixels in
-//! a stream.
+//! The link over NATS: messages on subjects, the store in a key-value bucket of JetStream, blobs in an object store,
+//! tiles in a stream.
 //!
-//! A message from A to B goes out on `bottega.FARM.to.HOME.B.from.HOME.A`: an agent listens to what is addressed to it, and a
-//! server that gives each member leave to speak `from` its own home alone makes senders certain ([`Rights`]). A write that must not overtake
-//! another is a publication with the sequence that its subject must have last: the bucket's revision, and our fencing token.
-//! What the server did not confirm counts as unknown, never as done.
+//! A message from A to B has the subject `bottega.FARM.to.HOME.B.from.HOME.A`: an agent subscribes to messages
+//! addressed to it, and a server that lets each member publish `from` its own home only makes senders certain
+//! ([`Rights`]). A conditional write is a publication with the expected last sequence of its subject: the bucket's
+//! revision, and our fencing token. A write that the server did not confirm counts as unknown, never as done.
 
 mod blobs;
 mod board;

@@ -6,63 +6,63 @@ use async_nats::ConnectOptions;
 
 use super::{error::NatsError, names, pin::Pin};
 
-/// How long the server may take to answer before it counts as silent.
+/// Timeout of answers of the server.
 pub(super) const ANSWER_TIME: Duration = Duration::from_secs(2);
 
-/// How long is waited for the server at first.
+/// Timeout of the first connection.
 pub(super) const CONNECT_TIME: Duration = Duration::from_secs(5);
 
 /// The address of a farm.
 #[derive(Clone, Debug, Default)]
 pub struct NatsOptions {
-    /// Addresses of its servers: `nats://host:4222`.
+    /// The addresses of its servers: `nats://host:4222`.
     pub servers: Vec<String>,
-    /// Who one is to the servers.
+    /// The credentials.
     pub login: Login,
-    /// How the way to them is kept from others.
+    /// The encryption.
     pub tls: Tls,
-    /// The name of the farm: farms of different names on one server know nothing of each other.
+    /// The name of the farm: farms with different names on one server are independent.
     pub farm: String,
-    /// Whose agents these are: their names end in `@MEMBER`, or `@MEMBER.` and anything.
+    /// The member: names of its agents end in `@MEMBER`, or `@MEMBER.` and more.
     pub member: String,
-    /// Whether the farm is to be there already: who has no right to make it does not try.
+    /// True if the farm must exist already: a guest has no right to create it.
     pub is_guest: bool,
 }
 
 /// The credentials for a server.
 #[derive(Clone, Debug, Default)]
 pub enum Login {
-    /// Nobody asks.
+    /// No credentials.
     #[default]
     Nobody,
-    /// Who knows a word.
+    /// A token.
     Token(String),
-    /// A name and a word.
+    /// User name and password.
     User(String, String),
-    /// Who has a key: its seed.
+    /// The seed of a key pair.
     NKey(String),
-    /// What a file says.
+    /// A file with credentials.
     Credentials(PathBuf),
 }
 
 /// The encryption of a connection.
 #[derive(Clone, Debug, Default)]
 pub struct Tls {
-    /// Nothing is said before it is.
+    /// True if encryption is required.
     pub is_required: bool,
-    /// The one certificate that the server may have; without it, one that an authority vouches for.
+    /// The only accepted certificate of the server; `None`: one signed by a known authority.
     pub pin: Option<Pin>,
-    /// Certificates of more authorities than those of the system.
+    /// Certificates of authorities in addition to those of the system.
     pub authorities: Option<PathBuf>,
-    /// Certificate and key by which one is known to the server.
+    /// Certificate and key of the client.
     pub own: Option<(PathBuf, PathBuf)>,
 }
 
 impl NatsOptions {
-    /// What the library is to be told.
+    /// The options for the library.
     ///
     /// # Errors
-    /// The credentials cannot be read, or a name is none.
+    /// The credentials cannot be read, or a name is invalid.
     pub(super) async fn connect_options(&self) -> Result<ConnectOptions, NatsError> {
         let is_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if self.farm.is_empty() || self.farm.len() > 64 || !self.farm.chars().all(is_name) {

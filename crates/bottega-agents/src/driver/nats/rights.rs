@@ -1,7 +1,8 @@
 //! Rights on a server: which role may publish and read which subjects.
 //!
-//! Who only paints may say what its own agents say, that it is there, and what it has painted, and enter its own agents into the
-//! directories; it may read scenes and be told. It cannot speak as a Master, write rows, jobs or who leads, or touch streams.
+//! A member that only paints may publish messages of its own agents, its presence and its tiles, and enter its own
+//! agents into the directories; it may read scenes and receive messages. It cannot send as a Master, write rows, jobs
+//! or leaders, or change streams.
 
 use super::names;
 

@@ -19,8 +19,8 @@ use tokio_stream::StreamExt;
 const AGAIN_AFTER: Duration = Duration::from_millis(250);
 /// Interval of calls to a follower without news.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// How often a second the server is asked at most what it passed over. Where entries are written anew faster than they are told, numbers
-/// are missing between nearly all of them: then all are told again.
+/// Maximum number of questions per second to the server about missing numbers. If entries are rewritten faster than
+/// they are reported, numbers are missing between nearly all of them: then everything is reported again.
 const QUESTIONS_MAX: u32 = 200;
 /// The header of a message that says that an entry was removed.
 const OPERATION: &str = "KV-Operation";
@@ -49,14 +49,14 @@ pub(super) struct WrittenEntry {
 /// Reports all entries below a name, and then every change, until `tell` returns false. After an interruption all are
 /// reported again.
 ///
-/// Neither the number of entries that wait, which the server tells with each, nor that a consumer delivers all of them is relied
-/// on: servers (2.9.10) may count wrongly and never come to 0 where entries are written while a consumer begins, and under load
-/// entries were seen to be passed over. What is known is compared with the last entry that there is, and where
-/// numbers are missing between two entries the server is asked what was written there.
+/// Neither the number of pending entries, which the server gives with each one, nor complete delivery by a consumer is
+/// reliable: servers (2.9.10) may count wrongly and never reach 0 if entries are written while a consumer starts, and
+/// under load entries were skipped. So the last number received is compared with that of the last existing entry, and
+/// if numbers are missing between two entries the server is asked for them.
 pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut tell: impl FnMut(WatchNews) -> bool) {
     let filter = format!("{}{below}", store.prefix);
     while tell(WatchNews::Nothing) {
-        // Those that are there are told by the last of each name; of what is written after them nothing may be missing.
+        // Existing entries are reported by the last write of each name; later writes must all be reported
         let Ok(there) = last_written(store, &filter).await else {
             tokio::time::sleep(AGAIN_AFTER).await;
             continue;
