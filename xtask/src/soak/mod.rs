@@ -25,7 +25,7 @@ use self::{
     kinds::{PictureKind, bits},
     watch::IdleWatch,
 };
-use crate::{cargo::cargo, needs, python};
+use crate::{cargo::cargo, needs, python, run_head};
 
 /// Machines of one thread each, and guests.
 const MACHINES: usize = 2;
@@ -82,12 +82,13 @@ pub(crate) fn soak(args: &SoakArgs) -> Result<()> {
             crate::cargo::target().join("debug/bottega")
         }
     };
+    let head = run_head::head(&program)?;
     let mut soak = Soak::start(args, &program)?;
     let ran = soak.run(args.steps);
     if let Err(error) = ran {
         bail!("{error:#}\n\nseed {}, after {} steps:\n{}", args.seed, soak.figures.steps, soak.farm.logs());
     }
-    let text = soak.told(args);
+    let text = format!("{head}\n{}", soak.report());
     print!("{text}");
     args.output.as_ref().map_or(Ok(()), |path| fs::write(path, text)).context("the figures are not written")
 }
@@ -472,22 +473,19 @@ impl Soak {
         Ok(())
     }
 
-    fn told(&self, args: &SoakArgs) -> String {
+    fn report(&self) -> String {
         let Figures {
             steps, happened, refused, again, by_door, quiet_moments, pictures_compared, kept_pictures, ..
         } = &self.figures;
         let happened: Vec<String> = happened.iter().map(|(what, count)| format!("{count} {what:?}")).collect();
         let doors: Vec<String> = by_door.iter().map(|(door, count)| format!("{count} {door}")).collect();
         format!(
-            "cargo xtask soak --steps {} --seed {}\n\
-             {steps} steps in {:.0} s, {refused} of them could not be done just then, {again} tries failed while the server was \
+            "{steps} steps in {:.0} s, {refused} of them could not be done just then, {again} tries failed while the server was \
              away: {}\n\
              by door: {}\n\
              {quiet_moments} quiet moments; {pictures_compared} pictures fetched and compared bit by bit, {kept_pictures} of them while painted \
              again\n\
              the longest that a job waited while a machine was free: {:.1} s; begun again by the farm's own watch: {}\n",
-            args.steps,
-            args.seed,
             self.begun.elapsed().as_secs_f64(),
             happened.join(", "),
             doors.join(", "),
