@@ -52,7 +52,7 @@ pub const INTERVALS: usize = 512;
 /// Quantiles of the absolute value of a filter of radius 1: offsets at probabilities i / INTERVALS. The density between
 /// them is constant.
 #[derive(Clone, Debug)]
-struct Table {
+struct QuantileTable {
     quantiles: [f32; INTERVALS + 1],
     /// Integral of the absolute value over the integral; 1 for a filter that is nowhere negative.
     excess: f32,
@@ -60,8 +60,8 @@ struct Table {
     sign_change: f32,
 }
 
-static TENT: LazyLock<Table> = LazyLock::new(|| table(Filter::Tent { radius: 1.0 }));
-static BLACKMAN_HARRIS: LazyLock<Table> = LazyLock::new(|| table(Filter::BlackmanHarris { radius: 1.0 }));
+static TENT: LazyLock<QuantileTable> = LazyLock::new(|| table(Filter::Tent { radius: 1.0 }));
+static BLACKMAN_HARRIS: LazyLock<QuantileTable> = LazyLock::new(|| table(Filter::BlackmanHarris { radius: 1.0 }));
 
 /// Samples offsets from a pixel's centre by the density of a filter.
 #[derive(Clone, Debug)]
@@ -73,8 +73,8 @@ pub struct FilterSampler {
 #[derive(Clone, Debug)]
 enum FilterShape {
     Uniform,
-    Shared(&'static Table),
-    Own(Box<Table>),
+    Shared(&'static QuantileTable),
+    Own(Box<QuantileTable>),
 }
 
 impl FilterSampler {
@@ -139,7 +139,7 @@ impl FilterSampler {
 }
 
 /// Inverts the integral of the absolute value of a filter of radius 1, summed on a fine grid by the trapezoidal rule.
-fn table(filter: Filter) -> Table {
+fn table(filter: Filter) -> QuantileTable {
     const STEPS: usize = 8 * INTERVALS;
     let at = |step: usize| 2.0 * step as f64 / STEPS as f64 - 1.0;
     let mut integral = vec![0.0; STEPS + 1];
@@ -166,7 +166,7 @@ fn table(filter: Filter) -> Table {
         Some([low, high, ..]) => low + turn.fract() as f32 * (high - low),
         _ => f32::INFINITY,
     };
-    Table { quantiles, excess: (total / signed) as f32, sign_change }
+    QuantileTable { quantiles, excess: (total / signed) as f32, sign_change }
 }
 
 /// Returns e^−x for x ≥ 0. Uses sums and products only, so that tables have the same bits on every platform.

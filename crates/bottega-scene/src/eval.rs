@@ -62,7 +62,7 @@ fn look_up(scene: &Scene, map: &TextureMap, uvs: impl Uvs, footprint: f32) -> Ve
 impl Material {
     /// Returns the probability that the surface is present, in [0, 1]; 0 or 1 for [`AlphaMode::Mask`].
     ///
-    /// - `vertex_alpha`: interpolated from [`Mesh::colors`](crate::Mesh::colours); 1 without vertex colours.
+    /// - `vertex_alpha`: interpolated from [`Mesh::colors`](crate::Mesh::colors); 1 without vertex colours.
     /// - `uvs`, `footprint`: as for [`ColorParam::eval`].
     pub fn opacity_at(&self, scene: &Scene, uvs: impl Uvs, footprint: f32, vertex_alpha: f32) -> f32 {
         let alpha = || vertex_alpha * self.opacity.eval(scene, uvs, footprint);

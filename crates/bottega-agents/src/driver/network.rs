@@ -75,7 +75,7 @@ const OUTSIDE: NodeId = NodeId(u32::MAX);
 const REPORTS_KEPT_MAX: usize = 1 << 10;
 
 /// Reports of an agent's watches in transit.
-type Reports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::Value>)>;
+type WatchReports<M> = VecDeque<(Ticket, StoreReply<<M as StateMachine>::Value>)>;
 
 /// The state of a simulation except for the machines: the bus uses it.
 pub(super) struct Network<M: StateMachine> {
@@ -93,7 +93,7 @@ pub(super) struct Network<M: StateMachine> {
     /// The number of each agent's life; `None` while it is down.
     lives: Vec<Option<u32>>,
     /// Reports of watches in transit to each agent: a partition delays them; none is lost or reordered.
-    reports: Vec<Reports<M>>,
+    reports: Vec<WatchReports<M>>,
     /// Agents cut off by the partition; the store is on the other side.
     pub(super) cut_off: BTreeSet<NodeId>,
     presence_watchers: BTreeSet<NodeId>,

@@ -74,13 +74,13 @@ struct Places {
 
 /// Agents ordered by a key. Maintained only while in use, which is seldom.
 #[derive(Clone, Debug, Default)]
-struct Order<K> {
+struct AgentOrdering<K> {
     agents: BTreeSet<(K, MemberId)>,
     is_kept: bool,
     was_asked_for: bool,
 }
 
-impl<K: Copy + Ord> Order<K> {
+impl<K: Copy + Ord> AgentOrdering<K> {
     fn alter(&mut self, id: MemberId, before: Option<K>, after: Option<K>) {
         if !self.is_kept || before == after {
             return;
@@ -126,9 +126,9 @@ pub(super) struct Roster {
     /// Agents that may bid, by the time at which they need another zone: see [`Member::due`].
     free: BTreeSet<(Time, MemberId)>,
     /// Agents that may profile, by the time they take for their profiles.
-    profiling: Order<u64>,
+    profiling: AgentOrdering<u64>,
     /// Agents that hold zones, by the expected time at which they finish them.
-    laden: Order<Time>,
+    laden: AgentOrdering<Time>,
     resting: BTreeSet<(Time, MemberId)>,
     passed_over: BTreeSet<MemberId>,
     /// Speeds and loads of all agents, for the auction.

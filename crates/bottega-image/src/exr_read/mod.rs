@@ -181,7 +181,7 @@ pub(crate) fn read<R: BufRead + Seek>(
     let window = ExrWindow::of(header);
     let count = header.layer_size.0 * header.layer_size.1;
     let plane = |to: ChannelTarget| targets.iter().any(|target| target.to == to).then(|| vec![0.0; count]);
-    let mut canvas = Canvas {
+    let mut canvas = ChannelCanvas {
         picture: Picture::new(window.size.0, window.size.1),
         planes: (0..wanted.names.len()).map(|index| plane(ChannelTarget::Plane(index))).collect(),
         alpha: plane(ChannelTarget::Alpha),
@@ -231,7 +231,7 @@ fn read_blocks<R: BufRead + Seek>(
     reader: exr::block::reader::Reader<R>,
     headers: &[Header],
     targets: &[Target],
-    canvas: &mut Canvas,
+    canvas: &mut ChannelCanvas,
 ) -> Result<(), ImageError> {
     let mut covered = vec![0; headers.len()];
     let mut chunks = reader.all_chunks(false).map_err(|error| failed(source, error))?;
@@ -276,7 +276,7 @@ enum ChannelTarget {
 }
 
 /// The destination of all channels.
-struct Canvas {
+struct ChannelCanvas {
     picture: Picture,
     planes: Planes,
     alpha: Option<Vec<f32>>,
@@ -348,7 +348,12 @@ fn announces_too_much(chunk: &Chunk, header: &Header) -> bool {
 
 /// Copies the requested channels of a block. Returns the number of its pixels, or `None` if some are outside of the
 /// picture.
-fn copy_block(block: &UncompressedBlock, header: &Header, wanted: &[&Target], canvas: &mut Canvas) -> Option<usize> {
+fn copy_block(
+    block: &UncompressedBlock,
+    header: &Header,
+    wanted: &[&Target],
+    canvas: &mut ChannelCanvas,
+) -> Option<usize> {
     let Vec2(x, y) = block.index.pixel_position;
     let Vec2(width, height) = block.index.pixel_size;
     let row_length = canvas.picture.width as usize;

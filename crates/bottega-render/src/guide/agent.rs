@@ -21,7 +21,7 @@ const OUTLIER: f32 = 40.0;
 
 /// The agent of one region.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Agent {
+pub(crate) struct RegionAgent {
     /// Learned choice of lights; `None`: none was learned.
     lights: Option<Choice>,
     /// Root of the mean square of the light that leaves, divided by the work.
@@ -30,7 +30,7 @@ pub(crate) struct Agent {
     pub(super) noise: f32,
 }
 
-/// Size of an [`Agent`] in its byte form, in numbers.
+/// Size of a [`RegionAgent`] in its byte form, in numbers.
 pub(super) const NUMBERS: usize = 3 + CHOICE_NUMBERS;
 
 /// Light that leaves a vertex of a path, by its greatest channel, and the work of finding it.
@@ -42,7 +42,7 @@ pub(super) struct DepartingLight {
     pub(super) work: f32,
 }
 
-impl Agent {
+impl RegionAgent {
     /// Learns an agent. `None`: too few vertices.
     pub(super) fn new(left: impl Iterator<Item = DepartingLight> + Clone, lights: Option<Choice>) -> Option<Self> {
         let count = left.clone().count();

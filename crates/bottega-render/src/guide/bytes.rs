@@ -6,7 +6,7 @@
 //! of each region; data of each agent; importance of each part. Then, for each region, the cumulative weights of its
 //! cells, two bytes each.
 
-use super::agent::{Agent, NUMBERS, PictureWorth};
+use super::agent::{NUMBERS, PictureWorth, RegionAgent};
 use super::directions::{CELLS, Directions};
 use super::plan::{PaintPlan, PaintingWay};
 use super::tree::{Guide, GuideNode, Lattice, Region};
@@ -85,7 +85,7 @@ fn read(bytes: &[u8]) -> Option<Guide> {
         for it in &mut numbers {
             *it = number()?;
         }
-        Agent::from_numbers(&numbers)
+        RegionAgent::from_numbers(&numbers)
     };
     let agents = (0..agents).map(agent).collect::<Option<Vec<_>>>()?;
     let worth = (0..parts).map(|_| number().map(f32::from_bits)).collect::<Option<Vec<_>>>()?;

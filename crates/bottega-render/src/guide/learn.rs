@@ -5,7 +5,7 @@ use std::{cmp::Ordering, ops::Range};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::agent::{Agent, DepartingLight};
+use super::agent::{DepartingLight, RegionAgent};
 use super::directions::{Directions, Pyramid, solid_angle};
 use super::tree::{FACES, Guide, GuideNode, LONE, Lattice, Region, Tree};
 use crate::lights::{Lights, RequestedLight};
@@ -67,7 +67,7 @@ pub(super) struct DirectionSample {
 
 /// A direction taken, with the mean square of incident light that it represents, per solid angle.
 #[derive(Clone, Copy)]
-struct Sample {
+struct WeighedSample {
     taken: DirectionSample,
     square: f32,
     /// `true`: it led to another vertex.
@@ -119,13 +119,13 @@ pub(super) fn learn(vertices: &[Vertex], lights: Option<&Lights>) -> Guide {
         let found = vertex.emitted + vertex.weight * next;
         let taken = vertex.taken?;
         let square = found * found * taken.pdf;
-        square.is_finite().then_some(Sample { taken, square, has_next: vertex.has_next })
+        square.is_finite().then_some(WeighedSample { taken, square, has_next: vertex.has_next })
     };
     let agent = |places: &[VertexPlace]| {
         let all = || places.iter().map(|place| &vertices[place.vertex as usize]);
         let asked: Vec<RequestedLight> = all().filter_map(|vertex| vertex.asked).collect();
         let left = all().map(|vertex| DepartingLight { brightness: vertex.brightness, work: vertex.work });
-        Agent::new(left, lights?.learn(&asked))
+        RegionAgent::new(left, lights?.learn(&asked))
     };
     Guide::new(lattice, grown.into_par_iter().map(|grown| grown.filled(sample, agent)).collect())
 }
@@ -194,8 +194,8 @@ impl RegionTree {
     /// Learns the regions of all leaves, each from its own samples and from the regions around it.
     fn filled(
         mut self,
-        sample: impl Fn(&VertexPlace) -> Option<Sample>,
-        agent: impl Fn(&[VertexPlace]) -> Option<Agent>,
+        sample: impl Fn(&VertexPlace) -> Option<WeighedSample>,
+        agent: impl Fn(&[VertexPlace]) -> Option<RegionAgent>,
     ) -> Tree {
         if self.nodes.is_empty() {
             return Tree::default();
@@ -213,13 +213,13 @@ impl RegionTree {
         for range in &mut self.ranges {
             *range = counts[range.start]..counts[range.end];
         }
-        let mut filling = Filling { agents, tree: Tree::default() };
+        let mut filling = GrowingTree { agents, tree: Tree::default() };
         self.fill(0, &samples, &LearntRegion::nothing(), &mut filling);
         Tree { nodes: self.nodes, ..filling.tree }
     }
 
     /// Learns the leaves below a node; `ranges` are those of the samples now.
-    fn fill(&mut self, at: usize, samples: &[Sample], around: &LearntRegion, filling: &mut Filling) {
+    fn fill(&mut self, at: usize, samples: &[WeighedSample], around: &LearntRegion, filling: &mut GrowingTree) {
         let seen = &samples[self.ranges[at].clone()];
         // On the heap: trees may be deep
         let here = Box::new(around.within(seen));
@@ -233,13 +233,13 @@ impl RegionTree {
 }
 
 /// A tree whose leaves are being learned.
-struct Filling {
+struct GrowingTree {
     /// Agents by node.
-    agents: Vec<Option<Agent>>,
+    agents: Vec<Option<RegionAgent>>,
     tree: Tree,
 }
 
-impl Filling {
+impl GrowingTree {
     /// Stores region and agent of a leaf, and returns its node.
     fn leaf(&mut self, at: usize, region: Option<Region>) -> GuideNode {
         let (agent, tree) = (self.agents[at], &mut self.tree);
@@ -276,19 +276,19 @@ impl LearntRegion {
     }
 
     /// Learns a part of this region from its samples, with this region as prior.
-    fn within(&self, samples: &[Sample]) -> Self {
+    fn within(&self, samples: &[WeighedSample]) -> Self {
         let of_half = |which: usize| Pyramid::learnt(&self.halves[which], weights(half(samples, which)));
         Self { whole: Pyramid::learnt(&self.whole, weights(samples.iter())), halves: [of_half(0), of_half(1)] }
     }
 }
 
 /// Returns every other sample.
-fn half(samples: &[Sample], which: usize) -> impl Iterator<Item = &Sample> {
+fn half(samples: &[WeighedSample], which: usize) -> impl Iterator<Item = &WeighedSample> {
     samples.iter().skip(which).step_by(2)
 }
 
 /// Returns cells and weights for a [`Pyramid`].
-fn weights<'a>(samples: impl Iterator<Item = &'a Sample>) -> impl Iterator<Item = (usize, f32)> {
+fn weights<'a>(samples: impl Iterator<Item = &'a WeighedSample>) -> impl Iterator<Item = (usize, f32)> {
     samples.map(|sample| (usize::from(sample.taken.cell), sample.square))
 }
 
@@ -298,7 +298,7 @@ fn directions(learnt: &Pyramid) -> Option<Directions> {
 }
 
 /// Learns the share and the directions of a region; `None`: the BSDF alone is as good.
-fn region(learnt: &LearntRegion, samples: &[Sample]) -> Option<Region> {
+fn region(learnt: &LearntRegion, samples: &[WeighedSample]) -> Option<Region> {
     if samples.len() < SAMPLES_MIN {
         return None;
     }
@@ -307,7 +307,7 @@ fn region(learnt: &LearntRegion, samples: &[Sample]) -> Option<Region> {
     let (mut squares, mut work) = ([0.0_f64; SHARES.len()], [0.0_f64; SHARES.len()]);
     for which in 0..2 {
         let learnt = directions(&learnt.halves[which])?;
-        for Sample { taken, square, has_next } in half(samples, 1 - which) {
+        for WeighedSample { taken, square, has_next } in half(samples, 1 - which) {
             let guided = learnt.weight(usize::from(taken.cell)) / taken.cube;
             let work_after = if *has_next { WORK_AFTER } else { WORK_OF_MISS };
             for (choice, share) in SHARES.into_iter().enumerate() {

@@ -26,7 +26,7 @@ mod plan;
 mod train;
 mod tree;
 
-pub(crate) use agent::Agent;
+pub(crate) use agent::RegionAgent;
 pub(crate) use budget::LearningBudget;
 pub use bytes::UnreadGuide;
 pub(crate) use plan::{PaintPlan, PaintingWay};

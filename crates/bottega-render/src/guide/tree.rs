@@ -4,7 +4,7 @@ use bottega_kernels::prefetch;
 use glam::Vec3;
 
 use super::{
-    agent::{Agent, PictureWorth},
+    agent::{PictureWorth, RegionAgent},
     directions::Directions,
     plan::PaintPlan,
 };
@@ -206,9 +206,9 @@ pub(super) struct Tree {
     /// Directions of the regions.
     pub(super) regions: Vec<Region>,
     /// Agents of the regions, if agents are learned.
-    pub(super) agents: Vec<Agent>,
+    pub(super) agents: Vec<RegionAgent>,
     /// Agents of leaves without directions; their leaf numbers start at [`LONE`].
-    pub(super) lone: Vec<Agent>,
+    pub(super) lone: Vec<RegionAgent>,
 }
 
 /// First leaf number of agents without directions.
@@ -253,7 +253,7 @@ pub(crate) struct Guide {
     nodes: Vec<GuideNode>,
     regions: Vec<Region>,
     /// Agents of the regions, then of leaves without directions. Empty if only directions were learned.
-    agents: Vec<Agent>,
+    agents: Vec<RegionAgent>,
     expected: PictureWorth,
     /// The way of rendering in each zone of the picture.
     plan: PaintPlan,
@@ -305,7 +305,7 @@ impl Guide {
     }
 
     /// Returns lattice, nodes, regions and agents.
-    pub(super) fn parts(&self) -> (Lattice, &[GuideNode], &[Region], &[Agent]) {
+    pub(super) fn parts(&self) -> (Lattice, &[GuideNode], &[Region], &[RegionAgent]) {
         (self.lattice, &self.nodes, &self.regions, &self.agents)
     }
 
@@ -319,7 +319,7 @@ impl Guide {
         lattice: Lattice,
         nodes: Vec<GuideNode>,
         regions: Vec<Region>,
-        agents: Vec<Agent>,
+        agents: Vec<RegionAgent>,
         expected: PictureWorth,
     ) -> Option<Self> {
         let leads_on = |(number, node): (usize, &GuideNode)| {
@@ -370,7 +370,7 @@ impl Guide {
 
     /// Returns the agent of a leaf.
     #[inline(always)]
-    pub(crate) fn agent(&self, leaf: usize) -> Option<&Agent> {
+    pub(crate) fn agent(&self, leaf: usize) -> Option<&RegionAgent> {
         self.agents.get(leaf)
     }
 

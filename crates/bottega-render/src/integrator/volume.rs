@@ -35,7 +35,7 @@ use crate::{
     shading::{BLEND, DEPTH_SHIFT, bsdf_at},
 };
 use passage::{BOUNDARIES_MAX, STEPS, numbers};
-use state::{Path, Previous, SegmentPoint};
+use state::{MediumPath, PreviousVertex, SegmentPoint};
 
 /// Cost of one random number of tracking with its grid lookup, in traversal steps.
 const TRACKING_STEPS: f32 = 2.0;
@@ -53,7 +53,7 @@ impl PathIntegrator<'_> {
 /// Traces one path. The integrator gives the camera and the settings.
 fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay) -> PathRecord {
     let (prepared, settings) = (integrator.prepared(), integrator.settings());
-    let mut path = Path {
+    let mut path = MediumPath {
         prepared,
         settings,
         sampler,
@@ -71,7 +71,7 @@ fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay
         direction: ray.direction,
         cone: ray.cone,
         hides_emitters: integrator.hides_emitters(),
-        previous: Previous { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, along: None },
+        previous: PreviousVertex { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, along: None },
         wants_albedo: integrator.wanted().albedo,
         wants_cost: integrator.wanted().cost,
         record: PathRecord::default(),
@@ -80,7 +80,7 @@ fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay
     path.finish()
 }
 
-impl Path<'_> {
+impl MediumPath<'_> {
     /// Moves the path to its next scattering event or boundary. Returns `false` when the path ends.
     fn advance(&mut self) -> bool {
         let prepared = self.prepared;
@@ -205,7 +205,7 @@ impl Path<'_> {
         let u = self.sampler.quad(DimensionSet::scattering(self.depth));
         // Sample the phase function
         let (wi, pdf) = phase.sample(segment.direction, [u[1], u[2]]);
-        self.previous = Previous { receiver, pdf: Some(pdf), along };
+        self.previous = PreviousVertex { receiver, pdf: Some(pdf), along };
         self.go_on(p, wi, pdf, u[3])
     }
 
@@ -261,7 +261,7 @@ impl Path<'_> {
             self.eta_scale *= sample.eta * sample.eta;
         }
         let pdf = (!sample.is_delta()).then_some(sample.pdf);
-        self.previous = Previous { receiver, pdf, along: None };
+        self.previous = PreviousVertex { receiver, pdf, along: None };
         self.go_on(point.ray_origin(wi), wi, pdf.unwrap_or(f32::INFINITY), u[3])
     }
 
@@ -284,7 +284,7 @@ impl Path<'_> {
             return false;
         }
         let receiver = Receiver { p: point.p_outside, n: Vec3::ZERO };
-        self.previous = Previous { receiver, pdf: None, along: None };
+        self.previous = PreviousVertex { receiver, pdf: None, along: None };
         self.go_on(point.ray_origin(wi), wi, f32::INFINITY, u_roulette)
     }
 

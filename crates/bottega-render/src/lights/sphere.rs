@@ -34,14 +34,14 @@ pub(super) fn bounds(scene: &Scene, sphere: &Sphere) -> LightBounds {
 }
 
 /// The cone of directions that a sphere covers, seen from outside.
-struct Cone {
+struct VisibleCone {
     axis: Vec3,
     distance: f32,
     /// 1 − cos of the half-angle, without cancellation.
     one_minus_cos: f32,
 }
 
-impl Cone {
+impl VisibleCone {
     /// Returns the cone; `None` for a point at or below the sphere's surface.
     fn new(sphere: &Sphere, from: Vec3) -> Option<Self> {
         let to_center = sphere.center - from;
@@ -64,7 +64,7 @@ impl Cone {
 /// Samples a point on the sphere for the point `from`.
 pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
     let sphere = &scene.spheres[index as usize];
-    let (wi, distance, pdf) = match Cone::new(sphere, from) {
+    let (wi, distance, pdf) = match VisibleCone::new(sphere, from) {
         Some(cone) => {
             let (direction, distance) = sample_cone(&cone, sphere.radius, u);
             (direction, distance, cone.pdf())
@@ -99,7 +99,7 @@ pub(super) fn radiance_at(scene: &Scene, sphere: &Sphere, n: Vec3) -> Spectrum {
 }
 
 /// Draws a direction, uniform over the cone; returns it with the distance to the sphere.
-fn sample_cone(cone: &Cone, radius: f32, u: [f32; 2]) -> (Vec3, f32) {
+fn sample_cone(cone: &VisibleCone, radius: f32, u: [f32; 2]) -> (Vec3, f32) {
     let one_minus_cos = u[0] * cone.one_minus_cos;
     let sine_squared = one_minus_cos * (2.0 - one_minus_cos);
     let (sin_phi, cos_phi) = math::sin_cos_of_turns(u[1]);
@@ -120,7 +120,7 @@ fn area_pdf(sphere: &Sphere, wi: Vec3, distance: f32, n: Vec3) -> Option<f32> {
 /// Returns the density per solid angle with which [`sample`] draws the point `p` from `from`.
 pub(super) fn pdf(scene: &Scene, index: u32, from: Vec3, p: Vec3) -> f32 {
     let sphere = &scene.spheres[index as usize];
-    if let Some(cone) = Cone::new(sphere, from) {
+    if let Some(cone) = VisibleCone::new(sphere, from) {
         return cone.pdf();
     }
     let to_light = p - from;

@@ -50,19 +50,19 @@ pub(crate) struct PhotonMaps {
     pub(crate) visibility: PhotonMap,
     /// Density estimator of the picture.
     pub(crate) estimator: Estimator,
-    reach: Reach,
+    reach: SearchRadius,
 }
 
 /// Search radius of photons in [`PhotonMaps::seen`].
 #[derive(Clone, Copy, Debug)]
-enum Reach {
+enum SearchRadius {
     /// Share of the radius of the irradiance photons.
     Share(f32),
     /// Length in scene units.
     Length(f32),
 }
 
-impl Reach {
+impl SearchRadius {
     /// - `value`: the length if `settings` give the radius in scene units, else the share.
     fn new(settings: &PhotonSettings, value: f32) -> Self {
         let is_length = settings.progressive && settings.first_radius.is_some();
@@ -194,7 +194,7 @@ impl PhotonMaps {
             arrivals: Arrivals::default(),
             visibility: PhotonMap::new(traced.visibility),
             estimator,
-            reach: Reach::Share(1.0),
+            reach: SearchRadius::Share(1.0),
         };
         let mut all = None;
         let mut reach = 1.0;
@@ -226,7 +226,7 @@ impl PhotonMaps {
         if settings.progressive {
             reach = settings.first_radius.unwrap_or(FIRST_RADIUS) * shrunk(pass);
         }
-        maps.reach = Reach::new(settings, reach);
+        maps.reach = SearchRadius::new(settings, reach);
         (maps, all)
     }
 
@@ -241,7 +241,7 @@ impl PhotonMaps {
 
     /// Reads maps of a picture with these settings and this extent.
     pub(crate) fn read(settings: &PhotonSettings, extent: Extent, from: &mut Reader<'_>) -> Option<Self> {
-        let reach = Reach::new(settings, from.value()?);
+        let reach = SearchRadius::new(settings, from.value()?);
         let (seen, irradiance) = (from.map()?, IrradianceMap::read(from)?);
         let (direct, indirect, visibility) = (from.map()?, from.map()?, from.map()?);
         let (arrivals, estimator) = (Arrivals::read(from)?, Estimator::new(settings, extent));
@@ -260,8 +260,8 @@ impl PhotonMaps {
     #[inline(always)]
     pub(crate) fn reach_at(&self, p: Vec3) -> f32 {
         match self.reach {
-            Reach::Share(share) => share * self.estimator.reach_at(p),
-            Reach::Length(length) => length,
+            SearchRadius::Share(share) => share * self.estimator.reach_at(p),
+            SearchRadius::Length(length) => length,
         }
     }
 

@@ -48,7 +48,7 @@ pub(super) fn try_out(
         projection: None,
     };
     let batches: Vec<Range<u32>> = parts(TRIALS, BATCH).collect();
-    let try_batch = |indices| compiled::run(Trial { tracer, lookouts, indices });
+    let try_batch = |indices| compiled::run(PhotonRange { tracer, lookouts, indices });
     let met: Vec<Vec<(usize, f64)>> = prepared.on_threads(|| batches.into_par_iter().map(try_batch).collect());
     let mut counts = vec![[0.0; 2]; CELLS.iter().product()];
     for (cell, seen) in met.into_iter().flatten() {
@@ -67,13 +67,13 @@ pub(super) fn try_out(
 }
 
 /// A range of trial photons.
-struct Trial<'a> {
+struct PhotonRange<'a> {
     tracer: Tracer<'a>,
     lookouts: Option<&'a Lookouts>,
     indices: Range<u32>,
 }
 
-impl Task for Trial<'_> {
+impl Task for PhotonRange<'_> {
     /// Cells of the photons that hit mirrors or glass, with the greatest importance of what each stored.
     type Output = Vec<(usize, f64)>;
 

@@ -68,7 +68,7 @@ fn seen_by(samples: &[PathRecord]) -> SurveyPixel {
     let share = 1.0 / sample_count as f32;
     let mut pixel = SurveyPixel::default();
     let (mut color, mut albedo) = (Vec3::ZERO, Vec3::ZERO);
-    let (mut brightness, mut pattern) = (Spread::default(), Spread::default());
+    let (mut brightness, mut pattern) = (RunningMoments::default(), RunningMoments::default());
     let (mut covered, mut indirect) = (0.0_f32, 0.0_f32);
     for record in samples {
         let values = record.values;
@@ -100,13 +100,13 @@ fn seen_by(samples: &[PathRecord]) -> SurveyPixel {
 /// Running mean and standard deviation, without cancellation between large sums. Source: Welford 1962, *Note on a
 /// Method for Calculating Corrected Sums of Squares and Products*.
 #[derive(Clone, Copy, Default)]
-struct Spread {
+struct RunningMoments {
     count: u32,
     mean: f32,
     squares: f32,
 }
 
-impl Spread {
+impl RunningMoments {
     /// Adds a value.
     fn add(&mut self, value: f32) {
         self.count += 1;

@@ -16,10 +16,10 @@ pub(super) struct DracoMesh {
     /// Indices into the attributes.
     pub(super) triangles: Vec<[u32; 3]>,
     /// Attributes by their id within the compressed data.
-    attributes: BTreeMap<u32, Attribute>,
+    attributes: BTreeMap<u32, DracoAttribute>,
 }
 
-struct Attribute {
+struct DracoAttribute {
     /// All elements, without padding between them.
     bytes: Vec<u8>,
     width: usize,
@@ -103,7 +103,10 @@ fn decode(
     let attributes = wanted.into_iter().filter_map(|attribute| {
         let component = component(attribute.data_type())?;
         let bytes = unfold(attribute, vertex_count);
-        Some((attribute.unique_id(), Attribute { bytes, width: usize::from(attribute.num_components()), component }))
+        Some((
+            attribute.unique_id(),
+            DracoAttribute { bytes, width: usize::from(attribute.num_components()), component },
+        ))
     });
     let attributes = attributes.collect();
     let triangles = mesh.faces().iter().map(|face| face.map(|point| point.0)).collect();

@@ -28,10 +28,10 @@ pub(super) fn convert(
     };
     let place = index.map_or_else(|| "default material".into(), |index| format!("materials[{index}]"));
     let culls_back = source.options.cull_backfaces;
-    Converter { place, textures, media, warnings, culls_back }.convert(description)
+    MaterialConverter { place, textures, media, warnings, culls_back }.convert(description)
 }
 
-struct Converter<'a, 's> {
+struct MaterialConverter<'a, 's> {
     place: String,
     textures: &'a mut Textures<'s>,
     media: &'a mut Vec<Medium>,
@@ -41,7 +41,7 @@ struct Converter<'a, 's> {
 
 type Info<'a> = Option<&'a document::TextureInfo>;
 
-impl Converter<'_, '_> {
+impl MaterialConverter<'_, '_> {
     fn convert(mut self, description: &document::Material) -> Result<Material, SceneError> {
         let no_extensions = document::MaterialExtensions::default();
         let extensions = description.extensions.as_deref().unwrap_or(&no_extensions);

@@ -146,7 +146,7 @@ pub(super) fn build(
     let mut placed = PlacedMeshes::default();
     for (mesh, news) in read {
         warnings.append(news);
-        placed.shapes.push(mesh?.map(|mesh| PlacedShape::new(mesh, source.origin != DVec3::ZERO)));
+        placed.shapes.push(mesh?.map(|mesh| NodeShape::new(mesh, source.origin != DVec3::ZERO)));
     }
     let rounded = placed.shapes.iter().flatten().map(|shape| shape.center);
     if let Some(center) = rounded.max_by(|a, b| a.length().total_cmp(&b.length())).filter(|&it| it != DVec3::ZERO) {
@@ -170,13 +170,13 @@ pub(super) fn build(
 #[derive(Default)]
 struct PlacedMeshes {
     /// Shapes that were read; `None`: no triangle remains.
-    shapes: Vec<Option<PlacedShape>>,
+    shapes: Vec<Option<NodeShape>>,
     /// Flattened meshes in world space.
     flat: Vec<Mesh>,
     instances: Vec<(InstancedMesh, Affine3A)>,
 }
 
-struct PlacedShape {
+struct NodeShape {
     mesh: Mesh,
     bounds: (Vec3, Vec3),
     /// Former centre of the mesh in its own space, if it was moved to the origin.
@@ -193,7 +193,7 @@ enum InstancedMesh {
     Flat(usize),
 }
 
-impl PlacedShape {
+impl NodeShape {
     /// - `is_far`: the scene is far from the origin, and the mesh may also be far from its own.
     fn new(mut mesh: Mesh, is_far: bool) -> Self {
         let center = if is_far { crate::origin::centered(&mut mesh) } else { None };

@@ -204,9 +204,9 @@ fn name(source: &GltfSource<'_>, index: usize) -> String {
 }
 
 /// The bytes of a picture. The error is only a warning.
-type Bytes<'a> = Result<Cow<'a, [u8]>, String>;
+type PictureBytes<'a> = Result<Cow<'a, [u8]>, String>;
 
-fn bytes<'a>(source: &GltfSource<'a>, index: usize) -> Result<Bytes<'a>, SceneError> {
+fn bytes<'a>(source: &GltfSource<'a>, index: usize) -> Result<PictureBytes<'a>, SceneError> {
     let image = &source.document.images[index];
     let place = || format!("images[{index}]");
     if let Some(view) = image.buffer_view {

@@ -19,7 +19,7 @@ const PIXELS_MAX: u64 = 1 << 30;
 enum Ktx2Layout {
     /// ETC1S blocks with BasisLZ codebooks.
     BasisLz,
-    Blocks(Block),
+    Blocks(BlockFormat),
     /// Plain bytes, `channels` per texel; `bgr`: blue comes first.
     Bytes {
         channels: usize,
@@ -29,7 +29,7 @@ enum Ktx2Layout {
 
 /// A block compression format of 4 × 4 texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Block {
+enum BlockFormat {
     Uastc,
     Bc1,
     Bc3,
@@ -116,7 +116,7 @@ impl<'a> Ktx2Picture<'a> {
         };
         let layout = match (format, model) {
             (0, MODEL_ETC1S) if scheme == SCHEME_BASIS_LZ => Ktx2Layout::BasisLz,
-            (0, MODEL_UASTC) => Ktx2Layout::Blocks(Block::Uastc),
+            (0, MODEL_UASTC) => Ktx2Layout::Blocks(BlockFormat::Uastc),
             (0, other) => return Some(Err(format!("its KTX2 colour model {other} is not supported"))),
             (format, _) => match layout(format) {
                 Some(layout) => layout,
@@ -181,14 +181,14 @@ fn layout(format: u32) -> Option<Ktx2Layout> {
         23 | 29 => Ktx2Layout::Bytes { channels: 3, bgr: false },
         37 | 43 => Ktx2Layout::Bytes { channels: 4, bgr: false },
         44 | 50 => Ktx2Layout::Bytes { channels: 4, bgr: true },
-        131..=134 => Ktx2Layout::Blocks(Block::Bc1),
-        137 | 138 => Ktx2Layout::Blocks(Block::Bc3),
-        145 | 146 => Ktx2Layout::Blocks(Block::Bc7),
+        131..=134 => Ktx2Layout::Blocks(BlockFormat::Bc1),
+        137 | 138 => Ktx2Layout::Blocks(BlockFormat::Bc3),
+        145 | 146 => Ktx2Layout::Blocks(BlockFormat::Bc7),
         _ => return None,
     })
 }
 
-impl Block {
+impl BlockFormat {
     fn bytes(self) -> usize {
         if self == Self::Bc1 { 8 } else { 16 }
     }

@@ -1,6 +1,6 @@
 //! Materials: bsdfs combined with emission and media.
 
-use super::color::{Role, Use};
+use super::color::{ColorRole, TextureUse};
 use super::document::{Class, Object, ObjectId};
 use super::importer::{Importer, MaterialKey};
 use super::shared::MeshNeeds;
@@ -166,8 +166,8 @@ impl Importer<'_> {
                 reflectance: match object.property("diffuse_reflectance").is_some()
                     || object.child("diffuse_reflectance").is_some()
                 {
-                    true => self.color(object, "diffuse_reflectance", Role::Reflectance, half)?,
-                    false => self.color(object, "reflectance", Role::Reflectance, half)?,
+                    true => self.color(object, "diffuse_reflectance", ColorRole::Reflectance, half)?,
+                    false => self.color(object, "reflectance", ColorRole::Reflectance, half)?,
                 },
                 roughness: 0.0.into(),
             }),
@@ -176,25 +176,25 @@ impl Importer<'_> {
                 // Its α is the slope of a Beckmann distribution, whose standard deviation is α ∕ √2.
                 let roughness = ScalarParam { factor: alpha.factor * std::f32::consts::FRAC_1_SQRT_2, ..alpha };
                 Surface::Diffuse(Diffuse {
-                    reflectance: self.color(object, "reflectance", Role::Reflectance, half)?,
+                    reflectance: self.color(object, "reflectance", ColorRole::Reflectance, half)?,
                     roughness,
                 })
             }
             // Their effect on polarization is ignored.
             "polarizer" | "circular" | "retarder" => {
-                let mut transmittance = self.color(object, "transmittance", Role::Reflectance, Spectrum::ONE)?;
+                let mut transmittance = self.color(object, "transmittance", ColorRole::Reflectance, Spectrum::ONE)?;
                 transmittance.factor *= if object.plugin == "retarder" { 1.0 } else { 0.5 };
                 Surface::clear_sheet(transmittance)
             }
             "difftrans" => Surface::DiffuseTransmission {
                 reflectance: Spectrum::ZERO.into(),
-                transmittance: self.color(object, "transmittance", Role::Reflectance, half)?,
+                transmittance: self.color(object, "transmittance", ColorRole::Reflectance, half)?,
             },
             "conductor" | "roughconductor" => Surface::Conductor(self.conductor(object)?),
             "dielectric" | "roughdielectric" | "thindielectric" => Surface::Dielectric(Dielectric {
                 eta: self.eta(object, "bk7")?,
-                reflectance: self.color(object, "specular_reflectance", Role::Reflectance, Spectrum::ONE)?,
-                transmittance: self.color(object, "specular_transmittance", Role::Reflectance, Spectrum::ONE)?,
+                reflectance: self.color(object, "specular_reflectance", ColorRole::Reflectance, Spectrum::ONE)?,
+                transmittance: self.color(object, "specular_transmittance", ColorRole::Reflectance, Spectrum::ONE)?,
                 facets: self.facets(object, object.plugin == "roughdielectric")?,
                 thin: object.plugin == "thindielectric",
             }),
@@ -206,8 +206,8 @@ impl Importer<'_> {
                 };
                 Surface::Plastic(Plastic {
                     eta: self.eta(object, "polypropylene")?,
-                    diffuse: self.color(object, "diffuse_reflectance", Role::Reflectance, half)?,
-                    specular: self.color(object, "specular_reflectance", Role::Reflectance, Spectrum::ONE)?,
+                    diffuse: self.color(object, "diffuse_reflectance", ColorRole::Reflectance, half)?,
+                    specular: self.color(object, "specular_reflectance", ColorRole::Reflectance, Spectrum::ONE)?,
                     inner,
                     facets: self.facets(object, object.plugin != "plastic")?,
                 })
@@ -218,7 +218,7 @@ impl Importer<'_> {
                 self.report.warn(object.at, message);
                 self.accept_all(object);
                 Surface::Diffuse(Diffuse {
-                    reflectance: self.color(object, "diffuse_reflectance", Role::Reflectance, half)?,
+                    reflectance: self.color(object, "diffuse_reflectance", ColorRole::Reflectance, half)?,
                     roughness: 0.0.into(),
                 })
             }
@@ -303,7 +303,7 @@ impl Importer<'_> {
     fn bump(&mut self, object: &Object) -> Result<Option<ReliefSource>, SceneError> {
         let scale = self.bad(object.float("scale"))?.unwrap_or(1.0) as f32;
         let Some(id) = self.inner_texture(object) else { return Ok(None) };
-        let texture = self.texture(id, Use::Number)?;
+        let texture = self.texture(id, TextureUse::Number)?;
         Ok(texture.map.map(|(map, channel)| {
             let factor = super::color::luminance(texture.factor) * scale;
             ReliefSource::Heights(ScalarParam { factor, texture: Some((map, channel.unwrap_or(Channel::R))) })
@@ -312,7 +312,7 @@ impl Importer<'_> {
 
     fn normal_map(&mut self, object: &Object) -> Result<Option<ReliefSource>, SceneError> {
         let Some(id) = self.inner_texture(object) else { return Ok(None) };
-        let texture = self.texture(id, Use::Vector)?;
+        let texture = self.texture(id, TextureUse::Vector)?;
         Ok(texture.map.map(|(map, _)| ReliefSource::Normals(map, 1.0)))
     }
 
@@ -411,8 +411,8 @@ impl Importer<'_> {
         let name = self.bad(object.string("material"))?.unwrap_or(if has_eta { "none" } else { default });
         let (eta, k) = if has_eta {
             let outside = self.ior(object, "ext_eta", "vacuum")?;
-            let mut eta = self.color(object, "eta", Role::Unbounded, Spectrum::ZERO)?;
-            let mut k = self.color(object, "k", Role::Unbounded, Spectrum::ONE)?;
+            let mut eta = self.color(object, "eta", ColorRole::Unbounded, Spectrum::ZERO)?;
+            let mut k = self.color(object, "k", ColorRole::Unbounded, Spectrum::ONE)?;
             (eta.factor, k.factor) = (eta.factor / outside, k.factor / outside);
             (eta, k)
         } else if name == "none" {
@@ -432,7 +432,7 @@ impl Importer<'_> {
         Ok(Conductor {
             eta,
             k,
-            reflectance: self.color(object, "specular_reflectance", Role::Reflectance, Spectrum::ONE)?,
+            reflectance: self.color(object, "specular_reflectance", ColorRole::Reflectance, Spectrum::ONE)?,
             facets: self.facets(object, object.plugin == "roughconductor")?,
         })
     }
@@ -492,7 +492,7 @@ impl Importer<'_> {
         };
         let solid = |value: ScalarParam| if thin { 0.0.into() } else { value };
         Ok(Principled {
-            base_color: self.color(object, "base_color", Role::Reflectance, Spectrum::splat(0.5))?,
+            base_color: self.color(object, "base_color", ColorRole::Reflectance, Spectrum::splat(0.5))?,
             roughness: self.scalar(object, "roughness", 0.5)?,
             anisotropic: self.scalar(object, "anisotropic", 0.0)?,
             metallic: solid(self.scalar(object, "metallic", 0.0)?),

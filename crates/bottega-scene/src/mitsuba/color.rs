@@ -11,7 +11,7 @@ use crate::{Channel, ColorParam, ScalarParam, SceneError, Spectrum};
 
 /// The quantity that a colour describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
+pub(super) enum ColorRole {
     /// A reflectance or transmittance, in [0, 1].
     Reflectance,
     /// Radiance of an emitter.
@@ -22,10 +22,10 @@ pub(super) enum Role {
 
 /// The use of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Use {
+pub(super) enum TextureUse {
     /// The main reflectance of a surface, which mesh colours multiply.
     Base,
-    Color(Role),
+    Color(ColorRole),
     /// A number: the texture's luminance.
     Number,
     /// A vector, unconverted: a normal map.
@@ -41,7 +41,7 @@ impl Importer<'_> {
         &mut self,
         object: &Object,
         name: &str,
-        role: Role,
+        role: ColorRole,
         default: Spectrum,
     ) -> Result<ColorParam, SceneError> {
         if let Some(property) = object.property(name) {
@@ -50,7 +50,7 @@ impl Importer<'_> {
         let Some(child) = object.child(name) else { return Ok(default.into()) };
         // Mesh colours multiply only the main reflectance of a surface.
         let is_base = matches!(name, "reflectance" | "diffuse_reflectance" | "base_color");
-        let wanted = if is_base { Use::Base } else { Use::Color(role) };
+        let wanted = if is_base { TextureUse::Base } else { TextureUse::Color(role) };
         let texture = self.texture(child.object, wanted)?;
         let factor = self.in_range(texture.factor, role, child.at);
         Ok(ColorParam { factor, texture: texture.map.map(|(map, _)| map) })
@@ -61,7 +61,7 @@ impl Importer<'_> {
         &mut self,
         object: &Object,
         name: &str,
-        role: Role,
+        role: ColorRole,
         default: Spectrum,
     ) -> Result<Spectrum, SceneError> {
         let color = self.color(object, name, role, default)?;
@@ -80,7 +80,7 @@ impl Importer<'_> {
             let number = match property.value {
                 Value::Float(number) => number,
                 Value::Integer(number) => number as f64,
-                _ => f64::from(luminance(self.property_color(property, Role::Unbounded)?)),
+                _ => f64::from(luminance(self.property_color(property, ColorRole::Unbounded)?)),
             };
             if number < 0.0 {
                 self.report.warn(property.at, format!("`{name}` is below 0; 0 stands for it"));
@@ -88,8 +88,8 @@ impl Importer<'_> {
             return Ok((number.max(0.0) as f32).into());
         }
         let Some(child) = object.child(name) else { return Ok((default as f32).into()) };
-        let texture = self.texture(child.object, Use::Number)?;
-        let factor = self.in_range(texture.factor, Role::Unbounded, child.at);
+        let texture = self.texture(child.object, TextureUse::Number)?;
+        let factor = self.in_range(texture.factor, ColorRole::Unbounded, child.at);
         Ok(ScalarParam {
             factor: luminance(factor),
             texture: texture.map.map(|(map, channel)| (map, channel.unwrap_or(Channel::R))),
@@ -97,7 +97,11 @@ impl Importer<'_> {
     }
 
     /// Returns the colour of a property.
-    pub(super) fn property_color(&mut self, property: &ObjectProperty, role: Role) -> Result<Spectrum, SceneError> {
+    pub(super) fn property_color(
+        &mut self,
+        property: &ObjectProperty,
+        role: ColorRole,
+    ) -> Result<Spectrum, SceneError> {
         let color = match &property.value {
             Value::Rgb(rgb) => *rgb,
             Value::Float(number) => Vec3::splat(*number as f32),
@@ -117,8 +121,8 @@ impl Importer<'_> {
 
     /// Returns the colour of a constant spectrum: white for surfaces. Emitted, it has the colour of equal energy,
     /// except in Mitsuba 0.x, where it is also white.
-    fn uniform(&self, value: f64, role: Role) -> Spectrum {
-        if role == Role::Radiance && !self.document.is_old {
+    fn uniform(&self, value: f64, role: ColorRole) -> Spectrum {
+        if role == ColorRole::Radiance && !self.document.is_old {
             Sampled::constant(value).mitsuba_radiance()
         } else {
             Vec3::splat(value as f32)
@@ -126,7 +130,7 @@ impl Importer<'_> {
     }
 
     /// Returns the colour of a spectrum plugin. `None`: it is another texture.
-    pub(super) fn spectrum_plugin(&mut self, id: ObjectId, role: Role) -> Result<Option<Spectrum>, SceneError> {
+    pub(super) fn spectrum_plugin(&mut self, id: ObjectId, role: ColorRole) -> Result<Option<Spectrum>, SceneError> {
         let object = self.document.get(id);
         if object.class != Class::Texture {
             return Ok(None);
@@ -188,8 +192,8 @@ impl Importer<'_> {
     }
 
     /// Clamps a colour to the range of its role, with a warning.
-    fn in_range(&mut self, color: Vec3, role: Role, at: XmlPlace) -> Vec3 {
-        let most = if role == Role::Reflectance { 1.0 } else { f32::MAX };
+    fn in_range(&mut self, color: Vec3, role: ColorRole, at: XmlPlace) -> Vec3 {
+        let most = if role == ColorRole::Reflectance { 1.0 } else { f32::MAX };
         let clamped = color.clamp(Vec3::ZERO, Vec3::splat(most));
         if clamped != color {
             self.report.warn(at, "a colour is out of range, and brought back into it");
@@ -198,11 +202,11 @@ impl Importer<'_> {
     }
 }
 
-fn spectrum_color(sampled: &Sampled, role: Role) -> Spectrum {
+fn spectrum_color(sampled: &Sampled, role: ColorRole) -> Spectrum {
     match role {
-        Role::Reflectance => sampled.mitsuba_reflectance(),
-        Role::Radiance => sampled.mitsuba_radiance(),
-        Role::Unbounded => sampled.mitsuba_unbounded(),
+        ColorRole::Reflectance => sampled.mitsuba_reflectance(),
+        ColorRole::Radiance => sampled.mitsuba_radiance(),
+        ColorRole::Unbounded => sampled.mitsuba_unbounded(),
     }
 }
 

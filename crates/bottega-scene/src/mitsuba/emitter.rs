@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DMat4, DVec3};
 
-use super::color::{Role, Use};
+use super::color::{ColorRole, TextureUse};
 use super::document::{Object, ObjectId};
 use super::importer::Importer;
 use super::sensor::{fov_axis, standing, vertical_fov};
@@ -17,7 +17,7 @@ impl Importer<'_> {
     /// Returns the radiance that a surface emits from its front.
     pub(super) fn area_radiance(&mut self, id: ObjectId) -> Result<ColorParam, SceneError> {
         let object = self.visit(id)?;
-        self.color(object, "radiance", Role::Radiance, Spectrum::ONE)
+        self.color(object, "radiance", ColorRole::Radiance, Spectrum::ONE)
     }
 
     /// Adds an emitter at the top of the scene.
@@ -32,7 +32,7 @@ impl Importer<'_> {
         let to_world = self.to_world(object)?;
         match object.plugin.as_str() {
             "constant" => {
-                let radiance = self.plain_color(object, "radiance", Role::Radiance, Spectrum::ONE)?;
+                let radiance = self.plain_color(object, "radiance", ColorRole::Radiance, Spectrum::ONE)?;
                 self.set_environment(object, Environment::uniform(radiance));
             }
             "envmap" => self.environment_map(object, &to_world)?,
@@ -40,7 +40,7 @@ impl Importer<'_> {
             "point" => {
                 let position = self.bad(object.vector("position"))?;
                 let position = to_world.transform_point3(position.unwrap_or(DVec3::ZERO)).as_vec3();
-                let intensity = self.plain_color(object, "intensity", Role::Radiance, Spectrum::ONE)?;
+                let intensity = self.plain_color(object, "intensity", ColorRole::Radiance, Spectrum::ONE)?;
                 self.add_light(object, LightKind::Point { position, intensity });
             }
             "spot" => self.spot(object, &to_world)?,
@@ -49,7 +49,7 @@ impl Importer<'_> {
                 let Some(direction) = to_world.transform_vector3(direction).try_normalize() else {
                     return Err(self.report.invalid(object.at, "the light has no direction"));
                 };
-                let irradiance = self.plain_color(object, "irradiance", Role::Radiance, Spectrum::ONE)?;
+                let irradiance = self.plain_color(object, "irradiance", ColorRole::Radiance, Spectrum::ONE)?;
                 self.add_light(object, LightKind::Directional { direction: direction.as_vec3(), irradiance });
             }
             "projector" => self.projector(object, &to_world)?,
@@ -113,9 +113,9 @@ impl Importer<'_> {
         let Some(direction) = to_world.transform_vector3(DVec3::Z).try_normalize() else {
             return Err(self.report.invalid(object.at, "the light has no direction"));
         };
-        let intensity = self.plain_color(object, "intensity", Role::Radiance, Spectrum::ONE)?;
+        let intensity = self.plain_color(object, "intensity", ColorRole::Radiance, Spectrum::ONE)?;
         if let Some(child) = object.child("texture") {
-            let texture = self.texture(child.object, Use::Color(Role::Unbounded))?;
+            let texture = self.texture(child.object, TextureUse::Color(ColorRole::Unbounded))?;
             if let Some((map, _)) = texture.map {
                 return self.spot_with_picture(
                     object,
@@ -176,7 +176,7 @@ impl Importer<'_> {
         let mut picture = None;
         let mut aspect = 1.0;
         if let Some(child) = object.child("irradiance") {
-            let texture = self.texture(child.object, Use::Color(Role::Radiance))?;
+            let texture = self.texture(child.object, TextureUse::Color(ColorRole::Radiance))?;
             factor *= texture.factor;
             picture = texture.map.map(|(map, _)| map);
             let inner = self.document.get(child.object);
@@ -189,7 +189,7 @@ impl Importer<'_> {
                 }
             }
         } else {
-            factor *= self.plain_color(object, "irradiance", Role::Radiance, Spectrum::ONE)?;
+            factor *= self.plain_color(object, "irradiance", ColorRole::Radiance, Spectrum::ONE)?;
         }
         let picture = picture.unwrap_or_else(|| {
             TextureMap::new(self.pictures.add(Image::from_linear_rgb("white", 1, 1, vec![[1.0; 3]])))

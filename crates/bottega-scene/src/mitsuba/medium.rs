@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, DAffine3};
 
-use super::color::Role;
+use super::color::ColorRole;
 use super::document::{Class, Object, ObjectId};
 use super::importer::Importer;
 use super::volume::{self, Volume};
@@ -83,8 +83,8 @@ impl Importer<'_> {
 
     /// Reads `sigma_s` and `sigma_a`.
     fn coefficients(&mut self, object: &Object) -> Result<MediumContents, SceneError> {
-        let scattering = self.field(object, "sigma_s", Role::Unbounded, Spectrum::ZERO)?;
-        let absorption = self.field(object, "sigma_a", Role::Unbounded, Spectrum::ZERO)?;
+        let scattering = self.field(object, "sigma_s", ColorRole::Unbounded, Spectrum::ZERO)?;
+        let absorption = self.field(object, "sigma_a", ColorRole::Unbounded, Spectrum::ZERO)?;
         let ((MediumField::Grid(_, place), _) | (_, MediumField::Grid(_, place))) = (&scattering, &absorption) else {
             return Ok(MediumContents {
                 absorption: absorption.mean(),
@@ -120,8 +120,8 @@ impl Importer<'_> {
                 format!("the substance `{}` is not known; a gray fog stands for it", crate::text::shortened(name));
             self.report.warn(object.at, message);
         }
-        let extinction = self.field(object, density, Role::Unbounded, Spectrum::ONE)?;
-        let albedo = self.field(object, "albedo", Role::Reflectance, Spectrum::splat(0.75))?;
+        let extinction = self.field(object, density, ColorRole::Unbounded, Spectrum::ONE)?;
+        let albedo = self.field(object, "albedo", ColorRole::Reflectance, Spectrum::splat(0.75))?;
         let mean_albedo = albedo.mean().min(Spectrum::ONE);
         let mut coefficient = Spectrum::ONE;
         let of = |extinction: Spectrum, variation| {
@@ -155,7 +155,13 @@ impl Importer<'_> {
     }
 
     /// Reads a coefficient of a medium.
-    fn field(&mut self, object: &Object, name: &str, role: Role, default: Spectrum) -> Result<MediumField, SceneError> {
+    fn field(
+        &mut self,
+        object: &Object,
+        name: &str,
+        role: ColorRole,
+        default: Spectrum,
+    ) -> Result<MediumField, SceneError> {
         let child = object.child(name).filter(|child| self.document.get(child.object).class == Class::Volume);
         let Some(child) = child else {
             return self.plain_color(object, name, role, default).map(MediumField::Constant);

@@ -8,7 +8,7 @@ use super::placement::Transform;
 use super::report::ImportReport;
 use super::transform;
 use super::value::{self, Value};
-use super::xml::{self, Element, XmlFault, XmlPlace};
+use super::xml::{self, XmlElement, XmlFault, XmlPlace};
 use crate::SceneError;
 use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
@@ -109,7 +109,7 @@ struct DocumentReader<'a, 'b> {
 }
 
 impl DocumentReader<'_, '_> {
-    fn parse(&mut self, text: &[u8], file: u32) -> Result<Element, SceneError> {
+    fn parse(&mut self, text: &[u8], file: u32) -> Result<XmlElement, SceneError> {
         let (budget, path) = (self.resources.budget(), self.report.path(file).to_path_buf());
         let text = decode_xml(&path, text, budget)?;
         let mut left_out = Vec::new();
@@ -136,7 +136,7 @@ impl DocumentReader<'_, '_> {
     /// Reads the contents of an element.
     fn contents(
         &mut self,
-        elements: Vec<Element>,
+        elements: Vec<XmlElement>,
         container: &mut Container,
         is_scene: bool,
     ) -> Result<(), SceneError> {
@@ -186,7 +186,7 @@ impl DocumentReader<'_, '_> {
         Ok(())
     }
 
-    fn object(&mut self, element: Element, class: Class) -> Result<ObjectId, SceneError> {
+    fn object(&mut self, element: XmlElement, class: Class) -> Result<ObjectId, SceneError> {
         let at = element.at;
         let Some(plugin) = element.attribute("type").map(str::to_owned) else {
             return Err(self.report.invalid(at, format!("<{}> has no `type`", element.name)));
@@ -217,7 +217,7 @@ impl DocumentReader<'_, '_> {
         Ok(object)
     }
 
-    fn property(&mut self, element: &Element, name: String, container: &mut Container) -> Result<(), SceneError> {
+    fn property(&mut self, element: &XmlElement, name: String, container: &mut Container) -> Result<(), SceneError> {
         let at = element.at;
         self.report_attributes(element, &[]);
         let value = match element.name.as_str() {
@@ -252,7 +252,7 @@ impl DocumentReader<'_, '_> {
     /// Reports unused attributes of an object, a property or the operations of a transformation.
     ///
     /// - `more`: allowed attributes beyond those of its tag.
-    fn report_attributes(&mut self, element: &Element, more: &[&str]) {
+    fn report_attributes(&mut self, element: &XmlElement, more: &[&str]) {
         let known: &[&str] = match element.name.as_str() {
             "translate" | "scale" | "point" | "vector" => &["x", "y", "z"],
             "rotate" => &["x", "y", "z", "angle"],
@@ -275,7 +275,12 @@ impl DocumentReader<'_, '_> {
     }
 
     /// Inserts the contents of another file.
-    fn include(&mut self, element: &mut Element, container: &mut Container, is_scene: bool) -> Result<(), SceneError> {
+    fn include(
+        &mut self,
+        element: &mut XmlElement,
+        container: &mut Container,
+        is_scene: bool,
+    ) -> Result<(), SceneError> {
         let reference = self.required(element, "filename")?;
         let at = element.at;
         if self.included.len() >= INCLUDE_DEPTH_MAX {
@@ -309,7 +314,7 @@ impl DocumentReader<'_, '_> {
     }
 
     /// Returns a required attribute, with parameters substituted.
-    fn required(&mut self, element: &Element, name: &str) -> Result<String, SceneError> {
+    fn required(&mut self, element: &XmlElement, name: &str) -> Result<String, SceneError> {
         let Some(text) = element.attribute(name) else {
             return Err(self.report.invalid(element.at, format!("<{}> has no `{name}`", element.name)));
         };
@@ -317,7 +322,7 @@ impl DocumentReader<'_, '_> {
     }
 
     /// Substitutes parameters in all attributes of an element and of the operations of a transformation.
-    fn expand(&mut self, element: &mut Element) -> Result<(), SceneError> {
+    fn expand(&mut self, element: &mut XmlElement) -> Result<(), SceneError> {
         let at = element.at;
         for index in 0..element.attributes.len() {
             if element.attributes[index].1.contains('$') {

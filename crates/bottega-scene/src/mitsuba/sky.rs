@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DMat3, DMat4, DVec3, Vec3};
 use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 
-use super::color::Role;
+use super::color::ColorRole;
 use super::document::Object;
 use super::importer::Importer;
 use crate::{Environment, Image, SceneError, Spectrum};
@@ -25,7 +25,7 @@ const SUN_APERTURE: f64 = 0.5358;
 /// is the same for all directions, sun positions and turbidities.
 const MITSUBA_PER_MODEL: f64 = 0.009_367_66;
 
-struct Sky {
+struct SunSky {
     /// Direction to the sun; +z is the zenith.
     sun: DVec3,
     turbidity: f64,
@@ -44,7 +44,7 @@ impl Importer<'_> {
             self.report.warn(object.at, format!("the {} is as bright as that of Mitsuba 3", object.describe()));
         }
         let turbidity = self.number_at_least(object, "turbidity", 1.0, 3.0)?.clamp(1.0, 10.0);
-        let albedo = self.plain_color(object, "albedo", Role::Reflectance, Spectrum::splat(0.3))?;
+        let albedo = self.plain_color(object, "albedo", ColorRole::Reflectance, Spectrum::splat(0.3))?;
         let scale = self.number_at_least(object, "scale", 0.0, 1.0)?;
         let has = |part: &str| object.plugin.contains(part);
         let share = |name: &str| Ok::<f64, SceneError>(self.number_at_least(object, name, 0.0, 1.0)? * scale);
@@ -70,7 +70,7 @@ impl Importer<'_> {
         let sky_from_picture = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
         let bytes = (WIDTH * HEIGHT * 16) as usize;
         self.take(object.at, bytes)?;
-        let sky = Sky::new(sun, turbidity, albedo);
+        let sky = SunSky::new(sun, turbidity, albedo);
         let image = self.pictures.add(sky.image(&sky_from_picture, sky_scale, sun_scale, aperture));
         let world_from_environment = (world_from_sky * sky_from_picture).as_mat3();
         self.set_environment(object, Environment::picture(image, Spectrum::ONE, world_from_environment));
@@ -115,7 +115,7 @@ impl Importer<'_> {
     }
 }
 
-impl Sky {
+impl SunSky {
     fn new(sun: DVec3, turbidity: f64, albedo: Spectrum) -> Self {
         let elevation = sun.z.clamp(0.0, 1.0).asin() as f32;
         let params = SkyParams { elevation, turbidity: turbidity as f32, albedo: albedo.to_array() };
@@ -225,14 +225,14 @@ mod tests {
         assert!(at(-1.0, 3.0).radiance(DVec3::Z) == DVec3::ZERO && at(-1.0, 3.0).sun_radiance() == DVec3::ZERO);
     }
 
-    fn at(elevation: f64, turbidity: f64) -> Sky {
+    fn at(elevation: f64, turbidity: f64) -> SunSky {
         let (sin, cos) = elevation.to_radians().sin_cos();
-        Sky::new(DVec3::new(0.0, cos, sin), turbidity, Spectrum::splat(0.3))
+        SunSky::new(DVec3::new(0.0, cos, sin), turbidity, Spectrum::splat(0.3))
     }
 
     #[test]
     fn the_sun_keeps_its_light_whatever_the_texels_are() {
-        let sky = Sky::new(DVec3::new(0.3, 0.2, 0.6).normalize(), 3.0, Spectrum::ZERO);
+        let sky = SunSky::new(DVec3::new(0.3, 0.2, 0.6).normalize(), 3.0, Spectrum::ZERO);
         let image = sky.image(&DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X), 0.0, 1.0, SUN_APERTURE);
         let mut sum = 0.0;
         for y in 0..HEIGHT {

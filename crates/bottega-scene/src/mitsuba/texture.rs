@@ -2,7 +2,7 @@
 
 use glam::{Affine2, DMat4, DVec2, DVec3, Vec2, Vec3};
 
-use super::color::{Role, Use, luminance};
+use super::color::{ColorRole, TextureUse, luminance};
 use super::document::{Object, ObjectId};
 use super::importer::Importer;
 use crate::image::{Encoding, PictureKind, PictureUse};
@@ -25,12 +25,12 @@ impl From<Spectrum> for Texture {
 
 impl Importer<'_> {
     /// Converts a texture or spectrum.
-    pub(super) fn texture(&mut self, id: ObjectId, wanted: Use) -> Result<Texture, SceneError> {
+    pub(super) fn texture(&mut self, id: ObjectId, wanted: TextureUse) -> Result<Texture, SceneError> {
         let object = self.visit(id)?;
         let role = match wanted {
-            Use::Base => Role::Reflectance,
-            Use::Color(role) => role,
-            Use::Number | Use::Vector => Role::Unbounded,
+            TextureUse::Base => ColorRole::Reflectance,
+            TextureUse::Color(role) => role,
+            TextureUse::Number | TextureUse::Vector => ColorRole::Unbounded,
         };
         if let Some(color) = self.spectrum_plugin(id, role)? {
             return Ok(color.into());
@@ -50,12 +50,12 @@ impl Importer<'_> {
             "mesh_attribute" | "vertexcolors" => {
                 let name = self.bad(object.string("name"))?.unwrap_or("vertex_color");
                 let scale = self.bad(object.float("scale"))?.unwrap_or(1.0) as f32;
-                if matches!(name, "vertex_color" | "face_color") && wanted == Use::Base && !self.is_blended {
+                if matches!(name, "vertex_color" | "face_color") && wanted == TextureUse::Base && !self.is_blended {
                     self.wants_vertex_colors |= name == "vertex_color";
                     self.wants_face_colors |= name == "face_color";
                     return Ok(Spectrum::splat(scale).into());
                 }
-                let texture = self.await_attribute(name, wanted == Use::Number, scale);
+                let texture = self.await_attribute(name, wanted == TextureUse::Number, scale);
                 Ok(texture)
             }
             _ => {
@@ -68,9 +68,9 @@ impl Importer<'_> {
         }
     }
 
-    fn bitmap(&mut self, object: &Object, wanted: Use) -> Result<Texture, SceneError> {
+    fn bitmap(&mut self, object: &Object, wanted: TextureUse) -> Result<Texture, SceneError> {
         let location = self.filename(object)?;
-        let raw = self.bad(object.boolean("raw", wanted == Use::Vector))?;
+        let raw = self.bad(object.boolean("raw", wanted == TextureUse::Vector))?;
         // In Mitsuba 0.x, 1 is linear and −1 follows the file.
         let gamma = self.bad(object.float("gamma"))?;
         let encoding = if raw || gamma == Some(1.0) { Encoding::Linear } else { Encoding::Srgb };
@@ -85,18 +85,18 @@ impl Importer<'_> {
                 None
             }
         };
-        if channel.is_some() && wanted != Use::Number {
+        if channel.is_some() && wanted != TextureUse::Number {
             self.report.warn(object.at, "the colours of all channels are shown, and not that of `channel`");
         }
         if gamma.is_some_and(|gamma| gamma != 1.0 && gamma != -1.0) {
             self.report.warn(object.at, "the codes of a picture are linear or sRGB: sRGB stands for another `gamma`");
         }
-        let gray = wanted == Use::Number && channel.is_none();
+        let gray = wanted == TextureUse::Number && channel.is_none();
         let place = self.report.show(object.at);
         let purpose = match wanted {
-            Use::Base | Use::Color(_) => PictureUse::Color,
-            Use::Number => PictureUse::Number,
-            Use::Vector => PictureUse::Normals,
+            TextureUse::Base | TextureUse::Color(_) => PictureUse::Color,
+            TextureUse::Number => PictureUse::Number,
+            TextureUse::Vector => PictureUse::Normals,
         };
         let image = self.pictures.want_at(location, PictureKind { encoding, purpose }, gray, &place);
         let map = self.map(object, image)?;
@@ -105,10 +105,10 @@ impl Importer<'_> {
 
     /// Converts a checkerboard of two colours, as a 2 × 2 picture. Mitsuba 3 swaps the colours if it is used as a
     /// number (its `eval_1`); so do we.
-    fn checkerboard(&mut self, object: &Object, wanted: Use, role: Role) -> Result<Texture, SceneError> {
+    fn checkerboard(&mut self, object: &Object, wanted: TextureUse, role: ColorRole) -> Result<Texture, SceneError> {
         let mut first = self.plain_color(object, "color0", role, Vec3::splat(0.4))?;
         let mut second = self.plain_color(object, "color1", role, Vec3::splat(0.2))?;
-        if wanted == Use::Number {
+        if wanted == TextureUse::Number {
             (first, second) = (Spectrum::splat(luminance(first)), Spectrum::splat(luminance(second)));
             if !self.document.is_old {
                 std::mem::swap(&mut first, &mut second);

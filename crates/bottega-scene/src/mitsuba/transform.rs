@@ -5,7 +5,7 @@ use glam::{DMat4, DVec3, DVec4};
 use super::placement::Transform;
 use super::report::ImportReport;
 use super::value::{number, numbers, triple, vector};
-use super::xml::{Element, XmlFault};
+use super::xml::{XmlElement, XmlFault};
 use crate::text::shortened;
 
 /// Tolerance of a rotation axis' squared length around 1.
@@ -14,7 +14,7 @@ const AXIS_TOLERANCE: f64 = 1e-6;
 /// Reads the operations of a `<transform>`, the first one applied first.
 ///
 /// - `is_old`: rotation axes are normalized, as before Mitsuba 2.
-pub(super) fn read(element: &Element, is_old: bool, report: &mut ImportReport) -> Result<Transform, XmlFault> {
+pub(super) fn read(element: &XmlElement, is_old: bool, report: &mut ImportReport) -> Result<Transform, XmlFault> {
     let mut transform = Transform::IDENTITY;
     for operation in &element.children {
         let fault = |problem: String| XmlFault { at: operation.at, problem };
@@ -32,7 +32,7 @@ pub(super) fn read(element: &Element, is_old: bool, report: &mut ImportReport) -
     Ok(transform)
 }
 
-fn read_operation(operation: &Element, is_old: bool) -> Result<Transform, String> {
+fn read_operation(operation: &XmlElement, is_old: bool) -> Result<Transform, String> {
     let matrix = match operation.name.as_str() {
         "translate" => DMat4::from_translation(vector(operation, 0.0)?),
         "scale" => DMat4::from_scale(vector(operation, 1.0)?),

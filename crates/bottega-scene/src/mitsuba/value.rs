@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::placement::Transform;
-use super::xml::{Element, XmlFault};
+use super::xml::{XmlElement, XmlFault};
 use crate::spectrum::Sampled;
 use crate::text::shortened;
 
@@ -28,7 +28,7 @@ pub(super) enum Value {
 }
 
 /// Reads the value of a property element.
-pub(super) fn read(element: &Element) -> Result<Value, XmlFault> {
+pub(super) fn read(element: &XmlElement) -> Result<Value, XmlFault> {
     let fault = |problem: String| XmlFault { at: element.at, problem };
     let text = || {
         let text = element.attribute("value");
@@ -93,7 +93,7 @@ pub(super) fn numbers(text: &str) -> Result<Vec<f64>, String> {
 }
 
 /// Reads a vector from `x`, `y`, `z`, or from `value` with one or three numbers.
-pub(super) fn vector(element: &Element, default: f64) -> Result<DVec3, String> {
+pub(super) fn vector(element: &XmlElement, default: f64) -> Result<DVec3, String> {
     if let Some(text) = element.attribute("value") {
         return triple(text);
     }
@@ -130,7 +130,7 @@ fn decode(code: f64) -> f64 {
 }
 
 /// Parses one value, three (RGB in Mitsuba 0.x), pairs of wavelength and value, or a file name.
-fn spectrum(element: &Element) -> Result<Value, String> {
+fn spectrum(element: &XmlElement) -> Result<Value, String> {
     if let Some(name) = element.attribute("filename") {
         return Ok(Value::SpectrumFile(name.to_owned()));
     }

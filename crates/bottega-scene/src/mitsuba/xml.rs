@@ -23,13 +23,13 @@ pub(super) struct XmlPlace {
 
 /// An element with its attributes and nested elements.
 #[derive(Debug, PartialEq)]
-pub(super) struct Element {
+pub(super) struct XmlElement {
     /// Name of the tag.
     pub(super) name: String,
     /// Names and values, in the order of the file.
     pub(super) attributes: Vec<(String, String)>,
     /// Nested elements, in the order of the file.
-    pub(super) children: Vec<Element>,
+    pub(super) children: Vec<XmlElement>,
     /// Location of its start tag.
     pub(super) at: XmlPlace,
 }
@@ -42,7 +42,7 @@ pub(super) struct XmlFault {
     pub(super) problem: String,
 }
 
-impl Element {
+impl XmlElement {
     /// Returns the value of an attribute.
     pub(super) fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|attribute| attribute.0 == name).map(|attribute| attribute.1.as_str())
@@ -65,10 +65,10 @@ pub(super) fn parse<E: From<XmlFault>>(
     file: u32,
     mut book: impl FnMut(usize) -> Result<(), E>,
     mut left_out: impl FnMut(XmlPlace),
-) -> Result<Element, E> {
+) -> Result<XmlElement, E> {
     let mut reader = Reader::from_str(text);
     let mut lines = Lines { text, file, offset: 0, line: 1, column: 1 };
-    let mut open: Vec<Element> = Vec::new();
+    let mut open: Vec<XmlElement> = Vec::new();
     let mut root = None;
     loop {
         let start = reader.buffer_position();
@@ -123,7 +123,7 @@ pub(super) fn parse<E: From<XmlFault>>(
     root.ok_or_else(|| XmlFault { at, problem: "the file has no element".into() }.into())
 }
 
-fn element(tag: &BytesStart<'_>, at: XmlPlace) -> Result<Element, String> {
+fn element(tag: &BytesStart<'_>, at: XmlPlace) -> Result<XmlElement, String> {
     let name = tag.name().as_ref().to_owned();
     let mut attributes: Vec<(String, String)> = Vec::new();
     for attribute in tag.attributes() {
@@ -134,7 +134,7 @@ fn element(tag: &BytesStart<'_>, at: XmlPlace) -> Result<Element, String> {
             .map_err(|error| format!("in the attribute {key}: {}", explain(&error)))?;
         attributes.push((key, value.into_owned()));
     }
-    Ok(Element { name, attributes, children: Vec::new(), at })
+    Ok(XmlElement { name, attributes, children: Vec::new(), at })
 }
 
 fn explain(error: &Error) -> String {
@@ -182,7 +182,7 @@ mod tests {
         }
     }
 
-    fn read(text: &str) -> Result<Element, String> {
+    fn read(text: &str) -> Result<XmlElement, String> {
         parse(text, 0, |_| Ok(()), |_| ())
     }
 

@@ -14,7 +14,7 @@ use super::needless::Directive;
 use super::place::{JoinedMeshes, baked, scaling, sphere, with_own_corners};
 use super::shape::geometry::Geometry;
 use super::shape::sphere_mesh;
-use super::texture::Textures;
+use super::texture::PbrtTextures;
 use super::token::PbrtPlace;
 use super::transform::{axes_and_scale, rounded};
 use super::world::{Alpha, PbrtWorld, PlacedShape};
@@ -33,7 +33,7 @@ const SMALL: usize = 256;
 
 /// The key of a scene material; shapes with equal keys share it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct MaterialKey {
+struct SharedMaterialKey {
     material: usize,
     /// Index of the area light, and if its power matters, bits of the area and the number of primitives.
     light: Option<(usize, Option<(u64, usize)>)>,
@@ -62,12 +62,12 @@ enum PlaceablePart {
 pub(super) struct SceneBuilder<'c, 'a, 'w> {
     context: &'c mut Context<'a>,
     world: &'w PbrtWorld,
-    textures: Textures<'a, 'w>,
+    textures: PbrtTextures<'a, 'w>,
     materials: Materials<'w>,
     media: Media<'w>,
     exposure: Exposure,
     scene: Scene,
-    material_of: BTreeMap<MaterialKey, u32>,
+    material_of: BTreeMap<SharedMaterialKey, u32>,
     /// Materials whose emission needs the mean of a picture.
     by_power: Vec<u32>,
     /// Mesh files, and the number of scene meshes still to be made of each.
@@ -84,7 +84,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
     pub(super) fn new(context: &'c mut Context<'a>, world: &'w PbrtWorld) -> PbrtResult<Self> {
         let exposure = world.exposure(context)?;
         Ok(Self {
-            textures: Textures::new(world, context),
+            textures: PbrtTextures::new(world, context),
             materials: Materials::new(world),
             media: Media::new(world, exposure),
             exposure,
@@ -324,7 +324,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         };
         let (area, primitive_count) = if power { self.area(shape) } else { (1.0, 1) };
         let media = self.media.interface(self.context, &shape.media)?;
-        let key = MaterialKey {
+        let key = SharedMaterialKey {
             material,
             light: light.map(|light| (light, power.then_some((area.to_bits(), primitive_count)))),
             media,

@@ -9,7 +9,7 @@ use super::context::{Context, PbrtResult};
 use super::film::Exposure;
 use super::params::Params;
 use super::place::axes;
-use super::texture::Textures;
+use super::texture::PbrtTextures;
 use super::token::PbrtPlace;
 use super::world::Entity;
 use crate::image::PictureKind;
@@ -44,7 +44,7 @@ impl InfiniteLights {
     pub(super) fn add(
         &mut self,
         context: &mut Context<'_>,
-        textures: &mut Textures<'_, '_>,
+        textures: &mut PbrtTextures<'_, '_>,
         entity: &Entity,
         color: Option<Spectrum>,
         scale: f64,
@@ -91,7 +91,7 @@ impl InfiniteLights {
 /// Reads a light without its portal.
 fn sky(
     context: &mut Context<'_>,
-    textures: &mut Textures<'_, '_>,
+    textures: &mut PbrtTextures<'_, '_>,
     entity: &Entity,
     color: Option<Spectrum>,
     scale: f64,

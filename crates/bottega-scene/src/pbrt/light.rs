@@ -13,7 +13,7 @@ use super::environment::InfiniteLights;
 use super::film::Exposure;
 use super::needless::Directive;
 use super::place::axes;
-use super::texture::Textures;
+use super::texture::PbrtTextures;
 use super::token::PbrtPlace;
 use super::world::{Entity, PbrtWorld};
 use crate::image::PictureKind;
@@ -35,7 +35,7 @@ impl Lights {
     /// Reads all lights that are not surfaces.
     pub(super) fn new(
         context: &mut Context<'_>,
-        textures: &mut Textures<'_, '_>,
+        textures: &mut PbrtTextures<'_, '_>,
         world: &PbrtWorld,
         exposure: Exposure,
     ) -> PbrtResult<Self> {
@@ -50,7 +50,7 @@ impl Lights {
     fn add(
         &mut self,
         context: &mut Context<'_>,
-        textures: &mut Textures<'_, '_>,
+        textures: &mut PbrtTextures<'_, '_>,
         entity: &Entity,
         exposure: Exposure,
     ) -> PbrtResult<()> {
@@ -101,7 +101,7 @@ impl Lights {
     fn goniometric(
         &mut self,
         context: &mut Context<'_>,
-        textures: &mut Textures<'_, '_>,
+        textures: &mut PbrtTextures<'_, '_>,
         entity: &Entity,
         strength: Strength,
     ) -> PbrtResult<LightKind> {
@@ -122,7 +122,7 @@ impl Lights {
     fn projection(
         &mut self,
         context: &mut Context<'_>,
-        textures: &mut Textures<'_, '_>,
+        textures: &mut PbrtTextures<'_, '_>,
         entity: &Entity,
         strength: Strength,
     ) -> PbrtResult<LightKind> {
@@ -262,7 +262,7 @@ pub(super) struct Emission {
 /// - `primitive_count`: pbrt makes a light of each primitive, and gives the power to each.
 pub(super) fn emission(
     context: &mut Context<'_>,
-    textures: &mut Textures<'_, '_>,
+    textures: &mut PbrtTextures<'_, '_>,
     entity: &Entity,
     exposure: Exposure,
     area: f64,

@@ -10,7 +10,7 @@ use super::context::{Context, PbrtResult};
 use super::medium::preset_coefficients;
 use super::needless::Directive;
 use super::params::Params;
-use super::texture::Textures;
+use super::texture::PbrtTextures;
 use super::world::{Entity, MaterialRef, PbrtWorld};
 use crate::image::PictureKind;
 use crate::spectrum::Sampled;
@@ -60,7 +60,7 @@ impl<'w> Materials<'w> {
     pub(super) fn look(
         &mut self,
         context: &mut Context<'_>,
-        textures: &mut Textures<'_, '_>,
+        textures: &mut PbrtTextures<'_, '_>,
         index: usize,
     ) -> PbrtResult<MaterialLook> {
         self.look_within(context, textures, index, &mut Vec::new())
@@ -69,7 +69,7 @@ impl<'w> Materials<'w> {
     fn look_within(
         &mut self,
         context: &mut Context<'_>,
-        textures: &mut Textures<'_, '_>,
+        textures: &mut PbrtTextures<'_, '_>,
         index: usize,
         outer: &mut Vec<usize>,
     ) -> PbrtResult<MaterialLook> {
@@ -113,7 +113,7 @@ impl<'w> Materials<'w> {
     fn mix(
         &mut self,
         context: &mut Context<'_>,
-        textures: &mut Textures<'_, '_>,
+        textures: &mut PbrtTextures<'_, '_>,
         entity: &Entity,
         outer: &mut Vec<usize>,
     ) -> PbrtResult<Surface> {
@@ -138,9 +138,9 @@ impl<'w> Materials<'w> {
     }
 }
 
-fn convert(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
+fn convert(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
-    let color = |context: &mut Context<'_>, textures: &mut Textures<'_, '_>, name: &str, default: f32| {
+    let color = |context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, name: &str, default: f32| {
         let color = textures.color(context, params, name, Meaning::Reflectance)?;
         Ok::<_, super::context::Stop>(color.unwrap_or(Spectrum::splat(default).into()))
     };
@@ -209,7 +209,7 @@ fn convert(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &
 /// - `prefix`: prefix of the parameter names.
 fn facets(
     context: &mut Context<'_>,
-    textures: &mut Textures<'_, '_>,
+    textures: &mut PbrtTextures<'_, '_>,
     params: &Params,
     prefix: &str,
 ) -> PbrtResult<Facets> {
@@ -254,7 +254,7 @@ fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, d
 
 fn conductor(
     context: &mut Context<'_>,
-    textures: &mut Textures<'_, '_>,
+    textures: &mut PbrtTextures<'_, '_>,
     params: &Params,
     prefix: &str,
     facets: Facets,
@@ -310,7 +310,7 @@ fn metal_color(eta: &Sampled, k: &Sampled) -> (Spectrum, Spectrum) {
 
 fn coated(
     context: &mut Context<'_>,
-    textures: &mut Textures<'_, '_>,
+    textures: &mut PbrtTextures<'_, '_>,
     params: &Params,
     eta: f32,
     facets: Facets,
@@ -337,7 +337,7 @@ fn coated(
 }
 
 /// Approximates a subsurface material by a coat over its diffuse reflectance.
-fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
+fn subsurface(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     context.unsupported(at, "light leaves the subsurface material where it enters: a coated matte one stands for it");
     let mut sigma = preset_coefficients("Wholemilk").unwrap_or([DVec3::ONE; 2]);
@@ -370,7 +370,7 @@ fn subsurface(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity
 }
 
 /// Approximates hair by a coat over its colour.
-fn hair(context: &mut Context<'_>, textures: &mut Textures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
+fn hair(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     context.unsupported(at, "hair scatters as a coated matte surface of its colour does");
     let beta_n = params.float("beta_n")?.unwrap_or(0.3);

@@ -35,7 +35,7 @@ enum Slot {
 }
 
 /// The textures that materials use.
-pub(super) struct Textures<'a, 'w> {
+pub(super) struct PbrtTextures<'a, 'w> {
     world: &'w PbrtWorld,
     pictures: Pictures<'a>,
     mappings: Mappings,
@@ -48,7 +48,7 @@ pub(super) struct Textures<'a, 'w> {
     open: Vec<(String, bool)>,
 }
 
-impl<'a, 'w> Textures<'a, 'w> {
+impl<'a, 'w> PbrtTextures<'a, 'w> {
     /// Makes an empty collection.
     pub(super) fn new(world: &'w PbrtWorld, context: &Context<'a>) -> Self {
         let pictures = Pictures::new(context.resources, context.options);

@@ -29,7 +29,7 @@ pub(super) enum CodecError<E: std::error::Error + 'static> {
 
 /// The header of a message. Sender and receiver are in its subject.
 #[derive(Serialize, Deserialize)]
-struct Head {
+struct FrameHeader {
     /// The index in [`Performative::ALL`].
     performative: u8,
     /// Language, ontology and protocol: indices in [`Codec::words`].
@@ -46,7 +46,7 @@ pub(super) fn write_message<K: Codec>(codec: &K, now: Time, message: &AclMessage
     let words = codec.words();
     let word = |word: &str| words.iter().position(|known| *known == word).map_or(NO_WORD, |at| at as u8);
     let performative = Performative::ALL.iter().position(|known| *known == message.performative).unwrap_or_default();
-    let head = Head {
+    let head = FrameHeader {
         performative: performative as u8,
         words: [message.language, message.ontology, message.protocol].map(word),
         conversation_id: message.conversation_id,
@@ -68,7 +68,7 @@ pub(super) fn read_message<K: Codec>(
     receiver: AgentId,
     bytes: &[u8],
 ) -> Result<AclMessage<K::Content>, CodecError<K::Error>> {
-    let (head, content) = postcard::take_from_bytes::<Head>(body(bytes)?).map_err(CodecError::Head)?;
+    let (head, content) = postcard::take_from_bytes::<FrameHeader>(body(bytes)?).map_err(CodecError::Head)?;
     let performative = Performative::ALL.get(usize::from(head.performative));
     let unknown = |what, found| CodecError::Word { what, found };
     let word = |what, index: u8| match index {

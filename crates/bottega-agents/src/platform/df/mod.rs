@@ -13,7 +13,7 @@ use std::{
 pub use entry::{DESCRIPTION_BYTES_MAX, RESULTS_BYTES_MAX, RESULTS_MAX, read_yellow_page};
 use entry::{DfEntry, ENTRY, holds, index, is_for, key, largest_of};
 use federation::Federation;
-use subscriptions::{Pages, Subscriptions};
+use subscriptions::{DfSubscriptions, Pages};
 
 use super::{
     management::{
@@ -66,14 +66,14 @@ pub struct Df {
     /// The next time to check leases.
     sweep_at: Option<Time>,
     newest: Revision,
-    subscriptions: Subscriptions,
+    subscriptions: DfSubscriptions,
     federation: Federation,
 }
 
 impl Df {
     /// An empty directory.
     pub fn new(config: DfConfig) -> Self {
-        let subscriptions = Subscriptions::new(config.id.clone(), config.calendar);
+        let subscriptions = DfSubscriptions::new(config.id.clone(), config.calendar);
         let federation = Federation::new(config.id.clone(), config.salt, config.federates.clone());
         Self {
             config,

@@ -51,7 +51,7 @@ enum Pending {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Subscriptions {
+pub(super) struct DfSubscriptions {
     me: AgentId,
     /// The name of this process, kept over restarts.
     teller: String,
@@ -67,7 +67,7 @@ pub(super) struct Subscriptions {
     due: Option<Time>,
 }
 
-impl Subscriptions {
+impl DfSubscriptions {
     pub(super) fn new(me: AgentId, calendar: Calendar) -> Self {
         let teller = me.addresses.first().map_or_else(|| me.name.to_string(), Clone::clone);
         Self {

@@ -14,13 +14,13 @@ const WINDOW: f64 = 1.6;
 const SIDE: usize = 2 * REACH as usize + 1;
 
 /// A Gabor filter pair: a cosine and a sine in a Gaussian window, both with zero response to a constant.
-struct Pair {
+struct GaborPair {
     even: [f32; SIDE * SIDE],
     odd: [f32; SIDE * SIDE],
 }
 
 /// Gabor filters at 0°, 45°, 90° and 135°.
-pub(super) struct Orientations([Pair; Orientations::COUNT]);
+pub(super) struct Orientations([GaborPair; Orientations::COUNT]);
 
 impl Orientations {
     /// Number of orientations.
@@ -36,7 +36,7 @@ impl Orientations {
     /// The strength of one orientation at every pixel: the root of the summed squares of both responses, which does not
     /// depend on the phase of an edge or bar.
     pub(super) fn strength(&self, plane: &Plane, orientation: usize) -> Plane {
-        let Pair { even, odd } = &self.0[orientation];
+        let GaborPair { even, odd } = &self.0[orientation];
         let (width, height) = plane.size();
         // Pad by the filter's radius, so that rows are slices
         let side = i64::from(width) + 2 * REACH;
@@ -61,7 +61,7 @@ impl Orientations {
     }
 }
 
-fn pair(dx: f64, dy: f64) -> Pair {
+fn pair(dx: f64, dy: f64) -> GaborPair {
     let taps = |wave: fn(f64) -> f64| -> Vec<f64> {
         let tap = |i: usize| {
             let (x, y) = ((i % SIDE) as f64 - REACH as f64, (i / SIDE) as f64 - REACH as f64);
@@ -79,7 +79,7 @@ fn pair(dx: f64, dy: f64) -> Pair {
         let size: f64 = taps.iter().map(|tap| tap.abs()).sum();
         std::array::from_fn(|i| (taps[i] / size) as f32)
     };
-    Pair { even: in_bounds(&even), odd: in_bounds(&odd) }
+    GaborPair { even: in_bounds(&even), odd: in_bounds(&odd) }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::{
     super::transport::ROULETTE_SURVIVAL_MAX,
     state::{Branch, Path},
 };
-use crate::guide::Agent;
+use crate::guide::RegionAgent;
 
 /// Least expected number of branches per vertex.
 const SURVIVAL_MIN: f32 = 0.3;
@@ -61,7 +61,7 @@ impl Path<'_> {
     /// - `u`: uniform random number.
     /// - `room`: how many branches more may wait.
     #[inline(always)]
-    pub(super) fn split(&mut self, agent: Option<&Agent>, u: f32, room: usize) -> u32 {
+    pub(super) fn split(&mut self, agent: Option<&RegionAgent>, u: f32, room: usize) -> u32 {
         let settings = self.integrator.settings;
         if !self.integrator.splits {
             return 1;

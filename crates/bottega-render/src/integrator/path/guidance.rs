@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::state::Path;
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, warp::ONE_MINUS_EPSILON},
-    guide::{Agent, Region},
+    guide::{Region, RegionAgent},
     interaction::Interaction,
     lights::Choice,
     sampler::Quad,
@@ -23,7 +23,7 @@ pub(super) struct Guidance<'a> {
     /// Distribution of incident light; `None`: not guided.
     region: Option<&'a Region>,
     /// Learned choice of lights, and data for roulette and splitting.
-    agent: Option<&'a Agent>,
+    agent: Option<&'a RegionAgent>,
     /// Number of the leaf of both; [`NO_LEAF`]: none.
     leaf: u32,
 }
@@ -46,7 +46,7 @@ impl<'a> Guidance<'a> {
 
     /// Returns the agent of the region; `None`: none.
     #[inline(always)]
-    pub(super) fn agent(&self) -> Option<&'a Agent> {
+    pub(super) fn agent(&self) -> Option<&'a RegionAgent> {
         self.agent
     }
 

@@ -59,7 +59,7 @@ pub(in crate::integrator) struct Path<'a> {
     pub(super) reach: f32,
     /// The previous vertex, for MIS.
     pub(super) previous: Previous,
-    /// Importance of a unit of radiance to the pixel; 0: unknown. See [`Agent::worth`](crate::guide::Agent::worth).
+    /// Importance of a unit of radiance to the pixel; 0: unknown. See [`RegionAgent::worth`](crate::guide::RegionAgent::worth).
     pub(super) worth: f32,
     /// Fraction of the next shadow ray that has accumulated, below 1, over all branches; `None`: no shadow ray has been
     /// skipped yet. See `is_due`.

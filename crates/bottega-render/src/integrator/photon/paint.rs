@@ -58,7 +58,7 @@ impl PhotonIntegrator<'_> {
             let (ray, factor) = self.base.camera_ray(&sampler, x, y);
             let maps = self.passes.of_sample(self.base.prepared(), index);
             let known = KnownLight { maps, cache, agents };
-            let sample = Sample { integrator: self, known, sampler, ray, hands: &mut hands };
+            let sample = PixelSample { integrator: self, known, sampler, ray, hands: &mut hands };
             records.push(compiled::run(sample).scaled(factor));
         }
         if let Some(agents) = agents {
@@ -68,7 +68,7 @@ impl PhotonIntegrator<'_> {
 }
 
 /// One sample of a pixel to trace.
-struct Sample<'a> {
+struct PixelSample<'a> {
     integrator: &'a PhotonIntegrator<'a>,
     known: KnownLight<'a>,
     sampler: PixelSampler,
@@ -76,7 +76,7 @@ struct Sample<'a> {
     hands: &'a mut Hands,
 }
 
-impl Task for Sample<'_> {
+impl Task for PixelSample<'_> {
     type Output = PathRecord;
 
     #[inline(always)]

@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use super::{
     super::transport::emitted_at,
-    state::{Path, SegmentPoint},
+    state::{MediumPath, SegmentPoint},
 };
 use crate::{
     bsdf::BsdfAt,
@@ -16,7 +16,7 @@ use crate::{
     settings::DirectLight,
 };
 
-impl Path<'_> {
+impl MediumPath<'_> {
     /// Returns the environment's radiance along the ray, weighted by MIS.
     pub(super) fn environment(&self) -> Spectrum {
         if self.depth == 0 && self.hides_emitters {

@@ -4,7 +4,7 @@ use bottega_kernels::{Hit, Ray};
 use bottega_scene::{MediumId, Spectrum};
 use glam::Vec3;
 
-use super::{super::transport::SHADOW_MARGIN, state::Path};
+use super::{super::transport::SHADOW_MARGIN, state::MediumPath};
 use crate::{
     camera::RayCone,
     interaction::{Interaction, SurfaceQuery, is_there, material_of},
@@ -21,7 +21,7 @@ pub(super) const STEPS: f32 = 8.0;
 /// Key of the random numbers of tracking, distinct from all other decisions.
 const TRACKING: u64 = 0x7472_6163_6b69_6e67;
 
-impl Path<'_> {
+impl MediumPath<'_> {
     /// Returns `true` if a candidate hit counts; see [`is_there`]. Boundaries between two media always count.
     pub(super) fn is_there(&self, ray: &Ray, hit: &Hit, asks: SurfaceQuery) -> bool {
         let known = self.prepared.material(material_of(self.prepared, hit)).1;

@@ -13,7 +13,7 @@ use crate::{
 
 /// The previous vertex, as multiple importance sampling needs it.
 #[derive(Clone, Copy)]
-pub(super) struct Previous {
+pub(super) struct PreviousVertex {
     /// The point that lights were sampled for.
     pub(super) receiver: Receiver,
     /// Density of the direction taken from there, in sr⁻¹; `None`: light sampling could not have found light in that
@@ -35,7 +35,7 @@ pub(super) struct SegmentPoint {
 }
 
 /// A path through media being traced.
-pub(super) struct Path<'a> {
+pub(super) struct MediumPath<'a> {
     /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,
     /// Settings of the picture.
@@ -70,7 +70,7 @@ pub(super) struct Path<'a> {
     /// Ray cone, for texture filtering.
     pub(super) cone: RayCone,
     /// The previous vertex, for MIS.
-    pub(super) previous: Previous,
+    pub(super) previous: PreviousVertex,
     /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
     /// `true`: the albedo is wanted and not recorded yet.

@@ -47,7 +47,7 @@ fn bytes<'a>(compressed: &Meshopt, buffers: &[&'a [u8]]) -> Result<&'a [u8], Str
     Ok(&buffer[compressed.byte_offset as usize..end as usize])
 }
 
-enum Mode {
+enum CompressionMode {
     Attributes(Option<Filter>),
     Triangles,
     Indices,
@@ -55,7 +55,7 @@ enum Mode {
 
 /// The expected layout of the decompressed bytes.
 struct BufferLayout {
-    mode: Mode,
+    mode: CompressionMode,
     count: usize,
     stride: usize,
 }
@@ -65,19 +65,19 @@ impl BufferLayout {
         let filter = Filter::of(compressed.filter.as_deref())?;
         let stride = compressed.byte_stride;
         let mode = match compressed.mode.as_str() {
-            "ATTRIBUTES" => Mode::Attributes(filter),
-            "TRIANGLES" if compressed.count.is_multiple_of(3) => Mode::Triangles,
+            "ATTRIBUTES" => CompressionMode::Attributes(filter),
+            "TRIANGLES" if compressed.count.is_multiple_of(3) => CompressionMode::Triangles,
             "TRIANGLES" => return Err(format!("{} indices are not whole triangles", compressed.count)),
-            "INDICES" => Mode::Indices,
+            "INDICES" => CompressionMode::Indices,
             other => return Err(format!("unknown mode `{}`", shortened(other))),
         };
         let fits = match mode {
-            Mode::Attributes(filter) => {
+            CompressionMode::Attributes(filter) => {
                 stride.is_multiple_of(4)
                     && (4..=256).contains(&stride)
                     && filter.is_none_or(|filter| filter.fits(stride as usize))
             }
-            Mode::Triangles | Mode::Indices => matches!(stride, 2 | 4) && filter.is_none(),
+            CompressionMode::Triangles | CompressionMode::Indices => matches!(stride, 2 | 4) && filter.is_none(),
         };
         if !fits {
             return Err(format!("elements of {stride} bytes cannot be compressed in this mode with this filter"));
@@ -88,15 +88,15 @@ impl BufferLayout {
 
     fn decode(&self, data: &[u8]) -> Result<Vec<u8>, &'static str> {
         let indices = match self.mode {
-            Mode::Attributes(filter) => {
+            CompressionMode::Attributes(filter) => {
                 let mut elements = attributes::decode(data, self.count, self.stride)?;
                 if let Some(filter) = filter {
                     filter.undo(self.stride, &mut elements);
                 }
                 return Ok(elements);
             }
-            Mode::Triangles => indices::triangles(data, self.count)?,
-            Mode::Indices => indices::sequence(data, self.count)?,
+            CompressionMode::Triangles => indices::triangles(data, self.count)?,
+            CompressionMode::Indices => indices::sequence(data, self.count)?,
         };
         Ok(match self.stride {
             2 => indices.iter().flat_map(|&index| (index as u16).to_le_bytes()).collect(),

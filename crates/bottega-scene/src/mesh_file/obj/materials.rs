@@ -78,7 +78,7 @@ impl<'a> Library<'a> {
             );
             return Ok(None);
         };
-        Converter { location, pictures: &mut self.pictures, warnings }.convert(description).map(Some)
+        MtlConverter { location, pictures: &mut self.pictures, warnings }.convert(description).map(Some)
     }
 
     /// Decodes the pictures of all requested materials.
@@ -87,13 +87,13 @@ impl<'a> Library<'a> {
     }
 }
 
-struct Converter<'a, 'p> {
+struct MtlConverter<'a, 'p> {
     location: &'a Location,
     pictures: &'a mut Pictures<'p>,
     warnings: &'a mut Warnings,
 }
 
-impl Converter<'_, '_> {
+impl MtlConverter<'_, '_> {
     fn convert(mut self, mtl: &MtlMaterial) -> Result<Material, SceneError> {
         let illum = mtl.illum.unwrap_or(2);
         let diffuse = mtl.diffuse.unwrap_or(if mtl.diffuse_map.is_some() { Vec3::ONE } else { Vec3::splat(0.8) });

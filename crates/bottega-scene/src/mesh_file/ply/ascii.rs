@@ -17,7 +17,7 @@ use crate::{Mesh, SceneError};
 pub(super) fn read(source: MeshSource<'_>, header: &PlyHeader, bytes: &[u8]) -> Result<Mesh, SceneError> {
     let blocks = lines::blocks(&bytes[header.body..], header.body_line, false);
     let counts: Vec<usize> = blocks.par_iter().map(|block| rows(*block).count()).collect();
-    let elements = Elements::new(source, header, counts.iter().sum())?;
+    let elements = RowRanges::new(source, header, counts.iter().sum())?;
     let mut mesh = Mesh::default();
     if let Some((element, _)) = &elements.vertices {
         mesh = vertices::allocate(source, element)?;
@@ -103,13 +103,13 @@ fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
 }
 
 /// The row ranges of the elements that are read.
-struct Elements<'a> {
+struct RowRanges<'a> {
     vertices: Option<(&'a Element, Range<usize>)>,
     /// Faces and triangle strips.
     polygons: Vec<(&'a Element, Range<usize>)>,
 }
 
-impl<'a> Elements<'a> {
+impl<'a> RowRanges<'a> {
     fn new(source: MeshSource<'_>, header: &'a PlyHeader, row_count: usize) -> Result<Self, SceneError> {
         let mut elements = Self { vertices: None, polygons: Vec::new() };
         let mut next = 0usize;

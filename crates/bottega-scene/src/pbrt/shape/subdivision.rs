@@ -69,7 +69,7 @@ struct Net {
 
 /// The neighbours of a vertex.
 #[derive(Clone, Copy, Default)]
-struct Ring {
+struct OneRing {
     /// Sum of the neighbours; `valence` is their number.
     sum: DVec3,
     valence: u32,
@@ -106,8 +106,8 @@ impl Net {
         (edges, order)
     }
 
-    fn rings(&self, edges: &Edges, order: &[(u32, u32)]) -> Vec<Ring> {
-        let mut rings = vec![Ring::default(); self.points.len()];
+    fn rings(&self, edges: &Edges, order: &[(u32, u32)]) -> Vec<OneRing> {
+        let mut rings = vec![OneRing::default(); self.points.len()];
         for key in order {
             let is_boundary = edges[key].triangle_count != 2;
             for (from, to) in [(key.0, key.1), (key.1, key.0)] {
@@ -125,8 +125,8 @@ impl Net {
     }
 
     /// Moves the vertices by the weights `inner` (of each neighbour, by valence) and `boundary`.
-    fn moved(&self, rings: &[Ring], inner: impl Fn(u32) -> f64, boundary: f64) -> Vec<DVec3> {
-        let vertex = |(point, ring): (&DVec3, &Ring)| match (ring.boundary_valence, ring.valence) {
+    fn moved(&self, rings: &[OneRing], inner: impl Fn(u32) -> f64, boundary: f64) -> Vec<DVec3> {
+        let vertex = |(point, ring): (&DVec3, &OneRing)| match (ring.boundary_valence, ring.valence) {
             (_, 0) => *point,
             (0, valence) => {
                 let weight = inner(valence);
