@@ -1,5 +1,5 @@
-//! Files in pieces that are named by what is in them: fetched several at a time, each once, each verified; what has come stays
-//! when the rest does not.
+//! Files in chunks named by their content hash: fetched in parallel, each once, each verified. Chunks that have arrived
+//! stay when the rest fails.
 
 use std::{
     collections::BTreeSet,
@@ -21,22 +21,22 @@ use crate::{
     error::Error,
 };
 
-/// Bytes of a piece.
+/// The size of a chunk in bytes.
 pub(crate) const CHUNK_BYTES: usize = 4 << 20;
-/// Pieces of a file at most: 4 TiB.
+/// The most chunks of a file: 4 TiB in all.
 const CHUNKS_MAX: usize = 1 << 20;
-/// What their names in the store begin with.
+/// Prefix of chunk names in the store.
 pub(crate) const PREFIX: &str = "chunk/";
-/// Pieces under way at once.
+/// Chunks transferred in parallel.
 const AT_ONCE: usize = 8;
 
-/// Pieces of this age that no job needs are let go. One who sends half of it after they came sends them again, so that none
-/// goes before its job is known.
+/// Age from which chunks without a job are deleted. A sender sends chunks older than half of it again, so that none is
+/// deleted before its job is submitted.
 const UNUSED_KEPT: Duration = Duration::from_secs(24 * 3600);
 
-/// Where pieces are kept by name.
+/// A store of chunks by name.
 pub(crate) trait ChunkStore: Sync {
-    /// Whether a piece is there, and will be until the job that needs it is known.
+    /// True if a chunk is stored, and is young enough to stay until its job is submitted.
     fn has(&self, name: &str) -> Result<bool, BlobError>;
     fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError>;
     fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError>;
@@ -56,21 +56,21 @@ impl ChunkStore for NatsBlobs {
     }
 }
 
-/// What is in a file, and in its pieces: BLAKE3, hexadecimal.
+/// The content hash of a file and of its chunks: BLAKE3, hexadecimal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Contents {
     pub(crate) hash: String,
     chunks: Vec<String>,
 }
 
-/// Whether a file is there and holds this: a machine that lost power may have kept less than it wrote.
+/// True if a file exists with these contents. A file may be truncated after a power failure.
 pub(crate) fn holds(path: &Path, contents: &Contents) -> bool {
     let mut hasher = blake3::Hasher::new();
     let read = fs::File::open(path).and_then(|file| hasher.update_reader(file).map(drop));
     read.is_ok() && hasher.finalize().to_hex().as_str() == contents.hash
 }
 
-/// Brings a file into the cache, if it is not there. `name`: what users know it by.
+/// Fetches a file into the cache, unless it is there. `name`: the name of the file for error messages.
 pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn ChunkStore) -> Result<(), Error> {
     let other = || {
         Error::failed(
@@ -105,13 +105,13 @@ pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn 
         write_whole(&file, &bytes)?;
     }
     for hash in &contents.chunks {
-        // Another file may have shared it and removed it.
+        // Another thread may have removed a shared chunk.
         _ = fs::remove_file(cache.chunk(hash));
     }
     if is_whole { Ok(()) } else { Err(other()) }
 }
 
-/// Does something for each number below `count`, several at a time, until one fails.
+/// Calls `work` for each number below `count`, several in parallel, until one fails.
 pub(crate) fn several(count: usize, work: &(dyn Fn(usize) -> Result<(), Error> + Sync)) -> Result<(), Error> {
     let (next, failure) = (AtomicUsize::new(0), Mutex::new(None));
     thread::scope(|scope| {
@@ -147,20 +147,24 @@ pub(crate) fn blob_name(hash: &str) -> String {
 }
 
 impl Contents {
-    /// - `chunks`: the digests of its pieces, in order.
+    /// Returns the contents of a file.
+    ///
+    /// - `hash`: the hash of the file.
+    /// - `chunks`: the hashes of its chunks, in order.
     pub(crate) fn new(hash: String, chunks: Vec<String>) -> Self {
         Self { hash, chunks }
     }
 
-    /// The names of its pieces in the store.
+    /// Returns the names of its chunks in the store.
     pub(crate) fn blobs(&self) -> impl Iterator<Item = String> {
         self.chunks.iter().map(|hash| blob_name(hash))
     }
 }
 
-/// Whether a blob is a piece that nobody needs any more.
+/// True if a blob is a chunk that no job needs any more.
 ///
-/// - `needed`: the pieces of all jobs that are not over.
+/// - `age`: the time since it was stored.
+/// - `needed`: the chunks of all jobs that are not over.
 pub(crate) fn is_unused(name: &str, age: Duration, needed: &BTreeSet<String>) -> bool {
     name.starts_with(PREFIX) && age > UNUSED_KEPT && !needed.contains(name)
 }
