@@ -1,15 +1,15 @@
-//! Functions and objects with named parameters in SL, read and made; and the reasons of FIPA for what is not done.
+//! Functions and objects with named parameters in FIPA SL, reading and writing; and FIPA's reasons for refusals.
 
 use std::str::FromStr;
 
 use bottega_agents::sl::Term;
 
-/// Why nothing is done.
+/// The reason why a request is not carried out.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Unread {
-    /// It makes no sense; with the reason.
+    /// It cannot be understood; with FIPA's reason.
     NotUnderstood(Term),
-    /// It makes sense, and is refused; with the reason.
+    /// It is understood, but refused; with FIPA's reason.
     Refused(Term),
 }
 
@@ -48,7 +48,7 @@ impl<'a> Call<'a> {
         Unread::Refused(reason("unsupported-function", [self.word]))
     }
 
-    /// The value of a parameter, if it is there.
+    /// Returns the value of a parameter, if it is given.
     pub(super) fn value(&self, parameter: &str) -> Result<Option<&'a Term>, Unread> {
         let mut found = None;
         for pair in self.arguments.chunks(2) {
@@ -62,7 +62,7 @@ impl<'a> Call<'a> {
         Ok(found)
     }
 
-    /// The same of one that must be there.
+    /// Returns the value of a required parameter.
     pub(super) fn needed(&self, parameter: &str) -> Result<&'a Term, Unread> {
         self.value(parameter)?.ok_or_else(|| Unread::Refused(reason("missing-parameter", [self.word, parameter])))
     }
@@ -72,7 +72,7 @@ impl<'a> Call<'a> {
         value.as_str().and_then(|text| text.parse().ok()).ok_or_else(|| self.bad(parameter))
     }
 
-    /// A number that can be computed with, from `least` up; `None`: it is not said.
+    /// Returns a finite number of at least `least`; `None`: it is not given.
     pub(super) fn measure(&self, parameter: &str, least: f64) -> Result<Option<f64>, Unread> {
         let Some(value) = self.value(parameter)? else { return Ok(None) };
         let number = value.as_str().and_then(|text| text.parse().ok());
@@ -85,7 +85,7 @@ impl<'a> Call<'a> {
     }
 }
 
-/// An object of named parameters.
+/// An object with named parameters, under construction.
 pub(super) struct Fields(Vec<Term>);
 
 impl Fields {

@@ -1,12 +1,12 @@
-//! The ontology `bottega-painting`: how an agent of another platform paints zones of a picture, between SL and types.
+//! The ontology `bottega-painting`: how an agent of another platform paints zones of a picture, between FIPA SL and types.
 //!
-//! The Master of a job that admits strangers (`bottega render … --farm --strangers`) stands in the yellow pages as
-//! `master-N@PLATFORM`, of the service type `bottega-master`; N is the number of the job. All contents are SL (`fipa-sl`, or
-//! `fipa-sl0` but for the subscription). Parameters are named, compared without case, and those that are not known are passed
-//! over. `S` is the agent identifier of the stranger. Times are in seconds of the stranger, numbers are decimal.
+//! The Master of a job that admits such agents (`bottega render … --farm --strangers`) is registered in the yellow pages as
+//! `master-N@PLATFORM`, of the service type `bottega-master`; N is the number of the job. All contents are SL (`fipa-sl`,
+//! or `fipa-sl0` except for the subscription). Parameters are named, compared without case, and unknown ones are ignored.
+//! `S` is the agent identifier of the agent. Times are in seconds of that agent's machine; numbers are decimal.
 //!
-//! **Subscribe** (`fipa-subscribe`). `power` is how many times slower than the reference machine it is (V_cp, default 1: what it
-//! delivers corrects it), `lanes` how many zones it paints at once (default 1).
+//! **Subscribe** (`fipa-subscribe`). `power` is how many times slower than the reference machine the agent is (V_cp,
+//! default 1; measured results correct it), `lanes` is how many zones it paints at once (default 1).
 //!
 //! ```text
 //! S  → M  subscribe  ((iota ?work (paints :agent S :power 1.5 :lanes 1 :work ?work)))
@@ -16,13 +16,14 @@
 //!                      :width 640 :height 480 :samples 64 :max-depth 8 :light-samples 1 :seed 5)))
 //! ```
 //!
-//! The first file is the scene; names are relative to its folder. The files are fetched by GET. A `max-depth` of 0 is what shines
-//! itself, of 1 direct light, and so on. There may be a `camera` (by name or by number from 0) and a pixel `filter` (`box`, `tent`,
-//! `blackman-harris` …); else those of the scene file are meant.
+//! The first file is the scene; names are relative to its folder. Fetch the files by GET. A `max-depth` of 0 is emitted
+//! light only, 1 adds direct light, and so on. There may be a `camera` (by name, or by number from 0) and a pixel `filter`
+//! (`box`, `tent`, `blackman-harris` …); by default those of the scene file apply.
 //!
-//! **Auction** (`fipa-contract-net`). The Master calls; a zone has a complexity (its predicted cost, in average pixels) and the
-//! time that the Master expects it to take this stranger. `room` is how many it may ask for at most. A proposal names when, in
-//! seconds from now, each zone would be finished if it were the next. An answer that comes after the `reply-by` is too late.
+//! **Auction** (`fipa-contract-net`). The Master sends a call for proposals; a zone has a complexity (its predicted cost,
+//! in average pixels) and the predicted time for this agent. `room` is the most zones that it may ask for. A proposal
+//! names, in seconds from now, when each zone would be finished if it were the next. A proposal after the `reply-by` is too
+//! late.
 //!
 //! ```text
 //! M  → S  cfp        ((action S (paint :zones (sequence (zone :number 4 :complexity 912.5 :seconds 2.5) …))) (room 2))
@@ -31,9 +32,10 @@
 //! M  → S  reject-proposal ((action S (paint)) (given-to-others))
 //! ```
 //!
-//! **Orders.** An award is an *accept-proposal*; before the auction the Master asks for the first samples of a zone by a *request*
-//! (its profile). Both are the same action. The rectangle has its right and lower edges excluded; it may be larger than the zone
-//! (bands). `order` is the fencing token. All samples are the stranger's own: two engines do not add to one zone.
+//! **Orders.** An award is an *accept-proposal*; before the auction the Master asks for the first samples of a zone (its
+//! profile) by a *request*. Both contain the same action. The rectangle excludes its right and lower edges; it may be
+//! larger than the zone (bands). `order` is the fencing token. An agent paints all samples of its zone: two engines never
+//! add to one zone.
 //!
 //! ```text
 //! M  → S  request | accept-proposal
@@ -44,17 +46,18 @@
 //! M  → S  cancel     ((action S (paint :zone 4 :order 345)))
 //! ```
 //!
-//! Before the *inform* the mean of the samples is delivered: an OpenEXR file of the rectangle's size (channels R, G, B, linear
-//! Rec. 709; A if there is alpha) by PUT to `deliver`, which only the one who has the order knows. 201: it is taken, 422: not a
-//! picture of this size, or not of finite numbers (the text says which), 404: nobody waits for it (any more).
+//! Before the *inform*, deliver the mean of the samples: an OpenEXR file of the rectangle's size (channels R, G, B, linear
+//! Rec. 709; A if there is alpha) by PUT to `deliver`, which only the agent with the order knows. 201: accepted; 422: not a
+//! picture of this size, or not of finite numbers (the text says which); 404: not expected, or no longer.
 //!
-//! **The end.** `inform ((done (iota …)))`: the picture is painted. `failure ((iota …) (left-out "why"))`: the Master wants
-//! nothing more of this stranger. `failure ((iota …) (work-ended cancelled))`: there will be no picture. A *cancel* of the subscription by the stranger gives back what it has in hand.
+//! **The end.** `inform ((done (iota …)))`: the picture is finished. `failure ((iota …) (left-out "why"))`: the Master
+//! excludes this agent. `failure ((iota …) (work-ended cancelled))`: the picture will not be finished. By a *cancel* of the
+//! subscription, the agent returns its orders and leaves.
 //!
-//! What is not understood: another ontology or language, an act that means nothing here, what is no SL. What is refused:
-//! `(not-subscribed)`, `(missing-parameter F p)`, `(unrecognised-parameter-value F p)`. A proposal is rejected for
-//! `(too-late)`, `(not-called)`, `(not-offered N)`, `(offered-once N)`; an *inform* that a zone is done is refuted, by
-//! *disconfirm*, for `(not-your-order)` and `(nothing-delivered)`. Version 1; what is added will be further parameters.
+//! Not understood: another ontology or language, an unexpected act, content that is not SL. Refused: `(not-subscribed)`,
+//! `(missing-parameter F p)`, `(unrecognised-parameter-value F p)`. A proposal is rejected with `(too-late)`,
+//! `(not-called)`, `(not-offered N)` or `(offered-once N)`; an *inform* that a zone is done is answered by *disconfirm*,
+//! with `(not-your-order)` or `(nothing-delivered)`. Version 1; additions will be further parameters.
 
 use std::{collections::BTreeSet, time::Duration};
 
@@ -202,7 +205,7 @@ pub(super) fn read_proposal(terms: &[Term], offers: &[Offer]) -> Result<(u32, Ve
     Ok((room.unwrap_or(1).clamp(1, bids.len() as u32), bids))
 }
 
-/// An order as an action.
+/// Returns an order as an action.
 pub(super) fn order_term(agent: &AgentId, order: &PaintOrder, seed: u64, deliver: &str) -> Term {
     let paint = Fields::of("paint")
         .number("zone", &order.zone.0)
@@ -222,17 +225,17 @@ pub(super) fn order_term(agent: &AgentId, order: &PaintOrder, seed: u64, deliver
     action(agent, paint.text("deliver", deliver).term())
 }
 
-/// An order by its name alone.
+/// Returns an action that only names an order.
 pub(super) fn named_order_term(agent: &AgentId, zone: ZoneId, fence: Revision) -> Term {
     action(agent, Fields::of("paint").number("zone", &zone.0).number("order", &fence.0).term())
 }
 
-/// No order at all.
+/// Returns an action that names no order.
 pub(super) fn no_order_term(agent: &AgentId) -> Term {
     action(agent, Fields::of("paint").term())
 }
 
-/// Reads of which order `(action S (paint :zone 4 :order 345))` speaks.
+/// Reads which order `(action S (paint :zone 4 :order 345))` names.
 pub(super) fn read_order(term: &Term) -> Result<(ZoneId, Revision), Unread> {
     let call = Call::of(term)?;
     if !call.is("paint") {
