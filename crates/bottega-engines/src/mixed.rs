@@ -1,4 +1,4 @@
-//! Several engines that paint one picture of a scene which all of them read.
+//! Several engines that render one picture of the same scene.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -7,7 +7,7 @@ use std::{
 
 use crate::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneCallback, ZoneTask};
 
-/// How much of what was known of an engine's speed stays when a zone is done.
+/// The weight of the previous estimate of an engine's speed when a zone is done.
 const MEMORY: f64 = 0.7;
 
 /// Has zones wait until an engine is free, which then takes the one that suits it best; and hands a zone to another engine

@@ -70,43 +70,43 @@ use super::super::terms::{Call, Fields, Unread, reason, unrecognised_content};
 pub(super) const ONTOLOGY: &str = "bottega-painting";
 /// The service type of Masters.
 pub(super) const SERVICE_TYPE: &str = "bottega-master";
-/// Zones that one may paint at once.
+/// The most zones that an agent may paint at once.
 const LANES_MAX: f64 = 1024.0;
-/// The longest time that a zone may be promised for, in seconds.
+/// The longest time that a bid may name for a zone, in seconds.
 const SECONDS_MAX: f64 = 1e7;
 
-/// A file of a scene, where it can be had.
+/// A file of a scene, offered for download.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ModelFile {
-    /// Relative to the scene's folder.
+    /// The path relative to the scene's folder.
     pub(super) name: String,
     pub(super) bytes: u64,
-    /// URL.
+    /// The URL of the file.
     pub(super) at: String,
 }
 
-/// What a stranger is told of a job.
+/// The description of a job for agents of other platforms.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Model {
     /// The number of the job.
     pub(super) number: u32,
     pub(super) seed: u64,
-    /// The camera that is asked for; none: the scene file's first.
+    /// The requested camera; none: the first of the scene file.
     pub(super) camera: Option<String>,
-    /// The pixel filter that is asked for; none: what the scene file says.
+    /// The requested pixel filter; none: that of the scene file.
     pub(super) filter: Option<String>,
-    /// The scene first.
+    /// The files, the scene file first.
     pub(super) files: Vec<ModelFile>,
 }
 
-/// How a subscriber describes itself.
+/// The properties of an agent that subscribes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Applicant {
     pub(super) power: RelativePower,
     pub(super) lanes: f64,
 }
 
-/// The agent as a term.
+/// Returns the agent identifier as a term.
 pub(super) fn agent_term(agent: &AgentId) -> Term {
     Fields::of("agent-identifier").text("name", &agent.name).term()
 }
@@ -130,7 +130,7 @@ pub(super) fn read_application(iota: &Term) -> Result<Applicant, Unread> {
     Ok(Applicant { power: RelativePower::new(power), lanes })
 }
 
-/// What is to be painted, as an object.
+/// Returns the job as an object.
 pub(super) fn work_term(model: &Model, work: &WorkRow) -> Term {
     let file = |file: &ModelFile| {
         Fields::of("file").text("name", &file.name).number("bytes", &file.bytes).text("at", &file.at).term()
@@ -152,9 +152,9 @@ pub(super) fn work_term(model: &Model, work: &WorkRow) -> Term {
         .term()
 }
 
-/// A call for proposals.
+/// Returns the content of a call for proposals.
 ///
-/// - `seconds`: how long a zone is expected to take this stranger.
+/// - `seconds`: the predicted time of a zone for this agent.
 pub(super) fn call_terms(agent: &AgentId, offers: &[Offer], room: u32, seconds: impl Fn(&Offer) -> f64) -> Vec<Term> {
     let zone = |offer: &Offer| {
         Fields::of("zone")
@@ -172,10 +172,10 @@ fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
 
-/// Reads a proposal for zones that were offered.
+/// Reads a proposal for offered zones.
 ///
 /// # Errors
-/// The reason for which it is rejected.
+/// The reason for its rejection.
 pub(super) fn read_proposal(terms: &[Term], offers: &[Offer]) -> Result<(u32, Vec<Bid>), Unread> {
     let (first, rest) = terms.split_first().ok_or_else(unrecognised_content)?;
     let call = Call::of(first)?;
