@@ -106,7 +106,7 @@ fn read(path: &Path) -> Result<Option<Quarantine>, String> {
     Ok(Some(found))
 }
 
-/// Refuses an engine that is not used here any more.
+/// Returns an error if an engine is quarantined.
 pub(super) fn check(engine: &LocatedEngine) -> Result<(), EngineFault> {
     match quarantine(engine) {
         Some(Quarantine { failures, reason, .. }) => {
@@ -117,10 +117,10 @@ pub(super) fn check(engine: &LocatedEngine) -> Result<(), EngineFault> {
     }
 }
 
-/// Lets an engine in again, in all its versions. Whether it was shut out.
+/// Ends the quarantine of an engine, in all its versions. Returns `true` if it was quarantined.
 ///
 /// # Errors
-/// The file that says so cannot be removed.
+/// The quarantine file cannot be removed.
 pub fn release(name: &str) -> io::Result<bool> {
     let was_unkept = unkept().remove(name).is_some();
     let removed = FOLDER.get().map_or(Ok(()), |folder| fs::remove_file(file_of(folder, name)));
