@@ -32,7 +32,7 @@ impl Admission {
         Self { members: Mutex::new(members), told, setup, system }
     }
 
-    /// Answers an [`EnrolmentRequest`]. `None`: `group` is unknown.
+    /// Answers an [`EnrolmentRequest`](crate::link::EnrolmentRequest). `None`: `group` is unknown.
     pub(crate) fn answer(&self, group: &str, request: &[u8]) -> Option<Vec<u8>> {
         let group = Group::ALL.into_iter().find(|known| known.word() == group)?;
         let (mut answer, count) = {

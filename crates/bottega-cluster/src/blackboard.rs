@@ -16,7 +16,7 @@ use crate::{error::Error, job::Job, job_board::JobBoard};
 
 /// The largest stored Blackboard that is read, in bytes.
 const ROWS_BYTES_MAX: usize = 1 << 28;
-/// How long to wait for a server that sends nothing.
+/// The time after which a server that sends nothing counts as unavailable.
 const SILENT: Duration = Duration::from_secs(10);
 
 /// A change of a row, for observers of a Blackboard.

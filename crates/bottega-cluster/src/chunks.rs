@@ -176,7 +176,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::pieces::Pieces;
 
-    /// A store in memory that can break down.
+    /// An in-memory store that can be made to fail.
     #[derive(Default)]
     pub(crate) struct Shelf {
         chunks: Mutex<BTreeMap<String, Vec<u8>>>,
@@ -209,7 +209,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// A file that is sent.
+    /// Sends a file to a store.
     fn send(path: &Path, shelf: &Shelf) -> Result<Contents, Error> {
         let mut pieces = Pieces::default();
         let contents = pieces.add(path)?;

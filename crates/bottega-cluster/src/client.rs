@@ -310,7 +310,7 @@ pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> J
     job
 }
 
-/// Returns the devices of this machine that render the request, besides the CPU.
+/// Returns the devices of this machine that render the request, without the CPU.
 pub(crate) fn devices_of(request: &Request) -> Vec<String> {
     beside_processors(&DeviceChoice::of(&request.devices.names).unwrap_or_default())
 }

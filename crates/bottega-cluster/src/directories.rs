@@ -30,7 +30,7 @@ use crate::{
     platform::NAME,
 };
 
-/// How long a deregistered entry stays, so that others can see that it is gone.
+/// The time for which a deregistered entry stays, so that others can see that it is gone.
 const EMPTY_KEPT: Duration = Duration::from_secs(60);
 /// Prefix of the pages of all platforms.
 const PAGES: &str = "page/";
@@ -53,9 +53,9 @@ pub struct JobAgent {
 pub enum AgentOrder {
     /// Return its zones and wait.
     Suspend,
-    /// Continue.
+    /// Continue to paint.
     Resume,
-    /// Terminate.
+    /// Finish and deregister.
     Quit,
 }
 

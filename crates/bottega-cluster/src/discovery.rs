@@ -14,7 +14,7 @@ use crate::names::host_name;
 const SERVICE: &str = "_bottega._tcp.local.";
 /// The mDNS property with the server's pin.
 const PIN: &str = "pin";
-/// How long to search for a farm.
+/// The time limit of a search for a farm.
 const LOOK: Duration = Duration::from_secs(8);
 
 /// Announces a farm on the local network until it is dropped.

@@ -19,9 +19,9 @@ pub enum Error {
     /// The farm cannot be joined.
     #[error("no farm")]
     Farm {
-        /// The cause.
+        /// The error of the NATS connection.
         source: NatsError,
-        /// What the user can do about it.
+        /// The advice to the user.
         remedy: String,
     },
     /// The farm could not store or return a blob.

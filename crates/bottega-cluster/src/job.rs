@@ -28,7 +28,7 @@ pub enum JobState {
     Done,
     /// It cannot be rendered.
     Failed {
-        /// The cause.
+        /// The cause, for display.
         reason: String,
     },
     /// A user cancelled it.
@@ -87,7 +87,7 @@ pub struct Job {
     /// The unique number of the current painting, under which its zones are stored. It changes each time the job is
     /// rendered again, so that no part of an earlier painting is reused.
     pub work: u64,
-    /// How often the farm restarted all processes of this painting because it made no progress.
+    /// The number of restarts of all processes of this painting, because it made no progress.
     #[serde(default)]
     pub stirs: u32,
     /// True if the farm stores its picture; false if the process that submitted it wrote the picture itself. While the job
@@ -110,7 +110,7 @@ pub struct Job {
     /// Its place in an animation; none: it is not a frame of one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub animation: Option<AnimationFrame>,
-    /// The state.
+    /// The state: active, paused or over.
     #[serde(flatten)]
     pub state: JobState,
     /// The last lines of its log, oldest first.

@@ -25,9 +25,9 @@ use bottega_platform::folders::state_folder;
 
 /// The oldest NATS server version that is safe on untrusted networks.
 const FIT_FOR_ALL: (u64, u64) = (2, 14);
-/// How long a machine just admitted retries while the server reloads its configuration.
+/// The time for which a machine just admitted retries, while the server reloads its configuration.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// How long a refused machine retries: its word may be wrong, or the farm may have removed it.
+/// The time for which a refused machine retries: its word may be wrong, or the farm may have removed it.
 const PATIENCE_OF_REFUSED: Duration = Duration::from_secs(6);
 /// Pause between attempts, at first and at most.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
@@ -40,7 +40,7 @@ pub struct Credentials {
     pub creds: Option<PathBuf>,
     /// A file with the seed of an NKey.
     pub nkey: Option<PathBuf>,
-    /// Certificates of further authorities besides those of the system (PEM).
+    /// Certificates of authorities, in addition to those of the system (PEM).
     pub tls_ca: Option<PathBuf>,
     /// The client certificate of this machine, and its key (PEM).
     pub tls_own: Option<(PathBuf, PathBuf)>,

@@ -17,7 +17,7 @@ use crate::{
     presence::Presence,
 };
 
-/// How long a process that just connected watches if presences are renewed; live ones renew twice a second.
+/// The time for which a process that just connected watches for renewals; live machines renew twice a second.
 const LOOK_FOR: Duration = Duration::from_millis(1500);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
@@ -118,7 +118,7 @@ mod tests {
         assert_eq!(look(&[("a", 3), ("left", 2)]), ["a"]);
         assert_eq!(look(&[("a", 3), ("b", 4)]), ["a"]);
         assert_eq!(look(&[("b", 5)]), ["b"]);
-        // One that comes back must be renewed again.
+        // A machine that comes back must be renewed again.
         assert_eq!(look(&[("a", 3), ("b", 5)]), ["b"]);
         assert_eq!(look(&[("a", 6), ("b", 5)]), ["a", "b"]);
     }

@@ -18,7 +18,7 @@ pub(crate) struct Member {
     pub board: JobBoard,
     pub name: String,
     pub threads: usize,
-    /// The devices that it renders with, besides the CPU.
+    /// The devices that it renders with, without the CPU.
     pub devices: Vec<String>,
     /// Requested when the user wants to stop.
     pub stop: StopSwitch,

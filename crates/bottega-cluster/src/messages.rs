@@ -1,6 +1,7 @@
-//! The messages between the agents of a job, for people and programs; recorded by the leader of the job while somebody watches.
+//! The messages between the agents of a job, for people and programs; recorded by the leader of the job while an observer
+//! watches.
 //!
-//! - `watch/N`: somebody watches the messages of job N; renewed while that is so.
+//! - `watch/N`: an observer watches the messages of job N; renewed while that is so.
 //! - blobs `job-WORK/messages-K`: recorded messages, in pieces. They are deleted with the job.
 
 use std::{
@@ -157,7 +158,7 @@ impl MessageRecorder {
         }
     }
 
-    /// Stores the recorded messages while somebody watches.
+    /// Stores the recorded messages while an observer watches.
     pub(crate) fn tell(self: &Arc<Self>, board: &JobBoard, number: u32, work: u64) {
         self.is_on.store(board.is_watched(number), Ordering::Relaxed);
         self.send(board, work);
@@ -204,7 +205,7 @@ impl MessageRecorder {
 }
 
 impl JobBoard {
-    /// Announces for some seconds that somebody watches the messages of a job.
+    /// Announces for some seconds that an observer watches the messages of a job.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -212,12 +213,12 @@ impl JobBoard {
         self.put_notice(&watch_name(number), &true)
     }
 
-    /// True if somebody watches the messages of a job.
+    /// True if an observer watches the messages of a job.
     pub(crate) fn is_watched(&self, number: u32) -> bool {
         self.uplink.notices().get(&watch_name(number)).is_some_and(|notice| notice.unchanged < WATCHED_FOR)
     }
 
-    /// Removes the announcement that somebody watches a job.
+    /// Removes the announcement that an observer watches a job.
     pub(crate) fn forget_watch(&self, number: u32) {
         if let Err(error) = self.uplink.notices().remove(&watch_name(number)) {
             tracing::debug!(%error, "the farm does not answer");

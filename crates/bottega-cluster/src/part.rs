@@ -373,7 +373,7 @@ impl Guard {
         }
     }
 
-    /// As leader: writes into the job's log which machines are left out, and why.
+    /// Writes into the job's log which machines are left out, and why. Only the leader does so.
     fn keep_log(&mut self) {
         if self.lease.is_none() {
             return;
@@ -392,7 +392,7 @@ impl Guard {
         }
     }
 
-    /// As leader: publishes the agents and the auction.
+    /// Publishes the agents and the auction. Only the leader does so.
     fn tell_society(&self) {
         if self.lease.is_some() {
             let board = &self.member.board;
@@ -403,21 +403,21 @@ impl Guard {
         }
     }
 
-    /// As leader: stores the agents' messages while somebody watches.
+    /// Stores the agents' messages while an observer watches. Only the leader does so.
     fn tell_messages(&self) {
         if self.lease.is_some() {
             self.told.recorder.tell(&self.member.board, self.number, self.work);
         }
     }
 
-    /// As leader: deregisters agents of lost machines.
+    /// Deregisters agents of lost machines. Only the leader does so.
     fn clear_pages(&self) {
         if self.lease.is_some() && self.member.board.uplink.is_connected() {
             self.member.board.clear_pages();
         }
     }
 
-    /// As leader: stores the importance map for observers.
+    /// Stores the importance map for observers. Only the leader does so.
     fn keep_importance(&self) {
         if self.lease.is_none() {
             return;

@@ -118,7 +118,7 @@ impl Observer for LoggingObserver {
     fn progress(&self, progress: &Progress) {
         let seen = SeenProgress { progress: *progress, at: Instant::now() };
         *self.progress.lock().unwrap_or_else(PoisonError::into_inner) = Some(seen);
-        // Painting continues.
+        // Painting continues, so there are enough machines.
         self.lacks_machines.store(false, Ordering::Relaxed);
         self.inner.progress(progress);
     }

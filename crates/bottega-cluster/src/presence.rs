@@ -35,7 +35,7 @@ pub struct Refusal {
     pub job: u32,
     /// The unique number of the painting that it refuses; it may accept a later one.
     pub work: u64,
-    /// The reason.
+    /// The reason, as text for the submitter.
     pub reason: String,
 }
 

@@ -19,7 +19,7 @@ use crate::{
 /// The notice that requests a zone again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct WantedZone {
-    /// The token of the samples to discard; none: the zone had failed.
+    /// The token of the samples to discard; none: the zone has failed.
     fence: Option<u64>,
 }
 

@@ -263,7 +263,7 @@ pub fn bytes_said(bytes: u64) -> String {
     }
 }
 
-/// What a user can do when the store is full.
+/// The advice to a user when the store is full.
 pub const MAKE_ROOM: &str = "`bottega jobs list` shows how much each job holds: remove those that are over with \
      `bottega jobs remove`, or call some off; or start `bottega up` with a larger --store-size";
 

@@ -22,7 +22,7 @@ use serde::Serialize;
 
 use crate::{error::Error, job::Job, job_board::JobBoard};
 
-/// How long to wait for a server that sends nothing.
+/// The time after which a server that sends nothing counts as unavailable.
 const SILENT: Duration = Duration::from_secs(10);
 /// The largest stored inputs that are read, in bytes.
 const INPUTS_BYTES_MAX: usize = 1 << 16;

@@ -18,7 +18,7 @@ use crate::{
     members::Members,
 };
 
-/// Usual locations of `nats-server`, besides those on PATH.
+/// Usual locations of `nats-server`, in addition to those on PATH.
 const PLACES: [&str; 3] = ["/usr/sbin/nats-server", "/usr/local/bin/nats-server", "/opt/homebrew/bin/nats-server"];
 
 /// The setting of the storage limit in its configuration.

@@ -282,7 +282,7 @@ mod tests {
     const WORK: u64 = 5;
     const PARTS: u32 = 16;
 
-    /// A machine of a farm that paints job 1.
+    /// A machine of a farm that works on job 1.
     fn member(server: &OwnServer, name: &str) -> Member {
         let uplink = server.entry.link(&NatsThread::start().unwrap(), name).unwrap();
         let board = JobBoard { uplink: Arc::new(uplink) };
@@ -293,7 +293,7 @@ mod tests {
         member.board.attend(&member.seat(Some(1)));
     }
 
-    /// Has a machine share in a stage. Returns how long that took, and how many parts were done here.
+    /// Lets a machine take part in a stage. Returns the time that it took, and the number of parts that it computed.
     fn share(member: &Member) -> (Duration, u32) {
         let stop = StopSwitch::new();
         let peers = JobPeers::new(member, 1, WORK, &stop);
@@ -318,13 +318,13 @@ mod tests {
             assert!(begun.elapsed() < Duration::from_secs(30), "the other one is not seen");
             thread::sleep(LOOK_EVERY);
         }
-        // Long before anybody's patience is over.
+        // Long before any claim expires.
         assert_eq!(share(one).1, PARTS);
-        // The picture is painted, and the notices of its parts are taken down; and the same work begins again.
+        // The picture is finished and its parts are deleted; then the same work starts again.
         forget(&one.board, WORK);
         let (took, here) = share(one);
         assert!(here == PARTS && took < IN_VAIN_MAX, "{here} parts in {took:?}");
-        // Another one is there, has taken a part, and does nothing of it.
+        // Another machine is present, has claimed a part, and hangs.
         forget(&one.board, WORK);
         let stop = StopSwitch::new();
         assert!(JobPeers::new(two, 1, WORK, &stop).claim(0, 3).unwrap());

@@ -25,7 +25,7 @@ use crate::{
 const ANNOUNCE_EVERY: Duration = Duration::from_secs(1);
 /// Time after which progress is reported.
 const TOLD_AFTER: Duration = Duration::from_secs(2);
-/// Space needed besides a scene: for the first rows of its job, and (a divisor of its size) for the overhead of chunks.
+/// Space needed in addition to a scene: for the first rows of its job, and (a divisor of its size) for the overhead of chunks.
 const ROOM_BESIDE: u64 = 512 << 10;
 const ROOM_SHARE: u64 = 64;
 /// The most attempts to send chunks again that were deleted meanwhile.

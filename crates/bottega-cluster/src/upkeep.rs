@@ -18,7 +18,7 @@ use crate::{
     uploads,
 };
 
-/// How long to watch if other processes are sending a scene; they announce it once a second.
+/// The time to watch for other processes that send a scene; they announce it once a second.
 const LOOK_FOR: Duration = Duration::from_millis(2500);
 /// Age from which stray data is deleted: by then it is not part of a transfer in progress.
 const STRAY_AFTER: Duration = Duration::from_secs(600);

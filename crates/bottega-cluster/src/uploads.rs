@@ -45,7 +45,7 @@ const NAME_MAX: usize = 512;
 pub(crate) const PREFIX: &str = "upload/";
 /// The largest list of pieces that is read, in bytes.
 const LIST_BYTES_MAX: usize = 1 << 20;
-/// How long a list of pieces is kept.
+/// The time for which a list of pieces is kept.
 pub(crate) const KEPT: Duration = Duration::from_secs(24 * 3600);
 /// The default name of a picture.
 const PICTURE: &str = "picture.exr";

@@ -48,7 +48,7 @@ pub struct JobView {
     pub output: String,
     /// Its place in an animation; none: it is not a frame of one.
     pub animation: Option<AnimationFrame>,
-    /// How often all its processes were restarted, because nothing progressed for 30 s although machines were free.
+    /// The number of restarts of all its processes, because nothing progressed for 30 s although machines were free.
     pub stirs: u32,
     /// `true`: the farm stores a picture of it; while it is rendered again, that of the previous painting.
     pub kept: bool,
@@ -105,7 +105,7 @@ impl JobView {
 /// A machine as shown to observers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MachineView {
-    /// Its presence.
+    /// The presence of the machine, as it announces itself.
     pub seat: Presence,
     /// The state that it is commanded to take.
     pub ordered: PresenceState,

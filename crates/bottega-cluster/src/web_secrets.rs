@@ -26,7 +26,7 @@ pub enum TokenRole {
 }
 
 impl TokenRole {
-    /// All roles.
+    /// All roles, from the least permissions to the most.
     pub const ALL: [Self; 2] = [Self::See, Self::Steer];
 
     /// Returns the name of the role.

@@ -48,7 +48,7 @@ struct TokenNotice {
     role: TokenRole,
     /// The BLAKE3 hash of the token; none: it is derived from the farm's word.
     digest: Option<String>,
-    /// How often a derived token was revoked and replaced.
+    /// The number of times that a derived token was revoked and replaced.
     generation: u64,
     made: u64,
     by: String,

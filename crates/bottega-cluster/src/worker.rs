@@ -81,7 +81,7 @@ pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dy
 
 /// Interval between checks for work.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-/// How long a machine stays with a job before it considers another: loading a scene takes time.
+/// The time for which a machine stays with a job before it considers another: loading a scene is expensive.
 const STAYS: Duration = Duration::from_secs(5);
 
 /// A machine that works for a farm.

@@ -210,7 +210,7 @@ mod tests {
     use super::*;
     use crate::{CancelSwitch, EnginePreference, TaskProgress, Tunables};
 
-    /// Paints at once, or never.
+    /// An engine that renders at once, or never.
     struct ToyEngine(&'static str, bool);
 
     impl RenderEngine for ToyEngine {
@@ -260,7 +260,7 @@ mod tests {
         Load { most: 1, running, under_way, speed, zones: 0 }
     }
 
-    /// Which engine begins which zone, by its width.
+    /// Returns which engine starts which zone, identified by its width.
     fn begun(loads: &[Load], zones: Vec<Waiting>) -> Vec<(usize, u32)> {
         let mut desk = WorkQueue { loads: loads.to_vec(), waiting: zones };
         std::iter::from_fn(|| desk.next().map(|(engine, waiting)| (engine, waiting.task.rect.width()))).collect()
@@ -271,9 +271,9 @@ mod tests {
         let idle = [load(0, 0.0, None), load(0, 0.0, None)];
         let three = || vec![waiting(7, 0.2), waiting(8, 0.9), waiting(9, -0.8)];
         assert_eq!(begun(&idle, three()), [(1, 8), (0, 9)]);
-        // What suits the other one better is painted all the same.
+        // A free engine also renders zones that suit the other one better.
         assert_eq!(begun(&[load(0, 0.0, None), load(1, 5.0, None)], vec![waiting(7, 1.0)]), [(0, 7)]);
-        // Where nothing is known of the zones, they are begun in turn.
+        // Without preferences, zones start in order of arrival.
         assert_eq!(begun(&idle, vec![waiting(7, 0.0), waiting(8, 0.0)]), [(0, 7), (1, 8)]);
     }
 
@@ -282,7 +282,7 @@ mod tests {
         let loads = [load(0, 0.0, Some(1.0)), load(1, 10.0, Some(10.0))];
         assert_eq!(begun(&loads, vec![waiting(10, 0.0)]), []);
         assert_eq!(begun(&loads, (0..9).map(|_| waiting(10, 0.0)).collect()), [(0, 10)]);
-        // But not one on which that engine has failed.
+        // Except a zone on which that engine has failed.
         let failed = Waiting { failed: vec![1], ..waiting(10, 0.0) };
         assert_eq!(begun(&loads, vec![failed]), [(0, 10)]);
     }

@@ -63,7 +63,7 @@ mod tests {
 
     use super::{policy::OwnerObservation, *};
 
-    /// A machine that was touched so many seconds ago.
+    /// A machine with its last input this many seconds ago.
     struct Desk(Arc<AtomicU64>);
 
     impl OwnerSenses for Desk {

@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(policy.observe(at(0, Some(599), 0.0), SECOND), Some(OwnerReason::Present));
         assert_eq!(policy.observe(at(0, Some(600), 0.0), SECOND), None);
         assert_eq!(policy.observe(at(0, Some(0), 0.0), SECOND), Some(OwnerReason::Present));
-        // Whatever the screen says, somebody types.
+        // A user types at a terminal, although the screen is idle.
         let typing = OwnerObservation { terminals: Some(SECOND), ..at(0, Some(900), 0.0) };
         assert_eq!(policy.observe(typing, SECOND), Some(OwnerReason::Present));
     }
@@ -168,7 +168,7 @@ mod tests {
         let mut policy = OwnerPolicy::new(conditions);
         let begins = (0..200).take_while(|_| policy.observe(at(0, None, 0.0), SECOND).is_some()).count();
         assert_eq!(begins as u64, 120 - QUIET.as_secs() - 1);
-        // A terminal that nobody uses is no proof that nobody sits at a screen.
+        // An idle terminal does not prove that there is no user at a screen.
         let elsewhere = OwnerObservation { terminals: Some(Duration::from_secs(9999)), ..at(0, None, 1.0) };
         assert_eq!(policy.observe(elsewhere, SECOND), Some(OwnerReason::Present));
     }

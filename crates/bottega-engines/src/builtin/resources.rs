@@ -6,7 +6,7 @@ use bottega_render::RenderWork;
 /// The most activity spans kept per resource, for the display.
 const SPANS_KEPT: usize = 2048;
 
-/// The devices that render besides the CPU.
+/// The devices that render in addition to the CPU.
 #[derive(Default)]
 pub struct Devices {
     /// The lanes of the devices, which share an allocator with the CPU.
@@ -18,7 +18,7 @@ pub struct Devices {
 /// The processors and devices of this machine behind one allocator, which any number of engines may share.
 pub struct Resources {
     pub(super) hra: Hra<RenderWork>,
-    /// The number of devices besides the CPU.
+    /// The number of devices, without the CPU.
     pub(super) devices: usize,
 }
 

@@ -37,7 +37,7 @@ pub(super) struct Shared {
     pub(super) scene: Arc<PreparedScene>,
     pub(super) prepass: Arc<Prepass>,
     pub(super) options: BuiltinOptions,
-    /// The number of devices besides the CPU.
+    /// The number of devices, without the CPU.
     pub(super) devices: usize,
     pub(super) cancelled: AtomicBool,
     /// The time of one sample of one pixel in nanoseconds, measured from finished units.

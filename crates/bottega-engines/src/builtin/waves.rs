@@ -27,7 +27,7 @@ pub(super) struct WaveUnderWay {
 pub(super) enum WaveStep {
     /// Trace these rays: closest hits of the first, occlusion of the second; either may be empty.
     Ask(Arc<Vec<Ray>>, Arc<Vec<Ray>>),
-    /// Shade.
+    /// Shade the wave, with the answers to its rays.
     Shade(Wave, WaveAnswers),
     /// Wait for more answers.
     Wait,

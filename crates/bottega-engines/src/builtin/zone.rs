@@ -41,7 +41,7 @@ const MAX_DELAY: Duration = Duration::from_secs(10);
 
 /// Interval between checks for cancellation.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// How long to wait for running units after a cancellation.
+/// The time to wait for running units after a cancellation.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// The kinds of units of a wave; a ticket is `KINDS · block + kind`.
@@ -61,7 +61,7 @@ pub(super) struct ZonePainter<'a> {
     waiting: VecDeque<Rect>,
     under_way: Vec<Option<BlockUnderWay>>,
     busy: Duration,
-    /// True if the engine had rendered before: devices get their kernels and scenes with their first units.
+    /// True if the engine has rendered before: devices get their kernels and scenes with their first units.
     is_warm: bool,
     /// The time of each finished block.
     parts: Vec<(Rect, Duration)>,

@@ -40,7 +40,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 const WEIGH_EVERY: Duration = Duration::from_millis(500);
 /// The most processes of one child.
 const PROCESSES_MAX: usize = 1024;
-/// How long a child has to exit by itself.
+/// The time in which a child must exit by itself.
 const GRACE: Duration = Duration::from_millis(500);
 /// Returns `true` if engines can only open their own files and those of their scene on this machine.
 pub fn is_fenced_in() -> bool {

@@ -43,7 +43,7 @@ pub enum EngineFault {
     /// It could not be started.
     #[error("`{program}` cannot be started")]
     Start {
-        /// The program.
+        /// The program, as on the command line.
         program: String,
         /// The cause.
         source: io::Error,
@@ -51,7 +51,7 @@ pub enum EngineFault {
     /// It refuses the scene or a zone, with its own message.
     #[error("it says: {reason}")]
     Refused {
-        /// The message.
+        /// The message of the engine.
         reason: String,
         /// True if the process must be restarted.
         fatal: bool,
@@ -97,7 +97,7 @@ pub enum EngineFault {
     /// Its worker violates the protocol.
     #[error("its worker does not keep to the protocol: {problem}")]
     Protocol {
-        /// The violation.
+        /// A description of the violation.
         problem: String,
     },
     /// It wrote no picture.

@@ -92,7 +92,7 @@ pub struct SearchStep {
     /// Environment variables that the child inherits, where set.
     #[serde(default)]
     pub inherit: Vec<String>,
-    /// Environment variables that list files and folders which it may write besides its scratch folder.
+    /// Environment variables that list files and folders which it may write in addition to its scratch folder.
     #[serde(default)]
     pub writes: Vec<String>,
 }
@@ -334,7 +334,7 @@ pub struct Manifest {
 pub struct ManifestError {
     /// The path of the file.
     pub path: PathBuf,
-    /// The problem.
+    /// The problem, for display.
     pub problem: String,
     /// The line, from 1.
     pub line: usize,

@@ -9,7 +9,7 @@ const NOT_FINITE_SHARE: f64 = 0.01;
 /// Larger values in a layer count as invalid, so that the sums of all samples stay finite.
 const LARGEST: f32 = 1e30;
 
-/// The channels wanted besides the color, and their places in a pixel.
+/// The channels wanted in addition to the color, and their places in a pixel.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ExtraChannels {
     /// Alpha, then the channels of the layers.

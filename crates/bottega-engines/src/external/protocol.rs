@@ -78,7 +78,7 @@ pub struct Opened {
     /// The pixel filter; `None`: unknown or unsupported.
     #[serde(default)]
     pub filter: Option<FilmFilter>,
-    /// The layers that it renders besides the color.
+    /// The layers that it renders in addition to the color.
     #[serde(default)]
     pub layers: Vec<OpenedLayer>,
 }
@@ -144,7 +144,7 @@ pub enum CombineWord {
 /// The files that a scene refers to.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Files {
-    /// Existing files.
+    /// The paths of existing files.
     pub files: Vec<std::path::PathBuf>,
     /// Missing files, as named in the scene.
     #[serde(default)]
@@ -218,7 +218,7 @@ mod tests {
             serde_json::from_str(r#"{"failed":{"id":null,"reason":"no","fatal":true}}"#).expect("an answer");
         assert_eq!(answer, WorkerReply::Failed(WorkerFailure { reason: "no".into(), fatal: true }));
         assert!(serde_json::from_str::<WorkerReply>(r#"{"painted":{"id":-1}}"#).is_err());
-        // Members by their order are no answer.
+        // An array with the members in order is not accepted.
         assert!(WorkerReply::parse(r#"{"failed":{"reason":"no","fatal":true}}"#).is_ok());
         assert!(WorkerReply::parse(r#"{"failed":["no",true]}"#).is_err());
         let answer = serde_json::from_str(

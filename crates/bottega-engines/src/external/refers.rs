@@ -22,7 +22,7 @@ const TEXT_MAX: u64 = 64 << 20;
 impl LocatedEngine {
     /// Returns the files that a scene refers to, without the scene file itself.
     ///
-    /// - `outside`: files and folders that the engine may read besides the scene's folder, see
+    /// - `outside`: files and folders that the engine may read in addition to the scene's folder, see
     ///   [`SceneRequest`](super::SceneRequest).
     ///
     /// # Errors

@@ -77,7 +77,7 @@ mod tests {
         let live = Scratch::below(place.path()).expect("a folder");
         let left = Scratch::below(place.path()).expect("a folder");
         let left_path = left.path().to_owned();
-        // What a kill does: the lock goes, and the folder stays.
+        // As after a kill: the lock is released, but the folder stays.
         let Scratch { _held: held, folder } = left;
         drop(held);
         let _ = folder.keep();

@@ -31,7 +31,7 @@ const TELLING_RATIO: f64 = 2.0;
 const MORE_SAMPLES: u32 = 16;
 /// and their most.
 const SAMPLES_PACED: u32 = 1024;
-/// The largest share of the time that windows may cost besides their samples.
+/// The largest share of the time that windows may cost, without their samples.
 const WINDOWS_SHARE: f64 = 0.01;
 /// The share of the times that must be due to samples, so that they distinguish regions.
 const TELLING_SHARE: f64 = 0.3;
@@ -194,7 +194,7 @@ mod tests {
     #[test]
     fn dear_windows_make_few_zones() {
         let pace = WindowCost { window: 0.1, sample: 1e-6 };
-        // 62.5 s of samples bear 0.625 s of windows.
+        // For 62.5 s of samples, 0.625 s of windows are allowed.
         assert_eq!(pace.zones_max(62_500_000, 2.0), 3);
         assert_eq!(pace.zones_max(62_500_000, 1.0), 6);
         assert_eq!(pace.zones_max(1, 1.0), 1);

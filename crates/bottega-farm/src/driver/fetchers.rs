@@ -99,7 +99,7 @@ mod tests {
         let (release, wait) = mpsc::channel::<()>();
         fetchers
             .begin(move || {
-                // It ends when the other end is dropped.
+                // The job ends when the sender is dropped.
                 _ = wait.recv();
             })
             .unwrap();

@@ -182,7 +182,7 @@ mod tests {
         Report { zone: ZoneId(zone), fence: Revision(3), outcome: Ok(painting), reasons: None }
     }
 
-    /// A zone that is profiled with 4 samples and painted with 16 more in 4 s.
+    /// Reports a zone that is profiled with 4 samples and painted with 16 more in 4 s.
     fn painted(learner: &mut Learner, zone: u32, agent: &str, chosen: Choice) {
         let agent = Some(AgentId::new(agent));
         let row = row(zone);
@@ -211,18 +211,18 @@ mod tests {
         let mut learner = learner();
         painted(&mut learner, 0, "render-1@fast.7", choice(20, 8));
         painted(&mut learner, 1, "render-1@slow", choice(20, 8));
-        // Its rules decided otherwise: it began anew, and all samples are in the time.
+        // The painter has chosen other parameters, so it started again: the time includes all samples.
         painted(&mut learner, 2, "render-1@slow", choice(20, 4));
         let lessons = learner.lessons(20);
         let times =
             |machine: &str| lessons[machine].zones.iter().map(|zone| zone.time.as_secs_f64()).collect::<Vec<_>>();
         assert_eq!(lessons.len(), 2);
         assert_eq!((times("fast"), times("slow")), (vec![5.0], vec![5.0, 4.0]));
-        // All drifted alike, which says nothing of them.
+        // All agents have drifted equally, which has no effect.
         for (machine, power) in [("slow", 2.0), ("fast", 0.5)] {
             assert!((lessons[machine].power.unwrap().get() - power).abs() < 1e-9, "{machine}");
         }
-        // Expected were 2 s of the reference machine; it took 10, 2.5 and 2.
+        // Predicted are 2 s on the reference machine; measured are 10 s, 2.5 s and 2 s.
         let forecast = learner.forecast().unwrap();
         assert_eq!(forecast.zones, 3);
         assert!((forecast.median_error - 0.2).abs() < 1e-9, "{forecast:?}");

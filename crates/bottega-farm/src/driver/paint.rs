@@ -30,7 +30,7 @@ struct ZonePainting {
 
 /// The estimation of a zone's error.
 enum Estimate {
-    /// No estimate.
+    /// No estimate of the error.
     None,
     /// For the whole zone: holds the samples of about the first half, once they are there.
     Zone(Option<Tile>),

@@ -151,7 +151,7 @@ pub enum JobError {
     Count {
         /// The name of the setting.
         what: &'static str,
-        /// The value.
+        /// The value that is out of range.
         value: usize,
     },
     /// The stored progress is of another job.
@@ -163,7 +163,7 @@ pub enum JobError {
     /// The scene could not be analyzed, or an internal step failed.
     #[error("the job was given up: {reason}")]
     Abandoned {
-        /// The cause.
+        /// The cause, for display.
         reason: String,
     },
     /// Results cannot be compared.

@@ -241,7 +241,7 @@ pub(super) fn machine_term(machine: &MachineView, job: Option<&JobView>) -> Term
     fields.term()
 }
 
-/// What is asked of an agent, as it would be asked.
+/// Returns the content of a request to an agent, in SL.
 #[cfg(test)]
 pub(super) fn asked(agent: &bottega_agents::AgentId, function: &str) -> String {
     use bottega_agents::sl;

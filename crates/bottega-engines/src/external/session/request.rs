@@ -27,12 +27,13 @@ pub struct SceneRequest {
     pub trust: bool,
     /// Further parameters for the engine, from its manifest and from the user.
     pub parameters: BTreeMap<String, serde_json::Value>,
-    /// Files and folders that the engine may read besides the folder of the scene; `/`: everything that this process may read.
+    /// Files and folders that the engine may read in addition to the folder of the scene; `/`: everything that this process
+    /// may read.
     pub outside: Vec<PathBuf>,
 }
 
 impl SceneRequest {
-    /// Returns the files that the engine may read besides its own.
+    /// Returns the files that the engine may read in addition to its own.
     pub(in crate::external) fn reads(&self) -> Vec<PathBuf> {
         reads(&self.scene, &self.outside)
     }

@@ -35,7 +35,7 @@ pub(super) struct WorkerSession {
     scratch: Scratch,
     next_id: u64,
     frame: Option<i32>,
-    /// The files that it may read besides its own.
+    /// The files that it may read in addition to its own.
     reads: Vec<PathBuf>,
     wrong_lines: u32,
 }
@@ -46,14 +46,14 @@ struct Patience<'a> {
     silence: Option<Duration>,
     what: &'static str,
     cancel: Option<&'a CancelSwitch>,
-    /// How long to wait for the end of a cancelled window: less than a restart takes.
+    /// The time to wait for the end of a cancelled window: less than a restart takes.
     grace: Duration,
 }
 
 impl WorkerSession {
     /// Starts a worker.
     ///
-    /// - `reads`: files and folders that it may read besides the system's and its installation.
+    /// - `reads`: files and folders that it may read in addition to the system's and its installation.
     pub(super) fn start(engine: &Arc<LocatedEngine>, reads: Vec<PathBuf>) -> Result<Self, EngineFault> {
         let scratch = Scratch::new()?;
         engine.entry.unpack(scratch.path())?;
