@@ -78,14 +78,17 @@ pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn 
             "try again; if it stays so, the store of the NATS server is damaged",
         )
     };
+    // Validate the hashes
     let all = || std::iter::once(&contents.hash).chain(&contents.chunks);
     if contents.chunks.len() > CHUNKS_MAX || !all().all(|hash| is_hash(hash)) {
         return Err(other());
     }
+    // Use the cached file if it is intact
     let file = cache.file(&contents.hash);
     if holds(&file, contents) {
         return Ok(());
     }
+    // Fetch and verify the missing chunks
     several(contents.chunks.len(), &|i| {
         let hash = &contents.chunks[i];
         let path = cache.chunk(hash);
@@ -95,6 +98,7 @@ pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn 
         let bytes = store.get(&blob_name(hash), CHUNK_BYTES).map_err(Error::Blob)?.ok_or_else(other)?;
         if hash_of(&bytes) == *hash { write_whole(&path, &bytes) } else { Err(other()) }
     })?;
+    // Join the chunks, and verify the whole file
     let mut bytes = Vec::new();
     for hash in &contents.chunks {
         let path = cache.chunk(hash);

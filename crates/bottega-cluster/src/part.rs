@@ -56,6 +56,7 @@ pub(crate) fn take_part(
     let occupation = activity.occupy();
     // Learn first: it may take longer than a lease lasts.
     learn_from_others(board, job, &*tools.engine)?;
+    // Claim the lead
     let lease = board.claim(number, job.work, name)?;
     let leads = lease.is_some();
     let asked = job.from == *name;
@@ -63,6 +64,7 @@ pub(crate) fn take_part(
         board.log(number, &format!("{name} leads"));
     }
     let this = StopSwitch::new();
+    // Observe the job, and renew lease and presence on another thread
     let told = Arc::new(LoggingObserver {
         inner: Arc::clone(&tools.observer),
         work: job.work,
@@ -95,6 +97,7 @@ pub(crate) fn take_part(
         watch: RefusalWatch::default(),
     };
     let watch = PartWatch::begin(guard)?;
+    // Render the first look, and share the preparation with other machines
     let begun = Instant::now();
     if leads && let Some(look) = FirstLook::take(&tools.settings, &*tools.engine) {
         told.seen.store(board.keep_first_look(job.work, &look), Ordering::Relaxed);
@@ -104,6 +107,7 @@ pub(crate) fn take_part(
     if this.is_requested() {
         return Ok(PartOutcome::Left(None));
     }
+    // Render zones, as the leader or for it
     let link = job_link(Arc::clone(&board.uplink), WorkId(job.work), Some(number), name.clone());
     let settings = JobSettings { experience: board.own_experience(name), ..less(&tools.settings, prepared) };
     let (settings, engine) = (&settings, Arc::clone(&tools.engine));

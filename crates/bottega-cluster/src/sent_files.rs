@@ -74,6 +74,7 @@ impl SentFiles {
         if self.files.is_empty() || self.files.len() > FILES_MAX {
             return Err(Error::failed("the work names no scene, or too many files", "who leads it is of another mind"));
         }
+        // Identify the scene by the names and hashes of its files
         let all = || self.files.iter().chain(&self.environment);
         let mut hasher = blake3::Hasher::new();
         all().for_each(|file| _ = hasher.update(format!("{}\n{}\n", file.name, file.contents.hash).as_bytes()));
@@ -83,6 +84,7 @@ impl SentFiles {
         let folder = (0..depth).fold(root.clone(), |folder, _| folder.join(INNER));
         // Other processes of this machine may fetch the same files.
         let _alone = cache.lock()?;
+        // Fetch missing files
         for file in all() {
             let path = file.below(&root, &folder)?;
             if !chunks::holds(&path, &file.contents) {
@@ -92,6 +94,7 @@ impl SentFiles {
             }
             Cache::touch(&path);
         }
+        // Remove old files from the cache
         let in_use: Vec<PathBuf> = all().map(|file| cache.file(&file.contents.hash)).collect();
         cache.trim(&root, &in_use);
         let scene = self.files[0].below(&root, &folder)?;

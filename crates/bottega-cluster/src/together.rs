@@ -165,10 +165,12 @@ impl<'a> JobPeers<'a> {
             if self.stop.is_requested() {
                 return Ok(Err(RenderError::Left));
             }
+            // Choose the next part from the claims of all machines
             let parts = self.parts_of(stage, found.len() as u32);
             advance.see(&parts);
             let present = self.present();
             let next = next_part(&parts, &self.member.name, |name| present.contains(name), PATIENCE.max(2 * longest));
+            // Give up sharing if there is no progress
             if next != NextPart::Done && advance.is_in_vain() {
                 let Member { board, name, .. } = self.member;
                 let seconds = IN_VAIN_MAX.as_secs();
@@ -182,6 +184,7 @@ impl<'a> JobPeers<'a> {
             }
             match next {
                 NextPart::Done => return Ok(Ok(())),
+                // Compute a claimed part
                 NextPart::Take(number) if self.claim(stage, number as u32)? => {
                     let begun = Instant::now();
                     self.member.activity.awaits_others(false);
@@ -193,6 +196,7 @@ impl<'a> JobPeers<'a> {
                     advance.moved = Instant::now();
                 }
                 NextPart::Take(_) => thread::sleep(LOOK_EVERY),
+                // Fetch results while others compute the last parts
                 NextPart::Wait => {
                     self.member.activity.awaits_others(true);
                     let next = (0..found.len()).find(|&number| found[number].is_none() && parts[number].is_done);
@@ -227,6 +231,7 @@ impl Sharing for JobPeers<'_> {
                 Err(error) => tracing::warn!(%error, "the farm does not answer: what is left is done here"),
             }
         }
+        // Fetch or compute the parts that are still missing
         let mut all = Vec::with_capacity(found.len());
         for (number, bytes) in (0..).zip(found) {
             if self.stop.is_requested() {

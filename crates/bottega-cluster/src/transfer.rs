@@ -80,12 +80,14 @@ pub(crate) fn send<'a>(
     let (begun, store): (_, &dyn ChunkStore) = (Instant::now(), board.uplink.blobs());
     board.announce(me, &Announcement { bytes: 0, sent: 0 });
     for _ in 0..ROUNDS_MAX {
+        // Determine the missing chunks
         let missing = pieces.missing(store)?;
         if missing.is_empty() {
             return Ok(sent);
         }
         let before = sent.counted.bytes.load(Ordering::Relaxed);
         let bytes: u64 = before + missing.iter().map(|(_, piece)| piece.bytes as u64).sum::<u64>();
+        // Check for space
         see_to_room(pieces, board, me, bytes - before)?;
         let tell = || {
             let done = sent.counted.bytes.load(Ordering::Relaxed);
@@ -97,6 +99,7 @@ pub(crate) fn send<'a>(
                 reporter.tell(Event::Sending { bytes_sent: done, bytes, seconds, seconds_left });
             }
         };
+        // Send the chunks
         let keep = |name: &str, piece: &[u8]| {
             patiently(
                 stop,

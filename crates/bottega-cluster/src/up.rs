@@ -127,6 +127,7 @@ impl FarmStart {
     /// There is no `nats-server`, or the folder or address cannot be used.
     pub fn begin(self) -> Result<Host, Error> {
         let Self { options: asked, folder, alone } = self;
+        // Find the program, the members and the storage limit
         let program = program(asked.server.as_deref())?;
         let members = Members::open(folder.join("members.json"))?;
         let listen = asked.listen.unwrap_or(LISTEN);
@@ -134,10 +135,12 @@ impl FarmStart {
         let options = |listen| options(&members, listen, &words[0]);
         let mut setup = Setup { folder, listen, store_bytes: None };
         setup.store_bytes = store_bytes(&asked, &setup, &options)?;
+        // Start the server, or adopt the one left running
         let config = setup.write(&members)?;
         let (server, uplink) = begin(&program, &config, &setup, &options(listen), members.system_login())?;
         let board = JobBoard { uplink: Arc::new(uplink) };
         let here = FarmAddress::of_up(reachable_here(listen), words[0].clone()).to_string();
+        // Supervise it, and admit machines
         let keeper = Keeper::new(server, &program, config, &setup, board.clone());
         let web_secrets = WebSecrets::of_host(&members)?;
         let system = NatsOptions { login: members.system_login(), ..options(listen) };

@@ -233,6 +233,7 @@ impl Worker {
         let Member { board, stop, .. } = &self.member;
         let occupation = self.member.activity.occupy();
         let seat = Presence { takes_orders: self.only.is_none(), ..self.member.seat(Some(number)) };
+        // Load the scene, unless it is loaded already
         if self.studio.as_ref().is_none_or(|studio| studio.origin != job.origin) {
             // Free the old scene first: two may not fit in memory.
             self.studio = None;
@@ -248,6 +249,7 @@ impl Worker {
         board.attend(&seat);
         drop(occupation);
         let Some(studio) = &self.studio else { return Ok(false) };
+        // Render the job together with the other machines
         let before = studio.samples_done();
         (self.say)(WorkerMessage::Line(&format!("job {number}: painting {}", job.scene)));
         let part = || take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number));
@@ -261,6 +263,7 @@ impl Worker {
             limit.forget();
             return Err(limit.error());
         }
+        // Store the picture, if this machine has led the job
         let is_over = !matches!(part, PartOutcome::Left(_));
         if let PartOutcome::Led(mut report, leading) = part {
             let state = match report.failed.len() {

@@ -82,6 +82,7 @@ fn samples_of(task: &ZoneTask) -> f64 {
 impl WorkQueue {
     /// Removes the zone to start next. Returns it with its engine.
     fn next(&mut self) -> Option<(usize, Waiting)> {
+        // Collect pairs of a free engine and a zone that it may render
         let free = |engine: &usize| self.loads[*engine].running < self.loads[*engine].most;
         let pairs = (0..self.loads.len()).filter(free).flat_map(|engine| {
             let may = move |(_, waiting): &(usize, &Waiting)| !waiting.failed.contains(&engine);
@@ -93,6 +94,7 @@ impl WorkQueue {
             let suits = self.suits(engine, &self.waiting[index].task);
             if best.is_some_and(|(most, ..)| most >= suits) { best } else { Some((suits, engine, index)) }
         });
+        // Assign the best pair
         let (_, engine, index) = best?;
         let waiting = self.waiting.remove(index);
         let load = &mut self.loads[engine];

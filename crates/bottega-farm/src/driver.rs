@@ -110,6 +110,7 @@ pub fn lead(
     kept: Option<JournalContents>,
     link: Option<Link>,
 ) -> Result<JobReport, JobError> {
+    // Validate the settings, and the progress of an earlier run
     let work = settings.work()?;
     if settings.verify > 1 && link.is_none() {
         return Err(JobError::Verify { reason: "the agents of one process have the same engine" });
@@ -126,7 +127,7 @@ pub fn lead(
     }
     let (kept, tiles) = match kept {
         Some(JournalContents { mut work, mut rows, tiles }) => {
-            // The Blackboard has another number than the earlier run, whose rows there are not used.
+            // Renumber the rows for this work: rows of the earlier run on the Blackboard are not used.
             if let Some(link) = &link {
                 work.work = link.work;
                 rows.iter_mut().for_each(|row| row.work = link.work);
@@ -139,12 +140,14 @@ pub fn lead(
     // The user or a time limit ends the work; on a farm, the time limit is not checked here.
     let limit = if let (Goal::Time(limit), None) = (settings.goal, &link) { Some(limit) } else { None };
     let ended = StopSwitch::new();
+    // Create the platform and the agents
     let shared = Arc::new(Shared::new(settings, easel, engine, observer, &ended, link));
     let uplink = shared.uplink()?;
     let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let master = populate(&platform, settings, work, kept, &shared)?;
     let asked = master.clone();
     shared.observer.leads(&MasterHandle { ask: Arc::new(move |completion| asked.complete(completion)) });
+    // Forward a stop to the Master and the engine
     let on_stop = Arc::downgrade(&shared);
     ended.when_requested(move || {
         if let Some(shared) = on_stop.upgrade() {
@@ -154,10 +157,12 @@ pub fn lead(
     });
     let by_user = ended.clone();
     stop.when_requested(move || by_user.request());
+    // Wait for the end
     let end = shared.wait(|| limit.map(|limit| limit.saturating_sub(platform.now().elapsed())));
     stop.forget();
     ended.forget();
     let total = platform.now().elapsed();
+    // Stop the agents, and send their last messages
     platform.stop();
     if let Some(uplink) = uplink {
         uplink.close();
@@ -178,6 +183,7 @@ fn report(shared: &Shared, end: Option<End>, total: Duration, by_user: bool) -> 
         (state.survey, state.preparing, state.messages)
     };
     let mut easel = shared.easel();
+    // Return an error if the job was abandoned
     if let (Some(End::Abandoned(reason)), false) = (&end, shared.stop.is_requested()) {
         return Err(JobError::Abandoned { reason: reason.clone() });
     }
@@ -185,6 +191,7 @@ fn report(shared: &Shared, end: Option<End>, total: Duration, by_user: bool) -> 
         Some(End::Finished(failed)) => (false, failed),
         _ => (true, Vec::new()),
     };
+    // Complete the film
     if stopped {
         easel.compose_unfinished();
     }
@@ -192,6 +199,7 @@ fn report(shared: &Shared, end: Option<End>, total: Duration, by_user: bool) -> 
     let look = shared.state().look.clone();
     let is_whole = stopped && !by_user && easel.fill(look.as_deref());
     let stopped = stopped && !is_whole;
+    // Collect times and lessons
     let times = Times { total, survey, preparation, ..easel.times() };
     let learner = shared.learner();
     let (forecast, lessons) = (learner.forecast(), learner.lessons(easel.samples_wanted()));

@@ -119,6 +119,7 @@ impl<'a> ZonePainter<'a> {
     }
 
     pub(super) fn paint(mut self) -> Result<Painted, EngineError> {
+        // Submit the first units
         let per_device = if self.shared.options.wavefront { WAVES_PER_DEVICE } else { UNITS_PER_DEVICE };
         let window = UNITS_PER_LANE * self.shared.options.threads + per_device * self.shared.devices;
         for _ in 0..window {
@@ -126,6 +127,7 @@ impl<'a> ZonePainter<'a> {
             self.under_way.push(None);
             self.start_block(ticket)?;
         }
+        // Process finished units, each of which submits the next
         let mut cancelled_at = None;
         while self.client.outstanding() > 0 {
             let completed = self.client.take_timeout(LOOK_EVERY);

@@ -453,6 +453,7 @@ impl EngineProcess {
         if task.cancel.is_cancelled() || shared.closing.is_cancelled() {
             return Ok(unpainted(task, &shared.options.layout));
         }
+        // Continue the tile if passes add up, or else start again
         let adds_up = shared.located.manifest().adds_up();
         let kept = task.tile.filter(|_| adds_up);
         let first = if kept.is_some() { task.samples.start } else { 0 };
@@ -461,6 +462,7 @@ impl EngineProcess {
         // Starting an engine and opening a scene do not count as rendering.
         self.session()?;
         let begun = Instant::now();
+        // Render the window
         let request = self.window_request(task.rect, first, count, &task.tunables, task.cancel.clone());
         let mut told = 0;
         let mut tell = |share: f64| {
@@ -480,12 +482,14 @@ impl EngineProcess {
             }
             written => written?,
         };
+        // Read and validate the output
         let window = picture::read_wanted(&written, task.rect, &shared.wanted)?;
         if window.is_black() && shared.expects_light(task.rect) {
             return Err(EngineFault::Black { window: task.rect });
         }
         tell(1.0);
         shared.dropped_count.fetch_add(window.dropped as u64, Ordering::Relaxed);
+        // Add the samples to the tile
         let mut tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout.clone()));
         // With a time limit it may have ended before its last sample.
         let taken = written.samples.filter(|taken| request.seconds.is_some() && *taken < request.samples);

@@ -53,6 +53,7 @@ pub(super) fn read_wanted(
     wanted: &ExtraChannels,
 ) -> Result<PaintedWindow, EngineFault> {
     let (mut picture, planes) = load(written, window, &wanted.names)?;
+    // Crop to the window
     let Rect { x0, y0, .. } = written.shows;
     let cut = Rect::new(window.x0 - x0, window.y0 - y0, window.x1 - x0, window.y1 - y0);
     let (row, height) = (picture.width, picture.height);
@@ -66,6 +67,7 @@ pub(super) fn read_wanted(
         height: cut.height(),
         data: places.iter().map(|&place| picture.data[place]).collect(),
     };
+    // Replace non-finite colors by black, and refuse too many
     let mut dropped = 0;
     for pixel in &mut picture.data {
         if !pixel.iter().all(|value| value.is_finite()) {
@@ -76,6 +78,7 @@ pub(super) fn read_wanted(
     if dropped as f64 > NOT_FINITE_SHARE * window.area() as f64 {
         return Err(EngineFault::NotFinite { count: dropped });
     }
+    // Crop the further channels
     let sound = |value: f32| if value.abs() <= LARGEST { value } else { 0.0 };
     let mut kept = Vec::new();
     for ((name, &offset), plane) in wanted.names.iter().zip(&wanted.offsets).zip(planes) {

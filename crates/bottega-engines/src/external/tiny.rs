@@ -48,16 +48,19 @@ pub(super) fn survey(
 ) -> Result<(Survey, Option<WindowCost>), EngineFault> {
     let frame = whole.window;
     let told = session.opened().window_seconds();
+    // Render the small picture
     let begun = Instant::now();
     let written = session.paint(whole, &mut |_| {})?;
     let took = begun.elapsed().as_secs_f64() - written.once.max(0.0);
     let picture = picture::read(&written, frame)?.picture;
+    // Determine the cost of windows and samples
     let seen = frame.area() * u64::from(whole.samples);
     let pace = pace.or(told.map(|window| WindowCost { window, sample: (took - window).max(LEAST_TIME) / seen as f64 }));
     let time = pace.map_or(PROBE_TIME, |pace| pace.probe_time(samples));
     // If windows are that expensive, timing them takes too long and reveals nothing.
     let probes_fit = pace.is_none_or(|pace| pace.window * f64::from(PROBES * PROBES) < time.as_secs_f64());
     let costs = if probes_fit { probe(session, whole, time)? } else { all_the_same() };
+    // Combine both into a survey
     let mut survey = Survey { width: frame.width(), height: frame.height(), ..Survey::default() };
     survey.pixels = frame
         .pixels()
@@ -95,6 +98,7 @@ fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result
     // The first small window may include compilation.
     timed(Rect::of_size(1, 1))?;
     let idle = timed(Rect::of_size(1, 1))?;
+    // Time a grid of windows
     let mut times = Vec::new();
     for row in 0..PROBES {
         for column in 0..PROBES {
@@ -106,6 +110,7 @@ fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result
             times.push((beyond, beyond / window.area() as f64));
         }
     }
+    // Use the times only if they distinguish regions
     let beyond: f64 = times.iter().map(|(beyond, _)| beyond).sum();
     let all = beyond + idle * times.len() as f64;
     Ok(if beyond < TELLING_SHARE * all { all_the_same() } else { times.into_iter().map(|(_, each)| each).collect() })

@@ -37,6 +37,7 @@ pub(super) fn populate(
         platform.add(id, seen, performer(id, shared)).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
     add_directories(platform, shared)?;
+    // Determine the names of Master and Analyst
     let link = shared.link.as_ref();
     let here = link.map_or("bottega", |link| &link.name);
     let number = link.map_or(WORK, |link| link.work);
@@ -61,6 +62,7 @@ pub(super) fn populate(
         timing,
         registration: place.clone(),
     };
+    // Resume the Master, or create it with an Analyst
     let mailbox = match kept {
         Some((work, rows)) => {
             let config = MasterConfig { work: work.work, ..master_config };
@@ -84,6 +86,7 @@ pub(super) fn populate(
             add(&master, Master::new(master_config).into())?
         }
     };
+    // Create the Render Agents
     add_render_agents(settings, &source, here, shared, &add)?;
     Ok(mailbox)
 }

@@ -168,6 +168,7 @@ impl Shared {
         let mut state = self.state();
         let mut looks = 0;
         loop {
+            // Stop waiting at the end, once the engine has returned its work
             let is_stopped = self.stop.is_requested();
             // A preparation shared with other machines ends with their link.
             let is_left = is_stopped && self.link.is_none();
@@ -177,6 +178,7 @@ impl Shared {
             }
             // A stop or an end notifies the condition variable.
             let mut time = if state.end.is_some() || is_stopped { LOOK_EVERY } else { LOOK_SELDOM };
+            // Stop the work when its time is up
             if let Some(left) = time_left().filter(|_| state.end.is_none() && !is_stopped) {
                 if left.is_zero() {
                     let has_look = state.look.is_some();
@@ -192,6 +194,7 @@ impl Shared {
                 }
                 time = time.min(left.max(LOOK_OFTEN));
             }
+            // Wait for a change, and give up on an engine that hangs
             let (woken, result) = self.changed.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner);
             state = woken;
             looks += u32::from(result.timed_out() && state.end.is_some());
