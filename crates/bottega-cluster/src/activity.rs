@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Activity {
-    /// It has no job, or its job has no work for it at the moment.
+    /// The machine has no job, or its job has no work for it at the moment.
     #[default]
     Waiting,
-    /// It loads a scene, takes part in the work before the first zone, or renders zones.
+    /// The machine loads a scene, takes part in the work before the first zone, or renders zones.
     Busy,
 }
 

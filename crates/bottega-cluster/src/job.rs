@@ -20,18 +20,18 @@ const LOG_LINES_MAX: usize = 200;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "state", rename_all = "lowercase")]
 pub enum JobState {
-    /// Machines of the farm render it.
+    /// Machines of the farm render the job.
     Active,
-    /// No machine renders it until it is resumed.
+    /// No machine renders the job until it is resumed.
     Paused,
     /// The picture is complete.
     Done,
-    /// It cannot be rendered.
+    /// The job cannot be rendered.
     Failed {
         /// The cause, for display.
         reason: String,
     },
-    /// A user cancelled it.
+    /// A user has cancelled the job.
     Cancelled,
 }
 
@@ -117,7 +117,7 @@ pub struct Job {
     pub log: Vec<LogLine>,
 }
 
-/// One painting of a job and its restart count. A process that has left a turn does not join that turn again.
+/// A painting of a job and its restart count. A process that has left a turn does not join that turn again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PaintingTurn {
     pub(crate) work: u64,

@@ -8,12 +8,12 @@ use crate::{activity::Activity, build::build, usage::JobUsage};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PresenceState {
-    /// It works on jobs.
+    /// The machine works on jobs.
     #[default]
     Active,
-    /// It stays in the farm, but its processors are free for other programs.
+    /// The machine stays in the farm, but its processors are free for other programs.
     Suspended,
-    /// It has left the farm.
+    /// The machine leaves the farm.
     Terminated,
 }
 

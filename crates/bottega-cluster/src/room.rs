@@ -124,7 +124,7 @@ pub(crate) fn fitting_limit(used: u64, disk: DiskSpace) -> u64 {
 pub(crate) enum RoomNews {
     /// The store is full.
     Full(Room),
-    /// It has room again.
+    /// The store has room again.
     RoomAgain(Room),
     /// The disk is nearly full.
     DiskNearlyFull { free: u64 },

@@ -82,9 +82,9 @@ pub struct FarmStart {
 /// The addresses by which others join a farm.
 #[derive(Clone, Debug)]
 pub struct Invitation {
-    /// For machines that may do everything.
+    /// The address for machines that may do everything.
     pub trusted: FarmAddress,
-    /// For machines that may only render.
+    /// The address for machines that may only render.
     pub guest: FarmAddress,
 }
 

@@ -26,7 +26,7 @@ struct MixedState {
 /// The waiting zones, and the load of each engine.
 struct WorkQueue {
     loads: Vec<Load>,
-    /// In the order of arrival.
+    /// The waiting zones, in the order of arrival.
     waiting: Vec<Waiting>,
 }
 

@@ -42,7 +42,7 @@ pub struct OwnerConditions {
 pub enum OwnerReason {
     /// A user is at the machine.
     Present,
-    /// It is outside the hours for work.
+    /// The time is outside the hours for work.
     Hours,
     /// Other programs need the processors.
     Load,

@@ -7,9 +7,9 @@ use bottega_agents::sl::Term;
 /// The reason why a request is not carried out.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Unread {
-    /// It cannot be understood; with FIPA's reason.
+    /// The request cannot be understood; with FIPA's reason.
     NotUnderstood(Term),
-    /// It is understood, but refused; with FIPA's reason.
+    /// The request is understood, but refused; with FIPA's reason.
     Refused(Term),
 }
 

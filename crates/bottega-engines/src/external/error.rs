@@ -7,7 +7,7 @@ use bottega_image::{ImageError, Rect};
 /// The reason why an engine could not be used, or rendered no picture.
 #[derive(Debug, thiserror::Error)]
 pub enum EngineFault {
-    /// It is not installed.
+    /// The engine is not installed.
     #[error("{title} is not installed here ({tried}); {install}")]
     NotFound {
         /// The display name of the engine.
@@ -40,7 +40,7 @@ pub enum EngineFault {
     /// The scratch folder could not be created.
     #[error("there is no folder for its temporary files")]
     Scratch(#[source] io::Error),
-    /// It could not be started.
+    /// The engine could not be started.
     #[error("`{program}` cannot be started")]
     Start {
         /// The program, as on the command line.
@@ -48,7 +48,7 @@ pub enum EngineFault {
         /// The cause.
         source: io::Error,
     },
-    /// It refuses the scene or a zone, with its own message.
+    /// The engine refuses the scene or a zone, with its own message.
     #[error("it says: {reason}")]
     Refused {
         /// The message of the engine.
@@ -56,7 +56,7 @@ pub enum EngineFault {
         /// True if the process must be restarted.
         fatal: bool,
     },
-    /// It exited by itself.
+    /// The engine exited by itself.
     #[error("it ended by itself: {status}{}", last_words(.log))]
     Ended {
         /// Its exit status.
@@ -64,7 +64,7 @@ pub enum EngineFault {
         /// The end of its log.
         log: String,
     },
-    /// It exceeded a time limit.
+    /// The engine exceeded a time limit.
     #[error("it was ended after {seconds:.0} s without {what}{}", last_words(.log))]
     TimeOut {
         /// The limit in seconds.
@@ -74,7 +74,7 @@ pub enum EngineFault {
         /// The end of its log.
         log: String,
     },
-    /// It wrote too much output.
+    /// The engine wrote too much output.
     #[error("it was ended: it wrote more than {kib} KiB to {what}")]
     Flood {
         /// The limit in KiB.
@@ -82,13 +82,13 @@ pub enum EngineFault {
         /// The output with the limit.
         what: &'static str,
     },
-    /// It exceeded its memory limit.
+    /// The engine exceeded its memory limit.
     #[error("it was ended: it took more than {mib} MiB of memory")]
     Memory {
         /// The limit in MiB.
         mib: u64,
     },
-    /// It started too many processes.
+    /// The engine started too many processes.
     #[error("it was ended: it had more than {most} processes")]
     Processes {
         /// The most processes.
@@ -100,7 +100,7 @@ pub enum EngineFault {
         /// A description of the violation.
         problem: String,
     },
-    /// It wrote no picture.
+    /// The engine wrote no picture.
     #[error("it wrote no picture{}", last_words(.log))]
     NoPicture {
         /// The end of its log.
@@ -143,7 +143,7 @@ pub enum EngineFault {
     /// The task was cancelled.
     #[error("nobody wants it any more")]
     Cancelled,
-    /// It is quarantined: it failed too often on this machine.
+    /// The engine is quarantined: it failed too often on this machine.
     #[error("it is not used here any more: it failed {failures} times in a row, the last time so: {last}{}", remedy(.name))]
     Quarantined {
         /// The number of failures in a row.

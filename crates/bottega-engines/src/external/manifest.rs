@@ -29,9 +29,9 @@ const NAME_MAX: usize = 40;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EngineKind {
-    /// One process that keeps the scene open and renders window after window, controlled by lines of JSON.
+    /// A single process that keeps the scene open and renders window after window, controlled by lines of JSON.
     Worker,
-    /// One process per window, controlled by its command line.
+    /// A process per window, controlled by its command line.
     Command,
 }
 
@@ -43,7 +43,7 @@ pub enum Determinism {
     Frame,
     /// The same window with the same seed is bit-identical.
     Window,
-    /// Only means and variances are reproducible.
+    /// Means and variances are reproducible, but not single values.
     Statistics,
 }
 
@@ -53,7 +53,7 @@ pub enum Determinism {
 pub enum Refers {
     /// The worker lists them.
     Worker,
-    /// They are found by patterns in the text of the scene.
+    /// Patterns in the text of the scene find them.
     Scan,
     /// None: a scene is a single file.
     #[default]
@@ -149,7 +149,7 @@ pub enum FramePart {
     /// The whole frame; the window is cropped from it.
     #[default]
     Frame,
-    /// Only the window.
+    /// The window alone.
     Window,
 }
 
@@ -248,7 +248,7 @@ pub struct Invocation {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProgressText {
-    /// With one group: per cent; with two groups: done, total.
+    /// The pattern of a progress message. With one group: per cent; with two groups: done, total.
     pub pattern: Pattern,
 }
 

@@ -21,7 +21,7 @@ const TIME_MIN: Duration = Duration::from_millis(250);
 const TIME_MAX: Duration = Duration::from_millis(1500);
 
 impl Shared {
-    /// In one process the engine already has the scene. Prepares it once; further requests wait.
+    /// Prepares the engine once; further requests wait. The scene itself is already loaded in this process.
     pub(super) fn fetch(self: &Arc<Self>, work: WorkId, mailbox: &FarmMailbox) {
         let mut state = self.state();
         match &mut state.preparation {

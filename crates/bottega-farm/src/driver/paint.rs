@@ -32,9 +32,9 @@ struct ZonePainting {
 enum Estimate {
     /// No estimate of the error.
     None,
-    /// For the whole zone: holds the samples of about the first half, once they are there.
+    /// An estimate for the whole zone: holds the samples of about the first half, once they are there.
     Zone(Option<Tile>),
-    /// For each cell, which stops on its own.
+    /// An estimate for each cell, which stops on its own.
     Cells(Cells),
 }
 

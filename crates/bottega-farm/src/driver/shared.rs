@@ -52,7 +52,7 @@ pub(super) struct Shared {
     /// The connection to the other machines of the work; none: there are no others.
     pub(super) link: Option<Link>,
     pub(super) fetchers: Fetchers,
-    /// What this machine knows about zone times in advance.
+    /// The data from which this machine predicts zone times.
     pub(super) knowledge: Foreknowledge,
     learner: Mutex<Learner>,
 }
@@ -86,7 +86,7 @@ pub(super) type FarmMailbox = Mailbox<JobAgent>;
 pub(super) enum Preparation {
     #[default]
     NotBegun,
-    /// In progress, with the agents that wait for it.
+    /// The preparation is in progress; holds the agents that wait for it.
     UnderWay(Vec<(WorkId, FarmMailbox)>),
     Done,
 }

@@ -223,7 +223,7 @@ struct Watch<F> {
     seen: Arc<FarmView>,
     /// True if the agents were told that the farm does not answer.
     is_silent: bool,
-    /// By name in lower case, as the platform compares names. `None`: its name cannot be an agent's.
+    /// The agents by name in lower case, as the platform compares names. `None`: the name cannot be an agent's.
     machines: BTreeMap<String, Option<Known>>,
     wishes: Sender<SteeringWish>,
 }

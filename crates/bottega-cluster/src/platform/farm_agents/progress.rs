@@ -35,7 +35,7 @@ struct Subscription {
     told: Option<(JobView, Time)>,
     /// The time of the next report, if one is due.
     due: Option<Time>,
-    /// If it could not be reached: the times of the first and the last loss.
+    /// The times of the first and the last lost message, if the subscriber could not be reached.
     lost: Option<(Time, Time)>,
 }
 

@@ -108,7 +108,7 @@ struct OpenDoor {
 struct JobWatch {
     around: StrangersConfig,
     desk: Desk,
-    /// By work; `None`: it admits no agents of other platforms, or its scene cannot be fetched.
+    /// The doors by work; `None`: the job admits no agents of other platforms, or its scene cannot be fetched.
     doors: BTreeMap<u64, Option<OpenDoor>>,
 }
 
