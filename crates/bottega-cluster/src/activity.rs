@@ -74,6 +74,7 @@ impl ActivityLog {
         self.0.moves.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Returns the current activity.
     pub(crate) fn now(&self) -> Activity {
         let ActivityState { occupations, awaits_others, under_way, .. } = &*self.0;
         let is_occupied = occupations.load(Ordering::Relaxed) > 0 && !awaits_others.load(Ordering::Relaxed);

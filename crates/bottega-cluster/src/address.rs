@@ -24,8 +24,10 @@ pub enum Group {
 }
 
 impl Group {
+    /// All groups.
     pub(crate) const ALL: [Self; 2] = [Self::Trusted, Self::Guest];
 
+    /// Returns the name of the group.
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Trusted => "trusted",

@@ -28,6 +28,7 @@ struct CachedItem {
 }
 
 impl Cache {
+    /// Returns a cache with a size limit in bytes.
     pub(crate) fn new(root: PathBuf, bytes_max: u64) -> Self {
         Self { root, bytes_max }
     }
@@ -37,6 +38,7 @@ impl Cache {
         Self::new(state_folder().join("cache"), CACHE_BYTES)
     }
 
+    /// Returns the folder of the cache.
     pub(crate) fn root(&self) -> &Path {
         &self.root
     }

@@ -138,14 +138,17 @@ pub(crate) fn several(count: usize, work: &(dyn Fn(usize) -> Result<(), Error> +
     failure.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), Err)
 }
 
+/// Returns the hash of bytes, in hexadecimal.
 pub(crate) fn hash_of(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
+/// True if a text is a hash in lower-case hexadecimal.
 pub(crate) fn is_hash(text: &str) -> bool {
     text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
 }
 
+/// Returns the name of a chunk in the store.
 pub(crate) fn blob_name(hash: &str) -> String {
     format!("{PREFIX}{hash}")
 }

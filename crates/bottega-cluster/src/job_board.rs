@@ -342,6 +342,7 @@ impl JobBoard {
         self.uplink.notices().get(name).and_then(|notice| read(&notice))
     }
 
+    /// Writes a notice as JSON.
     pub(crate) fn put_notice(&self, name: &str, what: &impl Serialize) -> Result<(), Error> {
         self.uplink.notices().put(name, &text(what)).map(drop).map_err(Error::Blob)
     }
@@ -367,10 +368,12 @@ fn text(what: &impl Serialize) -> Vec<u8> {
     serde_json::to_vec(what).expect("structures of numbers and text can be written")
 }
 
+/// Returns the name of a job's notice.
 pub(crate) fn job_name(number: u32) -> String {
     format!("job/{number}")
 }
 
+/// Returns the name of the notice of a job's lead.
 pub(crate) fn lead_name(number: u32) -> String {
     format!("lead/{number}")
 }
@@ -405,6 +408,7 @@ fn picture_blob(work: u64) -> String {
     format!("job-{work}/picture")
 }
 
+/// Returns the error for a job number that does not exist.
 pub(crate) fn no_such(number: u32) -> Error {
     Error::failed(format!("the farm has no job {number}"), "`bottega jobs list` shows those that it has")
 }

@@ -58,6 +58,7 @@ pub(crate) struct Keeper {
 }
 
 impl Keeper {
+    /// Returns the supervision of a running server, and publishes its storage limit.
     pub(crate) fn new(server: Server, program: &Path, config: PathBuf, setup: &Setup, board: JobBoard) -> Self {
         let limit = setup.store_bytes;
         if let Some(bytes) = limit

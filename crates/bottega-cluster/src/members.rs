@@ -78,6 +78,7 @@ impl Members {
         write_secret(&self.path, &serde_json::to_vec_pretty(&self.roll).unwrap_or_default())
     }
 
+    /// Returns the secret of a group's join word.
     pub(crate) fn secret(&self, group: Group) -> &str {
         match group {
             Group::Trusted => &self.roll.trusted,

@@ -62,10 +62,12 @@ pub(crate) struct LoggingObserver {
 }
 
 impl LoggingObserver {
+    /// Returns the record of agents and auction.
     pub(crate) fn society(&self) -> MutexGuard<'_, SeenSociety> {
         self.society.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Returns the progress, for the notice of the lead.
     pub(crate) fn lead(&self) -> Lead {
         let seen = *self.progress.lock().unwrap_or_else(PoisonError::into_inner);
         let lead = seen.as_ref().map(SeenProgress::lead).unwrap_or_default();

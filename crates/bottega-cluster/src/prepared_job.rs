@@ -69,6 +69,7 @@ impl PreparedJob {
         self.session.tools()
     }
 
+    /// Returns the samples rendered by this session so far, over all pixels.
     pub(crate) fn samples_done(&self) -> u64 {
         self.session.samples_done()
     }

@@ -19,6 +19,7 @@ const REASON_CHARS_MAX: usize = 400;
 pub struct Refusals(Arc<Mutex<BTreeMap<u64, Refusal>>>);
 
 impl Refusals {
+    /// Adds a refusal.
     pub(crate) fn add(&self, refusal: Refusal) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(refusal.work, refusal);
     }

@@ -80,6 +80,7 @@ impl JobBoard {
         }
     }
 
+    /// Publishes the limit of the server, in bytes.
     pub(crate) fn tell_limit(&self, bytes: u64) -> Result<(), Error> {
         self.put_notice(NOTICE, &Limit { bytes })
     }
@@ -232,6 +233,7 @@ pub(crate) struct Pulse {
 const SILENT_MAX: u32 = 5;
 
 impl Pulse {
+    /// Returns the state of a server that has just started.
     pub(crate) fn begin() -> Self {
         Self { has_answered: false, silent: 0 }
     }

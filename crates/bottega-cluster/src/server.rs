@@ -130,6 +130,7 @@ enum Process {
 }
 
 impl Server {
+    /// Starts a server as a child process.
     pub(crate) fn start(program: &Path, config: &Path) -> Result<Self, Error> {
         let mut command = Command::new(program);
         command.arg("--config").arg(config).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
@@ -147,6 +148,7 @@ impl Server {
         Self { program: program.to_owned(), process: Process::Adopted(number) }
     }
 
+    /// True if the server is not a child of this process.
     pub(crate) fn is_adopted(&self) -> bool {
         matches!(self.process, Process::Adopted(_))
     }

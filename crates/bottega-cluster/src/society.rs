@@ -58,16 +58,19 @@ impl SeenSociety {
         Self { tally: auction, usages, ..Self::default() }
     }
 
+    /// Records the row of an agent.
     pub(crate) fn see_agent(&mut self, row: &AgentRow) {
         self.agents.insert(row.agent.to_string(), row.clone());
         self.is_news = true;
     }
 
+    /// Records a round of the auction.
     pub(crate) fn see_round(&mut self, round: &RoundSummary) {
         self.tally.add(round);
         self.is_news = true;
     }
 
+    /// Records the theft of zones.
     pub(crate) fn see_theft(&mut self, theft: &Theft) {
         self.tally.add_theft(theft);
         self.is_news = true;
@@ -152,6 +155,7 @@ fn society_name(number: u32) -> String {
     format!("society/{number}")
 }
 
+/// Returns the name of the notice of a machine's credit.
 pub(crate) fn credit_name(machine: &str) -> String {
     format!("{CREDITS}{machine}")
 }

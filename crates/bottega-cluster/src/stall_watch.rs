@@ -40,6 +40,7 @@ struct JobSight {
 }
 
 impl StallWatch {
+    /// Returns a watch that has seen no job yet.
     pub(crate) fn new() -> Self {
         Self { begun: Instant::now(), jobs: BTreeMap::new() }
     }

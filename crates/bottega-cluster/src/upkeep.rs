@@ -35,6 +35,7 @@ pub struct JobStorage {
 }
 
 impl JobStorage {
+    /// Returns the sum, in bytes.
     pub fn all(self) -> u64 {
         self.scene + self.own
     }
@@ -137,6 +138,7 @@ impl JobBoard {
         }
     }
 
+    /// Removes the announcement that a process sends a scene.
     pub(crate) fn stop_announcing(&self, me: &str) {
         if let Err(error) = self.uplink.notices().remove(&transfer_name(me)) {
             tracing::debug!(%error, "it is not told that no scene is sent any more");

@@ -26,6 +26,7 @@ pub(crate) struct MemoryLimit {
 }
 
 impl MemoryLimit {
+    /// Returns a limit in bytes.
     pub(crate) fn new(bytes: u64) -> Self {
         Self { bytes, is_passed: Arc::default(), looked: Arc::default() }
     }

@@ -114,6 +114,7 @@ pub(super) fn over(message: &Message, me: &AgentId) -> Message {
     message.reply(Performative::Inform, me.clone(), PlainContent::Management(ManagementContent::Cancel))
 }
 
+/// Returns the action that sends a message.
 pub(super) fn send<V, E>(message: Message) -> Action<PlainContent, V, E> {
     Action::Send(message)
 }

@@ -13,10 +13,12 @@ pub(super) enum Unread {
     Refused(Term),
 }
 
+/// Returns the reason for a content that cannot be parsed.
 pub(super) fn unrecognised_content() -> Unread {
     Unread::NotUnderstood(reason("unrecognised-value", ["content"]))
 }
 
+/// Returns a FIPA reason with text arguments.
 pub(super) fn reason<const N: usize>(word: &str, arguments: [&str; N]) -> Term {
     Term::call(word, arguments.map(Term::text))
 }
@@ -40,10 +42,12 @@ impl<'a> Call<'a> {
         Self::plain(act)
     }
 
+    /// True if the function has this name.
     pub(super) fn is(&self, word: &str) -> bool {
         self.word.eq_ignore_ascii_case(word)
     }
 
+    /// Returns the reason for an unknown function.
     pub(super) fn unsupported(&self) -> Unread {
         Unread::Refused(reason("unsupported-function", [self.word]))
     }
@@ -67,6 +71,7 @@ impl<'a> Call<'a> {
         self.value(parameter)?.ok_or_else(|| Unread::Refused(reason("missing-parameter", [self.word, parameter])))
     }
 
+    /// Returns the number in a required parameter.
     pub(super) fn number<T: FromStr>(&self, parameter: &str) -> Result<T, Unread> {
         let value = self.needed(parameter)?;
         value.as_str().and_then(|text| text.parse().ok()).ok_or_else(|| self.bad(parameter))
@@ -80,6 +85,7 @@ impl<'a> Call<'a> {
         number.map(Some).ok_or_else(|| self.bad(parameter))
     }
 
+    /// Returns the reason for an invalid value of a parameter.
     pub(super) fn bad(&self, parameter: &str) -> Unread {
         Unread::Refused(reason("unrecognised-parameter-value", [self.word, parameter]))
     }
@@ -89,23 +95,28 @@ impl<'a> Call<'a> {
 pub(super) struct Fields(Vec<Term>);
 
 impl Fields {
+    /// Starts an object of this type.
     pub(super) fn of(head: &str) -> Self {
         Self(vec![Term::text(head)])
     }
 
+    /// Returns the finished object.
     pub(super) fn term(self) -> Term {
         Term::List(self.0)
     }
 
+    /// Adds a parameter.
     pub(super) fn put(mut self, key: &str, value: Term) -> Self {
         self.0.extend([Term::Bare(format!(":{key}")), value]);
         self
     }
 
+    /// Adds a text parameter.
     pub(super) fn text(self, key: &str, value: &str) -> Self {
         self.put(key, Term::text(value))
     }
 
+    /// Adds a text parameter if there is a value.
     pub(super) fn text_if(self, key: &str, value: Option<&str>) -> Self {
         match value {
             Some(value) => self.text(key, value),
@@ -113,6 +124,7 @@ impl Fields {
         }
     }
 
+    /// Adds a number, or another value without quotes.
     pub(super) fn number(self, key: &str, value: &impl ToString) -> Self {
         self.put(key, Term::Bare(value.to_string()))
     }

@@ -90,6 +90,7 @@ fn blocks(rect: Rect, parts: Option<&[Rect]>) -> VecDeque<Rect> {
 }
 
 impl<'a> ZonePainter<'a> {
+    /// Returns a painter for a zone, with the settings of its task.
     pub(super) fn new(shared: &'a Shared, client: HraClient<RenderWork>, task: ZoneTask) -> Self {
         let mut settings = shared.options.settings;
         settings.max_depth = task.tunables.max_depth;
@@ -118,6 +119,7 @@ impl<'a> ZonePainter<'a> {
         self.cancel.is_cancelled() || self.shared.cancelled.load(Ordering::Relaxed)
     }
 
+    /// Renders the zone. Blocks until it is finished or cancelled.
     pub(super) fn paint(mut self) -> Result<Painted, EngineError> {
         // Submit the first units
         let per_device = if self.shared.options.wavefront { WAVES_PER_DEVICE } else { UNITS_PER_DEVICE };

@@ -150,6 +150,7 @@ impl GuardedChild {
         self.stdin = None;
     }
 
+    /// Returns the child's log.
     pub(super) fn log(&self) -> &Log {
         &self.log
     }

@@ -82,6 +82,7 @@ impl LocatedEngine {
         format!("{} {}, manifest {hash:016x}", self.manifest().name, self.version)
     }
 
+    /// Returns the search step that found the engine.
     pub(super) fn way(&self) -> &SearchStep {
         &self.entry.manifest.find[self.way]
     }

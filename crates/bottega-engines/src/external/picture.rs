@@ -18,6 +18,7 @@ pub(super) struct ExtraChannels {
 }
 
 impl ExtraChannels {
+    /// Returns the further channels that a pixel layout needs.
     pub(super) fn of(layout: &Layout) -> Self {
         let aovs = layout.aovs().iter().filter(|aov| !aov.channels().is_empty());
         let aovs = aovs.filter_map(|aov| Some((layout.offset(aov)?, aov.full_names())));

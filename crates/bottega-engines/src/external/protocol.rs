@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 /// The version of the protocol.
 pub(super) const VERSION: u32 = 1;
 
+/// A request to a worker.
 #[derive(Debug, Serialize)]
 #[serde(tag = "do", rename_all = "lowercase")]
 pub(super) enum Request<'a> {
@@ -39,6 +40,7 @@ pub(super) enum Request<'a> {
     },
 }
 
+/// An answer of a worker.
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum WorkerReply {
@@ -50,6 +52,7 @@ pub(super) enum WorkerReply {
     Failed(WorkerFailure),
 }
 
+/// The first answer of a worker, once it can take requests.
 #[derive(Debug, PartialEq, Deserialize)]
 pub(super) struct Ready {
     pub(super) version: String,
@@ -151,12 +154,14 @@ pub struct Files {
     pub missing: Vec<String>,
 }
 
+/// The rendered share of a window, in 0..=1.
 #[derive(Debug, PartialEq, Deserialize)]
 pub(super) struct ProgressReport {
     pub(super) id: u64,
     pub(super) share: f64,
 }
 
+/// The answer to a finished window: the file, and the part of the frame that it shows.
 #[derive(Debug, PartialEq, Deserialize)]
 pub(super) struct PaintedFile {
     pub(super) id: u64,
@@ -177,6 +182,7 @@ impl WorkerReply {
     }
 }
 
+/// The answer to a request that failed; if `fatal`, the worker must be restarted.
 #[derive(Debug, PartialEq, Deserialize)]
 pub(super) struct WorkerFailure {
     pub(super) reason: String,

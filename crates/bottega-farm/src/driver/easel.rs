@@ -27,6 +27,7 @@ pub(super) struct Composer {
 }
 
 impl Composer {
+    /// Returns the pixels of a job at its start, with the tiles of an earlier run.
     pub(super) fn new(settings: &JobSettings, kept: BTreeMap<ZoneId, Tile>, store: Option<Box<dyn ZoneStore>>) -> Self {
         let tiles: BTreeMap<_, _> = kept.into_iter().map(|(zone, tile)| (zone, (digest(&tile), tile))).collect();
         // The journal that is continued contains these tiles.
@@ -181,14 +182,17 @@ impl Composer {
         true
     }
 
+    /// Adds to the time spent on composition.
     pub(super) fn composition_took(&mut self, time: Duration) {
         self.times.composition += time;
     }
 
+    /// Adds to the processor time spent on painting.
     pub(super) fn painting_took(&mut self, time: Duration) {
         self.times.painting += time;
     }
 
+    /// Returns the times recorded here.
     pub(super) fn times(&self) -> Times {
         self.times
     }
@@ -203,10 +207,12 @@ impl Composer {
         self.tally.see_agent(row);
     }
 
+    /// Returns the last rows of all zones, by id.
     pub(super) fn rows(&self) -> Vec<ZoneRow> {
         self.rows.values().cloned().collect()
     }
 
+    /// Removes and returns the film.
     pub(super) fn take_film(&mut self) -> Film {
         let nothing = Film::new(Default::default(), self.layout.clone());
         std::mem::replace(&mut self.film, nothing)

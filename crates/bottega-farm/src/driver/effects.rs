@@ -8,6 +8,7 @@ use super::shared::{End, FarmMailbox, Shared};
 use crate::{FarmCompletion, FarmEffect, Mask, ResultRef, ZoneId};
 
 impl Shared {
+    /// Carries out an effect of an agent; results go to its mailbox.
     pub(super) fn perform(self: &Arc<Self>, effect: FarmEffect, mailbox: &FarmMailbox) {
         match effect {
             FarmEffect::Survey { width, height, .. } => self.survey(width, height, mailbox),
@@ -119,6 +120,7 @@ impl Shared {
         }
     }
 
+    /// Reports that progress could not be stored.
     pub(super) fn tell_kept(&self, kept: std::io::Result<()>) {
         if let Err(error) = kept {
             tracing::warn!(%error, "the work could not be kept");

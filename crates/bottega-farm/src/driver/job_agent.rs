@@ -22,6 +22,7 @@ pub struct JobAgent {
 }
 
 impl JobAgent {
+    /// Returns an agent whose messages `watch` observes.
     pub(super) fn new(agent: FarmAgent, watch: Arc<dyn JobWatch>) -> Self {
         Self { agent, watch }
     }

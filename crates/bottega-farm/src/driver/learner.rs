@@ -41,6 +41,7 @@ struct DoneZone {
 }
 
 impl Learner {
+    /// Returns a learner for jobs of this technique.
     pub(super) fn new(technique: &Arc<str>) -> Self {
         Self { technique: Arc::clone(technique), ..Self::default() }
     }
@@ -50,10 +51,12 @@ impl Learner {
         self.outlooks = outlooks;
     }
 
+    /// Records the row of the work.
     pub(super) fn see_work(&mut self, work: &WorkRow) {
         self.features = Some(work.features);
     }
 
+    /// Records the row of an agent.
     pub(super) fn see_agent(&mut self, row: &AgentRow) {
         self.powers.entry(row.agent.clone()).or_insert([row.power; 2])[1] = row.power;
     }
@@ -65,6 +68,7 @@ impl Learner {
         }
     }
 
+    /// Records the row of a zone.
     pub(super) fn see_zone(&mut self, row: &ZoneRow) {
         if row.piece.is_some() || row.cut.is_some() {
             self.cut.insert(row.root());

@@ -66,6 +66,7 @@ impl Estimate {
 }
 
 impl Shared {
+    /// Paints an order, after fetching its tile if another machine has painted the samples before.
     pub(super) fn paint(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
         let Some(from) = order.from else { return self.sit(order, mailbox) };
         let (shared, to) = (Arc::clone(self), mailbox.clone());

@@ -104,6 +104,7 @@ impl JobSettings {
         }
     }
 
+    /// Validates the settings. Returns those that are shared with other machines.
     pub(super) fn work(&self) -> Result<WorkSettings, JobError> {
         let picture = Rect::of_size(self.width, self.height);
         if picture.is_empty() || self.crop.is_empty() || !picture.encloses(&self.crop) {

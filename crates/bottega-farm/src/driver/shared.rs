@@ -57,6 +57,7 @@ pub(super) struct Shared {
     learner: Mutex<Learner>,
 }
 
+/// The part of the shared state under one lock.
 #[derive(Default)]
 pub(super) struct State {
     pub(super) end: Option<End>,
@@ -108,6 +109,7 @@ impl JobWatch for Shared {
 }
 
 impl Shared {
+    /// Returns the state of a job at its start.
     pub(super) fn new(
         settings: &JobSettings,
         easel: Composer,
@@ -142,14 +144,17 @@ impl Shared {
         self.link.as_ref().map(|link| link.transport.begin(&link.name)).transpose()
     }
 
+    /// Locks the state.
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Locks the learner.
     pub(super) fn learner(&self) -> MutexGuard<'_, Learner> {
         self.learner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Locks the pixels.
     pub(super) fn easel(&self) -> MutexGuard<'_, Composer> {
         self.easel.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -206,6 +211,7 @@ impl Shared {
         state.end.clone()
     }
 
+    /// Counts an operation as started.
     pub(super) fn begin_outstanding(&self) {
         let count = {
             let mut state = self.state();
@@ -222,11 +228,13 @@ impl Shared {
         self.state().preparations += 1;
     }
 
+    /// Counts a survey or a preparation as ended.
     pub(super) fn end_preparation(&self) {
         self.state().preparations -= 1;
         self.end_outstanding();
     }
 
+    /// Counts an operation as ended.
     pub(super) fn end_outstanding(&self) {
         let count = {
             let mut state = self.state();

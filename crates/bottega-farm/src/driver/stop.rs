@@ -50,6 +50,7 @@ impl StopSwitch {
         }
     }
 
+    /// Removes the function to call on a request.
     pub(super) fn forget(&self) {
         self.lock().hook = None;
     }

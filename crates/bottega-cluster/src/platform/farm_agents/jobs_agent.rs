@@ -70,6 +70,7 @@ pub(super) enum JobsReport {
     Changed { ticket: u64, result: Result<(), String> },
 }
 
+/// The state machine of the jobs agent.
 pub(super) struct JobsAgent {
     id: bottega_agents::AgentId,
     around: Surroundings,

@@ -39,6 +39,7 @@ struct Subscription {
     lost: Option<(Time, Time)>,
 }
 
+/// The subscriptions to all jobs.
 #[derive(Debug, Default)]
 pub(super) struct JobSubscriptions {
     subscriptions: BTreeMap<Key, Subscription>,
@@ -101,6 +102,7 @@ impl JobSubscriptions {
         self.subscriptions.retain(|_, subscription| subscription.tell(now, farm, me, send));
     }
 
+    /// Returns the time of the next report.
     pub(super) fn next_deadline(&self) -> Option<Time> {
         self.subscriptions.values().filter_map(|subscription| subscription.due).min()
     }

@@ -80,6 +80,7 @@ struct Change {
     until: Time,
 }
 
+/// The state machine of a machine's agent.
 pub(super) struct RenderAgent {
     id: AgentId,
     around: Surroundings,

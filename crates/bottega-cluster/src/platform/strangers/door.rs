@@ -113,6 +113,7 @@ pub(super) struct MasterDoor {
 type DoorActions = Vec<ActionOf<MasterDoor>>;
 
 impl MasterDoor {
+    /// Returns the door of a job that starts.
     pub(super) fn new(config: DoorConfig) -> Self {
         let mut yellow = Page::absent();
         yellow.want(Some(offer(&config.id, config.model.number)));

@@ -278,13 +278,16 @@ mod kernel {
 
     use super::Fence;
 
+    /// A guard without effect: the fence is not supported on this system.
     #[derive(Debug)]
     pub(in super::super) struct ChildGuard;
 
+    /// Starts a program without a fence.
     pub(in super::super) fn spawn(mut command: Command, _fence: Fence) -> io::Result<(Child, ChildGuard)> {
         Ok((command.spawn()?, ChildGuard))
     }
 
+    /// Always `false` on this system.
     pub(in super::super) fn is_enforced() -> bool {
         false
     }

@@ -25,6 +25,7 @@ const DEFAULT_SIZE: (u32, u32) = (1280, 720);
 /// The largest width or height of a picture.
 const SIDE_MAX: u32 = 1 << 20;
 
+/// A session with a process per window.
 #[derive(Debug)]
 pub(super) struct CommandLine {
     engine: Arc<LocatedEngine>,
@@ -115,6 +116,7 @@ impl CommandLine {
         values
     }
 
+    /// Renders a window: starts the process, watches its log and its limits, and returns the file that it wrote.
     pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
         let engine = Arc::clone(&self.engine);
         let (manifest, way) = (engine.manifest(), engine.way());

@@ -27,6 +27,7 @@ use crate::{
 /// The most malformed answers that are tolerated. (Lines that are not JSON objects belong to the log.)
 const WRONG_LINES_MAX: u32 = 100;
 
+/// A session with a worker process.
 #[derive(Debug)]
 pub(super) struct WorkerSession {
     engine: Arc<LocatedEngine>,
@@ -93,10 +94,12 @@ impl WorkerSession {
         }
     }
 
+    /// Returns the files that it may read in addition to its own.
     pub(super) fn reads(&self) -> &[PathBuf] {
         &self.reads
     }
 
+    /// Opens a scene.
     pub(super) fn open(&mut self, request: &SceneRequest) -> Result<Opened, EngineFault> {
         let scratch = self.scratch.path().to_owned();
         self.frame = request.frame;
@@ -128,6 +131,7 @@ impl WorkerSession {
         }
     }
 
+    /// Asks which files a scene refers to.
     pub(super) fn files(&mut self, scene: &Path) -> Result<Files, EngineFault> {
         self.say(&Request::Files { scene })?;
         let seconds = self.engine.manifest().limits.open_seconds;
@@ -138,6 +142,7 @@ impl WorkerSession {
         }
     }
 
+    /// Renders a window. Returns the file that the worker wrote.
     pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
         let id = self.next_id;
         self.next_id += 1;
