@@ -11,7 +11,7 @@ use crate::job_board::JobBoard;
 
 /// The notice in which `bottega up` publishes its server's limit.
 const NOTICE: &str = "room";
-/// The disk is divided by this for the reserve that stays free, within these bounds: a server that fills its disk stops
+/// The reserve that stays free is the disk's size divided by this, within these bounds: a server that fills its disk stops
 /// storing.
 const RESERVE_SHARE: u64 = 20;
 const RESERVE_BYTES: (u64, u64) = (256 << 20, 10 << 30);

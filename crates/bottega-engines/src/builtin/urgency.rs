@@ -22,7 +22,7 @@ impl Urgency {
         }
     }
 
-    /// Returns the priority of the coarse survey, which is short and blocks the rest of a picture.
+    /// Returns the priority of the coarse survey, which is short, and which the rest of the picture waits for.
     pub(super) const fn first_look(self) -> i32 {
         self.priority() + 1
     }

@@ -174,7 +174,7 @@ impl ExternalEngine {
         self.shared.lanes
     }
 
-    /// Profiling wastes samples if they cannot be added up, and time if windows are expensive.
+    /// True if zones are profiled: always with a time limit, or else if samples add up and windows are cheap.
     fn is_profiled(&self) -> bool {
         let manifest = self.shared.located.manifest();
         self.shared.options.time.is_some() || manifest.adds_up() && manifest.cost.window_seconds < WINDOW_DEAR

@@ -50,7 +50,8 @@ pub trait Observer: Send + Sync {
     fn left_out(&self, _agent: &AgentId, _reason: &str) {}
     /// Zones wait for more machines, `needed` in all, so that results can be compared.
     fn too_few(&self, _present: usize, _needed: usize) {}
-    /// The job has stalled: nothing was started for the given time, though zones waited and agents were free. The Master starts again.
+    /// The job has stalled: nothing was started for the given time, though zones waited and agents were free. The Master
+    /// starts from the Blackboard again.
     fn stalled(&self, _waited: Duration, _zones: usize, _free: usize) {}
     /// The number of operations in progress in this process: surveys, preparations, zones, and fetched tiles. Called
     /// whenever one starts or ends.
