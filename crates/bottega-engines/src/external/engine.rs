@@ -324,7 +324,7 @@ impl EngineState {
             let row = u64::from(y) * u64::from(survey.height) / u64::from(frame.height());
             survey.pixels.get((row * u64::from(survey.width) + column) as usize)
         };
-        // Half of the cells: those at the edge may hold the light of their neighbours.
+        // Require light in most cells: those at the edge may hold the light of their neighbours.
         let mut cells = 0;
         let mut lit = 0;
         for (x, y) in window.pixels().step_by(7) {
