@@ -335,7 +335,7 @@ fn plain_name(field: &str, name: &str) -> Result<PathBuf, Error> {
     ))
 }
 
-/// Checks that the output is a plain file name: its folder is chosen by whoever downloads it.
+/// Checks that the output is a plain file name: the folder is chosen at the download.
 fn check_output(name: &str) -> Result<(), Error> {
     match plain_name("output.file", name) {
         Ok(path) if path.components().count() == 1 => Ok(()),
