@@ -1,4 +1,4 @@
-//! The activity of a process at the job that it takes part in, as its seat tells it.
+//! The activity of a process at its current job, as its [`Presence`](crate::job_board::Presence) publishes it.
 
 use std::sync::{
     Arc,
@@ -7,19 +7,19 @@ use std::sync::{
 
 use serde::{Deserialize, Serialize};
 
-/// What a machine does.
+/// The activity of a machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Activity {
-    /// It has no job, or one in which there is nothing for it to do just now.
+    /// The machine has no job, or its job has no work for it at the moment.
     #[default]
     Waiting,
-    /// It is at work: it loads a scene, does a part of what comes before the first zone, or paints.
+    /// The machine loads a scene, takes part in the work before the first zone, or renders zones.
     Busy,
 }
 
 impl Activity {
-    /// As people read it.
+    /// Returns the name of the activity for display.
     pub fn word(self) -> &'static str {
         match self {
             Self::Waiting => "waiting",
@@ -28,59 +28,60 @@ impl Activity {
     }
 }
 
-/// What this process does; shared by those who speak for it.
+/// The activity of this process; clones share it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ActivityLog(Arc<ActivityState>);
 
 #[derive(Debug, Default)]
 struct ActivityState {
-    /// Things that are done before the zones of a job or after them.
+    /// Number of [`Occupation`]s alive: work before or after the zones of a job.
     occupations: AtomicUsize,
-    /// In one of them others are waited for.
+    /// True while an occupation only waits for other processes.
     awaits_others: AtomicBool,
-    /// Zones and what they need that are under way.
+    /// Number of zones, with the data they need, in progress.
     under_way: AtomicUsize,
-    /// What has begun or ended so far.
+    /// Number of changes so far, as a sign of life.
     moves: AtomicU64,
 }
 
-/// This process does something for a job that is no zone, until this is dropped.
+/// A guard that counts as work other than zones until it is dropped.
 #[derive(Debug)]
 pub(crate) struct Occupation(ActivityLog);
 
 impl ActivityLog {
-    /// Something begins that is no zone.
+    /// Starts work other than a zone; it ends when the guard is dropped.
     pub(crate) fn occupy(&self) -> Occupation {
         self.0.occupations.fetch_add(1, Ordering::Relaxed);
         self.moved();
         Occupation(self.clone())
     }
 
-    /// In what it does this process waits for others, or does so no more.
+    /// Records if the current occupation only waits for other processes.
     pub(crate) fn awaits_others(&self, awaits: bool) {
         if self.0.awaits_others.swap(awaits, Ordering::Relaxed) != awaits {
             self.moved();
         }
     }
 
-    /// So many zones and what they need are under way.
+    /// Sets the number of zones, with the data they need, in progress.
     pub(crate) fn under_way(&self, count: usize) {
         self.0.under_way.store(count, Ordering::Relaxed);
         self.moved();
     }
 
-    /// Something has begun or ended.
+    /// Counts a change: something started or ended.
     pub(crate) fn moved(&self) {
         self.0.moves.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Returns the current activity.
     pub(crate) fn now(&self) -> Activity {
         let ActivityState { occupations, awaits_others, under_way, .. } = &*self.0;
         let is_occupied = occupations.load(Ordering::Relaxed) > 0 && !awaits_others.load(Ordering::Relaxed);
         if is_occupied || under_way.load(Ordering::Relaxed) > 0 { Activity::Busy } else { Activity::Waiting }
     }
 
-    /// What has begun or ended so far.
+    /// Returns the number of changes so far.
     pub(crate) fn moves(&self) -> u64 {
         self.0.moves.load(Ordering::Relaxed)
     }

@@ -1,4 +1,4 @@
-//! The address of a farm in one word: `bottega://WORD@host:4222` where `bottega up` runs it, `nats://…` where somebody else does.
+//! The address of a farm in one line: `bottega://WORD@host:4222` for a farm of `bottega up`, `nats://…` for other NATS servers.
 
 use std::{fmt, fs, path::PathBuf, str::FromStr};
 
@@ -8,24 +8,26 @@ use bottega_platform::folders::state_folder;
 
 use crate::error::Error;
 
-/// The name of a farm of which nobody gave one.
+/// The default name of a farm.
 pub(crate) const FARM: &str = "bottega";
 const PORT: u16 = 4222;
-/// Hexadecimal digits of a secret.
+/// Length of a secret in hexadecimal digits.
 const SECRET_DIGITS: usize = 32;
 
-/// The group of a member, which says what it may do in a farm that `bottega up` runs.
+/// The group of a member, which determines its permissions in a farm of `bottega up`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// Everything.
+    /// May do everything.
     Trusted,
-    /// Paint.
+    /// May only render.
     Guest,
 }
 
 impl Group {
+    /// All groups.
     pub(crate) const ALL: [Self; 2] = [Self::Trusted, Self::Guest];
 
+    /// Returns the name of the group.
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Trusted => "trusted",
@@ -41,14 +43,14 @@ impl Group {
     }
 }
 
-/// The word that lets one into a farm: as whom, a secret, and how its server is known.
+/// The word with which a machine joins a farm: a group, a secret, and the pin of the server.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JoinWord {
-    /// Whose word it is.
+    /// The group that the word admits to.
     pub group: Group,
-    /// The secret.
+    /// The secret, 32 hexadecimal digits.
     pub secret: String,
-    /// How the server is known.
+    /// The pin of the server's certificate.
     pub pin: Pin,
 }
 
@@ -72,18 +74,18 @@ impl fmt::Display for JoinWord {
     }
 }
 
-/// The keeper of a farm's servers.
+/// The operator of a farm's NATS servers.
 #[derive(Clone, Debug)]
 pub enum Keeper {
-    /// `bottega up`.
+    /// `bottega up`, with the word to join it.
     Up(JoinWord),
-    /// Somebody else, who says who may come.
+    /// Another operator, with permissions of its own.
     Other {
-        /// Who one is there.
+        /// The login at the servers.
         login: Login,
-        /// What was written of it.
+        /// The login as written in the address, before the `@`; empty: none.
         written: String,
-        /// Whether the link must be encrypted.
+        /// True if the link must be encrypted.
         tls: bool,
     },
 }
@@ -91,16 +93,16 @@ pub enum Keeper {
 /// The address of a farm.
 #[derive(Clone, Debug)]
 pub struct FarmAddress {
-    /// `host:port` of its servers; none: to be found on the local network.
+    /// `host:port` of each server; empty: the farm is discovered on the local network.
     pub servers: Vec<String>,
-    /// Who runs the servers.
+    /// The operator of the servers, and how to log in.
     pub keeper: Keeper,
-    /// The name of the farm among those of the servers.
+    /// The name of the farm among those on the same servers.
     pub farm: String,
 }
 
 impl FarmAddress {
-    /// The address of a farm that `bottega up` runs.
+    /// Returns the address of a farm that `bottega up` runs.
     pub fn of_up(server: String, word: JoinWord) -> Self {
         Self { servers: vec![server], keeper: Keeper::Up(word), farm: FARM.to_owned() }
     }
@@ -138,7 +140,7 @@ impl FromStr for FarmAddress {
     }
 }
 
-/// Who one is to servers that somebody else runs: `NAME:WORD` or a token.
+/// Parses the login for servers of another operator: `NAME:PASSWORD`, a token, or nothing.
 fn login(user: &str) -> Login {
     match user.split_once(':') {
         _ if user.is_empty() => Login::Nobody,
@@ -163,29 +165,29 @@ impl fmt::Display for FarmAddress {
     }
 }
 
-/// The file in which `bottega up` says where its farm is, for others on this machine.
+/// Returns the path of the file in which `bottega up` publishes its farm's address to other processes of this user.
 pub(crate) fn address_file() -> PathBuf {
     state_folder().join("farm")
 }
 
-/// The addresses of the farm that `bottega up` runs on this machine, as its file has them: the farm's, and a line each for the page and
-/// the FIPA platform that the same process serves.
+/// The addresses that `bottega up` publishes on this machine: the farm, and on a line each the web page and the FIPA
+/// platform that the same process serves.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LocalAddresses {
-    /// How the farm is found from this machine: its secret word is part of it.
+    /// The address of the farm as seen from this machine; it contains the secret word.
     pub farm: String,
-    /// The page, such as `http://127.0.0.1:8080`; none: no page is served.
+    /// The URL of the web page, such as `http://127.0.0.1:8080`; none: no page is served.
     pub page: Option<String>,
-    /// The message transport of the FIPA platform, such as `http://127.0.0.1:7779/acc`; none: no platform is served.
+    /// The URL of the FIPA platform's message transport, such as `http://127.0.0.1:7779/acc`; none: no platform is served.
     pub platform: Option<String>,
 }
 
-/// What the lines of the page and the platform begin with.
+/// Prefixes of the lines for the page and the platform.
 const PAGE: &str = "page ";
 const PLATFORM: &str = "platform ";
 
 impl LocalAddresses {
-    /// Reads the file. `None`: no `bottega up` of this user runs here.
+    /// Reads the file. `None`: this user runs no `bottega up` on this machine.
     pub fn read() -> Option<Self> {
         fs::read_to_string(address_file()).ok().map(|text| Self::of_text(&text))
     }
@@ -209,7 +211,10 @@ impl fmt::Display for LocalAddresses {
     }
 }
 
-/// The farm of this machine, if `bottega up` runs here.
+/// Returns the address of the farm that `bottega up` runs on this machine.
+///
+/// # Errors
+/// `bottega up` does not run here.
 pub fn saved_address() -> Result<FarmAddress, Error> {
     let known = LocalAddresses::read().and_then(|addresses| addresses.farm.parse().ok());
     known.ok_or_else(|| {

@@ -1,4 +1,4 @@
-//! Admission of machines to the farm of `bottega up`: they become members, and the server is told of them.
+//! Admission of machines to the farm of `bottega up`: they become members in the server's configuration.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -12,24 +12,27 @@ use crate::{
     server::{Setup, reload},
 };
 
-/// Lets in those who know a word. Several may come at once: the server reads its configuration once for all who wait.
+/// Admits machines that know a word. Several can be admitted at once: the server reloads its configuration once for all of
+/// them.
 pub(crate) struct Admission {
     members: Mutex<Members>,
-    /// How many members the server was told of. Locked while it is told.
+    /// The number of members in the server's configuration. Locked during a reload.
     told: Mutex<usize>,
     setup: Setup,
-    /// How the server is reached by a user of its own account.
+    /// The connection options of the server's system account.
     system: NatsOptions,
 }
 
 impl Admission {
-    /// - `members`: those that the configuration of the server names.
+    /// Returns an admission.
+    ///
+    /// - `members`: the members that the server's configuration names.
     pub(crate) fn new(members: Members, setup: Setup, system: NatsOptions) -> Self {
         let told = Mutex::new(members.count());
         Self { members: Mutex::new(members), told, setup, system }
     }
 
-    /// Answers one who wants to be let in. `None`: it names no group of ours.
+    /// Answers an [`EnrolmentRequest`](crate::link::EnrolmentRequest). `None`: `group` is unknown.
     pub(crate) fn answer(&self, group: &str, request: &[u8]) -> Option<Vec<u8>> {
         let group = Group::ALL.into_iter().find(|known| known.word() == group)?;
         let (mut answer, count) = {
@@ -48,7 +51,7 @@ impl Admission {
         serde_json::to_vec(&answer).ok()
     }
 
-    /// Has the server know the first `count` members, unless somebody has told it of them meanwhile.
+    /// Makes the server load the first `count` members, unless another thread has done so.
     fn tell_server(&self, count: usize) -> Result<(), Error> {
         let mut told = lock(&self.told);
         if *told < count {

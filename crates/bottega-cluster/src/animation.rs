@@ -1,5 +1,5 @@
-//! An animation painted by a farm: each frame is a job, so a machine has a frame of its own as long as there are enough,
-//! and the last ones are painted by all together.
+//! An animation rendered by a farm: each frame is a job. Each machine takes a frame of its own while there are enough; the
+//! last frames are rendered by all machines together.
 
 use std::{
     collections::BTreeMap,
@@ -33,24 +33,24 @@ use crate::{
     worker::{Worker, WorkerMessage},
 };
 
-/// How often is looked for frames that are painted.
+/// Interval between checks for finished frames.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// A frame that is asked for.
+/// A submitted frame.
 struct WantedFrame {
     frame: i32,
-    /// The number of the work.
+    /// The number of the painting.
     work: u64,
     output: PathBuf,
 }
 
-/// Asks a farm for an animation, paints with the others, and has the pictures in the end.
+/// Renders an animation with the machines of a farm, and writes each frame to its output file.
 ///
-/// - `farm`: none: the one that runs on this machine.
-/// - `resume`: only those frames are asked for of which not all is there.
+/// - `farm`: the address; none: the farm that runs on this machine.
+/// - `resume`: submits only the frames whose output is missing or incomplete.
 ///
 /// # Errors
-/// There is no such farm, or a frame cannot be painted or written.
+/// There is no such farm, or a frame cannot be rendered or written.
 pub fn render_frames(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,
@@ -59,7 +59,7 @@ pub fn render_frames(
     watcher: Arc<dyn Watcher>,
     stop: &StopSwitch,
 ) -> Result<(), Error> {
-    // This machine takes part, and is the one whose user can do something about it.
+    // Check denoising here, where the user sees the error: this machine also renders.
     denoise::ready(request)?;
     let reporter = Arc::new(Reporter::new(watcher));
     let FarmLink { uplink, name, .. } = link(farm, credentials)?;
@@ -68,10 +68,10 @@ pub fn render_frames(
     paint_with_others(request, wanted, board, name, stop, &reporter)
 }
 
-/// Asks a farm for an animation, and does not wait for it.
+/// Submits an animation to a farm, without waiting for it.
 ///
 /// # Errors
-/// As of [`render_frames`].
+/// As for [`render_frames`].
 pub fn submit_frames(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,
@@ -84,7 +84,7 @@ pub fn submit_frames(
     submit(request, resume, &JobBoard { uplink }, &name, stop, &Reporter::new(watcher)).map(drop)
 }
 
-/// Paints frames with the other machines, and collects them, until all are there or the user wants to stop.
+/// Renders frames with the other machines and collects the results, until all are done or the user stops.
 fn paint_with_others(
     request: &Request,
     wanted: BTreeMap<u32, WantedFrame>,
@@ -129,12 +129,12 @@ fn paint_with_others(
     worker.leave();
     match collector.join() {
         Ok(collected) => collected,
-        // It was told where it happened.
+        // The panic was reported on its own thread.
         Err(panic) => std::panic::resume_unwind(panic),
     }
 }
 
-/// Asks for the frames. Whatever is wrong is found out with the first of them.
+/// Submits the frames that are missing. The first frame is examined before any is submitted.
 fn submit(
     request: &Request,
     resume: bool,
@@ -171,12 +171,12 @@ fn submit(
     Ok(wanted)
 }
 
-/// The jobs of an animation, one for each frame, with their requests.
+/// Returns the jobs of an animation, one per frame, with their requests.
 ///
-/// - `new_job`: the job of the request of a frame.
+/// - `new_job`: makes the job for the request of a frame.
 ///
 /// # Errors
-/// The name of the output has no place for the number of a frame.
+/// The output name has no placeholder for the frame number.
 pub(crate) fn frame_jobs(
     request: &Request,
     frames: &[i32],
@@ -195,7 +195,7 @@ pub(crate) fn frame_jobs(
     Ok(jobs)
 }
 
-/// Writes the pictures as they come, until all are there or the user wants to stop.
+/// Writes the pictures as they are finished, until all are done or the user stops.
 fn collect(
     request: &Request,
     board: &JobBoard,

@@ -1,4 +1,4 @@
-//! The request of a job that the farm has, in a form that can be submitted again with the files of that job.
+//! The request of an existing job, in a form that can be submitted again with the same files.
 
 use std::path::{Path, PathBuf};
 
@@ -16,11 +16,11 @@ use crate::{
 };
 
 impl JobBoard {
-    /// The request of a job, for a [`Submission`](crate::uploads::Submission) with `files_of_job`: only those fields that differ from
-    /// their defaults, and `scene.file`. Files are named without their folders.
+    /// Returns the request of a job, for a [`Submission`](crate::uploads::Submission) with `files_of_job`: `scene.file` and
+    /// the fields that differ from their defaults. Files are named without their folders.
     ///
     /// # Errors
-    /// The farm does not answer, or does not have the order of the job any more.
+    /// The farm does not answer, or no longer has the job's specification.
     pub fn request_again(&self, job: &Job) -> Result<Value, Error> {
         let spec = self.spec(job)?;
         let request = without_places(&spec);
@@ -33,7 +33,7 @@ impl JobBoard {
     }
 }
 
-/// The request of a job as any machine can have it: no folder, program or device of the one who asked.
+/// Returns the request of a job without folders, programs or devices of its submitter.
 fn without_places(spec: &JobSpec) -> Request {
     let mut request = spec.request.clone();
     let files = &spec.files;
@@ -58,7 +58,7 @@ fn last(path: &Path) -> PathBuf {
     path.file_name().map(PathBuf::from).unwrap_or_default()
 }
 
-/// The fields of a request, and of its sections, that differ from the usual ones; the scene file in any case.
+/// Keeps the fields of a request, and of its sections, that differ from the defaults; the scene file in any case.
 fn without_defaults(request: Value, usual: &Value) -> Value {
     let Value::Object(sections) = request else { return request };
     let mut left = serde_json::Map::new();

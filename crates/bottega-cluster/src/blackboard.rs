@@ -1,7 +1,7 @@
-//! The Blackboard of a job, as people and programs read it: the rows of its zones and of its agents.
+//! The Blackboard of a job, for people and programs: the rows of its zones and of its agents.
 //!
-//! While a job is painted its rows are entries of the farm's store, written by its leader (and read by all). When it is done
-//! the leader keeps what they said last, as a blob.
+//! While a job is rendered, its rows are entries of the farm's store, which its leader writes. When the job is done, the
+//! leader stores their last state as a blob.
 
 use std::{
     sync::Arc,
@@ -14,25 +14,25 @@ use bottega_farm::{FarmValue, WorkId, WorkKeys, ZoneRow};
 
 use crate::{error::Error, job::Job, job_board::JobBoard};
 
-/// The most that is read of the rows of a job that is over.
+/// The largest stored Blackboard that is read, in bytes.
 const ROWS_BYTES_MAX: usize = 1 << 28;
-/// A server that tells nothing for so long is not waited for.
+/// The time after which a server that sends nothing counts as unavailable.
 const SILENT: Duration = Duration::from_secs(10);
 
-/// A change of a row, for those who watch a Blackboard.
+/// A change of a row, for observers of a Blackboard.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RowNews {
-    /// A row as it is, or is from now on: an [`Event::Zone`] or an [`Event::Agent`].
+    /// The current state of a row: an [`Event::Zone`] or an [`Event::Agent`].
     Row(Box<Event>),
-    /// All rows that there were have been told.
+    /// All existing rows have been reported.
     CaughtUp,
-    /// Nothing for a while.
+    /// No change for a while.
     Nothing,
 }
 
 impl JobBoard {
-    /// Tells of all rows of a job, and from then on of every change, until `tell` says that it is enough. Of a job that is over
-    /// what its rows said last.
+    /// Reports all rows of a job, and then each change, until `tell` returns `false`. For a job that is over, reports the
+    /// stored rows.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -53,7 +53,7 @@ impl JobBoard {
         Ok(())
     }
 
-    /// All rows of a job as they are now.
+    /// Returns all rows of a job.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -74,7 +74,7 @@ impl JobBoard {
         if is_whole { Ok(rows) } else { Err(silent()) }
     }
 
-    /// The rows of a job's zones as its agents have them, while it is painted.
+    /// Returns the zone rows of a job while it is rendered.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -97,7 +97,7 @@ impl JobBoard {
         if is_whole { Ok(rows) } else { Err(silent()) }
     }
 
-    /// Keeps what the rows of a job said last. That they could not be kept spoils no picture.
+    /// Stores the last state of a job's rows. Failures are only logged.
     pub(crate) fn keep_rows(&self, job: &Job) {
         let kept = self.rows(job).and_then(|rows| {
             let mut text = Vec::new();
@@ -123,7 +123,7 @@ fn silent() -> Error {
     Error::failed("the farm's server does not tell the rows of the job", "see whether it runs: bottega jobs list")
 }
 
-/// A row as an event; `None`: it is none that people read.
+/// Returns a row as an event; `None`: the row is internal.
 fn as_event(row: &FarmValue) -> Option<Event> {
     match row {
         FarmValue::Zone(row) => Some(Event::Zone(Box::new(ZoneEvent::from(&**row)))),

@@ -1,4 +1,4 @@
-//! The identity of this build of the farm: another one may paint other bits or write other messages.
+//! The identity of this build of the farm: another build may render different bits or use other messages.
 
 use std::sync::LazyLock;
 
@@ -9,7 +9,7 @@ const PROVENANCE: Provenance =
 
 static BUILD: LazyLock<Build> = LazyLock::new(|| Build::new(PROVENANCE));
 
-/// The build of this crate, the library among what it is made of.
+/// Returns the build of this crate, including the library.
 pub fn build() -> &'static Build {
     &BUILD
 }

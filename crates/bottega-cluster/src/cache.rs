@@ -1,4 +1,4 @@
-//! Scenes that this machine has fetched, up to a size: what was used longest ago goes first.
+//! A size-limited cache of fetched scenes; the least recently used files are removed first.
 
 use std::{
     fs, io,
@@ -10,17 +10,17 @@ use bottega_platform::folders::state_folder;
 
 use crate::error::Error;
 
-/// Bytes of scenes that a machine keeps where nobody says.
+/// Default size of a machine's cache, in bytes.
 pub(crate) const CACHE_BYTES: u64 = 20 << 30;
 
-/// A folder with three in it: `files` and `chunks` by their contents, `scenes` as folders of links to files.
+/// A folder with `files` and `chunks`, both named by content hash, and `scenes`, folders of links to files.
 #[derive(Clone, Debug)]
 pub struct Cache {
     root: PathBuf,
     bytes_max: u64,
 }
 
-/// Something that can go.
+/// A removable entry of the cache.
 struct CachedItem {
     path: PathBuf,
     used: SystemTime,
@@ -28,20 +28,22 @@ struct CachedItem {
 }
 
 impl Cache {
+    /// Returns a cache with a size limit in bytes.
     pub(crate) fn new(root: PathBuf, bytes_max: u64) -> Self {
         Self { root, bytes_max }
     }
 
-    /// That of this user where nobody says another.
+    /// Returns the default cache of this user.
     pub fn of_user() -> Self {
         Self::new(state_folder().join("cache"), CACHE_BYTES)
     }
 
+    /// Returns the folder of the cache.
     pub(crate) fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Keeps other processes of this machine from the cache until it is dropped.
+    /// Locks the cache against other processes of this machine until the result is dropped.
     pub(crate) fn lock(&self) -> Result<fs::File, Error> {
         let path = self.root.join("lock");
         let wrong = |source| Error::write(path.clone(), source);
@@ -51,29 +53,29 @@ impl Cache {
         Ok(file)
     }
 
-    /// Lets go of a file, if it is there.
+    /// Removes a file from the cache, if it exists.
     pub(crate) fn remove(&self, path: &Path) {
         if path.starts_with(&self.root) && path.exists() {
             remove(path);
         }
     }
 
-    /// Where a file is, or will be.
+    /// Returns the path of a file in the cache, present or not.
     pub(crate) fn file(&self, hash: &str) -> PathBuf {
         self.root.join("files").join(hash)
     }
 
-    /// Where a piece of one is while not all have come.
+    /// Returns the path of a chunk, kept while its file is incomplete.
     pub(crate) fn chunk(&self, hash: &str) -> PathBuf {
         self.root.join("chunks").join(hash)
     }
 
-    /// Where a scene is.
+    /// Returns the path of a scene's folder.
     pub(crate) fn scene(&self, hash: &str) -> PathBuf {
         self.root.join("scenes").join(hash)
     }
 
-    /// Something is in use now.
+    /// Marks an entry as just used.
     pub(crate) fn touch(path: &Path) {
         let touched = fs::File::open(path).and_then(|file| file.set_modified(SystemTime::now()));
         if let Err(error) = touched {
@@ -81,8 +83,8 @@ impl Cache {
         }
     }
 
-    /// Lets go of what was used longest ago until the rest has its size; not of what the scene `but` is made of. Scenes are
-    /// links, so it is files that take room: a scene goes with the first of its files.
+    /// Removes the least recently used entries until the cache fits its size, except the scene `but` and the files
+    /// `in_use`. Scenes are links and take no room, so a scene is removed before its files.
     pub(crate) fn trim(&self, but: &Path, in_use: &[PathBuf]) {
         let mut entries = self.entries("files").unwrap_or_default();
         entries.extend(self.entries("chunks").unwrap_or_default());
@@ -93,7 +95,7 @@ impl Cache {
         if bytes <= self.bytes_max {
             return;
         }
-        // Room is free only when no scene links to the file any more.
+        // Space is only freed when no scene links to the file any more.
         for scene in self.entries("scenes").unwrap_or_default() {
             if scene.path != but {
                 remove(&scene.path);
@@ -127,7 +129,7 @@ fn remove(path: &Path) {
     }
 }
 
-/// Writes a file that is there as a whole or not at all.
+/// Writes a file atomically: completely or not at all.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     let wrong = |source| Error::write(path.to_owned(), source);
     let folder = path.parent().unwrap_or(Path::new("."));

@@ -1,5 +1,5 @@
-//! Files in pieces that are named by what is in them: fetched several at a time, each once, each verified; what has come stays
-//! when the rest does not.
+//! Files in chunks named by their content hash: fetched in parallel, each once, each verified. Chunks that have arrived
+//! stay when the rest fails.
 
 use std::{
     collections::BTreeSet,
@@ -21,22 +21,22 @@ use crate::{
     error::Error,
 };
 
-/// Bytes of a piece.
+/// The size of a chunk in bytes.
 pub(crate) const CHUNK_BYTES: usize = 4 << 20;
-/// Pieces of a file at most: 4 TiB.
+/// The most chunks of a file: 4 TiB in all.
 const CHUNKS_MAX: usize = 1 << 20;
-/// What their names in the store begin with.
+/// Prefix of chunk names in the store.
 pub(crate) const PREFIX: &str = "chunk/";
-/// Pieces under way at once.
+/// Chunks transferred in parallel.
 const AT_ONCE: usize = 8;
 
-/// Pieces of this age that no job needs are let go. One who sends half of it after they came sends them again, so that none
-/// goes before its job is known.
+/// Age from which chunks without a job are deleted. A sender sends chunks older than half of it again, so that none is
+/// deleted before its job is submitted.
 const UNUSED_KEPT: Duration = Duration::from_secs(24 * 3600);
 
-/// Where pieces are kept by name.
+/// A store of chunks by name.
 pub(crate) trait ChunkStore: Sync {
-    /// Whether a piece is there, and will be until the job that needs it is known.
+    /// True if a chunk is stored, and is young enough to stay until its job is submitted.
     fn has(&self, name: &str) -> Result<bool, BlobError>;
     fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError>;
     fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError>;
@@ -56,21 +56,21 @@ impl ChunkStore for NatsBlobs {
     }
 }
 
-/// What is in a file, and in its pieces: BLAKE3, hexadecimal.
+/// The content hash of a file and of its chunks: BLAKE3, hexadecimal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Contents {
     pub(crate) hash: String,
     chunks: Vec<String>,
 }
 
-/// Whether a file is there and holds this: a machine that lost power may have kept less than it wrote.
+/// True if a file exists with these contents. A file may be truncated after a power failure.
 pub(crate) fn holds(path: &Path, contents: &Contents) -> bool {
     let mut hasher = blake3::Hasher::new();
     let read = fs::File::open(path).and_then(|file| hasher.update_reader(file).map(drop));
     read.is_ok() && hasher.finalize().to_hex().as_str() == contents.hash
 }
 
-/// Brings a file into the cache, if it is not there. `name`: what users know it by.
+/// Fetches a file into the cache, unless it is there. `name`: the name of the file for error messages.
 pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn ChunkStore) -> Result<(), Error> {
     let other = || {
         Error::failed(
@@ -78,14 +78,17 @@ pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn 
             "try again; if it stays so, the store of the NATS server is damaged",
         )
     };
+    // Validate the hashes
     let all = || std::iter::once(&contents.hash).chain(&contents.chunks);
     if contents.chunks.len() > CHUNKS_MAX || !all().all(|hash| is_hash(hash)) {
         return Err(other());
     }
+    // Use the cached file if it is intact
     let file = cache.file(&contents.hash);
     if holds(&file, contents) {
         return Ok(());
     }
+    // Fetch and verify the missing chunks
     several(contents.chunks.len(), &|i| {
         let hash = &contents.chunks[i];
         let path = cache.chunk(hash);
@@ -95,6 +98,7 @@ pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn 
         let bytes = store.get(&blob_name(hash), CHUNK_BYTES).map_err(Error::Blob)?.ok_or_else(other)?;
         if hash_of(&bytes) == *hash { write_whole(&path, &bytes) } else { Err(other()) }
     })?;
+    // Join the chunks, and verify the whole file
     let mut bytes = Vec::new();
     for hash in &contents.chunks {
         let path = cache.chunk(hash);
@@ -105,13 +109,13 @@ pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn 
         write_whole(&file, &bytes)?;
     }
     for hash in &contents.chunks {
-        // Another file may have shared it and removed it.
+        // Another thread may have removed a shared chunk.
         _ = fs::remove_file(cache.chunk(hash));
     }
     if is_whole { Ok(()) } else { Err(other()) }
 }
 
-/// Does something for each number below `count`, several at a time, until one fails.
+/// Calls `work` for each number below `count`, several in parallel, until one fails.
 pub(crate) fn several(count: usize, work: &(dyn Fn(usize) -> Result<(), Error> + Sync)) -> Result<(), Error> {
     let (next, failure) = (AtomicUsize::new(0), Mutex::new(None));
     thread::scope(|scope| {
@@ -134,33 +138,40 @@ pub(crate) fn several(count: usize, work: &(dyn Fn(usize) -> Result<(), Error> +
     failure.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), Err)
 }
 
+/// Returns the hash of bytes, in hexadecimal.
 pub(crate) fn hash_of(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
+/// True if a text is a hash in lower-case hexadecimal.
 pub(crate) fn is_hash(text: &str) -> bool {
     text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
 }
 
+/// Returns the name of a chunk in the store.
 pub(crate) fn blob_name(hash: &str) -> String {
     format!("{PREFIX}{hash}")
 }
 
 impl Contents {
-    /// - `chunks`: the digests of its pieces, in order.
+    /// Returns the contents of a file.
+    ///
+    /// - `hash`: the hash of the file.
+    /// - `chunks`: the hashes of its chunks, in order.
     pub(crate) fn new(hash: String, chunks: Vec<String>) -> Self {
         Self { hash, chunks }
     }
 
-    /// The names of its pieces in the store.
+    /// Returns the names of its chunks in the store.
     pub(crate) fn blobs(&self) -> impl Iterator<Item = String> {
         self.chunks.iter().map(|hash| blob_name(hash))
     }
 }
 
-/// Whether a blob is a piece that nobody needs any more.
+/// True if a blob is a chunk that no job needs any more.
 ///
-/// - `needed`: the pieces of all jobs that are not over.
+/// - `age`: the time since it was stored.
+/// - `needed`: the chunks of all jobs that are not over.
 pub(crate) fn is_unused(name: &str, age: Duration, needed: &BTreeSet<String>) -> bool {
     name.starts_with(PREFIX) && age > UNUSED_KEPT && !needed.contains(name)
 }
@@ -172,7 +183,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::pieces::Pieces;
 
-    /// A store in memory that can break down.
+    /// An in-memory store that can be made to fail.
     #[derive(Default)]
     pub(crate) struct Shelf {
         chunks: Mutex<BTreeMap<String, Vec<u8>>>,
@@ -205,7 +216,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// A file that is sent.
+    /// Sends a file to a store.
     fn send(path: &Path, shelf: &Shelf) -> Result<Contents, Error> {
         let mut pieces = Pieces::default();
         let contents = pieces.add(path)?;

@@ -1,4 +1,4 @@
-//! Asks a farm for a picture, paints with the others, and has the picture in the end.
+//! Submits a picture to a farm, renders it together with the other machines, and receives the result.
 
 use std::{
     path::{Path, PathBuf},
@@ -33,39 +33,39 @@ use crate::{
     transfer::{self, SentPieces},
 };
 
-/// How often is looked how a job stands that this process has no part in.
+/// Interval between checks of a job that this process does not take part in.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// A job that this process asked for.
+/// A job that this process submitted.
 pub struct SubmittedJob {
     member: Member,
-    /// Its number at the farm.
+    /// The number of the job at the farm.
     pub number: u32,
     work: u64,
 }
 
-/// A picture that a farm has painted.
+/// The outcome of a job, before its picture is written.
 enum JobOutcome {
-    /// With this process as leader, which has the pixels.
+    /// This process led the job and has the pixels; no [`Leading`] if it stopped early.
     Here(Box<JobReport>, Option<Leading>),
-    /// With another one: the bytes of the file.
+    /// Another process led it: the bytes of the picture file.
     Elsewhere(Vec<u8>),
 }
 
 /// The outcome of a picture on a farm.
 pub enum RenderOutcome {
-    /// This process led the job, and has the picture; it is written.
+    /// This process led the job; the picture is complete and written.
     Local(Box<Picture>),
-    /// Another machine led it to its end; the picture is written to this file.
+    /// Another machine led the job; the picture is written to this file.
     Remote(PathBuf),
 }
 
-/// Paints a picture with the machines of a farm, and writes it where the request says.
+/// Renders a picture with the machines of a farm, and writes it to the output file of the request.
 ///
-/// - `farm`: none: the one that runs on this machine.
+/// - `farm`: the address; none: the farm that runs on this machine.
 ///
 /// # Errors
-/// There is no such farm, the request cannot be painted, or the picture not be written.
+/// There is no such farm, the request cannot be rendered, or the picture cannot be written.
 pub fn render(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,
@@ -108,10 +108,10 @@ pub fn render(
     }
 }
 
-/// Asks a farm for a picture, and does not wait for it.
+/// Submits a picture to a farm and returns its job number, without waiting for it.
 ///
 /// # Errors
-/// As of [`render`].
+/// As for [`render`].
 pub fn submit(
     farm: Option<&FarmAddress>,
     credentials: &Credentials,
@@ -127,9 +127,9 @@ pub fn submit(
 }
 
 impl SubmittedJob {
-    /// Sends the scene and asks for the picture.
+    /// Sends the scene and submits the job.
     ///
-    /// - `journal`: how the picture is called in the journal beside it, where there is one.
+    /// - `journal`: the name of the picture in the journal beside the output, if there is one.
     fn submit(
         (farm, credentials): (Option<&FarmAddress>, &Credentials),
         request: &Request,
@@ -156,8 +156,8 @@ impl SubmittedJob {
         Ok(Self { member, number, work: job.work })
     }
 
-    /// Paints with the others until the picture is there, or the user wants to stop. Tells the user which machines have left
-    /// the job out.
+    /// Renders together with the other machines until the picture is complete or the user stops. Warns of machines that
+    /// refuse the job.
     fn paint(&self, tools: PaintingTools, reporter: &Reporter) -> Result<JobOutcome, Error> {
         let mut watch = RefusalWatch::default();
         let tell = || {
@@ -210,7 +210,7 @@ impl SubmittedJob {
                 Ok(PartOutcome::Left(None)) if stop.is_requested() => return Err(self.called_off()),
                 Ok(PartOutcome::Left(_)) => {}
                 Ok(PartOutcome::Helped) => helped = Some(job.turn()),
-                // Those who were not left out go on.
+                // Let the machines that can render it continue.
                 Err(Error::Bottega(bottega::Error::Job(JobError::LeftOut { reason }))) => {
                     reporter.warn(format!("this machine is left out: {reason}"));
                     helped = Some(job.turn());
@@ -221,7 +221,7 @@ impl SubmittedJob {
         }
     }
 
-    /// The picture is written here: the job is over.
+    /// Marks the job as over: its picture is written on this machine.
     fn finish(&self, leading: &Leading, failed: usize, reporter: &Reporter) -> Result<(), Error> {
         let state = match failed {
             0 => JobState::Done,
@@ -231,7 +231,8 @@ impl SubmittedJob {
         patiently(stop, |line| reporter.say(line), || leading.finish(board, self.number, &state, false))
     }
 
-    /// The picture could not be written here. Whoever leads the job next will have the farm keep it.
+    /// Returns the error for a picture that could not be written here. The next leader of the job stores the picture at the
+    /// farm.
     fn unwritten(&self, error: &Error) -> Error {
         let number = self.number;
         Error::failed(
@@ -248,7 +249,7 @@ impl SubmittedJob {
         Error::failed("stopped before there was a picture", "ask again")
     }
 
-    /// Who asked wants it no more.
+    /// Cancels the job on behalf of its submitter.
     fn call_off(&self) {
         let off = self.member.board.change(self.number, |job| {
             let is_over = job.state.is_over();
@@ -270,21 +271,21 @@ impl Drop for SubmittedJob {
     }
 }
 
-/// A picture that the farm has and that could not be written here.
+/// Returns the error for a picture that the farm has and that could not be written on this machine.
 pub(crate) fn unfetched(number: u32, error: &Error) -> Error {
     let remedy =
         format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it, where there is room");
     Error::failed(error.error_chain(), remedy)
 }
 
-/// Writes a picture that another process has made. The file is there as a whole or not at all.
+/// Writes the picture file of another process, completely or not at all.
 pub fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     let folder = path.parent().unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(|source| Error::write(path.to_owned(), source))?;
     Ok(bottega_image::write_whole(path, bytes)?)
 }
 
-/// A job that is asked for now.
+/// Returns the record of a new job.
 pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> Job {
     let number = fresh_number();
     let mut job = Job {
@@ -309,14 +310,15 @@ pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> J
     job
 }
 
-/// What of this machine paints for a request beside the processors.
+/// Returns the devices of this machine that render the request, without the CPU.
 pub(crate) fn devices_of(request: &Request) -> Vec<String> {
     beside_processors(&DeviceChoice::of(&request.devices.names).unwrap_or_default())
 }
 
-/// What is asked for, as other machines understand it. The scene is sent, and is taken back unless a job comes of it.
+/// Returns the job's spec in a form that other machines understand, and sends the scene. The files are withdrawn when the
+/// returned [`SentPieces`] is dropped without `keep`.
 ///
-/// - `me`: the process that asks.
+/// - `me`: the process that submits.
 pub(crate) fn order<'a>(
     board: &'a JobBoard,
     me: &'a str,

@@ -1,5 +1,5 @@
-//! The log of what was done at the HTTP doors of this machine: a line for each request that may change something, with the name of the token
-//! that was shown. A job that is removed does not take it along.
+//! The log of actions through the HTTP servers of this machine: a line for each request that may change something, with the
+//! name of its token. It outlives the jobs it names.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -14,10 +14,10 @@ use jiff::Timestamp;
 
 use crate::job::unix_seconds;
 
-/// The file is begun again when it has so many bytes; the one before is kept beside it.
+/// Size in bytes at which a new log file starts; one previous file is kept beside it.
 const BYTES_MAX: u64 = 8 << 20;
 
-/// A log of deeds, which several processes may write.
+/// A log of HTTP actions; several processes may append to it.
 #[derive(Debug)]
 pub struct DeedLog {
     path: PathBuf,
@@ -25,19 +25,20 @@ pub struct DeedLog {
 }
 
 impl DeedLog {
-    /// The log of this user's doors on this machine.
+    /// Returns the log of this user's HTTP servers on this machine.
     pub fn of_user() -> Self {
         Self::at(state_folder().join("web.log"))
     }
 
-    /// A log in a file. Nothing is written yet.
+    /// Returns a log with the given file, which is created on the first write.
     pub fn at(path: PathBuf) -> Self {
         Self { path, file: Mutex::new(None) }
     }
 
-    /// Notes what was asked for, and how it was answered. That it cannot be noted is told and stops nobody.
+    /// Logs a request and the status of its response. Failures are only reported.
     ///
-    /// - `token`: the name of the token that was shown.
+    /// - `token`: the name of the access token.
+    /// - `address`: the client.
     pub fn note(&self, token: &str, address: IpAddr, method: &str, path: &str, status: u16) {
         let at = Timestamp::from_second(unix_seconds() as i64).unwrap_or_default();
         if let Err(error) = self.write(&format!("{at} {token} {address} {method} {path} {status}\n")) {
@@ -61,7 +62,7 @@ impl DeedLog {
                 open
             }
         };
-        // At once: lines of other processes do not come between.
+        // One write per line, so that lines of other processes do not mix in.
         open.write_all(line.as_bytes())?;
         *file = Some(open);
         Ok(())

@@ -1,7 +1,7 @@
-//! The white and yellow pages of a farm: which agents of jobs stand in them, what the AMS wants of them, and whose process or job
-//! has gone.
+//! The white and yellow pages of a farm: the registered agents of jobs, commands to them through the AMS, and removal of
+//! those whose process or job is gone.
 //!
-//! The agents register themselves; those of a process that was killed cannot take themselves out.
+//! Agents register and deregister themselves; those of a killed process cannot deregister.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -30,37 +30,37 @@ use crate::{
     platform::NAME,
 };
 
-/// How long an entry that was taken out is kept: until nobody asks what has become of it.
+/// The time for which a deregistered entry stays, so that others can see that it is gone.
 const EMPTY_KEPT: Duration = Duration::from_secs(60);
-/// How the names of the pages of all platforms begin.
+/// Prefix of the pages of all platforms.
 const PAGES: &str = "page/";
 
-/// An agent of a job, as the directories of the farm say it.
+/// An agent of a job, as registered in the directories of the farm.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct JobAgent {
-    /// Its name.
+    /// The name of the agent.
     pub agent: String,
-    /// Where it stands in its life.
+    /// Its life cycle state, in FIPA's words.
     pub state: &'static str,
-    /// The types of what it offers.
+    /// The types of its services.
     pub services: Vec<String>,
-    /// Where it is reached.
+    /// Its transport addresses.
     pub addresses: Vec<String>,
 }
 
-/// What an agent is to do.
+/// A life cycle command to an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AgentOrder {
-    /// Hand back what it has, and wait.
+    /// Return its zones and wait.
     Suspend,
-    /// Go on.
+    /// Continue to paint.
     Resume,
-    /// Come to an end.
+    /// Finish and deregister.
     Quit,
 }
 
 impl JobBoard {
-    /// The agents of a job that stand in the directories.
+    /// Returns the registered agents of a job.
     pub fn job_agents(&self, number: u32) -> Vec<JobAgent> {
         let mut white: BTreeMap<String, AmsAgentDescription> = BTreeMap::new();
         let mut yellow: Vec<(String, DfAgentDescription)> = Vec::new();
@@ -90,10 +90,10 @@ impl JobBoard {
         agents.collect()
     }
 
-    /// Has the AMS of the farm's platform want something of an agent. The process in which it lives sees to it.
+    /// Sends a command to an agent through the AMS of the farm's platform. The process of the agent carries it out.
     ///
     /// # Errors
-    /// There is no such agent, it cannot come to this from where it stands, or the farm does not answer.
+    /// There is no such agent, its state does not allow the command, or the farm does not answer.
     pub fn steer_agent(&self, agent: &str, order: AgentOrder) -> Result<(), Error> {
         self.refuse_guests()?;
         let name = AgentId::new(agent);
@@ -102,7 +102,7 @@ impl JobBoard {
             .into_iter()
             .filter(|page| page.agent == agent.to_lowercase())
             .find_map(|page| read_white_page(std::str::from_utf8(&page.notice.text).ok()?));
-        // What is changed stands in the place of what was there.
+        // A modification replaces the whole entry: keep the ownership.
         let change =
             |to| AmsAgentDescription { ownership: known.clone().and_then(|agent| agent.ownership), ..state(to) };
         let function = match order {
@@ -131,7 +131,7 @@ impl JobBoard {
         }
     }
 
-    /// Takes agents of jobs out of the directories whose process or job has gone, and lets go of what was taken out of any.
+    /// Deregisters agents of jobs whose process or job is gone, and removes old deregistered entries of any platform.
     pub(crate) fn clear_pages(&self) {
         let taken_out = self.uplink.notices().all(PAGES).into_iter();
         for notice in taken_out.filter(|notice| notice.text.is_empty() && notice.unchanged > EMPTY_KEPT) {
@@ -159,7 +159,7 @@ impl JobBoard {
             let is_there = place == NAME || seats.contains(place) || masters.contains(place);
             !page.is_empty() && page.notice.unchanged > SEAT_EMPTY && !is_there
         };
-        // Who steers an agent may have forgotten in one of its entries whose it is.
+        // A command may have dropped the ownership from one of an agent's entries: one that still has it is enough.
         let lost: BTreeSet<&str> =
             pages.iter().filter(is_lost).filter(|page| is_of_job(page)).map(|page| &*page.agent).collect();
         let notices = self.uplink.notices();
@@ -171,7 +171,7 @@ impl JobBoard {
     }
 }
 
-/// Whether it is the entry of an agent of a job, and not one of the platform or of a stranger.
+/// True if the entry belongs to an agent of a job, not to one of the platform or of another platform.
 fn is_of_job(page: &AgentPage) -> bool {
     let text = std::str::from_utf8(&page.notice.text).unwrap_or_default();
     let is_ours = |ownership: Option<&str>| ownership == Some(JOB_OWNERSHIP);

@@ -1,4 +1,4 @@
-//! Farms on the local network, by mDNS: a server says where it is and how it is known, and no secret.
+//! Discovery of farms on the local network by mDNS: a server announces its address and its pin, and no secret.
 
 use std::{
     net::{IpAddr, SocketAddr},
@@ -12,19 +12,21 @@ use crate::error::Error;
 use crate::names::host_name;
 
 const SERVICE: &str = "_bottega._tcp.local.";
-/// The property that says how the server is known.
+/// The mDNS property with the server's pin.
 const PIN: &str = "pin";
-/// How long a farm is looked for.
+/// The time limit of a search for a farm.
 const LOOK: Duration = Duration::from_secs(8);
 
-/// Tells the local network where a farm is, until it is dropped.
+/// Announces a farm on the local network until it is dropped.
 pub(crate) struct Beacon(ServiceDaemon);
 
 impl Beacon {
-    /// - `port`: where the server listens, on all addresses of this machine.
+    /// Starts announcing a farm.
+    ///
+    /// - `port`: the port of the server, on all addresses of this machine.
     ///
     /// # Errors
-    /// The network cannot be told, with the reason.
+    /// mDNS cannot be used, with the cause.
     pub(crate) fn light(pin: Pin, port: u16) -> Result<Self, mdns_sd::Error> {
         let daemon = ServiceDaemon::new()?;
         let pin = pin.to_string();
@@ -44,7 +46,7 @@ impl Drop for Beacon {
     }
 }
 
-/// Where on the local network the farm is whose server is known so.
+/// Returns the address of the farm on the local network whose server has the given pin.
 pub(crate) fn find(pin: Pin) -> Result<String, Error> {
     let failed = |error: mdns_sd::Error| nowhere(&format!("the network cannot be asked: {error}"));
     let daemon = ServiceDaemon::new().map_err(failed)?;
@@ -59,7 +61,7 @@ pub(crate) fn find(pin: Pin) -> Result<String, Error> {
             && service.get_property_val_str(PIN) == Some(&pin.to_string())
         {
             let addresses = service.get_addresses().iter().map(mdns_sd::ScopedIp::to_ip_addr);
-            // Any will do; those of the older protocol need no zone.
+            // Any address works; prefer IPv4, which needs no zone.
             let address = addresses.min_by_key(IpAddr::is_ipv6);
             found = address.map(|ip| SocketAddr::new(ip, service.get_port()).to_string());
         }

@@ -1,6 +1,6 @@
-//! The energy of a job and what it costs: by machine and by zone, from what machines say that they have used.
+//! The energy use and cost of a job, per machine and per zone, from the usage that machines report.
 //!
-//! - `tariff`: what the keeper of the farm says of prices, and of machines that know nothing of their own.
+//! - `tariff`: the notice with the farm's energy price, and the power of machines that do not measure their own.
 
 use std::collections::BTreeMap;
 
@@ -18,82 +18,85 @@ use crate::{
 const TARIFF: &str = "tariff";
 const JOULES_PER_KWH: f64 = 3.6e6;
 
-/// A price, and the currency that it is in.
+/// The price of energy, with its currency.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EnergyPrice {
-    /// Of a kilowatt hour.
+    /// The price per kWh.
     pub per_kwh: f64,
-    /// Such as `EUR`.
+    /// The currency, such as `EUR`.
     pub currency: String,
 }
 
-/// What the keeper of a farm says.
+/// The energy settings of a farm.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tariff {
-    /// What energy costs.
+    /// The price of energy; none: costs are not computed.
     pub price: Option<EnergyPrice>,
-    /// What a machine draws with all processors at work that knows nothing of its own.
+    /// The power in watts, with all processors busy, of a machine that neither measures nor declares its own; none: its
+    /// energy is unknown.
     pub watts: Option<f64>,
 }
 
-/// The energy of a machine for a job. What is not known is left out.
+/// The energy that a machine has used for a job. Unknown values are left out.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MachineEnergy {
-    /// The process.
+    /// The name of the process.
     pub machine: String,
-    /// Processor seconds.
+    /// Processor time in seconds.
     pub processor_seconds: f64,
-    /// Energy.
+    /// Energy in kWh.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kwh: Option<f64>,
-    /// What that costs.
+    /// The cost of that energy, in the currency of the job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
-    /// By what the energy is known: `counters` of the processors, or the `watts` that somebody said.
+    /// The source of the energy value: the processors' `counters`, or a declared number of `watts`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<EnergySource>,
 }
 
-/// The energy of a zone: its share of that of the machine that painted it, by measured time.
+/// The energy of a zone: its share, by measured time, of the energy of the machine that painted it.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ZoneEnergy {
-    /// IdZone.
+    /// The identifier of the zone (IdZone).
     pub id: u32,
-    /// Energy.
+    /// Energy in kWh.
     pub kwh: f64,
-    /// What that costs.
+    /// The cost of that energy, in the currency of the job.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
 }
 
-/// The energy of a job. What is not known is left out.
+/// The energy use of a job. Unknown values are left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct JobEnergy {
-    /// Processor seconds of all machines.
+    /// Processor time of all machines, in seconds.
     pub processor_seconds: f64,
-    /// Energy of those machines of which it is known.
+    /// Energy in kWh of the machines for which it is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kwh: Option<f64>,
-    /// What that costs.
+    /// The cost of that energy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
-    /// In which currency.
+    /// The currency of all costs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub currency: Option<String>,
-    /// The price of a kilowatt hour.
+    /// The price per kWh.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub price_per_kwh: Option<f64>,
-    /// Whether the energy of some machines is not known, and `kwh` is too little.
+    /// `true`: the energy of some machines is unknown, so `kwh` is too low.
     pub is_partial: bool,
-    /// Each machine.
+    /// The energy of each machine.
     pub machines: Vec<MachineEnergy>,
-    /// Zones that are painted, whose machine's energy is known.
+    /// The energy of each painted zone whose machine's energy is known.
     pub zones: Vec<ZoneEnergy>,
 }
 
 impl JobEnergy {
-    /// - `usages`: what each process says.
-    /// - `rows`: the rows of the job.
+    /// Computes the energy use of a job.
+    ///
+    /// - `usages`: the usage that each process reports, by its name.
+    /// - `rows`: the Blackboard rows of the job.
     pub fn of(usages: &BTreeMap<String, JobUsage>, rows: &[Event], tariff: &Tariff) -> Self {
         let price = tariff.price.as_ref();
         let cost = |kwh: f64| price.map(|price| kwh * price.per_kwh);
@@ -120,7 +123,7 @@ impl JobEnergy {
     }
 }
 
-/// The energy of a process, in kilowatt hours, and by what it is known.
+/// Returns the energy of a process in kWh, and its source.
 fn known_energy(usage: &JobUsage, watts: Option<f64>) -> Option<(f64, EnergySource)> {
     let told = usage.millijoules.zip(usage.source).map(|(energy, source)| (energy as f64 / 1e3, source));
     let by_farm = || {
@@ -141,7 +144,7 @@ fn zones(machines: &[MachineEnergy], rows: &[Event], cost: &impl Fn(f64) -> Opti
     let mut zones = Vec::new();
     for MachineEnergy { machine, kwh, .. } in machines {
         let Some(kwh) = kwh else { continue };
-        // Agents are called after the process that they live in.
+        // The name of an agent ends with the name of its process.
         let is_of_it = |zone: &&&ZoneEvent| zone.agent.as_deref().and_then(|it| it.split('@').nth(1)) == Some(machine);
         let own: Vec<(u32, f64)> =
             painted.iter().filter(is_of_it).filter_map(|zone| Some((zone.id, zone.seconds_measured?))).collect();
@@ -158,12 +161,12 @@ fn zones(machines: &[MachineEnergy], rows: &[Event], cost: &impl Fn(f64) -> Opti
 }
 
 impl JobBoard {
-    /// What the keeper of the farm says of prices.
+    /// Returns the energy settings of the farm.
     pub fn tariff(&self) -> Tariff {
         self.read_notice(TARIFF).unwrap_or_default()
     }
 
-    /// Says what energy costs, and what machines draw that know nothing of their own.
+    /// Sets the energy price, and the power of machines that do not measure their own.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -171,7 +174,7 @@ impl JobBoard {
         self.put_notice(TARIFF, tariff)
     }
 
-    /// The energy of a job.
+    /// Computes the energy use of a job.
     ///
     /// # Errors
     /// The farm does not answer.

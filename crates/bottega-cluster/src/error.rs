@@ -9,66 +9,66 @@ use bottega_agents::driver::{
 use bottega_farm::JobError;
 use thiserror::Error as ThisError;
 
-/// The errors of a farm, and those of the library behind it.
+/// An error of a farm, or of the library below it.
 #[derive(Debug, ThisError)]
 #[non_exhaustive]
 pub enum Error {
-    /// The picture could not be painted, or a file not be used.
+    /// The picture could not be rendered, or a file could not be used.
     #[error(transparent)]
     Bottega(#[from] bottega::Error),
-    /// There is no way into the farm.
+    /// The farm cannot be joined.
     #[error("no farm")]
     Farm {
-        /// Why.
+        /// The error of the NATS connection.
         source: NatsError,
-        /// What can be done.
+        /// The advice to the user.
         remedy: String,
     },
-    /// The farm does not keep what it was given.
+    /// The farm could not store or return a blob.
     #[error("the farm does not keep what it was given")]
     Blob(#[source] BlobError),
-    /// Its platform cannot be served.
+    /// The FIPA platform cannot be served.
     #[error("no platform")]
     Platform(#[source] NodeError),
 }
 
 impl Error {
-    /// What was asked for cannot be.
+    /// Returns a usage error: the request is invalid.
     pub fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         bottega::Error::usage(problem, remedy).into()
     }
 
-    /// It was tried, and failed.
+    /// Returns a failure: an operation was tried and failed.
     pub fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         bottega::Error::failed(problem, remedy).into()
     }
 
-    /// A file cannot be written.
+    /// Returns the error for a file that cannot be written.
     pub fn write(path: PathBuf, source: std::io::Error) -> Self {
         bottega::Error::Write { path, source }.into()
     }
 
-    /// A file cannot be read.
+    /// Returns the error for a file that cannot be read.
     pub fn read(path: PathBuf, source: std::io::Error) -> Self {
         bottega::Error::Read { path, source }.into()
     }
 
-    /// The agents came to no picture.
+    /// Returns the error of a job whose agents produced no picture.
     pub fn job(error: JobError) -> Self {
         bottega::Error::Job(error).into()
     }
 
-    /// Whether what was asked for cannot be; as opposed to: it was tried and failed.
+    /// True if the request is invalid; false if an operation was tried and failed.
     pub fn is_usage(&self) -> bool {
         matches!(self, Self::Bottega(error) if error.is_usage())
     }
 
-    /// Whether it may succeed when it is tried again: a farm's server that is away comes back.
+    /// True if a retry may succeed, because the farm's server may come back.
     pub fn may_pass(&self) -> bool {
         matches!(self, Self::Blob(error) if !error.is_lasting)
     }
 
-    /// What can be done about it.
+    /// Returns what the user can do about it, if known.
     pub fn remedy(&self) -> Option<String> {
         match self {
             Self::Bottega(error) => error.remedy(),
@@ -78,12 +78,12 @@ impl Error {
         }
     }
 
-    /// With all that it is due to, in one line.
+    /// Returns the error and its chain of causes in one line.
     pub fn error_chain(&self) -> String {
         bottega::error::error_chain(self)
     }
 
-    /// The same with what can be done about it.
+    /// Returns the chain of causes, followed by what the user can do about it.
     pub fn error_chain_with_remedy(&self) -> String {
         let remedy = self.remedy().map(|remedy| format!("; {remedy}")).unwrap_or_default();
         format!("{}{remedy}", self.error_chain())

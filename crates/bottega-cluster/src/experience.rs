@@ -1,7 +1,7 @@
-//! The experience of machines, kept by the farm: how long zones take them.
+//! The experience of machines, stored by the farm: how long zones take them.
 //!
-//! - `experience/MACHINE`: written by whoever led a job that the machine painted, whether that is still there or not. Each machine
-//!   has its own, and is judged by that alone: what one of them says of itself counts for no other.
+//! - `experience/MACHINE`: written by the leader of each job that the machine worked on. Each machine has its own and is
+//!   judged by it alone: reports of one machine do not affect another.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -11,11 +11,11 @@ use bottega_farm::{Experience, JobLesson};
 
 use crate::{error::Error, job_board::JobBoard};
 
-/// How the names of all these notices begin.
+/// Prefix of these notices.
 const EXPERIENCE: &str = "experience/";
 
 impl JobBoard {
-    /// What a machine has learnt in the jobs of this farm, by its name; empty where nothing is kept, or what is cannot be used.
+    /// Returns the experience of a machine, by its name; empty if there is none or it cannot be read.
     pub fn experience(&self, machine: &str) -> Experience {
         let notice = self.uplink.notices().get(&name_of(machine));
         let read = notice.map(|notice| Experience::from_json(&String::from_utf8_lossy(&notice.text)));
@@ -31,21 +31,21 @@ impl JobBoard {
             .unwrap_or_default()
     }
 
-    /// What the machine of this process has learnt: at this farm, or else by itself.
+    /// Returns the experience of this machine: from this farm, or else from its own file.
     pub(crate) fn own_experience(&self, process: &str) -> Arc<Experience> {
         let at_farm = self.experience(machine_of(process));
         Arc::new(if at_farm.is_empty() { bottega::experience::read().0 } else { at_farm })
     }
 
-    /// Machines of which something is kept.
+    /// Returns the names of the machines with stored experience.
     pub fn experienced(&self) -> Vec<String> {
         let notices = self.uplink.notices().all(EXPERIENCE);
         notices.iter().filter_map(|notice| notice.name.strip_prefix(EXPERIENCE).map(str::to_owned)).collect()
     }
 
-    /// Adds what was learnt in a job. Of two who add to one machine's at the same moment one may be lost.
+    /// Adds the lessons of a job. If two processes add to the same machine at once, one lesson may be lost.
     pub(crate) fn keep_lessons(&self, lessons: &BTreeMap<String, JobLesson>) {
-        // Nobody reads those of agents of other platforms.
+        // Experience of agents of other platforms is never read.
         for (machine, lesson) in lessons.iter().filter(|(machine, _)| !machine.starts_with("stranger-")) {
             let mut experience = self.experience(machine);
             experience.learn(lesson);
@@ -55,7 +55,7 @@ impl JobBoard {
         }
     }
 
-    /// Forgets what a machine has learnt, and how far its promises held. Returns whether there was anything.
+    /// Deletes the experience and the credit of a machine. Returns `true` if there were any.
     ///
     /// # Errors
     /// The farm does not answer.

@@ -1,4 +1,4 @@
-//! The first look at a job's picture: coarse, and there before anything is learnt or painted, for those who wait for its first pixels.
+//! A coarse first image of a job, shown before profiling and painting start.
 
 use bottega_engines::RenderEngine;
 use bottega_farm::JobSettings;
@@ -6,28 +6,28 @@ use bottega_image::{Picture, Preview, Rect};
 
 use crate::{error::Error, job::Job, job_board::JobBoard};
 
-/// Side of its cells, in pixels, of a picture that is not large.
+/// Side of a cell in pixels, unless the picture is large.
 const CELL: u32 = 8;
-/// Columns and rows at most.
+/// The most columns and rows.
 const CELLS_MAX: u32 = 96;
-/// A look of so many bytes is none.
+/// The largest first look that is read, in bytes.
 const BYTES_MAX: usize = 1 << 20;
-/// Numbers before its colors.
+/// Number of integers before the colors.
 const HEADER: usize = 8;
 
-/// A coarse picture, and where it lies.
+/// A coarse image, and its position.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FirstLook {
     /// All pixels of the picture.
     frame: Rect,
-    /// Those that are painted.
+    /// The pixels that are rendered.
     crop: Rect,
-    /// Radiance of cells that cover the frame evenly.
+    /// Radiance of cells that divide the frame evenly.
     coarse: Picture,
 }
 
 impl FirstLook {
-    /// Takes it. `None`: the engine starts too slowly for that, or cannot.
+    /// Renders the first look. `None`: the engine starts too slowly or does not support it.
     pub(crate) fn take(settings: &JobSettings, engine: &dyn RenderEngine) -> Option<Self> {
         if !engine.describe().is_profiled {
             return None;
@@ -40,12 +40,12 @@ impl FirstLook {
         Some(Self { frame, crop: settings.crop, coarse: Picture { width: survey.width, height: survey.height, data } })
     }
 
-    /// The pixels that it shows.
+    /// Returns the rectangle of pixels that are rendered.
     pub(crate) fn crop(&self) -> Rect {
         self.crop
     }
 
-    /// Fills a preview.
+    /// Draws it into a preview.
     pub(crate) fn show(&self, preview: &Preview) {
         preview.show_coarse(&self.coarse, self.frame);
     }
@@ -74,19 +74,19 @@ impl FirstLook {
 }
 
 impl JobBoard {
-    /// The first look at a job's picture, if its leader has taken one.
+    /// Returns the first look of a job, if its leader has stored one.
     pub(crate) fn first_look(&self, job: &Job) -> Result<Option<FirstLook>, Error> {
         let bytes = self.uplink.blobs().get(&blob(job.work), BYTES_MAX).map_err(Error::Blob)?;
         Ok(bytes.and_then(|bytes| FirstLook::from_bytes(&bytes)))
     }
 
-    /// Keeps the first look for those who wait. Whether it is kept; that it is not spoils no picture.
+    /// Stores the first look. Returns `true` if it was stored; failures are only logged.
     pub(crate) fn keep_first_look(&self, work: u64, look: &FirstLook) -> bool {
         let kept = self.uplink.blobs().put(&blob(work), &look.to_bytes());
         kept.inspect_err(|error| tracing::debug!(%error, "nobody sees the first look")).is_ok()
     }
 
-    /// The picture is painted: nobody needs a coarse one.
+    /// Deletes the first look of a finished picture.
     pub(crate) fn forget_first_look(&self, work: u64) {
         self.uplink.blobs().forget(&blob(work));
     }

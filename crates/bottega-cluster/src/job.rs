@@ -1,4 +1,4 @@
-//! The record of a job: enough for any process of the farm to paint it, or to say how it stands.
+//! The record of a job: enough for any process of the farm to render it and to show its state.
 
 use std::path::{Path, PathBuf};
 
@@ -13,35 +13,35 @@ use serde::{Deserialize, Serialize};
 
 use crate::{error::Error, names::fresh_number, sent_files::SentFiles};
 
-/// Lines that a job's log has at most; older ones go.
+/// The most lines that a job's log keeps; older ones are dropped.
 const LOG_LINES_MAX: usize = 200;
 
 /// The state of a job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "state", rename_all = "lowercase")]
 pub enum JobState {
-    /// Whoever is there paints it.
+    /// Machines of the farm render the job.
     Active,
-    /// Nobody paints it until it is resumed.
+    /// No machine renders the job until it is resumed.
     Paused,
-    /// It is painted.
+    /// The picture is complete.
     Done,
-    /// It cannot be painted.
+    /// The job cannot be rendered.
     Failed {
-        /// Why not.
+        /// The cause, for display.
         reason: String,
     },
-    /// Somebody called it off.
+    /// A user has cancelled the job.
     Cancelled,
 }
 
 impl JobState {
-    /// Whether it will not change by itself any more.
+    /// True if the state does not change again without a user.
     pub fn is_over(&self) -> bool {
         !matches!(self, Self::Active | Self::Paused)
     }
 
-    /// As people read it.
+    /// Returns the name of the state for display.
     pub fn word(&self) -> &'static str {
         match self {
             Self::Active => "active",
@@ -53,71 +53,71 @@ impl JobState {
     }
 }
 
-/// A job that paints a frame of an animation.
+/// The position of a job in an animation: which frame it renders.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct AnimationFrame {
-    /// What all frames of the animation have in common, and no other job has.
+    /// The identifier of the animation: the same for all its frames, and for no other job.
     pub animation: String,
     /// The number of the frame.
     pub frame: i32,
-    /// How many frames were asked for.
+    /// The number of frames that the animation has.
     pub frames: u32,
 }
 
-/// Something that happened.
+/// A line of a job's log.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct LogLine {
     /// Seconds since 1970, by the clock of the machine that wrote it.
     pub at: u64,
-    /// What.
+    /// The text of the line.
     pub text: String,
 }
 
-/// A job as everybody may read it.
+/// The public record of a job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Job {
-    /// The identity of the build: pictures are the same bits for the same one alone.
+    /// The identity of the build that submitted it; only the same build renders bit-identical pictures.
     pub version: String,
-    /// The commit of its sources, for people; empty: unknown.
+    /// The Git commit of that build, for display; empty: unknown.
     #[serde(default)]
     pub commit: String,
-    /// The number under which what it asks for and its picture are kept, which no other job has had. Jobs of older versions have none.
+    /// The unique number under which its spec and its picture are stored. Jobs of older versions have 0.
     #[serde(default)]
     pub origin: u64,
-    /// The number of its painting, under which its zones are kept, and which no other painting has had: another one each time the job
-    /// is painted again, so that nothing of an earlier painting is taken for a part of it.
+    /// The unique number of the current painting, under which its zones are stored. It changes each time the job is
+    /// rendered again, so that no part of an earlier painting is reused.
     pub work: u64,
-    /// How often all who paint it were told to begin again with it, because nothing went on.
+    /// The number of restarts of all processes of this painting, because it made no progress.
     #[serde(default)]
     pub stirs: u32,
-    /// Whether the farm has a picture of it: not where the process that asked for it wrote it itself. While it is painted again, that
-    /// of the painting before.
+    /// True if the farm stores its picture; false if the process that submitted it wrote the picture itself. While the job
+    /// is rendered again, the stored picture is that of the previous painting.
     #[serde(default)]
     pub kept: bool,
-    /// The scene, as its asker calls it.
+    /// The name of the scene, as its submitter wrote it.
     pub scene: String,
-    /// The picture, as its asker calls it.
+    /// The name of the picture, as its submitter wrote it.
     pub output: String,
-    /// The process that asked for it.
+    /// The name of the process that submitted it.
     pub from: String,
-    /// Seconds since 1970.
+    /// The time of submission, in seconds since 1970.
     pub submitted: u64,
-    /// Its share of the machines is to that of another as their priorities are.
+    /// Its weight when jobs share the machines: a job with twice the priority gets twice the share.
     pub priority: u32,
-    /// Tags that a machine must have to paint it.
+    /// Tags that a machine must have to render it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub require: Vec<String>,
-    /// Of which animation it is a frame.
+    /// Its place in an animation; none: it is not a frame of one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub animation: Option<AnimationFrame>,
-    /// How it stands.
+    /// The state: active, paused or over.
     #[serde(flatten)]
     pub state: JobState,
-    /// What has happened to it; the last lines.
+    /// The last lines of its log, oldest first.
     pub log: Vec<LogLine>,
 }
 
-/// One painting of a job, and how often it was begun again. A process that has left a turn does not come back to it.
+/// A painting of a job and its restart count. A process that has left a turn does not join that turn again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PaintingTurn {
     pub(crate) work: u64,
@@ -125,12 +125,12 @@ pub(crate) struct PaintingTurn {
 }
 
 impl Job {
-    /// Which painting of it is under way.
+    /// Returns the current painting.
     pub(crate) fn turn(&self) -> PaintingTurn {
         PaintingTurn { work: self.work, stirs: self.stirs }
     }
 
-    /// Has it painted from its first sample.
+    /// Starts a new painting, from the first sample.
     pub(crate) fn paint_again(&mut self) {
         (self.work, self.stirs, self.state) = (fresh_number(), 0, JobState::Active);
     }
@@ -143,24 +143,24 @@ impl Job {
     }
 }
 
-/// The order of a job: a request, and the files that it names by their digests.
+/// The specification of a job: a request, and the digests of the files that it names.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JobSpec {
-    /// The picture. Its rules are texts; its files are those of `files`, whatever it calls them.
+    /// The request. Its rules are inline text; its files are those of `files`, whatever paths it names.
     #[serde(with = "request_json")]
     pub request: Request,
     /// The files of the scene.
     pub files: SentFiles,
-    /// The engine of other people that paints it, as all machines must have it; none: our own.
+    /// The external engine that renders it, which each machine must have; none: the built-in engine.
     #[serde(default)]
     pub engine: Option<String>,
-    /// How the one who asks calls the picture in the journal beside it, where there is one.
+    /// The name of the picture in the submitter's journal, if there is one.
     #[serde(default)]
     pub journal: Option<String>,
 }
 
-/// Requests are read as they are everywhere: each field checked, a newer version refused.
+/// (De)serialization of requests with full validation: each field is checked, and newer versions are refused.
 mod request_json {
     use bottega::Request;
     use serde::{Deserialize, Deserializer, Serializer, de, ser};
@@ -177,7 +177,7 @@ mod request_json {
     }
 }
 
-/// The same request as others may read it: rules as texts, and nothing that concerns this machine alone.
+/// Returns the request for other machines: rules as inline text, without settings that only concern this machine.
 ///
 /// # Errors
 /// A file of rules cannot be read.
@@ -193,9 +193,9 @@ pub fn for_others(request: &Request) -> Result<Request, Error> {
 }
 
 impl JobSpec {
-    /// What is asked of this machine: the scene is here, and how many processors it has is its own matter.
+    /// Returns the request for this machine: with local file paths, and its own threads and devices.
     ///
-    /// - `scene`, `environment`: where the files are that were fetched.
+    /// - `scene`, `environment`: the paths of the fetched files.
     ///
     /// # Errors
     /// The request names files that were not sent.
@@ -203,8 +203,8 @@ impl JobSpec {
         let mut request = self.request.clone();
         self.refuse_files_of_others(environment.is_some())?;
         request.scene.file = scene.to_owned();
-        // References out of the scene's folder lie within the cache: where they are was decided when they were fetched. This
-        // machine's own files are no business of the scene.
+        // References outside the scene's folder point into the cache: they were resolved at the fetch. The scene may not
+        // access other files of this machine.
         request.scene.allow_outside = false;
         request.scene.asset_roots = vec![SentFiles::root_of(scene)];
         if let Some(environment) = environment {
@@ -212,12 +212,12 @@ impl JobSpec {
         }
         (request.devices.threads, request.work.agents) = (None, None);
         request.devices.names = DeviceChoice::Auto.names();
-        // Whom a machine trusts is for its owner to say.
+        // Only the owner of a machine decides which engines it trusts.
         request.engine.trust = false;
         Ok(request)
     }
 
-    /// A request may only name what was sent with it: whatever else it names would be a file of this machine.
+    /// Refuses a request that names files that were not sent with it: they would be read from this machine.
     fn refuse_files_of_others(&self, has_environment: bool) -> Result<(), Error> {
         let is_file = |rules: &RulesSource| matches!(rules, RulesSource::File(_));
         let named = [
@@ -238,7 +238,7 @@ impl JobSpec {
     }
 }
 
-/// Seconds since 1970.
+/// Returns the current time in seconds since 1970.
 pub fn unix_seconds() -> u64 {
     crate::clock::since_1970().as_secs()
 }

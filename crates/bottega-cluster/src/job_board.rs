@@ -1,9 +1,9 @@
-//! The jobs of a farm as its notices have them, and who leads each.
+//! The jobs of a farm, stored as notices, and the leader of each.
 //!
-//! - `job/N`: the job; changed by compare-and-set, so that no change is lost.
-//! - `lead/N`: who leads it, and how far its painting is. The leader renews it; if it does not, the first process that asks takes the lead.
+//! - `job/N`: the job, changed by compare-and-set, so that no change is lost.
+//! - `lead/N`: its leader and progress. The leader renews it; if it does not, the first process that claims the lead gets it.
 //! - `page/PLATFORM/…`: the white and yellow pages: see [`directories`](crate::directories).
-//! - `seat/MEMBER/NAME`: a machine that is there, and what it paints; what it is told: see [`machine`](crate::machine).
+//! - `seat/MEMBER/NAME`: the presence of a machine, and its current job; commands to it: see [`machine`](crate::machine).
 
 use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
 
@@ -19,50 +19,50 @@ use crate::{
     transport::job_link,
 };
 
-/// How often those who hold something say so.
+/// Interval at which leaders and machines renew their notices.
 pub(crate) const RENEW_EVERY: Duration = Duration::from_millis(500);
-/// Who has not led for so long has gone.
+/// Time without a renewal after which a leader counts as gone.
 const LEADER_SILENT: Duration = Duration::from_millis(2500);
-/// Who has not sat for so long has gone.
+/// Time without a renewal after which a machine counts as gone.
 pub(crate) const SEAT_EMPTY: Duration = Duration::from_secs(3);
-/// Processes of one machine at most.
+/// The most processes of one machine that count.
 const SEATS_MAX: usize = 64;
-/// The largest list of files, and the largest picture.
+/// The largest job spec, and the largest picture, in bytes.
 const ORDER_BYTES_MAX: usize = 1 << 28;
 const PICTURE_BYTES_MAX: usize = 1 << 32;
-/// The most that an engine learns of a picture.
+/// The largest data that an engine may share about a picture, in bytes.
 const LEARNT_BYTES_MAX: usize = 1 << 28;
-/// How often a change is tried that others keep coming before.
+/// The most attempts at a change that conflicts with the changes of others.
 const TRIES_MAX: u32 = 100;
 const BETWEEN_TRIES: Duration = Duration::from_millis(20);
 
 /// The leader of a job, and its progress.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lead {
-    /// The process; `None`: it has laid it down.
+    /// The process that leads; `None`: the leader has stepped down.
     pub leader: Option<String>,
-    /// The number of the painting of which it says how far it is.
+    /// The number of the painting that the progress is about.
     #[serde(default)]
     pub work: u64,
-    /// Predicted share of all cost that is done, 0..=1.
+    /// Predicted share of the total cost that is done, in 0..=1.
     pub done: f64,
-    /// Zones painted.
+    /// Number of zones painted.
     pub zones_done: usize,
-    /// All zones.
+    /// Number of all zones.
     pub zones: usize,
-    /// Seconds that are left, as far as that is known.
+    /// Predicted remaining time in seconds, if known.
     #[serde(default)]
     pub seconds_left: Option<f64>,
-    /// Whether there is something to see of it.
+    /// True if a preview of it exists.
     #[serde(default)]
     pub seen: bool,
-    /// Whether its zones wait for more machines than there are, to compare what these paint.
+    /// True if zones wait for more machines, so that their results can be compared.
     #[serde(default)]
     pub lacks_machines: bool,
 }
 
 impl Lead {
-    /// How far the painting is, by the one who leads it; one who has no zones yet cannot tell.
+    /// Merges with the record before: a leader that does not know its zones yet keeps the progress of the one before.
     fn or_as_before(self, before: Option<Self>) -> Self {
         match before {
             Some(before) if self.zones == 0 && self.work == before.work => {
@@ -72,20 +72,20 @@ impl Lead {
         }
     }
 
-    /// How far this painting of a job is: nothing is known of it where somebody leads, or led, another one.
+    /// Returns the progress of the painting `work`: none if the record is about another painting.
     pub(crate) fn of(self, work: u64) -> Self {
         if self.work == work { self } else { Self { leader: self.leader, work, ..Self::default() } }
     }
 }
 
-/// The right to lead a job: one process has it.
+/// The right to lead a job; one process has it at a time.
 #[derive(Debug)]
 pub struct Lease {
     number: u32,
     revision: u64,
 }
 
-/// The jobs of a farm.
+/// The job records of a farm.
 #[derive(Clone)]
 pub struct JobBoard {
     /// The link to the farm.
@@ -93,7 +93,7 @@ pub struct JobBoard {
 }
 
 impl JobBoard {
-    /// Keeps a job. Returns its number.
+    /// Stores a job. Returns its number.
     pub fn submit(&self, job: &Job, order: &JobSpec) -> Result<u32, Error> {
         self.uplink.blobs().put(&order_blob(job.origin), &text(order)).map_err(Error::Blob)?;
         let first = self.first_unused()?;
@@ -106,7 +106,7 @@ impl JobBoard {
         Err(too_busy())
     }
 
-    /// The first number that no job has or had: the last ones may have been removed.
+    /// Returns the first job number never used, beyond those of removed jobs.
     fn first_unused(&self) -> Result<u32, Error> {
         let was_used = |number: u32| self.uplink.notices().was_ever(&job_name(number)).map_err(Error::Blob);
         let mut used = self.all().last().map_or(0, |(number, _)| *number);
@@ -123,12 +123,12 @@ impl JobBoard {
         Ok(unused)
     }
 
-    /// Lets go of the rows and pixels of a job's zones.
+    /// Deletes the rows and pixels of a job's zones.
     pub(crate) fn forget_zones(&self, work: u64) {
         job_link(Arc::clone(&self.uplink), WorkId(work), None, String::new()).forget();
     }
 
-    /// All jobs, by number.
+    /// Returns all jobs, by number.
     pub fn all(&self) -> Vec<(u32, Job)> {
         let notices = self.uplink.notices().all("job/");
         let read = notices.iter().filter_map(|notice| Some((number_of(&notice.name)?, read(notice)?)));
@@ -137,13 +137,13 @@ impl JobBoard {
         all
     }
 
-    /// A job; `None`: there is none of that number.
+    /// Returns a job; `None`: no job has that number.
     pub fn get(&self, number: u32) -> Option<Job> {
         self.uplink.notices().get(&job_name(number)).and_then(|notice| read(&notice))
     }
 
-    /// Changes a job, whoever else does so at the same time; not at all where `change` says `false`. Returns it as it is
-    /// then.
+    /// Changes a job atomically, with retries if another process changes it at the same time. Leaves it as it is if
+    /// `change` returns `false`. Returns the job as stored.
     pub fn change(&self, number: u32, change: impl Fn(&mut Job) -> bool) -> Result<Job, Error> {
         let notices = self.uplink.notices();
         self.refuse_guests()?;
@@ -157,13 +157,13 @@ impl JobBoard {
             if put.is_some() {
                 return Ok(job);
             }
-            // The other's change is on its way.
+            // Wait for the other process's change to arrive.
             thread::sleep(BETWEEN_TRIES);
         }
         Err(too_busy())
     }
 
-    /// Who may only paint may not do anything else.
+    /// Returns an error if this machine is a guest, which may only render.
     pub(crate) fn refuse_guests(&self) -> Result<(), Error> {
         if !self.uplink.is_guest() {
             return Ok(());
@@ -174,7 +174,7 @@ impl JobBoard {
         ))
     }
 
-    /// Writes a line into a job's log. That it could not be written stops nobody.
+    /// Writes a line into a job's log. Failures are only logged.
     pub fn log(&self, number: u32, line: &str) {
         if self.uplink.is_guest() {
             return;
@@ -188,7 +188,7 @@ impl JobBoard {
         }
     }
 
-    /// What a job asks for.
+    /// Returns the specification of a job.
     pub fn spec(&self, job: &Job) -> Result<JobSpec, Error> {
         let bytes = self.uplink.blobs().get(&order_blob(job.origin), ORDER_BYTES_MAX).map_err(Error::Blob)?;
         bytes
@@ -196,12 +196,12 @@ impl JobBoard {
             .ok_or_else(|| Error::failed("the farm does not know what the job asks for", "call it off, and ask again"))
     }
 
-    /// What an engine has learnt of a job's picture, if one has told.
+    /// Returns the data that an engine shared about a job's picture, if any.
     pub(crate) fn learnt(&self, work: u64) -> Result<Option<Vec<u8>>, Error> {
         self.uplink.blobs().get(&learnt_blob(work), LEARNT_BYTES_MAX).map_err(Error::Blob)
     }
 
-    /// Tells other engines. That it could not be told costs time and nothing else.
+    /// Shares such data with the engines of other machines. Failures only cost time, so they are only logged.
     pub(crate) fn teach(&self, work: u64, bytes: &[u8]) {
         let name = learnt_blob(work);
         let is_told = self.uplink.blobs().has(&name);
@@ -211,7 +211,7 @@ impl JobBoard {
         }
     }
 
-    /// The importance map of a job's picture as a PNG file, if its leader has told.
+    /// Returns the importance map of a job's picture as a PNG file, if its leader has stored it.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -219,34 +219,34 @@ impl JobBoard {
         self.uplink.blobs().get(&importance_blob(job.work), LEARNT_BYTES_MAX).map_err(Error::Blob)
     }
 
-    /// Keeps the importance map for those who look on. That it could not be kept spoils no picture.
+    /// Stores the importance map for observers. Failures are only logged.
     pub(crate) fn keep_importance(&self, work: u64, png: &[u8]) {
         if let Err(error) = self.uplink.blobs().put(&importance_blob(work), png) {
             tracing::debug!(%error, "nobody sees the importance map");
         }
     }
 
-    /// The picture is painted: nobody need learn anything of it any more.
+    /// Deletes the shared engine data of a finished picture.
     pub(crate) fn forget_learnt(&self, work: u64) {
         self.uplink.blobs().forget(&learnt_blob(work));
     }
 
-    /// Keeps the picture of a job: the bytes of the file that was asked for.
+    /// Stores the picture of a job: the bytes of the output file.
     pub fn keep_picture(&self, job: &Job, bytes: &[u8]) -> Result<(), Error> {
         self.uplink.blobs().put(&picture_blob(job.origin), bytes).map_err(Error::Blob)
     }
 
-    /// The picture of a job, if the farm has it: while it is painted again, that of the painting before.
+    /// Returns the picture of a job, if the farm has it; while the job is rendered again, that of the previous painting.
     pub fn picture(&self, job: &Job) -> Result<Option<Vec<u8>>, Error> {
         self.uplink.blobs().get(&picture_blob(job.origin), PICTURE_BYTES_MAX).map_err(Error::Blob)
     }
 
-    /// Whether a blob is kept for a job and not for one painting of it.
+    /// True if a blob belongs to a job as a whole, not to one painting of it.
     pub(crate) fn is_of_all_paintings(job: &Job, name: &str) -> bool {
         name == order_blob(job.origin) || name == picture_blob(job.origin)
     }
 
-    /// Who leads a job now, and how far it is.
+    /// Returns the leader and progress of a job.
     pub fn lead(&self, number: u32) -> Option<Lead> {
         let notice = self.uplink.notices().get(&lead_name(number))?;
         let lead: Lead = read(&notice)?;
@@ -254,9 +254,10 @@ impl JobBoard {
         Some(Lead { leader, ..lead })
     }
 
-    /// Takes the lead of a job, if nobody has it. `None`: somebody has.
+    /// Claims the lead of a job. `None`: another process has it, or this machine is a guest.
     ///
-    /// - `work`: the number of its painting.
+    /// - `work`: the number of the job's painting.
+    /// - `me`: the name of this process.
     pub fn claim(&self, number: u32, work: u64, me: &str) -> Result<Option<Lease>, Error> {
         if self.uplink.is_guest() {
             return Ok(None);
@@ -274,11 +275,11 @@ impl JobBoard {
         Ok(taken.map(|revision| Lease { number, revision }))
     }
 
-    /// Renews a lease. `false`: somebody else has it now. Who does not know yet how far the job is leaves what the one before
-    /// has told.
+    /// Renews a lease. `false`: another process has it now. While `lead` has no zones yet, the progress that the previous
+    /// leader reported stays.
     ///
     /// # Errors
-    /// The server does not say.
+    /// The server does not answer.
     pub fn renew(&self, lease: &mut Lease, lead: &Lead) -> Result<bool, BlobError> {
         let before = self.uplink.notices().get(&lead_name(lease.number));
         let lead = &lead.clone().or_as_before(before.as_ref().and_then(read));
@@ -286,7 +287,7 @@ impl JobBoard {
         match put {
             Some(revision) => lease.revision = revision,
             None => {
-                // It was ours, and the word that it was written got lost.
+                // The write succeeded, but its confirmation was lost.
                 let notice = self.uplink.notices().get(&lead_name(lease.number));
                 let now: Option<Lead> = notice.as_ref().and_then(read);
                 match (notice, now) {
@@ -298,12 +299,12 @@ impl JobBoard {
         Ok(true)
     }
 
-    /// Machines that are there.
+    /// Returns the machines that are present.
     pub fn presences(&self) -> Vec<Presence> {
         self.seated().into_iter().map(|(seat, _)| seat).collect()
     }
 
-    /// The same, with the number of each seat's last writing.
+    /// Returns the machines that are present, with the revision of each one's notice.
     pub(crate) fn seated(&self) -> Vec<(Presence, u64)> {
         let notices = self.uplink.notices().all("seat/");
         let sat_on = notices.iter().filter(|notice| notice.unchanged < SEAT_EMPTY);
@@ -312,20 +313,20 @@ impl JobBoard {
         let own = read.filter(|(seat, notice)| {
             let of_member = seats_of.entry(machine_of(&seat.name).to_owned()).or_default();
             *of_member += 1;
-            // Nobody sits on the seat of another, or on too many.
+            // A process may only announce itself, and a machine only so many processes.
             seat_name(&seat.name) == notice.name && *of_member <= SEATS_MAX
         });
         own.map(|(seat, notice)| (seat, notice.revision)).collect()
     }
 
-    /// Says that a machine is there.
+    /// Announces that a machine is present.
     pub fn attend(&self, seat: &Presence) {
         if let Err(error) = self.uplink.notices().put(&seat_name(&seat.name), &text(seat)) {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
 
-    /// Says that it has gone.
+    /// Removes the presence of a machine and the commands to it.
     pub fn leave(&self, name: &str) {
         let order = order_name(name);
         let is_told = !self.uplink.is_guest() && self.uplink.notices().get(&order).is_some();
@@ -336,17 +337,18 @@ impl JobBoard {
         }
     }
 
-    /// What a notice says, if there is one.
+    /// Reads a notice, if it exists.
     pub(crate) fn read_notice<T: DeserializeOwned>(&self, name: &str) -> Option<T> {
         self.uplink.notices().get(name).and_then(|notice| read(&notice))
     }
 
+    /// Writes a notice as JSON.
     pub(crate) fn put_notice(&self, name: &str, what: &impl Serialize) -> Result<(), Error> {
         self.uplink.notices().put(name, &text(what)).map(drop).map_err(Error::Blob)
     }
 }
 
-/// How it ends where somebody called a job off, or it cannot be painted.
+/// Returns the error of a job that failed or was cancelled.
 pub fn ended_badly(number: u32, state: &JobState) -> Option<Error> {
     let remedy = format!("see `bottega jobs log {number}`");
     match state {
@@ -366,20 +368,22 @@ fn text(what: &impl Serialize) -> Vec<u8> {
     serde_json::to_vec(what).expect("structures of numbers and text can be written")
 }
 
+/// Returns the name of a job's notice.
 pub(crate) fn job_name(number: u32) -> String {
     format!("job/{number}")
 }
 
+/// Returns the name of the notice of a job's lead.
 pub(crate) fn lead_name(number: u32) -> String {
     format!("lead/{number}")
 }
 
-/// A machine may say of itself alone that it is there.
+/// Returns the notice of a process's presence; the server lets each member write only its own.
 fn seat_name(process: &str) -> String {
     format!("seat/{}/{process}", machine_of(process))
 }
 
-/// The notice of what a machine is told.
+/// Returns the notice of the commands to a machine.
 pub(crate) fn order_name(machine: &str) -> String {
     format!("order/{machine}")
 }
@@ -404,6 +408,7 @@ fn picture_blob(work: u64) -> String {
     format!("job-{work}/picture")
 }
 
+/// Returns the error for a job number that does not exist.
 pub(crate) fn no_such(number: u32) -> Error {
     Error::failed(format!("the farm has no job {number}"), "`bottega jobs list` shows those that it has")
 }

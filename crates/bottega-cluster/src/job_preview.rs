@@ -1,4 +1,4 @@
-//! A job as it looks while it is painted, made from what the farm keeps of it: whoever leads it may die meanwhile.
+//! The preview of a job while it is rendered, from what the farm stores, so it does not depend on the leader.
 
 use std::{
     collections::BTreeMap,
@@ -13,40 +13,40 @@ use bottega_image::{Canvas, Preview, ReadLimits, Rect, ToneMap, read_image_bytes
 
 use crate::{chunks::several, error::Error, job::Job, job_board::JobBoard, transport::job_link};
 
-/// The most pixels that are shown.
+/// The largest picture that is shown, in pixels.
 const PIXELS_MAX: u64 = 1 << 26;
-/// The most zones of which pixels are fetched at a time; the others come the next time.
+/// The most zones whose pixels are fetched at once; the others follow at the next call.
 const ZONES_AT_A_TIME: usize = 256;
 
-/// The preview of a job, as a display shows it.
+/// The preview of a job, tone mapped for display.
 pub struct JobPreview {
     exposure: f32,
     tone: ToneMap,
-    /// Of the zones that there are; none before the picture is cut into zones.
+    /// The preview and the rectangle it covers; none before the picture is divided into zones.
     canvas: Option<(Rect, Preview)>,
     /// The pixels of each zone that are shown.
     shown: BTreeMap<ZoneId, BlobId>,
     png: Option<Vec<u8>>,
-    /// It shows a picture that the farm has: while which painting of the job was the last, and whether that was over.
+    /// The state of the job when a stored picture was loaded: the number of its painting, and whether it was over.
     is_final: Option<(u64, bool)>,
 }
 
 impl JobPreview {
-    /// A preview that shows nothing yet.
+    /// Returns an empty preview.
     ///
     /// # Errors
-    /// The farm does not know what the job asks for.
+    /// The farm does not have the job's specification.
     pub fn new(board: &JobBoard, job: &Job) -> Result<Self, Error> {
         let output = board.spec(job)?.request.output;
         let (exposure, tone) = (output.exposure, tone(output.tonemap));
         Ok(Self { exposure, tone, canvas: None, shown: BTreeMap::new(), png: None, is_final: None })
     }
 
-    /// What is painted by now, as the bytes of a PNG file: of a job that is painted again the picture of the painting before, until
-    /// the new one is there. `None`: nothing is painted, or a job is over whose picture the farm does not have.
+    /// Returns the current preview as the bytes of a PNG file; while a job is rendered again, its previous picture until
+    /// the new one is complete. `None`: nothing is rendered yet, or the farm does not store the picture of a finished job.
     ///
     /// # Errors
-    /// The farm does not answer, or the picture is too large to be shown.
+    /// The farm does not answer, or the picture is too large to show.
     pub fn renew(&mut self, board: &JobBoard, job: &Job) -> Result<Option<Vec<u8>>, Error> {
         let is_whole = job.state.is_over() || job.kept;
         let shown = Some((job.work, job.state.is_over()));
@@ -68,7 +68,7 @@ impl JobPreview {
         Ok(self.png.clone())
     }
 
-    /// A picture that is done, as the same display shows it.
+    /// Returns a finished picture as a PNG file, tone mapped like the preview.
     fn of_picture(&self, name: &str, picture: Vec<u8>) -> Result<Vec<u8>, Error> {
         const PNG: &[u8] = b"\x89PNG";
         if picture.starts_with(PNG) {
@@ -78,7 +78,7 @@ impl JobPreview {
         Ok(Canvas::of_picture(&read, self.exposure, self.tone).to_png()?)
     }
 
-    /// Fetches the pixels that are new. Returns whether there are any.
+    /// Fetches the new pixels. Returns `true` if there are any.
     fn fetch_news(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
         let rows = board.zone_rows(job)?;
         let Some(rect) = rows.iter().map(|row| row.rect).reduce(around) else { return self.look_first(board, job) };
@@ -98,13 +98,13 @@ impl JobPreview {
             results.filter(|(zone, result)| is_news(zone, result)).take(ZONES_AT_A_TIME).collect();
         let Some((_, preview)) = &self.canvas else { return Ok(false) };
         let link = job_link(board.uplink.clone(), WorkId(job.work), None, String::new());
-        // One who looks on does not wait for a server that is away.
+        // Do not wait for a server that does not answer.
         let impatient = StopSwitch::new();
         impatient.request();
         let fetched = Mutex::new(Vec::new());
         several(news.len(), &|i| {
             let (zone, result) = &news[i];
-            // Its zone may be painted anew just now: then it is shown the next time.
+            // Its zone may be rendered again right now; then it is shown at the next call.
             if let Ok(tile) = link.get(result, &impatient) {
                 preview.show(&tile);
                 fetched.lock().unwrap_or_else(PoisonError::into_inner).push((*zone, result.digest));
@@ -119,7 +119,7 @@ impl JobPreview {
 }
 
 impl JobPreview {
-    /// Shows what its leader has seen of the picture before it was cut. Returns whether that is new.
+    /// Shows the leader's first look, before the picture is divided into zones. Returns `true` if it is new.
     fn look_first(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
         if self.canvas.is_some() {
             return Ok(false);
@@ -134,7 +134,7 @@ impl JobPreview {
     }
 }
 
-/// The smallest rectangle around two.
+/// Returns the smallest rectangle around two.
 fn around(a: Rect, b: Rect) -> Rect {
     Rect::new(a.x0.min(b.x0), a.y0.min(b.y0), a.x1.max(b.x1), a.y1.max(b.y1))
 }

@@ -1,4 +1,4 @@
-//! Jobs of a farm steered, and their pictures had.
+//! Commands to jobs of a farm, and download of their pictures.
 
 use std::{
     fs,
@@ -16,16 +16,16 @@ use crate::{
     job_board::JobBoard,
 };
 
-/// A job.
+/// Returns a job that this machine may see.
 ///
 /// # Errors
-/// There is none of that number, or this machine is a guest and has not painted it.
+/// No job has that number, or this machine is a guest that has not worked on it.
 pub fn known(board: &JobBoard, number: u32) -> Result<Job, Error> {
     board.shown_job(number)
 }
 
-/// Waits a moment until this process knows of a job that another link of it has asked for: what a farm notes takes its time to
-/// every link, and seconds where a server has forgotten a consumer and another one is begun.
+/// Waits up to 30 s until this process sees a job that another of its connections has submitted: notices take a moment to
+/// reach each connection, and seconds after a server lost a consumer.
 pub fn wait_until_known(board: &JobBoard, number: u32) {
     const MOMENT: Duration = Duration::from_secs(30);
     let begun = Instant::now();
@@ -34,9 +34,9 @@ pub fn wait_until_known(board: &JobBoard, number: u32) {
     }
 }
 
-/// Pauses, resumes or calls off; what is over stays as it is. The log of the job says who wanted it.
+/// Pauses, resumes or cancels a job, and logs who did it.
 ///
-/// - `by`: who wants it, for people.
+/// - `by`: the name of the user, for the log.
 ///
 /// # Errors
 /// The job is over, or the farm does not answer.
@@ -64,9 +64,9 @@ pub fn steer(board: &JobBoard, number: u32, to: &JobState, by: &str) -> Result<(
     Ok(())
 }
 
-/// Says how urgent a job is.
+/// Sets the priority of a job.
 ///
-/// - `by`: who wants it, for people.
+/// - `by`: the name of the user, for the log.
 ///
 /// # Errors
 /// The farm does not answer.
@@ -79,13 +79,12 @@ pub fn set_priority(board: &JobBoard, number: u32, priority: u32, by: &str) -> R
     change.map(drop)
 }
 
-/// Writes the picture of a job that the farm has finished; of one that is painted again, that of the painting before. Returns where
-/// it is.
+/// Writes the stored picture of a job; while it is rendered again, its previous picture. Returns the path written.
 ///
-/// - `output`: none: as it was asked for.
+/// - `output`: the file to write; none: the output of the request.
 ///
 /// # Errors
-/// The farm has no picture of it, or it cannot be written.
+/// The farm does not store its picture, or the file cannot be written.
 pub fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<PathBuf, Error> {
     let job = known(board, number)?;
     let picture = if job.kept { board.picture(&job)? } else { None };
@@ -97,7 +96,7 @@ pub fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<P
     Ok(output)
 }
 
-/// What can be done where the farm has no picture of a job.
+/// Returns what a user can do when the farm does not store a job's picture.
 pub fn no_picture(number: u32, job: &Job) -> String {
     match &job.state {
         _ if job.kept => "somebody has removed it: have it painted again".to_owned(),
@@ -106,8 +105,8 @@ pub fn no_picture(number: u32, job: &Job) -> String {
     }
 }
 
-/// The one who asked may have been killed, and its journal lies beside the picture: the picture is there now. A journal of another
-/// picture stays.
+/// Removes the journal that a killed submitter left beside the picture, which is complete now. A journal of another picture
+/// stays.
 fn forget_journal(board: &JobBoard, job: &Job, output: &Path) {
     let path = journal_of(output);
     let Some(name) = board.spec(job).ok().and_then(|order| order.journal) else { return };
@@ -118,7 +117,7 @@ fn forget_journal(board: &JobBoard, job: &Job, output: &Path) {
     }
 }
 
-/// Forgets a job that is over, its picture, and its scene if no other job needs it.
+/// Deletes a job that is over, its picture, and its scene if no other job needs it.
 ///
 /// # Errors
 /// The job is not over, or the farm does not answer.

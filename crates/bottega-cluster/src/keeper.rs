@@ -1,4 +1,4 @@
-//! Keeps the server of a farm up: starts it again when it dies, hangs or has stopped storing, and tells its user when it has no room.
+//! Supervision of a farm's NATS server: restarts it when it dies, hangs or stops storing, and warns when it runs out of space.
 
 use std::{
     fs::{self, File},
@@ -22,42 +22,43 @@ use crate::{
     stall_watch::StallWatch,
 };
 
-/// How often is looked whether the process is there, and how often it is asked how it is.
+/// Intervals between checks that the process exists, and between queries of its state.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 const ASK_EVERY: Duration = Duration::from_secs(2);
-/// A server that lived for so long has not died of its configuration.
+/// Uptime after which a death is not blamed on the configuration.
 const LIVES_LONG: Duration = Duration::from_secs(5);
-/// How often is looked whether it counts rightly.
+/// Interval between checks of the server's storage accounting.
 const COUNT_EVERY: Duration = Duration::from_secs(60);
-/// So much of its log is read at a time.
+/// The most that is read of its log at a time, in bytes.
 const LOG_BYTES_MAX: u64 = 64 << 10;
-/// How often in turn it may die sooner.
+/// The most early deaths in a row.
 const DEATHS_MAX: u32 = 3;
 
-/// A server and what is needed to start it again.
+/// A server, and what is needed to restart it.
 pub(crate) struct Keeper {
     server: Server,
     program: PathBuf,
     config: PathBuf,
     log: PathBuf,
     folder: PathBuf,
-    /// What it may keep.
+    /// The most that it may store, in bytes; none: no limit.
     limit: Option<u64>,
     board: JobBoard,
     begun: Instant,
-    /// How often in turn it has died soon.
+    /// Number of early deaths in a row.
     deaths: u32,
-    /// When there was a link to it the last time.
+    /// The last time that a connection to it was up.
     linked: Instant,
     pulse: Pulse,
     room: RoomWatch,
-    /// How much of its log was read.
+    /// Bytes of its log that were read.
     log_read: u64,
-    /// When it was looked what it keeps.
+    /// The last time that its storage accounting was checked.
     counted: Instant,
 }
 
 impl Keeper {
+    /// Returns the supervision of a running server, and publishes its storage limit.
     pub(crate) fn new(server: Server, program: &Path, config: PathBuf, setup: &Setup, board: JobBoard) -> Self {
         let limit = setup.store_bytes;
         if let Some(bytes) = limit
@@ -83,7 +84,7 @@ impl Keeper {
         }
     }
 
-    /// How much the server keeps, for its user.
+    /// Returns the storage limit of the server, for display.
     pub(crate) fn room_said(&self) -> String {
         let folder = self.folder.display();
         match self.limit {
@@ -92,12 +93,12 @@ impl Keeper {
         }
     }
 
-    /// Until the user wants to stop.
+    /// Supervises the server until the user stops.
     pub(crate) fn keep_up(&mut self, stop: &StopSwitch) -> Result<(), Error> {
         let (tell, told) = mpsc::channel();
         let (board, mut stalls) = (self.board.clone(), StallWatch::new());
         let ask = move || {
-            // Nobody listens any more when the user wants to stop.
+            // The receiver is gone once the user stops.
             _ = tell.send(board.uplink.server_state());
             board.clear_seats();
             board.clear_pages();
@@ -107,7 +108,7 @@ impl Keeper {
             while !stop.is_requested() {
                 if let Some(wrong) = self.look(&told)? {
                     self.start_again(&wrong)?;
-                    // What was said of the one before.
+                    // Discard states of the previous server.
                     told.try_iter().for_each(drop);
                 }
                 thread::sleep(LOOK_EVERY);
@@ -116,7 +117,7 @@ impl Keeper {
         })
     }
 
-    /// Why the server is to be started again, if it is.
+    /// Returns the reason for a restart, if one is needed.
     fn look(&mut self, told: &mpsc::Receiver<ServerState>) -> Result<Option<String>, Error> {
         if let Some(status) = self.server.ended()? {
             let cure = self.see_to_room(&ServerState::Silent);
@@ -125,7 +126,7 @@ impl Keeper {
         if self.board.uplink.is_connected() {
             self.linked = Instant::now();
         }
-        // Of one that was adopted nothing else can be known.
+        // An adopted server is not a child process: only its connection shows if it lives.
         if self.server.is_adopted() && self.linked.elapsed() > LIVES_LONG {
             return Ok(Some("has gone".to_owned()));
         }
@@ -148,7 +149,7 @@ impl Keeper {
         Ok(None)
     }
 
-    /// Looks now and then whether what the server says that it keeps is there, and always when it says that it is full.
+    /// Checks from time to time that the server's reported storage use is real, and always while it reports to be full.
     fn counts_wrongly(&mut self, state: &ServerState) -> bool {
         let (ServerState::Stores { bytes }, Some(limit)) = (state, self.limit) else { return false };
         let is_due = self.room.is_full() || *bytes > limit / 2 && self.counted.elapsed() > COUNT_EVERY;
@@ -167,12 +168,12 @@ impl Keeper {
         cure
     }
 
-    /// Whether the server has written since the last call that its disk is full.
+    /// True if the server has logged a full disk since the last call.
     fn log_says_full(&mut self) -> bool {
         let mut new = Vec::new();
         let read = File::open(&self.log).and_then(|mut log| {
             let bytes = log.metadata()?.len();
-            // It may have been begun anew.
+            // The log may have been truncated.
             let from = self.log_read.min(bytes).max(bytes.saturating_sub(LOG_BYTES_MAX));
             log.seek(SeekFrom::Start(from))?;
             self.log_read = bytes;

@@ -1,44 +1,44 @@
-//! The farm on NATS: many machines paint one picture.
+//! The farm on NATS: many machines render one picture together.
 //!
-//! A job is on the notices of the farm, its zones on the blackboard, its scene and pixels are blobs: whoever leads it may
-//! die, and any other process goes on.
+//! A job is a notice of the farm, its zones are rows of the Blackboard, and its scene and pixels are blobs. If the process
+//! that leads a job dies, any other process takes over from what is stored.
 //!
 //! # Modules
 //!
 //! | what | where |
 //! |---|---|
-//! | the meeting place, its server as a child process | [`up`], `src/server.rs`, `src/keeper.rs`, [`room`]; one for a test or a measurement: [`own_server`] |
-//! | who is let in, and what each may do | `src/admission.rs`, `src/members.rs` |
-//! | ports on which a farm listens | [`ports`] |
-//! | what a farm lets go of | `src/upkeep.rs` |
-//! | the way in: addresses, the local network, names | [`link`](mod@link), [`address`], `src/discovery.rs`, [`names`] |
-//! | waiting for a farm that does not answer | `src/patience.rs` |
-//! | a job: a [`Request`](bottega::Request) and the digests of its files | [`job`](mod@job) |
-//! | jobs on the notices, who leads them; how they stand | [`job_board`], [`view`]; machines that leave a job out: [`refusals`] |
-//! | asking for a picture; for frames | [`client`], [`animation`] |
-//! | rows of a job, for people; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
-//! | processor time and energy of jobs: counted, added up, priced | [`usage`], `src/power_counters.rs`; [`energy`] |
-//! | what machines have learnt of how long zones take | `src/experience.rs` |
-//! | what people are shown of it all: to a guest its own work alone | `src/shown_farm.rs` |
-//! | a machine as its seat shows it; what it does | `src/presence.rs`, `src/activity.rs` |
-//! | jobs that wait though machines are free | `src/stall_watch.rs` |
-//! | messages between the agents of a job, for those who look on | [`messages`] |
-//! | rules of a job, and what they say of a zone | [`rules_of_job`] |
-//! | steering of jobs and machines | [`jobs`], [`machine`]; zones painted again: `src/requeue.rs` |
-//! | a job as it looks while it is painted; before | [`job_preview`]; `src/first_look.rs` |
-//! | files sent piece by piece by one who is no machine of the farm, and jobs asked for with them | [`uploads`] |
+//! | the NATS server of a farm, run as a child process, and its configuration | [`up`], `src/server.rs`, `src/keeper.rs`, [`room`]; a server for one test or measurement: [`own_server`] |
+//! | members of a farm and their permissions | `src/admission.rs`, `src/members.rs` |
+//! | ports of a farm | [`ports`] |
+//! | removal of old data of a farm | `src/upkeep.rs` |
+//! | connecting to a farm: addresses, discovery on the local network, names | [`link`](mod@link), [`address`], `src/discovery.rs`, [`names`] |
+//! | retries while a farm does not answer | `src/patience.rs` |
+//! | the record of a job: a [`Request`](bottega::Request) and the digests of its files | [`job`](mod@job) |
+//! | the jobs of a farm, their leaders and progress | [`job_board`], [`view`]; machines that refuse a job: [`refusals`] |
+//! | submitting a picture; an animation | [`client`], [`animation`] |
+//! | the Blackboard rows of a job; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
+//! | processor time and energy of jobs: counters, totals, prices | [`usage`], `src/power_counters.rs`; [`energy`] |
+//! | learned zone times of machines | `src/experience.rs` |
+//! | what a user may see of a farm; guests see only their own jobs | `src/shown_farm.rs` |
+//! | the presence of a machine; its activity | `src/presence.rs`, `src/activity.rs` |
+//! | detection of jobs that wait although machines are free | `src/stall_watch.rs` |
+//! | messages between the agents of a job, for observers | [`messages`] |
+//! | the fuzzy rules of a job, evaluated for a zone | [`rules_of_job`] |
+//! | commands to jobs and machines | [`jobs`], [`machine`]; rendering zones again: `src/requeue.rs` |
+//! | the preview of a job while it is rendered; before its first zone | [`job_preview`]; `src/first_look.rs` |
+//! | uploads in pieces from clients that are not machines of the farm, and jobs submitted with them | [`uploads`] |
 //! | requests of jobs, to be submitted again with the same files | `src/asked_again.rs` |
-//! | what the HTTP doors of one farm know each other by: tokens, certificate; tokens that people make and revoke; what was done by them | [`web_secrets`]; [`web_tokens`]; [`deed_log`] |
-//! | how scenes travel: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
-//! | a machine that paints for a farm; which job it paints | [`worker`]; `src/shares.rs` |
-//! | when the owner of a machine lets it paint | [`owner`] |
-//! | the processes of a job, joined by NATS | `src/transport.rs` |
-//! | a job made ready here; led or helped | `src/prepared_job.rs`, `src/part.rs`, `src/part_observer.rs` |
-//! | photons and lighting agents, cast by all machines | `src/together.rs` |
-//! | the farm as a FIPA platform; its jobs and machines as agents; agents of other platforms that paint | [`platform`]; `src/platform/farm_agents/`; `src/platform/strangers/` |
-//! | agents of jobs in the directories; those of processes that were killed | [`directories`] |
-//! | which build of the farm this is | [`build`](mod@build) |
-//! | a picture asked for without a command line | `examples/submit.rs` |
+//! | secrets that the HTTP servers of one farm share: token, certificate; access tokens of users; the log of actions | [`web_secrets`]; [`web_tokens`]; [`deed_log`] |
+//! | transfer of scenes: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
+//! | a machine that works for a farm; its choice of a job | [`worker`]; `src/shares.rs` |
+//! | when the owner of a machine lets it work | [`owner`] |
+//! | the transport between the processes of a job, over NATS | `src/transport.rs` |
+//! | a job prepared on this machine; led or helped | `src/prepared_job.rs`, `src/part.rs`, `src/part_observer.rs` |
+//! | photons and lighting agents, shared by all machines | `src/together.rs` |
+//! | the farm as a FIPA platform; its jobs and machines as agents; painting agents of other platforms | [`platform`]; `src/platform/farm_agents/`; `src/platform/strangers/` |
+//! | agents of jobs in the directories; removal of those whose process was killed | [`directories`] |
+//! | the build identity of this farm process | [`build`](mod@build) |
+//! | submitting a picture from a program | `examples/submit.rs` |
 
 mod activity;
 pub mod address;

@@ -1,4 +1,4 @@
-//! The way into a farm: found, let in, linked.
+//! The link of a process to a farm: discovery, admission, connection.
 
 use std::{
     collections::BTreeSet,
@@ -23,56 +23,56 @@ use crate::{
 };
 use bottega_platform::folders::state_folder;
 
-/// The oldest server that is fit for networks that are not to be trusted.
+/// The oldest NATS server version that is safe on untrusted networks.
 const FIT_FOR_ALL: (u64, u64) = (2, 14);
-/// How long one who was just let in is patient with a server that reads its configuration anew.
+/// The time for which a machine just admitted retries, while the server reloads its configuration.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// The same of one who is turned away and may have no right to come in: whose word is wrong, whom the farm has forgotten.
+/// The time for which a refused machine retries: its word may be wrong, or the farm may have removed it.
 const PATIENCE_OF_REFUSED: Duration = Duration::from_secs(6);
-/// Between tries, at first and at most.
+/// Pause between attempts, at first and at most.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
-/// The credentials for NATS servers that others run.
+/// The credentials for NATS servers of other operators.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Credentials {
     /// A `.creds` file.
     pub creds: Option<PathBuf>,
     /// A file with the seed of an NKey.
     pub nkey: Option<PathBuf>,
-    /// Certificates of more authorities than those of the system (PEM).
+    /// Certificates of authorities, in addition to those of the system (PEM).
     pub tls_ca: Option<PathBuf>,
-    /// The certificate by which the servers know this machine, and its key (PEM).
+    /// The client certificate of this machine, and its key (PEM).
     pub tls_own: Option<(PathBuf, PathBuf)>,
 }
 
-/// A process in a farm.
+/// The connection of a process to a farm.
 pub struct FarmLink {
-    /// The link.
+    /// The NATS connection.
     pub uplink: Arc<NatsUplink<FarmCodec>>,
-    /// Its name, which no other process has.
+    /// The unique name of the process.
     pub name: String,
-    /// Where the servers are.
+    /// The addresses of the servers.
     pub servers: String,
 }
 
-/// What a farm calls this machine, and what it knows it by.
+/// The name of this machine at a farm, and the seed of its key.
 #[derive(Serialize, Deserialize)]
 struct Membership {
     member: String,
     seed: String,
-    /// The digest of the secret by which it was let in; none: an older version did not note it.
+    /// The digest of the secret it was admitted with; none: written by an older version.
     #[serde(default)]
     word: Option<String>,
 }
 
 impl Membership {
-    /// Whether the machine was let in by another secret than this one.
+    /// True if the machine was admitted with another secret than this one.
     fn is_by_other_word(&self, word: &JoinWord) -> bool {
         self.word.as_ref().is_some_and(|digest| *digest != digest_of(word))
     }
 
-    /// Whether the farm knows the machine by this name.
+    /// True if the farm knows the machine by this name.
     fn is_named(&self, name: &str) -> bool {
         self.member.rsplit_once('-').is_some_and(|(own, _)| own == plain(name).to_lowercase())
     }
@@ -82,20 +82,21 @@ fn digest_of(word: &JoinWord) -> String {
     blake3::hash(word.secret.as_bytes()).to_hex()[..32].to_owned()
 }
 
-/// What one who wants to be let in says, and hears.
+/// The request of a machine to be admitted: its public key and its host name.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct EnrolmentRequest {
     pub(crate) key: String,
     pub(crate) host: String,
 }
 
+/// The answer to an [`EnrolmentRequest`]: the member's name, or the reason for a refusal.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct EnrolmentAnswer {
     pub(crate) member: Option<String>,
     pub(crate) refused: Option<String>,
 }
 
-/// Links up with the farm that was named, or else the one of this machine.
+/// Connects to the given farm, or else to the one of this machine.
 ///
 /// # Errors
 /// There is no such farm, or it does not let this machine in.
@@ -103,13 +104,13 @@ pub fn link(farm: Option<&FarmAddress>, credentials: &Credentials) -> Result<Far
     link_as(farm, credentials, None)
 }
 
-/// Links up with a farm as a machine of this name.
+/// Connects to a farm as a machine of the given name.
 ///
-/// - `name`: what the farm calls the machine, of letters, digits and hyphens; letters of its key follow. None: as it is known there, or
-///   else its host name.
+/// - `name`: the machine's name at the farm: letters, digits and hyphens; letters of its key are appended. None: its name
+///   there so far, or else its host name.
 ///
 /// # Errors
-/// As of [`link`].
+/// As for [`link`].
 pub fn link_as(farm: Option<&FarmAddress>, credentials: &Credentials, name: Option<&str>) -> Result<FarmLink, Error> {
     let mut address = farm.cloned().map_or_else(saved_address, Ok)?;
     if let (Keeper::Up(word), true) = (&address.keeper, address.servers.is_empty()) {
@@ -148,13 +149,13 @@ fn connect(options: &NatsOptions) -> Result<NatsUplink<FarmCodec>, NatsError> {
     NatsUplink::connect(options, FarmCodec)
 }
 
-/// What of the options concerns a farm that `bottega up` runs.
+/// Returns the connection options for a farm that `bottega up` runs.
 pub(crate) fn pinned(address: &FarmAddress, word: &JoinWord, member: &str) -> NatsOptions {
     let tls = Tls { is_required: true, pin: Some(word.pin), ..Tls::default() };
     NatsOptions { tls, is_guest: word.group == Group::Guest, ..options(address, member) }
 }
 
-/// As a member: what this machine was once let in as, or else now.
+/// Connects as a member: with the membership of this machine, or else with a new one.
 fn with_word(
     address: &FarmAddress,
     word: &JoinWord,
@@ -176,7 +177,7 @@ fn with_word(
         return linked;
     }
     let membership = {
-        // Processes of one machine that come at the same moment are one member.
+        // Processes of one machine that start at the same moment share one membership.
         let _alone = lock(&file)?;
         match self::membership(&file) {
             Some(other) if known.is_none_or(|known| known.seed != other.seed) => other,
@@ -192,7 +193,7 @@ fn with_word(
     Ok((linked, process_name(&membership.member)))
 }
 
-/// As the member that this machine was let in as. `None`: the farm does not know it any more.
+/// Connects with a known membership. `None`: the farm has removed it.
 fn as_known(
     address: &FarmAddress,
     word: &JoinWord,
@@ -208,8 +209,8 @@ fn as_known(
     }
 }
 
-/// The file of what this machine was let in as. A machine has one for each name that it was told to have; the first one counts where no
-/// name is told.
+/// Returns the file of this machine's membership. A machine has one for each name given to it; without a name, the first
+/// one counts.
 fn membership_file(word: &JoinWord, name: Option<&str>) -> PathBuf {
     let first = memberships().join(format!("{}-{}.json", word.pin, word.group.word()));
     match (name, membership(&first)) {
@@ -224,7 +225,7 @@ fn memberships() -> PathBuf {
     state_folder().join("members")
 }
 
-/// The names of all members that this machine was let in as, by whatever farm.
+/// Returns the names of all memberships of this machine, at any farm.
 pub(crate) fn own_members() -> BTreeSet<String> {
     let files = fs::read_dir(memberships()).into_iter().flatten().flatten().map(|file| file.path());
     let files = files.filter(|file| file.extension().is_some_and(|it| it == "json"));
@@ -235,7 +236,7 @@ fn membership(file: &Path) -> Option<Membership> {
     serde_json::from_slice(&fs::read(file).ok()?).ok()
 }
 
-/// Keeps other processes of this machine from a file until it is dropped.
+/// Locks a file against other processes of this machine until the result is dropped.
 fn lock(file: &Path) -> Result<fs::File, Error> {
     let path = file.with_extension("lock");
     private_folder(file.parent().unwrap_or(Path::new(".")))?;
@@ -243,7 +244,7 @@ fn lock(file: &Path) -> Result<fs::File, Error> {
     locked.map_err(|source| Error::write(path, source))
 }
 
-/// Tries until it is done or goes wrong for good, for some time, and less and less often.
+/// Retries until success or a lasting error, with growing pauses, for at most `patience`.
 fn persist<T>(
     patience: Duration,
     may_pass: impl Fn(&NatsError) -> bool,
@@ -254,7 +255,7 @@ fn persist<T>(
         match attempt() {
             Err(error) if may_pass(&error) && begun.elapsed() < patience => {
                 tracing::debug!(%error, "trying again");
-                // Those who came together do not come together again.
+                // Randomize the pause, so that processes that started together do not retry together.
                 let share = 0.5 + (fresh_number() % 1024) as f64 / 1024.0;
                 thread::sleep(pause.mul_f64(share));
                 pause = LONGEST_PAUSE.min(2 * pause);
@@ -273,7 +274,7 @@ fn as_member(
     connect(&NatsOptions { login, ..pinned(address, word, &membership.member) })
 }
 
-/// Asks to become a member.
+/// Asks the farm for membership.
 fn let_in(address: &FarmAddress, word: &JoinWord, name: Option<&str>) -> Result<Membership, Error> {
     let key = MemberKey::new();
     let request = EnrolmentRequest { key: key.public(), host: name.map_or_else(host_name, plain) };
@@ -281,7 +282,7 @@ fn let_in(address: &FarmAddress, word: &JoinWord, name: Option<&str>) -> Result<
     let group = word.group.word();
     let options = NatsOptions { login: newcomer(group, &word.secret), ..pinned(address, word, "newcomer") };
     let begun = Instant::now();
-    // A wrong word stays wrong; a right one is turned away, too, while the server reads its configuration anew.
+    // A wrong word stays wrong, but a right one is also refused while the server reloads its configuration.
     let may_pass = |error: &NatsError| match error {
         NatsError::NobodyAnswers { .. } => true,
         error => error.is_refusal() && begun.elapsed() < PATIENCE_OF_REFUSED,
@@ -300,12 +301,12 @@ fn let_in(address: &FarmAddress, word: &JoinWord, name: Option<&str>) -> Result<
     }
 }
 
-/// The name of this process among those of its machine.
+/// Returns a unique name for this process, from that of its machine.
 fn process_name(member: &str) -> String {
     format!("{member}.{:08x}", fresh_number() & 0xffff_ffff)
 }
 
-/// What is wrong with a link of one who was let in a moment ago.
+/// Returns the error of a machine that was just admitted and cannot connect.
 fn reloading(source: NatsError) -> Error {
     if !source.may_pass() {
         return told(source);
@@ -331,7 +332,7 @@ fn told(source: NatsError) -> Error {
     Error::Farm { source, remedy: remedy.to_owned() }
 }
 
-/// Writes a file that nobody else may read.
+/// Writes a file that only this user may read.
 pub(crate) fn write_secret(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     let wrong = |source| Error::write(path.to_owned(), source);
     private_folder(path.parent().unwrap_or(Path::new(".")))?;
@@ -341,7 +342,7 @@ pub(crate) fn write_secret(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     fs::rename(&part, path).map_err(wrong)
 }
 
-/// A folder that nobody else may read.
+/// Creates a folder that only this user may read.
 pub(crate) fn private_folder(folder: &Path) -> Result<(), Error> {
     let wrong = |source| Error::write(folder.to_owned(), source);
     fs::create_dir_all(folder).map_err(wrong)?;
@@ -374,7 +375,7 @@ impl Credentials {
     }
 }
 
-/// Old servers have known holes, and the whole world may try those that it can reach.
+/// Warns of an old server on a public network: old versions have known vulnerabilities.
 fn warn_of_age(version: &str, servers: &[String]) {
     let mut numbers = version.split('.').map_while(|part| part.parse::<u64>().ok());
     let is_old = numbers.next().zip(numbers.next()).is_some_and(|version| version < FIT_FOR_ALL);
@@ -386,7 +387,7 @@ fn warn_of_age(version: &str, servers: &[String]) {
     }
 }
 
-/// Whether a server is on this machine or in a private network.
+/// True if a server is on this machine or in a private network.
 fn is_near(server: &str) -> bool {
     let host = server.rsplit_once(':').map_or(server, |(host, _)| host);
     match host.trim_matches(['[', ']']).parse() {

@@ -1,6 +1,6 @@
-//! Machines of a farm: who is there, and what they are told.
+//! The machines of a farm: which are present, and commands to them.
 //!
-//! - `order/NAME`: what a machine shall do; it obeys, and its seat says so (see [`worker`](crate::worker)).
+//! - `order/NAME`: the command to a machine, which obeys and shows its state in its presence (see [`worker`](crate::worker)).
 
 use std::{
     collections::BTreeMap,
@@ -17,29 +17,28 @@ use crate::{
     presence::Presence,
 };
 
-/// How long one who has just come looks whether seats are renewed: those who sit there do so twice a second.
+/// The time for which a process that just connected watches for renewals; live machines renew twice a second.
 const LOOK_FOR: Duration = Duration::from_millis(1500);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// An order to a machine.
+/// A command to a machine.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MachineOrder {
-    /// What it shall be.
+    /// The state that the machine must take.
     pub standing: PresenceState,
-    /// Who says so, for people.
+    /// The name of the user who gave it, for display.
     pub by: String,
 }
 
-/// Tells seats where somebody sits from those that were left without a word: a seat counts once it was seen to be
-/// renewed.
+/// Distinguishes live presences from stale ones of crashed machines: a presence counts once it was renewed.
 #[derive(Debug, Default)]
 pub struct Roster {
-    /// The first writing that was seen of each seat.
+    /// The first revision seen of each presence.
     first: BTreeMap<String, u64>,
 }
 
 impl Roster {
-    /// Takes the seats that are not silent, with the numbers of their last writings; returns those that count.
+    /// Takes the current presences with their revisions. Returns those that are live.
     pub fn look(&mut self, seats: Vec<(Presence, u64)>) -> Vec<Presence> {
         let mut first = BTreeMap::new();
         let mut there = Vec::new();
@@ -54,25 +53,25 @@ impl Roster {
         there
     }
 
-    /// How many seats there are for which it is not known yet.
+    /// Returns the number of presences that are still undecided.
     fn open(&self, there: usize) -> usize {
         self.first.len() - there
     }
 }
 
 impl JobBoard {
-    /// What a machine is told. Nothing: to paint.
+    /// Returns the command to a machine; by default, to work.
     pub fn order_to(&self, machine: &str) -> MachineOrder {
         self.read_notice(&order_name(machine)).unwrap_or_default()
     }
 
-    /// Tells a machine what to do.
+    /// Gives a machine a command.
     pub fn tell(&self, machine: &str, order: &MachineOrder) -> Result<(), Error> {
         self.refuse_guests()?;
         self.put_notice(&order_name(machine), order)
     }
 
-    /// The machines that are there, for one who has linked up a moment ago and cannot know since when seats are silent.
+    /// Returns the live machines, for a process that just connected and cannot know how old a presence is.
     pub fn present(&self) -> Vec<Presence> {
         let mut roster = Roster::default();
         let begun = Instant::now();
@@ -87,7 +86,7 @@ impl JobBoard {
 }
 
 impl JobBoard {
-    /// Why nobody may paint a job now that machines with some tags alone may paint: none of them is there. `None`: one is.
+    /// Returns the reason why no machine may render a job with these tags: none with all of them is present. `None`: one is.
     pub(crate) fn lacks_tagged(&self, tags: &[String]) -> Option<String> {
         let has_all = |seat: &Presence| seat.takes_orders && tags.iter().all(|tag| seat.tags.contains(tag));
         if tags.is_empty() || self.present().iter().any(has_all) {
@@ -119,7 +118,7 @@ mod tests {
         assert_eq!(look(&[("a", 3), ("left", 2)]), ["a"]);
         assert_eq!(look(&[("a", 3), ("b", 4)]), ["a"]);
         assert_eq!(look(&[("b", 5)]), ["b"]);
-        // One that comes back must be renewed again.
+        // A machine that comes back must be renewed again.
         assert_eq!(look(&[("a", 3), ("b", 5)]), ["b"]);
         assert_eq!(look(&[("a", 6), ("b", 5)]), ["a", "b"]);
     }

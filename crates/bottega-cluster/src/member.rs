@@ -1,4 +1,4 @@
-//! A process at a farm: what it is, what it does, and what it has used.
+//! A process of a farm: its properties, its activity and its resource usage.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,30 +12,30 @@ use crate::{
     usage::UsageMeter,
 };
 
-/// A process at a farm.
+/// A process of a farm.
 #[derive(Clone)]
 pub(crate) struct Member {
     pub board: JobBoard,
     pub name: String,
     pub threads: usize,
-    /// What paints beside its processors.
+    /// The devices that it renders with, without the CPU.
     pub devices: Vec<String>,
-    /// The user wants to stop.
+    /// Requested when the user wants to stop.
     pub stop: StopSwitch,
-    /// What the machine says that it is.
+    /// The tags of the machine.
     pub tags: Vec<String>,
-    /// Jobs that this machine does not paint.
+    /// The jobs that this machine refuses to render.
     pub refusals: Refusals,
-    /// What it uses for each job.
+    /// The resources that it uses for each job.
     pub meter: UsageMeter,
-    /// What it does.
+    /// Its current activity.
     pub activity: ActivityLog,
-    /// Its watch over the jobs of the farm.
+    /// Its watch for stalled jobs.
     pub stalls: Arc<Mutex<StallWatch>>,
 }
 
 impl Member {
-    /// A process that waits for work.
+    /// Returns a process that waits for work.
     pub(crate) fn new(board: JobBoard, name: String, devices: (usize, Vec<String>), stop: &StopSwitch) -> Self {
         let (threads, devices) = devices;
         Self {
@@ -52,12 +52,12 @@ impl Member {
         }
     }
 
-    /// Looks whether a job waits though machines are free.
+    /// Checks for jobs that wait although machines are free.
     pub(crate) fn watch_stalls(&self) {
         self.stalls.lock().unwrap_or_else(PoisonError::into_inner).look(&self.board);
     }
 
-    /// Its seat, while it paints a job or waits for one.
+    /// Returns its presence, with the job that it works on, if any.
     pub(crate) fn seat(&self, job: Option<u32>) -> Presence {
         let (is_guest, refusals, usages) = (self.board.uplink.is_guest(), self.refusals.last(), self.meter.usages());
         let (devices, tags) = (self.devices.clone(), self.tags.clone());

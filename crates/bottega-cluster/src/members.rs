@@ -1,4 +1,4 @@
-//! The members of a farm that `bottega up` runs, and what the server is told of them.
+//! The members of a farm that `bottega up` runs, and their part of the server's configuration.
 
 use std::{fmt::Write, fs, path::PathBuf};
 
@@ -12,35 +12,35 @@ use crate::{
     names::plain,
 };
 
-/// Members that a farm has at most.
+/// The most members of a farm.
 const MEMBERS_MAX: usize = 1 << 14;
-/// Who tells the server to read its configuration again.
+/// The user that makes the server reload its configuration.
 const SYSTEM_USER: &str = "system";
-/// Letters of a key that stand in a name.
+/// The number of characters of its key in a member's name.
 const KEY_LETTERS: usize = 8;
 
-/// A machine that was let in.
+/// An admitted machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct AdmittedMachine {
-    /// What its agents are called after.
+    /// The unique name of the machine, which its agents' names end with.
     name: String,
     /// Its public NKey.
     key: String,
     is_guest: bool,
 }
 
-/// Secrets and members of a farm, in a file that nobody else may read.
+/// The secrets and members of a farm, in a file that only its user may read.
 #[derive(Debug, Serialize, Deserialize)]
 struct Roll {
-    /// The words by which one becomes a member.
+    /// The secrets of the join words.
     trusted: String,
     guest: String,
-    /// The word by which `bottega up` is known to the server's own account.
+    /// The password of `bottega up` for the server's system account.
     system: String,
     /// The key of `bottega up` itself.
     seed: String,
     key: String,
-    /// The certificate of the server and its key, PEM.
+    /// The certificate of the server and its private key, PEM.
     certificate: String,
     certificate_key: String,
     members: Vec<AdmittedMachine>,
@@ -53,7 +53,7 @@ pub(crate) struct Members {
 }
 
 impl Members {
-    /// Those of an earlier start, or none yet.
+    /// Reads the members of an earlier run, or creates a new list.
     pub(crate) fn open(path: PathBuf) -> Result<Self, Error> {
         match fs::read(&path) {
             Ok(text) => {
@@ -78,6 +78,7 @@ impl Members {
         write_secret(&self.path, &serde_json::to_vec_pretty(&self.roll).unwrap_or_default())
     }
 
+    /// Returns the secret of a group's join word.
     pub(crate) fn secret(&self, group: Group) -> &str {
         match group {
             Group::Trusted => &self.roll.trusted,
@@ -85,32 +86,32 @@ impl Members {
         }
     }
 
-    /// How many there are. None ever goes.
+    /// Returns the number of members. It never decreases.
     pub(crate) fn count(&self) -> usize {
         self.roll.members.len()
     }
 
-    /// By which the server is told to read its configuration again.
+    /// Returns the login for the server's system account.
     pub(crate) fn system_login(&self) -> Login {
         Login::User(SYSTEM_USER.to_owned(), self.roll.system.clone())
     }
 
-    /// The user of the server's own account, as its configuration has it.
+    /// Returns the user of the system account, in the syntax of the server's configuration.
     pub(crate) fn system_user(&self) -> String {
         format!("{{ user: {SYSTEM_USER}, password: \"{}\" }}", self.roll.system)
     }
 
-    /// By which `bottega up` itself is known.
+    /// Returns the seed of the key of `bottega up` itself.
     pub(crate) fn seed(&self) -> &str {
         &self.roll.seed
     }
 
-    /// Of the server, with its key.
+    /// Returns the certificate of the server, and its private key.
     pub(crate) fn certificate(&self) -> (&str, &str) {
         (&self.roll.certificate, &self.roll.certificate_key)
     }
 
-    /// Lets one in who knows the word of a group. What it sends is not believed.
+    /// Admits a machine that knows the word of a group. Its request is untrusted.
     pub(crate) fn answer(&mut self, group: Group, request: &[u8]) -> EnrolmentAnswer {
         let refuse = |reason: &str| EnrolmentAnswer { member: None, refused: Some(reason.to_owned()) };
         let Ok(EnrolmentRequest { key, host }) = serde_json::from_slice(request) else {
@@ -125,8 +126,7 @@ impl Members {
         if self.roll.members.len() >= MEMBERS_MAX {
             return refuse("there are too many members");
         }
-        // The first letter of a key is that of all keys.
-        // In the directories names are of small letters.
+        // The first letter is the same for all public keys. The directories compare names in lower case.
         let name = format!("{}-{}", plain(&host), &key[1..=KEY_LETTERS]).to_lowercase();
         if self.roll.members.iter().any(|member| member.name == name) {
             return refuse("another one has its name");
@@ -141,7 +141,7 @@ impl Members {
         }
     }
 
-    /// All who may talk to the server, as its configuration has it.
+    /// Returns all users of the server, in the syntax of its configuration.
     pub(crate) fn users(&self) -> String {
         let mut users = format!("    {{ nkey: {} }}\n", self.roll.key);
         for group in Group::ALL {
@@ -158,7 +158,7 @@ impl Members {
     }
 }
 
-/// A certificate that this process makes for itself, and its key (PEM).
+/// Creates a self-signed certificate, and its private key (PEM).
 pub(crate) fn own_certificate() -> Result<(String, String), Error> {
     let made = rcgen::generate_simple_self_signed(vec!["bottega".to_owned()]).map_err(|error| {
         Error::failed(format!("no certificate could be made: {error}"), "this is unexpected; report it")
@@ -166,7 +166,7 @@ pub(crate) fn own_certificate() -> Result<(String, String), Error> {
     Ok((made.cert.pem(), made.signing_key.serialize_pem()))
 }
 
-/// What one is allowed, as the server's configuration has it.
+/// Returns permissions in the syntax of the server's configuration.
 fn permissions(rights: &Rights) -> String {
     let list = |subjects: &[String]| subjects.iter().map(|it| format!("{it:?}")).collect::<Vec<_>>().join(", ");
     format!("{{ publish: [{}], subscribe: [{}] }}", list(&rights.publish), list(&rights.subscribe))

@@ -1,8 +1,8 @@
-//! The messages between the agents of a job, as people and programs read them; recorded by the process that leads the job, while
-//! somebody looks on.
+//! The messages between the agents of a job, for people and programs; recorded by the leader of the job while an observer
+//! watches.
 //!
-//! - `watch/N`: somebody wants to see the messages of job N; renewed as long as that is so.
-//! - blobs `job-WORK/messages-K`: what was recorded, piece by piece. They go with the job.
+//! - `watch/N`: an observer watches the messages of job N; renewed while that is so.
+//! - blobs `job-WORK/messages-K`: recorded messages, in pieces. They are deleted with the job.
 
 use std::{
     collections::HashSet,
@@ -21,43 +21,43 @@ use serde::{Deserialize, Serialize};
 
 use crate::{error::Error, job::Job, job_board::JobBoard};
 
-/// Characters of a content that are kept.
+/// The most characters kept of a message's content.
 const CONTENT_CHARS_MAX: usize = 2000;
-/// Messages that wait to be kept; more are lost, which is counted.
+/// The most messages waiting to be stored; more are lost, and counted.
 const WAITING_MAX: usize = 20_000;
-/// Pieces of one job at most.
+/// The most pieces of one job.
 const PIECES_MAX: usize = 2000;
-/// Bytes of a piece that is read at most.
+/// The largest piece that is read, in bytes.
 const PIECE_BYTES_MAX: usize = 1 << 26;
-/// One who has not said for so long that he looks on does so no more.
+/// Time without a renewal after which a watcher counts as gone.
 const WATCHED_FOR: Duration = Duration::from_secs(6);
-/// Senders that are remembered as those of this process.
+/// The most senders remembered as local to this process.
 const LOCALS_MAX: usize = 4096;
 
 /// A message from one agent to others.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MessageEvent {
-    /// Seconds since the work began at the process that saw it.
+    /// Time since the start of the work, in seconds, by the clock of the process that recorded it.
     pub at: f64,
-    /// Who says it.
+    /// The sender's name.
     pub sender: String,
-    /// To whom.
+    /// The receivers' names.
     pub receivers: Vec<String>,
-    /// The performative of FIPA ACL: `cfp`, `propose`, `inform`, …
+    /// The FIPA ACL performative: `cfp`, `propose`, `inform`, …
     pub performative: String,
     /// The interaction protocol.
     pub protocol: String,
-    /// The conversation that it belongs to.
+    /// The identifier of its conversation.
     pub conversation: String,
-    /// The zones that it speaks of.
+    /// The zones that it is about.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub zones: Vec<u32>,
-    /// What is said, as text; the beginning of a long one.
+    /// The content as text, truncated if it is long.
     pub content: String,
 }
 
 impl MessageEvent {
-    /// A message of the farm, said or heard `now`.
+    /// Returns the event of a message sent or received `now`.
     pub fn new(now: Time, message: &FarmMessage) -> Self {
         let content = content_text(message);
         let end = content.char_indices().nth(CONTENT_CHARS_MAX).map(|(end, _)| end);
@@ -74,10 +74,10 @@ impl MessageEvent {
     }
 }
 
-/// The content of a message as text: to and from the directories in SL.
+/// Returns the content of a message as text; messages to and from the directories are in FIPA SL.
 pub fn content_text(message: &FarmMessage) -> String {
     let FarmContent::Management(content) = &message.content else { return format!("{:?}", message.content) };
-    // What is done is done by the service, whoever asks for it.
+    // Actions are performed by the directory service, not by its client.
     let service = match message.performative {
         Performative::Request => message.receivers.first().unwrap_or(&message.sender),
         _ => &message.sender,
@@ -85,7 +85,7 @@ pub fn content_text(message: &FarmMessage) -> String {
     print_content(Calendar::default(), service, content)
 }
 
-/// The zones that a content speaks of.
+/// Returns the zones that a content is about.
 fn zones(content: &FarmContent) -> Vec<u32> {
     match content {
         FarmContent::Profile(order) | FarmContent::Award(order) => vec![order.row.zone.0],
@@ -100,18 +100,18 @@ fn zones(content: &FarmContent) -> Vec<u32> {
     }
 }
 
-/// Some messages of a job, in the order in which they were seen.
+/// Some messages of a job, in the order they were recorded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SeenMessages {
-    /// The number of the first one.
+    /// The index of the first message.
     pub first: u64,
-    /// The messages.
+    /// The messages, oldest first.
     pub messages: Vec<MessageEvent>,
-    /// Messages that were too many to be kept, so far.
+    /// The number of messages lost so far, because too many came at once.
     pub lost: u64,
 }
 
-/// Records what the agents of this process say and are told.
+/// Records the messages that agents of this process send and receive.
 #[derive(Debug, Default)]
 pub(crate) struct MessageRecorder {
     is_on: AtomicBool,
@@ -123,14 +123,14 @@ pub(crate) struct MessageRecorder {
 struct RecorderState {
     waiting: Vec<MessageEvent>,
     lost: u64,
-    /// How many pieces there are; `None`: it is not known yet.
+    /// The number of stored pieces; `None`: not known yet.
     pieces: Option<usize>,
-    /// Agents of this process: what they say is seen when they say it.
+    /// Agents of this process: their messages are recorded when sent.
     locals: HashSet<String>,
 }
 
 impl MessageRecorder {
-    /// An agent of this process says something.
+    /// Records a message sent by an agent of this process.
     pub(crate) fn see_said(&self, now: Time, message: &FarmMessage) {
         let mut state = self.state();
         if state.locals.len() < LOCALS_MAX && !state.locals.contains(&*message.sender.name) {
@@ -139,7 +139,7 @@ impl MessageRecorder {
         self.keep(&mut state, now, message);
     }
 
-    /// An agent of this process is told something: it was seen already where the one who says it is here, too.
+    /// Records a message received by an agent of this process, unless it was recorded when sent.
     pub(crate) fn see_heard(&self, now: Time, message: &FarmMessage) {
         let mut state = self.state();
         if !state.locals.contains(&*message.sender.name) {
@@ -158,19 +158,19 @@ impl MessageRecorder {
         }
     }
 
-    /// Has what was seen kept by the farm, if somebody looks on.
+    /// Stores the recorded messages while an observer watches.
     pub(crate) fn tell(self: &Arc<Self>, board: &JobBoard, number: u32, work: u64) {
         self.is_on.store(board.is_watched(number), Ordering::Relaxed);
         self.send(board, work);
     }
 
-    /// Has what was seen kept by the farm.
+    /// Stores the recorded messages.
     pub(crate) fn send(self: &Arc<Self>, board: &JobBoard, work: u64) {
         if self.state().waiting.is_empty() || self.is_sending.swap(true, Ordering::Relaxed) {
             return;
         }
         let (recorder, board) = (Arc::clone(self), board.clone());
-        // It may take longer than a lease.
+        // Use a thread: it may take longer than a lease lasts.
         let sent = thread::Builder::new().name("messages".to_owned()).spawn(move || {
             recorder.send_now(&board, work);
             recorder.is_sending.store(false, Ordering::Relaxed);
@@ -205,7 +205,7 @@ impl MessageRecorder {
 }
 
 impl JobBoard {
-    /// Says that somebody wants to see the messages of a job, for some seconds.
+    /// Announces for some seconds that an observer watches the messages of a job.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -213,19 +213,19 @@ impl JobBoard {
         self.put_notice(&watch_name(number), &true)
     }
 
-    /// Whether somebody wants to see the messages of a job.
+    /// True if an observer watches the messages of a job.
     pub(crate) fn is_watched(&self, number: u32) -> bool {
         self.uplink.notices().get(&watch_name(number)).is_some_and(|notice| notice.unchanged < WATCHED_FOR)
     }
 
-    /// Forgets that somebody wanted to see the messages of a job.
+    /// Removes the announcement that an observer watches a job.
     pub(crate) fn forget_watch(&self, number: u32) {
         if let Err(error) = self.uplink.notices().remove(&watch_name(number)) {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
 
-    /// A piece of the messages of a job; `None`: there is none yet.
+    /// Returns a piece of a job's recorded messages; `None`: it does not exist yet.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -234,7 +234,7 @@ impl JobBoard {
         Ok(bytes.map(|bytes| serde_json::from_slice(&bytes).unwrap_or_default()))
     }
 
-    /// How many pieces there are.
+    /// Returns the number of stored pieces.
     fn message_pieces(&self, work: u64) -> Result<usize, Error> {
         let mut piece = 0;
         while piece < PIECES_MAX && self.uplink.blobs().has(&piece_blob(work, piece)).map_err(Error::Blob)? {

@@ -1,18 +1,18 @@
-//! Names and numbers that nobody else has.
+//! Unique names and numbers.
 
 use std::process;
 
 use crate::clock::since_1970;
 
-/// Characters that the name of a machine has at most; of a host's longer name the first ones are used.
+/// The most characters of a machine's name; a longer host name is truncated.
 pub const MACHINE_NAME_MAX: usize = 24;
 
-/// The name of this machine, of letters, digits and hyphens.
+/// Returns the name of this machine: letters, digits and hyphens.
 pub fn host_name() -> String {
     plain(&gethostname::gethostname().to_string_lossy())
 }
 
-/// The part of a name before its first full stop, as far as it is of letters, digits and hyphens.
+/// Returns the letters, digits and hyphens of a name before its first period.
 pub(crate) fn plain(host: &str) -> String {
     let first = host.split('.').next().unwrap_or_default();
     let plain: String =
@@ -20,7 +20,7 @@ pub(crate) fn plain(host: &str) -> String {
     if plain.is_empty() { "machine".to_owned() } else { plain }
 }
 
-/// A number of this moment, in this process, on this machine.
+/// Returns a number that is unique to this moment, process and machine.
 pub(crate) fn fresh_number() -> u64 {
     let machine = std::fs::read("/etc/machine-id").unwrap_or_default();
     let mut hasher = blake3::Hasher::new();

@@ -1,4 +1,4 @@
-//! A NATS server as `bottega up` has one, which nobody knows but this program: for what is measured.
+//! A private NATS server, configured as `bottega up` does, for tests and measurements.
 
 use std::{
     net::{SocketAddr, TcpListener},
@@ -18,25 +18,27 @@ use crate::{
     up,
 };
 
-/// A server. It ends with this.
+/// A running server. It stops when this is dropped.
 pub struct OwnServer {
     _server: Server,
-    /// The way in.
+    /// Access to the server.
     pub entry: Entry,
 }
 
-/// By what processes of this program find the way in: they read the folder of the server's secrets.
+/// Access to a private server for the processes of this program, which read its secrets from its folder.
 #[derive(Clone, Debug)]
 pub struct Entry {
-    /// The folder of its secrets.
+    /// The folder of the server's secrets.
     pub folder: PathBuf,
-    /// Where it listens.
+    /// The address of the server.
     pub address: SocketAddr,
 }
 
 impl OwnServer {
-    /// - `asked`: the program of the server; `None`: the system's.
-    /// - `folder`: where it keeps what it keeps.
+    /// Starts a server on a free port.
+    ///
+    /// - `asked`: the path of `nats-server`; `None`: the installed one.
+    /// - `folder`: the folder for its data and secrets.
     pub fn start(asked: Option<&Path>, folder: &Path) -> Result<Self, Error> {
         let program = program(asked)?;
         let entry = Entry { folder: folder.to_owned(), address: free_address()? };
@@ -49,7 +51,7 @@ impl OwnServer {
 }
 
 impl Entry {
-    /// A link of its own for a member of this name, on a thread that others may have too.
+    /// Connects as the given member, on a thread that may serve several connections.
     pub fn link(&self, thread: &Arc<NatsThread>, member: &str) -> Result<NatsUplink<FarmCodec>, Error> {
         let linked = NatsUplink::connect_on(thread, &self.options(member)?, FarmCodec);
         let remedy = "are there more agents than this machine may have files open? see ulimit -n".to_owned();
@@ -69,7 +71,7 @@ impl Entry {
     }
 }
 
-/// A port of this machine where nobody listens now.
+/// Returns a free local port.
 fn free_address() -> Result<SocketAddr, Error> {
     TcpListener::bind("127.0.0.1:0")
         .and_then(|listener| listener.local_addr())

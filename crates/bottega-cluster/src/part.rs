@@ -1,4 +1,4 @@
-//! The part of this process in a job: it leads if nobody does, and else paints for the one who leads.
+//! The part of this process in a job: leads it if no other process does, and else renders for its leader.
 
 use std::{
     sync::{
@@ -29,22 +29,22 @@ use bottega::session::PaintingTools;
 
 use crate::error::Error;
 
-/// How often is looked whether somebody wants something else.
+/// Interval between checks for a stop or another command.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// How a part in a job ended.
+/// The outcome of a part in a job.
 pub(crate) enum PartOutcome {
-    /// This process led the job to its end. It leads on until the picture is safe.
+    /// This process led the job to its end. It keeps the lead until the picture is stored.
     Led(Box<JobReport>, Leading),
-    /// The one who leads has let this process go: all is painted.
+    /// The leader has dismissed this process: all zones are painted.
     Helped,
-    /// Before the end: the user, or somebody who has a say in it, wanted something else.
+    /// Stopped early by the user or a command; with the report if it led.
     Left(Option<Box<JobReport>>),
 }
 
-/// Takes part in a job until it is painted or somebody wants otherwise.
+/// Takes part in a job until it is finished or stopped.
 ///
-/// - `elsewhere`: whether this process is wanted elsewhere; asked now and then.
+/// - `elsewhere`: returns `true` if another job needs this process; polled.
 pub(crate) fn take_part(
     member: &Member,
     number: u32,
@@ -54,8 +54,9 @@ pub(crate) fn take_part(
 ) -> Result<PartOutcome, Error> {
     let Member { board, name, activity, .. } = member;
     let occupation = activity.occupy();
-    // It may take longer than a lease.
+    // Learn first: it may take longer than a lease lasts.
     learn_from_others(board, job, &*tools.engine)?;
+    // Claim the lead
     let lease = board.claim(number, job.work, name)?;
     let leads = lease.is_some();
     let asked = job.from == *name;
@@ -63,6 +64,7 @@ pub(crate) fn take_part(
         board.log(number, &format!("{name} leads"));
     }
     let this = StopSwitch::new();
+    // Observe the job, and renew lease and presence on another thread
     let told = Arc::new(LoggingObserver {
         inner: Arc::clone(&tools.observer),
         work: job.work,
@@ -95,6 +97,7 @@ pub(crate) fn take_part(
         watch: RefusalWatch::default(),
     };
     let watch = PartWatch::begin(guard)?;
+    // Render the first look, and share the preparation with other machines
     let begun = Instant::now();
     if leads && let Some(look) = FirstLook::take(&tools.settings, &*tools.engine) {
         told.seen.store(board.keep_first_look(job.work, &look), Ordering::Relaxed);
@@ -104,10 +107,11 @@ pub(crate) fn take_part(
     if this.is_requested() {
         return Ok(PartOutcome::Left(None));
     }
+    // Render zones, as the leader or for it
     let link = job_link(Arc::clone(&board.uplink), WorkId(job.work), Some(number), name.clone());
     let settings = JobSettings { experience: board.own_experience(name), ..less(&tools.settings, prepared) };
     let (settings, engine) = (&settings, Arc::clone(&tools.engine));
-    // From here on it is at work while something of the picture is under way.
+    // From here on the process counts as busy only while zones are in progress.
     drop(occupation);
     if leads {
         let settings = &JobSettings { credits: board.credits(), ..settings.clone() };
@@ -115,7 +119,7 @@ pub(crate) fn take_part(
         let leading = Arc::clone(&told);
         let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
         activity.under_way(0);
-        // It knows the agents, who know this observer.
+        // Break the cycle: the Master refers to the agents, and they to this observer.
         *leading.master.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let mut report = Box::new(report.map_err(Error::job)?);
         board.keep_lessons(&report.lessons);
@@ -124,7 +128,7 @@ pub(crate) fn take_part(
         return Ok(if report.stopped {
             PartOutcome::Left(Some(report))
         } else {
-            // The picture is still to be made safe.
+            // Stay busy until the picture is stored.
             PartOutcome::Led(report, Leading { _occupation: activity.occupy(), _watch: watch, link })
         });
     }
@@ -134,9 +138,9 @@ pub(crate) fn take_part(
     Ok(if helped { PartOutcome::Helped } else { PartOutcome::Left(None) })
 }
 
-/// The same with less time, if there is only so much.
+/// Returns the settings with less time, if the goal is a time.
 fn less(settings: &JobSettings, spent: Duration) -> JobSettings {
-    /// There is no picture in no time.
+    /// The least time in which a picture can be rendered.
     const LEAST: Duration = Duration::from_millis(1);
     let goal = match settings.goal {
         Goal::Time(time) => Goal::Time(time.saturating_sub(spent).max(LEAST)),
@@ -145,10 +149,10 @@ fn less(settings: &JobSettings, spent: Duration) -> JobSettings {
     JobSettings { goal, ..settings.clone() }
 }
 
-/// Makes what all zones need with the other machines of the job, as far as it can be shared out.
+/// Computes with the other machines what all zones need, as far as that work can be divided.
 fn prepare_together(member: &Member, number: u32, job: &Job, tools: &PaintingTools, this: &StopSwitch) {
     let Member { board, name, .. } = member;
-    // One who may only paint is trusted in nothing else, and where machines are compared none is.
+    // Guests may only render, and where results are compared no machine is trusted.
     if board.uplink.is_guest() || tools.settings.verify > 1 || tools.engine.learnt().is_some() {
         return;
     }
@@ -162,9 +166,9 @@ fn prepare_together(member: &Member, number: u32, job: &Job, tools: &PaintingToo
     }
 }
 
-/// Takes what the engine of another machine has learnt of the picture, where there is something.
+/// Loads the data that another machine's engine has shared about the picture, if any.
 fn learn_from_others(board: &JobBoard, job: &Job, engine: &dyn RenderEngine) -> Result<(), Error> {
-    // It knows it already.
+    // It has the data already.
     if engine.learnt().is_some() {
         return Ok(());
     }
@@ -176,7 +180,7 @@ fn learn_from_others(board: &JobBoard, job: &Job, engine: &dyn RenderEngine) -> 
     Ok(())
 }
 
-/// The lead of a job that is painted, held until it is dropped.
+/// The lead of a finished painting, held until it is dropped.
 pub(crate) struct Leading {
     _occupation: Occupation,
     _watch: PartWatch,
@@ -184,15 +188,15 @@ pub(crate) struct Leading {
 }
 
 impl Leading {
-    /// The picture is safe: the job is over, and what was kept for its painting goes.
+    /// Marks the job as over once its picture is written, and deletes the data of its painting.
     ///
-    /// - `is_kept`: the farm has the picture.
+    /// - `is_kept`: `true` if the farm stores the picture.
     pub(crate) fn finish(&self, board: &JobBoard, number: u32, state: &JobState, is_kept: bool) -> Result<(), Error> {
-        // As long as it is not over its rows are those of the store.
+        // Read the job before it is over: until then its rows are those of the store.
         let work = self.link.work.0;
         let painted = board.get(number).filter(|job| !job.state.is_over() && job.work == work);
         board.change(number, |job| {
-            // Another may have finished it while this process stood still, and it may be painted again already.
+            // Another process may have finished it while this one was suspended, or restarted it.
             if job.work != work || job.state == JobState::Done {
                 return false;
             }
@@ -217,7 +221,7 @@ impl Leading {
     }
 }
 
-/// Looks after a part in a job: renews what is to be renewed, and ends the part when it is over.
+/// A thread that renews the lease and presence of a part in a job, and stops the part when it is over.
 struct PartWatch {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -237,7 +241,7 @@ impl Drop for PartWatch {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A panic in there was reported by the thread itself.
+            // The thread has reported a panic itself.
             _ = thread.join();
         }
     }
@@ -250,20 +254,20 @@ struct Guard {
     work: u64,
     origin: u64,
     turn: PaintingTurn,
-    /// It is this process that asked for the job.
+    /// True if this process submitted the job.
     asked: bool,
     lease: Option<Lease>,
-    /// Whether it has taken the lead of one who has gone: this process will lead when its agents have left.
+    /// True if it has taken over the lead: this process leads once its agents have left.
     has_claimed: bool,
     this: StopSwitch,
     told: Arc<LoggingObserver>,
-    /// Has learnt, or will have, what others need not learn again; until they are told.
+    /// The engine, until it has shared its data with other machines.
     learner: Option<Arc<dyn RenderEngine>>,
     elsewhere: Box<dyn Fn() -> bool + Send>,
     over: Arc<AtomicBool>,
-    /// The farm did not answer the last time.
+    /// True if the farm did not answer the last time.
     is_silent: bool,
-    /// What guests say that do not paint the job: they cannot write it into its log.
+    /// Refusals of guests, which cannot write into the job's log.
     watch: RefusalWatch,
 }
 
@@ -292,7 +296,7 @@ impl Guard {
         self.lay_down();
     }
 
-    /// Has the Master paint zones again that somebody wants so.
+    /// Makes the Master paint zones again that users requested.
     fn requeue(&self) {
         let master = self.told.master.lock().unwrap_or_else(PoisonError::into_inner).clone();
         if let Some(master) = master.filter(|_| self.lease.is_some()) {
@@ -307,7 +311,7 @@ impl Guard {
         stop.is_requested() || !board.get(self.number).is_some_and(is_wanted) || (self.elsewhere)() || self.claims()
     }
 
-    /// Gives up the lead of a job that everybody begins again with: the next leader need not wait for this process, which may hang.
+    /// Gives up the lead of a restarted painting, so that the next leader need not wait for this process, which may hang.
     fn leave_to_others(&mut self) {
         if self.member.board.get(self.number).is_some_and(|job| job.turn() != self.turn)
             && let Some(mut lease) = self.lease.take()
@@ -317,8 +321,8 @@ impl Guard {
         }
     }
 
-    /// One who helps may see the lead become free. Whoever is first takes it; the others paint on, and report to the one
-    /// who leads then.
+    /// Claims the lead if it is free. The first process to claim gets it; the others continue painting and report to the
+    /// new leader.
     fn claims(&mut self) -> bool {
         let Member { board, name, .. } = &self.member;
         let is_led = || board.lead(self.number).is_some_and(|lead| lead.leader.is_some());
@@ -333,7 +337,7 @@ impl Guard {
         self.has_claimed
     }
 
-    /// Tells others what the engine has learnt, once.
+    /// Shares the engine's data with other machines, once.
     fn teach(&mut self) {
         if self.lease.is_none() {
             return;
@@ -341,7 +345,7 @@ impl Guard {
         let Some(bytes) = self.learner.as_ref().and_then(|learner| learner.learnt()) else { return };
         self.learner = None;
         let (board, work) = (self.member.board.clone(), self.work);
-        // It may take longer than a lease.
+        // Use a thread: it may take longer than a lease lasts.
         let sent = thread::Builder::new().name("teach".to_owned()).spawn(move || board.teach(work, &bytes));
         if let Err(error) = sent {
             tracing::debug!(%error, "others will learn themselves");
@@ -373,7 +377,7 @@ impl Guard {
         }
     }
 
-    /// The leader writes into the job's log who was left out, and why.
+    /// Writes into the job's log which machines are left out, and why. Only the leader does so.
     fn keep_log(&mut self) {
         if self.lease.is_none() {
             return;
@@ -392,7 +396,7 @@ impl Guard {
         }
     }
 
-    /// The leader tells of its agents and of the auction.
+    /// Publishes the agents and the auction. Only the leader does so.
     fn tell_society(&self) {
         if self.lease.is_some() {
             let board = &self.member.board;
@@ -403,28 +407,28 @@ impl Guard {
         }
     }
 
-    /// The leader has the messages of the agents kept while somebody wants to see them.
+    /// Stores the agents' messages while an observer watches. Only the leader does so.
     fn tell_messages(&self) {
         if self.lease.is_some() {
             self.told.recorder.tell(&self.member.board, self.number, self.work);
         }
     }
 
-    /// The leader takes agents out of the directories whose machines were lost.
+    /// Deregisters agents of lost machines. Only the leader does so.
     fn clear_pages(&self) {
         if self.lease.is_some() && self.member.board.uplink.is_connected() {
             self.member.board.clear_pages();
         }
     }
 
-    /// The leader keeps the importance map for those who look on.
+    /// Stores the importance map for observers. Only the leader does so.
     fn keep_importance(&self) {
         if self.lease.is_none() {
             return;
         }
         let Some(map) = self.told.importance.lock().unwrap_or_else(PoisonError::into_inner).take() else { return };
         let (board, work) = (self.member.board.clone(), self.work);
-        // It may take longer than a lease.
+        // Use a thread: it may take longer than a lease lasts.
         let kept = thread::Builder::new().name("importance".to_owned()).spawn(move || {
             let (width, height) = map.size();
             match Canvas::gray_map(width, height, &map.grey()).to_png() {
@@ -437,7 +441,7 @@ impl Guard {
         }
     }
 
-    /// Nobody need wait until the lease is over; but who has claimed it will lead.
+    /// Releases the lease early, so that no process waits for it to expire; unless this process has just claimed it.
     fn lay_down(&mut self) {
         self.member.meter.count(Some(self.origin));
         self.tell_society();

@@ -1,4 +1,4 @@
-//! The observer of a job in which this process has a part: it remembers what others are to be told.
+//! The observer of a job that this process takes part in: collects what the leader publishes.
 
 use std::{
     sync::{
@@ -17,12 +17,12 @@ use crate::{
     activity::ActivityLog, job_board::Lead, messages::MessageRecorder, requeue::SettledZones, society::SeenSociety,
 };
 
-/// Lines that wait to be written into the log of a job at most.
+/// The most lines waiting for the job's log.
 const LOG_WAITING_MAX: usize = 64;
-/// Of the time that was left when a zone was done last so much is left until the next one is.
+/// The least share of a predicted remaining time that is shown until the next zone is done.
 const LEFT_SHARE_MIN: f64 = 0.1;
 
-/// How far a job was when it was seen last.
+/// The last progress report of a job, and its time.
 #[derive(Clone, Copy)]
 pub(crate) struct SeenProgress {
     progress: Progress,
@@ -32,40 +32,42 @@ pub(crate) struct SeenProgress {
 impl SeenProgress {
     fn lead(&self) -> Lead {
         let Progress { zones_done, zones, cost_done, left, .. } = self.progress;
-        // Until the next zone is done time goes on, and something is left of it.
+        // Count down until the next report, but never to 0.
         let seconds =
             |left: Duration| left.saturating_sub(self.at.elapsed()).max(left.mul_f64(LEFT_SHARE_MIN)).as_secs_f64();
         Lead { done: cost_done, zones_done, zones, seconds_left: left.map(seconds), ..Lead::default() }
     }
 }
 
-/// An observer that remembers how far the job is, and what is to be written into its log.
+/// An observer that records the progress of a job and the lines for its log.
 pub(crate) struct LoggingObserver {
     pub(crate) inner: Arc<dyn Observer>,
     /// The number of the painting.
     pub(crate) work: u64,
     pub(crate) activity: ActivityLog,
     pub(crate) progress: Mutex<Option<SeenProgress>>,
-    /// Zones wait for more machines than there are.
+    /// True if zones wait for more machines.
     pub(crate) lacks_machines: AtomicBool,
-    /// Whether there is something to see.
+    /// True if a preview exists.
     pub(crate) seen: AtomicBool,
     pub(crate) log: Mutex<Vec<String>>,
-    /// The Master, where this process leads.
+    /// The Master, if this process leads.
     pub(crate) master: Mutex<Option<MasterHandle>>,
-    /// Zones that may be painted again.
+    /// Zones that can be painted again.
     pub(crate) settled: Mutex<SettledZones>,
     pub(crate) society: Mutex<SeenSociety>,
-    /// Until it is kept for those who look on.
+    /// The importance map, until it is stored for observers.
     pub(crate) importance: Mutex<Option<Arc<ImportanceMap>>>,
     pub(crate) recorder: Arc<MessageRecorder>,
 }
 
 impl LoggingObserver {
+    /// Returns the record of agents and auction.
     pub(crate) fn society(&self) -> MutexGuard<'_, SeenSociety> {
         self.society.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Returns the progress, for the notice of the lead.
     pub(crate) fn lead(&self) -> Lead {
         let seen = *self.progress.lock().unwrap_or_else(PoisonError::into_inner);
         let lead = seen.as_ref().map(SeenProgress::lead).unwrap_or_default();
@@ -118,7 +120,7 @@ impl Observer for LoggingObserver {
     fn progress(&self, progress: &Progress) {
         let seen = SeenProgress { progress: *progress, at: Instant::now() };
         *self.progress.lock().unwrap_or_else(PoisonError::into_inner) = Some(seen);
-        // Something goes on.
+        // Painting continues, so there are enough machines.
         self.lacks_machines.store(false, Ordering::Relaxed);
         self.inner.progress(progress);
     }

@@ -1,4 +1,4 @@
-//! Waiting for a farm that does not answer.
+//! Retries while a farm does not answer.
 
 use std::{
     sync::atomic::{AtomicBool, Ordering},
@@ -13,10 +13,10 @@ use crate::room::MAKE_ROOM;
 
 const BETWEEN_TRIES: Duration = Duration::from_millis(250);
 
-/// Tries until it is done, or goes wrong for good, or the user wants to stop. A server that is away comes back, and
-/// somebody makes room on one whose disk is full: what was done so far is not thrown away meanwhile.
+/// Retries until success, a lasting error, or a stop. A server that is down may come back, and a full disk may be cleaned
+/// up; until then the work so far is kept.
 ///
-/// - `say`: tells the user once what is waited for.
+/// - `say`: informs the user once of what it waits for.
 pub(crate) fn patiently<T>(
     stop: &StopSwitch,
     say: impl Fn(&str),
@@ -25,7 +25,7 @@ pub(crate) fn patiently<T>(
     patiently_until(|| stop.is_requested(), say, attempt)
 }
 
-/// The same until nobody wants it any more.
+/// Does the same, until `is_enough` returns `true`.
 pub(crate) fn patiently_until<T>(
     is_enough: impl Fn() -> bool,
     say: impl Fn(&str),
@@ -51,9 +51,9 @@ pub(crate) fn patiently_until<T>(
     }
 }
 
-/// Does `tick` now and then while `work` is done, which takes long: opens a scene, has kernels compiled.
+/// Calls `tick` at intervals while `work` runs, for long work such as loading a scene or compiling kernels.
 pub(crate) fn meanwhile<T>(every: Duration, mut tick: impl FnMut() + Send, work: impl FnOnce() -> T) -> T {
-    /// Ends the thread that does it, whatever becomes of the work.
+    /// Stops the ticker thread when dropped, even if `work` panics.
     struct Done<'a>(&'a AtomicBool, Thread);
     impl Drop for Done<'_> {
         fn drop(&mut self) {

@@ -1,4 +1,4 @@
-//! Files as pieces by what is in them, and what of these a store lacks.
+//! Files as chunks named by content hash, and the chunks that a store lacks.
 
 use std::{
     collections::BTreeMap,
@@ -16,7 +16,7 @@ use crate::{
     error::Error,
 };
 
-/// A part of a file.
+/// A chunk of a file on disk.
 #[derive(Debug)]
 pub(crate) struct Piece {
     path: PathBuf,
@@ -25,7 +25,7 @@ pub(crate) struct Piece {
 }
 
 impl Piece {
-    /// What is in it, if the file is as it was.
+    /// Reads the chunk, and checks that the file has not changed.
     fn read(&self, hash: &str) -> Result<Vec<u8>, Error> {
         let mut bytes = vec![0; self.bytes];
         let read = File::open(&self.path)
@@ -40,14 +40,14 @@ impl Piece {
     }
 }
 
-/// Files that are to be sent, as pieces by what is in them.
+/// The chunks of the files to send, by content hash.
 #[derive(Debug, Default)]
 pub(crate) struct Pieces {
     pieces: BTreeMap<String, Piece>,
 }
 
 impl Pieces {
-    /// Notes the pieces of a file.
+    /// Adds the chunks of a file.
     pub(crate) fn add(&mut self, path: &Path) -> Result<Contents, Error> {
         let wrong = |source| Error::read(path.to_owned(), source);
         let mut file = File::open(path).map_err(wrong)?;
@@ -66,12 +66,12 @@ impl Pieces {
         }
     }
 
-    /// Whether a piece of this name in a store is one of them.
+    /// True if a blob name in a store is one of these chunks.
     pub(crate) fn includes(&self, name: &str) -> bool {
         name.strip_prefix(PREFIX).is_some_and(|hash| self.pieces.contains_key(hash))
     }
 
-    /// The pieces that a store lacks.
+    /// Returns the chunks that a store lacks.
     pub(crate) fn missing(&self, store: &dyn ChunkStore) -> Result<Vec<(&str, &Piece)>, Error> {
         let all: Vec<(&str, &Piece)> = self.pieces.iter().map(|(hash, piece)| (&**hash, piece)).collect();
         let lacking = Mutex::new(Vec::new());
@@ -82,21 +82,21 @@ impl Pieces {
             Ok(())
         })?;
         let mut lacking = lacking.into_inner().unwrap_or_else(PoisonError::into_inner);
-        // In the order of the files: the disk reads them once.
+        // In the order of the files, so that the disk reads them once.
         lacking.sort_by_key(|&(_, piece)| (&piece.path, piece.at));
         Ok(lacking)
     }
 
-    /// Puts all that a store lacks into it.
+    /// Sends the chunks that a store lacks.
     #[cfg(test)]
     pub(crate) fn send_to(&self, store: &dyn ChunkStore) -> Result<(), Error> {
         let keep = |name: &str, bytes: &[u8]| store.put(name, bytes).map_err(Error::Blob);
         Self::put(&self.missing(store)?, &keep, &SentCount::default())
     }
 
-    /// Puts pieces into a store. Their names are noted in `sent` as they are there.
+    /// Sends chunks to a store, and records their names in `sent`.
     ///
-    /// - `keep`: puts one.
+    /// - `keep`: stores a chunk.
     pub(crate) fn put(pieces: &[(&str, &Piece)], keep: Keep<'_>, sent: &SentCount) -> Result<(), Error> {
         several(pieces.len(), &|i| {
             let (hash, piece) = pieces[i];
@@ -108,10 +108,10 @@ impl Pieces {
     }
 }
 
-/// Puts a piece into a store.
+/// A function that stores a chunk.
 pub(crate) type Keep<'a> = &'a (dyn Fn(&str, &[u8]) -> Result<(), Error> + Sync);
 
-/// What has been sent so far.
+/// The chunks sent so far.
 #[derive(Debug, Default)]
 pub(crate) struct SentCount {
     pub(crate) names: Mutex<Vec<String>>,

@@ -1,4 +1,4 @@
-//! Ports of this machine on which a farm listens: bound before anything is started, so that one that is taken leaves nothing behind.
+//! The listening ports of a farm, bound before anything is started, so that a port in use leaves nothing behind.
 
 use std::{
     io::ErrorKind,
@@ -16,9 +16,9 @@ pub enum Port {
     Platform,
     /// The FIPA platform of `bottega platform serve`.
     OwnPlatform,
-    /// The page and the HTTP API.
+    /// The web page and the HTTP API.
     Page,
-    /// The page of one picture.
+    /// The dashboard, a web page for one picture.
     Dashboard,
 }
 
@@ -32,7 +32,7 @@ impl Port {
         }
     }
 
-    /// The option that says where it is.
+    /// Returns the command-line option that sets the address.
     fn option(self) -> &'static str {
         match self {
             Self::Server | Self::OwnPlatform => "--listen",
@@ -46,7 +46,7 @@ impl Port {
 /// Listens on an address.
 ///
 /// # Errors
-/// It cannot be had: the error names the purpose of the port, the reason and the option that chooses another.
+/// The address cannot be bound: the error names the purpose of the port, the reason and the option that chooses another.
 pub fn bind(port: Port, address: SocketAddr) -> Result<TcpListener, Error> {
     TcpListener::bind(address).map_err(|error| {
         let option = port.option();
@@ -68,12 +68,12 @@ pub fn bind(port: Port, address: SocketAddr) -> Result<TcpListener, Error> {
     })
 }
 
-/// Listens on an address that nobody asked for, or on the next port that is free.
+/// Listens on a default address, or on the next free port above it.
 ///
-/// - `tries`: how many ports above it are tried before any that is free.
+/// - `tries`: the number of ports above it to try, before any free port.
 ///
 /// # Errors
-/// As of [`bind`], of the address itself.
+/// The error of [`bind`] for the address itself.
 pub fn bind_near(port: Port, address: SocketAddr, tries: u16) -> Result<TcpListener, Error> {
     bind(port, address).or_else(|error| {
         let others = (address.port()..).skip(1).take(tries.into()).chain([0]);

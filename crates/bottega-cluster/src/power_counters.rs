@@ -1,37 +1,37 @@
-//! The energy counters of a machine's processors (RAPL), as Linux shows them in `/sys/class/powercap`.
+//! The energy counters of a machine's processors (RAPL), from Linux's `/sys/class/powercap`.
 
 use std::{
     env, fs,
     path::{Path, PathBuf},
 };
 
-/// The variable of the environment that names the folder.
+/// The environment variable that overrides the folder.
 const FOLDER_VARIABLE: &str = "BOTTEGA_POWERCAP";
 const FOLDER: &str = "/sys/class/powercap";
 
-/// A counter of one processor package.
+/// The energy counter of a processor package.
 #[derive(Debug)]
 struct PackageCounter {
     file: PathBuf,
-    /// Microjoules at which it begins at 0 again.
+    /// The value in µJ at which it wraps to 0.
     range: u64,
     last: u64,
 }
 
-/// The counters of all packages.
+/// The energy counters of all packages.
 #[derive(Debug, Default)]
 pub(crate) struct PowerCounters {
     packages: Vec<PackageCounter>,
 }
 
 impl PowerCounters {
-    /// Those of this machine that may be read: often only the administrator may.
+    /// Returns the readable counters of this machine; often only root may read them.
     pub(crate) fn of_machine() -> Self {
         let named = env::var_os(FOLDER_VARIABLE).filter(|folder| !folder.is_empty()).map(PathBuf::from);
         Self::in_folder(&named.unwrap_or_else(|| PathBuf::from(FOLDER)))
     }
 
-    /// The counters of whole packages in a folder: those of parts of one, and of the whole system, count the same energy again.
+    /// Returns the counters of whole packages in a folder; those of parts, or of the whole system, count the same energy twice.
     fn in_folder(folder: &Path) -> Self {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
         let mut packages: Vec<PackageCounter> = entries.filter_map(|path| PackageCounter::open(&path)).collect();
@@ -39,14 +39,14 @@ impl PowerCounters {
         Self { packages }
     }
 
-    /// Whether there are none.
+    /// True if there are no counters.
     pub(crate) fn is_empty(&self) -> bool {
         self.packages.is_empty()
     }
 
-    /// Microjoules since the last call. `None`: one cannot be read any more, and what is known is not all.
+    /// Returns the energy used since the last call, in µJ. `None`: a counter cannot be read any more, so the sum is incomplete.
     ///
-    /// A counter that has begun again has done so once: it is to be called at least every few minutes.
+    /// Call it at least every few minutes: a counter may wrap only once between calls.
     pub(crate) fn advance(&mut self) -> Option<u64> {
         let mut sum = Some(0);
         for package in &mut self.packages {

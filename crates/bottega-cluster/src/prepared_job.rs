@@ -1,4 +1,4 @@
-//! A job made ready on this machine: its scene fetched and loaded, its engine at hand.
+//! A job prepared on this machine: its scene fetched and loaded, its engine ready.
 
 use std::{fs, path::Path};
 
@@ -16,28 +16,28 @@ use crate::{
     build::build, cache::Cache, error::Error, job::Job, job_board::JobBoard, member::Member, sent_files::SentFiles,
 };
 
-/// A job made ready.
+/// A prepared job.
 pub(crate) struct PreparedJob {
-    /// The number of the job, whichever painting of it is under way.
+    /// The number of the job, the same for all its paintings.
     pub(crate) origin: u64,
     session: Session,
 }
 
-/// The processors and devices of this machine that paint.
+/// The threads and devices that this machine renders with.
 #[derive(Clone, Debug, Default)]
 pub struct WorkerDevices {
-    /// Processors to use; `None`: all.
+    /// Number of CPU threads to use; `None`: all.
     pub threads: Option<u16>,
-    /// Which devices.
+    /// The choice of devices.
     pub devices: DeviceChoice,
-    /// Memory that scenes may take on each GPU, in MiB; `None`: nearly all.
+    /// Memory that scenes may use on each GPU, in MiB; `None`: nearly all.
     pub memory_mb: Option<u32>,
-    /// What its agents know of rendering; empty: what the job says.
+    /// The fuzzy rules of its agents; empty: those of the job.
     pub rules: Vec<RulesText>,
 }
 
 impl WorkerDevices {
-    /// Has a request be painted by this.
+    /// Sets the devices and rules of a request to these.
     fn apply(&self, request: &mut Request) {
         request.devices.threads = self.threads;
         request.devices.memory_mb = self.memory_mb;
@@ -49,7 +49,7 @@ impl WorkerDevices {
 }
 
 impl PreparedJob {
-    /// Fetches what this machine lacks of a job's scene, and loads it.
+    /// Fetches the missing files of a job's scene, and loads it.
     pub(crate) fn open(member: &Member, job: &Job, cache: &Cache, own: &WorkerDevices) -> Result<Self, Error> {
         if job.version != build().identity() {
             return Err(other_build(job));
@@ -64,18 +64,19 @@ impl PreparedJob {
         Ok(Self { origin: job.origin, session: Session::for_others(&request, part)? })
     }
 
-    /// What painting takes.
+    /// Returns what rendering needs.
     pub(crate) fn tools(&self) -> PaintingTools {
         self.session.tools()
     }
 
+    /// Returns the samples rendered by this session so far, over all pixels.
     pub(crate) fn samples_done(&self) -> u64 {
         self.session.samples_done()
     }
 
-    /// Denoises a picture that is painted, if that was asked for and can be done here. What the picture says of itself.
+    /// Denoises a finished picture, if requested and possible on this machine. Returns the metadata of the picture.
     ///
-    /// The log of the job says what is wrong with it.
+    /// Problems are written to the job's log.
     pub(crate) fn finish(&self, board: &JobBoard, (number, job): (u32, &Job), report: &mut JobReport) -> Metadata {
         let (metadata, denoised) = self.session.finish_for_others(report);
         if let Err(error) = denoised {
@@ -87,7 +88,7 @@ impl PreparedJob {
         metadata
     }
 
-    /// Has the farm keep the picture, as the file that was asked for.
+    /// Stores the picture at the farm, in the format of its output file.
     pub(crate) fn keep_picture(
         &self,
         board: &JobBoard,
@@ -103,7 +104,7 @@ impl PreparedJob {
             board.keep_picture(job, &bytes)
         };
         let written = written();
-        // It was only on its way.
+        // The file was only temporary.
         if let Err(error) = fs::remove_file(&path) {
             tracing::debug!(%error, "the picture's file was not removed");
         }
@@ -111,7 +112,7 @@ impl PreparedJob {
     }
 }
 
-/// What is wrong with a job of another build.
+/// Returns the error for a job of another build.
 fn other_build(job: &Job) -> Error {
     let (there, here) = (with_commit(&job.version, &job.commit), build().description());
     Error::failed(

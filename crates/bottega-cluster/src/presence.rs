@@ -1,24 +1,24 @@
-//! A machine of a farm as its seat shows it.
+//! The presence of a machine at a farm, as it announces itself.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{activity::Activity, build::build, usage::JobUsage};
 
-/// The state of a machine, ordered or actual.
+/// The state of a machine, commanded or actual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PresenceState {
-    /// It paints what is asked for.
+    /// The machine works on jobs.
     #[default]
     Active,
-    /// It keeps its seat, and its processors are free for others.
+    /// The machine stays in the farm, but its processors are free for other programs.
     Suspended,
-    /// It leaves the farm.
+    /// The machine leaves the farm.
     Terminated,
 }
 
 impl PresenceState {
-    /// As people read it.
+    /// Returns the name of the state for display.
     pub fn word(self) -> &'static str {
         match self {
             Self::Active => "active",
@@ -28,57 +28,57 @@ impl PresenceState {
     }
 }
 
-/// A job that a machine does not paint.
+/// A job that a machine refuses to render.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Refusal {
     /// The number of the job.
     pub job: u32,
-    /// The number of its painting, which no other one has had: painted again, it may be another matter.
+    /// The unique number of the painting that it refuses; it may accept a later one.
     pub work: u64,
-    /// Why.
+    /// The reason, as text for the submitter.
     pub reason: String,
 }
 
-/// A machine that is there.
+/// The presence of a machine: its properties and current work.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Presence {
-    /// The process.
+    /// The name of the process.
     pub name: String,
-    /// Its processors.
+    /// The number of its threads.
     pub threads: usize,
-    /// What paints beside them: names of GPUs, addresses of boards.
+    /// Its other devices: names of GPUs, addresses of boards.
     #[serde(default)]
     pub devices: Vec<String>,
     /// The identity of its build.
     pub version: String,
-    /// The job that it paints.
+    /// The job that it works on; none: it waits for one.
     pub job: Option<u32>,
-    /// What it does, as it was told.
+    /// Its actual state, which follows the command to it.
     pub standing: PresenceState,
-    /// Whether it is at work for its job.
+    /// Its activity at its job.
     #[serde(default)]
     pub activity: Activity,
-    /// A number that is another one when it has begun or finished something.
+    /// A counter that changes when it starts or finishes something.
     #[serde(default)]
     pub moves: u64,
-    /// Whether it does what it is told; not the process that asked for a job and paints with the others until it is done.
+    /// True if it obeys commands; false for a process that submitted a job and only works on that.
     pub takes_orders: bool,
-    /// Whether it may paint and no more.
+    /// True if it may only render.
     #[serde(default)]
     pub is_guest: bool,
-    /// What it says that it is, by which jobs ask for it.
+    /// Its tags, which jobs can require.
     #[serde(default)]
     pub tags: Vec<String>,
-    /// The last jobs that it does not paint, and why.
+    /// Its last refusals of jobs.
     #[serde(default)]
     pub refusals: Vec<Refusal>,
-    /// What it has used for the last jobs.
+    /// The resources that it has used for its last jobs.
     #[serde(default)]
     pub usages: Vec<JobUsage>,
 }
 
 impl Presence {
-    /// The seat of a machine of this build that paints, or waits for work.
+    /// Returns the presence of a machine of this build that works on a job or waits for one.
     pub fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
         Self {
             name: name.to_owned(),

@@ -1,5 +1,5 @@
-//! Jobs that a machine does not paint, and why. It says so on its seat, where those who asked for them read it: a guest may write
-//! nowhere else.
+//! Jobs that a machine refuses to render, and why. They are part of its presence, where the submitters read them: a guest
+//! may write nothing else.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -9,26 +9,27 @@ use std::{
 use crate::presence::Presence;
 pub use crate::presence::Refusal;
 
-/// Refusals that stand on a seat at most; older ones go.
+/// The most refusals in a presence; older ones are dropped.
 const REFUSALS_MAX: usize = 16;
-/// Characters of a reason that others are told at most.
+/// The most characters shown of a reason.
 const REASON_CHARS_MAX: usize = 400;
 
-/// The jobs that this machine refuses to paint; shared by those who speak for it.
+/// The jobs that this machine refuses to render; clones share the list.
 #[derive(Clone, Debug, Default)]
 pub struct Refusals(Arc<Mutex<BTreeMap<u64, Refusal>>>);
 
 impl Refusals {
+    /// Adds a refusal.
     pub(crate) fn add(&self, refusal: Refusal) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(refusal.work, refusal);
     }
 
-    /// Whether a work is among them.
+    /// True if a painting has been refused.
     pub(crate) fn has(&self, work: u64) -> bool {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).contains_key(&work)
     }
 
-    /// What stands on the seat: the refusals of the last jobs.
+    /// Returns the refusals for the presence: those of the last jobs.
     pub(crate) fn last(&self) -> Vec<Refusal> {
         let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut last: Vec<Refusal> = all.values().cloned().collect();
@@ -37,12 +38,12 @@ impl Refusals {
     }
 }
 
-/// Tells each refusal of a machine once.
+/// Reports each refusal of a machine once.
 #[derive(Debug, Default)]
 pub struct RefusalWatch(BTreeSet<(String, u64)>);
 
 impl RefusalWatch {
-    /// What machines have refused since the last call: of the works that are asked for.
+    /// Returns the new refusals since the last call, of the paintings that `is_asked_for` selects.
     pub fn news<'a>(
         &mut self,
         seats: &'a [Presence],
@@ -60,7 +61,7 @@ impl RefusalWatch {
     }
 }
 
-/// A text of somebody who is not trusted, as one line of some length.
+/// Returns untrusted text as one line of limited length.
 fn legible(text: &str) -> String {
     text.chars().take(REASON_CHARS_MAX).map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -1,7 +1,7 @@
-//! Zones that somebody wants painted again.
+//! Zones that a user wants painted again.
 //!
-//! - `requeue/N/ZONE`: says so of a zone of job N, with the token of the samples that are to go. Whoever leads the job has its Master
-//!   do it, until its row says that it is done.
+//! - `requeue/N/ZONE`: the request to paint a zone of job N again, with the token of the samples to discard. The leader of
+//!   the job passes it to its Master until the zone's row shows that it is done.
 
 use std::collections::BTreeMap;
 
@@ -16,19 +16,19 @@ use crate::{
     job_board::{JobBoard, no_such},
 };
 
-/// What a notice says of a zone that is to be painted again.
+/// The notice that requests a zone again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct WantedZone {
-    /// The token of the samples that are to go; none: it was given up.
+    /// The token of the samples to discard; none: the zone has failed.
     fence: Option<u64>,
 }
 
-/// The zones of a job that are done or given up, as its leader sees them.
+/// The zones of a job that are done or have failed, as its leader sees them.
 #[derive(Debug, Default)]
 pub(crate) struct SettledZones(BTreeMap<ZoneId, Option<Revision>>);
 
 impl SettledZones {
-    /// Takes in the row of a zone.
+    /// Records the row of a zone.
     pub(crate) fn see(&mut self, row: &ZoneRow) {
         match row.state {
             ZoneState::Done => _ = self.0.insert(row.zone, row.result.map(|result| result.fence)),
@@ -37,20 +37,20 @@ impl SettledZones {
         }
     }
 
-    /// Whether a zone is still as it was when somebody wanted it painted again.
+    /// True if a zone is still as it was when it was requested again.
     fn is_as(&self, zone: ZoneId, wanted: WantedZone) -> bool {
         self.0.get(&zone).is_some_and(|fence| fence.map(|fence| fence.0) == wanted.fence)
     }
 }
 
 impl JobBoard {
-    /// Has a zone painted again that is done or could not be painted. Of a job that is over the farm has no zones any more: all of
-    /// them are painted again, from nothing, and until that is done the farm keeps the picture that there is.
+    /// Requests that a finished or failed zone is painted again. If the job is over, its zones are no longer stored: the
+    /// whole picture is rendered again, and the stored picture stays until that is done.
     ///
-    /// - `by`: who wants it, for people.
+    /// - `by`: the name of the user, for the log.
     ///
     /// # Errors
-    /// There is no such zone, it is under way, or the farm does not have the picture.
+    /// There is no such zone, it is in progress, or the farm does not store the picture.
     pub fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Error> {
         let job = self.get(number).ok_or_else(|| no_such(number))?;
         if !job.state.is_over() {
@@ -67,7 +67,7 @@ impl JobBoard {
             return Ok(());
         }
         let is_there = |event: &Event| matches!(event, Event::Zone(row) if row.id == zone);
-        // Of a painting that was called off nothing is kept, and its zones are those of the one before.
+        // A cancelled painting has stored no rows: these are those of the one before.
         let rows = self.rows(&job)?;
         if !rows.is_empty() && !rows.iter().any(is_there) {
             return Err(no_zone(number, zone));
@@ -77,7 +77,7 @@ impl JobBoard {
             return Err(Error::failed(problem, "ask for the picture anew"));
         }
         self.change(number, |now| {
-            // Somebody else may have asked at the same moment.
+            // Another user may have requested it at the same moment.
             let is_as_before = now.turn() == job.turn() && now.state.is_over();
             if is_as_before {
                 now.say(format!(
@@ -91,7 +91,7 @@ impl JobBoard {
         Ok(())
     }
 
-    /// Has the Master of a job do what is wanted of its zones. What is done, or wants other samples gone, is wanted no more.
+    /// Passes the requested zones to the Master of a job. Requests that are done or outdated are deleted.
     pub(crate) fn hand_on_requeues(&self, number: u32, zones: &SettledZones, master: &MasterHandle) {
         for notice in self.uplink.notices().all(&prefix(number)) {
             let zone = notice.name.rsplit('/').next().and_then(|zone| zone.parse().ok()).map(ZoneId);
@@ -105,7 +105,7 @@ impl JobBoard {
         }
     }
 
-    /// Nobody wants any zone of a job painted again.
+    /// Deletes all requests for zones of a job.
     pub(crate) fn forget_requeues(&self, number: u32) {
         self.uplink.notices().all(&prefix(number)).iter().for_each(|notice| self.forget_notice(&notice.name));
     }

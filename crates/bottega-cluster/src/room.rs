@@ -1,4 +1,4 @@
-//! Storage on the server of a farm: how much it may keep, how much it keeps, and when that is too much.
+//! Storage of a farm's server: its limit, its use, and warnings when it runs out.
 
 use std::{fs, path::Path};
 
@@ -9,65 +9,66 @@ use serde::{Deserialize, Serialize};
 use crate::error::Error;
 use crate::job_board::JobBoard;
 
-/// The notice by which `bottega up` says what its server may keep.
+/// The notice in which `bottega up` publishes its server's limit.
 const NOTICE: &str = "room";
-/// This share of a disk stays free, within these bounds: a server that meets the end of a disk stores nothing any more.
+/// The reserve that stays free is the disk's size divided by this, within these bounds: a server that fills its disk stops
+/// storing.
 const RESERVE_SHARE: u64 = 20;
 const RESERVE_BYTES: (u64, u64) = (256 << 20, 10 << 30);
-/// Of a small disk the reserve is no more than this share.
+/// On a small disk, the reserve is at most the disk's size divided by this.
 const RESERVE_SHARE_MAX: u64 = 4;
-/// A disk with less than this, or this share of a small one, is at its end: the next write may fail.
+/// Free bytes (or, on a small disk, its size divided by this) below which a disk counts as full: the next write may fail.
 const END_OF_DISK: u64 = 8 << 20;
 const END_SHARE: u64 = 16;
-/// The first server that counts rightly what it keeps.
+/// The first NATS server version with correct storage accounting.
 const COUNTS_RIGHTLY: (u64, u64) = (2, 10);
-/// So large a share of what it may keep must be counted wrongly.
+/// The limit divided by this must be miscounted before a restart.
 const WRONG_SHARE: u64 = 4;
-/// A store counts as full from here on, and as having room again from there on.
+/// Used shares of the limit from which a store counts as full, and below which it has room again.
 const FULL_FROM: f64 = 0.97;
 const ROOM_FROM: f64 = 0.9;
 
-/// The limit of a server's storage, as everybody in the farm may read it.
+/// The storage limit of a farm's server, readable by all members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Limit {
-    /// In bytes.
+    /// The limit in bytes.
     pub bytes: u64,
 }
 
-/// The storage of a server: used and allowed.
+/// The storage of a server: its use and its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
-    /// Bytes that it keeps.
+    /// Bytes that are used.
     pub used: u64,
-    /// Bytes that it may keep.
+    /// Bytes that may be used.
     pub limit: u64,
 }
 
 impl Room {
-    /// Bytes that it may still take.
+    /// Returns the free bytes.
     pub fn free(&self) -> u64 {
         self.limit.saturating_sub(self.used)
     }
 
-    /// Whether there is so little left that something should go.
+    /// True if so little is free that data should be deleted.
     pub fn is_scarce(&self) -> bool {
         self.used as f64 >= ROOM_FROM * self.limit as f64
     }
 }
 
 impl JobBoard {
-    /// What the farm's server really keeps, but for rows and notices.
+    /// Returns the bytes that the farm's server really stores, without rows and notices.
     fn kept_bytes(&self) -> u64 {
         let blobs: u64 = self.uplink.blobs().list().iter().map(|blob| blob.bytes).sum();
         blobs + self.uplink.tiles().bytes_by_folder().values().sum::<u64>()
     }
 
-    /// Whether the server counts much as kept that it has let go of: those before 2.10 do, until they are started again.
+    /// True if the server counts many deleted bytes as used: versions before 2.10 do until they are restarted.
     pub(crate) fn counts_wrongly(&self, counted: u64, limit: u64) -> bool {
         is_older(&self.uplink.server_version(), COUNTS_RIGHTLY) && miscounts(counted, self.kept_bytes(), limit)
     }
 
-    /// What the farm's server keeps and may keep, as far as both are known: not of servers that others run.
+    /// Returns the storage of the farm's server. `None`: unknown, as for servers of other operators.
     pub fn room(&self) -> Option<Room> {
         let Limit { bytes: limit } = self.read_notice(NOTICE)?;
         if self.uplink.is_guest() {
@@ -79,90 +80,92 @@ impl JobBoard {
         }
     }
 
+    /// Publishes the limit of the server, in bytes.
     pub(crate) fn tell_limit(&self, bytes: u64) -> Result<(), Error> {
         self.put_notice(NOTICE, &Limit { bytes })
     }
 }
 
-/// Whether a version is older than another one; one that cannot be read is not.
+/// True if a version is older than another; an unreadable version is not.
 fn is_older(version: &str, than: (u64, u64)) -> bool {
     let mut numbers = version.split('.').map_while(|part| part.parse().ok());
     numbers.next().zip(numbers.next()).is_some_and(|version: (u64, u64)| version < than)
 }
 
-/// Whether so much is counted wrongly that it is worth starting the server again.
+/// True if so much is miscounted that a restart is worthwhile.
 fn miscounts(counted: u64, kept: u64, limit: u64) -> bool {
     counted.saturating_sub(kept) > limit / WRONG_SHARE
 }
 
-/// Bytes of all files below a folder.
+/// Returns the total size of all files below a folder, in bytes.
 pub(crate) fn bytes_below(folder: &Path) -> u64 {
     let Ok(entries) = fs::read_dir(folder) else { return 0 };
     let bytes_of = |entry: fs::DirEntry| match entry.metadata() {
         Ok(metadata) if metadata.is_dir() => bytes_below(&entry.path()),
         Ok(metadata) => metadata.len(),
-        // It has just gone.
+        // The file was just deleted.
         Err(_) => 0,
     };
     entries.flatten().map(bytes_of).sum()
 }
 
-/// How much of a disk stays free.
+/// Returns how many bytes of a disk must stay free.
 fn reserve(disk_bytes: u64) -> u64 {
     let (least, most) = RESERVE_BYTES;
     (disk_bytes / RESERVE_SHARE).clamp(least, most).min(disk_bytes / RESERVE_SHARE_MAX)
 }
 
-/// What a server may keep where nobody says: what it keeps already, and what is free on its disk but for a reserve.
+/// Returns the default limit of a server: what it stores already, and the free space of its disk without the reserve.
 pub(crate) fn fitting_limit(used: u64, disk: DiskSpace) -> u64 {
     used + disk.free.saturating_sub(reserve(disk.total))
 }
 
-/// What the user of `bottega up` is to be told.
+/// A warning for the user of `bottega up`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum RoomNews {
     /// The store is full.
     Full(Room),
-    /// It has room again.
+    /// The store has room again.
     RoomAgain(Room),
-    /// The disk has so little left that it may soon be full.
+    /// The disk is nearly full.
     DiskNearlyFull { free: u64 },
     /// The disk is full.
     DiskFull { free: u64 },
 }
 
-/// What is to be done with a server.
+/// The action that a server needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Cure {
     Nothing,
-    /// It is of no use to start it again before its disk has room.
+    /// Wait: a restart is useless before its disk has space.
     Wait,
-    /// It may have stopped storing, and there is room.
+    /// Restart: it may have stopped storing, and its disk has space.
     StartAgain,
 }
 
-/// Looks after the room of a server.
+/// Watches the storage of a server.
 ///
-/// One that meets the end of its disk does not store for ever after, whatever it says: 2.9 does not answer, 2.15 answers, and no
-/// stream takes anything that could not be written once.
+/// A server whose disk was full stops storing for good, whatever it reports: 2.9 does not answer; 2.15 answers, but a
+/// stream that failed to write once accepts no more.
 #[derive(Debug, Default)]
 pub(crate) struct RoomWatch {
     is_full: bool,
     is_disk_low: bool,
-    /// It may have met the end of the disk.
+    /// True if the disk may have been full.
     has_met_end: bool,
-    /// How often in turn it has said that it stores nothing.
+    /// Number of reports in a row that it stores nothing.
     nothing: u32,
 }
 
-/// So often in turn it must be said: a server that begins, or reads its configuration anew, stores nothing for a moment.
+/// The number of such reports in a row that count: a server that starts or reloads its configuration stores nothing for a
+/// moment.
 const NOTHING_FROM: u32 = 3;
 
 impl RoomWatch {
-    /// What there is to tell and to do.
+    /// Returns the warning for the user, if any, and the action that the server needs.
     ///
-    /// - `disk`: of its folder; `None`: not known.
-    /// - `log_says_so`: the server has written into its log that the disk is full.
+    /// - `disk`: the space on the disk of its folder; `None`: unknown.
+    /// - `log_says_so`: `true` if the server has logged a full disk.
     pub(crate) fn look(
         &mut self,
         state: &ServerState,
@@ -196,7 +199,7 @@ impl RoomWatch {
         }
     }
 
-    /// Whether the store is full.
+    /// True if the store is full.
     pub(crate) fn is_full(&self) -> bool {
         self.is_full
     }
@@ -218,28 +221,29 @@ impl RoomWatch {
     }
 }
 
-/// Notices a server that does not answer though its process is there.
+/// Detects a server that hangs: its process exists, but does not answer.
 #[derive(Debug)]
 pub(crate) struct Pulse {
-    /// It has answered since it was started: one that begins may have much to read.
+    /// True once it has answered since its start: a starting server may have much to read.
     has_answered: bool,
     silent: u32,
 }
 
-/// After so many questions without an answer, each of which had two seconds, a server hangs.
+/// The number of unanswered queries in a row, of two seconds each, after which a server counts as hanging.
 const SILENT_MAX: u32 = 5;
 
 impl Pulse {
+    /// Returns the state of a server that has just started.
     pub(crate) fn begin() -> Self {
         Self { has_answered: false, silent: 0 }
     }
 
-    /// What it has not answered is not held against it.
+    /// Forgets the unanswered queries so far.
     pub(crate) fn forgive(&mut self) {
         self.silent = 0;
     }
 
-    /// Takes what was answered. Returns whether the server hangs.
+    /// Records the answer to a query. Returns `true` if the server hangs.
     pub(crate) fn take(&mut self, state: &ServerState) -> bool {
         if *state != ServerState::Silent {
             (self.has_answered, self.silent) = (true, 0);
@@ -250,7 +254,7 @@ impl Pulse {
     }
 }
 
-/// A number of bytes as people say it.
+/// Formats a number of bytes for display.
 pub fn bytes_said(bytes: u64) -> String {
     let bytes = bytes as f64;
     match bytes {
@@ -261,7 +265,7 @@ pub fn bytes_said(bytes: u64) -> String {
     }
 }
 
-/// What can be done where there is no room.
+/// The advice to a user when the store is full.
 pub const MAKE_ROOM: &str = "`bottega jobs list` shows how much each job holds: remove those that are over with \
      `bottega jobs remove`, or call some off; or start `bottega up` with a larger --store-size";
 

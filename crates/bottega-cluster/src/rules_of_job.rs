@@ -1,6 +1,7 @@
-//! The rules by which agents decide what zones of a job are painted with, and what they say of a zone.
+//! The fuzzy rules by which agents choose the parameters of a job's zones, and their verdict on a zone.
 //!
-//! While a job is painted, what its rules are laid out over is in the farm's store; when it is done its leader keeps it as a blob.
+//! While a job is rendered, the value ranges of its rules' inputs are in the farm's store; when it is done, its leader
+//! stores them as a blob.
 
 use std::{
     sync::Arc,
@@ -21,33 +22,33 @@ use serde::Serialize;
 
 use crate::{error::Error, job::Job, job_board::JobBoard};
 
-/// A server that tells nothing for so long is not waited for.
+/// The time after which a server that sends nothing counts as unavailable.
 const SILENT: Duration = Duration::from_secs(10);
-/// The most that is read of what is kept.
+/// The largest stored inputs that are read, in bytes.
 const INPUTS_BYTES_MAX: usize = 1 << 16;
 
 /// The rules of a job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct JobRules {
-    /// Over what they are laid out in the picture. `null`: it is not known yet.
+    /// The value ranges of the rules' inputs in this picture. `null`: not known yet.
     pub inputs: Option<RuleInputs>,
-    /// The sets, which agents have in turn. Machines may have others of their own (`join --rules`).
+    /// The rule sets, which the agents use in turn. Machines may have others of their own (`join --rules`).
     pub sets: Vec<RuleSetView>,
 }
 
-/// What the rules say of a zone.
+/// The verdict of the rules on a zone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct ZoneRules {
-    /// IdZone.
+    /// The identifier of the zone (IdZone).
     pub zone: u32,
-    /// Which rules decided what it is painted with, as its agent said then.
+    /// The rules that decided the parameters of its painting, as its agent reported them.
     pub reasons: Option<String>,
-    /// What each set says of the zone as its row is now. Empty: optimization is off.
+    /// The verdict of each set on the zone's current row. Empty: optimization is off.
     pub verdicts: Vec<RuleVerdict>,
 }
 
 impl JobBoard {
-    /// The rules of a job.
+    /// Returns the rules of a job.
     ///
     /// # Errors
     /// The farm does not answer, or the rules cannot be read.
@@ -58,7 +59,7 @@ impl JobBoard {
         Ok(JobRules { inputs, sets })
     }
 
-    /// What the rules of a job say of a zone. `None`: there is no such zone.
+    /// Returns the verdict of a job's rules on a zone. `None`: there is no such zone.
     ///
     /// # Errors
     /// The farm does not answer, or the rules cannot be read.
@@ -81,7 +82,7 @@ impl JobBoard {
         Ok(Some(ZoneRules { zone, reasons, verdicts }))
     }
 
-    /// The texts of the rules: of a job that names none, those that come with the program.
+    /// Returns the texts of the rules; the built-in ones if the job names none.
     fn rule_texts(&self, job: &Job) -> Result<Vec<RulesText>, Error> {
         let mut texts = agent_rules(&self.spec(job)?.request)?;
         if texts.is_empty() {
@@ -90,7 +91,7 @@ impl JobBoard {
         Ok(texts)
     }
 
-    /// Over what the rules are laid out.
+    /// Returns the value ranges of the rules' inputs.
     fn rule_inputs(&self, job: &Job) -> Result<Option<RuleInputs>, Error> {
         if !job.state.is_over() {
             return Ok(self.work_row(job.work).map(|row| RuleInputs::new(&row.ranges, row.settings.optimization)));
@@ -99,7 +100,7 @@ impl JobBoard {
         Ok(bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()))
     }
 
-    /// The row of a work, while it is painted.
+    /// Returns the row of a work while it is rendered.
     fn work_row(&self, work: u64) -> Option<Arc<WorkRow>> {
         let (mut found, begun) = (None, Instant::now());
         self.uplink.follow_entries(&WorkKeys::new(WorkId(work)).prefix(), |news| match news {
@@ -109,14 +110,14 @@ impl JobBoard {
                 }
                 found.is_none()
             }
-            // There is none yet.
+            // The row does not exist yet.
             EntryNews::CaughtUp => false,
             EntryNews::Nothing => begun.elapsed() < SILENT,
         });
         found
     }
 
-    /// Keeps over what the rules were laid out. That it could not be kept spoils no picture.
+    /// Stores the value ranges of the rules' inputs. Failures are only logged.
     pub(crate) fn keep_rule_inputs(&self, work: u64) {
         let Some(row) = self.work_row(work) else { return };
         let inputs = RuleInputs::new(&row.ranges, row.settings.optimization);

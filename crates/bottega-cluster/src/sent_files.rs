@@ -1,4 +1,4 @@
-//! The files of a scene, by their contents: sent once, kept by each machine that got them.
+//! The files of a scene, by content hash: sent once, and cached by each machine that fetches them.
 
 use std::{
     fs,
@@ -16,13 +16,13 @@ use crate::{
     pieces::Pieces,
 };
 
-/// Files of a scene at most.
+/// The most files of a scene.
 const FILES_MAX: usize = 1 << 16;
 
-/// A file of a scene: its name in the scene's folder, and what is in it.
+/// A file of a scene: its name and its contents.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct SentFile {
-    /// Relative to the folder of the scene; may lead out of it by `..`.
+    /// The path relative to the scene's folder; may leave it by `..`.
     name: String,
     contents: Contents,
 }
@@ -30,14 +30,14 @@ pub(crate) struct SentFile {
 /// All files of a scene.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SentFiles {
-    /// The scene file first.
+    /// The files, the scene file first.
     files: Vec<SentFile>,
-    /// The picture that lights it, if it is no file of the scene.
+    /// The environment map, if it is not a file of the scene.
     environment: Option<SentFile>,
 }
 
 impl SentFiles {
-    /// Reads the files, and says what is to be sent of them.
+    /// Reads the files. Returns them with the chunks to send.
     pub(crate) fn read(scene: &Path, files: &[SceneFile], environment: Option<&Path>) -> Result<(Self, Pieces), Error> {
         let mut pieces = Pieces::default();
         let mut add = |name: String, path: &Path| Ok::<_, Error>(SentFile { name, contents: pieces.add(path)? });
@@ -60,29 +60,31 @@ impl SentFiles {
         Ok((Self { files: read, environment }, pieces))
     }
 
-    /// Files whose pieces are at the farm already.
+    /// Returns files whose chunks the farm has already.
     ///
-    /// - `files`: by their names relative to the folder of the scene; the scene first.
-    /// - `environment`: the picture that lights it, if it is no file of the scene.
+    /// - `files`: the files with their names relative to the scene's folder, the scene file first.
+    /// - `environment`: the environment map, if it is not a file of the scene.
     pub(crate) fn at_farm(files: Vec<(String, Contents)>, environment: Option<(String, Contents)>) -> Self {
         let sent = |(name, contents)| SentFile { name, contents };
         Self { files: files.into_iter().map(sent).collect(), environment: environment.map(sent) }
     }
 
-    /// Brings the files to this machine, below `cache`. Returns the scene file and the picture that lights it.
+    /// Fetches the files into `cache`. Returns the paths of the scene file and of the environment map.
     pub fn fetch(&self, cache: &Cache, store: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), Error> {
         if self.files.is_empty() || self.files.len() > FILES_MAX {
             return Err(Error::failed("the work names no scene, or too many files", "who leads it is of another mind"));
         }
+        // Identify the scene by the names and hashes of its files
         let all = || self.files.iter().chain(&self.environment);
         let mut hasher = blake3::Hasher::new();
         all().for_each(|file| _ = hasher.update(format!("{}\n{}\n", file.name, file.contents.hash).as_bytes()));
-        // As deep as references lead out of the scene's folder, so that none leads out of this one.
+        // Nest the scene as deep as its references leave its folder, so that none leaves the cache entry.
         let depth = all().map(|file| leading_out(&file.name)).max().unwrap_or(0);
         let root = cache.scene(hasher.finalize().to_hex().as_str());
         let folder = (0..depth).fold(root.clone(), |folder, _| folder.join(INNER));
-        // Other processes of this machine may fetch the same.
+        // Other processes of this machine may fetch the same files.
         let _alone = cache.lock()?;
+        // Fetch missing files
         for file in all() {
             let path = file.below(&root, &folder)?;
             if !chunks::holds(&path, &file.contents) {
@@ -92,6 +94,7 @@ impl SentFiles {
             }
             Cache::touch(&path);
         }
+        // Remove old files from the cache
         let in_use: Vec<PathBuf> = all().map(|file| cache.file(&file.contents.hash)).collect();
         cache.trim(&root, &in_use);
         let scene = self.files[0].below(&root, &folder)?;
@@ -100,27 +103,27 @@ impl SentFiles {
     }
 }
 
-/// A folder in a folder, for each that a reference leads out of.
+/// The name of the nested folders, one for each level by which references leave the scene's folder.
 const INNER: &str = "in";
 
 impl SentFiles {
-    /// The folder below which all files of a scene are that was fetched.
+    /// Returns the folder that contains all files of a fetched scene.
     pub(crate) fn root_of(scene: &Path) -> PathBuf {
         let mut folders = scene.ancestors().skip(1);
         folders.find(|folder| !folder.ends_with(INNER)).unwrap_or(Path::new(".")).to_owned()
     }
 
-    /// The name of the scene file.
+    /// Returns the name of the scene file.
     pub(crate) fn scene_name(&self) -> &str {
         self.files.first().map_or("", |file| &file.name)
     }
 
-    /// The name of the picture that lights the scene, if it is not a file of the scene.
+    /// Returns the name of the environment map, if it is not a file of the scene.
     pub(crate) fn environment_name(&self) -> Option<&str> {
         self.environment.as_ref().map(|file| &*file.name)
     }
 
-    /// The same files with another light: one of them, by the last part of its name, or none. `None`: there is no such file.
+    /// Returns the files with another environment map: the one of the same file name, or none. `None`: there is no such file.
     pub(crate) fn lit_by(self, light: Option<&Path>) -> Option<Self> {
         let environment = match light {
             Some(light) => {
@@ -132,12 +135,12 @@ impl SentFiles {
         Some(Self { environment, ..self })
     }
 
-    /// The names of the files, relative to the scene's folder: the scene first.
+    /// Returns the names of the files, relative to the scene's folder, the scene file first.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.files.iter().map(|file| &*file.name)
     }
 
-    /// The names of all pieces in the store.
+    /// Returns the names of all chunks in the store.
     pub(crate) fn blobs(&self) -> impl Iterator<Item = String> {
         self.files.iter().chain(&self.environment).flat_map(|file| file.contents.blobs())
     }
@@ -148,7 +151,7 @@ fn leading_out(name: &str) -> usize {
 }
 
 impl SentFile {
-    /// Where the file goes; nowhere but below `root`, whatever its name.
+    /// Returns the path of the file, which is always below `root`.
     fn below(&self, root: &Path, folder: &Path) -> Result<PathBuf, Error> {
         let mut path = folder.to_owned();
         for part in Path::new(&self.name).components() {
@@ -169,7 +172,7 @@ impl SentFile {
     }
 }
 
-/// Puts a kept file into a scene's folder, without a copy where the file system can.
+/// Places a cached file into a scene's folder, as a hard link if the file system supports it, or else as a copy.
 fn place(kept: &Path, path: &Path) -> Result<(), Error> {
     let wrong = |source| Error::write(path.to_owned(), source);
     fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).map_err(wrong)?;

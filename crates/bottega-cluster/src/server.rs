@@ -1,4 +1,4 @@
-//! A NATS server as a child of this process; or one that an earlier such process left behind.
+//! The NATS server of a farm: a child process, or one that an earlier process left running.
 
 use std::{
     env::{self, consts::EXE_SUFFIX},
@@ -18,14 +18,14 @@ use crate::{
     members::Members,
 };
 
-/// Where systems put the server, beside what PATH names.
+/// Usual locations of `nats-server`, in addition to those on PATH.
 const PLACES: [&str; 3] = ["/usr/sbin/nats-server", "/usr/local/bin/nats-server", "/opt/homebrew/bin/nats-server"];
 
-/// How its configuration says what it may keep.
+/// The setting of the storage limit in its configuration.
 const LIMIT: &str = "max_file_store: ";
 
-/// The program of the server: the one that was asked for, the one beside this program (as in an environment of Python, whose
-/// folder of programs need not be on PATH), or the system's.
+/// Returns the `nats-server` to run: the given one, the one beside this program (as in a Python environment, whose `bin`
+/// folder need not be on PATH), or the installed one.
 pub(crate) fn program(asked: Option<&Path>) -> Result<PathBuf, Error> {
     if let Some(program) = asked {
         return Ok(program.to_owned());
@@ -42,15 +42,15 @@ pub(crate) fn program(asked: Option<&Path>) -> Result<PathBuf, Error> {
     })
 }
 
-/// What a server is to be.
+/// The settings of a server.
 pub(crate) struct Setup {
     pub(crate) folder: PathBuf,
     pub(crate) listen: SocketAddr,
-    /// What it may keep; `None`: it decides that itself.
+    /// The most that it may store, in bytes; `None`: the server's default.
     pub(crate) store_bytes: Option<u64>,
 }
 
-/// How the server was configured last.
+/// The settings in an existing configuration file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Configured {
     pub(crate) listen: SocketAddr,
@@ -58,7 +58,7 @@ pub(crate) struct Configured {
 }
 
 impl Setup {
-    /// Writes the configuration of the server. Returns its file.
+    /// Writes the configuration of the server. Returns its path.
     pub(crate) fn write(&self, members: &Members) -> Result<PathBuf, Error> {
         private_folder(&self.folder)?;
         let (certificate, key) = members.certificate();
@@ -67,7 +67,7 @@ impl Setup {
         write_secret(&certificate_file, certificate.as_bytes())?;
         write_secret(&key_file, key.as_bytes())?;
         let quoted = |path: &Path| format!("{:?}", path.display().to_string());
-        // A server refuses to read its configuration again where this has changed: it stays what it was when it began.
+        // A server refuses to reload if its storage limit has changed, so the limit stays as it was at the start.
         let limit = self.store_bytes.map(|bytes| format!(", {LIMIT}{bytes}")).unwrap_or_default();
         let text = format!(
             "listen: \"{}\"\ntls {{ cert_file: {}, key_file: {} }}\njetstream {{ store_dir: {}{limit} }}\nlog_file: {}\n\
@@ -85,7 +85,7 @@ impl Setup {
         Ok(config)
     }
 
-    /// How the server was configured last in this folder.
+    /// Reads the settings in this folder's configuration file.
     pub(crate) fn configured(&self) -> Option<Configured> {
         let text = fs::read_to_string(self.config()).ok()?;
         let listen = text.lines().find_map(|line| line.strip_prefix("listen: ")?.trim_matches('"').parse().ok())?;
@@ -93,7 +93,7 @@ impl Setup {
         Some(Configured { listen, store_bytes })
     }
 
-    /// Where it keeps what it keeps.
+    /// Returns the folder of the server's data.
     pub(crate) fn store(&self) -> PathBuf {
         self.folder.join("jetstream")
     }
@@ -106,18 +106,18 @@ impl Setup {
         self.folder.join("server.pid")
     }
 
-    /// The number of the process that serves, where one does.
+    /// Returns the process ID in the server's PID file, if there is one.
     pub(crate) fn running(&self) -> Option<u32> {
         fs::read_to_string(self.pid_file()).ok()?.trim().parse().ok()
     }
 
-    /// Where the server says what it does.
+    /// Returns the path of the server's log.
     pub(crate) fn log(&self) -> PathBuf {
         self.folder.join("server.log")
     }
 }
 
-/// A NATS server. It ends with this.
+/// A running NATS server. It is stopped when this is dropped.
 pub(crate) struct Server {
     program: PathBuf,
     process: Process,
@@ -125,11 +125,12 @@ pub(crate) struct Server {
 
 enum Process {
     Child(Child),
-    /// Of one who died and left it behind.
+    /// A server left running by a process that died, by its process ID.
     Adopted(u32),
 }
 
 impl Server {
+    /// Starts a server as a child process.
     pub(crate) fn start(program: &Path, config: &Path) -> Result<Self, Error> {
         let mut command = Command::new(program);
         command.arg("--config").arg(config).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
@@ -142,20 +143,21 @@ impl Server {
         Ok(Self { program: program.to_owned(), process: Process::Child(child) })
     }
 
-    /// The server of this number, which is known to be one of ours.
+    /// Adopts the running server with this process ID, which must be known to be ours.
     pub(crate) fn adopt(program: &Path, number: u32) -> Self {
         Self { program: program.to_owned(), process: Process::Adopted(number) }
     }
 
+    /// True if the server is not a child of this process.
     pub(crate) fn is_adopted(&self) -> bool {
         matches!(self.process, Process::Adopted(_))
     }
 
-    /// Ends it at once, even if it hangs.
+    /// Kills it at once, even if it hangs.
     pub(crate) fn end(&mut self) {
         match &mut self.process {
             Process::Child(child) => {
-                // It may have ended by itself.
+                // It may have ended already.
                 _ = child.kill();
                 _ = child.wait();
             }
@@ -167,7 +169,7 @@ impl Server {
         }
     }
 
-    /// Whether it has ended, and how. Of one that was adopted it is not known.
+    /// Returns its exit status if it has ended. That of an adopted server is unknown.
     pub(crate) fn ended(&mut self) -> Result<Option<ExitStatus>, Error> {
         match &mut self.process {
             Process::Child(child) => child.try_wait().map_err(|source| Error::read(self.program.clone(), source)),
@@ -175,7 +177,7 @@ impl Server {
         }
     }
 
-    /// What it said before it ended.
+    /// Returns its last error message.
     pub(crate) fn last_words(&mut self, log: &Path) -> String {
         let mut said = String::new();
         if let Process::Child(child) = &mut self.process
@@ -191,13 +193,13 @@ impl Server {
     }
 }
 
-/// Has the server of a folder read its configuration again.
+/// Makes the server of a folder reload its configuration.
 ///
-/// - `system`: how it is reached by a user of its own account.
+/// - `system`: the connection options of its system account.
 pub(crate) fn reload(setup: &Setup, system: &NatsOptions) -> Result<(), Error> {
     match reload_server(system) {
         Ok(()) => Ok(()),
-        // It is of a version that knows no such request, or its configuration had no such user yet.
+        // The server is too old for this request, or its configuration has no such user yet.
         Err(NatsError::NoReload { .. } | NatsError::Connect { .. }) if setup.running().is_some_and(tell_to_reread) => {
             Ok(())
         }

@@ -1,17 +1,18 @@
-//! The choice of a machine's job: jobs have machines in proportion to their priorities.
+//! The assignment of machines to jobs, in proportion to the jobs' priorities.
 
 use crate::job_board::Presence;
 
-/// A job that wants machines.
+/// A job that needs machines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct JobClaim {
     pub(crate) number: u32,
     pub(crate) priority: u32,
 }
 
-/// The job that a machine which has none takes: the one that has least for its priority; the older one of equals.
+/// Returns the job that a free machine should take: the one with the fewest machines for its priority, and the older one of
+/// equals.
 ///
-/// - `seats`: all machines but this one.
+/// - `seats`: all other machines.
 pub(crate) fn choose(jobs: &[JobClaim], seats: &[Presence]) -> Option<u32> {
     jobs.iter()
         .map(|job| (share(job, seated(job.number, seats) + 1), job.number))
@@ -22,10 +23,10 @@ pub(crate) fn choose(jobs: &[JobClaim], seats: &[Presence]) -> Option<u32> {
         .map(|(_, number)| number)
 }
 
-/// Whether the machine of this name had better paint another job than the one that it has. Of several that paint one job
-/// the last by name goes first, so that not all go at once.
+/// True if the machine `me` should leave job `number` for another one. Of the machines of one job, only the last by name
+/// moves, so that they do not all move at once.
 ///
-/// - `seats`: all machines, this one among them.
+/// - `seats`: all machines, including this one.
 pub(crate) fn should_move(me: &str, number: u32, jobs: &[JobClaim], seats: &[Presence]) -> bool {
     let Some(own) = jobs.iter().find(|job| job.number == number) else { return true };
     let is_last = seats.iter().filter(|seat| seat.job == Some(number)).all(|seat| &*seat.name <= me);
@@ -34,7 +35,7 @@ pub(crate) fn should_move(me: &str, number: u32, jobs: &[JobClaim], seats: &[Pre
     is_last && others.map(|job| share(job, seated(job.number, seats) + 1)).any(|share| share < mine)
 }
 
-/// Machines that paint a job.
+/// Returns the number of machines that work on a job.
 fn seated(number: u32, seats: &[Presence]) -> usize {
     seats.iter().filter(|seat| seat.job == Some(number)).count()
 }

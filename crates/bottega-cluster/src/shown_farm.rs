@@ -1,6 +1,7 @@
-//! The part of a farm that people are shown at a machine: all of it, or to a guest its own work alone.
+//! The part of a farm that a user may see at a machine: all of it, or only the own jobs at a guest.
 //!
-//! Lists, pages and Python ask here. What a guest's program can read is more: it needs every job's request and files to paint it.
+//! Lists, web pages and the Python module use this. A guest's program can read more: it needs the request and the files of
+//! every job to render it.
 
 use std::collections::BTreeSet;
 
@@ -14,7 +15,7 @@ use crate::{
 };
 
 impl JobBoard {
-    /// The jobs that people are shown here, by number.
+    /// Returns the jobs that users may see here, by number.
     pub fn shown_jobs(&self) -> Vec<(u32, Job)> {
         let jobs = self.all();
         if !self.uplink.is_guest() {
@@ -24,10 +25,10 @@ impl JobBoard {
         jobs.into_iter().filter(|(number, job)| self.is_work_of(*number, job, &own, &seats)).collect()
     }
 
-    /// A job, if people are shown it here.
+    /// Returns a job, if users may see it here.
     ///
     /// # Errors
-    /// There is none of that number, or this machine is a guest and has not painted it.
+    /// No job has that number, or this machine is a guest that has not worked on it.
     pub fn shown_job(&self, number: u32) -> Result<Job, Error> {
         let job = self.get(number).ok_or_else(|| no_such(number))?;
         if !self.uplink.is_guest() || self.is_work_of(number, &job, &self.own_members(), &self.presences()) {
@@ -39,7 +40,7 @@ impl JobBoard {
         ))
     }
 
-    /// Those of some machines that people are shown here.
+    /// Keeps those machines that users may see here.
     pub fn shown_machines(&self, mut seats: Vec<Presence>) -> Vec<Presence> {
         if self.uplink.is_guest() {
             let own = self.own_members();
@@ -48,19 +49,19 @@ impl JobBoard {
         seats
     }
 
-    /// Whether people are shown here what is known of a machine.
+    /// True if users may see the data of a machine here.
     pub fn shows_machine(&self, machine: &str) -> bool {
         !self.uplink.is_guest() || self.own_members().contains(machine_of(machine))
     }
 
-    /// What this machine is called, whatever names its processes joined by.
+    /// Returns all names of this machine at farms.
     fn own_members(&self) -> BTreeSet<String> {
         let mut own = own_members();
         own.insert(self.uplink.member().to_owned());
         own
     }
 
-    /// Whether one of some machines paints a job, or has painted a part of it.
+    /// True if one of these machines works on a job, or has rendered a part of it.
     fn is_work_of(&self, number: u32, job: &Job, machines: &BTreeSet<String>, seats: &[Presence]) -> bool {
         let is_of_them = |process: &str| machines.contains(machine_of(process));
         let has_painted = |seat: &Presence| seat.usages.iter().any(|usage| usage.work == job.origin);

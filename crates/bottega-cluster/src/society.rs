@@ -1,7 +1,7 @@
-//! The agents of a job and its auction, as its leader tells of them; and how far the promises of machines held.
+//! The agents of a job and its auction, as its leader publishes them; and the credit of machines.
 //!
-//! - `society/N`: the agents of a job, and what its auction came to; kept until the job is removed.
-//! - `credit/MACHINE`: how far a machine's promises held in the jobs so far. Whoever leads the next job reads it.
+//! - `society/N`: the agents of a job and the result of its auction; kept until the job is removed.
+//! - `credit/MACHINE`: how well the machine has kept its predicted times. The leader of the next job reads it.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -16,33 +16,33 @@ use crate::{
     usage::JobUsage,
 };
 
-/// How the names of all notices of credits begin.
+/// Prefix of the notices of credits.
 const CREDITS: &str = "credit/";
-/// Agents that are told of at most.
+/// The most agents that are published.
 const AGENTS_TOLD_MAX: usize = 256;
 
-/// The agents of a job, and what its auction came to.
+/// The agents of a job, and the result of its auction.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Society {
-    /// What all rounds of the auction came to.
+    /// The totals over all rounds of the auction.
     pub auction: AuctionTally,
     /// The agents, by name.
     pub agents: Vec<AgentEvent>,
-    /// What each process has used for it, by name.
+    /// The usage of each process for the job, by its name.
     #[serde(default)]
     pub usages: BTreeMap<String, JobUsage>,
 }
 
-/// How far a machine's promises held.
+/// The predicted and measured times of a machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct HeldPromises {
-    /// What it promised lately, in seconds; the older, the less it counts.
+    /// The recently predicted time in seconds; older predictions count less.
     promised: f64,
-    /// What that took.
+    /// The measured time of the same work, in seconds.
     taken: f64,
 }
 
-/// What a leader has seen of the agents of its job and of the auction.
+/// A leader's record of the agents and the auction of its job.
 #[derive(Debug, Default)]
 pub(crate) struct SeenSociety {
     tally: AuctionTally,
@@ -52,28 +52,31 @@ pub(crate) struct SeenSociety {
 }
 
 impl SeenSociety {
-    /// One that goes on from what a leader before this one has told.
+    /// Returns a record that continues the one that a previous leader published.
     pub(crate) fn after(before: Option<Society>) -> Self {
         let Society { auction, usages, .. } = before.unwrap_or_default();
         Self { tally: auction, usages, ..Self::default() }
     }
 
+    /// Records the row of an agent.
     pub(crate) fn see_agent(&mut self, row: &AgentRow) {
         self.agents.insert(row.agent.to_string(), row.clone());
         self.is_news = true;
     }
 
+    /// Records a round of the auction.
     pub(crate) fn see_round(&mut self, round: &RoundSummary) {
         self.tally.add(round);
         self.is_news = true;
     }
 
+    /// Records the theft of zones.
     pub(crate) fn see_theft(&mut self, theft: &Theft) {
         self.tally.add_theft(theft);
         self.is_news = true;
     }
 
-    /// Takes in what the machines that are there have used for a work.
+    /// Records what the machines have used for a work.
     pub(crate) fn see_usages(&mut self, work: u64, seats: &[Presence]) {
         for seat in seats {
             let Some(usage) = seat.usages.iter().find(|usage| usage.work == work) else { continue };
@@ -85,7 +88,7 @@ impl SeenSociety {
         }
     }
 
-    /// Tells the farm what is new.
+    /// Publishes the record if it has changed.
     pub(crate) fn tell(&mut self, board: &JobBoard, number: u32) {
         if !std::mem::take(&mut self.is_news) {
             return;
@@ -97,7 +100,7 @@ impl SeenSociety {
         }
     }
 
-    /// Keeps how far the promises of the machines held, for the next job.
+    /// Stores the credit of the machines for the next job.
     pub(crate) fn keep_credits(&self, board: &JobBoard) {
         let mut held: BTreeMap<&str, HeldPromises> = BTreeMap::new();
         for row in self.agents.values().filter(|row| row.credit.taken > 0.0) {
@@ -119,12 +122,12 @@ impl SeenSociety {
 }
 
 impl JobBoard {
-    /// The agents of a job, and what its auction came to, as far as its leader has told.
+    /// Returns the agents of a job and the result of its auction, if its leader has published them.
     pub fn society(&self, number: u32) -> Option<Society> {
         self.read_notice(&society_name(number))
     }
 
-    /// How far the promises of machines held in the jobs so far, by machine.
+    /// Returns the credit of machines from earlier jobs, by machine.
     pub fn credits(&self) -> Arc<BTreeMap<String, Credit>> {
         let credit = |notice: &Notice| {
             let machine = notice.name.strip_prefix(CREDITS)?.to_owned();
@@ -135,12 +138,12 @@ impl JobBoard {
         Arc::new(self.uplink.notices().all(CREDITS).iter().filter_map(credit).collect())
     }
 
-    /// How far the promises of a machine held in the jobs so far, by its name: 1, when what it promised took as long as it said.
+    /// Returns the reliability of machines in earlier jobs, by name: 1 if their work took as long as predicted.
     pub fn reliabilities(&self) -> BTreeMap<String, f64> {
         self.credits().iter().map(|(machine, credit)| (machine.clone(), credit.reliability())).collect()
     }
 
-    /// Forgets the agents of a job.
+    /// Deletes the agents of a job.
     pub(crate) fn forget_society(&self, number: u32) {
         if let Err(error) = self.uplink.notices().remove(&society_name(number)) {
             tracing::debug!(%error, "the farm does not answer");
@@ -152,6 +155,7 @@ fn society_name(number: u32) -> String {
     format!("society/{number}")
 }
 
+/// Returns the name of the notice of a machine's credit.
 pub(crate) fn credit_name(machine: &str) -> String {
     format!("{CREDITS}{machine}")
 }

@@ -1,8 +1,8 @@
-//! The watch over jobs of a farm that wait though machines are free for them.
+//! The watch for stalled jobs, which wait although machines are free for them.
 //!
-//! `bottega up` watches, and so does each process that takes part in a job or waits for one. The first that notices a stall makes all
-//! processes of the job begin again with it, and says so in the job's log. That clears what they had in memory, which is mostly the
-//! fault; if the job stalls again and again, it is painted from its first sample.
+//! `bottega up` watches, and so does each process that takes part in a job or waits for one. The first to notice a stall
+//! restarts all processes of the painting and writes this into the job's log. That clears their in-memory state, which is
+//! the usual cause; if the job stalls repeatedly, it is rendered again from its first sample.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -19,7 +19,7 @@ use crate::{
     machine::PresenceState,
 };
 
-/// The number of restarts after which a job that still stalls is painted from its first sample.
+/// The number of restarts after which a job that still stalls is rendered again from its first sample.
 const STIRS_MAX: u32 = 3;
 
 /// Watches all jobs of a farm.
@@ -28,25 +28,26 @@ pub(crate) struct StallWatch {
     jobs: BTreeMap<u32, (PaintingTurn, Watchdog)>,
 }
 
-/// A job as it stands, for the watch.
+/// A snapshot of a job's activity.
 #[derive(Clone, Debug, PartialEq)]
 struct JobSight {
     /// Machines that are free for it.
     free: Vec<String>,
-    /// Somebody is at work for it.
+    /// True if a machine is busy for it.
     is_worked_at: bool,
-    /// Is another number when something has begun or ended.
+    /// A hash that changes when any of its work starts or ends.
     moves: u64,
 }
 
 impl StallWatch {
+    /// Returns a watch that has seen no job yet.
     pub(crate) fn new() -> Self {
         Self { begun: Instant::now(), jobs: BTreeMap::new() }
     }
 
-    /// Looks at all jobs; to be called about once a second. Those at which nothing goes on are begun again.
+    /// Checks all jobs, and restarts those that have stalled. Call it about once a second.
     pub(crate) fn look(&mut self, board: &JobBoard) {
-        // While the server is away nothing is known, and nobody can do anything.
+        // Without a connection, nothing is known and nothing can be done.
         if board.uplink.is_guest() || !board.uplink.is_connected() {
             self.jobs.clear();
             return;
@@ -79,6 +80,8 @@ impl StallWatch {
 }
 
 impl JobSight {
+    /// Returns the snapshot of a job.
+    ///
     /// - `seats`: all machines.
     fn new(number: u32, job: &Job, lead: &Lead, seats: &[Presence]) -> Self {
         let is_led = lead.leader.is_some();
@@ -96,7 +99,7 @@ impl JobSight {
         let progress = [lead.zones_done as u64, lead.zones as u64, lead.done.to_bits()];
         let moves = seats.iter().filter(of_job).map(|seat| seat.moves).chain(progress);
         Self {
-            // Where machines are compared those that are there have done what they may.
+            // Where results are compared, the machines present have done all that they may.
             free: if lead.lacks_machines { Vec::new() } else { free.collect() },
             is_worked_at: seats.iter().filter(of_job).any(|seat| seat.activity == Activity::Busy),
             moves: moves.fold(0, |sum: u64, more| sum.wrapping_mul(31).wrapping_add(more)),
@@ -105,9 +108,10 @@ impl JobSight {
 }
 
 impl JobBoard {
-    /// Has all who paint a job begin again with it; in the end from its first sample. Nothing where somebody else has done so.
+    /// Restarts all processes of a painting; after several restarts, starts it again from its first sample. Does nothing if
+    /// another process has done so.
     ///
-    /// - `seen`: the job as it was when it was found to stand still.
+    /// - `seen`: the job as it was when it was found stalled.
     fn stir(&self, number: u32, seen: &Job, why: &str) {
         let is_last = seen.stirs + 1 >= STIRS_MAX;
         let how = if is_last { "it is painted from its first sample" } else { "all begin again with it" };

@@ -1,10 +1,11 @@
-//! Work before a picture that the machines of a job do together: photons are traced, lighting agents cast and sent out, once.
+//! Shared preparation of a picture: the machines of a job trace photons and place lighting agents together, once.
 //!
-//! - `cast/WORK/STAGE/PART`: who has taken a part, and whether it is done; changed by compare-and-set.
-//! - blob `job-WORK/cast/STAGE/PART`: the result of it. All read it, and join the parts by their numbers.
+//! - `cast/WORK/STAGE/PART`: who has claimed a part, and whether it is done; changed by compare-and-set.
+//! - blob `job-WORK/cast/STAGE/PART`: the result of the part. All machines read it, and join the parts by number.
 //!
-//! A notice is a claim, not a lock. Its holder may hang, so a claim has a deadline, after which an idle machine takes the part too. A
-//! machine that cannot write claims does the parts without. A part that is done twice has the same result, and a late result is harmless.
+//! A notice is a claim, not a lock. Its holder may hang, so a claim has a deadline, after which an idle machine computes
+//! the part too. A machine that cannot write claims computes the parts without. A part that is computed twice has the same
+//! result, and a late result is harmless.
 
 use std::{
     collections::BTreeSet,
@@ -20,40 +21,39 @@ use serde::{Deserialize, Serialize};
 
 use crate::{job_board::JobBoard, machine::PresenceState, member::Member};
 
-/// The most bytes of the result of a part.
+/// The largest result of a part, in bytes.
 const PART_BYTES_MAX: usize = 1 << 28;
-/// For so long at least another machine may have a part.
+/// The least time that another machine has for a part.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// How often is looked what others have done.
+/// Interval between checks of what others have done.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
-/// A machine for which nothing goes on for so long, because it cannot take what is free or have what is done, does what is left
-/// without asking.
+/// Time without progress after which a machine computes the remaining parts without claiming them.
 const IN_VAIN_MAX: Duration = Duration::from_secs(5);
 
-/// Those who paint a job with this process.
+/// The machines that work on a job, as seen by this process.
 pub(crate) struct JobPeers<'a> {
     member: &'a Member,
     number: u32,
     work: u64,
-    /// Somebody wants something else.
+    /// Requested when this process must stop.
     stop: &'a StopSwitch,
-    /// Parts in all, and those that were done here.
+    /// Number of all parts, and of those computed here.
     parts: AtomicU32,
     done_here: AtomicU32,
 }
 
-/// A notice of who does a part.
+/// The claim of a part.
 #[derive(Serialize, Deserialize)]
 struct PartNotice {
     by: String,
     is_done: bool,
 }
 
-/// How one who shares in a stage gets on.
+/// The progress of a stage, to detect that it is stuck.
 struct Advance {
-    /// Who has which part, and which are done, as it was seen last.
+    /// The holder of each part, and whether it is done, when last checked.
     seen: Vec<(Option<String>, bool)>,
-    /// When that changed, or something was done here.
+    /// The last time that this changed, or that a part was computed here.
     moved: Instant,
 }
 
@@ -75,23 +75,25 @@ impl Advance {
 }
 
 impl<'a> JobPeers<'a> {
-    /// - `number`, `work`: of the job and of its painting.
+    /// Returns the peers of this process.
+    ///
+    /// - `number`, `work`: the numbers of the job and of its painting.
     pub(crate) fn new(member: &'a Member, number: u32, work: u64, stop: &'a StopSwitch) -> Self {
         Self { member, number, work, stop, parts: AtomicU32::new(0), done_here: AtomicU32::new(0) }
     }
 
-    /// Parts that were done here, and those in all.
+    /// Returns the number of parts computed here, and of all parts.
     pub(crate) fn shares(&self) -> [u32; 2] {
         [&self.done_here, &self.parts].map(|count| count.load(Ordering::Relaxed))
     }
 
-    /// Whether there is another machine that may take part.
+    /// True if another machine could take part.
     fn has_others(&self) -> bool {
         let Member { board, name, .. } = self.member;
         board.presences().iter().any(|seat| seat.name != *name && seat.standing == PresenceState::Active)
     }
 
-    /// The machines that take part in the job now: others hold nothing of it.
+    /// Returns the machines that work on the job now: only they hold parts.
     fn present(&self) -> BTreeSet<String> {
         let seats = self.member.board.presences().into_iter();
         let at_work = seats.filter(|seat| seat.job == Some(self.number) && seat.standing == PresenceState::Active);
@@ -116,14 +118,14 @@ impl<'a> JobPeers<'a> {
         serde_json::to_vec(&notice).expect("a structure of text can be written")
     }
 
-    /// Takes a part, so that others leave it alone for a while. `false`: somebody else was first.
+    /// Claims a part for a while. `false`: another process was first.
     fn claim(&self, stage: u32, number: u32) -> Result<bool, BlobError> {
         let (notices, name) = (self.member.board.uplink.notices(), part_name(self.work, stage, number));
         let revision = notices.get(&name).map_or(0, |notice| notice.revision);
         Ok(notices.update(&name, &self.notice(false), revision)?.is_some())
     }
 
-    /// Does a part and tells the others.
+    /// Computes a part and publishes its result.
     fn perform(
         &self,
         stage: u32,
@@ -142,15 +144,15 @@ impl<'a> JobPeers<'a> {
         Ok(Ok(bytes))
     }
 
-    /// The result that another machine has found; `None`: none that can be had.
+    /// Fetches the result of another machine; `None`: it is not available.
     fn fetch(&self, stage: u32, number: u32) -> Option<Vec<u8>> {
         let blob = part_blob(self.work, stage, number);
         let fetched = self.member.board.uplink.blobs().get(&blob, PART_BYTES_MAX);
         fetched.inspect_err(|error| tracing::debug!(%error, "a part is done here")).ok().flatten()
     }
 
-    /// Parts are done by all who have time, until there is none left. What was found so far, if the farm does not answer or nothing
-    /// goes on.
+    /// Computes parts together with the other machines until all are done, or until there is no progress. `found` holds the
+    /// results so far, also on errors.
     fn share_out(
         &self,
         stage: u32,
@@ -163,10 +165,12 @@ impl<'a> JobPeers<'a> {
             if self.stop.is_requested() {
                 return Ok(Err(RenderError::Left));
             }
+            // Choose the next part from the claims of all machines
             let parts = self.parts_of(stage, found.len() as u32);
             advance.see(&parts);
             let present = self.present();
             let next = next_part(&parts, &self.member.name, |name| present.contains(name), PATIENCE.max(2 * longest));
+            // Give up sharing if there is no progress
             if next != NextPart::Done && advance.is_in_vain() {
                 let Member { board, name, .. } = self.member;
                 let seconds = IN_VAIN_MAX.as_secs();
@@ -180,6 +184,7 @@ impl<'a> JobPeers<'a> {
             }
             match next {
                 NextPart::Done => return Ok(Ok(())),
+                // Compute a claimed part
                 NextPart::Take(number) if self.claim(stage, number as u32)? => {
                     let begun = Instant::now();
                     self.member.activity.awaits_others(false);
@@ -191,6 +196,7 @@ impl<'a> JobPeers<'a> {
                     advance.moved = Instant::now();
                 }
                 NextPart::Take(_) => thread::sleep(LOOK_EVERY),
+                // Fetch results while others compute the last parts
                 NextPart::Wait => {
                     self.member.activity.awaits_others(true);
                     let next = (0..found.len()).find(|&number| found[number].is_none() && parts[number].is_done);
@@ -225,6 +231,7 @@ impl Sharing for JobPeers<'_> {
                 Err(error) => tracing::warn!(%error, "the farm does not answer: what is left is done here"),
             }
         }
+        // Fetch or compute the parts that are still missing
         let mut all = Vec::with_capacity(found.len());
         for (number, bytes) in (0..).zip(found) {
             if self.stop.is_requested() {
@@ -243,13 +250,13 @@ impl Sharing for JobPeers<'_> {
     }
 }
 
-/// The works of which something is kept here. What a machine was at when the picture was done comes after its end.
+/// Returns the works with data here. A slow machine may have written it after the end of the job.
 pub(crate) fn works(board: &JobBoard) -> BTreeSet<u64> {
     let notices = board.uplink.notices().all("cast/");
     notices.iter().filter_map(|notice| notice.name.split('/').nth(1)?.parse().ok()).collect()
 }
 
-/// The picture is painted: what was done together goes.
+/// Deletes the shared parts of a finished picture.
 pub(crate) fn forget(board: &JobBoard, work: u64) {
     let prefix = format!("cast/{work}/");
     for notice in board.uplink.notices().all(&prefix) {
@@ -280,7 +287,7 @@ mod tests {
     const WORK: u64 = 5;
     const PARTS: u32 = 16;
 
-    /// A machine of a farm that paints job 1.
+    /// A machine of a farm that works on job 1.
     fn member(server: &OwnServer, name: &str) -> Member {
         let uplink = server.entry.link(&NatsThread::start().unwrap(), name).unwrap();
         let board = JobBoard { uplink: Arc::new(uplink) };
@@ -291,7 +298,7 @@ mod tests {
         member.board.attend(&member.seat(Some(1)));
     }
 
-    /// Has a machine share in a stage. Returns how long that took, and how many parts were done here.
+    /// Lets a machine take part in a stage. Returns the time that it took, and the number of parts that it computed.
     fn share(member: &Member) -> (Duration, u32) {
         let stop = StopSwitch::new();
         let peers = JobPeers::new(member, 1, WORK, &stop);
@@ -316,13 +323,13 @@ mod tests {
             assert!(begun.elapsed() < Duration::from_secs(30), "the other one is not seen");
             thread::sleep(LOOK_EVERY);
         }
-        // Long before anybody's patience is over.
+        // Long before any claim expires.
         assert_eq!(share(one).1, PARTS);
-        // The picture is painted, and the notices of its parts are taken down; and the same work begins again.
+        // The picture is finished and its parts are deleted; then the same work starts again.
         forget(&one.board, WORK);
         let (took, here) = share(one);
         assert!(here == PARTS && took < IN_VAIN_MAX, "{here} parts in {took:?}");
-        // Another one is there, has taken a part, and does nothing of it.
+        // Another machine is present, has claimed a part, and hangs.
         forget(&one.board, WORK);
         let stop = StopSwitch::new();
         assert!(JobPeers::new(two, 1, WORK, &stop).claim(0, 3).unwrap());

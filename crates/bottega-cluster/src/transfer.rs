@@ -1,5 +1,5 @@
-//! Sending the files of a scene to a farm: what is there already is left out, room is seen to, progress is told; and what was sent is
-//! taken back when no job comes of it.
+//! Sending the files of a scene to a farm: skips what the farm has, checks for space, reports progress, and withdraws the
+//! files if no job is submitted.
 
 use std::{
     sync::{PoisonError, atomic::Ordering},
@@ -21,26 +21,26 @@ use crate::{
     room::{MAKE_ROOM, bytes_said},
 };
 
-/// How often others are told that a scene is being sent.
+/// Interval between announcements that a scene is being sent.
 const ANNOUNCE_EVERY: Duration = Duration::from_secs(1);
-/// What does not take so long is not told.
+/// Time after which progress is reported.
 const TOLD_AFTER: Duration = Duration::from_secs(2);
-/// Beside a scene there must be room for the first rows of its job; and pieces take a little more than they hold.
+/// Space needed in addition to a scene: for the first rows of its job, and (a divisor of its size) for the overhead of chunks.
 const ROOM_BESIDE: u64 = 512 << 10;
 const ROOM_SHARE: u64 = 64;
-/// How often pieces are sent again that somebody let go meanwhile.
+/// The most attempts to send chunks again that were deleted meanwhile.
 const ROUNDS_MAX: u32 = 3;
 
-/// That somebody sends a scene, as others are told.
+/// The announcement that a process is sending a scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Announcement {
-    /// What is to be sent in all.
+    /// Bytes to send in total.
     pub bytes: u64,
-    /// What is there.
+    /// Bytes sent so far.
     pub sent: u64,
 }
 
-/// Pieces that were sent. They are taken back unless a job came of them.
+/// The chunks just sent. They are withdrawn when this is dropped without [`Self::keep`].
 #[must_use]
 pub(crate) struct SentPieces<'a> {
     board: &'a JobBoard,
@@ -50,7 +50,7 @@ pub(crate) struct SentPieces<'a> {
 }
 
 impl SentPieces<'_> {
-    /// The job is known.
+    /// Keeps the chunks: their job is submitted.
     pub(crate) fn keep(mut self) {
         self.is_kept = true;
     }
@@ -66,9 +66,9 @@ impl Drop for SentPieces<'_> {
     }
 }
 
-/// Sends what a farm lacks of the files.
+/// Sends the chunks that the farm lacks.
 ///
-/// - `me`: the process that sends.
+/// - `me`: the name of this process.
 pub(crate) fn send<'a>(
     pieces: &Pieces,
     board: &'a JobBoard,
@@ -80,12 +80,14 @@ pub(crate) fn send<'a>(
     let (begun, store): (_, &dyn ChunkStore) = (Instant::now(), board.uplink.blobs());
     board.announce(me, &Announcement { bytes: 0, sent: 0 });
     for _ in 0..ROUNDS_MAX {
+        // Determine the missing chunks
         let missing = pieces.missing(store)?;
         if missing.is_empty() {
             return Ok(sent);
         }
         let before = sent.counted.bytes.load(Ordering::Relaxed);
         let bytes: u64 = before + missing.iter().map(|(_, piece)| piece.bytes as u64).sum::<u64>();
+        // Check for space
         see_to_room(pieces, board, me, bytes - before)?;
         let tell = || {
             let done = sent.counted.bytes.load(Ordering::Relaxed);
@@ -97,6 +99,7 @@ pub(crate) fn send<'a>(
                 reporter.tell(Event::Sending { bytes_sent: done, bytes, seconds, seconds_left });
             }
         };
+        // Send the chunks
         let keep = |name: &str, piece: &[u8]| {
             patiently(
                 stop,
@@ -114,15 +117,15 @@ pub(crate) fn send<'a>(
     Ok(sent)
 }
 
-/// Why a piece was not taken: that there is no room does not pass while this process waits.
+/// Returns the error for a chunk that was not stored. A full server is not worth waiting for here.
 fn put_failed(error: BlobError, board: &JobBoard, bytes: u64) -> Error {
     if error.is_full { no_room(board, bytes) } else { Error::Blob(error) }
 }
 
-/// Refuses a scene for which there is no room, before any of it is sent.
+/// Refuses a scene for which there is no space, before sending it.
 fn see_to_room(pieces: &Pieces, board: &JobBoard, me: &str, bytes: u64) -> Result<(), Error> {
     let needed = bytes + bytes / ROOM_SHARE + ROOM_BESIDE;
-    // What is not known is found out.
+    // If the free space is unknown, try.
     let has_room = || board.room().is_none_or(|room| room.free() >= needed);
     if has_room() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! The processes of a job, joined by NATS.
+//! The NATS transport between the processes of a job.
 
 use std::{io, sync::Arc};
 
@@ -11,11 +11,11 @@ use bottega_farm::{
     directory_service_names,
 };
 
-/// The link of this process to the others that paint a work.
+/// Returns the link of this process to the others that render a work.
 ///
-/// - `work`: the work.
-/// - `job`: the number of its job. `None`: its agents register nowhere.
-/// - `name`: the name of this process, which no other process has.
+/// - `work`: the number of the painting.
+/// - `job`: the number of its job. `None`: its agents are not registered in the directories.
+/// - `name`: the unique name of this process.
 pub fn job_link(uplink: Arc<NatsUplink<FarmCodec>>, work: WorkId, job: Option<u32>, name: String) -> Link {
     Link { transport: Arc::new(NatsTransport(uplink)), work, job, name }
 }
@@ -23,7 +23,7 @@ pub fn job_link(uplink: Arc<NatsUplink<FarmCodec>>, work: WorkId, job: Option<u3
 /// A connection to the farm's server as the transport of a job.
 struct NatsTransport(Arc<NatsUplink<FarmCodec>>);
 
-/// The same with the pages of the job's platform.
+/// A connection with the directories of the job's platform.
 struct NatsJobUplink(PagedUplink<FarmCodec, JobAgent>);
 
 impl JobTransport for NatsTransport {

@@ -1,4 +1,4 @@
-//! A farm on this machine, with a NATS server as a child of this process.
+//! A farm on this machine, with a NATS server as a child process.
 
 use std::{
     fs,
@@ -34,83 +34,83 @@ use crate::{
     web_secrets::WebSecrets,
 };
 
-/// How long a server may take to begin.
+/// The most attempts to connect to a starting server.
 const BEGIN_TRIES: u32 = 100;
 const BETWEEN_TRIES: Duration = Duration::from_millis(100);
-/// Where a farm listens if nobody says.
+/// The default address of a farm's server.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::UNSPECIFIED), 4222);
-/// The file that the process holds which has a farm.
+/// The file that the process running a farm holds locked.
 const LOCK: &str = "up.lock";
 
-/// The options of a farm at its start.
+/// The options of a new farm.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct UpOptions {
-    /// Where to listen; none: 0.0.0.0:4222.
+    /// The address to listen on; none: 0.0.0.0:4222.
     pub listen: Option<SocketAddr>,
-    /// Where works and pixels are kept; none: a folder of the user's state.
+    /// The folder for jobs and pixels; none: a folder in the user's state.
     pub state: Option<PathBuf>,
-    /// How much is kept there at most, in bytes; none: what its disk has, but for a twentieth.
+    /// The most that is stored there, in bytes; none: the free space of its disk but for a reserve.
     pub store_bytes: Option<u64>,
-    /// The program of the NATS server; none: `nats-server`, where systems put it.
+    /// The path of `nats-server`; none: the installed one.
     pub server: Option<PathBuf>,
-    /// Whether the local network is not told where the farm is (mDNS).
+    /// `true`: does not announce the farm on the local network (mDNS).
     pub hidden: bool,
 }
 
-/// The place of a farm on this machine.
+/// The state of the farm's folder on this machine.
 pub enum LocalFarm {
-    /// Nobody has it: this process may begin the farm.
+    /// No process runs it: this process may start the farm.
     Free(FarmStart),
-    /// Another process of this user has it, and nothing is changed.
+    /// Another process of this user runs it; nothing is changed.
     Elsewhere {
-        /// Its number.
+        /// The ID of that process.
         process: String,
-        /// Where it listens.
+        /// The address of its server.
         listen: SocketAddr,
-        /// By what others join it.
+        /// The addresses by which others join it.
         invitation: Box<Invitation>,
     },
 }
 
-/// The right to begin a farm: no other process has its folder as long as this one holds it.
+/// The right to start a farm: a lock on its folder.
 pub struct FarmStart {
     options: UpOptions,
     folder: PathBuf,
     alone: fs::File,
 }
 
-/// By what others join a farm.
+/// The addresses by which others join a farm.
 #[derive(Clone, Debug)]
 pub struct Invitation {
-    /// For machines that may do everything.
+    /// The address for machines that may do everything.
     pub trusted: FarmAddress,
-    /// For machines that may paint, and no more.
+    /// The address for machines that may only render.
     pub guest: FarmAddress,
 }
 
-/// The process that has a farm: the farm is up for as long as it [keeps it up](Self::keep_up).
+/// The process that runs a farm: the farm is up while it [keeps it up](Self::keep_up).
 pub struct Host {
-    /// By what others join it.
+    /// The addresses by which others join it.
     pub invitation: Invitation,
-    /// By what its HTTP door lets one in.
+    /// The tokens and certificate of its HTTP server.
     pub web_secrets: WebSecrets,
     keeper: Keeper,
     board: JobBoard,
-    /// How the farm is found from this machine.
+    /// The farm's address for this machine.
     here: String,
-    /// What the local network is told, where it is told anything: how the server is known, and its port.
+    /// The pin and port of the server, if they are announced on the local network.
     shown: Option<(Pin, u16)>,
-    /// The text of the file that says where the farm is, once it is written.
+    /// The text of the published address file, once it is written.
     announced: Option<String>,
     beacon: Option<Beacon>,
     _alone: fs::File,
 }
 
 impl LocalFarm {
-    /// Claims the place of a farm. Nothing is started.
+    /// Locks the folder of a farm. Starts nothing.
     ///
     /// # Errors
-    /// Its folder cannot be used, or another process has it with other options.
+    /// The folder cannot be used, or another process runs it with other options.
     pub fn claim(asked: &UpOptions) -> Result<Self, Error> {
         let folder = asked.state.clone().unwrap_or_else(|| state_folder().join("server"));
         match lock(&folder)? {
@@ -121,13 +121,13 @@ impl LocalFarm {
 }
 
 impl FarmStart {
-    /// Begins the farm, with a NATS server as a child of this process. No other process is told of it before
-    /// [`Host::announce`].
+    /// Starts the farm, with a NATS server as a child process. It is not announced before [`Host::announce`].
     ///
     /// # Errors
-    /// There is no server program, or its folder or address cannot be used.
+    /// There is no `nats-server`, or the folder or address cannot be used.
     pub fn begin(self) -> Result<Host, Error> {
         let Self { options: asked, folder, alone } = self;
+        // Find the program, the members and the storage limit
         let program = program(asked.server.as_deref())?;
         let members = Members::open(folder.join("members.json"))?;
         let listen = asked.listen.unwrap_or(LISTEN);
@@ -135,10 +135,12 @@ impl FarmStart {
         let options = |listen| options(&members, listen, &words[0]);
         let mut setup = Setup { folder, listen, store_bytes: None };
         setup.store_bytes = store_bytes(&asked, &setup, &options)?;
+        // Start the server, or adopt the one left running
         let config = setup.write(&members)?;
         let (server, uplink) = begin(&program, &config, &setup, &options(listen), members.system_login())?;
         let board = JobBoard { uplink: Arc::new(uplink) };
         let here = FarmAddress::of_up(reachable_here(listen), words[0].clone()).to_string();
+        // Supervise it, and admit machines
         let keeper = Keeper::new(server, &program, config, &setup, board.clone());
         let web_secrets = WebSecrets::of_host(&members)?;
         let system = NatsOptions { login: members.system_login(), ..options(listen) };
@@ -153,9 +155,9 @@ impl FarmStart {
 }
 
 impl Host {
-    /// Tells other processes of this machine where the farm is, and the local network.
+    /// Announces the farm to other processes of this machine, and on the local network.
     ///
-    /// - `page`, `platform`: where this process serves them.
+    /// - `page`, `platform`: the URLs of the web page and the FIPA platform, if this process serves them.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -170,27 +172,27 @@ impl Host {
         Ok(())
     }
 
-    /// The version of the NATS server.
+    /// Returns the version of the NATS server.
     pub fn server_version(&self) -> String {
         self.board.uplink.server_version().to_string()
     }
 
-    /// How much room the server has, in words.
+    /// Returns the storage limit of the server, for display.
     pub fn room_said(&self) -> String {
         self.keeper.room_said()
     }
 
-    /// The jobs of the farm.
+    /// Returns the jobs of the farm.
     pub fn board(&self) -> &JobBoard {
         &self.board
     }
 
-    /// Keeps the farm up until the user wants to stop.
+    /// Keeps the farm up until the user stops.
     ///
-    /// - `before_end`: what is to be done then while the server is still there.
+    /// - `before_end`: called then, while the server is still running.
     ///
     /// # Errors
-    /// The server does not run, and cannot be begun again.
+    /// The server fails and cannot be restarted.
     pub fn keep_up(mut self, stop: &StopSwitch, before_end: impl FnOnce()) -> Result<(), Error> {
         let kept = self.keeper.keep_up(stop);
         before_end();
@@ -202,7 +204,7 @@ impl Drop for Host {
     fn drop(&mut self) {
         drop(self.beacon.take());
         let Some(announced) = self.announced.take() else { return };
-        // Another one may have begun in another folder.
+        // Another farm may have started in another folder.
         if fs::read_to_string(address_file()).is_ok_and(|text| text == announced)
             && let Err(error) = fs::remove_file(address_file())
         {
@@ -219,7 +221,7 @@ impl Invitation {
     }
 }
 
-/// Keeps other processes of this program from a folder until it is dropped, or this process dies. `None`: one has it.
+/// Locks a folder until the result is dropped or this process dies. `None`: another process holds the lock.
 fn lock(folder: &Path) -> Result<Option<fs::File>, Error> {
     private_folder(folder)?;
     let path = folder.join(LOCK);
@@ -227,7 +229,7 @@ fn lock(folder: &Path) -> Result<Option<fs::File>, Error> {
     let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(wrong)?;
     match file.try_lock() {
         Ok(()) => {
-            // Whoever comes later is told who it is.
+            // Store the process ID for others to show.
             let told = file.set_len(0).and_then(|()| (&file).write_all(std::process::id().to_string().as_bytes()));
             told.map_err(wrong)?;
             Ok(Some(file))
@@ -237,7 +239,7 @@ fn lock(folder: &Path) -> Result<Option<fs::File>, Error> {
     }
 }
 
-/// Another process of this user has the farm: it is left alone.
+/// Returns the farm that another process of this user runs.
 fn up_already(args: &UpOptions, folder: PathBuf) -> Result<LocalFarm, Error> {
     let process = fs::read_to_string(folder.join(LOCK)).unwrap_or_default();
     let file = folder.join("members.json");
@@ -258,7 +260,7 @@ fn up_already(args: &UpOptions, folder: PathBuf) -> Result<LocalFarm, Error> {
     Ok(LocalFarm::Elsewhere { process, listen, invitation })
 }
 
-/// The words by which one becomes a member.
+/// Returns the words for joining a farm.
 fn words(members: &Members) -> Result<[JoinWord; 2], Error> {
     let pin = pin(members)?;
     Ok(Group::ALL.map(|group| JoinWord { group, secret: members.secret(group).to_owned(), pin }))
@@ -269,8 +271,8 @@ fn options(members: &Members, listen: SocketAddr, word: &JoinWord) -> NatsOption
     NatsOptions { login: Login::NKey(members.seed().to_owned()), ..pinned(&here, word, "up") }
 }
 
-/// What the server may keep; `None`: it decides that itself. A server that was left behind goes on as it is, unless something
-/// else is asked for than what it has: then it is ended.
+/// Returns the most that the server may store; `None`: the server's default. A server left running stays as it is, unless
+/// other options are requested: then it is stopped.
 fn store_bytes(
     args: &UpOptions,
     setup: &Setup,
@@ -278,7 +280,7 @@ fn store_bytes(
 ) -> Result<Option<u64>, Error> {
     let asked = args.store_bytes;
     if let (Some(before), Some(number)) = (setup.configured(), setup.running())
-        // Nobody else's has this certificate.
+        // Only our own server has this certificate.
         && let Ok(uplink) = NatsUplink::connect(&options(before.listen), FarmCodec)
     {
         let is_as_asked = before.listen == setup.listen && asked.is_none_or(|asked| before.store_bytes == Some(asked));
@@ -300,7 +302,7 @@ fn store_bytes(
     Ok(limit)
 }
 
-/// How the server is known.
+/// Returns the pin of the server's certificate.
 pub(crate) fn pin(members: &Members) -> Result<Pin, Error> {
     let certificate = CertificateDer::from_pem_slice(members.certificate().0.as_bytes());
     let certificate = certificate.map_err(|error| {
@@ -312,7 +314,7 @@ pub(crate) fn pin(members: &Members) -> Result<Pin, Error> {
     Ok(Pin::of(&certificate))
 }
 
-/// A server, and a link to it: the one that is there already, if it is ours, or else a new one.
+/// Returns a server and a connection to it: the one left running, if it is ours, or else a new one.
 pub(crate) fn begin(
     program: &Path,
     config: &Path,
@@ -323,11 +325,11 @@ pub(crate) fn begin(
     if let Some(number) = setup.running()
         && let Ok(uplink) = NatsUplink::connect(options, FarmCodec)
     {
-        // Nobody else's has this certificate.
+        // Only our own server has this certificate.
         reload(setup, &NatsOptions { login: system, ..options.clone() })?;
         return Ok((Server::adopt(program, number), uplink));
     }
-    // A server says why it does not begin in its log alone.
+    // Check the port first: a server reports a taken port only in its log.
     drop(bind(Port::Server, setup.listen)?);
     let mut server = Server::start(program, config)?;
     for last in (0..BEGIN_TRIES).rev() {
@@ -349,7 +351,7 @@ pub(crate) fn begin(
     Err(Error::failed("the NATS server does not answer", "see its log"))
 }
 
-/// Ends a server that was left behind: two cannot have the same folder.
+/// Stops a server left running: two cannot use the same folder.
 fn end_of_other(number: u32, uplink: &NatsUplink<FarmCodec>) {
     processes::end(number);
     for _ in 0..BEGIN_TRIES {
@@ -360,17 +362,17 @@ fn end_of_other(number: u32, uplink: &NatsUplink<FarmCodec>) {
     }
 }
 
-/// The farm's address for this machine.
+/// Returns the farm's address for this machine.
 fn reachable_here(listen: SocketAddr) -> String {
     let host = if listen.ip().is_unspecified() { IpAddr::from([127, 0, 0, 1]) } else { listen.ip() };
     SocketAddr::new(host, listen.port()).to_string()
 }
 
-/// The farm's address for others: that of the interface which leads outwards, or, where none does, of any that others see.
+/// Returns the farm's address for others: of the interface that routes outwards, or else of any external one.
 fn reachable_there(listen: SocketAddr) -> String {
     let outwards = || {
         let socket = UdpSocket::bind("0.0.0.0:0").ok()?;
-        // Nothing is sent: connecting only chooses an interface.
+        // Connecting a UDP socket sends nothing; it only selects an interface.
         socket.connect("192.0.2.1:9").ok()?;
         socket.local_addr().ok().map(|address| address.ip())
     };

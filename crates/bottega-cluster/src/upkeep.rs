@@ -1,4 +1,4 @@
-//! Upkeep of a farm: what goes of jobs that are over, of scene pieces that no job needs, of machines that were killed.
+//! Removal of old data of a farm: jobs that are over, scene chunks without a job, presences of killed machines.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -18,33 +18,34 @@ use crate::{
     uploads,
 };
 
-/// How long is looked whether somebody who sends a scene is there: he says so once a second.
+/// The time to watch for other processes that send a scene; they announce it once a second.
 const LOOK_FOR: Duration = Duration::from_millis(2500);
-/// What was put there and belongs to nothing is let go after this time: it is no part of what somebody is sending.
+/// Age from which stray data is deleted: by then it is not part of a transfer in progress.
 const STRAY_AFTER: Duration = Duration::from_secs(600);
-/// After so long the seat of a machine is taken away that does not renew it.
+/// Time without a renewal after which a presence is deleted.
 const SEAT_LEFT: Duration = Duration::from_secs(15);
 
-/// The storage that a job takes of the farm's, in bytes.
+/// The storage that a job uses at the farm, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct JobStorage {
-    /// Pieces of its scene, which other jobs may need too.
+    /// Chunks of its scene, which other jobs may share.
     pub scene: u64,
-    /// Its picture, what it asks for, and about what is painted.
+    /// Its picture, its specification, and its rendered zones.
     pub own: u64,
 }
 
 impl JobStorage {
+    /// Returns the sum, in bytes.
     pub fn all(self) -> u64 {
         self.scene + self.own
     }
 }
 
 impl JobBoard {
-    /// Lets go of what nobody will ask for: zones of jobs that are over, and after a day their scenes.
+    /// Deletes what is no longer needed: zones of jobs that are over, and after a day their scenes.
     pub fn sweep(&self) {
         self.sweep_zones();
-        // What a job needs whose order cannot be read just now is not known.
+        // If the specification of a live job cannot be read, its chunks are unknown: keep all.
         let Some(needed) = self.needed() else { return };
         let is_old_list = |name: &str, age| name.starts_with(uploads::PREFIX) && age > uploads::KEPT;
         self.uplink.blobs().forget_all(|name, age| chunks::is_unused(name, age, &needed) || is_old_list(name, age));
@@ -67,18 +68,19 @@ impl JobBoard {
         together::works(self).into_iter().filter(|&work| !is_live(work)).for_each(|work| together::forget(self, work));
     }
 
-    /// Lets go at once of all that no job needs: somebody has no room.
+    /// Frees space: deletes everything that no job needs, whatever its age.
     ///
-    /// - `is_wanted`: pieces that he is about to need.
+    /// - `me`: the name of this process.
+    /// - `is_wanted`: selects chunks that it is about to need.
     pub(crate) fn make_room(&self, me: &str, is_wanted: impl Fn(&str) -> bool) {
         self.sweep_zones();
         self.forget_pieces(me, |name| !is_wanted(name));
         self.uplink.blobs().forget_strays(STRAY_AFTER);
     }
 
-    /// Lets pieces go that no job needs; none while somebody else sends a scene, who may count on them.
+    /// Deletes chunks that no job needs; none while another process sends a scene, which may rely on them.
     ///
-    /// - `me`: the process that wants it.
+    /// - `me`: the name of this process.
     pub(crate) fn forget_pieces(&self, me: &str, which: impl Fn(&str) -> bool) {
         if self.others_send(me) {
             return;
@@ -89,18 +91,17 @@ impl JobBoard {
             .forget_all(|name, _| name.starts_with(chunks::PREFIX) && which(name) && !needed.contains(name));
     }
 
-    /// Forgets a job and all that was kept for it: its scene, too, as far as no other job needs it.
+    /// Deletes a job and all its data, including its scene unless another job needs it.
     pub fn remove_with_scene(&self, number: u32) -> Result<(), Error> {
         let order = self.get(number).and_then(|job| self.spec(&job).ok());
         let pieces: BTreeSet<String> = order.map(|order| order.files.blobs().collect()).unwrap_or_default();
-        // What takes room goes first: on a full server it cannot be written that the job is no more. Nobody sends under no name.
+        // Delete large data first: a full server cannot record that the job is gone. No process has an empty name.
         self.refuse_guests()?;
         self.forget_pieces("", |name| pieces.contains(name));
         self.remove(number)
     }
 
-    /// Forgets a job and what was kept for it alone. What takes room goes first: on a full server nothing can be written, and that
-    /// a notice is taken down is written.
+    /// Deletes a job and its own data. Large data first: a full server can write nothing, and deleting a notice is a write.
     pub fn remove(&self, number: u32) -> Result<(), Error> {
         let job = self.get(number).ok_or_else(|| no_such(number))?;
         self.refuse_guests()?;
@@ -114,7 +115,7 @@ impl JobBoard {
         Ok(())
     }
 
-    /// Forgets what was kept for a painting of a job; not what the job asks for, nor its picture.
+    /// Deletes the data of a job's current painting, but not its specification or picture.
     pub(crate) fn forget_painting(&self, job: &Job) {
         self.forget_zones(job.work);
         together::forget(self, job.work);
@@ -122,7 +123,7 @@ impl JobBoard {
         self.uplink.blobs().forget_all(|name, _| name.starts_with(&prefix) && !Self::is_of_all_paintings(job, name));
     }
 
-    /// The pieces that jobs need which are not over; `None`: it is not known.
+    /// Returns the chunks that live jobs need; `None`: unknown.
     fn needed(&self) -> Option<BTreeSet<String>> {
         let jobs = self.all();
         let live = jobs.iter().filter(|(_, job)| !job.state.is_over());
@@ -130,20 +131,21 @@ impl JobBoard {
         Some(orders.iter().flat_map(|order| order.files.blobs()).collect())
     }
 
-    /// Says that a process sends a scene. That it cannot be said stops nobody.
+    /// Announces that a process sends a scene. Failures are only logged.
     pub(crate) fn announce(&self, me: &str, what: &Announcement) {
         if let Err(error) = self.put_notice(&transfer_name(me), what) {
             tracing::debug!(%error, "it is not told that a scene is sent");
         }
     }
 
+    /// Removes the announcement that a process sends a scene.
     pub(crate) fn stop_announcing(&self, me: &str) {
         if let Err(error) = self.uplink.notices().remove(&transfer_name(me)) {
             tracing::debug!(%error, "it is not told that no scene is sent any more");
         }
     }
 
-    /// Whether another process sends a scene just now. One that was killed does not say that it does not.
+    /// True if another process is sending a scene. Old announcements of killed processes do not count, and are deleted.
     fn others_send(&self, me: &str) -> bool {
         let look = || {
             let all = self.uplink.notices().all("transfer/").into_iter();
@@ -166,7 +168,7 @@ impl JobBoard {
         now.iter().any(|(name, revision)| before.get(name) != Some(revision))
     }
 
-    /// Scenes that are being sent, by the processes that do it.
+    /// Returns the scenes that are being sent, with the sending processes.
     pub fn transfers(&self) -> Vec<(String, Announcement)> {
         let all = self.uplink.notices().all("transfer/").into_iter();
         let read = all.filter_map(|notice| {
@@ -176,13 +178,13 @@ impl JobBoard {
         read.collect()
     }
 
-    /// What each job holds, by its number.
+    /// Returns the storage that each job uses, by number.
     pub fn held(&self, jobs: &[(u32, Job)]) -> BTreeMap<u32, JobStorage> {
         let blobs = self.uplink.blobs().list();
         let sizes: BTreeMap<&str, u64> = blobs.iter().map(|Blob { name, bytes, .. }| (&**name, *bytes)).collect();
         let tiles = self.uplink.tiles().bytes_by_folder();
         let held = |job: &Job| {
-            // What it asks for cannot be read: of its scene nothing is known.
+            // If its specification cannot be read, its scene counts as empty.
             let pieces: BTreeSet<String> =
                 self.spec(job).map(|order| order.files.blobs().collect()).unwrap_or_default();
             let scene = pieces.iter().filter_map(|name| sizes.get(&**name)).sum();
@@ -197,7 +199,7 @@ impl JobBoard {
         jobs.iter().map(|(number, job)| (*number, held(job))).collect()
     }
 
-    /// Takes the seats of machines away that were killed.
+    /// Deletes the presences of killed machines.
     pub(crate) fn clear_seats(&self) {
         let seats = self.uplink.notices().all("seat/").into_iter();
         for notice in seats.filter(|notice| notice.unchanged > SEAT_LEFT) {

@@ -1,8 +1,8 @@
-//! Files that one sends who is no machine of the farm, a browser or a script: piece by piece, each verified, each once, resumed
-//! where it was interrupted; and jobs that are asked for with them.
+//! Uploads from browsers and scripts that are not machines of the farm: in pieces, each verified, each sent once,
+//! resumable; and jobs submitted with them.
 //!
-//! Pieces lie where those of scenes lie. `upload/DIGEST` says of which pieces a file consists, for a day: any process of the farm
-//! may take the next piece, or the job.
+//! Pieces are stored as chunks, like those of scenes. The blob `upload/DIGEST` lists the pieces of a file for a day: any
+//! process of the farm may receive the next piece, or the job.
 
 use std::{
     collections::BTreeMap,
@@ -31,69 +31,69 @@ use crate::{
     sent_files::SentFiles,
 };
 
-/// Bytes of a piece of an upload: all pieces of a file but its last one have so many.
+/// The size of a piece in bytes; the last piece of a file may be smaller.
 pub const PIECE_BYTES: usize = CHUNK_BYTES;
-/// Bytes of a file at most.
+/// The largest file, in bytes.
 pub const FILE_BYTES_MAX: u64 = 4 << 30;
-/// Frames of an animation at most.
+/// The most frames of an animation.
 pub const FRAMES_MAX: usize = 1000;
-/// Files of a job at most.
+/// The most files of a job.
 pub const FILES_MAX: usize = 4096;
-/// Characters of a file's name at most.
+/// The longest file name, in bytes.
 const NAME_MAX: usize = 512;
-/// What the names of the lists of pieces begin with.
+/// Prefix of the lists of pieces.
 pub(crate) const PREFIX: &str = "upload/";
-/// A list of pieces of so many bytes is none of ours.
+/// The largest list of pieces that is read, in bytes.
 const LIST_BYTES_MAX: usize = 1 << 20;
-/// So long is known of which pieces a file consists.
+/// The time for which a list of pieces is kept.
 pub(crate) const KEPT: Duration = Duration::from_secs(24 * 3600);
-/// What a picture is called of which nobody says.
+/// The default name of a picture.
 const PICTURE: &str = "picture.exr";
 
-/// A file that somebody is about to send.
+/// The description of a file to upload.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct UploadOffer {
-    /// What it is called, for people.
+    /// The name of the file, for display.
     pub name: String,
-    /// Its bytes, at most 4 GiB.
+    /// The size of the file in bytes, at most 4 GiB.
     pub size: u64,
-    /// What is in all of it: BLAKE3, 64 hexadecimal digits.
+    /// The BLAKE3 hash of the file, 64 hexadecimal digits.
     pub digest: String,
-    /// What is in each of its pieces of 4 MiB, in order: BLAKE3.
+    /// The BLAKE3 hashes of its pieces of 4 MiB, in order.
     pub chunks: Vec<String>,
 }
 
-/// The part of an uploaded file that the farm has.
+/// The state of an upload at the farm.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct UploadState {
-    /// By what a job names the file.
+    /// The digest by which a job names the file.
     pub digest: String,
-    /// The pieces that are to be sent. None: the file is there.
+    /// The digests of the pieces still to send. Empty: the file is complete.
     pub missing: Vec<String>,
-    /// Bytes of each piece but the last.
+    /// The size of each piece but the last, in bytes.
     pub chunk_bytes: usize,
 }
 
-/// A picture asked for with files that were uploaded, or those of another job.
+/// A picture to render with uploaded files, or with those of another job.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Submission {
-    /// The request, as `/api/schema/request` says. Its files are names of `files`.
+    /// The request, of the schema `/api/schema/request`. Its files are names of `files`.
     pub request: serde_json::Value,
-    /// The digests of uploads by the names that the request and its scene know them by: relative, with `/` between folders.
+    /// The digests of uploads, by the names that the request and its scene use: relative, with `/` between folders.
     #[serde(default)]
     pub files: BTreeMap<String, String>,
-    /// Instead of `files`: the job whose files these are.
+    /// Instead of `files`: the number of a job whose files to use.
     #[serde(default)]
     pub files_of_job: Option<u32>,
 }
 
 impl JobBoard {
-    /// Takes note of a file that somebody is about to send. Says which of its pieces the farm lacks.
+    /// Registers a file to upload. Returns which of its pieces the farm lacks.
     ///
     /// # Errors
-    /// The offer contradicts itself, is too large, or there is no room for it.
+    /// The offer is inconsistent or too large, or there is no space for it.
     pub fn offer_upload(&self, offer: &UploadOffer) -> Result<UploadState, Error> {
         self.refuse_guests()?;
         check_offer(offer)?;
@@ -125,10 +125,10 @@ impl JobBoard {
         Ok(UploadState { digest: offer.digest.clone(), missing, chunk_bytes: CHUNK_BYTES })
     }
 
-    /// Takes a piece of a file, if it is what its digest says.
+    /// Stores a piece of a file, if it matches its digest.
     ///
     /// # Errors
-    /// It is another one, or the farm does not keep it.
+    /// It does not match, or the farm cannot store it.
     pub fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Error> {
         self.refuse_guests()?;
         if !is_hash(digest) || bytes.len() > CHUNK_BYTES || hash_of(bytes) != digest {
@@ -144,25 +144,25 @@ impl JobBoard {
         Ok(())
     }
 
-    /// Asks for a picture with files that the farm has, or for the frames of an animation. Returns the numbers of the jobs, one
-    /// for each picture.
+    /// Submits a picture, or the frames of an animation, with files that the farm has. Returns the job numbers, one per
+    /// picture.
     ///
-    /// - `from`: the machine that asks, for people.
-    /// - `by`: who asks there, for the log of the job.
-    /// - `cache`: where the scene is put together, to see whether it can be painted.
+    /// - `from`: the name of the submitting machine, for display.
+    /// - `by`: the name of the user, for the job's log.
+    /// - `cache`: where the scene is assembled, to check that it can be rendered.
     ///
     /// # Errors
-    /// The request or a name is none, a file was not uploaded, or the scene cannot be painted.
+    /// The request or a name is invalid, a file was not uploaded, or the scene cannot be rendered.
     pub fn submit_uploaded(&self, asked: Submission, from: &str, by: &str, cache: &Cache) -> Result<Vec<u32>, Error> {
         let (spec, here) = self.spec_here(asked, cache)?;
-        // Whatever is wrong is found out with the first frame.
+        // Examine the first frame before any is submitted.
         let here = match here.missing_frames(false)?.first() {
             Some(first) => here.at_frame(*first)?,
             None => here,
         };
         let material = Session::examine_for_elsewhere(&here)?;
         let (stop, reporter) = (StopSwitch::new(), Reporter::new(Arc::new(())));
-        // Where the files are on this machine is nobody's business: the job holds the request as it was asked.
+        // Use the request as sent: local paths of this machine do not belong into the job.
         let (order, sent) = order(self, from, &here, &material, &stop, &reporter)?;
         let lacking = self.lacks_tagged(&spec.request.farm.require);
         let new_job = |request: &Request| {
@@ -186,15 +186,15 @@ impl JobBoard {
         Ok(numbers)
     }
 
-    /// A request with its files, brought to this machine, to look at its scene before a picture is asked for.
+    /// Returns a request with its files fetched to this machine, to inspect its scene before submitting.
     ///
     /// # Errors
-    /// As of [`Self::submit_uploaded`], but for the scene, which is not read.
+    /// As for [`Self::submit_uploaded`], except that the scene is not read.
     pub fn uploaded_here(&self, asked: Submission, cache: &Cache) -> Result<Request, Error> {
         self.spec_here(asked, cache).map(|(_, here)| here)
     }
 
-    /// What is asked for, and the same with its files on this machine.
+    /// Returns the job's specification, and the request with its files on this machine.
     fn spec_here(&self, asked: Submission, cache: &Cache) -> Result<(JobSpec, Request), Error> {
         self.refuse_guests()?;
         let Submission { request, files, files_of_job } = asked;
@@ -226,8 +226,8 @@ impl JobBoard {
         Ok((spec, here))
     }
 
-    /// The files of a job of the farm, for a request that asks for another picture of its scene. Folders in the request's names do
-    /// not matter: the asker of that job may have had its files anywhere.
+    /// Returns the files of an existing job, for another picture of its scene. Folders in the request's names are ignored:
+    /// they depend on the submitter.
     fn files_of(&self, number: u32, request: &Request) -> Result<SentFiles, Error> {
         let job = crate::jobs::known(self, number)?;
         let files = self.spec(&job)?.files;
@@ -249,7 +249,7 @@ impl JobBoard {
         })
     }
 
-    /// The files of a request as they were uploaded.
+    /// Returns the uploaded files of a request.
     fn uploaded(&self, request: &Request, files: &BTreeMap<String, String>) -> Result<SentFiles, Error> {
         if files.len() > FILES_MAX {
             return Err(Error::usage(format!("{} files", files.len()), format!("at most {FILES_MAX} are allowed")));
@@ -279,7 +279,7 @@ impl JobBoard {
         Ok(SentFiles::at_farm([(last(&scene), contents)].into_iter().chain(others).collect(), environment))
     }
 
-    /// The pieces of a file that was uploaded.
+    /// Returns the pieces of an uploaded file.
     fn list(&self, name: &str, digest: &str) -> Result<Contents, Error> {
         let unknown = || {
             Error::usage(
@@ -317,7 +317,7 @@ fn check_offer(offer: &UploadOffer) -> Result<(), Error> {
     }
 }
 
-/// A name that leads nowhere but down from the folder that it is relative to.
+/// Parses a relative name that stays below its folder.
 fn plain_name(field: &str, name: &str) -> Result<PathBuf, Error> {
     let path = Path::new(name);
     let is_plain = !name.is_empty()
@@ -335,7 +335,7 @@ fn plain_name(field: &str, name: &str) -> Result<PathBuf, Error> {
     ))
 }
 
-/// Checks that a picture is called by the plain name of a file: where it is written is for those to say who fetch it.
+/// Checks that the output is a plain file name: the folder is chosen at the download.
 fn check_output(name: &str) -> Result<(), Error> {
     match plain_name("output.file", name) {
         Ok(path) if path.components().count() == 1 => Ok(()),
@@ -349,12 +349,12 @@ fn check_output(name: &str) -> Result<(), Error> {
     }
 }
 
-/// The last part of a plain name.
+/// Returns the last part of a name.
 fn last(name: &Path) -> String {
     name.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// A plain name as one in `folder` says it.
+/// Returns a name relative to `folder`.
 fn relative(name: &Path, folder: &Path) -> String {
     let shared = name.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(shared).map(|_| "..".to_owned());

@@ -1,8 +1,8 @@
-//! The usage of a machine, job by job: processor time, and energy where something is known of it.
+//! The resource usage of a machine per job: processor time, and energy if known.
 //!
-//! A package's counter is shared by all that its machine does: a job is given the share that its process has of the processor
-//! time of all processes in the meantime. Where watts are told instead, they are those of the machine with all processors at
-//! work, of which the job is given the share that its processor time has of the time of all processors.
+//! The counter of a processor package covers everything that its machine does: a job is assigned the share that its process
+//! has of all processor time in the meantime. Declared watts are those of the machine with all processors busy: the job is
+//! assigned its share of the time of all processors.
 
 use std::{
     collections::BTreeMap,
@@ -16,44 +16,44 @@ use serde::{Deserialize, Serialize};
 
 use crate::power_counters::PowerCounters;
 
-/// Jobs that are remembered; the older ones go.
+/// The most jobs that are remembered; older ones are dropped.
 const JOBS_MAX: usize = 4;
 
-/// By what the energy of a machine is known.
+/// The source of a machine's energy values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum EnergySource {
     /// Counters of its processor packages.
     Counters,
-    /// The watts that its owner, or the keeper of the farm, says.
+    /// Watts declared by its owner, or by the operator of the farm.
     Watts,
 }
 
-/// What one process has used for a job so far.
+/// The usage of one process for a job so far.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JobUsage {
-    /// The number of the job's work, which no other job has had.
+    /// The unique number of the job, [`Job::origin`](crate::job::Job::origin).
     pub work: u64,
-    /// Processor time, in milliseconds.
+    /// Processor time in milliseconds.
     pub processor_ms: u64,
-    /// Energy, in millijoules. `None`: nothing is known of it.
+    /// Energy in millijoules. `None`: unknown.
     pub millijoules: Option<u64>,
-    /// By what it is known.
+    /// The source of the energy value.
     pub source: Option<EnergySource>,
-    /// The processors of its machine.
+    /// The number of processors of its machine.
     pub processors: usize,
 }
 
-/// A moment of a process and its machine.
+/// The processor times of a process and its machine at a moment.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moment {
-    /// Processor seconds of this process.
+    /// Processor time of this process, in seconds.
     own: f64,
-    /// Of all that the machine does; `None`: not known.
+    /// Processor time of the whole machine, in seconds; `None`: unknown.
     all: Option<f64>,
 }
 
-/// Counts what this process uses, job by job.
+/// Measures the usage of this process, per job.
 #[derive(Clone, Debug)]
 pub struct UsageMeter {
     state: Arc<Mutex<MeterState>>,
@@ -65,7 +65,7 @@ struct MeterState {
     watts: Option<f64>,
     last: Option<Moment>,
     jobs: BTreeMap<u64, CountedJob>,
-    /// Counts up with each job that is counted.
+    /// A counter that increases with each measurement, to find the oldest job.
     turn: u64,
 }
 
@@ -77,20 +77,22 @@ struct CountedJob {
 }
 
 impl UsageMeter {
-    /// - `watts`: what the machine draws with all processors at work; used where it has no counters.
+    /// Returns a meter.
+    ///
+    /// - `watts`: the power of the machine with all processors busy; used if it has no counters.
     pub fn new(watts: Option<f64>) -> Self {
         let state =
             MeterState { counters: PowerCounters::of_machine(), watts, last: None, jobs: BTreeMap::new(), turn: 0 };
         Self { state: Arc::new(Mutex::new(state)) }
     }
 
-    /// Counts what was used since the last call as a job's; as nobody's where there is none.
+    /// Assigns the usage since the last call to a job, or to none.
     pub fn count(&self, work: Option<u64>) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.count(work, moment());
     }
 
-    /// What was used for the last jobs.
+    /// Returns the usage of the last jobs.
     pub fn usages(&self) -> Vec<JobUsage> {
         let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.jobs.iter().map(|(work, job)| state.usage(*work, job)).collect()
@@ -134,12 +136,12 @@ impl MeterState {
     }
 }
 
-/// The share of one process in what all did, 0..=1. The clocks of both are read one after the other.
+/// Returns the share of one process in the total, in 0..=1. Clamped, because the two clocks are read one after the other.
 fn share(own: f64, all: f64) -> f64 {
     if all > 0.0 { (own / all).min(1.0) } else { 0.0 }
 }
 
-/// Now; `None`: this system does not tell.
+/// Returns the current times; `None`: unsupported by this system.
 fn moment() -> Option<Moment> {
     own_seconds().map(|own| Moment { own, all: machine_seconds() })
 }

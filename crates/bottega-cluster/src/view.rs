@@ -9,56 +9,56 @@ use crate::{
     machine::{PresenceState, Roster},
 };
 
-/// A job as others are told of it.
+/// A job as shown to observers.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct JobView {
-    /// Its number.
+    /// The number of the job.
     #[serde(rename = "job")]
     pub number: u32,
     /// `active`, `paused`, `done`, `failed` or `cancelled`.
     pub state: &'static str,
-    /// Why it failed.
+    /// The reason of a failure; none: it has not failed.
     pub reason: Option<String>,
-    /// Predicted share of all cost that is done, 0..=1.
+    /// Predicted share of the total cost that is done, in 0..=1.
     pub done: f64,
-    /// Zones painted.
+    /// Number of zones painted.
     pub zones_done: usize,
-    /// All zones.
+    /// Number of all zones.
     pub zones: usize,
-    /// Seconds that are left, as far as who leads it can tell.
+    /// Predicted remaining time in seconds, if its leader knows it.
     pub seconds_left: Option<f64>,
-    /// Whether there is something to see of it while it is painted, coarse at first.
+    /// `true`: a preview of it exists while it is rendered, coarse at first.
     pub seen: bool,
-    /// How urgent it is.
+    /// Its weight when jobs share the machines.
     pub priority: u32,
-    /// Tags that a machine must have to paint it.
+    /// Tags that a machine must have to render it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub require: Vec<String>,
-    /// How many paint it.
+    /// The number of machines that work on it.
     pub machines: usize,
-    /// Who leads it.
+    /// The name of the process that leads it.
     pub leader: Option<String>,
-    /// Who asked for it.
+    /// The name of the process that submitted it.
     pub from: String,
-    /// Seconds since 1970.
+    /// The time of submission, in seconds since 1970.
     pub submitted: u64,
-    /// The scene, as its asker calls it.
+    /// The name of the scene, as its submitter wrote it.
     pub scene: String,
-    /// The picture, as its asker calls it.
+    /// The name of the picture, as its submitter wrote it.
     pub output: String,
-    /// Of which animation it is a frame.
+    /// Its place in an animation; none: it is not a frame of one.
     pub animation: Option<AnimationFrame>,
-    /// How often all who paint it were told to begin again with it, because nothing went on for 30 s though somebody was free.
+    /// The number of restarts of all its processes, because nothing progressed for 30 s although machines were free.
     pub stirs: u32,
-    /// The farm has a picture of it: while it is painted again, that of the painting before.
+    /// `true`: the farm stores a picture of it; while it is rendered again, that of the previous painting.
     pub kept: bool,
-    /// Whether it will not change by itself any more.
+    /// True if its state does not change again without a user.
     #[serde(skip)]
     pub is_over: bool,
 }
 
 impl JobView {
-    /// The jobs of a farm that people are shown here, by number.
+    /// Returns the jobs that users may see here, by number.
     pub fn all(board: &JobBoard) -> Vec<Self> {
         let seats = board.presences();
         let view = |(number, job): (u32, Job)| {
@@ -68,7 +68,7 @@ impl JobView {
         board.shown_jobs().into_iter().map(view).collect()
     }
 
-    /// A job, as others look at it.
+    /// Returns the view of a job.
     pub fn of(number: u32, job: &Job, lead: &Lead, machines: usize) -> Self {
         let is_done = job.state == JobState::Done;
         let lead = &lead.clone().of(job.work);
@@ -80,14 +80,14 @@ impl JobView {
                 _ => None,
             },
             done: if is_done { 1.0 } else { lead.done },
-            // Who leads it says the last of them a little later.
+            // The leader reports the last zones a little later.
             zones_done: if is_done { lead.zones } else { lead.zones_done },
             zones: lead.zones,
             seconds_left: lead.seconds_left.filter(|_| job.state == JobState::Active && lead.leader.is_some()),
             seen: lead.seen,
             priority: job.priority,
             require: job.require.clone(),
-            // A machine that was killed does not say that it has left.
+            // A killed machine does not announce that it leaves.
             machines: if job.state.is_over() { 0 } else { machines },
             leader: lead.leader.clone(),
             from: job.from.clone(),
@@ -102,23 +102,23 @@ impl JobView {
     }
 }
 
-/// A machine as others are told of it.
+/// A machine as shown to observers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MachineView {
-    /// What it says of itself.
+    /// The presence of the machine, as it announces itself.
     pub seat: Presence,
-    /// What it is told.
+    /// The state that it is commanded to take.
     pub ordered: PresenceState,
 }
 
 impl MachineView {
-    /// The machines that are there and that people are shown here, for one who has linked up a moment ago.
+    /// Returns the live machines that users may see here, for a process that just connected.
     pub fn all(board: &JobBoard) -> Vec<Self> {
         let view = |seat: Presence| Self { ordered: board.order_to(&seat.name).standing, seat };
         board.shown_machines(board.present()).into_iter().map(view).collect()
     }
 
-    /// The machine as JSON.
+    /// Returns the machine as JSON.
     pub fn to_value(&self) -> serde_json::Value {
         let Presence { name, threads, devices, version, job, standing, activity, takes_orders, tags, .. } = &self.seat;
         serde_json::json!({ "machine": name, "state": standing.word(), "ordered": self.ordered.word(),
@@ -126,17 +126,17 @@ impl MachineView {
     }
 }
 
-/// All of a farm at a moment.
+/// A snapshot of a farm.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FarmView {
-    /// By number.
+    /// The jobs, by number.
     pub jobs: Vec<JobView>,
-    /// The machines that are there.
+    /// The machines that are present.
     pub machines: Vec<MachineView>,
 }
 
 impl FarmView {
-    /// The farm as it is now.
+    /// Returns the current state of the farm.
     pub fn of(board: &JobBoard, roster: &mut Roster) -> Self {
         let seats = roster.look(board.seated());
         let jobs = board.all().into_iter().map(|(number, job)| {
@@ -148,7 +148,7 @@ impl FarmView {
         Self { jobs, machines: seats.into_iter().map(machine).collect() }
     }
 
-    /// A job by its number.
+    /// Returns a job by its number.
     pub fn job(&self, number: u32) -> Option<&JobView> {
         self.jobs.iter().find(|job| job.number == number)
     }

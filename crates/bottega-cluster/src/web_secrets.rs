@@ -1,4 +1,4 @@
-//! Secrets of the HTTP doors of one farm: two tokens that all of them derive from the word of the farm, and a certificate.
+//! Secrets of the HTTP servers of one farm: two tokens, derived from the farm's word, and a certificate.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,27 +9,27 @@ use crate::{
     members::{Members, own_certificate},
 };
 
-/// What is derived from the word of a farm; the other way nobody can go.
+/// Contexts of the key derivation from the farm's word, which is one-way.
 const SEE: &str = "bottega 2026-11-26 web token: see";
 const STEER: &str = "bottega 2026-11-26 web token: steer";
-/// Bytes of a token.
+/// Length of a token in bytes.
 const TOKEN_BYTES: usize = 16;
 
-/// What a token lets its holder do.
+/// The permissions of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TokenRole {
-    /// Look on.
+    /// May only look.
     See,
-    /// Everything.
+    /// May do everything.
     Steer,
 }
 
 impl TokenRole {
-    /// All of them.
+    /// All roles, from the least permissions to the most.
     pub const ALL: [Self; 2] = [Self::See, Self::Steer];
 
-    /// As people read it.
+    /// Returns the name of the role.
     pub fn word(self) -> &'static str {
         match self {
             Self::See => "see",
@@ -38,19 +38,19 @@ impl TokenRole {
     }
 }
 
-/// By what an HTTP door lets one in, and how it is known.
+/// The secrets of an HTTP server: its tokens and its certificate.
 #[derive(Clone)]
 pub struct WebSecrets {
-    /// What the tokens are derived from.
+    /// The secret from which the tokens are derived.
     secret: Vec<u8>,
-    /// Whether other processes of the farm have the same.
+    /// True if other processes of the farm have the same secret.
     is_shared: bool,
-    /// The certificate of the door, and its key (PEM).
+    /// The certificate of the server, and its private key (PEM).
     pub certificate: (String, String),
 }
 
 impl WebSecrets {
-    /// Those of one process alone.
+    /// Returns new secrets for one process.
     ///
     /// # Errors
     /// The system gives no random numbers, or no certificate can be made.
@@ -59,11 +59,11 @@ impl WebSecrets {
         Ok(Self { secret, is_shared: false, certificate: own_certificate()? })
     }
 
-    /// Those of a farm, for one of its processes: the same in each that may do everything. Where others run the servers, or this
-    /// process is a guest, those of this process alone.
+    /// Returns the secrets of a farm, the same in each trusted process. With servers of other operators, or as a guest: new
+    /// ones for this process.
     ///
     /// # Errors
-    /// As of [`Self::fresh`].
+    /// As for [`Self::fresh`].
     pub fn of_farm(farm: &FarmAddress) -> Result<Self, Error> {
         match &farm.keeper {
             Keeper::Up(word) if word.group == Group::Trusted => {
@@ -74,21 +74,21 @@ impl WebSecrets {
         }
     }
 
-    /// Those of a farm, for the process that has it up.
+    /// Returns the secrets of a farm, for the process that runs it.
     pub(crate) fn of_host(members: &Members) -> Result<Self, Error> {
         let (certificate, key) = members.certificate();
         let secret = members.secret(Group::Trusted).as_bytes().to_vec();
         Ok(Self { secret, is_shared: true, certificate: (certificate.to_owned(), key.to_owned()) })
     }
 
-    /// Whether other processes of the farm derive the same tokens.
+    /// True if other processes of the farm derive the same tokens.
     pub fn is_shared(&self) -> bool {
         self.is_shared
     }
 
-    /// The token of a role.
+    /// Returns the token of a role.
     ///
-    /// - `generation`: how often it was revoked: each time another one took its place.
+    /// - `generation`: how often it was revoked and replaced.
     pub fn token(&self, role: TokenRole, generation: u64) -> String {
         let context = match role {
             TokenRole::See => SEE,
@@ -102,7 +102,7 @@ impl WebSecrets {
     }
 }
 
-/// A token that nobody has.
+/// Returns a new random token.
 pub(crate) fn fresh_token() -> Result<String, Error> {
     random::<TOKEN_BYTES>().map(|bytes| hexadecimal(&bytes))
 }

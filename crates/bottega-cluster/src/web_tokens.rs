@@ -1,8 +1,8 @@
-//! The tokens of a farm's HTTP doors: two that follow from the farm's word, and those that people make, each with a name. All of them are
-//! listed and revoked here, and every door of the farm goes by it at once.
+//! The access tokens of a farm's HTTP servers: two derived from the farm's word, and any number of named ones. All are
+//! listed and revoked here, and every server of the farm applies this at once.
 //!
-//! - `token/NAME`: a token that was made: its digest, from which nobody finds the token; what it lets its holder do, and who made it.
-//! - `token/see`, `token/steer`: how often the token of that role was revoked that follows from the farm's word.
+//! - `token/NAME`: a named token: its digest, from which the token cannot be found, its role, and who made it.
+//! - `token/see`, `token/steer`: how often the derived token of that role was revoked.
 
 use bottega::request::{TAG_FORM, is_tag};
 use schemars::JsonSchema;
@@ -15,47 +15,47 @@ use crate::{
     web_secrets::{TokenRole, WebSecrets, fresh_token},
 };
 
-/// How the names of all notices of tokens begin.
+/// Prefix of the notices of tokens.
 const TOKENS: &str = "token/";
-/// Tokens that a farm has at most.
+/// The most named tokens of a farm.
 const TOKENS_MAX: usize = 256;
 
-/// A token as lists show it. The token itself is known to its holder alone.
+/// The description of a token, for lists. Only its holder knows the token itself.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct WebToken {
-    /// What it is called; `see` and `steer` are those that follow from the farm's word.
+    /// The name of the token; `see` and `steer` are those derived from the farm's word.
     pub name: String,
-    /// `see`: looks on; `steer`: does everything.
+    /// `see`: may only look; `steer`: may do everything.
     pub role: TokenRole,
-    /// When it was made, in seconds since 1970; `null`: with the farm.
+    /// The time it was made, in seconds since 1970; `null`: with the farm.
     pub made: Option<u64>,
-    /// Who made it, or revoked the one before it.
+    /// The name of the user who made it, or revoked its predecessor.
     pub by: Option<String>,
 }
 
-/// The holder of a token that was shown at a door.
+/// The name and role of a token that a client has presented.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TokenHolder {
-    /// What the token is called.
+    /// The name of the token.
     pub name: String,
-    /// What it lets its holder do.
+    /// The role of the token.
     pub role: TokenRole,
 }
 
-/// What the farm notes of a token.
+/// The stored record of a token.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct TokenNotice {
     role: TokenRole,
-    /// BLAKE3 of the token; none: it follows from the farm's word.
+    /// The BLAKE3 hash of the token; none: it is derived from the farm's word.
     digest: Option<String>,
-    /// How often it was revoked, where another one takes its place.
+    /// The number of times that a derived token was revoked and replaced.
     generation: u64,
     made: u64,
     by: String,
 }
 
 impl JobBoard {
-    /// All tokens: the two that follow from the farm's word, and those that were made, by name.
+    /// Returns all tokens: the two derived ones, and then the named ones, by name.
     pub fn web_tokens(&self) -> Vec<WebToken> {
         let own = TokenRole::ALL.map(|role| {
             let revoked = self.token_notice(role.word());
@@ -69,14 +69,14 @@ impl JobBoard {
         own.into_iter().chain(made).collect()
     }
 
-    /// The token of a role that follows from the farm's word, as it is now.
+    /// Returns the current derived token of a role.
     pub fn own_token(&self, secrets: &WebSecrets, role: TokenRole) -> String {
         secrets.token(role, self.token_notice(role.word()).map_or(0, |notice| notice.generation))
     }
 
-    /// Whose token is shown. `None`: it is nobody's, or was revoked.
+    /// Returns the name and role of a presented token. `None`: it is unknown or revoked.
     pub fn token_holder(&self, secrets: &WebSecrets, token: &str) -> Option<TokenHolder> {
-        // Digests are compared, in constant time: how long it takes says nothing of the token.
+        // Compare hashes, in constant time, so that timing reveals nothing.
         let shown = blake3::hash(token.as_bytes());
         let holder = |name: &str, role| TokenHolder { name: name.to_owned(), role };
         let own = TokenRole::ALL.into_iter().rev();
@@ -90,12 +90,12 @@ impl JobBoard {
         })
     }
 
-    /// Makes a token. It is told this once.
+    /// Creates a named token. Returns it; it is not stored and cannot be shown again.
     ///
-    /// - `by`: who makes it, for people.
+    /// - `by`: the name of the user.
     ///
     /// # Errors
-    /// The name is none or is taken, there are too many tokens, or the farm does not answer.
+    /// The name is invalid or taken, there are too many tokens, or the farm does not answer.
     pub fn make_token(&self, name: &str, role: TokenRole, by: &str) -> Result<String, Error> {
         self.refuse_guests()?;
         if !is_tag(name) {
@@ -122,9 +122,9 @@ impl JobBoard {
         Ok(token)
     }
 
-    /// Revokes a token: no door takes it any more. In place of one that follows from the farm's word there is another one at once.
+    /// Revokes a token: all servers refuse it from now on. A derived token is replaced at once.
     ///
-    /// - `by`: who revokes it, for people.
+    /// - `by`: the name of the user.
     ///
     /// # Errors
     /// There is no such token, or the farm does not answer.
@@ -149,7 +149,7 @@ impl JobBoard {
         if is_tag(name) { self.read_notice(&notice_name(name)) } else { None }
     }
 
-    /// Those that people have made, by name. A guest's door takes none of them: it could keep what it is shown.
+    /// Returns the named tokens, by name. None at a guest, whose server could keep what clients present.
     fn made_tokens(&self) -> Vec<(String, TokenNotice)> {
         if self.uplink.is_guest() {
             return Vec::new();

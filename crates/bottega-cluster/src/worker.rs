@@ -1,4 +1,4 @@
-//! A machine that paints for a farm: takes part in the job that needs it most, and leads it where nobody does.
+//! A machine that works for a farm: takes part in the job that needs it most, and leads it if no other process does.
 
 use std::{
     collections::BTreeSet,
@@ -31,38 +31,38 @@ use crate::{
     usage::UsageMeter,
 };
 
-/// A message of a machine that paints for a farm to its user.
+/// A message of a worker to its user.
 pub enum WorkerMessage<'a> {
-    /// What it does.
+    /// A line about its current action.
     Line(&'a str),
-    /// Why it does not paint a job.
+    /// The reason why it refuses a job.
     Failure(&'a Error),
 }
 
-/// The share of this machine that is offered to a farm.
+/// The options of a machine that joins a farm.
 #[derive(Clone, Debug, Default)]
 pub struct JoinOptions {
-    /// What paints.
+    /// The threads and devices to render with.
     pub own: WorkerDevices,
-    /// Where scenes are kept; none: a folder of the user's state.
+    /// The folder of the scene cache; none: a folder in the user's state.
     pub cache: Option<PathBuf>,
-    /// How much of them, in bytes; what was used longest ago goes first. None: 20 GiB.
+    /// The size of the cache in bytes; the least recently used files are removed first. None: 20 GiB.
     pub cache_bytes: Option<u64>,
-    /// Whether it leaves when one job is over.
+    /// `true`: leaves the farm when one job is over.
     pub once: bool,
-    /// When the machine's owner lets it paint.
+    /// The owner's conditions for working.
     pub owner: OwnerConditions,
-    /// What the machine says that it is, by which jobs ask for it.
+    /// The tags of the machine, which jobs can require.
     pub tags: Vec<String>,
-    /// Memory that the machine may take, in bytes: a job that takes more is left to others.
+    /// The most memory that the machine may use, in bytes; it refuses a job that needs more.
     pub memory_bytes: Option<u64>,
-    /// What the machine draws with all processors at work, in watts; used where it has no counters of its own.
+    /// The power of the machine with all processors busy, in watts; used if it has no counters.
     pub watts: Option<f64>,
 }
 
-/// Paints for a farm until the user wants to stop, or somebody has this machine leave.
+/// Works for a farm until the user stops, or a command makes this machine leave.
 ///
-/// - `say`: tells the user what it does.
+/// - `say`: shows messages to the user.
 pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(WorkerMessage<'_>)>) {
     let FarmLink { uplink, name, .. } = link;
     let JoinOptions { own, cache, cache_bytes, once, owner, tags, memory_bytes, watts } = options;
@@ -79,34 +79,36 @@ pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dy
     worker.leave();
 }
 
-/// How often is looked for work.
+/// Interval between checks for work.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-/// A machine stays with a job for so long before it looks at others: loading a scene is not for nothing.
+/// The time for which a machine stays with a job before it considers another: loading a scene is expensive.
 const STAYS: Duration = Duration::from_secs(5);
 
-/// A machine that paints for a farm.
+/// A machine that works for a farm.
 pub(crate) struct Worker {
     member: Member,
     cache: Cache,
     own: WorkerDevices,
-    /// The job that was painted last: its scene stays loaded.
+    /// The last job, whose scene stays loaded.
     studio: Option<PreparedJob>,
-    /// The only ones that it may; then it is the process that asked for them, and takes no orders.
+    /// The only jobs to work on, for the process that submitted them, which obeys no commands; none: any job.
     only: Option<BTreeSet<u32>>,
-    /// A painting that is finished, and whose picture somebody else makes safe.
+    /// A finished painting, whose picture its leader still has to store.
     helped: Option<PaintingTurn>,
-    /// The owner of the machine, where conditions are set.
+    /// The watch over the owner's conditions, if any.
     owner: Option<OwnerWatch>,
-    /// What this machine may take of its memory, where that is limited.
+    /// The limit of this machine's memory, if any.
     memory: Option<MemoryLimit>,
     say: Box<dyn Fn(WorkerMessage<'_>)>,
 }
 
 impl Worker {
-    /// - `cache`: where scenes are kept.
-    /// - `own`: what of this machine paints.
-    /// - `only`: paint these jobs and no others.
-    /// - `say`: tells the user what it does.
+    /// Returns a worker.
+    ///
+    /// - `cache`: the scene cache.
+    /// - `own`: the threads and devices to render with.
+    /// - `only`: the only jobs to work on; none: any.
+    /// - `say`: shows messages to the user.
     pub(crate) fn new(
         member: Member,
         cache: Cache,
@@ -117,14 +119,14 @@ impl Worker {
         Self { member, cache, own, studio: None, only, helped: None, owner: None, memory: None, say }
     }
 
-    /// Says that it has gone.
+    /// Leaves the farm.
     pub(crate) fn leave(&self) {
         self.member.board.leave(&self.member.name);
     }
 
-    /// Does what it is told, until the user wants to stop or somebody has it leave.
+    /// Obeys commands and works, until the user stops or a command makes it leave.
     ///
-    /// - `once`: no longer than until a job is over.
+    /// - `once`: returns when one job is over.
     pub(crate) fn work(&mut self, once: bool) {
         let mut before = PresenceState::Active;
         while !self.member.stop.is_requested() {
@@ -150,9 +152,9 @@ impl Worker {
         }
     }
 
-    /// Takes no work for a moment, or until it is told otherwise.
+    /// Pauses for a moment, or until another command.
     fn rest(&mut self) {
-        // Memory, too, is for others now.
+        // Free the memory, too.
         self.studio = None;
         let Member { board, name, stop, .. } = &self.member;
         board.attend(&Presence { standing: PresenceState::Suspended, ..self.member.seat(None) });
@@ -165,25 +167,25 @@ impl Worker {
         }
     }
 
-    /// Whether it is told anything else than to paint.
+    /// Returns a function that is `true` if the command is no longer to work.
     fn is_called_off(&self) -> impl Fn() -> bool + Send + 'static {
         let (board, me, takes_orders) = (self.member.board.clone(), self.member.name.clone(), self.only.is_none());
         let owner = self.owner.clone();
         move || takes_orders && order_to(&board, &me, owner.as_ref()).standing != PresenceState::Active
     }
 
-    /// Whether this machine would paint a job.
+    /// True if this machine can work on a job.
     fn would(&self, number: u32, job: &Job) -> bool {
         may(&self.only, &self.member, number, job) && !self.is_done_with(number, job)
     }
 
-    /// Takes part in a job, or waits a moment if there is none. Returns whether one came to its end.
+    /// Takes part in a job, or waits a moment if there is none. Returns `true` if a job was finished.
     pub(crate) fn work_once(&mut self) -> bool {
         let Member { board, name, .. } = &self.member;
         let others: Vec<Presence> = board.presences().into_iter().filter(|seat| seat.name != *name).collect();
         let wanting = wanting(board, |number, job| self.would(number, job));
         let chosen = choose(&wanting, &others).and_then(|number| Some((number, board.get(number)?)));
-        // What was used since the last job is nobody's.
+        // Usage since the last job belongs to no job.
         self.member.meter.count(None);
         let Some((number, job)) = chosen else {
             board.attend(&Presence { takes_orders: self.only.is_none(), ..self.member.seat(None) });
@@ -192,9 +194,9 @@ impl Worker {
         };
         match self.take_part(number, &job) {
             Ok(is_over) => is_over,
-            // It waited for the farm until somebody wanted something else.
+            // The farm did not answer until another command came.
             Err(error) if error.may_pass() => false,
-            // What is wrong with one job is no reason to leave the farm.
+            // A problem with one job is no reason to leave the farm.
             Err(error) => {
                 let Member { board, name, refusals, .. } = &self.member;
                 let reason = error.error_chain_with_remedy();
@@ -207,13 +209,13 @@ impl Worker {
         }
     }
 
-    /// Whether a painting of a job needs no more hands, though it is not over yet.
+    /// True if a painting needs no more help, though its job is not over yet.
     fn is_done_with(&self, number: u32, job: &Job) -> bool {
         let is_led = || self.member.board.lead(number).is_some_and(|lead| lead.leader.is_some());
         self.helped == Some(job.turn()) && is_led()
     }
 
-    /// Until it is time to say that this machine is there, or there may be work.
+    /// Waits until the presence must be renewed, or until there may be work.
     fn wait(&self) {
         self.member.watch_stalls();
         let (begun, is_called_off) = (Instant::now(), self.is_called_off());
@@ -231,8 +233,9 @@ impl Worker {
         let Member { board, stop, .. } = &self.member;
         let occupation = self.member.activity.occupy();
         let seat = Presence { takes_orders: self.only.is_none(), ..self.member.seat(Some(number)) };
+        // Load the scene, unless it is loaded already
         if self.studio.as_ref().is_none_or(|studio| studio.origin != job.origin) {
-            // The old one goes first: two scenes may be more than there is room for.
+            // Free the old scene first: two may not fit in memory.
             self.studio = None;
             let open = || PreparedJob::open(&self.member, job, &self.cache, &self.own);
             let sit = || {
@@ -242,10 +245,11 @@ impl Worker {
             let is_enough = || stop.is_requested() || !self.is_wanted(number, job);
             self.studio = Some(meanwhile(RENEW_EVERY, sit, || patiently_until(is_enough, say, open))?);
         }
-        // Others know from now on that it takes part.
+        // Announce that it takes part.
         board.attend(&seat);
         drop(occupation);
         let Some(studio) = &self.studio else { return Ok(false) };
+        // Render the job together with the other machines
         let before = studio.samples_done();
         (self.say)(WorkerMessage::Line(&format!("job {number}: painting {}", job.scene)));
         let part = || take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number));
@@ -254,11 +258,12 @@ impl Worker {
         if let (PartOutcome::Left(_), Some(limit)) = (&part, &self.memory)
             && limit.is_passed()
         {
-            // The scene goes before anything else is begun.
+            // Free the scene before the next job.
             self.studio = None;
             limit.forget();
             return Err(limit.error());
         }
+        // Store the picture, if this machine has led the job
         let is_over = !matches!(part, PartOutcome::Left(_));
         if let PartOutcome::Led(mut report, leading) = part {
             let state = match report.failed.len() {
@@ -280,13 +285,13 @@ impl Worker {
         Ok(is_over)
     }
 
-    /// Whether a painting of a job is still wanted, and this machine may paint it.
+    /// True if a painting is still wanted, and this machine may work on it.
     fn is_wanted(&self, number: u32, job: &Job) -> bool {
         let is_same = |now: Job| now.state == JobState::Active && now.turn() == job.turn();
         self.member.board.get(number).is_some_and(is_same) && !self.is_called_off()()
     }
 
-    /// Whether this machine is told to paint no more, or another job has too few machines for its priority.
+    /// Returns a function that is `true` if this machine must stop, or another job has too few machines for its priority.
     fn elsewhere(&self, number: u32) -> impl Fn() -> bool + Send + 'static {
         let (board, me) = (self.member.board.clone(), self.member.name.clone());
         let (only, member, memory) = (self.only.clone(), self.member.clone(), self.memory.clone());
@@ -300,7 +305,7 @@ impl Worker {
     }
 }
 
-/// What a machine shall do: what it is told; where that is to paint, its owner may want it for himself.
+/// Returns the command to a machine; if it is to work, its owner may suspend it.
 fn order_to(board: &JobBoard, me: &str, owner: Option<&OwnerWatch>) -> MachineOrder {
     let told = board.order_to(me);
     match owner.and_then(OwnerWatch::reason) {
@@ -319,11 +324,11 @@ fn may(only: &Option<BTreeSet<u32>>, member: &Member, number: u32, job: &Job) ->
     is_meant && !member.refusals.has(job.work)
 }
 
-/// Jobs that want machines.
+/// Returns the jobs that need machines.
 fn wanting(board: &JobBoard, is_wanted: impl Fn(u32, &Job) -> bool) -> Vec<JobClaim> {
     let all = board.all().into_iter();
     let is_led = |number: u32| board.lead(number).is_some_and(|lead| lead.leader.is_some());
-    // Guests paint for somebody.
+    // A guest cannot lead: it needs a leader.
     let is_possible = |number: u32| !board.uplink.is_guest() || is_led(number);
     let active =
         all.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number, job) && is_possible(*number));

@@ -1,4 +1,4 @@
-//! The built-in engine: paints zones with `bottega-render`, every block of pixels a work unit of the allocator.
+//! The built-in engine: renders zones with `bottega-render`; each block of pixels is a work unit of the allocator.
 
 mod resources;
 mod shared;
@@ -36,27 +36,26 @@ use self::{
 };
 use crate::{CancelSwitch, EngineDescription, EngineError, RenderEngine, Sharing, Survey, ZoneCallback, ZoneTask};
 
-/// The built-in engine over the processors of this machine.
+/// The built-in engine, on the processors and devices of this machine.
 pub struct BuiltinEngine {
     shared: Arc<Shared>,
     resources: Arc<Resources>,
-    /// What the resources had done before.
+    /// The report of the resources when this engine was created.
     before: HraReport,
     urgency: Urgency,
-    /// The life times of all units of a look, and whether nobody looks any more.
+    /// The life times of all units of a [`Urgency::Look`]; and whether the picture was left.
     lives: Mutex<Vec<LifeTime<RenderWork>>>,
     is_left: AtomicBool,
     zones: Mutex<Vec<JoinHandle<()>>>,
 }
 
 impl BuiltinEngine {
-    /// An engine on `options.threads` processors, and on whatever else is given as `devices`: with these, pixels are no
-    /// longer the same to the last bit.
+    /// Returns an engine on `options.threads` processors and on `devices`: with devices, pixels are no longer bit-identical.
     pub fn new(scene: Arc<PreparedScene>, options: BuiltinOptions, devices: Devices) -> Self {
         Self::with_prepass(scene, Arc::default(), options, devices)
     }
 
-    /// The same with what other engines have found out of the scene, and will.
+    /// Returns an engine that shares the prepass of the scene with other engines.
     pub fn with_prepass(
         scene: Arc<PreparedScene>,
         prepass: Arc<Prepass>,
@@ -67,16 +66,16 @@ impl BuiltinEngine {
         Self::on(scene, prepass, options, resources)
     }
 
-    /// The same on resources that others may use at the same time, or have used.
+    /// Returns an engine on resources that other engines may share.
     ///
-    /// - `options.threads`: must be theirs.
+    /// - `options.threads`: must be the number of the resources' threads.
     pub fn on(
         scene: Arc<PreparedScene>,
         prepass: Arc<Prepass>,
         mut options: BuiltinOptions,
         resources: Arc<Resources>,
     ) -> Self {
-        // Devices are not guided, so nobody needs to learn.
+        // Devices do not use guiding, so learning is useless.
         if options.threads == 0 {
             options.settings.guiding = false;
             options.settings.agents = AgentUse::default();
@@ -104,15 +103,15 @@ impl BuiltinEngine {
         }
     }
 
-    /// The same for a picture that is wanted so soon.
+    /// Sets the urgency of the picture.
     #[must_use]
     pub fn with_urgency(mut self, urgency: Urgency) -> Self {
         self.urgency = urgency;
         self
     }
 
-    /// Nobody looks at the picture any more: its units that wait are painted by nobody, those under way are dropped. What is painted of
-    /// it from now on ends at once, and not complete. Does nothing for a picture that is no [`Urgency::Look`].
+    /// Abandons an interactive picture: its waiting units are discarded, running ones are dropped, and later tasks end at
+    /// once, incomplete. Does nothing unless the picture is a [`Urgency::Look`].
     pub fn leave(&self) {
         if self.urgency != Urgency::Look {
             return;
@@ -120,11 +119,11 @@ impl BuiltinEngine {
         self.is_left.store(true, Ordering::SeqCst);
         let lives = std::mem::take(&mut *self.lives.lock().unwrap_or_else(PoisonError::into_inner));
         lives.iter().for_each(LifeTime::end);
-        // After that, so that nobody takes units back which are to be counted.
+        // Cancel last, so that no thread takes back units that the client counts as expired.
         self.shared.cancelled.store(true, Ordering::SeqCst);
     }
 
-    /// A client for units of the picture.
+    /// Returns an allocator client for units of the picture.
     fn client(&self, priority: i32) -> HraClient<RenderWork> {
         let client = self.resources.hra.client_of(priority);
         if self.urgency == Urgency::Look {
@@ -139,30 +138,28 @@ impl BuiltinEngine {
         client
     }
 
-    /// Samples taken so far, all pixels together; those of zones under way are in it.
+    /// Returns the samples taken so far, over all pixels, including those of unfinished zones.
     pub fn samples_done(&self) -> u64 {
         self.shared.samples_done.load(Ordering::Relaxed)
     }
 
-    /// Samples so far whose radiance was not finite, and which therefore counted as black.
+    /// Returns the samples so far with non-finite radiance, which count as black.
     pub fn dropped_count(&self) -> u64 {
         self.shared.dropped_count.load(Ordering::Relaxed)
     }
 
-    /// From now on shows the blocks of pixels to `watcher` as they are painted: each after some milliseconds of work on
-    /// it, with the running sums that it has then. Called from several threads, and must return soon. There is one
-    /// watcher: a second call does nothing.
+    /// Shows each block of pixels to `watcher` while it is rendered: every few milliseconds of work, with its current
+    /// running sums. Called from several threads; must return soon. Only the first call has an effect.
     pub fn watch(&self, watcher: impl Fn(&Tile) + Send + Sync + 'static) {
         let _ = self.shared.watcher.set(Box::new(watcher));
     }
 
-    /// What the picture looks like, small and coarse: see [`glimpse`]. `None`: it was ended by the switch.
+    /// Renders a small, coarse image of the picture: see [`glimpse`]. `None`: it was cancelled.
     ///
-    /// - `size`: columns and rows; the camera sees what their ratio says.
-    /// - `samples`: paths of each of these pixels.
-    ///
+    /// - `size`: columns and rows; their ratio is the aspect ratio of the camera.
+    /// - `samples`: paths per pixel of this image.
     /// # Errors
-    /// The allocator has failed.
+    /// The allocator failed.
     pub fn glimpse(
         &self,
         (width, height): (u32, u32),
@@ -176,26 +173,26 @@ impl BuiltinEngine {
             .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 
-    /// What the lighting agents of the picture were like and what they were asked so far, if it has any.
+    /// Returns statistics of the picture's lighting agents, if it has any.
     pub fn lighting_agents(&self) -> Option<AgentReport> {
         let Shared { scene, prepass, options: BuiltinOptions { view, settings, .. }, .. } = &*self.shared;
         prepass.lighting_agents(scene, *view, settings.photons?, settings.seed)
     }
 
-    /// What the maps of a picture by photons take so far.
+    /// Returns the memory of the photon maps so far, in bytes.
     pub fn map_bytes(&self) -> MapBytes {
         let Shared { scene, prepass, options: BuiltinOptions { view, settings, .. }, .. } = &*self.shared;
         let bytes = |photons| prepass.map_bytes(scene, *view, photons, settings.seed);
         settings.photons.map_or_else(MapBytes::default, bytes)
     }
 
-    /// What the resources of the allocator have done since this engine is there, for whomever.
+    /// Returns the work of the resources since this engine was created, for all engines that share them.
     pub fn report(&self) -> HraReport {
         self.resources.hra.report().since(&self.before)
     }
 
     fn prepared(&self, others: Option<&dyn Sharing>) -> Result<(), EngineError> {
-        // With the settings of the user: a zone whose settings are lowered must not be the one from which all learn.
+        // Use the user's settings: all zones learn from this, also those with lowered settings.
         let Shared { scene, prepass, options, .. } = &*self.shared;
         let (view, settings) = (options.view, &options.settings);
         let prepared = match (settings.photons, others) {
@@ -259,10 +256,10 @@ impl Drop for BuiltinEngine {
     fn drop(&mut self) {
         self.shared.cancelled.store(true, Ordering::Relaxed);
         let zones = self.zones.get_mut().unwrap_or_else(PoisonError::into_inner);
-        // Whoever was told of the last zone may be the last to know the engine: a thread does not wait for itself.
+        // The callback of the last zone may drop the engine: a thread must not join itself.
         let others = zones.drain(..).filter(|zone| zone.thread().id() != thread::current().id());
         for zone in others {
-            // A panic in there was already reported by the thread itself; there is nothing left to lose.
+            // The thread has reported a panic itself.
             let _ = zone.join();
         }
     }

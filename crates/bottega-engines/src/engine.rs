@@ -1,4 +1,4 @@
-//! The contract between the farm and an engine.
+//! The interface between the farm and an engine.
 
 use std::{
     ops::Range,
@@ -14,106 +14,106 @@ use bottega_image::{Rect, Tile};
 
 use crate::{Sharing, Survey};
 
-/// The settings that the farm may choose for a zone, in the farm's own words.
+/// The render settings that the farm may choose per zone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Tunables {
-    /// Bounces of a path after the first surface's direct light (the paper's Recursion Level).
+    /// The most bounces of a path after the direct light at its first surface (the paper's Recursion Level).
     pub max_depth: u32,
-    /// Light samples a path vertex (the paper's Light Samples).
+    /// Light samples per path vertex (the paper's Light Samples).
     pub light_samples: u32,
 }
 
-/// Which of several engines suits a zone better, from −1 (the first) to 1 (the last); 0 is no difference. It decides who paints
-/// a zone, and nothing of how.
+/// The preference for one of several engines for a zone, from −1 (the first) to 1 (the last); 0 is neutral. It selects the
+/// engine, and does not affect how it renders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnginePreference(f32);
 
 impl EnginePreference {
-    /// What is beyond the ends counts as the end, and what is no number as no difference.
+    /// Returns a preference, clamped to −1..=1; NaN counts as 0.
     pub fn new(leaning: f32) -> Self {
         Self(if leaning.is_nan() { 0.0 } else { leaning.clamp(-1.0, 1.0) })
     }
 
-    /// From −1 to 1.
+    /// Returns the value, from −1 to 1.
     pub fn get(self) -> f32 {
         self.0
     }
 }
 
-/// The description of an engine, with its tunables. An engine is never credited for a tunable that it lacks.
+/// The description of an engine and the tunables that it supports.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EngineDescription {
-    /// Short name: `builtin`, `cycles`, …
+    /// The short name: `builtin`, `cycles`, …
     pub name: String,
-    /// Whether it obeys [`Tunables::max_depth`].
+    /// True if it obeys [`Tunables::max_depth`].
     pub has_max_depth: bool,
-    /// Whether it obeys [`Tunables::light_samples`].
+    /// True if it obeys [`Tunables::light_samples`].
     pub has_light_samples: bool,
-    /// Whether a tile can be gone on with later: the samples of a pass are kept and the picture is the same.
+    /// True if it can add samples to a tile later: earlier samples are kept, and the result is the same as in one pass.
     pub resumes_samples: bool,
-    /// Whether a zone's first samples are worth painting by themselves, to learn how long it will take: not where the start of
-    /// each painting is dear.
+    /// True if a zone's first samples are worth rendering separately, to predict its time: not if starting a window is
+    /// expensive.
     pub is_profiled: bool,
-    /// Whether a pixel has the same bits whatever region it was painted in.
+    /// True if a pixel is bit-identical whatever region it was rendered in.
     pub exact_by_pixel: bool,
 }
 
-/// Ends one task early. Clones are the same switch.
+/// A switch that ends one task early. Clones share the switch.
 #[derive(Clone, Debug, Default)]
 pub struct CancelSwitch(Arc<AtomicBool>);
 
 impl CancelSwitch {
-    /// Ends the task soon; it is reported with what it has.
+    /// Requests the task to end soon; it is reported with the samples that it has.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether it was pressed.
+    /// True if the task was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// The progress of a task: how much of it is painted. Clones are the same counter.
+/// The progress of a task. Clones share the counter.
 #[derive(Clone, Debug, Default)]
 pub struct TaskProgress(Arc<AtomicU64>);
 
 impl TaskProgress {
-    /// So much more is painted, in samples of single pixels.
+    /// Adds rendered samples, counted over all pixels.
     pub fn add(&self, samples: u64) {
         self.0.fetch_add(samples, Ordering::Relaxed);
     }
 
-    /// How much is, in samples of single pixels.
+    /// Returns the rendered samples, counted over all pixels.
     pub fn get(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// A zone to paint, or some of its samples.
+/// A zone to render, or some of its samples.
 #[derive(Clone, Debug)]
 pub struct ZoneTask {
-    /// The pixels.
+    /// The rectangle of pixels.
     pub rect: Rect,
-    /// Which samples of each pixel. They go on from what `tile` holds.
+    /// The range of samples per pixel. It continues those in `tile`.
     pub samples: Range<u32>,
-    /// At which settings.
+    /// The render settings.
     pub tunables: Tunables,
-    /// For which of several engines.
+    /// The preference for one of several engines.
     pub leaning: EnginePreference,
-    /// Running sums of the samples before; `None`: `samples` starts at 0.
+    /// The running sums of the samples before; `None`: `samples` starts at 0.
     pub tile: Option<Tile>,
-    /// Disjoint parts of the rectangle that are to have the samples; `None`: all of it. Engines that paint whole windows may
-    /// give them to all pixels: whoever asks for parts takes no others.
+    /// Disjoint parts of the rectangle to render; `None`: all of it. Engines that render whole windows may render all
+    /// pixels: the caller only uses the parts.
     pub parts: Option<Vec<Rect>>,
-    /// Whoever has this may end it early.
+    /// The switch to end the task early.
     pub cancel: CancelSwitch,
-    /// The engine counts here what it has painted, as often as it knows, before the task is done too.
+    /// The counter of rendered samples, updated by the engine as it proceeds.
     pub progress: TaskProgress,
 }
 
 impl ZoneTask {
-    /// The task of these samples, which go on from none, in the whole rectangle and by any engine.
+    /// Returns a task for samples of a whole rectangle, without samples before and for any engine.
     pub fn new(rect: Rect, samples: Range<u32>, tunables: Tunables) -> Self {
         Self {
             rect,
@@ -131,84 +131,84 @@ impl ZoneTask {
 /// The result of a [`ZoneTask`].
 #[derive(Clone, Debug)]
 pub struct Painted {
-    /// Running sums of all samples so far. After cancellation pixels may have different counts.
+    /// The running sums of all samples so far. After cancellation, the pixels may have different counts.
     pub tile: Tile,
-    /// Processor time spent on it, summed over processors.
+    /// Processor time, summed over processors.
     pub busy: Duration,
-    /// Whether that is a measurement of painting alone: not where something was loaded, compiled or started meanwhile.
+    /// True if `busy` measures only rendering: false if loading, compiling or starting was part of it.
     pub is_warm: bool,
-    /// Where that time went: disjoint parts of the rectangle. Empty where the engine does not know.
+    /// The time per part: disjoint parts of the rectangle. Empty if the engine does not know.
     pub parts: Vec<(Rect, Duration)>,
-    /// False when it was cancelled before the end.
+    /// True if all samples were rendered; false if it was cancelled.
     pub complete: bool,
 }
 
-/// Why an engine could not.
+/// The error of an engine.
 #[derive(Debug, thiserror::Error)]
 pub enum EngineError {
-    /// The zone could not be painted.
+    /// The zone could not be rendered.
     #[error("engine `{engine}` failed on zone {rect}: {reason}")]
     Zone {
-        /// Name of the engine.
+        /// The name of the engine.
         engine: String,
-        /// The zone.
+        /// The rectangle of the zone.
         rect: Rect,
-        /// What it said.
+        /// The cause, as reported by the engine.
         reason: String,
     },
-    /// The survey could not be made.
+    /// The survey could not be rendered.
     #[error("engine `{engine}` could not survey the scene: {reason}")]
     Survey {
-        /// Name of the engine.
+        /// The name of the engine.
         engine: String,
-        /// What it said.
+        /// The cause, as reported by the engine.
         reason: String,
     },
 }
 
-/// Takes the result of a zone, once, on a thread of the engine's.
+/// A callback for the result of a zone, called once, on a thread of the engine.
 pub type ZoneCallback = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 
-/// Something that paints rectangles of one picture of one scene.
+/// An engine that renders rectangles of one picture of one scene.
 pub trait RenderEngine: Send + Sync {
-    /// What it is and can.
+    /// Returns the description of the engine.
     fn describe(&self) -> EngineDescription;
 
-    /// A fast, low-resolution look at the whole picture (or the crop window). Blocks.
+    /// Renders a fast, low-resolution survey of the whole picture (or of the crop window). Blocks.
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError>;
 
-    /// Makes what all zones need, before the first of them is started: what is learnt of a scene, say. Blocks. Whoever
-    /// does not call this gets the same pictures, and the first zone seems dearer than it is.
+    /// Computes what all zones need, before the first is started, such as learned light distributions. Blocks. Optional.
+    /// Without it the first zone's measured time includes this; pixels are the same.
     fn prepare(&self) -> Result<(), EngineError> {
         Ok(())
     }
 
-    /// Makes that part of it which can be shared out among all who paint the picture. Blocks.
+    /// Computes the part of it that all machines of the picture can share. Blocks.
     ///
     /// # Errors
-    /// As [`prepare`](Self::prepare); or it was left before its end, and is made when it is needed.
+    /// As for [`prepare`](Self::prepare); or it was stopped early, and is computed when it is needed.
     fn prepare_with(&self, _others: &dyn Sharing) -> Result<(), EngineError> {
         Ok(())
     }
 
-    /// What it has learnt in [`prepare`](Self::prepare), for engines elsewhere that paint the same picture; `None`: nothing
-    /// yet, or nothing that could be told.
+    /// Returns what [`prepare`](Self::prepare) has learned, for engines of other machines that render the same picture;
+    /// `None`: nothing yet, or nothing that can be shared.
     fn learnt(&self) -> Option<Vec<u8>> {
         None
     }
 
-    /// Takes what another one like it has [learnt](Self::learnt) of the same picture: it need not learn it itself.
+    /// Loads what another instance has [learned](Self::learnt) about the same picture, instead of learning it here.
     ///
     /// # Errors
-    /// The bytes are nothing of the kind.
+    /// The bytes have another format.
     fn learn_from(&self, _bytes: &[u8]) -> Result<(), EngineError> {
         Ok(())
     }
 
-    /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine's.
+    /// Starts a zone and returns at once; `done` is called exactly once, on a thread of the engine.
     fn start(&self, task: ZoneTask, done: ZoneCallback);
 
-    /// Paints a zone. Blocks.
+    /// Renders a zone. Blocks.
     ///
     /// # Errors
     /// The engine fails, or ends without a report.

@@ -1,8 +1,8 @@
-//! Engines that other people wrote: found, started and told what to do by their manifests.
+//! External engines: found, started and controlled by their manifests.
 //!
-//! An engine runs in a child process with limits (`child`), keeps a scene in a [`Session`], and is a
-//! [`RenderEngine`](crate::RenderEngine) as [`ExternalEngine`]. The decision that shaped it: nothing that an engine does
-//! is believed. What it says has a deadline, what it writes is looked at before it counts.
+//! An engine runs in a child process with limits (`child`), keeps a scene open in a [`Session`], and implements
+//! [`RenderEngine`](crate::RenderEngine) as [`ExternalEngine`]. The decision that shaped it: engines are not trusted. Each
+//! answer has a deadline, and each output is validated before it counts.
 
 mod child;
 mod engine;
@@ -32,10 +32,11 @@ pub use self::{
     trial::EngineTrial,
 };
 
-/// Of a log so many lines are told.
+/// The most lines of a log that are shown.
 const LINES_TOLD: usize = 8;
 
-/// What of an engine's log tells why it failed: the lines that its manifest names, else the last ones.
+/// Returns the part of an engine's log that explains a failure: the lines that match the patterns of its manifest, or else
+/// the last ones.
 fn log_tail(engine: &LocatedEngine, log: &child::Log) -> String {
     let text = log.text();
     let lines: Vec<&str> = text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();

@@ -1,27 +1,28 @@
-//! Render engines: what they can do, and how a zone is handed to one.
+//! Render engines: the interface between the farm and an engine, the built-in engine, and external ones.
 //!
-//! The farm knows an engine only by [`RenderEngine`]. The decision that shaped it: painting is started and reported,
-//! never waited for, so that one agent can have its next zone under way before the present one has drained.
+//! The farm accesses an engine only through [`RenderEngine`]. The decision that shaped it: rendering is asynchronous. A
+//! zone is started and its result reported by a callback, so that an agent can start its next zone before the current one
+//! has drained.
 //!
 //! # Modules
 //!
 //! | what | where |
 //! |---|---|
-//! | the contract between farm and engine | `src/engine.rs` |
-//! | the built-in engine: zones as work units, blocks or waves of paths | `src/builtin.rs`, `src/builtin/zone.rs`, `src/builtin/waves.rs` |
-//! | processors and devices behind one allocator; which picture goes first there | `src/builtin/resources.rs`, `src/builtin/urgency.rs` |
-//! | what would be shared with other machines, done alone by the clock | `src/lone_hand.rs` |
-//! | two engines that paint one picture | `src/mixed.rs` |
-//! | manifests: read, found, shipped | `src/external/manifest.rs`, `src/external/shelf.rs`, `src/external/shipped.rs`; the files: `engines/` |
-//! | where an engine is on this machine | `src/external/locate.rs` |
-//! | children: limits, their files, and all that they started | `src/external/child.rs`, `src/external/child/guard.rs`, `src/external/child/fence.rs` |
-//! | talk with a worker or a command line | `src/external/session/`, the protocol: `src/external/protocol.rs`; the workers: `engines/` |
-//! | the check of what an engine wrote | `src/external/picture.rs` |
-//! | the look at a scene that only its engine reads, and how many zones it bears | `src/external/tiny.rs` |
-//! | a picture in windows of our choice, without the farm | `src/external/trial.rs` |
-//! | engines that failed too often on this machine | `src/external/quarantine.rs` |
-//! | which files a scene refers to | `src/external/refers.rs` |
-//! | pictures in zones held to the engines' own frames | `xtask/src/bars.rs`, the frames: `engines/tests/full_frame.py` |
+//! | the interface between farm and engine | `src/engine.rs` |
+//! | the built-in engine: zones as work units, in blocks or in waves of paths | `src/builtin.rs`, `src/builtin/zone.rs`, `src/builtin/waves.rs` |
+//! | processors and devices behind one allocator; priorities of pictures | `src/builtin/resources.rs`, `src/builtin/urgency.rs` |
+//! | shared preparation done by one machine alone, with its time | `src/lone_hand.rs` |
+//! | several engines for one picture | `src/mixed.rs` |
+//! | manifests: parsed, found, shipped | `src/external/manifest.rs`, `src/external/shelf.rs`, `src/external/shipped.rs`; the files: `engines/` |
+//! | finding an installed engine | `src/external/locate.rs` |
+//! | child processes: limits, file access, and all processes that they start | `src/external/child.rs`, `src/external/child/guard.rs`, `src/external/child/fence.rs` |
+//! | communication with a worker or a command line | `src/external/session/`, the protocol: `src/external/protocol.rs`; the workers: `engines/` |
+//! | validation of an engine's output | `src/external/picture.rs` |
+//! | survey of a scene that only its engine reads, and the number of zones that pays | `src/external/tiny.rs` |
+//! | rendering a picture in given windows, without the farm | `src/external/trial.rs` |
+//! | quarantine for engines that fail repeatedly on this machine | `src/external/quarantine.rs` |
+//! | the files that a scene refers to | `src/external/refers.rs` |
+//! | comparison of zoned pictures with the engines' own frames | `xtask/src/bars.rs`, the frames: `engines/tests/full_frame.py` |
 
 mod builtin;
 mod engine;

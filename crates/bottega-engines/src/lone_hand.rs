@@ -1,4 +1,4 @@
-//! One who does alone what others would share, by the clock.
+//! Shared preparation done by one machine alone, with its time.
 
 use std::{
     sync::{Mutex, PoisonError},
@@ -7,21 +7,21 @@ use std::{
 
 use bottega_render::{RenderError, Sharing};
 
-/// Does all parts of shared work itself and knows how long they took: what a farm would have shared out.
+/// A [`Sharing`] that computes all parts itself and measures the time that a farm could have shared.
 #[derive(Debug, Default)]
 pub struct LoneHand(Mutex<SharedTime>);
 
-/// What there was of shared work.
+/// The amount of shared work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SharedTime {
     /// Wall time of all parts.
     pub time: Duration,
-    /// Stages: each waits for the one before.
+    /// Number of stages: each waits for the one before.
     pub stages: u32,
 }
 
 impl LoneHand {
-    /// What it has done so far.
+    /// Returns the amount so far.
     pub fn so_far(&self) -> SharedTime {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

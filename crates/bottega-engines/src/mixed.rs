@@ -1,4 +1,4 @@
-//! Several engines that paint one picture of a scene which all of them read.
+//! Several engines that render one picture of the same scene.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -7,14 +7,14 @@ use std::{
 
 use crate::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneCallback, ZoneTask};
 
-/// How much of what was known of an engine's speed stays when a zone is done.
+/// The weight of the previous estimate of an engine's speed when a zone is done.
 const MEMORY: f64 = 0.7;
 
-/// Has zones wait until an engine is free, which then takes the one that suits it best; and hands a zone to another engine
-/// where one fails.
+/// An engine that distributes zones over several engines: each free engine takes the zone that suits it best, and a zone
+/// that fails on one engine goes to another.
 pub struct MixedEngine {
     shared: Arc<MixedState>,
-    /// Which of them makes the survey.
+    /// The index of the engine that renders the survey.
     surveyor: usize,
 }
 
@@ -23,29 +23,29 @@ struct MixedState {
     desk: Mutex<WorkQueue>,
 }
 
-/// What is to be done, and by whom.
+/// The waiting zones, and the load of each engine.
 struct WorkQueue {
     loads: Vec<Load>,
-    /// In the order in which they came.
+    /// The waiting zones, in the order of arrival.
     waiting: Vec<Waiting>,
 }
 
-/// What an engine does.
+/// The load of an engine.
 #[derive(Clone, Copy, Debug)]
 struct Load {
-    /// Zones that it may have at a time.
+    /// The most zones that it may run at a time.
     most: usize,
-    /// Zones that it has.
+    /// The zones that it runs.
     running: usize,
-    /// Samples of pixels under way.
+    /// Samples in progress, over all pixels.
     under_way: f64,
-    /// Samples of pixels a second; `None`: it has not painted yet.
+    /// Samples per second, over all pixels; `None`: it has not rendered yet.
     speed: Option<f64>,
-    /// Zones done.
+    /// Number of finished zones.
     zones: u64,
 }
 
-/// A zone that nobody has in hand.
+/// A zone that waits for an engine.
 struct Waiting {
     task: ZoneTask,
     done: ZoneCallback,
@@ -54,9 +54,11 @@ struct Waiting {
 }
 
 impl MixedEngine {
-    /// - `engines`: at least one, each with the number of zones that it paints at a time. Simple zones lean to the first
-    ///   of them and complex ones to the last, as far as the rules of the job say so.
-    /// - `surveyor`: which of them looks at the scene.
+    /// Returns the combined engine.
+    ///
+    /// - `engines`: at least one, each with the number of zones that it renders at a time. The rules of the job may prefer
+    ///   the first for simple zones and the last for complex ones.
+    /// - `surveyor`: the index of the engine that renders the survey.
     pub fn new(engines: Vec<(Arc<dyn RenderEngine>, usize)>, surveyor: usize) -> Self {
         assert!(surveyor < engines.len(), "somebody must look at the scene");
         let idle = |most: usize| Load { most: most.max(1), running: 0, under_way: 0.0, speed: None, zones: 0 };
@@ -66,7 +68,7 @@ impl MixedEngine {
         Self { shared: Arc::new(MixedState { engines, desk }), surveyor }
     }
 
-    /// By name, how many zones or passes of zones each has painted.
+    /// Returns the name of each engine with the number of zones, or passes of zones, that it has rendered.
     pub fn zones_by_engine(&self) -> Vec<(String, u64)> {
         let names = self.shared.engines.iter().map(|engine| engine.describe().name);
         names.zip(self.shared.desk().loads.iter().map(|load| load.zones)).collect()
@@ -78,19 +80,21 @@ fn samples_of(task: &ZoneTask) -> f64 {
 }
 
 impl WorkQueue {
-    /// Takes out the zone that is to be begun now, and says by which engine.
+    /// Removes the zone to start next. Returns it with its engine.
     fn next(&mut self) -> Option<(usize, Waiting)> {
+        // Collect pairs of a free engine and a zone that it may render
         let free = |engine: &usize| self.loads[*engine].running < self.loads[*engine].most;
         let pairs = (0..self.loads.len()).filter(free).flat_map(|engine| {
             let may = move |(_, waiting): &(usize, &Waiting)| !waiting.failed.contains(&engine);
             self.waiting.iter().enumerate().filter(may).map(move |(index, _)| (engine, index))
         });
         let pairs = pairs.filter(|&(engine, index)| !self.leaves(engine, &self.waiting[index]));
-        // Of equally good ones the first, so that no zone waits for ever for a better one.
+        // Of equal pairs, take the first, so that no zone waits forever.
         let best = pairs.fold(None, |best: Option<(f64, usize, usize)>, (engine, index)| {
             let suits = self.suits(engine, &self.waiting[index].task);
             if best.is_some_and(|(most, ..)| most >= suits) { best } else { Some((suits, engine, index)) }
         });
+        // Assign the best pair
         let (_, engine, index) = best?;
         let waiting = self.waiting.remove(index);
         let load = &mut self.loads[engine];
@@ -99,15 +103,14 @@ impl WorkQueue {
         Some((engine, waiting))
     }
 
-    /// How well a zone suits an engine, from −1 to 1.
+    /// Returns how well a zone suits an engine, from −1 to 1.
     fn suits(&self, engine: usize, task: &ZoneTask) -> f64 {
         let last = self.loads.len().saturating_sub(1).max(1);
         let place = 2.0 * engine as f64 / last as f64 - 1.0;
         place * f64::from(task.leaning.get())
     }
 
-    /// Whether an engine leaves a zone to another one that has so many times its speed that it will have painted all that
-    /// waits before.
+    /// True if an engine leaves a zone to another one that is so much faster that it will finish everything that waits sooner.
     fn leaves(&self, engine: usize, waiting: &Waiting) -> bool {
         let Some(own) = self.loads[engine].speed else { return false };
         let all: f64 = self.waiting.iter().map(|waiting| samples_of(&waiting.task)).sum();
@@ -118,9 +121,9 @@ impl WorkQueue {
         self.loads.iter().enumerate().any(is_sooner)
     }
 
-    /// Takes note of the end of a zone.
+    /// Records the end of a zone.
     ///
-    /// - `seconds`: what it took; `None`: that is no measurement.
+    /// - `seconds`: the time that it took; `None`: not a valid measurement.
     fn settle(&mut self, engine: usize, samples: f64, seconds: Option<f64>, is_complete: bool) {
         let load = &mut self.loads[engine];
         load.running -= 1;
@@ -138,10 +141,10 @@ impl MixedState {
         self.desk.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Begins whatever can be begun.
+    /// Starts as many zones as possible.
     fn go_on(self: &Arc<Self>) {
         loop {
-            // Not in the condition: engines are started while nobody holds the desk.
+            // Not in the condition of the loop: the lock must be released before an engine is started.
             let next = self.desk().next();
             let Some((engine, waiting)) = next else { break };
             self.begin(engine, waiting);
@@ -185,7 +188,7 @@ impl RenderEngine for MixedEngine {
 
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
         let mut survey = self.shared.engines[self.surveyor].survey(width, height)?;
-        // Each has its share of the zones.
+        // No limit: each engine renders only its share of the zones.
         survey.zones_max = None;
         Ok(survey)
     }
@@ -209,7 +212,7 @@ mod tests {
     use super::*;
     use crate::{CancelSwitch, EnginePreference, TaskProgress, Tunables};
 
-    /// Paints at once, or never.
+    /// An engine that renders at once, or never.
     struct ToyEngine(&'static str, bool);
 
     impl RenderEngine for ToyEngine {
@@ -259,7 +262,7 @@ mod tests {
         Load { most: 1, running, under_way, speed, zones: 0 }
     }
 
-    /// Which engine begins which zone, by its width.
+    /// Returns which engine starts which zone, identified by its width.
     fn begun(loads: &[Load], zones: Vec<Waiting>) -> Vec<(usize, u32)> {
         let mut desk = WorkQueue { loads: loads.to_vec(), waiting: zones };
         std::iter::from_fn(|| desk.next().map(|(engine, waiting)| (engine, waiting.task.rect.width()))).collect()
@@ -270,9 +273,9 @@ mod tests {
         let idle = [load(0, 0.0, None), load(0, 0.0, None)];
         let three = || vec![waiting(7, 0.2), waiting(8, 0.9), waiting(9, -0.8)];
         assert_eq!(begun(&idle, three()), [(1, 8), (0, 9)]);
-        // What suits the other one better is painted all the same.
+        // A free engine also renders zones that suit the other one better.
         assert_eq!(begun(&[load(0, 0.0, None), load(1, 5.0, None)], vec![waiting(7, 1.0)]), [(0, 7)]);
-        // Where nothing is known of the zones, they are begun in turn.
+        // Without preferences, zones start in order of arrival.
         assert_eq!(begun(&idle, vec![waiting(7, 0.0), waiting(8, 0.0)]), [(0, 7), (1, 8)]);
     }
 
@@ -281,7 +284,7 @@ mod tests {
         let loads = [load(0, 0.0, Some(1.0)), load(1, 10.0, Some(10.0))];
         assert_eq!(begun(&loads, vec![waiting(10, 0.0)]), []);
         assert_eq!(begun(&loads, (0..9).map(|_| waiting(10, 0.0)).collect()), [(0, 10)]);
-        // But not one on which that engine has failed.
+        // Except a zone on which that engine has failed.
         let failed = Waiting { failed: vec![1], ..waiting(10, 0.0) };
         assert_eq!(begun(&loads, vec![failed]), [(0, 10)]);
     }

@@ -1,8 +1,8 @@
-//! Runs a whole job in this process: all agents on one thread, the engine on its own.
+//! The driver of a job in one process: all agents on one thread, the engine on its own threads.
 //!
-//! The only module with threads. It opens no file and no socket, and has its time from the platform. Engines compute on
-//! their own threads and report into the mailboxes of the agents; so one thread is enough for all agents, and it sleeps
-//! while there is nothing to say.
+//! The only module with threads. It opens no files and no sockets, and gets its time from the platform. Engines compute on
+//! their own threads and report to the mailboxes of the agents, so one thread is enough for all agents; it sleeps while
+//! there are no messages.
 
 mod assist;
 mod easel;
@@ -46,31 +46,31 @@ use crate::{FarmCompletion, Forecast, Goal, JobLesson, JournalContents, Times, W
 /// The report of a job.
 #[derive(Debug)]
 pub struct JobReport {
-    /// The picture, or what there is of it.
+    /// The picture, possibly incomplete.
     pub film: Film,
-    /// Whether it was stopped before the end.
+    /// True if it was stopped before its end.
     pub stopped: bool,
     /// Zones that no agent could paint.
     pub failed: Vec<ZoneId>,
-    /// The rows of all zones, by id, as they were last.
+    /// The last rows of all zones, by id.
     pub rows: Vec<ZoneRow>,
-    /// Where the time went.
+    /// The time spent on each phase.
     pub times: Times,
-    /// Messages that agents sent.
+    /// Number of messages that agents sent.
     pub messages: u64,
-    /// How well the times of zones were known before anybody had seen them. `None`: too few were painted as a whole, or another
-    /// process had begun the work.
+    /// The accuracy of the times predicted before profiling. `None`: too few zones were painted as a whole, or another
+    /// process had started the work.
     pub forecast: Option<Forecast>,
-    /// Jobs before from which this machine had learnt.
+    /// The number of earlier jobs that this machine has learned from.
     pub jobs_learnt: u64,
-    /// What each machine has learnt of how long zones take it, by its name.
+    /// The measured zone times of each machine, by its name, for later predictions.
     pub lessons: BTreeMap<String, JobLesson>,
 }
 
 impl JobReport {
-    /// What bands cost: the share of all painted pixels that lie beyond the zones for which they were painted.
+    /// Returns the cost of bands: the share of all rendered pixels that lie outside the zones for which they were rendered.
     ///
-    /// - `frame`: the pixels of the picture that were painted.
+    /// - `frame`: the pixels of the picture that were rendered.
     pub fn band_share(&self, frame: &Rect) -> f64 {
         let painted = |row: &ZoneRow| row.choice.map_or(row.size(), |choice| row.painted(&choice, frame).area());
         let all: u64 = self.rows.iter().map(painted).sum();
@@ -81,11 +81,11 @@ impl JobReport {
 
 /// Runs a job to its end, or until `stop` is requested.
 ///
-/// - `store`: where the job is kept, if at all.
-/// - `kept`: what an earlier run of the same job left; it goes on from there.
+/// - `store`: the store of the job's progress; none: it is not stored.
+/// - `kept`: the progress of an earlier run of the same job, which this run continues.
 ///
-/// With optimization off every pixel has the same bits for any number of agents, any level of partition and any
-/// interruption, if the engine says [`exact_by_pixel`](bottega_engines::EngineDescription::exact_by_pixel).
+/// With optimization off, each pixel is bit-identical for any number of agents, any level of partition and any
+/// interruption, if the engine is [`exact_by_pixel`](bottega_engines::EngineDescription::exact_by_pixel).
 pub fn run(
     settings: &JobSettings,
     engine: Arc<dyn RenderEngine>,
@@ -97,10 +97,10 @@ pub fn run(
     lead(settings, engine, observer, stop, store, kept, None)
 }
 
-/// The same with the other machines to which `link` leads, if it is given: agents elsewhere join by [`assist`].
+/// Leads a job like [`run`], together with the other machines on `link`, if it is given: their agents join by [`assist`].
 ///
-/// What another process has led so far is on the blackboard: this one goes on from there. When the picture is safe, the
-/// blackboard is to be cleared: [`Link::forget`].
+/// If another process has led the job before, this one continues from the Blackboard. Once the picture is stored, clear the
+/// Blackboard: [`Link::forget`].
 pub fn lead(
     settings: &JobSettings,
     engine: Arc<dyn RenderEngine>,
@@ -110,13 +110,14 @@ pub fn lead(
     kept: Option<JournalContents>,
     link: Option<Link>,
 ) -> Result<JobReport, JobError> {
+    // Validate the settings, and the progress of an earlier run
     let work = settings.work()?;
     if settings.verify > 1 && link.is_none() {
         return Err(JobError::Verify { reason: "the agents of one process have the same engine" });
     }
     let mut kept = kept;
     if let Some(JournalContents { work: WorkRow { settings, .. }, .. }) = &mut kept {
-        // The time begins anew with each run.
+        // The time limit counts from the start of each run.
         if let (Goal::Time(_), Goal::Time(_)) = (settings.goal, work.goal) {
             settings.goal = work.goal;
         }
@@ -126,7 +127,7 @@ pub fn lead(
     }
     let (kept, tiles) = match kept {
         Some(JournalContents { mut work, mut rows, tiles }) => {
-            // What an earlier run left on the blackboard of a farm is not gone on with: the number is another one.
+            // Renumber the rows for this work: rows of the earlier run on the Blackboard are not used.
             if let Some(link) = &link {
                 work.work = link.work;
                 rows.iter_mut().for_each(|row| row.work = link.work);
@@ -136,15 +137,17 @@ pub fn lead(
         None => (None, Default::default()),
     };
     let easel = Composer::new(settings, tiles, store);
-    // The work ends by the user or by the time, which a farm's Master keeps elsewhere.
+    // The user or a time limit ends the work; on a farm, the time limit is not checked here.
     let limit = if let (Goal::Time(limit), None) = (settings.goal, &link) { Some(limit) } else { None };
     let ended = StopSwitch::new();
+    // Create the platform and the agents
     let shared = Arc::new(Shared::new(settings, easel, engine, observer, &ended, link));
     let uplink = shared.uplink()?;
     let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let master = populate(&platform, settings, work, kept, &shared)?;
     let asked = master.clone();
     shared.observer.leads(&MasterHandle { ask: Arc::new(move |completion| asked.complete(completion)) });
+    // Forward a stop to the Master and the engine
     let on_stop = Arc::downgrade(&shared);
     ended.when_requested(move || {
         if let Some(shared) = on_stop.upgrade() {
@@ -154,28 +157,33 @@ pub fn lead(
     });
     let by_user = ended.clone();
     stop.when_requested(move || by_user.request());
+    // Wait for the end
     let end = shared.wait(|| limit.map(|limit| limit.saturating_sub(platform.now().elapsed())));
     stop.forget();
     ended.forget();
     let total = platform.now().elapsed();
+    // Stop the agents, and send their last messages
     platform.stop();
     if let Some(uplink) = uplink {
         uplink.close();
     }
     if let Some(link) = &shared.link {
-        // The last words of the Master let the others go.
+        // The Master's last messages dismiss the other processes.
         link.transport.flush();
     }
     report(&shared, end, total, stop.is_requested())
 }
 
-/// - `by_user`: whether the user has stopped the work.
+/// Returns the report of a job.
+///
+/// - `by_user`: `true` if the user has stopped the work.
 fn report(shared: &Shared, end: Option<End>, total: Duration, by_user: bool) -> Result<JobReport, JobError> {
     let (survey, preparation, messages) = {
         let state = shared.state();
         (state.survey, state.preparing, state.messages)
     };
     let mut easel = shared.easel();
+    // Return an error if the job was abandoned
     if let (Some(End::Abandoned(reason)), false) = (&end, shared.stop.is_requested()) {
         return Err(JobError::Abandoned { reason: reason.clone() });
     }
@@ -183,13 +191,15 @@ fn report(shared: &Shared, end: Option<End>, total: Duration, by_user: bool) -> 
         Some(End::Finished(failed)) => (false, failed),
         _ => (true, Vec::new()),
     };
+    // Complete the film
     if stopped {
         easel.compose_unfinished();
     }
-    // What the time has ended is whole: where nothing is painted yet, what the survey has seen is shown.
+    // A picture ended by its time limit is complete: fill unrendered pixels from the survey.
     let look = shared.state().look.clone();
     let is_whole = stopped && !by_user && easel.fill(look.as_deref());
     let stopped = stopped && !is_whole;
+    // Collect times and lessons
     let times = Times { total, survey, preparation, ..easel.times() };
     let learner = shared.learner();
     let (forecast, lessons) = (learner.forecast(), learner.lessons(easel.samples_wanted()));

@@ -1,4 +1,4 @@
-//! The memory that a machine's owner lets it take: a job that takes more is left to others.
+//! The memory limit that a machine's owner sets: the machine leaves a job that exceeds it.
 
 use std::{
     process,
@@ -13,24 +13,25 @@ use bottega_platform::processes;
 
 use crate::{error::Error, room::bytes_said};
 
-/// How often is looked.
+/// Interval between checks.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// A limit of what this process and the engines that it has started keep in memory.
+/// A limit on the resident memory of this process and the engines that it has started.
 #[derive(Clone, Debug)]
 pub(crate) struct MemoryLimit {
     bytes: u64,
-    /// Whether more was seen since the last job was left.
+    /// True if the limit was exceeded since the last job was left.
     is_passed: Arc<AtomicBool>,
     looked: Arc<Mutex<Option<Instant>>>,
 }
 
 impl MemoryLimit {
+    /// Returns a limit in bytes.
     pub(crate) fn new(bytes: u64) -> Self {
         Self { bytes, is_passed: Arc::default(), looked: Arc::default() }
     }
 
-    /// Whether more is taken, or was since the last [`Self::forget`].
+    /// True if the limit is exceeded, or was since the last [`Self::forget`].
     pub(crate) fn is_passed(&self) -> bool {
         let mut looked = self.looked.lock().unwrap_or_else(PoisonError::into_inner);
         if looked.is_none_or(|then| then.elapsed() >= LOOK_EVERY) {
@@ -42,13 +43,13 @@ impl MemoryLimit {
         self.is_passed.load(Ordering::Relaxed)
     }
 
-    /// The next job is another one.
+    /// Resets the limit for the next job.
     pub(crate) fn forget(&self) {
         self.is_passed.store(false, Ordering::Relaxed);
         *self.looked.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
-    /// Why a job is left.
+    /// Returns the error of a job that exceeds the limit.
     pub(crate) fn error(&self) -> Error {
         let problem = format!("the job takes more memory here than {}", bytes_said(self.bytes));
         Error::failed(problem, "let the machine take more: --max-memory")

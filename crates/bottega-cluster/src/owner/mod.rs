@@ -1,4 +1,4 @@
-//! The owner of a machine, who goes before the farm.
+//! The owner of a machine, who has precedence over the farm.
 
 mod memory;
 mod policy;
@@ -17,18 +17,18 @@ use self::{
     senses::{OwnerSenses, SystemSenses},
 };
 
-/// How often is looked whether the owner is back.
+/// Interval between checks for the owner.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
-/// A watch over a machine's owner, by a thread that ends with it.
+/// A watch over a machine's owner, on a thread that ends with it.
 #[derive(Clone, Debug)]
 pub(crate) struct OwnerWatch {
-    /// Why the machine rests.
+    /// The reason to suspend work; none: it may work.
     reason: Arc<Mutex<Option<OwnerReason>>>,
 }
 
 impl OwnerWatch {
-    /// Begins to watch; `None`: there is no condition.
+    /// Starts watching; `None`: there are no conditions.
     pub(crate) fn start(conditions: &OwnerConditions) -> Option<Self> {
         let policy = OwnerPolicy::new(conditions.clone());
         (!conditions.are_empty()).then(|| Self::start_with(policy, Box::new(SystemSenses::default()), LOOK_EVERY))
@@ -51,7 +51,7 @@ impl OwnerWatch {
         Self { reason }
     }
 
-    /// Why the machine rests; `None`: it may paint.
+    /// Returns the reason why the machine is suspended; `None`: it may work.
     pub(crate) fn reason(&self) -> Option<OwnerReason> {
         *self.reason.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -63,7 +63,7 @@ mod tests {
 
     use super::{policy::OwnerObservation, *};
 
-    /// A machine that was touched so many seconds ago.
+    /// A machine with its last input this many seconds ago.
     struct Desk(Arc<AtomicU64>);
 
     impl OwnerSenses for Desk {

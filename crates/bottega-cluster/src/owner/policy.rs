@@ -1,6 +1,6 @@
-//! The rules by which a machine's owner goes first: when it paints for a farm, and when it rests.
+//! The policy by which a machine's owner has precedence: when the machine works for a farm, and when it is suspended.
 //!
-//! A state machine without a clock: each second it takes what was observed, and says whether the machine paints.
+//! A state machine without a clock: it takes observations, and returns whether the machine may work.
 
 use std::{fmt, time::Duration};
 
@@ -9,11 +9,11 @@ use std::{fmt, time::Duration};
 pub(super) struct OwnerObservation {
     /// Minutes since midnight, local time.
     pub(super) minute: u16,
-    /// For how long nobody has touched it; `None`: that cannot be known.
+    /// Time since the last input; `None`: unknown.
     pub(super) idle: Option<Duration>,
-    /// For how long nobody has typed into a terminal: others may sit at a screen.
+    /// Time since the last input at a terminal; there may also be users at a screen. `None`: unknown.
     pub(super) terminals: Option<Duration>,
-    /// The processors that others than this program keep at work.
+    /// The number of processors that other programs keep busy.
     pub(super) others: f32,
 }
 
@@ -26,48 +26,48 @@ pub struct DailyHours {
     pub to: u16,
 }
 
-/// The owner's conditions. Without one nothing holds the machine back.
+/// The owner's conditions for working. Without any, the machine always works.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnerConditions {
-    /// Paint when nobody has touched the machine for so long.
+    /// Work after this time without input; none: do not check.
     pub when_idle: Option<Duration>,
-    /// Paint in these hours only; empty: all day.
+    /// Work during these hours only; empty: all day.
     pub hours: Vec<DailyHours>,
-    /// Paint while others keep no more processors at work than these.
+    /// Work while other programs keep at most this many processors busy; none: do not check.
     pub max_load: Option<f32>,
 }
 
-/// Why a machine rests.
+/// The reason why a machine is suspended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OwnerReason {
-    /// Somebody is at it.
+    /// A user is at the machine.
     Present,
-    /// It is not its time.
+    /// The time is outside the hours for work.
     Hours,
-    /// Others need it.
+    /// Other programs need the processors.
     Load,
 }
 
-/// The state: whether the machine paints, and since when it might.
+/// The state of the policy: whether the machine may work, and since when it is quiet.
 #[derive(Clone, Debug)]
 pub(super) struct OwnerPolicy {
     conditions: OwnerConditions,
-    /// Why it rests; `None`: it paints.
+    /// The reason for suspension; `None`: it may work.
     rests: Option<OwnerReason>,
-    /// For so long others have left it alone.
+    /// The time for which the load has been low.
     quiet: Duration,
 }
 
-/// Load must be low for so long before the machine paints again: a compiler's pauses are no end of the work.
+/// The time for which the load must be low before work resumes: a compiler's pauses do not mean that it is done.
 const QUIET: Duration = Duration::from_secs(30);
-/// Where nobody can say since when the machine is idle, others keep this at work while somebody is at it.
+/// The number of busy processors that counts as a user at the machine, where the idle time is unknown.
 const TOUCHED_LOAD: f32 = 0.15;
 
 impl DailyHours {
     fn contains(self, minute: u16) -> bool {
         match self.from <= self.to {
             true => (self.from..self.to).contains(&minute),
-            // Over midnight.
+            // The period includes midnight.
             false => minute >= self.from || minute < self.to,
         }
     }
@@ -84,25 +84,25 @@ impl fmt::Display for OwnerReason {
 }
 
 impl OwnerConditions {
-    /// Whether there is any.
+    /// True if there are no conditions.
     pub fn are_empty(&self) -> bool {
         *self == Self::default()
     }
 }
 
 impl OwnerPolicy {
-    /// Begins at rest where load counts: what was before is not known.
+    /// Returns the initial state: suspended if load counts, because the load before is unknown.
     pub(super) fn new(conditions: OwnerConditions) -> Self {
         Self { conditions, rests: None, quiet: QUIET }
     }
 
-    /// Takes an observation. Returns why the machine rests; `None`: it paints.
+    /// Takes an observation. Returns the reason for suspension; `None`: it may work.
     ///
-    /// - `passed`: since the last one.
+    /// - `passed`: the time since the last observation.
     pub(super) fn observe(&mut self, observation: OwnerObservation, passed: Duration) -> Option<OwnerReason> {
         let OwnerObservation { minute, idle, terminals, others } = observation;
         let OwnerConditions { when_idle, hours, max_load } = &self.conditions;
-        // Where nobody can say since when it is idle, load says it: for as long nobody may have needed it.
+        // Where the idle time is unknown, use the load: it must be low for as long as the machine must be idle.
         let load = max_load.or(when_idle.filter(|_| idle.is_none()).map(|_| TOUCHED_LOAD));
         self.quiet = match load {
             Some(most) if others > most => Duration::ZERO,
@@ -139,7 +139,7 @@ mod tests {
         assert_eq!(policy.observe(at(0, Some(599), 0.0), SECOND), Some(OwnerReason::Present));
         assert_eq!(policy.observe(at(0, Some(600), 0.0), SECOND), None);
         assert_eq!(policy.observe(at(0, Some(0), 0.0), SECOND), Some(OwnerReason::Present));
-        // Whatever the screen says, somebody types.
+        // A user types at a terminal, although the screen is idle.
         let typing = OwnerObservation { terminals: Some(SECOND), ..at(0, Some(900), 0.0) };
         assert_eq!(policy.observe(typing, SECOND), Some(OwnerReason::Present));
     }
@@ -168,7 +168,7 @@ mod tests {
         let mut policy = OwnerPolicy::new(conditions);
         let begins = (0..200).take_while(|_| policy.observe(at(0, None, 0.0), SECOND).is_some()).count();
         assert_eq!(begins as u64, 120 - QUIET.as_secs() - 1);
-        // A terminal that nobody uses is no proof that nobody sits at a screen.
+        // An idle terminal does not prove that there is no user at a screen.
         let elsewhere = OwnerObservation { terminals: Some(Duration::from_secs(9999)), ..at(0, None, 1.0) };
         assert_eq!(policy.observe(elsewhere, SECOND), Some(OwnerReason::Present));
     }

@@ -1,4 +1,4 @@
-//! Observations of this machine: when somebody touched it, and what others keep at work.
+//! Observations of this machine: the time since the last input, and the load of other programs.
 
 use bottega_platform::activity::{BusyClock, idle, idle_terminals};
 
@@ -6,11 +6,11 @@ use super::policy::OwnerObservation;
 
 /// A source of observations.
 pub(super) trait OwnerSenses: Send {
-    /// The state of the machine now.
+    /// Returns the current state of the machine.
     fn observe(&mut self) -> OwnerObservation;
 }
 
-/// Those of the system.
+/// Observations from the operating system.
 #[derive(Default)]
 pub(super) struct SystemSenses {
     clock: BusyClock,
@@ -27,7 +27,7 @@ impl OwnerSenses for SystemSenses {
     }
 }
 
-/// Minutes since midnight, local time.
+/// Returns the minutes since midnight, local time.
 fn minute_of_day() -> u16 {
     let now = jiff::ZonedDateTime::now();
     (i16::from(now.hour()) * 60 + i16::from(now.minute())) as u16

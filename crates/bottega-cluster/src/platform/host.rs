@@ -1,4 +1,4 @@
-//! The process of a farm that hosts the agents of its platform: one says so, again and again, and another takes them when it
+//! The process of a farm that hosts the agents of its platform: it renews a notice, and another process takes over when it
 //! falls silent.
 
 use std::{
@@ -11,21 +11,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::{JobBoard, job_board::RENEW_EVERY, names::fresh_number};
 
-/// Who has not said for so long that it has them has gone.
+/// Time without a renewal after which a host counts as gone.
 const SILENT_AFTER: Duration = Duration::from_millis(2500);
-/// How often is looked whether one says so.
+/// Interval between checks for a renewal.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// The process that hosts the agents of a platform.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PlatformHost {
-    /// A number that no other process has.
+    /// A unique number of the process.
     process: u64,
-    /// Where its transport is; empty: it is about to begin.
+    /// The address of its message transport; empty: it is starting.
     pub address: String,
 }
 
-/// The right to have the agents of a platform.
+/// The right to host the agents of a platform.
 #[derive(Debug)]
 pub(super) struct HostSeat {
     name: String,
@@ -33,14 +33,14 @@ pub(super) struct HostSeat {
     renewed: Option<Instant>,
 }
 
-/// Who has the agents of the platform of this name, if anybody has.
+/// Returns the host of a platform's agents, if there is one.
 pub fn host_of(board: &JobBoard, platform: &str) -> Option<PlatformHost> {
     let notice = board.uplink.notices().get(&name_of(platform)).filter(|notice| notice.unchanged < SILENT_AFTER)?;
     serde_json::from_slice(&notice.text).ok()
 }
 
 impl HostSeat {
-    /// Takes the right. `None`: another process has it, or the farm's server takes no notice of it, as with a full disk.
+    /// Claims the right. `None`: another process has it, or the farm's server cannot store it, as with a full disk.
     pub(super) fn claim(board: &JobBoard, platform: &str) -> Option<Self> {
         let name = name_of(platform);
         if board.uplink.is_guest() || is_renewed(board, &name) {
@@ -55,12 +55,12 @@ impl HostSeat {
         taken.map(|_| Self { name, host, renewed: None })
     }
 
-    /// The transport is there.
+    /// Sets the address of the started transport.
     pub(super) fn at(self, address: &str) -> Self {
         Self { host: PlatformHost { address: address.to_owned(), ..self.host }, ..self }
     }
 
-    /// Says that this process has them, when it is time to.
+    /// Renews the claim if it is due.
     pub(super) fn renew(&mut self, board: &JobBoard) {
         if self.renewed.is_some_and(|at| at.elapsed() < RENEW_EVERY) {
             return;
@@ -72,7 +72,7 @@ impl HostSeat {
         }
     }
 
-    /// Nobody need wait until it has been silent for long enough.
+    /// Releases the claim, so that no process waits for it to expire.
     pub(super) fn lay_down(&self, board: &JobBoard) {
         if let Err(error) = board.uplink.notices().remove(&self.name) {
             tracing::debug!(%error, "the farm does not answer");
@@ -80,7 +80,7 @@ impl HostSeat {
     }
 }
 
-/// Whether somebody says again that it has them: that it has said so before may be long ago.
+/// True if a host renews its claim while this function watches: the age of a claim is unknown at first.
 fn is_renewed(board: &JobBoard, name: &str) -> bool {
     let begun = Instant::now();
     let revision = || board.uplink.notices().get(name).map(|notice| notice.revision);

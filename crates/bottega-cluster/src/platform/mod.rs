@@ -1,8 +1,8 @@
-//! The farm as a FIPA platform: Start Service, AMS, DF and message transport over the pages of the farm, with its jobs and
-//! machines as agents.
+//! The farm as a FIPA platform: Start Service, AMS, DF and message transport over the directories of the farm, with its
+//! jobs and machines as agents.
 //!
-//! The pages are notices of the farm, so any process of it may serve the platform, and several may at once. The agents of
-//! the farm live in the first of them; the others are views of the same pages.
+//! The pages of the directories are notices of the farm, so any process of it may serve the platform, and several may at
+//! once. The agents of the farm live in the first of them; the others are views of the same pages.
 
 mod farm_agents;
 mod host;
@@ -39,37 +39,37 @@ use crate::{
     ports::{Port, bind, bind_near},
 };
 
-/// The name of a farm's platform where nobody says.
+/// The default name of a farm's platform.
 pub const NAME: &str = bottega_farm::PLATFORM;
-/// Where it listens where nobody says.
+/// The default address of its message transport.
 pub const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 7779);
 
 /// The options of a served platform.
 #[derive(Clone)]
 pub struct PlatformOptions {
-    /// Its name: what stands behind `@` in the names of its agents.
+    /// The name of the platform: the part after `@` in the names of its agents.
     pub name: String,
-    /// Where to listen; none: [`LISTEN`], or where that is taken any free port of this machine.
+    /// The address to listen on; none: [`LISTEN`], or any free local port if that is taken.
     pub listen: Option<SocketAddr>,
-    /// What others connect to, as `host:port`, where that is not where it listens.
+    /// The `host:port` that other platforms connect to, if it differs from the listening address.
     pub public: Option<String>,
-    /// Directories of other platforms with which its own searches together.
+    /// Directories of other platforms that its DF includes in searches.
     pub federates: Vec<AgentId>,
-    /// The longest lease that its DF grants.
+    /// The longest lease that its DF grants; none: no limit.
     pub lease_max: Option<Duration>,
     /// Agents of other platforms that may change things.
     pub trusted: Vec<AgentId>,
-    /// How to tell what passes.
+    /// Logs a line for each message that passes.
     pub trace_line: TraceLine,
-    /// In which form others are written to who have not written themselves.
+    /// The encoding of first messages to agents that have not written before.
     pub first_forms: FirstForms,
 }
 
 impl PlatformOptions {
-    /// Whether others can connect to what they are told.
+    /// Checks that other platforms can connect.
     ///
     /// # Errors
-    /// It listens everywhere, and nobody says by what name others reach it.
+    /// It listens on all addresses, and no public one is given.
     pub fn validate(&self) -> Result<(), Error> {
         match self.listen.filter(|listen| listen.ip().is_unspecified() && self.public.is_none()) {
             Some(listen) => Err(Error::usage(
@@ -80,12 +80,12 @@ impl PlatformOptions {
         }
     }
 
-    /// Binds the port on which it listens.
+    /// Binds the listening port.
     ///
-    /// - `port`: who serves the platform, for errors.
+    /// - `port`: the purpose of the port, for errors.
     ///
     /// # Errors
-    /// The port is taken, or others cannot connect to it.
+    /// The port is taken, or other platforms cannot connect to it.
     pub fn bind(&self, port: Port) -> Result<TcpListener, Error> {
         self.validate()?;
         self.listen.map_or_else(|| bind_near(port, LISTEN, 0), |listen| bind(port, listen))
@@ -95,24 +95,24 @@ impl PlatformOptions {
 /// A platform of a farm, served by this process.
 pub struct FarmPlatform {
     node: Arc<Node>,
-    /// The agents of the farm, if they live here.
+    /// The agents of the farm, if this process hosts them.
     agents: Option<FarmAgents>,
-    /// What admits agents of other platforms, where they do.
+    /// The admission of agents of other platforms, if this process hosts it.
     strangers: Option<Strangers>,
     jobs: AgentId,
 }
 
 impl FarmPlatform {
-    /// Serves the platform over the pages of a farm.
+    /// Serves the platform over the directories of a farm.
     ///
-    /// - `listener`: where: see [`PlatformOptions::bind`].
+    /// - `listener`: the bound port: see [`PlatformOptions::bind`].
     ///
     /// # Errors
-    /// This machine is a guest of the farm, the name is none, or the operating system gives no thread.
+    /// This machine is a guest of the farm, the name is invalid, or a thread cannot be started.
     pub fn serve(listener: TcpListener, board: JobBoard, options: &PlatformOptions) -> Result<Self, Error> {
-        // It shows all machines and jobs of the farm.
+        // The platform shows all machines and jobs of the farm.
         board.refuse_guests()?;
-        // The agent of the jobs speaks for the farm: it resumes machines, which only the platform may.
+        // The jobs agent acts for the farm: it resumes machines, which only the platform may do.
         let jobs = jobs_id(&options.name);
         let seat = HostSeat::claim(&board, &options.name);
         let node = Arc::new(start_node(listener, &board, options, &jobs, seat.is_some())?);
@@ -128,25 +128,25 @@ impl FarmPlatform {
         Ok(Self { agents: Some(agents), strangers: Some(strangers), node, jobs })
     }
 
-    /// The services and the transport.
+    /// Returns the node with the services and the message transport.
     pub fn node(&self) -> &Node {
         &self.node
     }
 
-    /// The agent of the jobs.
+    /// Returns the name of the jobs agent.
     pub fn jobs(&self) -> &AgentId {
         &self.jobs
     }
 
-    /// Whether the agents of the farm live here: else this is a view of their pages.
+    /// True if this process hosts the farm's agents; false if it is a view of their pages.
     pub fn has_agents(&self) -> bool {
         self.agents.is_some()
     }
 
-    /// Says farewell, and ends.
+    /// Deregisters the agents and stops.
     pub fn stop(self) {
         drop((self.agents, self.strangers));
-        // They were the last others who held it.
+        // They held the other references to the node.
         if let Some(node) = Arc::into_inner(self.node) {
             node.stop();
         }

@@ -1,4 +1,4 @@
-//! The talk of a farm's agents with strangers, in SL.
+//! Messages between a farm's agents and agents of other platforms, in FIPA SL.
 
 use std::{sync::Arc, time::Duration};
 
@@ -9,10 +9,10 @@ use bottega_agents::{
 
 use super::terms::{Unread, reason, unrecognised_content};
 
-/// A message as agents of the platform have it.
+/// A message on the platform.
 pub(super) type Message = AclMessage<PlainContent>;
 
-/// What a stranger says, if it may be answered: of talk about answers there is no end.
+/// Returns the content from an agent of another platform, unless it is an answer: answering answers has no end.
 pub(super) fn foreign(message: &Message) -> Option<&WireMessage> {
     use Performative as P;
     let is_answer = matches!(
@@ -25,7 +25,7 @@ pub(super) fn foreign(message: &Message) -> Option<&WireMessage> {
     }
 }
 
-/// Whether a content is of this ontology, and in a language that is read here.
+/// Checks that a content is of the given ontology, and in a supported language.
 pub(super) fn is_of(wire: &WireMessage, ontology: &str) -> Result<(), Unread> {
     let unsupported = |parameter| Err(Unread::NotUnderstood(reason("unsupported-value", [parameter])));
     if wire.language.as_deref().is_some_and(|language| !sl::is_known(language)) {
@@ -37,22 +37,22 @@ pub(super) fn is_of(wire: &WireMessage, ontology: &str) -> Result<(), Unread> {
     Ok(())
 }
 
-/// The one expression that a content of this ontology says.
+/// Returns the single expression in a content of the given ontology.
 pub(super) fn expression(wire: &WireMessage, ontology: &str) -> Result<Term, Unread> {
     is_of(wire, ontology)?;
     let [expression] = <[Term; 1]>::try_from(expressions(wire)?).map_err(|_| unrecognised_content())?;
     Ok(expression)
 }
 
-/// All expressions that a content says.
+/// Returns all expressions in a content.
 pub(super) fn expressions(wire: &WireMessage) -> Result<Vec<Term>, Unread> {
     sl::parse(wire.content.as_deref().unwrap_or_default()).map_err(|_| unrecognised_content())
 }
 
-/// The ontology where the one who is answered names none.
+/// The ontology of an answer to a message without one.
 const USUAL_ONTOLOGY: &str = "bottega-farm";
 
-/// An answer of `me`.
+/// Returns an answer by `me`, with the language and ontology of the message.
 pub(super) fn answer(message: &Message, me: &AgentId, act: Performative, terms: &[Term]) -> Message {
     let heard = match &message.content {
         PlainContent::Foreign(wire) => Some(wire),
@@ -68,7 +68,7 @@ pub(super) fn answer(message: &Message, me: &AgentId, act: Performative, terms: 
     message.reply(act, me.clone(), PlainContent::Foreign(Arc::new(content)))
 }
 
-/// The answer to what is not done; `asked` is repeated where it could be read.
+/// Returns the answer to a request that is not carried out; `asked` is repeated if it could be read.
 pub(super) fn no(message: &Message, me: &AgentId, asked: Option<&Term>, why: Unread) -> Message {
     let (act, why) = match why {
         Unread::Refused(why) => (Performative::Refuse, why),
@@ -78,47 +78,48 @@ pub(super) fn no(message: &Message, me: &AgentId, asked: Option<&Term>, why: Unr
     answer(message, me, act, &terms)
 }
 
-/// It will be done.
+/// Returns an `agree`: the request will be carried out.
 pub(super) fn agree(message: &Message, me: &AgentId, asked: &Term) -> Message {
     answer(message, me, Performative::Agree, &[asked.clone(), Term::Bare("true".to_owned())])
 }
 
-/// It is done.
+/// Returns an `inform`: the request was carried out.
 pub(super) fn done(message: &Message, me: &AgentId, asked: &Term) -> Message {
     answer(message, me, Performative::Inform, &[Term::call("done", [asked.clone()])])
 }
 
-/// Here is what was asked for.
+/// Returns an `inform` with the requested result.
 pub(super) fn result(message: &Message, me: &AgentId, asked: &Term, what: Term) -> Message {
     answer(message, me, Performative::Inform, &[Term::call("result", [asked.clone(), what])])
 }
 
-/// It went wrong.
+/// Returns a `failure`: the request could not be carried out.
 pub(super) fn failure(message: &Message, me: &AgentId, asked: &Term, why: &str) -> Message {
     let why = Term::call("internal-error", [Term::text(why)]);
     answer(message, me, Performative::Failure, &[asked.clone(), why])
 }
 
-/// The server of the farm has not answered for so long.
+/// Returns a `failure`: the farm's server has not answered for `silent_for`.
 pub(super) fn silent(message: &Message, me: &AgentId, asked: &Term, silent_for: Duration) -> Message {
     failure(message, me, asked, &format!("the farm has not answered for {} s", silent_for.as_secs()))
 }
 
-/// The act means nothing here.
+/// Returns the reason for an unsupported communicative act.
 pub(super) fn unsupported(act: Performative) -> Unread {
     Unread::NotUnderstood(reason("unsupported-act", [act.word()]))
 }
 
-/// A subscription that is over, cancelled or at its end: the gateway ends the thread with it.
+/// Returns the answer that ends a subscription; the gateway ends the conversation with it.
 pub(super) fn over(message: &Message, me: &AgentId) -> Message {
     message.reply(Performative::Inform, me.clone(), PlainContent::Management(ManagementContent::Cancel))
 }
 
+/// Returns the action that sends a message.
 pub(super) fn send<V, E>(message: Message) -> Action<PlainContent, V, E> {
     Action::Send(message)
 }
 
-/// Whether answers to a message go to this agent.
+/// True if answers to a message go to this agent.
 pub(super) fn hears(message: &Message, agent: &AgentId) -> bool {
     let same = |other: &AgentId| other.name.eq_ignore_ascii_case(&agent.name);
     match &message.content {
@@ -127,7 +128,7 @@ pub(super) fn hears(message: &Message, agent: &AgentId) -> bool {
     }
 }
 
-/// Whether this is one of those who may change things. Nothing proves that it is the one.
+/// True if an agent may change things. Names are not authenticated.
 pub(super) fn is_trusted(trusted: &[AgentId], agent: &AgentId) -> bool {
     trusted.iter().any(|one| one.name.eq_ignore_ascii_case(&agent.name))
 }

@@ -1,22 +1,24 @@
-//! Functions and objects with named parameters in SL, read and made; and the reasons of FIPA for what is not done.
+//! Functions and objects with named parameters in FIPA SL, reading and writing; and FIPA's reasons for refusals.
 
 use std::str::FromStr;
 
 use bottega_agents::sl::Term;
 
-/// Why nothing is done.
+/// The reason why a request is not carried out.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Unread {
-    /// It makes no sense; with the reason.
+    /// The request cannot be understood; with FIPA's reason.
     NotUnderstood(Term),
-    /// It makes sense, and is refused; with the reason.
+    /// The request is understood, but refused; with FIPA's reason.
     Refused(Term),
 }
 
+/// Returns the reason for a content that cannot be parsed.
 pub(super) fn unrecognised_content() -> Unread {
     Unread::NotUnderstood(reason("unrecognised-value", ["content"]))
 }
 
+/// Returns a FIPA reason with text arguments.
 pub(super) fn reason<const N: usize>(word: &str, arguments: [&str; N]) -> Term {
     Term::call(word, arguments.map(Term::text))
 }
@@ -40,15 +42,17 @@ impl<'a> Call<'a> {
         Self::plain(act)
     }
 
+    /// True if the function has this name.
     pub(super) fn is(&self, word: &str) -> bool {
         self.word.eq_ignore_ascii_case(word)
     }
 
+    /// Returns the reason for an unknown function.
     pub(super) fn unsupported(&self) -> Unread {
         Unread::Refused(reason("unsupported-function", [self.word]))
     }
 
-    /// The value of a parameter, if it is there.
+    /// Returns the value of a parameter, if it is given.
     pub(super) fn value(&self, parameter: &str) -> Result<Option<&'a Term>, Unread> {
         let mut found = None;
         for pair in self.arguments.chunks(2) {
@@ -62,17 +66,18 @@ impl<'a> Call<'a> {
         Ok(found)
     }
 
-    /// The same of one that must be there.
+    /// Returns the value of a required parameter.
     pub(super) fn needed(&self, parameter: &str) -> Result<&'a Term, Unread> {
         self.value(parameter)?.ok_or_else(|| Unread::Refused(reason("missing-parameter", [self.word, parameter])))
     }
 
+    /// Returns the number in a required parameter.
     pub(super) fn number<T: FromStr>(&self, parameter: &str) -> Result<T, Unread> {
         let value = self.needed(parameter)?;
         value.as_str().and_then(|text| text.parse().ok()).ok_or_else(|| self.bad(parameter))
     }
 
-    /// A number that can be computed with, from `least` up; `None`: it is not said.
+    /// Returns a finite number of at least `least`; `None`: it is not given.
     pub(super) fn measure(&self, parameter: &str, least: f64) -> Result<Option<f64>, Unread> {
         let Some(value) = self.value(parameter)? else { return Ok(None) };
         let number = value.as_str().and_then(|text| text.parse().ok());
@@ -80,32 +85,38 @@ impl<'a> Call<'a> {
         number.map(Some).ok_or_else(|| self.bad(parameter))
     }
 
+    /// Returns the reason for an invalid value of a parameter.
     pub(super) fn bad(&self, parameter: &str) -> Unread {
         Unread::Refused(reason("unrecognised-parameter-value", [self.word, parameter]))
     }
 }
 
-/// An object of named parameters.
+/// An object with named parameters, under construction.
 pub(super) struct Fields(Vec<Term>);
 
 impl Fields {
+    /// Starts an object of this type.
     pub(super) fn of(head: &str) -> Self {
         Self(vec![Term::text(head)])
     }
 
+    /// Returns the finished object.
     pub(super) fn term(self) -> Term {
         Term::List(self.0)
     }
 
+    /// Adds a parameter.
     pub(super) fn put(mut self, key: &str, value: Term) -> Self {
         self.0.extend([Term::Bare(format!(":{key}")), value]);
         self
     }
 
+    /// Adds a text parameter.
     pub(super) fn text(self, key: &str, value: &str) -> Self {
         self.put(key, Term::text(value))
     }
 
+    /// Adds a text parameter if there is a value.
     pub(super) fn text_if(self, key: &str, value: Option<&str>) -> Self {
         match value {
             Some(value) => self.text(key, value),
@@ -113,6 +124,7 @@ impl Fields {
         }
     }
 
+    /// Adds a number, or another value without quotes.
     pub(super) fn number(self, key: &str, value: &impl ToString) -> Self {
         self.put(key, Term::Bare(value.to_string()))
     }

@@ -1,29 +1,31 @@
-//! The processors and devices that paint, behind one allocator.
+//! The processors and devices that render, behind one allocator.
 
 use bottega_hra::{CostBook, Hra, HraConfig, HraReport, Lane, Primitive, PrimitiveSet, VirtualCpu};
 use bottega_render::RenderWork;
 
-/// Spans of activity that are kept for each resource: a drawing shows no more.
+/// The most activity spans kept per resource, for the display.
 const SPANS_KEPT: usize = 2048;
 
-/// The devices that paint beside the processors.
+/// The devices that render in addition to the CPU.
 #[derive(Default)]
 pub struct Devices {
-    /// Each is told of all work of an allocator that also has the processors.
+    /// The lanes of the devices, which share an allocator with the CPU.
     pub lanes: Vec<Lane<RenderWork>>,
-    /// What is known of the costs of any of them, and of the processors.
+    /// The measured costs of devices and processors, if known.
     pub costs: Option<CostBook>,
 }
 
-/// The processors and devices of this machine behind one allocator, which any number of engines may use.
+/// The processors and devices of this machine behind one allocator, which any number of engines may share.
 pub struct Resources {
     pub(super) hra: Hra<RenderWork>,
-    /// How many devices there are beside the processors.
+    /// The number of devices, without the CPU.
     pub(super) devices: usize,
 }
 
 impl Resources {
-    /// - `threads`: processors; 0: none, the devices do all.
+    /// Creates the allocator.
+    ///
+    /// - `threads`: the number of CPU threads; 0: only the devices render.
     pub fn new(threads: usize, devices: Devices) -> Self {
         let Devices { lanes, costs } = devices;
         let devices = lanes.len();
@@ -34,13 +36,13 @@ impl Resources {
         Self { hra: Hra::with_costs(config, lanes, &costs), devices }
     }
 
-    /// What they have done so far, for all engines together.
+    /// Returns the work done so far, for all engines.
     pub fn report(&self) -> HraReport {
         self.hra.report()
     }
 }
 
-/// Where the devices do all, a processor is there for what they know nothing of: the rays of a look at the scene.
+/// Returns a CPU lane for work that devices do not support, the rays of a survey, if no CPU thread renders.
 fn looker(threads: usize) -> Option<Lane<RenderWork>> {
     let rays = [Primitive::Intersect, Primitive::Occluded, Primitive::Shade];
     let looker = VirtualCpu::new("cpu".to_owned(), PrimitiveSet::from(rays), RenderWork::perform);

@@ -1,4 +1,4 @@
-//! The part of a picture that all its zones share.
+//! The state that all zones of a picture share.
 
 use std::sync::{
     Arc, OnceLock,
@@ -8,42 +8,43 @@ use std::sync::{
 use bottega_image::{Layout, Tile};
 use bottega_render::{PathSettings, PreparedScene, Prepass, View};
 
+/// The name of the built-in engine.
 pub(crate) const NAME: &str = "builtin";
 
-/// What a sample of a pixel may take before any was measured.
+/// The time of a sample of a pixel before any was measured, in nanoseconds.
 pub(super) const SAMPLE_NS_GUESSED: u64 = 2_000;
 
 /// The options of the built-in engine.
 #[derive(Clone, Debug)]
 pub struct BuiltinOptions {
-    /// Which camera, at which size.
+    /// The camera and the size of the picture.
     pub view: View,
-    /// Seed, filter and depth; the farm's tunables take the place of depth and light samples zone by zone.
+    /// Seed, filter and depth; the farm's tunables replace depth and light samples per zone.
     pub settings: PathSettings,
-    /// Which values a pixel keeps.
+    /// The values kept per pixel.
     pub layout: Layout,
-    /// Processors to use; 0: none, the devices do all.
+    /// The number of CPU threads; 0: only the devices render.
     pub threads: usize,
-    /// Whether rays are units of work of their own, and shading is another: the paper's decomposition. Blocks of pixels else.
+    /// True: rays and shading are separate units of work, the paper's decomposition. False: blocks of pixels.
     pub wavefront: bool,
 }
 
-/// Sees blocks of pixels as they are painted.
+/// A callback that receives blocks of pixels while they are rendered.
 pub(super) type Watcher = Box<dyn Fn(&Tile) + Send + Sync>;
 
-/// What all zones of a picture have in common.
+/// The state that all zones of a picture share.
 pub(super) struct Shared {
     pub(super) scene: Arc<PreparedScene>,
     pub(super) prepass: Arc<Prepass>,
     pub(super) options: BuiltinOptions,
-    /// How many there are beside the processors.
+    /// The number of devices, without the CPU.
     pub(super) devices: usize,
     pub(super) cancelled: AtomicBool,
-    /// Nanoseconds that one sample of one pixel takes, learnt from the units done so far.
+    /// The time of one sample of one pixel in nanoseconds, measured from finished units.
     pub(super) sample_ns: AtomicU64,
-    /// Samples taken, all pixels together.
+    /// Samples taken, over all pixels.
     pub(super) samples_done: AtomicU64,
-    /// Samples whose radiance was not finite.
+    /// Samples with non-finite radiance.
     pub(super) dropped_count: AtomicU64,
     pub(super) watcher: OnceLock<Watcher>,
 }

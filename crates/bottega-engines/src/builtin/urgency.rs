@@ -1,19 +1,19 @@
-//! The urgency of a picture among those that the same processors paint.
+//! The priority of a picture among those that share an allocator.
 
-/// How soon somebody wants to see what is painted. It decides who goes first where several pictures share an allocator, and no pixel.
+/// The urgency of a picture. It decides the order of work where several pictures share an allocator; pixels are the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Urgency {
-    /// A whole picture.
+    /// A final picture.
     #[default]
     Picture,
-    /// A part of one, in which somebody tries something.
+    /// A crop, for a test render.
     Crop,
-    /// What somebody looks at while it is painted. Its units live until he looks elsewhere.
+    /// An interactive view. Its units are dropped when the user looks elsewhere.
     Look,
 }
 
 impl Urgency {
-    /// The priority of blocks of pixels.
+    /// Returns the priority of blocks of pixels.
     pub(super) const fn priority(self) -> i32 {
         match self {
             Self::Picture => 0,
@@ -22,7 +22,7 @@ impl Urgency {
         }
     }
 
-    /// The priority of the coarse first look, for which all else of a picture waits and which is soon over.
+    /// Returns the priority of the coarse survey, which is short, and which the rest of the picture waits for.
     pub(super) const fn first_look(self) -> i32 {
         self.priority() + 1
     }

@@ -1,4 +1,4 @@
-//! A block painted in waves: its rays are asked of whoever follows rays, and shading is what comes between.
+//! A block rendered in waves of paths: its rays are traced as work units, and shaded in between.
 
 use std::{mem, ops::Range, sync::Arc};
 
@@ -9,44 +9,45 @@ use bottega_render::{
     integrator::{Wave, WaveAnswers},
 };
 
-/// Paths of a wave, about: enough that handing out its rays costs little, few enough that they stay in a processor's cache.
+/// The approximate number of paths in a wave: enough to amortize the cost of a unit, few enough to stay in the processor's
+/// cache.
 const PATHS_AT_ONCE: u64 = 4096;
 
-/// The paths of a block that are under way.
+/// The paths of a block in progress.
 pub(super) struct WaveUnderWay {
     /// The running sums of all samples before.
     tile: Tile,
     wave: Wave,
     answers: WaveAnswers,
-    /// Answers that are waited for before it is shaded.
+    /// The number of answers still missing before shading.
     missing: u8,
 }
 
-/// What a wave needs next.
+/// The next step of a wave.
 pub(super) enum WaveStep {
-    /// What these rays find, and whether these find anything; either may be none.
+    /// Trace these rays: closest hits of the first, occlusion of the second; either may be empty.
     Ask(Arc<Vec<Ray>>, Arc<Vec<Ray>>),
-    /// To be shaded.
+    /// Shade the wave, with the answers to its rays.
     Shade(Wave, WaveAnswers),
-    /// More answers.
+    /// Wait for more answers.
     Wait,
-    /// Nothing: these are the sums, and so many samples had no finite radiance.
+    /// Done: the sums, and the number of samples with non-finite radiance.
     Over(Tile, u64),
 }
 
-/// Samples of a block whose paths make a wave.
+/// Returns the number of samples of a block in a wave.
 pub(super) fn samples_at_once(rect: Rect) -> u32 {
     (PATHS_AT_ONCE / rect.area().max(1)).clamp(1, PATHS_AT_ONCE) as u32
 }
 
 impl WaveUnderWay {
-    /// The paths of samples of a block, to be shaded first.
+    /// Starts the paths of a block's samples. The returned wave must be shaded first.
     pub(super) fn begin(rect: Rect, samples: &Range<u32>, tile: Tile) -> (Self, Wave) {
         let begun = Self { tile, wave: Wave::default(), answers: WaveAnswers::default(), missing: 0 };
         (begun, Wave::of_block(rect, samples))
     }
 
-    /// Takes in what came of a unit.
+    /// Processes the output of a unit.
     pub(super) fn take(&mut self, output: RenderOutput) -> WaveStep {
         match output {
             RenderOutput::Wave(wave) if wave.is_over() => {

@@ -1,4 +1,4 @@
-//! One zone being painted: its blocks as work units, a few at a time.
+//! A zone in progress: its blocks as work units, a few at a time.
 
 use std::{
     collections::VecDeque,
@@ -19,40 +19,38 @@ use super::{
 };
 use crate::{CancelSwitch, EngineError, Painted, TaskProgress, ZoneTask};
 
-/// Side of the blocks of pixels that one work unit holds.
+/// Side of the pixel blocks of a work unit.
 const BLOCK_SIDE: u32 = 16;
 
-/// What one work unit should take: long enough that handing it out costs nothing, short enough that the last ones of
-/// a picture end together.
+/// The target time of a work unit: long enough to amortize its overhead, short enough that the last units of a picture end
+/// together.
 const UNIT_TIME: Duration = Duration::from_millis(8);
 
-/// The same where a device is beside the processors, for which a unit is over in no time and handing it out is not.
+/// The same with devices, which finish a unit quickly and have a higher overhead per unit.
 const UNIT_TIME_WITH_DEVICES: Duration = Duration::from_millis(60);
 
-/// Work units of one zone that are in the bin or at work, per processor: enough that none waits, few enough that a
-/// zone's blocks end one after the other.
+/// The most units of a zone per processor, waiting or running: enough to keep it busy, few enough that blocks finish in order.
 const UNITS_PER_LANE: usize = 3;
 
-/// The same for each device beside them, which takes many units at once; and where a block is a wave of paths, which take memory
-/// here.
+/// The same per device, which takes many units at once; and in waves of paths, which use host memory.
 const UNITS_PER_DEVICE: usize = 1024;
 const WAVES_PER_DEVICE: usize = 128;
 
-/// Past this a unit goes before all younger ones.
+/// The delay after which a unit precedes all younger ones.
 const MAX_DELAY: Duration = Duration::from_secs(10);
 
-/// How often is looked whether the zone was cancelled while no unit is answered.
+/// Interval between checks for cancellation.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// So long units under way are waited for after that.
+/// The time to wait for running units after a cancellation.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// What a unit of a wave asks for, as its ticket says beside the block's.
+/// The kinds of units of a wave; a ticket is `KINDS · block + kind`.
 const KINDS: u64 = 3;
 const SHADE: u64 = 0;
 const RAYS: u64 = 1;
 const SHADOWS: u64 = 2;
 
-/// Paints one zone: hands out its blocks, a few at a time, and each block's samples pass by pass.
+/// Renders one zone: submits its blocks, a few at a time, and the samples of each block pass by pass.
 pub(super) struct ZonePainter<'a> {
     shared: &'a Shared,
     client: HraClient<RenderWork>,
@@ -63,9 +61,9 @@ pub(super) struct ZonePainter<'a> {
     waiting: VecDeque<Rect>,
     under_way: Vec<Option<BlockUnderWay>>,
     busy: Duration,
-    /// Whether the engine had painted something before: devices get their kernels and scenes with the first units.
+    /// True if the engine has rendered before: devices get their kernels and scenes with their first units.
     is_warm: bool,
-    /// By block, of those that are done.
+    /// The time of each finished block.
     parts: Vec<(Rect, Duration)>,
     complete: bool,
     cancel: CancelSwitch,
@@ -76,15 +74,15 @@ struct BlockUnderWay {
     rect: Rect,
     /// Processor time so far.
     busy: Duration,
-    /// The first sample that no unit has been asked for.
+    /// The first sample not submitted yet.
     next_sample: u32,
-    /// Samples in the unit at work.
+    /// The number of samples in the running unit.
     in_unit: u32,
-    /// Their paths, where they are followed in waves.
+    /// The paths of the running unit, in wavefront mode.
     wave: Option<WaveUnderWay>,
 }
 
-/// The blocks of a zone, or of parts of it.
+/// Returns the blocks of a zone, or of parts of it.
 fn blocks(rect: Rect, parts: Option<&[Rect]>) -> VecDeque<Rect> {
     let parts =
         parts.map_or_else(|| vec![rect], |parts| parts.iter().filter_map(|it| it.intersection(&rect)).collect());
@@ -92,6 +90,7 @@ fn blocks(rect: Rect, parts: Option<&[Rect]>) -> VecDeque<Rect> {
 }
 
 impl<'a> ZonePainter<'a> {
+    /// Returns a painter for a zone, with the settings of its task.
     pub(super) fn new(shared: &'a Shared, client: HraClient<RenderWork>, task: ZoneTask) -> Self {
         let mut settings = shared.options.settings;
         settings.max_depth = task.tunables.max_depth;
@@ -120,7 +119,9 @@ impl<'a> ZonePainter<'a> {
         self.cancel.is_cancelled() || self.shared.cancelled.load(Ordering::Relaxed)
     }
 
+    /// Renders the zone. Blocks until it is finished or cancelled.
     pub(super) fn paint(mut self) -> Result<Painted, EngineError> {
+        // Submit the first units
         let per_device = if self.shared.options.wavefront { WAVES_PER_DEVICE } else { UNITS_PER_DEVICE };
         let window = UNITS_PER_LANE * self.shared.options.threads + per_device * self.shared.devices;
         for _ in 0..window {
@@ -128,6 +129,7 @@ impl<'a> ZonePainter<'a> {
             self.under_way.push(None);
             self.start_block(ticket)?;
         }
+        // Process finished units, each of which submits the next
         let mut cancelled_at = None;
         while self.client.outstanding() > 0 {
             let completed = self.client.take_timeout(LOOK_EVERY);
@@ -137,7 +139,7 @@ impl<'a> ZonePainter<'a> {
             if self.is_cancelled() {
                 let since = *cancelled_at.get_or_insert_with(Instant::now);
                 self.take_back();
-                // A device that does not answer keeps nobody: what it has is given up.
+                // Give up units of a device that does not answer.
                 if since.elapsed() > PATIENCE {
                     self.complete = false;
                     break;
@@ -148,12 +150,12 @@ impl<'a> ZonePainter<'a> {
         Ok(Painted { tile, busy, is_warm, parts, complete })
     }
 
-    /// Hands out the first samples of the next waiting block that lacks any.
+    /// Submits the first unit of the next waiting block that lacks samples.
     fn start_block(&mut self, ticket: usize) -> Result<(), EngineError> {
         while let Some(rect) = self.waiting.pop_front() {
             let mut block = Tile::new(rect, self.shared.options.layout.clone());
             block.copy_from(&self.tile);
-            // After an interruption some blocks have more samples than others, but all pixels of a block the same.
+            // After an interruption blocks may have different sample counts, but the pixels of a block have the same.
             let taken = block.pixel(rect.x0, rect.y0)[Layout::SAMPLE_COUNT] as u32;
             let next_sample = self.samples.start.max(taken);
             if next_sample >= self.samples.end {
@@ -172,7 +174,7 @@ impl<'a> ZonePainter<'a> {
         Ok(())
     }
 
-    /// Hands out as many of the block's next samples as one unit should hold.
+    /// Submits a unit with the next samples of a block.
     fn submit(&mut self, ticket: usize, mut block: BlockUnderWay, tile: Tile) -> Result<(), EngineError> {
         let sample_ns = self.shared.sample_ns.load(Ordering::Relaxed).max(1) * block.rect.area();
         let unit_time = if self.shared.devices == 0 { UNIT_TIME } else { UNIT_TIME_WITH_DEVICES };
@@ -223,7 +225,7 @@ impl<'a> ZonePainter<'a> {
         let Some(mut block) = self.under_way[ticket].take() else { unreachable!("a unit that was never handed out") };
         block.busy += completed.busy;
         let samples = block.rect.area() * u64::from(block.in_unit);
-        // What devices take is another matter, which the allocator learns: they have several units at once.
+        // Ignore devices, which run several units at once: the allocator measures them.
         let threads = self.shared.options.threads;
         if completed.resource.is_some_and(|id| (id.0 as usize) < threads) {
             self.learn(completed.busy, samples);
@@ -231,7 +233,7 @@ impl<'a> ZonePainter<'a> {
         self.keep(ticket, block, tile)
     }
 
-    /// Nobody looks at the block any more.
+    /// Drops a block whose unit has expired.
     fn give_up(&mut self, ticket: usize) -> Result<(), EngineError> {
         self.under_way[ticket] = None;
         self.waiting.clear();
@@ -239,7 +241,7 @@ impl<'a> ZonePainter<'a> {
         Ok(())
     }
 
-    /// Takes in samples of a block, and goes on with it or with the next one.
+    /// Adds the samples of a unit, and continues with the block or with the next one.
     fn keep(&mut self, ticket: usize, block: BlockUnderWay, tile: Tile) -> Result<(), EngineError> {
         let samples = block.rect.area() * u64::from(block.in_unit);
         self.shared.samples_done.fetch_add(samples, Ordering::Relaxed);
@@ -258,9 +260,9 @@ impl<'a> ZonePainter<'a> {
         self.start_block(ticket)
     }
 
-    /// Takes back what waits for a processor: who ends a zone waits for what is under way alone.
+    /// Takes back waiting units: a cancelled zone only waits for running ones.
     fn take_back(&mut self) {
-        // Of a wave some rays may be under way while others wait: it goes on to its end.
+        // The rays of a wave may be partly running: let it finish.
         if self.shared.options.wavefront {
             return;
         }
@@ -274,7 +276,7 @@ impl<'a> ZonePainter<'a> {
         }
     }
 
-    /// Begins the paths of a block's next samples.
+    /// Starts the paths of a block's next samples.
     fn begin_wave(&mut self, ticket: usize, mut block: BlockUnderWay, tile: Tile) -> Result<(), EngineError> {
         let samples = block.next_sample..block.next_sample + block.in_unit;
         let (begun, wave) = WaveUnderWay::begin(block.rect, &samples, tile);
@@ -297,7 +299,7 @@ impl<'a> ZonePainter<'a> {
         self.hand_out(RenderWork::Wave(Box::new(work)), KINDS * ticket as u64 + SHADE)
     }
 
-    /// Takes in what came of a unit of a wave, and asks for what it needs next.
+    /// Processes the output of a unit of a wave, and submits the next ones.
     fn go_on_with_wave(&mut self, completed: Completed<RenderOutput>) -> Result<(), EngineError> {
         let ticket = (completed.ticket / KINDS) as usize;
         let output = match completed.output {
@@ -306,7 +308,7 @@ impl<'a> ZonePainter<'a> {
             Err(UnitError::Expired) => return self.give_up(ticket),
             Err(error) => return Err(self.failure(&error)),
         };
-        // Of a wave that was given up there may be answers to come.
+        // Answers may arrive for a wave that was dropped.
         let Some(block) = &mut self.under_way[ticket] else { return Ok(()) };
         block.busy += completed.busy;
         let Some(wave) = &mut block.wave else { unreachable!("a block without a wave") };
@@ -332,8 +334,8 @@ impl<'a> ZonePainter<'a> {
         }
     }
 
-    /// Follows the cost of a sample, so that units take about [`UNIT_TIME`] wherever in the picture they are. It
-    /// decides only how samples are cut into units, which the picture does not show.
+    /// Updates the estimated cost of a sample, so that units take about [`UNIT_TIME`] in each part of the picture. It only
+    /// affects the division into units; pixels are the same.
     fn learn(&self, busy: Duration, samples: u64) {
         let measured = busy.as_nanos() as u64 / samples.max(1);
         let before = self.shared.sample_ns.load(Ordering::Relaxed);

@@ -1,5 +1,5 @@
-//! Child processes that run other people's programs: with limits, without network and without sight of the user's files
-//! where the system allows it, and so that nothing of them is left.
+//! Child processes for external programs: with limits, where the system supports it without network or access to the user's
+//! files, and fully cleaned up.
 
 mod fence;
 mod guard;
@@ -30,29 +30,29 @@ use self::{
 };
 use super::{error::EngineFault, manifest::Limits};
 
-/// Of a child's log so many bytes are kept: the last ones.
+/// The most bytes kept of a child's log, from its end.
 const LOG_KEPT: usize = 64 << 10;
-/// The longest line of an answer.
+/// The longest line of an answer, in bytes.
 const LINE_MAX: u64 = 1 << 20;
-/// How often limits are looked at.
+/// Interval between checks of the limits.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// How often memory is looked at.
+/// Interval between checks of the memory use.
 const WEIGH_EVERY: Duration = Duration::from_millis(500);
 /// The most processes of one child.
 const PROCESSES_MAX: usize = 1024;
-/// So long a child has to leave by itself.
+/// The time in which a child must exit by itself.
 const GRACE: Duration = Duration::from_millis(500);
-/// Whether engines open no files here but their own and those of their scene.
+/// Returns `true` if engines can only open their own files and those of their scene on this machine.
 pub fn is_fenced_in() -> bool {
     fence::is_enforced()
 }
 
-/// The last part of what a child wrote to its log, and how much it was.
+/// The end of a child's log, and its total size.
 #[derive(Debug, Default)]
 pub(super) struct Log {
     kept: Mutex<VecDeque<u8>>,
     bytes: AtomicU64,
-    /// Nothing more will be written to it.
+    /// True once the log is complete.
     is_whole: AtomicBool,
 }
 
@@ -65,12 +65,12 @@ impl Log {
         self.bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
     }
 
-    /// Bytes written so far.
+    /// Returns the bytes written so far.
     pub(super) fn written(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
     }
 
-    /// What is kept, without the signs that move a terminal's cursor.
+    /// Returns the kept text without control characters.
     pub(super) fn text(&self) -> String {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes: Vec<u8> = kept.iter().copied().collect();
@@ -79,11 +79,11 @@ impl Log {
     }
 }
 
-/// A child at work. Dropping it ends it, and everything that it has started.
+/// A running child. Dropping it ends it, and all processes that it has started.
 #[derive(Debug)]
 pub(super) struct GuardedChild {
     child: Child,
-    // Let go after the child has ended.
+    // Dropped after the child has ended.
     _keeper: fence::ChildGuard,
     stdin: Option<ChildStdin>,
     lines: Receiver<Option<String>>,
@@ -93,14 +93,14 @@ pub(super) struct GuardedChild {
     weighed: Instant,
 }
 
-/// What came of looking at a child.
+/// The result of listening to a child.
 #[derive(Debug)]
 pub(super) enum ChildOutput {
     /// A line on its standard output.
     Line(String),
-    /// It said nothing for a moment.
+    /// No output for a moment.
     Silence,
-    /// It has closed its standard output.
+    /// Its standard output is closed.
     End,
 }
 
@@ -140,21 +140,22 @@ impl GuardedChild {
         Ok(Self { child, _keeper: keeper, stdin, lines, log, limits: program.limits, tree, weighed: Instant::now() })
     }
 
-    /// Where requests are written.
+    /// Returns its standard input, for requests.
     pub(super) fn stdin(&mut self) -> Option<&mut ChildStdin> {
         self.stdin.as_mut()
     }
 
-    /// Nothing more will be written to it.
+    /// Closes its standard input.
     pub(super) fn close_stdin(&mut self) {
         self.stdin = None;
     }
 
+    /// Returns the child's log.
     pub(super) fn log(&self) -> &Log {
         &self.log
     }
 
-    /// What it says next, or that it says nothing; looks at its limits meanwhile.
+    /// Waits a moment for its next output, and checks its limits.
     pub(super) fn listen(&mut self) -> Result<ChildOutput, EngineFault> {
         let word = match self.lines.recv_timeout(LOOK_EVERY) {
             Ok(Some(line)) => ChildOutput::Line(line),
@@ -185,12 +186,12 @@ impl GuardedChild {
         Ok(())
     }
 
-    /// How it ended, if it has; waits a moment for one that is about to.
+    /// Returns its exit status, if it has ended; waits a moment for a child that is about to.
     pub(super) fn ended(&mut self) -> Option<String> {
         let until = Instant::now() + GRACE;
         loop {
             match self.child.try_wait() {
-                // What it said last may still be on its way.
+                // Its last output may still be in the pipe.
                 Ok(Some(_)) if Instant::now() < until && !self.log.is_whole.load(Ordering::Acquire) => {
                     thread::sleep(Duration::from_millis(5));
                 }
@@ -201,7 +202,7 @@ impl GuardedChild {
         }
     }
 
-    /// Whether it has ended well, if it has ended.
+    /// Returns `true` if it has ended successfully; `None`: it is running.
     pub(super) fn outcome(&mut self) -> Option<bool> {
         self.child.try_wait().ok().flatten().map(|status| status.success())
     }
@@ -209,7 +210,7 @@ impl GuardedChild {
     fn end(&mut self) {
         self.stdin = None;
         if self.child.try_wait().is_ok_and(|status| status.is_none()) {
-            // A worker leaves when nobody has anything to say to it any more. Whoever ignores that is ended.
+            // A worker exits when its input is closed. Kill it if it does not.
             let until = Instant::now() + GRACE;
             while Instant::now() < until && self.child.try_wait().is_ok_and(|status| status.is_none()) {
                 thread::sleep(Duration::from_millis(5));
@@ -218,7 +219,7 @@ impl GuardedChild {
         self.kill();
     }
 
-    /// Ends it and all that it has started, at once.
+    /// Kills it and all that it has started.
     pub(super) fn kill(&mut self) {
         self.stdin = None;
         self.tree.kill();
@@ -247,7 +248,7 @@ fn set_environment(command: &mut Command, program: &Program<'_>) {
             command.env(name, value);
         }
     }
-    // What is installed for the user alone is found, while its settings are not: an engine paints the same everywhere.
+    // Packages installed for the user are found, but not the user's settings: an engine must render the same everywhere.
     if let Some(home) = std::env::var_os("HOME") {
         command.env("PYTHONUSERBASE", Path::new(&home).join(USER_BASE));
     }
@@ -267,7 +268,7 @@ fn read_log(mut from: impl Read, log: &Log) {
     log.is_whole.store(true, Ordering::Release);
 }
 
-/// Lines of standard output. `None`: one is too long, and no more is read.
+/// Reads lines of standard output. Sends `None` and stops if a line is too long.
 fn read_lines(from: impl Read, to: &mpsc::SyncSender<Option<String>>, log: &Log) {
     let mut from = BufReader::new(from);
     loop {
@@ -282,7 +283,7 @@ fn read_lines(from: impl Read, to: &mpsc::SyncSender<Option<String>>, log: &Log)
         }
         let line = String::from_utf8_lossy(&line).trim_end().to_owned();
         if !line.starts_with('{') {
-            // What is no answer belongs to the log.
+            // Output other than answers belongs to the log.
             log.take_in(format!("{line}\n").as_bytes());
         }
         if to.send(Some(line)).is_err() {

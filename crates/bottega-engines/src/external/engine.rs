@@ -1,4 +1,4 @@
-//! An engine of other people as a [`RenderEngine`].
+//! An external engine as a [`RenderEngine`].
 
 use std::{
     collections::VecDeque,
@@ -24,43 +24,44 @@ use super::{
 };
 use crate::{CancelSwitch, EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneCallback, ZoneTask};
 
-/// After so many failures in a row it is not used any more.
+/// The number of failures in a row after which an engine is quarantined.
 const FAILURES_MAX: u32 = 3;
-/// A zone is painted twice: a little for its profile, and then.
+/// The windows per zone: a small one for its profile, and the rest.
 const WINDOWS_OF_ZONE: f64 = 2.0;
-/// But not where the manifest says that a window costs so many seconds.
+/// The cost of a window in seconds, as declared in the manifest, from which zones are not profiled.
 const WINDOW_DEAR: f64 = 0.1;
-/// Seeds of engines are often signed numbers of 32 bits.
+/// Seeds of engines are often signed 32-bit integers.
 const SEED_MASK: u64 = (1 << 31) - 1;
-/// Light that counts as black: less than any file of 16 bits tells from it.
+/// Radiance that counts as black: less than 16-bit files distinguish from it.
 const BLACK: f32 = 1e-6;
 
-/// Looks at a scene in so many columns and rows.
+/// A function that surveys the scene with the given columns and rows.
 pub type Surveyor = Box<dyn Fn(u32, u32) -> Option<Survey> + Send + Sync>;
 
-/// The options of an external engine: what it paints, and how.
+/// The options of an external engine.
 pub struct ExternalOptions {
-    /// The scene. Its size is that of the picture.
+    /// The scene, with the size of the picture.
     pub request: SceneRequest,
-    /// Another seed gives other noise.
+    /// The seed of the noise.
     pub seed: u64,
-    /// Samples of the whole picture, all pixels together.
+    /// Samples of the whole picture, over all pixels.
     pub samples: u64,
-    /// Which values a pixel keeps.
+    /// The values kept per pixel.
     pub layout: Layout,
-    /// With this depth the engine is told none, and does as the scene says.
+    /// The scene's own depth: for this depth the engine gets no setting, and uses the scene's.
     pub scene_depth: Option<u32>,
-    /// As with the depth.
+    /// The scene's own light samples, used in the same way.
     pub scene_light_samples: Option<u32>,
-    /// Whether so few zones are made that windows cost little beside their samples: not where the user says how many.
+    /// True: limits the number of zones, so that windows cost little compared to their samples; false if the user sets the
+    /// number.
     pub bounds_zones: bool,
-    /// The picture's time, if it has one. What zones take must be known before they are painted then, whatever that costs.
+    /// The time limit of the picture, if any. Then zones are always profiled, to know their times in advance.
     pub time: Option<Duration>,
-    /// Makes the survey in the engine's place, if it can: of a scene that is read here.
+    /// A function that renders the survey instead of the engine, if the scene can be read here.
     pub surveyor: Option<Surveyor>,
 }
 
-/// A survey, and what windows cost if that is known.
+/// A survey, and the cost of windows if it was measured.
 type Looked = (Survey, Option<tiny::WindowCost>);
 type TileWatcher = Box<dyn Fn(&Tile) + Send + Sync>;
 type FaultWatcher = Box<dyn Fn(&str) + Send + Sync>;
@@ -77,7 +78,7 @@ struct Queue {
     closed: bool,
 }
 
-/// How it did lately on this machine.
+/// The recent failures on this machine.
 #[derive(Debug, Default)]
 struct Health {
     failures: u32,
@@ -91,11 +92,11 @@ struct EngineState {
     lanes: usize,
     queue: Mutex<Queue>,
     woken: Condvar,
-    /// Ends what is under way when nobody needs the engine any more.
+    /// Cancelled when the engine is dropped, to end running work.
     closing: CancelSwitch,
     health: Mutex<Health>,
     surveyed: OnceLock<Survey>,
-    /// When the first zone was to be painted.
+    /// The time at which the first zone was started.
     begun: OnceLock<Instant>,
     samples_done: AtomicU64,
     dropped_count: AtomicU64,
@@ -103,17 +104,17 @@ struct EngineState {
     fault_watcher: OnceLock<FaultWatcher>,
 }
 
-/// An engine of other people, with a scene, on this machine.
+/// An external engine with a scene, running on this machine.
 pub struct ExternalEngine {
     shared: Arc<EngineState>,
     lanes: Vec<JoinHandle<()>>,
 }
 
 impl ExternalEngine {
-    /// An engine that paints with `session`, and with more like it where several processes do more than one.
+    /// Returns an engine that renders with `session`, and with more such processes if the manifest allows parallel ones.
     ///
     /// # Errors
-    /// The system gives no thread.
+    /// A thread cannot be started.
     pub fn new(located: Arc<LocatedEngine>, options: ExternalOptions, session: Session) -> Result<Self, EngineFault> {
         let lane_count = if located.manifest().cost.parallel { options.request.threads.max(1) } else { 1 };
         let shared = Arc::new(EngineState {
@@ -143,50 +144,50 @@ impl ExternalEngine {
         Ok(engine)
     }
 
-    /// Samples taken so far, all pixels together.
+    /// Returns the samples taken so far, over all pixels.
     pub fn samples_done(&self) -> u64 {
         self.shared.samples_done.load(Ordering::Relaxed)
     }
 
-    /// Pixels so far whose values were no finite numbers, and which therefore count as black.
+    /// Returns the pixels so far with non-finite values, which count as black.
     pub fn dropped_count(&self) -> u64 {
         self.shared.dropped_count.load(Ordering::Relaxed)
     }
 
-    /// From now on shows each window when it is painted. There is one watcher: a second call does nothing.
+    /// Shows each window to `watcher` when it is rendered. Only the first call has an effect.
     pub fn watch(&self, watcher: impl Fn(&Tile) + Send + Sync + 'static) {
         let _ = self.shared.watcher.set(Box::new(watcher));
     }
 
-    /// From now on tells what goes wrong, as it does. There is one who is told: a second call does nothing.
+    /// Reports each failure to `watcher`. Only the first call has an effect.
     pub fn watch_faults(&self, watcher: impl Fn(&str) + Send + Sync + 'static) {
         let _ = self.shared.fault_watcher.set(Box::new(watcher));
     }
 
-    /// Why it is not used any more, if so.
+    /// Returns the reason if the engine is quarantined.
     pub fn quarantine(&self) -> Option<EngineFault> {
         self.shared.quarantine()
     }
 
-    /// How many processes paint at a time.
+    /// Returns the number of processes that render in parallel.
     pub fn lanes(&self) -> usize {
         self.shared.lanes
     }
 
-    /// Samples that do not add up would be taken again, and windows that are dear be started twice.
+    /// True if zones are profiled: always with a time limit, or else if samples add up and windows are cheap.
     fn is_profiled(&self) -> bool {
         let manifest = self.shared.located.manifest();
         self.shared.options.time.is_some() || manifest.adds_up() && manifest.cost.window_seconds < WINDOW_DEAR
     }
 
-    /// What windows cost, and samples.
+    /// Measures the cost of windows and samples.
     ///
-    /// - `will_look`: a look at the scene will tell it, if the engine has told what windows cost.
+    /// - `will_look`: a survey follows, which measures it if the engine itself reports the cost of windows.
     fn pace(&self, will_look: bool) -> Option<tiny::WindowCost> {
         let (sender, answer) = mpsc::channel();
         self.shared.submit(Work::Pace(will_look, sender));
         let pace = answer.recv().unwrap_or(Err(EngineFault::Cancelled));
-        // The zones will say it again, if it is of any weight.
+        // A lasting failure will show again with the zones.
         pace.inspect_err(|fault| tracing::debug!(%fault, "the pace of the engine is not known")).ok().flatten()
     }
 }
@@ -196,7 +197,7 @@ impl RenderEngine for ExternalEngine {
         let manifest = self.shared.located.manifest();
         EngineDescription {
             name: manifest.name.clone(),
-            // A share of a depth that only the scene knows cannot be told.
+            // If only the scene knows its depth, a share of it cannot be computed.
             has_max_depth: manifest.tunables.max_depth.is_some() && self.shared.options.scene_depth.is_none(),
             has_light_samples: manifest.tunables.light_samples.is_some(),
             resumes_samples: manifest.adds_up(),
@@ -208,7 +209,7 @@ impl RenderEngine for ExternalEngine {
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
         let seen = self.shared.options.surveyor.as_ref().and_then(|look| look(width, height));
         let options = &self.shared.options;
-        // Asked while the session has the picture open, and not the survey.
+        // Measure while the session has the picture open, not the survey.
         let pace = options.bounds_zones.then(|| self.pace(seen.is_none())).flatten();
         let (mut survey, pace) = match seen {
             Some(survey) => (survey, pace),
@@ -248,7 +249,7 @@ impl Drop for ExternalEngine {
             }
         }
         for lane in self.lanes.drain(..).filter(|lane| lane.thread().id() != thread::current().id()) {
-            // A panic in there was already reported by the thread itself.
+            // The thread has reported a panic itself.
             let _ = lane.join();
         }
     }
@@ -278,7 +279,7 @@ impl EngineState {
         self.woken.wait_while(queue, idle).unwrap_or_else(PoisonError::into_inner).work.pop_front()
     }
 
-    /// What is left of the picture's time, in seconds.
+    /// Returns the rest of the picture's time in seconds.
     fn seconds_left(&self) -> Option<f64> {
         let spent = self.begun.get().map_or(Duration::ZERO, Instant::elapsed);
         self.options.time.map(|time| time.saturating_sub(spent).as_secs_f64())
@@ -290,7 +291,7 @@ impl EngineState {
         is_out.then(|| EngineFault::Quarantined { failures: health.failures, last: health.last.clone(), name: None })
     }
 
-    /// Takes note of how it went.
+    /// Records a success or failure.
     fn note(&self, outcome: Result<(), &EngineFault>) {
         match outcome {
             Ok(()) => *self.health() = Health::default(),
@@ -303,7 +304,7 @@ impl EngineState {
                 let mut health = self.health();
                 health.failures += 1;
                 health.last.clone_from(&told);
-                // What it refuses is the scene's matter; what it does wrong, its own.
+                // A refusal is due to the scene; other failures are due to the engine.
                 let is_its_own = !matches!(fault, EngineFault::Refused { .. });
                 if health.failures >= FAILURES_MAX && is_its_own {
                     quarantine::put(&self.located, health.failures, &told);
@@ -312,7 +313,7 @@ impl EngineState {
         }
     }
 
-    /// Whether the look at the scene says that there is light in the window.
+    /// True if the survey shows light in the window.
     fn expects_light(&self, window: Rect) -> bool {
         let (Some(survey), Some((width, height))) = (self.surveyed.get(), self.options.request.size) else {
             return false;
@@ -323,7 +324,7 @@ impl EngineState {
             let row = u64::from(y) * u64::from(survey.height) / u64::from(frame.height());
             survey.pixels.get((row * u64::from(survey.width) + column) as usize)
         };
-        // All cells but those at the edge, which may hold the light of their neighbours.
+        // Require light in most cells: those at the edge may hold the light of their neighbours.
         let mut cells = 0;
         let mut lit = 0;
         for (x, y) in window.pixels().step_by(7) {
@@ -334,17 +335,17 @@ impl EngineState {
     }
 }
 
-/// What a task comes to that was cancelled before it began.
+/// Returns the result of a task that was cancelled before it started.
 fn unpainted(task: ZoneTask, layout: &Layout) -> Painted {
     let tile = task.tile.unwrap_or_else(|| Tile::new(task.rect, layout.clone()));
     Painted { tile, busy: Duration::ZERO, is_warm: false, parts: Vec::new(), complete: false }
 }
 
-/// One process of the engine, and the thread that drives it.
+/// A process of the engine, and the thread that drives it.
 struct EngineProcess {
     shared: Arc<EngineState>,
     session: Option<Session>,
-    /// Whether the session has painted something: many engines build or compile with their first window what all of them need.
+    /// True if the session has rendered a window: many engines build or compile with the first one what all of them need.
     is_warm: bool,
 }
 
@@ -356,15 +357,15 @@ impl EngineProcess {
                     let mut survey = self.survey(width, height, pace);
                     self.settle(survey.as_ref().map(drop));
                     if survey.as_ref().is_err_and(EngineFault::ends_process) && !self.shared.closing.is_cancelled() {
-                        // As a zone is given to somebody else after a crash.
+                        // Retry once after a crash, as for zones.
                         survey = self.survey(width, height, pace);
                         self.settle(survey.as_ref().map(drop));
                     }
                     if survey.is_err() {
-                        // What it has open is of another size.
+                        // It has the scene open in another size.
                         self.session = None;
                     }
-                    // Nobody may want it any more.
+                    // The receiver may be gone.
                     let _ = answer.send(survey);
                 }
                 Work::Pace(will_look, answer) => {
@@ -382,7 +383,7 @@ impl EngineProcess {
         }
     }
 
-    /// After each work: what failed may have to be started anew.
+    /// Records an outcome, and drops a session that must be restarted.
     fn settle(&mut self, outcome: Result<(), &EngineFault>) {
         if outcome.is_err_and(EngineFault::ends_process) {
             self.session = None;
@@ -404,13 +405,13 @@ impl EngineProcess {
         Ok(self.session.insert(session))
     }
 
-    /// The scene as a process of this lane is to paint it.
+    /// Returns the scene request for a process of this lane.
     fn request(&self) -> SceneRequest {
         let request = self.shared.options.request.clone();
         SceneRequest { threads: (request.threads / self.shared.lanes).max(1), ..request }
     }
 
-    /// A window that only looks at the scene.
+    /// Returns a window request for a survey or measurement.
     fn look(&self, width: u32, height: u32, samples: u32) -> WindowRequest {
         let tunables = &self.shared.located.manifest().tunables;
         WindowRequest {
@@ -442,7 +443,7 @@ impl EngineProcess {
         let session = self.session()?;
         session.reopen(&located, &SceneRequest { size: Some((width, height)), ..request.clone() })?;
         let looked = tiny::survey(session, &window, pace, samples)?;
-        // Zones are of the whole picture.
+        // Zones need the scene open in the picture's size.
         session.reopen(&located, &request)?;
         Ok(looked)
     }
@@ -452,14 +453,16 @@ impl EngineProcess {
         if task.cancel.is_cancelled() || shared.closing.is_cancelled() {
             return Ok(unpainted(task, &shared.options.layout));
         }
+        // Continue the tile if passes add up, or else start again
         let adds_up = shared.located.manifest().adds_up();
         let kept = task.tile.filter(|_| adds_up);
         let first = if kept.is_some() { task.samples.start } else { 0 };
         let count = task.samples.end.saturating_sub(first).max(1);
         let area = task.rect.area();
-        // What it takes to start an engine and open a scene is no part of painting.
+        // Starting an engine and opening a scene do not count as rendering.
         self.session()?;
         let begun = Instant::now();
+        // Render the window
         let request = self.window_request(task.rect, first, count, &task.tunables, task.cancel.clone());
         let mut told = 0;
         let mut tell = |share: f64| {
@@ -471,7 +474,7 @@ impl EngineProcess {
         };
         let written = match self.session()?.paint(&request, &mut tell) {
             Err(EngineFault::Cancelled) => {
-                // The process is at work for nobody.
+                // The process still works on the cancelled window.
                 self.session = None;
                 let tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout.clone()));
                 let busy = self.busy(begun);
@@ -479,26 +482,28 @@ impl EngineProcess {
             }
             written => written?,
         };
+        // Read and validate the output
         let window = picture::read_wanted(&written, task.rect, &shared.wanted)?;
         if window.is_black() && shared.expects_light(task.rect) {
             return Err(EngineFault::Black { window: task.rect });
         }
         tell(1.0);
         shared.dropped_count.fetch_add(window.dropped as u64, Ordering::Relaxed);
+        // Add the samples to the tile
         let mut tile = kept.unwrap_or_else(|| Tile::new(task.rect, shared.options.layout.clone()));
-        // Who is given a time may have ended before its last sample.
+        // With a time limit it may have ended before its last sample.
         let taken = written.samples.filter(|taken| request.seconds.is_some() && *taken < request.samples);
         window.add_to(&mut tile, taken.map_or(count, |taken| taken.clamp(1, count)));
         if let Some(watcher) = shared.watcher.get() {
             watcher(&tile);
         }
-        // One that is started for each window takes for each what the first one takes.
+        // A command line is started for each window: each costs as much as the first.
         let starts_anew = shared.located.manifest().kind == EngineKind::Command;
         let is_warm = std::mem::replace(&mut self.is_warm, true) || starts_anew;
         Ok(Painted { tile, busy: self.busy(begun), is_warm, parts: Vec::new(), complete: true })
     }
 
-    /// Time of all processors that this lane has.
+    /// Returns the time of all processors of this lane.
     fn busy(&self, begun: Instant) -> Duration {
         begun.elapsed() * self.request().threads as u32
     }
@@ -515,12 +520,12 @@ impl EngineProcess {
         let manifest = self.shared.located.manifest();
         let ranges = &manifest.tunables;
         let asked = |value: u32, of_scene: Option<u32>| (of_scene != Some(value)).then_some(value);
-        // We count what shines itself as 0, the protocol counts direct light as 0.
+        // Our depth 0 is emitted light; the protocol's is direct light.
         let bounces = asked(tunables.max_depth, options.scene_depth).map(|depth| depth.saturating_sub(1));
         let fit = |range: Option<super::manifest::Range>, value: Option<u32>| Some(range?.fit(value?));
-        // Whole seconds: a window that has none left still paints something.
+        // Whole seconds: a window without time left still renders something.
         let seconds = self.shared.seconds_left().map(|left| left.ceil() as u32);
-        // Two windows of the same size must not have the same noise, unless they are parts of one.
+        // Windows of the same size must have different noise, unless they are parts of one frame.
         let seed = match manifest.determinism {
             Determinism::Frame => options.seed,
             Determinism::Window | Determinism::Statistics => mixed(options.seed, window),
@@ -538,7 +543,7 @@ impl EngineProcess {
     }
 }
 
-/// A seed for a window.
+/// Returns a seed for a window.
 fn mixed(seed: u64, window: Rect) -> u64 {
     let mut state = seed;
     for word in [window.x0, window.y0, window.x1, window.y1] {

@@ -1,162 +1,162 @@
-//! The errors of other people's engines.
+//! The errors of external engines.
 
 use std::{io, path::PathBuf};
 
 use bottega_image::{ImageError, Rect};
 
-/// Why an engine could not be used, or gave no picture.
+/// The reason why an engine could not be used, or rendered no picture.
 #[derive(Debug, thiserror::Error)]
 pub enum EngineFault {
-    /// It is not here.
+    /// The engine is not installed.
     #[error("{title} is not installed here ({tried}); {install}")]
     NotFound {
-        /// What people call it.
+        /// The display name of the engine.
         title: String,
-        /// What was tried.
+        /// The places searched.
         tried: String,
-        /// How it is installed.
+        /// Instructions to install it.
         install: String,
     },
-    /// It is here in a version that is not known to work.
+    /// The installed version is not supported.
     #[error("{title} is here as version {found}, and {wanted} is needed; {install}")]
     Version {
-        /// What people call it.
+        /// The display name of the engine.
         title: String,
-        /// What is here.
+        /// The installed version.
         found: String,
-        /// What would do.
+        /// The supported versions.
         wanted: String,
-        /// How it is installed.
+        /// Instructions to install it.
         install: String,
     },
     /// A script of its manifest is missing.
     #[error("a file of its manifest cannot be put in place: `{}`", .path.display())]
     Files {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// No scratch folder.
+    /// The scratch folder could not be created.
     #[error("there is no folder for its temporary files")]
     Scratch(#[source] io::Error),
-    /// It could not be started.
+    /// The engine could not be started.
     #[error("`{program}` cannot be started")]
     Start {
-        /// The program.
+        /// The program, as on the command line.
         program: String,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// It refuses the scene, or a zone: in its own words.
+    /// The engine refuses the scene or a zone, with its own message.
     #[error("it says: {reason}")]
     Refused {
-        /// What it said.
+        /// The message of the engine.
         reason: String,
-        /// Whether it is of no use any more.
+        /// True if the process must be restarted.
         fatal: bool,
     },
-    /// It ended.
+    /// The engine exited by itself.
     #[error("it ended by itself: {status}{}", last_words(.log))]
     Ended {
-        /// How.
+        /// Its exit status.
         status: String,
         /// The end of its log.
         log: String,
     },
-    /// It took too long.
+    /// The engine exceeded a time limit.
     #[error("it was ended after {seconds:.0} s without {what}{}", last_words(.log))]
     TimeOut {
-        /// How long it had.
+        /// The limit in seconds.
         seconds: f64,
-        /// What was waited for.
+        /// The missing answer.
         what: &'static str,
         /// The end of its log.
         log: String,
     },
-    /// It says more than it may.
+    /// The engine wrote too much output.
     #[error("it was ended: it wrote more than {kib} KiB to {what}")]
     Flood {
-        /// How much it may write.
+        /// The limit in KiB.
         kib: u64,
-        /// Whereto.
+        /// The output with the limit.
         what: &'static str,
     },
-    /// It takes more memory than it may.
+    /// The engine exceeded its memory limit.
     #[error("it was ended: it took more than {mib} MiB of memory")]
     Memory {
-        /// How much it may take.
+        /// The limit in MiB.
         mib: u64,
     },
-    /// It starts more processes than it may.
+    /// The engine started too many processes.
     #[error("it was ended: it had more than {most} processes")]
     Processes {
-        /// How many it may.
+        /// The most processes.
         most: usize,
     },
-    /// It does not keep to the protocol.
+    /// Its worker violates the protocol.
     #[error("its worker does not keep to the protocol: {problem}")]
     Protocol {
-        /// What it did.
+        /// A description of the violation.
         problem: String,
     },
-    /// It wrote no picture.
+    /// The engine wrote no picture.
     #[error("it wrote no picture{}", last_words(.log))]
     NoPicture {
         /// The end of its log.
         log: String,
     },
-    /// What it wrote cannot be read.
+    /// Its picture cannot be read.
     #[error("the picture that it wrote cannot be read")]
     Picture(#[source] ImageError),
-    /// The picture does not have the size that it should have.
+    /// Its picture has the wrong size.
     #[error("its picture has {found:?} pixels where {wanted:?} are needed for the window {window}")]
     Size {
         /// Width and height of the picture.
         found: (u32, u32),
-        /// Width and height that it should have.
+        /// The expected width and height.
         wanted: (u32, u32),
-        /// The window.
+        /// The window that was requested.
         window: Rect,
     },
-    /// The picture holds values that are no numbers.
+    /// Its picture holds non-finite values.
     #[error("{count} values of its picture are no finite numbers")]
     NotFinite {
-        /// How many.
+        /// The number of non-finite values.
         count: usize,
     },
-    /// A layer that it announced is not there.
+    /// A layer that it announced is missing.
     #[error("its picture lacks the channel `{channel}`, which it announced when it opened the scene")]
     Layer {
-        /// The channel.
+        /// The name of the channel.
         channel: String,
     },
-    /// Layers that no picture can have.
+    /// The layers that it announced are invalid.
     #[error("the layers that it announces cannot be kept")]
     Layers(#[source] bottega_image::LayersError),
-    /// Nothing but black.
+    /// Its picture is all black, unexpectedly.
     #[error("its picture of the window {window} is all black, and the whole picture is not there")]
     Black {
-        /// The window.
+        /// The window that was requested.
         window: Rect,
     },
-    /// Whoever asked does not want it any more.
+    /// The task was cancelled.
     #[error("nobody wants it any more")]
     Cancelled,
-    /// It failed too often on this machine.
+    /// The engine is quarantined: it failed too often on this machine.
     #[error("it is not used here any more: it failed {failures} times in a row, the last time so: {last}{}", remedy(.name))]
     Quarantined {
-        /// How often.
+        /// The number of failures in a row.
         failures: u32,
         /// The last failure.
         last: String,
-        /// Its name, where later processes know of it.
+        /// Its name, if the quarantine is stored for later processes.
         name: Option<String>,
     },
 }
 
 impl EngineFault {
-    /// Whether the process is of no use any more.
+    /// True if the process must be restarted.
     pub(super) fn ends_process(&self) -> bool {
         match self {
             Self::Refused { fatal, .. } => *fatal,
@@ -170,7 +170,7 @@ impl EngineFault {
         }
     }
 
-    /// With all that it is due to, in one line.
+    /// Returns the error and its chain of causes in one line.
     pub fn told(&self) -> String {
         use std::error::Error;
         let mut text = self.to_string();

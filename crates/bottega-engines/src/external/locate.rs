@@ -1,4 +1,4 @@
-//! Finding an engine on this machine.
+//! Search for an installed engine.
 
 use std::{
     env,
@@ -14,31 +14,31 @@ use super::{
     shelf::ShelfEntry,
 };
 
-/// Names the Python of all workers: a program, or the folder of a virtual environment.
+/// The environment variable with the Python of all workers: a program, or the folder of a virtual environment.
 const PYTHON: &str = "BOTTEGA_ENGINE_PYTHON";
-/// Where a virtual environment has it.
+/// The paths of Python in a virtual environment.
 const OF_ENVIRONMENT: &[&str] = &["bin/python3", "bin/python", "Scripts/python.exe"];
-/// How long an engine may take to tell its version: large Python modules on a cold disk take their time.
+/// The time in which an engine must print its version: large Python modules load slowly from a cold disk.
 const CHECK_TIME: Duration = Duration::from_secs(90);
 
-/// An engine that is here.
+/// An engine that is installed on this machine.
 #[derive(Clone, Debug)]
 pub struct LocatedEngine {
-    /// What is known of it.
+    /// The manifest and its files.
     pub entry: ShelfEntry,
-    /// The program.
+    /// The path of the program.
     pub program: PathBuf,
-    /// Its version.
+    /// The installed version.
     pub version: Version,
-    /// How it was found: which of the manifest's ways.
+    /// The index of the search step that found it.
     way: usize,
 }
 
 impl LocatedEngine {
-    /// Looks for the engine, by all ways of its manifest.
+    /// Searches for the engine by all steps of its manifest.
     ///
     /// # Errors
-    /// It is not here, or in no version that is known to work: with what was tried, and how it is installed.
+    /// It is not installed, or only in unsupported versions: with the places searched, and how to install it.
     pub fn find(entry: &ShelfEntry) -> Result<Self, EngineFault> {
         let manifest = &entry.manifest;
         let scratch = Scratch::new()?;
@@ -66,27 +66,29 @@ impl LocatedEngine {
         })
     }
 
-    /// What is known of it.
+    /// Returns the manifest.
     pub fn manifest(&self) -> &Manifest {
         &self.entry.manifest
     }
 
-    /// Name, version, and what else makes its pictures what they are: two machines with the same paint the same.
+    /// Returns name, version and a hash of all files that affect its pictures: machines with equal identities render equal
+    /// pictures.
     pub fn identity(&self) -> String {
         let bytes = self.entry.identity();
-        // FNV-1a, by Fowler, Noll and Vo: it tells apart what differs by accident.
+        // FNV-1a, by Fowler, Noll and Vo: detects accidental differences.
         let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
             (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
         });
         format!("{} {}, manifest {hash:016x}", self.manifest().name, self.version)
     }
 
+    /// Returns the search step that found the engine.
     pub(super) fn way(&self) -> &SearchStep {
         &self.entry.manifest.find[self.way]
     }
 }
 
-/// The programs that a way may mean, first those that the user names: for this way, then for all workers in Python.
+/// Returns the candidate programs of a step: first the one of its variable, then the Python of all workers, then those on PATH.
 fn candidates(way: &SearchStep) -> Vec<PathBuf> {
     let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let is_python = way.programs.iter().any(|name| name == "python3");
@@ -106,13 +108,13 @@ fn candidates(way: &SearchStep) -> Vec<PathBuf> {
     all
 }
 
-/// The Python that is named by itself or by the folder of its virtual environment.
+/// Returns the Python itself, or the one in the folder of a virtual environment.
 fn python_of(named: &Path) -> PathBuf {
     let within = OF_ENVIRONMENT.iter().map(|name| named.join(name)).find(|program| program.is_file());
     within.unwrap_or_else(|| named.to_owned())
 }
 
-/// How the module is had that a worker in Python says is missing.
+/// Returns how to install the module that a Python worker reports as missing.
 pub(super) fn module_hint(engine: &LocatedEngine, said: &str) -> Option<String> {
     let (_, rest) = said.split_once("No module named ")?;
     let name: String = rest
@@ -123,7 +125,7 @@ pub(super) fn module_hint(engine: &LocatedEngine, said: &str) -> Option<String> 
     (!name.is_empty()).then(|| format!("to install it: {} -m pip install {name}", engine.program.display()))
 }
 
-/// Asks a program for its version.
+/// Runs the version check of a step with a program.
 fn ask(way: &SearchStep, program: &Path, scratch: &Path) -> Result<Version, String> {
     let values: Values = [("program", program.display().to_string())].into();
     let line = Argument::fill_all(&way.check, &values);
@@ -137,7 +139,7 @@ fn ask(way: &SearchStep, program: &Path, scratch: &Path) -> Result<Version, Stri
     version.ok_or_else(|| format!("it tells no version: {:?}", said.lines().next().unwrap_or_default()))
 }
 
-/// Runs a program to its end. All that it said, and whether it ended well.
+/// Runs a program to its end. Returns its output, and `true` if it succeeded.
 pub(super) fn run(
     line: &[String],
     scratch: &Path,
@@ -153,7 +155,7 @@ pub(super) fn run(
     loop {
         match child.listen()? {
             ChildOutput::End if let Some(ended_well) = child.outcome() => {
-                // What it said last may still be on its way.
+                // Its last output may still be in the pipe.
                 std::thread::sleep(Duration::from_millis(20));
                 return Ok((child.log().text(), ended_well));
             }
@@ -167,7 +169,7 @@ pub(super) fn run(
     }
 }
 
-/// What the manifest tells people of this system.
+/// Returns the manifest's install instructions for this system.
 pub fn install_hint(manifest: &Manifest) -> String {
     let system = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
     let value = |key: &str| {

@@ -1,7 +1,7 @@
-//! Engine manifests: what Bottega knows of a renderer that it did not write, as text that a user can write too.
+//! Engine manifests: descriptions of external renderers, in a text format that users can write, too.
 //!
-//! A manifest is TOML; `docs/engines.md` lists its keys. Everything that can be wrong with one is found out here, with
-//! line and column, before any engine is started.
+//! A manifest is TOML; `docs/engines.md` lists its keys. All errors in one are reported here, with line and column, before
+//! any engine is started.
 
 mod number;
 mod pattern;
@@ -18,9 +18,9 @@ pub use self::{
     template::{Argument, Missing, Template, Values},
 };
 
-/// Version of the format that is read.
+/// The supported version of the format.
 const FORMAT: u32 = 1;
-/// The largest manifest that is read.
+/// The largest manifest that is read, in bytes.
 const BYTES_MAX: usize = 1 << 20;
 /// The longest name of an engine.
 const NAME_MAX: usize = 40;
@@ -29,9 +29,9 @@ const NAME_MAX: usize = 40;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EngineKind {
-    /// One process that keeps the scene and paints window after window, told by lines of JSON.
+    /// A single process that keeps the scene open and renders window after window, controlled by lines of JSON.
     Worker,
-    /// One process a window, told by its command line.
+    /// A process per window, controlled by its command line.
     Command,
 }
 
@@ -39,11 +39,11 @@ pub enum EngineKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Determinism {
-    /// A window has the bits that the whole frame has there, with the same seed and number of samples.
+    /// A window is bit-identical to that part of the whole frame, with the same seed and number of samples.
     Frame,
-    /// The same window with the same seed has the same bits.
+    /// The same window with the same seed is bit-identical.
     Window,
-    /// Only means and variances are the same.
+    /// Means and variances are reproducible, but not single values.
     Statistics,
 }
 
@@ -51,109 +51,109 @@ pub enum Determinism {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Refers {
-    /// The worker is asked.
+    /// The worker lists them.
     Worker,
-    /// They are found by patterns in the text of the scene.
+    /// Patterns in the text of the scene find them.
     Scan,
-    /// A scene is one file.
+    /// None: a scene is a single file.
     #[default]
     None,
 }
 
-/// The maker of the survey of a scene.
+/// The source of the survey of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Importance {
-    /// The engine paints a tiny picture.
+    /// The engine renders a small picture.
     #[default]
     Engine,
-    /// The built-in Analyst where it reads the file, else the engine.
+    /// The built-in engine if it can read the file, or else the external engine.
     Builtin,
 }
 
-/// One way to find the engine on a machine.
+/// A step of the search for the engine on a machine.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SearchStep {
-    /// Environment variable that names the program.
+    /// The environment variable that names the program.
     pub variable: Option<String>,
     /// Programs to look for, in this order.
     pub programs: Vec<String>,
-    /// Prints the version, and fails where the engine is not.
+    /// The command that prints the version, and fails if the engine is not installed.
     pub check: Vec<Argument>,
-    /// Finds the version in what `check` prints: group 1.
+    /// The pattern for the version in the output of `check`: group 1.
     pub version: Pattern,
-    /// Starts the worker.
+    /// The command that starts the worker.
     #[serde(default)]
     pub command: Vec<Argument>,
-    /// Set in the child.
+    /// Environment variables set in the child.
     #[serde(default)]
     pub environment: BTreeMap<String, String>,
-    /// Passed on to the child where the user has set them.
+    /// Environment variables that the child inherits, where set.
     #[serde(default)]
     pub inherit: Vec<String>,
-    /// Variables of the user that name files and folders which it may write beside its scratch folder.
+    /// Environment variables that list files and folders which it may write in addition to its scratch folder.
     #[serde(default)]
     pub writes: Vec<String>,
 }
 
-/// The scene files that the engine takes.
+/// The scene files that the engine supports.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFiles {
-    /// Extensions, lower case, without the dot.
+    /// File extensions, in lower case, without the period.
     pub extensions: Vec<String>,
-    /// Who tells what a scene refers to.
+    /// The source of the list of files that a scene refers to.
     #[serde(default)]
     pub refers: Refers,
-    /// Patterns whose group 1 is a path.
+    /// Patterns for references; group 1 is a path.
     #[serde(default)]
     pub scan: Vec<Pattern>,
-    /// Extensions of files that are scanned too.
+    /// Extensions of referenced files that are scanned, too.
     #[serde(default)]
     pub scan_in: Vec<String>,
-    /// Who makes the survey.
+    /// The source of the survey.
     #[serde(default)]
     pub importance: Importance,
 }
 
-/// The settings of the farm that the engine has. What is missing it has not.
+/// The ranges of the farm's settings that the engine supports. `None`: unsupported.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TunableRanges {
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: Option<Range>,
-    /// Bounces after the first surface's direct light.
+    /// The most bounces after the direct light at the first surface.
     pub max_depth: Option<Range>,
-    /// Light samples a path vertex.
+    /// Light samples per path vertex.
     pub light_samples: Option<Range>,
-    /// Seconds a window.
+    /// Seconds per window.
     pub time: Option<Range>,
 }
 
-/// Colour space of the pixels that come out.
+/// The color space of the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub enum ColorSpace {
-    /// Linear light, primaries of Rec. 709.
+    /// Linear light, with the primaries of Rec. 709.
     #[serde(rename = "linear-rec709")]
     LinearRec709,
-    /// Encoded by the sRGB curve, as 8- and 16-bit files are.
+    /// Encoded with the sRGB curve, as 8- and 16-bit files are.
     #[serde(rename = "srgb")]
     Srgb,
 }
 
-/// The part of the frame that a picture of the engine shows.
+/// The part of the frame that an output file shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FramePart {
-    /// All of it; the window is cut out.
+    /// The whole frame; the window is cropped from it.
     #[default]
     Frame,
     /// The window alone.
     Window,
 }
 
-/// The place of the first row of a picture.
+/// The position of the first row of an output file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FirstRow {
@@ -164,31 +164,31 @@ pub enum FirstRow {
     Bottom,
 }
 
-/// The form of pixels in a picture of the engine.
+/// The form of the engine's output.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pixels {
-    /// Their colour space.
+    /// The color space.
     pub color_space: ColorSpace,
-    /// What part of the frame they are (`kind = "command"`; workers say so themselves).
+    /// The part of the frame (`kind = "command"`; workers report it).
     #[serde(default)]
     pub window: FramePart,
-    /// Where their first row is.
+    /// The position of the first row.
     #[serde(default)]
     pub first_row: FirstRow,
-    /// Which pixel filter it uses, in words.
+    /// The pixel filter that it uses, for display.
     pub filter: Option<String>,
 }
 
-/// The cost of painting beside the samples: zones are made large enough by it.
+/// The overhead of rendering, apart from samples; it determines the least size of zones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cost {
-    /// Start and opening of a small scene, in seconds.
+    /// Seconds to start and to open a small scene.
     pub start_seconds: f64,
-    /// A window beside its samples, in seconds.
+    /// Seconds per window, without its samples.
     pub window_seconds: f64,
-    /// Whether several processes of one thread each do more than one of all threads.
+    /// True if several processes of one thread each are faster than one of all threads.
     pub parallel: bool,
 }
 
@@ -200,15 +200,15 @@ pub struct Limits {
     pub start_seconds: f64,
     /// Seconds until the scene is open.
     pub open_seconds: f64,
-    /// Seconds in which it says nothing while it paints.
+    /// Seconds without output while it renders.
     pub silence_seconds: f64,
-    /// Seconds of one window.
+    /// Seconds per window.
     pub zone_seconds: f64,
     /// Memory of all its processes, in MiB.
     pub memory_mib: u64,
-    /// What it may write to its log, in KiB.
+    /// Size of its log, in KiB.
     pub log_kib: u64,
-    /// The largest file that it may write, in MiB.
+    /// Size of a file that it writes, in MiB.
     pub output_mib: u64,
 }
 
@@ -226,133 +226,133 @@ impl Default for Limits {
     }
 }
 
-/// A limit in seconds as a duration; 0 and what is no number mean: none.
+/// Returns a limit in seconds as a duration; `None` for 0 and invalid values: no limit.
 pub fn limit(seconds: f64) -> Option<Duration> {
     Duration::try_from_secs_f64(seconds).ok().filter(|time| !time.is_zero())
 }
 
-/// The command line of an engine of one process a window.
+/// The command line of an engine with one process per window.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Invocation {
-    /// Program and arguments.
+    /// The program and its arguments.
     pub run: Vec<Argument>,
-    /// Name of the picture in the scratch folder.
+    /// The name of the output file in the scratch folder.
     pub output: String,
-    /// Prints width and height of the scene.
+    /// The command that prints width and height of the scene; empty: unknown.
     #[serde(default)]
     pub size: Vec<Argument>,
 }
 
-/// The form of progress in the engine's log.
+/// The form of progress messages in the engine's log.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProgressText {
-    /// Group 1: per cent; with two groups: done, of.
+    /// The pattern of a progress message. With one group: per cent; with two groups: done, total.
     pub pattern: Pattern,
 }
 
-/// The form of errors in the engine's log.
+/// The form of error messages in the engine's log.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorText {
-    /// Lines that say what is wrong; group 1 where there is one.
+    /// Patterns of lines that explain a failure; group 1 is shown if there is one.
     #[serde(default)]
     pub patterns: Vec<Pattern>,
 }
 
-/// The engine's use of time.
+/// The animation features of the engine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Animation {
-    /// Whether it takes the number of a frame.
+    /// True if it accepts a frame number.
     pub frames: bool,
 }
 
-/// The manifest of an engine: all that is known of it.
+/// The manifest of an engine.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
-    /// Version of the format.
+    /// The version of the format.
     pub manifest: u32,
-    /// What it is called in options.
+    /// The name of the engine in options.
     pub name: String,
-    /// What people call it.
+    /// The display name of the engine.
     pub title: String,
-    /// How it is driven.
+    /// The way it is driven.
     pub kind: EngineKind,
-    /// A line about it.
+    /// A one-line description.
     pub about: Option<String>,
-    /// Scripts that belong to it, beside the manifest.
+    /// Scripts of the engine, beside the manifest.
     #[serde(default)]
     pub files: Vec<String>,
-    /// Rules by which its settings are chosen where a picture is optimized: a file beside the manifest; `None`: those of our
-    /// own path tracer.
+    /// The file, beside the manifest, with the rules that choose its settings when a picture is optimized; `None`: those of
+    /// the built-in path tracer.
     pub rules: Option<String>,
-    /// How far windows are the frame.
+    /// The degree to which windows equal the frame.
     pub determinism: Determinism,
-    /// Whether another seed gives other noise, so that passes add up.
+    /// True if another seed gives other noise, so that passes can be added up.
     pub seeds: bool,
-    /// Ways to find it.
+    /// The steps to find it.
     pub find: Vec<SearchStep>,
-    /// Versions that are known to work.
+    /// The supported versions.
     #[serde(default)]
     pub versions: Versions,
-    /// How it is installed, by system.
+    /// Install instructions, by operating system; `any` is required.
     pub install: BTreeMap<String, String>,
-    /// Which files it takes.
+    /// The supported scene files.
     pub scene: SceneFiles,
-    /// Which tunables it has.
+    /// The supported tunables.
     #[serde(default)]
     pub tunables: TunableRanges,
-    /// How pixels come out.
+    /// The form of its output.
     pub pixels: Pixels,
-    /// What windows cost.
+    /// The overhead of windows.
     #[serde(default)]
     pub cost: Cost,
-    /// What it may take.
+    /// The limits of its processes.
     #[serde(default)]
     pub limits: Limits,
-    /// How it tells its progress.
+    /// The form of its progress messages.
     pub progress: Option<ProgressText>,
-    /// How it tells errors.
+    /// The form of its error messages.
     #[serde(default)]
     pub errors: ErrorText,
-    /// How it is started for a window.
+    /// The command line (`kind = "command"`).
     pub command: Option<Invocation>,
-    /// What it knows of time.
+    /// Its animation features.
     #[serde(default)]
     pub animation: Animation,
-    /// Passed to a worker as they are.
+    /// Parameters passed to a worker unchanged.
     #[serde(default)]
     pub parameters: BTreeMap<String, serde_json::Value>,
 }
 
-/// Why a manifest is none.
+/// An error in a manifest, with its position.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{problem} ({}:{line}:{column})", .path.display())]
 pub struct ManifestError {
-    /// The file.
+    /// The path of the file.
     pub path: PathBuf,
-    /// What is wrong.
+    /// The problem, for display.
     pub problem: String,
-    /// Line, from 1.
+    /// The line, from 1.
     pub line: usize,
-    /// Column, from 1, in characters.
+    /// The column, from 1, in characters.
     pub column: usize,
-    /// The bytes of the text that are meant.
+    /// The byte range of the text that is wrong.
     pub span: std::ops::Range<usize>,
-    /// The whole text.
+    /// The whole text of the manifest.
     pub text: String,
 }
 
 impl Manifest {
-    /// Reads a manifest.
+    /// Parses a manifest.
     ///
-    /// - `path`: stands in errors; its file stem must be the engine's name.
+    /// - `path`: the path for errors; its file stem must be the name of the engine.
     ///
     /// # Errors
-    /// With line and column, whatever is wrong with the text.
+    /// The text is invalid: with line and column.
     pub fn parse(path: &std::path::Path, text: &str) -> Result<Self, ManifestError> {
         let wrong = |span: std::ops::Range<usize>, problem: String| {
             let before = text.get(..span.start).unwrap_or(text);
@@ -370,7 +370,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// What the types do not say. The key that is meant, and what is wrong with it.
+    /// Checks what the types cannot express. Returns the wrong key and the problem.
     fn check(&self, path: &std::path::Path) -> Result<(), (&'static str, String)> {
         if self.manifest != FORMAT {
             let problem = format!("format {} is not read, only {FORMAT}: it may need a newer bottega", self.manifest);
@@ -433,13 +433,13 @@ impl Manifest {
         }
     }
 
-    /// Whether it takes a file with this name.
+    /// True if it supports files of this extension.
     pub fn takes(&self, scene: &std::path::Path) -> bool {
         let extension = scene.extension().map(|it| it.to_string_lossy().to_lowercase()).unwrap_or_default();
         self.scene.extensions.contains(&extension)
     }
 
-    /// Whether passes with other seeds add up to one picture.
+    /// True if passes with different seeds add up to one picture.
     pub fn adds_up(&self) -> bool {
         self.seeds && self.determinism != Determinism::Frame
     }
@@ -461,7 +461,7 @@ impl Invocation {
     }
 }
 
-/// Where a key stands in the text: the first line that begins with it, or its table.
+/// Returns the byte range of a key in the text: the first line that begins with it, or with its table.
 fn place_of(text: &str, key: &str) -> std::ops::Range<usize> {
     let mut start = 0;
     for line in text.split_inclusive('\n') {

@@ -1,23 +1,24 @@
-//! The pictures that an engine writes: checked before they count, cut to the window, and added to the zone's sums.
+//! The pictures that an engine writes: validated, cropped to the window, and added to the zone's sums.
 
 use bottega_image::{ImageFile, Layout, Picture, Planes, ReadLimits, Rect, Tile, luminance, read_channels};
 
 use super::{error::EngineFault, session::Written};
 
-/// So large a share of pixels may lack finite values: an engine's own numerical accidents.
+/// The largest share of pixels with non-finite values that counts as numerical accidents.
 const NOT_FINITE_SHARE: f64 = 0.01;
-/// What is larger in a layer counts as no number: the sums of all samples must be one.
+/// Larger values in a layer count as invalid, so that the sums of all samples stay finite.
 const LARGEST: f32 = 1e30;
 
-/// Which channels of a file are wanted beside the color, and where their values go in a pixel.
+/// The channels wanted in addition to the color, and their places in a pixel.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ExtraChannels {
-    /// Alpha, then the layers' channels.
+    /// Alpha, then the channels of the layers.
     names: Vec<String>,
     offsets: Vec<usize>,
 }
 
 impl ExtraChannels {
+    /// Returns the further channels that a pixel layout needs.
     pub(super) fn of(layout: &Layout) -> Self {
         let aovs = layout.aovs().iter().filter(|aov| !aov.channels().is_empty());
         let aovs = aovs.filter_map(|aov| Some((layout.offset(aov)?, aov.full_names())));
@@ -31,28 +32,29 @@ impl ExtraChannels {
     }
 }
 
-/// A window that was painted and looked at.
+/// A rendered and validated window.
 #[derive(Debug)]
 pub(super) struct PaintedWindow {
     pub(super) picture: Picture,
-    /// Alpha and the layers: where a value goes in a pixel, and the values.
+    /// Alpha and the layers: the place in a pixel, and the values.
     planes: Vec<(usize, Vec<f32>)>,
-    /// Pixels whose values were no finite numbers, and are black now.
+    /// The number of pixels with non-finite values, which are set to black.
     pub(super) dropped: usize,
 }
 
-/// Reads the color that an engine wrote and cuts out the window.
+/// Reads the color from an engine's file, and crops it to the window.
 pub(super) fn read(written: &Written, window: Rect) -> Result<PaintedWindow, EngineFault> {
     read_wanted(written, window, &ExtraChannels::default())
 }
 
-/// Reads the color and further channels that an engine wrote and cuts out the window.
+/// Reads the color and further channels from an engine's file, and crops them to the window.
 pub(super) fn read_wanted(
     written: &Written,
     window: Rect,
     wanted: &ExtraChannels,
 ) -> Result<PaintedWindow, EngineFault> {
     let (mut picture, planes) = load(written, window, &wanted.names)?;
+    // Crop to the window
     let Rect { x0, y0, .. } = written.shows;
     let cut = Rect::new(window.x0 - x0, window.y0 - y0, window.x1 - x0, window.y1 - y0);
     let (row, height) = (picture.width, picture.height);
@@ -66,6 +68,7 @@ pub(super) fn read_wanted(
         height: cut.height(),
         data: places.iter().map(|&place| picture.data[place]).collect(),
     };
+    // Replace non-finite colors by black, and refuse too many
     let mut dropped = 0;
     for pixel in &mut picture.data {
         if !pixel.iter().all(|value| value.is_finite()) {
@@ -76,22 +79,23 @@ pub(super) fn read_wanted(
     if dropped as f64 > NOT_FINITE_SHARE * window.area() as f64 {
         return Err(EngineFault::NotFinite { count: dropped });
     }
+    // Crop the further channels
     let sound = |value: f32| if value.abs() <= LARGEST { value } else { 0.0 };
     let mut kept = Vec::new();
     for ((name, &offset), plane) in wanted.names.iter().zip(&wanted.offsets).zip(planes) {
         match plane {
             Some(plane) => kept.push((offset, places.iter().map(|&place| sound(plane[place])).collect())),
-            // A film need not have any.
+            // A film may lack alpha.
             None if offset == Layout::ALPHA => {}
             None => return Err(EngineFault::Layer { channel: name.clone() }),
         }
     }
-    // Read, and of no more use: a long picture must not fill the disk.
+    // Delete the file, so that a long render does not fill the disk.
     let _ = std::fs::remove_file(&written.file);
     Ok(PaintedWindow { picture, planes: kept, dropped })
 }
 
-/// All that is wanted of a file of the size that was told.
+/// Reads all wanted channels of a file of the announced size.
 fn load(written: &Written, window: Rect, names: &[String]) -> Result<(Picture, Planes), EngineFault> {
     let wanted = (written.shows.width(), written.shows.height());
     let limits = ReadLimits { max_pixels: written.shows.area() };
@@ -110,15 +114,15 @@ fn load(written: &Written, window: Rect, names: &[String]) -> Result<(Picture, P
 }
 
 impl PaintedWindow {
-    /// Whether every pixel is black.
+    /// True if every pixel is black.
     pub(super) fn is_black(&self) -> bool {
         self.picture.data.iter().all(|pixel| *pixel == [0.0; 3])
     }
 
-    /// Adds the pixels to `tile`, as the mean of so many samples. Values that are picked are those of
-    /// the pass of most samples.
+    /// Adds the pixels to `tile`, as the mean of `samples` samples. Channels that are not summed keep the values of the
+    /// pass with the most samples.
     ///
-    /// The squares of single samples are not known: those of their mean stand for them, which are smaller.
+    /// The squares of single samples are unknown: those of the mean are used, which are smaller.
     pub(super) fn add_to(&self, tile: &mut Tile, samples: u32) {
         let (stride, sums_end) = (tile.layout().stride(), tile.layout().sums_end());
         let count = samples as f32;

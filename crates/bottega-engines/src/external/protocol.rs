@@ -1,4 +1,4 @@
-//! The protocol with a worker: JSON, an object a line.
+//! The protocol with a worker: one JSON object per line.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 /// The version of the protocol.
 pub(super) const VERSION: u32 = 1;
 
+/// A request to a worker.
 #[derive(Debug, Serialize)]
 #[serde(tag = "do", rename_all = "lowercase")]
 pub(super) enum Request<'a> {
@@ -39,6 +40,7 @@ pub(super) enum Request<'a> {
     },
 }
 
+/// An answer of a worker.
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum WorkerReply {
@@ -50,35 +52,36 @@ pub(super) enum WorkerReply {
     Failed(WorkerFailure),
 }
 
+/// The first answer of a worker, once it can take requests.
 #[derive(Debug, PartialEq, Deserialize)]
 pub(super) struct Ready {
     pub(super) version: String,
     pub(super) protocol: u32,
 }
 
-/// The description of a scene by a worker.
+/// A worker's description of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Opened {
-    /// Width of the frame.
+    /// The width of the frame in pixels.
     pub width: u32,
-    /// Height of the frame.
+    /// The height of the frame in pixels.
     pub height: u32,
-    /// The scene's first frame.
+    /// The first frame of the scene's animation.
     #[serde(default)]
     pub first_frame: Option<i32>,
-    /// The scene's last frame.
+    /// The last frame of the scene's animation.
     #[serde(default)]
     pub last_frame: Option<i32>,
-    /// Whether the scene has a camera, or has been given one. Without one nothing can be painted.
+    /// True if the scene has a camera, or was given one. Without one nothing can be rendered.
     #[serde(default = "yes")]
     pub camera: bool,
-    /// What a window costs beside its samples, in seconds, where it costs so much that it should not be tried out.
+    /// The cost of a window in seconds, without its samples, if it is so high that it should not be measured.
     #[serde(default)]
     pub window_seconds: Option<f64>,
-    /// How samples are spread over a pixel; `None`: nobody knows, or in a way that there is no name for.
+    /// The pixel filter; `None`: unknown or unsupported.
     #[serde(default)]
     pub filter: Option<FilmFilter>,
-    /// What it paints beside the colour.
+    /// The layers that it renders in addition to the color.
     #[serde(default)]
     pub layers: Vec<OpenedLayer>,
 }
@@ -87,22 +90,22 @@ fn yes() -> bool {
     true
 }
 
-/// A camera for a scene that has none, in the axes of the scene's file. It looks along its own −z, and +y is up.
+/// A camera for a scene without one, in the axes of the scene file. It looks along its −z axis, and +y is up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CameraView {
-    /// Where it stands: camera space to world space, without scale, column by column.
+    /// The transform from camera space to world space, without scale, column by column.
     pub world_from_camera: [f32; 16],
-    /// From the lower to the upper edge, in radians.
+    /// The vertical field of view, in radians.
     pub vertical_fov: f32,
 }
 
 impl Opened {
-    /// What a window costs beside its samples, if that is a time at all.
+    /// Returns the reported cost of a window, without its samples, if it is a plausible time.
     pub(super) fn window_seconds(&self) -> Option<f64> {
         self.window_seconds.filter(|seconds| (0.0..f64::from(u16::MAX)).contains(seconds))
     }
 
-    /// The layers, as a film keeps them.
+    /// Returns the layers in the form that a film uses.
     pub fn layers(&self) -> impl Iterator<Item = Layer> {
         self.layers.iter().map(|OpenedLayer { name, channels, combine, .. }| Layer {
             name: name.clone(),
@@ -118,65 +121,68 @@ impl Opened {
 /// A layer that a worker announces.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct OpenedLayer {
-    /// Its name.
+    /// The name of the layer.
     pub name: String,
-    /// Its channels: in the file they have its name before theirs, and a dot between.
+    /// The names of its channels; in the file they are prefixed with the layer's name and a period.
     pub channels: Vec<String>,
-    /// What several passes come to.
+    /// The combination of several passes.
     #[serde(default)]
     pub combine: CombineWord,
-    /// Whether it is what our own engine means by a layer of this name.
+    /// True if it has the same meaning as the built-in engine's layer of this name.
     #[serde(default)]
     pub shared: bool,
 }
 
-/// The combination of several passes.
+/// The combination of several passes of a layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CombineWord {
-    /// Their weighted mean.
+    /// The mean, weighted by samples.
     #[default]
     Mean,
-    /// That of most samples.
+    /// The value of the pass with the most samples.
     Pick,
 }
 
 /// The files that a scene refers to.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Files {
-    /// Those that are there.
+    /// The paths of existing files.
     pub files: Vec<std::path::PathBuf>,
-    /// Those that are not.
+    /// Missing files, as named in the scene.
     #[serde(default)]
     pub missing: Vec<String>,
 }
 
+/// The rendered share of a window, in 0..=1.
 #[derive(Debug, PartialEq, Deserialize)]
 pub(super) struct ProgressReport {
     pub(super) id: u64,
     pub(super) share: f64,
 }
 
+/// The answer to a finished window: the file, and the part of the frame that it shows.
 #[derive(Debug, PartialEq, Deserialize)]
 pub(super) struct PaintedFile {
     pub(super) id: u64,
     pub(super) file: std::path::PathBuf,
     pub(super) window: [u32; 4],
-    /// Fewer than were asked for where time was up.
+    /// Samples per pixel, if fewer than requested because of a time limit.
     #[serde(default)]
     pub(super) samples: Option<u32>,
-    /// Seconds that went into what later windows find done.
+    /// Seconds spent on work that later windows reuse.
     #[serde(default)]
     pub(super) once: f64,
 }
 
 impl WorkerReply {
-    /// Understands a line.
+    /// Parses a line.
     pub(super) fn parse(line: &str) -> serde_json::Result<Self> {
         from_json(line.as_bytes())
     }
 }
 
+/// The answer to a request that failed; if `fatal`, the worker must be restarted.
 #[derive(Debug, PartialEq, Deserialize)]
 pub(super) struct WorkerFailure {
     pub(super) reason: String,
@@ -218,7 +224,7 @@ mod tests {
             serde_json::from_str(r#"{"failed":{"id":null,"reason":"no","fatal":true}}"#).expect("an answer");
         assert_eq!(answer, WorkerReply::Failed(WorkerFailure { reason: "no".into(), fatal: true }));
         assert!(serde_json::from_str::<WorkerReply>(r#"{"painted":{"id":-1}}"#).is_err());
-        // Members by their order are no answer.
+        // An array with the members in order is not accepted.
         assert!(WorkerReply::parse(r#"{"failed":{"reason":"no","fatal":true}}"#).is_ok());
         assert!(WorkerReply::parse(r#"{"failed":["no",true]}"#).is_err());
         let answer = serde_json::from_str(

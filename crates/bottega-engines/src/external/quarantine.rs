@@ -1,5 +1,5 @@
-//! Engines that are not used on this machine any more, because they failed again and again. It is kept in files, one an
-//! engine, so that the next process knows it too; a new version, another manifest or [`release`] lets the engine in again.
+//! Quarantine of engines that failed repeatedly on this machine. It is stored in files, one per engine, for later
+//! processes; a new version, another manifest or [`release`] ends it.
 
 use std::{
     collections::BTreeMap,
@@ -14,45 +14,45 @@ use serde::{Deserialize, Serialize};
 
 use super::{error::EngineFault, locate::LocatedEngine};
 
-/// No file of ours is larger.
+/// The largest quarantine file that is read, in bytes.
 const BYTES_MAX: u64 = 1 << 16;
-/// Of what an engine said last so many characters are kept.
+/// The most characters kept of an engine's last message.
 const REASON_MAX: usize = 2000;
 
-/// Why an engine is not used here.
+/// The record of a quarantined engine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quarantine {
-    /// Name, version, manifest and scripts: another one is not meant.
+    /// The name, version, manifest and scripts of the engine: others are not affected.
     pub identity: String,
-    /// How often it failed in a row.
+    /// The number of failures in a row.
     pub failures: u32,
-    /// How the last time.
+    /// The last failure.
     pub reason: String,
-    /// When, in seconds since 1970.
+    /// The time of the quarantine, in seconds since 1970.
     pub since: u64,
 }
 
-/// Where it is kept between runs.
+/// The folder of the quarantine files.
 static FOLDER: OnceLock<PathBuf> = OnceLock::new();
 
-/// From now on it is known to later processes, and from earlier ones, by files in this folder. A second call does nothing.
+/// Sets the folder in which quarantines are stored. Only the first call has an effect.
 pub fn keep_quarantines_in(folder: PathBuf) {
     let _ = FOLDER.set(folder);
 }
 
-/// What could not be kept in a file, by the name of the engine: for this process at least.
+/// Returns the quarantines that could not be stored, by the name of the engine; they last as long as this process.
 fn unkept() -> MutexGuard<'static, BTreeMap<String, Quarantine>> {
     static UNKEPT: Mutex<BTreeMap<String, Quarantine>> = Mutex::new(BTreeMap::new());
     UNKEPT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Names of engines are plain: `Manifest` has seen to that.
+/// Returns the path of a quarantine file. `Manifest` has validated the name.
 fn file_of(folder: &Path, name: &str) -> PathBuf {
     folder.join(format!("{name}.json"))
 }
 
-/// From now on this version of the engine is not used here.
+/// Quarantines this version of the engine.
 pub(super) fn put(engine: &LocatedEngine, failures: u32, last: &str) {
     let name = &engine.manifest().name;
     let reason = last.chars().take(REASON_MAX).collect();
@@ -74,7 +74,7 @@ fn write(path: &Path, found: &Quarantine) -> io::Result<()> {
     bottega_image::write_whole(path, &bytes).map_err(io::Error::other)
 }
 
-/// Why this version of an engine is not used here; `None`: it is.
+/// Returns the quarantine of this version of an engine, if any.
 pub fn quarantine(engine: &LocatedEngine) -> Option<Quarantine> {
     let name = &engine.manifest().name;
     let kept = FOLDER.get().and_then(|folder| {
@@ -87,7 +87,7 @@ pub fn quarantine(engine: &LocatedEngine) -> Option<Quarantine> {
     kept.or_else(|| unkept().get(name).cloned()).filter(|found| found.identity == engine.identity())
 }
 
-/// Reads a file that anybody may have written: it is small, of our form, and told without signs that steer terminals.
+/// Reads an untrusted file: limits its size, checks its form, and removes control characters.
 fn read(path: &Path) -> Result<Option<Quarantine>, String> {
     match fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -106,7 +106,7 @@ fn read(path: &Path) -> Result<Option<Quarantine>, String> {
     Ok(Some(found))
 }
 
-/// Refuses an engine that is not used here any more.
+/// Returns an error if an engine is quarantined.
 pub(super) fn check(engine: &LocatedEngine) -> Result<(), EngineFault> {
     match quarantine(engine) {
         Some(Quarantine { failures, reason, .. }) => {
@@ -117,10 +117,10 @@ pub(super) fn check(engine: &LocatedEngine) -> Result<(), EngineFault> {
     }
 }
 
-/// Lets an engine in again, in all its versions. Whether it was shut out.
+/// Ends the quarantine of an engine, in all its versions. Returns `true` if it was quarantined.
 ///
 /// # Errors
-/// The file that says so cannot be removed.
+/// The quarantine file cannot be removed.
 pub fn release(name: &str) -> io::Result<bool> {
     let was_unkept = unkept().remove(name).is_some();
     let removed = FOLDER.get().map_or(Ok(()), |folder| fs::remove_file(file_of(folder, name)));

@@ -1,4 +1,4 @@
-//! The files that a scene refers to, so that they can be carried to other machines.
+//! The files that a scene refers to, which other machines need.
 
 use std::{
     collections::BTreeSet,
@@ -14,19 +14,19 @@ use super::{
     session::{Files, ask_files},
 };
 
-/// Files that are scanned at most.
+/// The most files that are scanned.
 const FILES_MAX: usize = 4096;
-/// The largest text that is scanned.
+/// The largest text that is scanned, in bytes.
 const TEXT_MAX: u64 = 64 << 20;
 
 impl LocatedEngine {
-    /// The files that a scene refers to, itself left out.
+    /// Returns the files that a scene refers to, without the scene file itself.
     ///
-    /// - `outside`: files and folders that the engine may read beside the scene's folder, see
+    /// - `outside`: files and folders that the engine may read in addition to the scene's folder, see
     ///   [`SceneRequest`](super::SceneRequest).
     ///
     /// # Errors
-    /// The worker cannot tell.
+    /// The worker cannot list them.
     pub fn scene_files(self: &Arc<Self>, scene: &Path, outside: &[PathBuf]) -> Result<Files, EngineFault> {
         match self.manifest().scene.refers {
             Refers::Worker => ask_files(self, scene, outside),
@@ -36,7 +36,7 @@ impl LocatedEngine {
     }
 }
 
-/// Finds paths in the text of a scene, and in that of the files found.
+/// Finds paths in the text of a scene, and in the text of the files found.
 fn scan(keys: &SceneFiles, scene: &Path) -> Files {
     let folder = scene.parent().unwrap_or(Path::new("."));
     let (mut found, mut missing) = (BTreeSet::new(), BTreeSet::new());

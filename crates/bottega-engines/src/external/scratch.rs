@@ -1,7 +1,7 @@
-//! Folders that engines live in while they work.
+//! Scratch folders for running engines.
 //!
-//! Each is held by a lock on a file in it, which the system lets go when its process ends, however that ends. So what a
-//! killed process has left is known for certain, and removed by the next one that starts an engine.
+//! A process holds its folder by locking a file in it; the system releases the lock when the process ends, in whatever way.
+//! So folders of killed processes are detected reliably, and removed by the next process that starts an engine.
 
 use std::{
     fs::{self, File},
@@ -17,16 +17,16 @@ use super::error::EngineFault;
 const PREFIX: &str = "bottega-engine-";
 const HELD: &str = ".held";
 
-/// A folder of our own that goes when it is dropped.
+/// A scratch folder, removed when this is dropped.
 #[derive(Debug)]
 pub(super) struct Scratch {
-    // Before the folder: some systems remove no file that is open.
+    // Dropped before the folder: some systems cannot remove open files.
     _held: File,
     folder: TempDir,
 }
 
 impl Scratch {
-    /// Makes an empty folder, and removes those that nobody holds any more.
+    /// Creates an empty folder, and removes abandoned ones.
     pub(super) fn new() -> Result<Self, EngineFault> {
         static SWEPT: Once = Once::new();
         SWEPT.call_once(|| sweep(&std::env::temp_dir()));
@@ -37,25 +37,25 @@ impl Scratch {
         let folder = tempfile::Builder::new().prefix(PREFIX).tempdir_in(place)?;
         let making = folder.path().join(".making");
         let held = File::create(&making)?;
-        // Where files cannot be locked the folder is used all the same, and nobody's sweep touches it: they cannot either.
+        // Without file locks, the folder is used unlocked; a sweep cannot lock it either, and leaves it alone.
         let _ = held.try_lock();
-        // Seen by sweeps under its name only when it is locked.
+        // Rename last: a sweep must see the file only when it is locked.
         fs::rename(making, folder.path().join(HELD))?;
         Ok(Self { _held: held, folder })
     }
 
-    /// Where it is.
+    /// Returns the path of the folder.
     pub(super) fn path(&self) -> &Path {
         self.folder.path()
     }
 }
 
-/// Removes the folders in `place` whose processes have ended. What cannot be removed stays.
+/// Removes the folders in `place` whose processes have ended. Failures are only logged.
 fn sweep(place: &Path) {
     let Ok(entries) = fs::read_dir(place) else { return };
     for entry in entries.flatten().filter(|entry| entry.file_name().to_string_lossy().starts_with(PREFIX)) {
         let (folder, held) = (entry.path(), entry.path().join(HELD));
-        // Links and pipes that others put there are neither followed nor opened; nor is a folder touched that is being made.
+        // Do not follow links, open pipes, or touch a folder that is being created.
         let is_ours = entry.file_type().is_ok_and(|kind| kind.is_dir())
             && fs::symlink_metadata(&held).is_ok_and(|file| file.is_file());
         if is_ours && File::open(&held).is_ok_and(|file| file.try_lock().is_ok()) {
@@ -77,7 +77,7 @@ mod tests {
         let live = Scratch::below(place.path()).expect("a folder");
         let left = Scratch::below(place.path()).expect("a folder");
         let left_path = left.path().to_owned();
-        // What a kill does: the lock goes, and the folder stays.
+        // As after a kill: the lock is released, but the folder stays.
         let Scratch { _held: held, folder } = left;
         drop(held);
         let _ = folder.keep();

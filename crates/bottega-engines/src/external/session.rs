@@ -1,4 +1,4 @@
-//! An engine with a scene: one worker process, or a command line for each window.
+//! A session of an external engine with a scene: a worker process, or a command line for each window.
 
 mod command;
 mod request;
@@ -17,7 +17,7 @@ use request::reads;
 pub(super) use request::{WindowRequest, Written};
 use worker::WorkerSession;
 
-/// An engine with a scene.
+/// An external engine with an open scene.
 #[derive(Debug)]
 pub struct Session {
     driver: Driver,
@@ -50,27 +50,27 @@ impl Session {
         }
     }
 
-    /// Opens it again, as another request says: at another size, say.
+    /// Opens the scene again with another request, for example in another size.
     ///
     /// # Errors
     /// The engine refuses it.
     pub fn reopen(&mut self, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<(), EngineFault> {
         match &mut self.driver {
-            // It sees no other files than those of the scene for which it was started.
+            // A worker can only read the files of the scene for which it was started.
             Driver::Worker(worker) if worker.reads() == request.reads() => self.opened = worker.open(request)?,
             Driver::Worker(_) | Driver::Command(_) => *self = Self::open(engine, request)?,
         }
         Ok(())
     }
 
-    /// What it says of the scene.
+    /// Returns the engine's description of the scene.
     pub fn opened(&self) -> &Opened {
         &self.opened
     }
 
-    /// Paints a window.
+    /// Renders a window.
     ///
-    /// - `told`: is told the share that is painted, as often as the engine says.
+    /// - `told`: receives the rendered fraction in 0..=1, as often as the engine reports it.
     pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
         match &mut self.driver {
             Driver::Worker(worker) => worker.paint(request, told),
@@ -79,7 +79,7 @@ impl Session {
     }
 }
 
-/// Asks which files a scene refers to.
+/// Asks a worker which files a scene refers to.
 ///
 /// # Errors
 /// The engine does not start, or cannot tell.
@@ -89,18 +89,18 @@ pub(super) fn ask_files(engine: &Arc<LocatedEngine>, scene: &Path, outside: &[Pa
     WorkerSession::start(engine, reads(scene, outside))?.files(scene)
 }
 
-/// A worker that was started to see whether it answers.
+/// A test start of a worker.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
-    /// How long that took.
+    /// The time that the start took, in seconds.
     pub seconds: f64,
 }
 
 impl Probe {
-    /// Starts a worker and ends it again.
+    /// Starts a worker and stops it again.
     ///
     /// # Errors
-    /// It does not start, or does not keep to the protocol.
+    /// It does not start, or violates the protocol.
     pub fn start(engine: &Arc<LocatedEngine>) -> Result<Self, EngineFault> {
         let begun = std::time::Instant::now();
         WorkerSession::start(engine, Vec::new())?;

@@ -1,4 +1,4 @@
-//! All manifests that there are: those that come with the program, and the user's own.
+//! The known manifests: those of this program, and the user's own.
 
 use std::{
     collections::BTreeMap,
@@ -13,27 +13,27 @@ use super::{
     shipped,
 };
 
-/// A manifest and the files beside it.
+/// A manifest with its files.
 #[derive(Clone, Debug)]
 pub struct ShelfEntry {
-    /// What it says.
+    /// The parsed manifest.
     pub manifest: Arc<Manifest>,
-    /// Where it lies; `None`: in this program.
+    /// The folder of the manifest; `None`: it is built into this program.
     pub folder: Option<PathBuf>,
-    /// Its text.
+    /// The text of the manifest.
     pub text: Arc<str>,
 }
 
-/// The manifests by name; a later folder's take the place of those before.
+/// Manifests by name; those of later folders replace earlier ones.
 #[derive(Clone, Debug, Default)]
 pub struct Shelf {
     entries: BTreeMap<String, ShelfEntry>,
-    /// Manifests that could not be read. They are nobody's business until their engine is asked for.
+    /// Manifests that could not be read. They are only reported if their engine is used.
     pub broken: Vec<ManifestError>,
 }
 
 impl Shelf {
-    /// Those of the program, and of these folders as far as they are there.
+    /// Loads the built-in manifests, and those in the given folders that exist.
     pub fn open(folders: &[PathBuf]) -> Self {
         let mut shelf = Self::default();
         for (name, text) in shipped::MANIFESTS {
@@ -71,34 +71,34 @@ impl Shelf {
         }
     }
 
-    /// The manifest of this name.
+    /// Returns the manifest of this name.
     pub fn get(&self, name: &str) -> Option<&ShelfEntry> {
         self.entries.get(name)
     }
 
-    /// All of them, by name.
+    /// Returns all manifests, by name.
     pub fn iter(&self) -> impl Iterator<Item = &ShelfEntry> {
         self.entries.values()
     }
 
-    /// The broken manifest whose file has this name.
+    /// Returns the error of a broken manifest, by the stem of its file name.
     pub fn broken(&self, name: &str) -> Option<&ManifestError> {
         self.broken.iter().find(|error| error.path.file_stem().is_some_and(|stem| stem == name))
     }
 }
 
 impl ShelfEntry {
-    /// The manifest of a file that lies in no folder of manifests.
+    /// Parses a manifest that is not in a folder of manifests.
     ///
     /// # Errors
-    /// Whatever is wrong with the text.
+    /// The text is invalid.
     pub fn from_file(path: &Path, text: &str) -> Result<Self, ManifestError> {
         let manifest = Arc::new(Manifest::parse(path, text)?);
         let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
         Ok(Self { manifest, folder: Some(folder), text: text.into() })
     }
 
-    /// Where its rules are, and their text where they come with the program; `None`: it has none of its own.
+    /// Returns the path of its rules, with their text if they are built in; `None`: it has no rules of its own.
     pub fn rules(&self) -> Option<(PathBuf, Option<&'static str>)> {
         let name = self.manifest.rules.as_ref()?;
         match &self.folder {
@@ -107,7 +107,7 @@ impl ShelfEntry {
         }
     }
 
-    /// Puts the files of the manifest into `folder`, which is private to this process.
+    /// Copies the files of the manifest into `folder`, which is private to this process.
     pub(super) fn unpack(&self, folder: &Path) -> Result<(), EngineFault> {
         for name in &self.manifest.files {
             let to = folder.join(name);
@@ -124,7 +124,7 @@ impl ShelfEntry {
         Ok(())
     }
 
-    /// What makes pictures of it what they are: the manifest and the scripts.
+    /// Returns what determines its pictures: the bytes of the manifest and the scripts.
     pub fn identity(&self) -> Vec<u8> {
         let mut bytes = self.text.as_bytes().to_vec();
         for name in &self.manifest.files {

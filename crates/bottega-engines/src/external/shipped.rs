@@ -1,18 +1,18 @@
-//! The manifests, workers and rules that come with the program.
+//! The manifests, workers and rules that are built into the program.
 
 use std::path::Path;
 
-/// Files of the folder `engines/`, by name.
+/// Returns the names and texts of files in the folder `engines/`.
 macro_rules! shipped {
     ($($name:literal),* $(,)?) => {
         &[$(($name, include_str!(concat!("../../../../engines/", $name)))),*]
     };
 }
 
-/// File name and text of each manifest.
+/// The file name and text of each manifest.
 pub(super) const MANIFESTS: &[(&str, &str)] = shipped!["cycles.toml", "luxcore.toml", "mitsuba.toml", "povray.toml"];
 
-/// Name and text of each script.
+/// The file name and text of each script.
 const FILES: &[(&str, &str)] = shipped![
     "cycles_worker.py",
     "line_protocol.py",
@@ -27,7 +27,7 @@ const FILES: &[(&str, &str)] = shipped![
     "povray_worker.py",
 ];
 
-/// File name and text of the rules of each engine.
+/// The file name and text of the rules of each engine.
 const RULES: &[(&str, &str)] = &[
     ("cycles.fcl", include_str!("../../../../rules/cycles.fcl")),
     ("luxcore.fcl", include_str!("../../../../rules/luxcore.fcl")),
@@ -35,13 +35,13 @@ const RULES: &[(&str, &str)] = &[
     ("povray.fcl", include_str!("../../../../rules/povray.fcl")),
 ];
 
-/// The text of the rules of an engine, by the file's name with or without its extension.
+/// Returns the text of an engine's rules, by file name with or without the extension.
 pub fn rules(name: &Path) -> Option<&'static str> {
     let is_it = |known: &str| Path::new(known) == name || known.strip_suffix(".fcl").map(Path::new) == Some(name);
     RULES.iter().find(|(known, _)| is_it(known)).map(|(_, text)| *text)
 }
 
-/// The text of a script.
+/// Returns the text of a script.
 pub(super) fn file(name: &str) -> Option<&'static str> {
     FILES.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
 }

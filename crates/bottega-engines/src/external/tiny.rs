@@ -1,4 +1,4 @@
-//! The look at a scene that only its engine can read: a tiny picture by the engine itself, and what its places cost.
+//! A survey of a scene that only its engine can read: a small picture rendered by that engine, and the cost of its regions.
 
 use std::time::{Duration, Instant};
 
@@ -11,35 +11,35 @@ use super::{
 };
 use crate::{Survey, SurveyPixel};
 
-/// Samples of a pixel.
+/// Samples per pixel.
 pub(super) const SAMPLES: u32 = 4;
-/// Rows and columns of windows whose time is taken.
+/// Rows and columns of windows that are timed.
 const PROBES: u32 = 4;
-/// No more time than this goes into them,
+/// The most time for all of them,
 const PROBE_TIME: Duration = Duration::from_millis(1500);
-/// nor more than this share of what the whole picture will take.
+/// and the largest share of the predicted time of the whole picture.
 const PROBE_SHARE: f64 = 0.01;
-/// Side of the window whose time is taken, as a part of the frame's shorter side on each side of its middle.
+/// The timed window extends from the center by the frame's shorter side divided by this.
 const PART: u32 = 12;
-/// A window that takes so many seconds tells enough.
+/// A window that takes this many seconds is a sufficient measurement.
 const PACE_TIME: f64 = 0.5;
-/// Samples of a window take at least so many seconds: clocks tell no less.
+/// The least time of a window's samples in seconds: clocks are not more precise.
 const LEAST_TIME: f64 = 1e-4;
-/// Samples are told from the window that they are in when they take so many times as long.
+/// Samples can be distinguished from the overhead of their window if they take this many times as long.
 const TELLING_RATIO: f64 = 2.0;
-/// Else so many times as many samples are tried,
+/// The factor by which samples are otherwise increased,
 const MORE_SAMPLES: u32 = 16;
-/// but no more than these.
+/// and their most.
 const SAMPLES_PACED: u32 = 1024;
-/// Windows may cost this share of the time beside their samples.
+/// The largest share of the time that windows may cost, without their samples.
 const WINDOWS_SHARE: f64 = 0.01;
-/// Times tell places apart when at least this share of them is not what every window costs.
+/// The share of the times that must be due to samples, so that they distinguish regions.
 const TELLING_SHARE: f64 = 0.3;
 
-/// A survey of the frame that the session has open: `whole` is all of it. And the pace, if it is known now.
+/// Surveys the frame that the session has open; `whole` is all of it. Returns the cost of windows, too, if it is known now.
 ///
-/// - `pace`: what windows cost, if that was measured.
-/// - `samples`: of the picture that is to be painted, all pixels together.
+/// - `pace`: the cost of windows, if it was measured.
+/// - `samples`: samples of the final picture, over all pixels.
 pub(super) fn survey(
     session: &mut Session,
     whole: &WindowRequest,
@@ -48,16 +48,19 @@ pub(super) fn survey(
 ) -> Result<(Survey, Option<WindowCost>), EngineFault> {
     let frame = whole.window;
     let told = session.opened().window_seconds();
+    // Render the small picture
     let begun = Instant::now();
     let written = session.paint(whole, &mut |_| {})?;
     let took = begun.elapsed().as_secs_f64() - written.once.max(0.0);
     let picture = picture::read(&written, frame)?.picture;
+    // Determine the cost of windows and samples
     let seen = frame.area() * u64::from(whole.samples);
     let pace = pace.or(told.map(|window| WindowCost { window, sample: (took - window).max(LEAST_TIME) / seen as f64 }));
     let time = pace.map_or(PROBE_TIME, |pace| pace.probe_time(samples));
-    // Where windows are that dear their times would come too late, and tell nothing.
+    // If windows are that expensive, timing them takes too long and reveals nothing.
     let probes_fit = pace.is_none_or(|pace| pace.window * f64::from(PROBES * PROBES) < time.as_secs_f64());
     let costs = if probes_fit { probe(session, whole, time)? } else { all_the_same() };
+    // Combine both into a survey
     let mut survey = Survey { width: frame.width(), height: frame.height(), ..Survey::default() };
     survey.pixels = frame
         .pixels()
@@ -65,7 +68,7 @@ pub(super) fn survey(
             let color = picture.pixel(x, y);
             SurveyPixel {
                 color,
-                // The only thing known of a place's cost. Everything else counts the same everywhere.
+                // Only the cost is known to differ by region.
                 steps: cost_at(&costs, frame, x, y),
                 noise: contrast(&picture, x, y),
                 path_length: 1.0,
@@ -80,7 +83,7 @@ fn all_the_same() -> Vec<f64> {
     vec![1.0; (PROBES * PROBES) as usize]
 }
 
-/// What a pixel costs in each of a grid of windows, row-major; all the same where that cannot be told.
+/// Returns the cost of a pixel in each of a grid of windows, row by row; all equal if it cannot be measured.
 fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result<Vec<f64>, EngineFault> {
     let frame = whole.window;
     if frame.width() < 2 * PROBES || frame.height() < 2 * PROBES {
@@ -92,9 +95,10 @@ fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result
         let written = session.paint(&WindowRequest { window, ..whole.clone() }, &mut |_| {})?;
         picture::read(&written, window).map(|_| begun.elapsed().as_secs_f64())
     };
-    // The first small window may be the one for which something is compiled.
+    // The first small window may include compilation.
     timed(Rect::of_size(1, 1))?;
     let idle = timed(Rect::of_size(1, 1))?;
+    // Time a grid of windows
     let mut times = Vec::new();
     for row in 0..PROBES {
         for column in 0..PROBES {
@@ -106,22 +110,23 @@ fn probe(session: &mut Session, whole: &WindowRequest, time: Duration) -> Result
             times.push((beyond, beyond / window.area() as f64));
         }
     }
+    // Use the times only if they distinguish regions
     let beyond: f64 = times.iter().map(|(beyond, _)| beyond).sum();
     let all = beyond + idle * times.len() as f64;
     Ok(if beyond < TELLING_SHARE * all { all_the_same() } else { times.into_iter().map(|(_, each)| each).collect() })
 }
 
-/// What windows cost, and their samples.
+/// The cost of windows and of their samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct WindowCost {
-    /// A window beside its samples, in seconds.
+    /// Seconds per window, without its samples.
     pub(super) window: f64,
-    /// A sample of a pixel, in seconds.
+    /// Seconds per sample of a pixel.
     pub(super) sample: f64,
 }
 
 impl WindowCost {
-    /// Takes the time of windows of the frame that the session has open.
+    /// Measures windows of the frame that the session has open.
     pub(super) fn measure(session: &mut Session, whole: &WindowRequest) -> Result<Self, EngineFault> {
         let (frame, told) = (whole.window, session.opened().window_seconds());
         let dot = Rect::new(frame.x1 / 2, frame.y1 / 2, frame.x1 / 2 + 1, frame.y1 / 2 + 1);
@@ -134,7 +139,7 @@ impl WindowCost {
         let window = match told {
             Some(window) => window,
             None => {
-                // The first one may be the one for which something is compiled. What else the machine does only adds.
+                // The first window may include compilation, and other programs only add time: use the minimum.
                 let first = timed(dot, whole.samples)?;
                 timed(dot, whole.samples)?.min(first)
             }
@@ -151,15 +156,15 @@ impl WindowCost {
         }
     }
 
-    /// How long places of a picture of so many samples may be looked at.
+    /// Returns how long the regions of a picture with so many samples may be timed.
     fn probe_time(self, samples: u64) -> Duration {
         let all = self.sample * samples as f64;
         Duration::try_from_secs_f64(all * PROBE_SHARE).unwrap_or(PROBE_TIME).min(PROBE_TIME)
     }
 
-    /// How many zones a picture of so many samples is worth: what windows cost beside their samples is little then.
+    /// Returns the number of zones for which the cost of windows stays small compared to that of the samples.
     ///
-    /// - `windows`: of each zone.
+    /// - `windows`: windows per zone.
     pub(super) fn zones_max(self, samples: u64, windows: f64) -> u32 {
         let all = self.sample * samples as f64;
         (all * WINDOWS_SHARE / (windows * self.window).max(1e-6)).clamp(1.0, f64::from(1 << 20)) as u32
@@ -179,7 +184,7 @@ fn cost_at(costs: &[f64], frame: Rect, x: u32, y: u32) -> f32 {
     if mean > 0.0 { (costs[place as usize] / mean) as f32 } else { 1.0 }
 }
 
-/// How far a pixel stands out of those around it.
+/// Returns the mean difference in luminance between a pixel and its neighborhood.
 fn contrast(picture: &Picture, x: u32, y: u32) -> f32 {
     let own = luminance(picture.pixel(x, y));
     let around = Rect::new(x, y, x + 1, y + 1).grown(1, &Rect::of_size(picture.width, picture.height));
@@ -194,7 +199,7 @@ mod tests {
     #[test]
     fn dear_windows_make_few_zones() {
         let pace = WindowCost { window: 0.1, sample: 1e-6 };
-        // 62.5 s of samples bear 0.625 s of windows.
+        // For 62.5 s of samples, 0.625 s of windows are allowed.
         assert_eq!(pace.zones_max(62_500_000, 2.0), 3);
         assert_eq!(pace.zones_max(62_500_000, 1.0), 6);
         assert_eq!(pace.zones_max(1, 1.0), 1);

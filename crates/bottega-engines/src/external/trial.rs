@@ -1,4 +1,4 @@
-//! A picture painted by another engine in windows of our choice, without the farm.
+//! A picture rendered by an external engine in given windows, without the farm.
 
 use std::{
     sync::Arc,
@@ -15,14 +15,14 @@ use super::{
 };
 use crate::{EngineError, RenderEngine, Tunables, ZoneTask};
 
-/// An engine with a scene and one seed, which paints windows of the frame when it is told to.
+/// An external engine with a scene and a fixed seed, which renders windows of the frame on request.
 pub struct EngineTrial {
     engine: ExternalEngine,
     frame: Rect,
 }
 
 impl EngineTrial {
-    /// Starts the engine with the scene at the size of the request.
+    /// Starts the engine with the scene, in the size of the request.
     ///
     /// # Errors
     /// The engine cannot open the scene.
@@ -44,7 +44,7 @@ impl EngineTrial {
         Ok(Self { engine, frame: Rect::of_size(width, height) })
     }
 
-    /// Paints windows, one after the other. Returns the picture and the time that it took.
+    /// Renders windows, one after another. Returns the picture and the time that it took.
     ///
     /// # Errors
     /// The engine fails.
@@ -52,7 +52,7 @@ impl EngineTrial {
         let mut film = Film::new(self.frame, Layout::new(AovSet::NONE));
         let begun = Instant::now();
         for &rect in windows {
-            // As the scene says.
+            // Equal to the scene's values, so that the engine uses its own.
             let tunables = Tunables { max_depth: 0, light_samples: 0 };
             let painted = self.engine.paint(ZoneTask::new(rect, 0..samples, tunables))?;
             film.add_tile(&painted.tile, |_, _| 1.0);

@@ -1,4 +1,4 @@
-//! Render Agents of this process in the work of a Master elsewhere.
+//! Render Agents of this process for a work whose Master runs elsewhere.
 
 use std::{collections::BTreeMap, sync::Arc, thread};
 
@@ -17,14 +17,13 @@ use super::{
 };
 use crate::{FarmAgent, FarmContent, MasterSource, contents::message, protocol};
 
-/// Paints with the others until the Master lets the agents of this process go, or until `stop` is requested. Returns
-/// whether the work has ended.
+/// Renders for a work until its Master dismisses the agents of this process, or until `stop` is requested. Returns `true`
+/// if the work has ended.
 ///
-/// - `settings`: those of the work, but for `agents`, `processors` and `experts`, which are this machine's.
+/// - `settings`: those of the work, except for `agents`, `processors` and `experts`, which are this machine's.
 ///
 /// # Errors
-/// The engine cannot do what all zones need, the Master has left all agents of this process out, or the operating system
-/// gives no thread.
+/// The engine cannot be prepared, the Master has excluded all agents of this process, or a thread cannot be started.
 pub fn assist(
     settings: &JobSettings,
     engine: Arc<dyn RenderEngine>,
@@ -72,7 +71,7 @@ pub fn assist(
     }
 }
 
-/// The agents say goodbye: what they had in hand is given to others at once.
+/// Unsubscribes the agents, so that their zones are reassigned at once.
 fn leave(mut bus: LocalBus<JobAgent>, agents: usize, here: &str, master: &AgentId) {
     for i in 0..agents {
         let id = AgentId::new(format!("render-{}@{here}", i + 1));
@@ -81,7 +80,7 @@ fn leave(mut bus: LocalBus<JobAgent>, agents: usize, here: &str, master: &AgentI
     }
 }
 
-/// Carries out the effects of one agent. When all agents are gone, the work is over here.
+/// Returns the performer of an agent's effects. When all agents are gone, the work is over here.
 fn last_of(shared: &Arc<Shared>) -> Performer<JobAgent> {
     struct Present(Arc<Shared>);
     impl Drop for Present {

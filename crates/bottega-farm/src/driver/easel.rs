@@ -1,4 +1,4 @@
-//! The pixels of a job: tiles under way, the film, and what is kept of both.
+//! The pixels of a job: tiles in progress, the film, and the store of both.
 
 use std::{collections::BTreeMap, io, time::Duration};
 
@@ -12,7 +12,7 @@ use crate::{
     progress::Tally,
 };
 
-/// Tiles, film and store of one job.
+/// The tiles, the film and the store of a job.
 pub(super) struct Composer {
     film: Film,
     layout: Layout,
@@ -20,16 +20,17 @@ pub(super) struct Composer {
     tiles: BTreeMap<ZoneId, (BlobId, Tile)>,
     rows: BTreeMap<ZoneId, ZoneRow>,
     store: Option<Box<dyn ZoneStore>>,
-    /// The tile that the store has of each zone.
+    /// The digest of each zone's tile in the store.
     stored: BTreeMap<ZoneId, BlobId>,
     tally: Tally,
     times: Times,
 }
 
 impl Composer {
+    /// Returns the pixels of a job at its start, with the tiles of an earlier run.
     pub(super) fn new(settings: &JobSettings, kept: BTreeMap<ZoneId, Tile>, store: Option<Box<dyn ZoneStore>>) -> Self {
         let tiles: BTreeMap<_, _> = kept.into_iter().map(|(zone, tile)| (zone, (digest(&tile), tile))).collect();
-        // Whoever resumes appends to the journal that holds these.
+        // The journal that is continued contains these tiles.
         let stored = tiles.iter().map(|(&zone, (id, _))| (zone, *id)).collect();
         Self {
             film: Film::new(settings.crop, settings.layout.clone()).with_picture_size(settings.width, settings.height),
@@ -44,14 +45,14 @@ impl Composer {
         }
     }
 
-    /// Begins the film. What was in one before is void.
+    /// Starts a new film; an earlier one is discarded.
     pub(super) fn begin(&mut self, work: &WorkRow) -> io::Result<()> {
         let (width, height) = self.film.picture_size();
         self.film = Film::new(self.film.rect(), self.layout.clone()).with_picture_size(width, height);
         self.store.as_mut().map_or(Ok(()), |store| store.put_work(work))
     }
 
-    /// Takes in a row, and keeps it where it says something that a resume needs.
+    /// Records the row of a zone, and stores it if a resumed run needs it.
     pub(super) fn zone_changed(&mut self, row: &ZoneRow, now: Time) -> (io::Result<()>, Progress) {
         self.rows.insert(row.zone, row.clone());
         self.tally.see(now, row, self.samples_wanted, 0);
@@ -73,38 +74,37 @@ impl Composer {
         Ok(())
     }
 
-    /// Whether the tile that a result speaks of is here.
+    /// True if the tile of a result is here.
     pub(super) fn has(&self, zone: ZoneId, result: &ResultRef) -> bool {
         self.tiles.get(&zone).is_some_and(|(id, _)| *id == result.digest)
     }
 
-    /// A copy of the tile that a result speaks of, if it is here.
+    /// Returns a copy of the tile of a result, if it is here.
     pub(super) fn tile(&self, zone: ZoneId, result: &ResultRef) -> Option<Tile> {
         self.tiles.get(&zone).filter(|(id, _)| *id == result.digest).map(|(_, tile)| tile.clone())
     }
 
-    /// Takes in a tile that was painted elsewhere, and keeps it.
+    /// Adds a tile from another machine, and stores it.
     pub(super) fn take_in(&mut self, zone: ZoneId, result: &ResultRef, tile: Tile) -> io::Result<()> {
         self.tiles.insert(zone, (result.digest, tile));
         let row = self.rows.get(&zone).filter(|row| row.result == Some(*result)).cloned();
         row.map_or(Ok(()), |row| self.keep(&row))
     }
 
-    /// Takes a zone's tile from the easel, with its digest, to go on with it.
+    /// Removes the tile of a zone, with its digest, to add samples to it.
     pub(super) fn take(&mut self, zone: ZoneId) -> Option<(BlobId, Tile)> {
         self.tiles.remove(&zone)
     }
 
-    /// Puts a tile on the easel that was painted here.
+    /// Adds a tile that was painted here.
     pub(super) fn put(&mut self, zone: ZoneId, digest: BlobId, tile: Tile) {
         self.tiles.insert(zone, (digest, tile));
     }
 
-    /// Keeps a pass over a zone, so that an interruption costs no more than the next one. `None`: nobody has told of the
-    /// zone.
+    /// Stores a pass over a zone, so that an interruption only loses the next one. `None`: the zone is unknown.
     ///
     /// - `fence`: the token of the order under which it is painted.
-    /// - `tile`: its samples so far, which stay with whoever paints it.
+    /// - `tile`: its samples so far, which the painter keeps.
     pub(super) fn pass_done(
         &mut self,
         zone: ZoneId,
@@ -125,7 +125,7 @@ impl Composer {
         Some((kept, self.tally.progress()))
     }
 
-    /// Puts a zone into the film and lets its tile go.
+    /// Adds a zone to the film and drops its tile.
     pub(super) fn compose(&mut self, zone: ZoneId, result: &ResultRef, mask: &Mask) -> Result<(), String> {
         let (id, tile) = self.tiles.remove(&zone).ok_or("its tile is not here")?;
         if id != result.digest {
@@ -141,7 +141,7 @@ impl Composer {
         Ok(())
     }
 
-    /// Puts everything that is painted and not in the film there, each zone within its own pixels.
+    /// Adds all unfinished tiles to the film, each within the pixels of its own zone.
     pub(super) fn compose_unfinished(&mut self) {
         for (zone, (_, tile)) in std::mem::take(&mut self.tiles) {
             let rect = self.rows.get(&zone).map_or(tile.rect(), |row| row.rect);
@@ -154,12 +154,12 @@ impl Composer {
         }
     }
 
-    /// Whether each zone has samples.
+    /// True if each zone has samples.
     pub(super) fn has_all(&self) -> bool {
         !self.rows.is_empty() && self.rows.values().all(|row| row.samples_done() > 0)
     }
 
-    /// Shows a coarse look at the whole picture where nothing is painted. Whether each pixel shows something then.
+    /// Fills pixels without samples from the survey. Returns `true` if each pixel has a value then.
     pub(super) fn fill(&mut self, look: Option<&Survey>) -> bool {
         let (Rect { x0, y0, x1, y1 }, (width, height)) = (self.film.rect(), self.film.picture_size());
         let cell = |place: u32, size: u32, cells: u32| u64::from(place) * u64::from(cells) / u64::from(size.max(1));
@@ -182,32 +182,37 @@ impl Composer {
         true
     }
 
+    /// Adds to the time spent on composition.
     pub(super) fn composition_took(&mut self, time: Duration) {
         self.times.composition += time;
     }
 
+    /// Adds to the processor time spent on painting.
     pub(super) fn painting_took(&mut self, time: Duration) {
         self.times.painting += time;
     }
 
+    /// Returns the times recorded here.
     pub(super) fn times(&self) -> Times {
         self.times
     }
 
-    /// Samples a pixel that the user asked for.
+    /// Returns the samples per pixel that the user requested.
     pub(super) fn samples_wanted(&self) -> u32 {
         self.samples_wanted
     }
 
-    /// Takes in how fast an agent is.
+    /// Records the speed of an agent.
     pub(super) fn agent_changed(&mut self, row: &AgentRow) {
         self.tally.see_agent(row);
     }
 
+    /// Returns the last rows of all zones, by id.
     pub(super) fn rows(&self) -> Vec<ZoneRow> {
         self.rows.values().cloned().collect()
     }
 
+    /// Removes and returns the film.
     pub(super) fn take_film(&mut self) -> Film {
         let nothing = Film::new(Default::default(), self.layout.clone());
         std::mem::replace(&mut self.film, nothing)

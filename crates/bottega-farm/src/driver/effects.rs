@@ -1,4 +1,4 @@
-//! Effects that agents ask for, and where each is carried out.
+//! The effects that agents request, and how each is carried out.
 
 use std::sync::Arc;
 
@@ -8,6 +8,7 @@ use super::shared::{End, FarmMailbox, Shared};
 use crate::{FarmCompletion, FarmEffect, Mask, ResultRef, ZoneId};
 
 impl Shared {
+    /// Carries out an effect of an agent; results go to its mailbox.
     pub(super) fn perform(self: &Arc<Self>, effect: FarmEffect, mailbox: &FarmMailbox) {
         match effect {
             FarmEffect::Survey { width, height, .. } => self.survey(width, height, mailbox),
@@ -58,7 +59,7 @@ impl Shared {
         }
     }
 
-    /// Looks at two paintings of a zone, when both are here.
+    /// Compares two paintings of a zone, once both tiles are here.
     fn compare(self: &Arc<Self>, zone: ZoneId, results: [ResultRef; 2], mailbox: &FarmMailbox) {
         self.begin_outstanding();
         let (shared, to) = (Arc::clone(self), mailbox.clone());
@@ -81,7 +82,7 @@ impl Shared {
         }
     }
 
-    /// The tile that a result speaks of, wherever it is.
+    /// Returns the tile of a result, from here or from another machine.
     fn tile_of(&self, zone: ZoneId, result: &ResultRef) -> Result<Tile, String> {
         let here = self.easel().tile(zone, result);
         let link = self.link.as_ref().ok_or("its tile is not here");
@@ -95,8 +96,7 @@ impl Shared {
         mailbox.complete(FarmCompletion::Composed { zone, outcome });
     }
 
-    /// Does something with a zone's tile on the easel: at once where it is there already, else when it has come from the
-    /// machine that painted it.
+    /// Calls `then` once a zone's tile is here: at once, or after fetching it from the machine that painted it.
     pub(super) fn with_tile(
         self: &Arc<Self>,
         zone: ZoneId,
@@ -120,6 +120,7 @@ impl Shared {
         }
     }
 
+    /// Reports that progress could not be stored.
     pub(super) fn tell_kept(&self, kept: std::io::Result<()>) {
         if let Err(error) = kept {
             tracing::warn!(%error, "the work could not be kept");

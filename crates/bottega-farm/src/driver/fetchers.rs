@@ -1,4 +1,4 @@
-//! Threads that wait for tiles from other machines. There are few, and they stay: tiles come thousands a second.
+//! A small pool of threads that fetch tiles from other machines, which may be thousands per second.
 
 use std::{
     collections::VecDeque,
@@ -7,12 +7,12 @@ use std::{
     thread,
 };
 
-/// Tiles that are waited for at once, at most.
+/// The most tiles fetched in parallel.
 const THREADS_MAX: usize = 16;
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// The threads. They end with this, when each has done what it has in hand.
+/// The thread pool. Its threads end when this is dropped and their current jobs are done.
 #[derive(Default)]
 pub(super) struct Fetchers(Arc<Inner>);
 
@@ -32,7 +32,7 @@ struct FetchState {
 
 impl Inner {
     fn lock(&self) -> MutexGuard<'_, FetchState> {
-        // No job runs under the lock.
+        // Jobs run without the lock.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -53,10 +53,10 @@ impl Inner {
 }
 
 impl Fetchers {
-    /// Has a thread do a job, as soon as one is free.
+    /// Runs a job on a thread of the pool, as soon as one is free.
     ///
     /// # Errors
-    /// There is no thread, and the operating system gives none. Then the job is dropped.
+    /// There is no thread, and none can be started. Then the job is dropped.
     pub(super) fn begin(&self, job: impl FnOnce() + Send + 'static) -> io::Result<()> {
         let mut state = self.0.lock();
         state.jobs.push_back(Box::new(job));
@@ -70,7 +70,7 @@ impl Fetchers {
                     drop(job);
                     return Err(error);
                 }
-                // The others do it.
+                // Existing threads will run it.
                 Err(_) => {}
             }
         }
@@ -99,7 +99,7 @@ mod tests {
         let (release, wait) = mpsc::channel::<()>();
         fetchers
             .begin(move || {
-                // It ends when the other end is dropped.
+                // The job ends when the sender is dropped.
                 _ = wait.recv();
             })
             .unwrap();

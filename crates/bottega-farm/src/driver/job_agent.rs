@@ -1,4 +1,4 @@
-//! An agent of a job, with someone who sees all of its messages.
+//! An agent of a job, with an observer of all its messages.
 
 use std::sync::Arc;
 
@@ -6,22 +6,23 @@ use bottega_agents::{AclMessage, StateMachine, Time};
 
 use crate::{FarmAction, FarmAgent, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue};
 
-/// Sees the messages of the agents of one process.
+/// An observer of the messages of one process's agents.
 pub(super) trait JobWatch: Send + Sync {
-    /// An agent of this process has received a message.
+    /// Called when an agent of this process has received a message.
     fn heard(&self, now: Time, message: &AclMessage<FarmContent>);
 
-    /// An agent of this process has sent a message.
+    /// Called when an agent of this process has sent a message.
     fn said(&self, now: Time, message: &AclMessage<FarmContent>);
 }
 
-/// An agent of a job, all of whose messages are seen.
+/// An agent of a job whose messages are observed.
 pub struct JobAgent {
     agent: FarmAgent,
     watch: Arc<dyn JobWatch>,
 }
 
 impl JobAgent {
+    /// Returns an agent whose messages `watch` observes.
     pub(super) fn new(agent: FarmAgent, watch: Arc<dyn JobWatch>) -> Self {
         Self { agent, watch }
     }

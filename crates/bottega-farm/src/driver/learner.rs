@@ -1,4 +1,4 @@
-//! The learner of a job: how long zones take, by whoever leads it, from what the Blackboard says.
+//! The learner of a job: measures how long zones take each machine, from the rows of the Blackboard.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -13,21 +13,21 @@ use crate::{
     ZoneId, ZoneRow, ZoneState,
 };
 
-/// Follows the rows of a job. Zones that are cut, and works whose analysis another process has made, teach nothing.
+/// Collects zone times from the rows of a job. Ignores zones that are cut, and works that another process has analyzed.
 #[derive(Debug, Default)]
 pub(super) struct Learner {
     technique: Arc<str>,
     features: Option<TaskFeatures>,
-    /// What the survey says of each zone, by id.
+    /// The prediction features of each zone, from the survey, by id.
     outlooks: Arc<[TaskOutlook]>,
-    /// T_est of each zone before anybody had seen it, in reference-machine time.
+    /// T_est of each zone before its profile, in reference-machine time.
     expected: BTreeMap<ZoneId, Duration>,
-    /// The order by which a zone is in hand: what it is to be painted with, and the samples that it had.
+    /// The current order of each zone: its parameters, and the samples that it had before.
     orders: BTreeMap<ZoneId, (Option<Choice>, u32)>,
     cut: BTreeSet<ZoneId>,
-    /// V_cp of each agent, as it was told first and last.
+    /// V_cp of each agent, as first and last reported.
     powers: BTreeMap<AgentId, [RelativePower; 2]>,
-    /// What an agent says that its last painting of a zone took, in its own time, and under which order.
+    /// The last reported painting time of each zone, in the agent's own time, and its order.
     told: BTreeMap<ZoneId, (Revision, Duration)>,
     done: BTreeMap<ZoneId, DoneZone>,
 }
@@ -36,35 +36,39 @@ pub(super) struct Learner {
 #[derive(Clone, Debug)]
 struct DoneZone {
     agent: AgentId,
-    /// What all its samples took, in the agent's own time.
+    /// The time of all its samples, in the agent's own time.
     time: Duration,
 }
 
 impl Learner {
+    /// Returns a learner for jobs of this technique.
     pub(super) fn new(technique: &Arc<str>) -> Self {
         Self { technique: Arc::clone(technique), ..Self::default() }
     }
 
-    /// The zones are cut.
+    /// Sets the prediction features once the zones are cut.
     pub(super) fn begin(&mut self, outlooks: Arc<[TaskOutlook]>) {
         self.outlooks = outlooks;
     }
 
+    /// Records the row of the work.
     pub(super) fn see_work(&mut self, work: &WorkRow) {
         self.features = Some(work.features);
     }
 
+    /// Records the row of an agent.
     pub(super) fn see_agent(&mut self, row: &AgentRow) {
         self.powers.entry(row.agent.clone()).or_insert([row.power; 2])[1] = row.power;
     }
 
-    /// The Master is told of a zone.
+    /// Records a report to the Master.
     pub(super) fn hear(&mut self, report: &Report) {
         if let Some(painting) = report.outcome.as_ref().ok().filter(|painting| painting.is_measured) {
             self.told.insert(report.zone, (report.fence, painting.busy));
         }
     }
 
+    /// Records the row of a zone.
     pub(super) fn see_zone(&mut self, row: &ZoneRow) {
         if row.piece.is_some() || row.cut.is_some() {
             self.cut.insert(row.root());
@@ -85,7 +89,7 @@ impl Learner {
         let (Some(agent), Some(result)) = (&row.agent, row.result) else { return };
         let Some((_, time)) = self.told.get(&row.zone).filter(|(fence, _)| *fence == result.fence) else { return };
         let Some((choice, before)) = self.orders.get(&row.zone) else { return };
-        // Who decides otherwise than the one that profiled it begins anew.
+        // An agent that decides on other parameters than the profile's discards its samples.
         let before = if *choice == row.choice { *before } else { 0 };
         let painted = result.samples.saturating_sub(before);
         if painted > 0 {
@@ -94,8 +98,8 @@ impl Learner {
         }
     }
 
-    /// V_cp of a machine in the end; `None`: it is not known. Agents learn it from each other's estimates, so all may drift
-    /// together: in the mean of all machines it is what they began with.
+    /// Returns the final V_cp of a machine; `None`: unknown. Agents learn it from each other's estimates, so all values may
+    /// drift together: the mean over all machines is therefore reset to its initial value.
     fn power(&self, machine: &str) -> Option<RelativePower> {
         let mean = |logs: &[f64]| logs.iter().sum::<f64>() / logs.len() as f64;
         let mut changes: BTreeMap<&str, Vec<[f64; 2]>> = BTreeMap::new();
@@ -107,13 +111,13 @@ impl Learner {
         changes.get(machine).map(|powers| RelativePower::new((of(powers, 1) - mean(&drifts)).exp()))
     }
 
-    /// The zones that can be compared with what was expected of them.
+    /// Returns the zones whose time can be compared with its prediction.
     fn compared(&self) -> impl Iterator<Item = (ZoneId, Duration, &DoneZone)> {
         let whole = self.done.iter().filter(|(zone, _)| !self.cut.contains(zone));
         whole.filter_map(|(&zone, done)| Some((zone, *self.expected.get(&zone)?, done)))
     }
 
-    /// How well the times of zones were known before anybody had seen them.
+    /// Returns the accuracy of the times predicted before profiling.
     pub(super) fn forecast(&self) -> Option<Forecast> {
         let pair = |(_, expected, done): (ZoneId, Duration, &DoneZone)| {
             let power = self.power(machine_of(&done.agent.name))?;
@@ -122,9 +126,9 @@ impl Learner {
         Forecast::of(&self.compared().filter_map(pair).collect::<Vec<_>>())
     }
 
-    /// What each machine has learnt, by its name.
+    /// Returns the lesson of each machine, by its name.
     ///
-    /// - `samples`: a pixel, as the user asked for them.
+    /// - `samples`: the samples per pixel that the user requested.
     pub(super) fn lessons(&self, samples: u32) -> BTreeMap<String, JobLesson> {
         let Some(features) = self.features else { return BTreeMap::new() };
         let mut lessons: BTreeMap<String, JobLesson> = BTreeMap::new();
@@ -134,7 +138,7 @@ impl Learner {
             let lesson = lessons.entry(machine_of(&done.agent.name).to_owned()).or_insert_with(new);
             lesson.zones.push(PaintedZone { outlook: *outlook, samples, time: done.time });
         }
-        // One machine alone learns nothing of how fast it is beside others.
+        // The speed relative to other machines needs at least two.
         if lessons.len() > 1 {
             lessons.iter_mut().for_each(|(machine, lesson)| lesson.power = self.power(machine));
         }
@@ -182,7 +186,7 @@ mod tests {
         Report { zone: ZoneId(zone), fence: Revision(3), outcome: Ok(painting), reasons: None }
     }
 
-    /// A zone that is profiled with 4 samples and painted with 16 more in 4 s.
+    /// Reports a zone that is profiled with 4 samples and painted with 16 more in 4 s.
     fn painted(learner: &mut Learner, zone: u32, agent: &str, chosen: Choice) {
         let agent = Some(AgentId::new(agent));
         let row = row(zone);
@@ -211,18 +215,18 @@ mod tests {
         let mut learner = learner();
         painted(&mut learner, 0, "render-1@fast.7", choice(20, 8));
         painted(&mut learner, 1, "render-1@slow", choice(20, 8));
-        // Its rules decided otherwise: it began anew, and all samples are in the time.
+        // The painter has chosen other parameters, so it started again: the time includes all samples.
         painted(&mut learner, 2, "render-1@slow", choice(20, 4));
         let lessons = learner.lessons(20);
         let times =
             |machine: &str| lessons[machine].zones.iter().map(|zone| zone.time.as_secs_f64()).collect::<Vec<_>>();
         assert_eq!(lessons.len(), 2);
         assert_eq!((times("fast"), times("slow")), (vec![5.0], vec![5.0, 4.0]));
-        // All drifted alike, which says nothing of them.
+        // All agents have drifted equally, which has no effect.
         for (machine, power) in [("slow", 2.0), ("fast", 0.5)] {
             assert!((lessons[machine].power.unwrap().get() - power).abs() < 1e-9, "{machine}");
         }
-        // Expected were 2 s of the reference machine; it took 10, 2.5 and 2.
+        // Predicted are 2 s on the reference machine; measured are 10 s, 2.5 s and 2 s.
         let forecast = learner.forecast().unwrap();
         assert_eq!(forecast.zones, 3);
         assert!((forecast.median_error - 0.2).abs() < 1e-9, "{forecast:?}");

@@ -1,4 +1,4 @@
-//! A job over several machines: names that are not taken, and pixels that go from one machine to another.
+//! A job on several machines: names of agents, and the exchange of tiles.
 
 use std::{fmt::Write, io::Read, sync::Arc, thread, time::Duration};
 
@@ -12,51 +12,51 @@ use super::{
 };
 use crate::{RegistrationConfig, ResultRef, WorkId, WorkKeys, digest, wire};
 
-/// The largest tile that is taken from another machine, in bytes.
+/// The largest tile accepted from another machine, in bytes.
 const TILE_BYTES_MAX: usize = 1 << 30;
-/// Tiles of so many bytes are packed. Of smaller ones the way costs more than the bytes.
+/// The size in bytes from which tiles are compressed. For smaller ones it does not pay.
 const PACKED_FROM: usize = 16 << 10;
-/// What bytes begin with that travel as they are, and what packed ones.
+/// The first byte of uncompressed and of compressed tiles.
 const PLAIN: u8 = 0;
 const PACKED: u8 = 1;
-/// Numbers of a tile have so many bytes.
+/// The size of a number in a tile, in bytes.
 const LANES: usize = 4;
-/// After how many tries the user is told of a server that is there, and does not do what it is asked.
+/// The numbers of attempts after which the user is warned of a server that is connected and refuses.
 const TOLD_AFTER: [u32; 3] = [20, 240, 2400];
 const BETWEEN_TRIES: Duration = Duration::from_millis(250);
 
-/// The link of this process to the others that paint a work.
+/// The connection of this process to the others that render a work.
 #[derive(Clone)]
 pub struct Link {
-    /// The network between them.
+    /// The network between the processes.
     pub transport: Arc<dyn JobTransport>,
-    /// The work.
+    /// The identifier of the work.
     pub work: WorkId,
-    /// The number of its job. `None`: it is none, and its agents know their Master's name and register nowhere.
+    /// The number of its job. `None`: no job; its agents know their Master's name and are not registered.
     pub job: Option<u32>,
-    /// The name of this process, which no other has: agents are called after it.
+    /// The unique name of this process, which its agents' names end with.
     pub name: String,
 }
 
 impl Link {
-    /// The Master of the work, whichever process leads it.
+    /// Returns the name of the work's Master, whichever process leads it.
     pub fn master(&self) -> AgentId {
         self.agent(format!("master@work-{}", self.work.0))
     }
 
-    /// An agent of this name, and where it is reached.
+    /// Returns an agent of this name, with its address.
     pub(super) fn agent(&self, name: String) -> AgentId {
         let id = AgentId::new(name);
         AgentId { addresses: Arc::new([self.transport.address_of(&id)]), ..id }
     }
 
-    /// Where the agents of the work register.
+    /// Returns how the agents of the work register; `None`: they do not.
     pub(super) fn registration(&self) -> Option<RegistrationConfig> {
         let master_home = Some(machine_of(&self.master().name).to_owned());
         self.job.map(|job| RegistrationConfig { master_home, ..RegistrationConfig::new(self.work, Some(job)) })
     }
 
-    /// Where its tiles are.
+    /// Returns the folder of its tiles.
     fn folder(&self) -> String {
         format!("work-{}", self.work.0)
     }
@@ -68,10 +68,10 @@ impl Link {
         name
     }
 
-    /// Puts a tile where the others can read it.
+    /// Stores a tile for the other machines.
     ///
     /// # Errors
-    /// Nobody takes it, with the reason.
+    /// It cannot be stored, with the reason.
     pub fn put(&self, id: BlobId, tile: &Tile, stop: &StopSwitch) -> Result<(), String> {
         let mut bytes = Vec::new();
         wire::put_tile(tile, &mut bytes);
@@ -80,10 +80,10 @@ impl Link {
         self.patiently(stop, || self.transport.put_tile(&name, &packed))
     }
 
-    /// Reads a tile that another machine has painted, and makes sure that it is the one.
+    /// Fetches a tile from another machine, and verifies its digest.
     ///
     /// # Errors
-    /// It is not there, or another one, with the reason.
+    /// It is missing, or has another digest, with the reason.
     pub fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
         let name = self.blob(result.digest);
         let packed = self.patiently(stop, || self.transport.get_tile(&name, TILE_BYTES_MAX))?;
@@ -93,8 +93,8 @@ impl Link {
         if digest(&tile) == result.digest { Ok(tile) } else { Err("its tile is another one".to_owned()) }
     }
 
-    /// Tries until it is done, or the user wants to stop. A server that is away comes back, and somebody makes room on one
-    /// whose disk is full: what is painted is not thrown away meanwhile.
+    /// Retries until success, a lasting error, or a stop. A server that is down may come back, and a full disk may be
+    /// cleaned up; until then the rendered tiles are kept.
     fn patiently<T>(&self, stop: &StopSwitch, attempt: impl Fn() -> Result<T, TransportError>) -> Result<T, String> {
         let mut tries: u32 = 0;
         loop {
@@ -115,16 +115,16 @@ impl Link {
         }
     }
 
-    /// Lets go of all that the farm keeps of the work.
+    /// Deletes all data of the work at the farm.
     pub fn forget(&self) {
         self.transport.forget(&WorkKeys::new(self.work).prefix(), &self.folder());
     }
 }
 
-/// Bytes of numbers of four bytes each, packed without loss: sorted by their place in a number, for the first ones differ
-/// least.
+/// Compresses 4-byte numbers without loss. Groups the bytes by their position in a number first, because the leading ones
+/// differ least.
 ///
-/// - `from`: fewer stay as they are.
+/// - `from`: shorter data stays uncompressed.
 fn pack(bytes: &[u8], from: usize) -> std::io::Result<Vec<u8>> {
     if bytes.len() < from {
         return Ok([&[PLAIN], bytes].concat());
@@ -142,7 +142,7 @@ fn unpack(packed: &[u8]) -> std::io::Result<Vec<u8>> {
         _ => return Err(std::io::ErrorKind::InvalidData.into()),
     };
     let mut sorted = Vec::new();
-    // A few bytes can stand for very many.
+    // Limit the output: few bytes can expand to very many.
     ZlibDecoder::new(packed).take(TILE_BYTES_MAX as u64).read_to_end(&mut sorted)?;
     let mut bytes = vec![0; sorted.len()];
     let mut from = sorted.iter();

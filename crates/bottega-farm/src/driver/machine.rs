@@ -1,4 +1,4 @@
-//! The preparation of this machine: its benchmark, the survey of the scene, what all zones need.
+//! The preparation of this machine: its benchmark, the survey of the scene, the data that all zones need.
 
 use std::{
     sync::{Arc, OnceLock},
@@ -11,17 +11,17 @@ use bottega_engines::SpeedProbe;
 use super::shared::{End, FarmMailbox, Preparation, Shared};
 use crate::{FarmCompletion, RelativePower, WorkId};
 
-/// What the benchmark's picture takes the reference machine, on which the weights of the predicted time were fitted.
+/// The time of the benchmark on the reference machine, for which the weights of the predicted time were fitted.
 const REFERENCE_TIME: Duration = Duration::from_millis(14);
-/// The picture is painted so often at least,
+/// The least number of runs,
 const TURNS_MIN: u32 = 3;
-/// for so long at least,
+/// the least total time,
 const TIME_MIN: Duration = Duration::from_millis(250);
-/// and not again after so long.
+/// and the total time after which no further run starts.
 const TIME_MAX: Duration = Duration::from_millis(1500);
 
 impl Shared {
-    /// In one process the engine has the scene. What it makes of it is made once; who asks meanwhile waits.
+    /// Prepares the engine once; further requests wait. The scene itself is already loaded in this process.
     pub(super) fn fetch(self: &Arc<Self>, work: WorkId, mailbox: &FarmMailbox) {
         let mut state = self.state();
         match &mut state.preparation {
@@ -36,7 +36,7 @@ impl Shared {
         }
     }
 
-    /// Preparing blocks, so it has a thread of its own.
+    /// Prepares the engine, on a thread of its own because it blocks.
     fn prepare(self: &Arc<Self>, clock: FarmMailbox) {
         let shared = Arc::clone(self);
         let make = move || {
@@ -57,7 +57,7 @@ impl Shared {
         }
     }
 
-    /// A survey blocks, so it has a thread of its own.
+    /// Surveys the scene, on a thread of its own because it blocks.
     pub(super) fn survey(self: &Arc<Self>, width: u32, height: u32, mailbox: &FarmMailbox) {
         self.begin_preparation();
         let (shared, to) = (Arc::clone(self), mailbox.clone());
@@ -79,10 +79,10 @@ impl Shared {
     }
 }
 
-/// V_cp by painting a small picture that is always the same, on the calling thread: a quarter of a second, two at most. The
-/// first answer of a process counts for all of it.
+/// Returns V_cp, measured by rendering a fixed small picture on the calling thread, in 0.25 s to 2 s. The first result of a
+/// process is reused.
 ///
-/// - `now`: any clock.
+/// - `now`: a clock.
 pub fn benchmark(now: impl Fn() -> Duration) -> RelativePower {
     static MEASURED: OnceLock<RelativePower> = OnceLock::new();
     *MEASURED.get_or_init(|| measure(now).unwrap_or(RelativePower::REFERENCE))
@@ -92,7 +92,7 @@ fn measure(now: impl Fn() -> Duration) -> Option<RelativePower> {
     let probe = SpeedProbe::new().ok()?;
     let begun = now();
     let mut best = Duration::MAX;
-    // The best of several: a processor that was asleep, or another program, disturbs some.
+    // Use the best of several runs: sleeping processors and other programs disturb some.
     for turn in 1.. {
         let before = now();
         std::hint::black_box(probe.paint().ok()?);

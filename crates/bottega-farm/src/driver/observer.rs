@@ -9,55 +9,56 @@ use crate::{
     AgentRow, FarmCompletion, FarmMessage, ImportanceMap, Partition, Progress, RoundSummary, Theft, ZoneId, ZoneRow,
 };
 
-/// A Master, as somebody beside it may ask it for something.
+/// A handle for requests to a Master from outside its agents.
 #[derive(Clone)]
 pub struct MasterHandle {
     pub(super) ask: Arc<dyn Fn(FarmCompletion) + Send + Sync>,
 }
 
 impl MasterHandle {
-    /// Has a zone painted again that is done or given up.
+    /// Requests that a finished or failed zone is painted again.
     ///
-    /// - `fence`: the token of the samples that are to go, so that no others do; `None`: it was given up.
+    /// - `fence`: the token of the samples to discard, so that no others are; `None`: it had failed.
     pub fn requeue(&self, zone: ZoneId, fence: Option<Revision>) {
         (self.ask)(FarmCompletion::Requeue { zone, fence });
     }
 }
 
-/// Sees a job go on. All methods are called from the job's threads and must return soon.
+/// An observer of a job's progress. All methods are called from the job's threads and must return soon.
 pub trait Observer: Send + Sync {
-    /// This process leads the job: what may be asked of its Master.
+    /// This process leads the job; its Master takes requests.
     fn leads(&self, _master: &MasterHandle) {}
-    /// The engine has had a look at the whole picture: the first that there is to see. Not called when a work is resumed.
+    /// The survey is finished, the first image of the picture. Not called when a work is resumed.
     fn surveyed(&self, _survey: &Arc<Survey>) {}
-    /// The Analyst has made map and zones. Not called when a work is resumed.
+    /// The Analyst has made the importance map and the zones. Not called when a work is resumed.
     fn analyzed(&self, _map: &Arc<ImportanceMap>, _partition: &Arc<Partition>) {}
-    /// A zone's row has changed.
+    /// The row of a zone has changed.
     fn zone_changed(&self, _row: &ZoneRow) {}
-    /// An agent's row has changed: its power, its lanes or its credit.
+    /// The row of an agent has changed: its power, its lanes or its credit.
     fn agent_changed(&self, _row: &AgentRow) {}
     /// A round of the auction has ended.
     fn round_closed(&self, _round: &RoundSummary) {}
-    /// An agent has taken zones from another.
+    /// An agent has stolen zones from another.
     fn stolen(&self, _theft: &Theft) {}
-    /// Something was painted.
+    /// Samples were rendered.
     fn progress(&self, _progress: &Progress) {}
-    /// An agent sends a message.
+    /// An agent has sent a message.
     fn message(&self, _now: Time, _message: &FarmMessage) {}
-    /// An agent is given a message.
+    /// An agent has received a message.
     fn heard(&self, _now: Time, _message: &FarmMessage) {}
-    /// An agent is left out of the job from now on; the others go on.
+    /// An agent is excluded from the job from now on; the others continue.
     fn left_out(&self, _agent: &AgentId, _reason: &str) {}
-    /// Zones wait for more machines, `needed` in all, to compare what these paint.
+    /// Zones wait for more machines, `needed` in all, so that results can be compared.
     fn too_few(&self, _present: usize, _needed: usize) {}
-    /// Nothing was begun for so long, though `zones` waited and `free` agents could have painted them: the Master begins again.
+    /// The job has stalled: nothing was started for the given time, though zones waited and agents were free. The Master
+    /// starts from the Blackboard again.
     fn stalled(&self, _waited: Duration, _zones: usize, _free: usize) {}
-    /// So many things are under way in this process: surveys, what all zones need, zones, tiles that are fetched. Told whenever one
-    /// begins or ends.
+    /// The number of operations in progress in this process: surveys, preparations, zones, and fetched tiles. Called
+    /// whenever one starts or ends.
     fn under_way(&self, _count: usize) {}
-    /// The job could not be kept: it goes on, but cannot be resumed.
+    /// The job's progress could not be stored: it continues, but cannot be resumed.
     fn not_kept(&self, _error: &std::io::Error) {}
 }
 
-/// An observer that looks away.
+/// An observer that ignores everything.
 impl Observer for () {}

@@ -1,4 +1,4 @@
-//! Zones at work in the engine: in passes, with an estimate of their errors.
+//! Zones in progress in the engine: in passes, with an estimate of their errors.
 
 use std::{sync::Arc, time::Duration};
 
@@ -9,17 +9,17 @@ use bottega_image::Tile;
 use super::shared::{FarmMailbox, Shared};
 use crate::{ErrorUse, FarmCompletion, PaintOrder, PaintResult, ResultRef, ZoneId, cells::Cells, digest};
 
-/// A zone that takes longer than this on all processors is painted in passes, each of which is kept: so much is lost by
-/// an interruption at most.
+/// The predicted time, on all processors, above which a zone is painted in passes. Each pass is stored, so an interruption
+/// loses at most one.
 const PASS: Duration = crate::STEP_MAX;
 
-/// A zone at work in the engine.
+/// A zone in progress in the engine.
 struct ZonePainting {
     order: PaintOrder,
-    /// Samples of one pass.
+    /// Samples per pixel in one pass.
     pass: u32,
     busy: Duration,
-    /// Whether all of that is a measurement.
+    /// True if all of `busy` is a valid measurement.
     is_measured: bool,
     shared: Arc<Shared>,
     mailbox: FarmMailbox,
@@ -28,18 +28,20 @@ struct ZonePainting {
     estimate: Estimate,
 }
 
-/// How the error is estimated.
+/// The estimation of a zone's error.
 enum Estimate {
-    /// It is not.
+    /// No estimate of the error.
     None,
-    /// Of the whole zone: the samples of about the first half, once they are there.
+    /// An estimate for the whole zone: holds the samples of about the first half, once they are there.
     Zone(Option<Tile>),
-    /// Of each cell, which stops by it.
+    /// An estimate for each cell, which stops on its own.
     Cells(Cells),
 }
 
 impl Estimate {
-    /// - `by_cells`: whether the engine can paint parts of a zone.
+    /// Returns the estimation that an order needs.
+    ///
+    /// - `by_cells`: `true` if the engine can render parts of a zone.
     fn of(order: &PaintOrder, by_cells: bool) -> Self {
         match order.error_use {
             ErrorUse::None => Self::None,
@@ -48,7 +50,7 @@ impl Estimate {
         }
     }
 
-    /// The error of a zone whose samples are `tile`, and the share of it that is to have more.
+    /// Returns the error of a zone whose samples are `tile`, and the share of it that needs more samples.
     fn outcome(&mut self, order: &PaintOrder, tile: &Tile) -> (Option<f64>, f64) {
         match self {
             Self::None => (None, 1.0),
@@ -64,17 +66,18 @@ impl Estimate {
 }
 
 impl Shared {
+    /// Paints an order, after fetching its tile if another machine has painted the samples before.
     pub(super) fn paint(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
         let Some(from) = order.from else { return self.sit(order, mailbox) };
         let (shared, to) = (Arc::clone(self), mailbox.clone());
-        // What cannot be had is painted again, to the same bits.
+        // A tile that cannot be fetched is rendered again, bit-identically.
         self.with_tile(order.zone, from, move |_| shared.sit(order, &to));
     }
 
     fn sit(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
         let tile = order.from.and_then(|from| {
             let (id, tile) = self.easel().take(order.zone)?;
-            // Another tile than the one meant is of no use. The zone is painted from the start, to the same bits.
+            // If the tile is not the expected one, render the zone from the start, bit-identically.
             (id == from.digest && tile.rect() == order.rect).then_some(tile)
         });
         let start = if tile.is_some() { order.samples.start } else { 0 };
@@ -82,19 +85,19 @@ impl Shared {
         let wall = order.time_estimated.unwrap_or_default().as_secs_f64() / self.processors as f64;
         let passes = (wall / PASS.as_secs_f64()).ceil().clamp(1.0, f64::from(count.max(1))) as u32;
         let engine = self.engine.describe();
-        // Whoever cannot go on would begin anew with each.
+        // An engine that cannot resume starts again with each pass.
         let passes = if engine.resumes_samples { passes } else { 1 };
         self.begin_outstanding();
         let (cancel, progress) = (CancelSwitch::default(), TaskProgress::default());
         self.state().orders.insert((order.zone, order.fence), (cancel.clone(), progress.clone()));
         if self.stop.is_requested() {
-            // Whoever cancelled all orders may not have seen this one.
+            // The stop may have cancelled all orders before this one was added.
             cancel.cancel();
         }
         let sitting = ZonePainting {
             cancel,
             progress,
-            // An engine that says nothing of how long it takes has windows that cost something themselves.
+            // If an engine is not profiled, its windows are expensive: do not render parts.
             estimate: Estimate::of(&order, engine.resumes_samples && engine.is_profiled),
             pass: count.div_ceil(passes).max(1),
             busy: Duration::ZERO,
@@ -106,20 +109,20 @@ impl Shared {
         sitting.go_on(start, tile);
     }
 
-    /// Nobody wants what is painted under any order.
+    /// Cancels the painting of all orders.
     pub(super) fn cancel_orders(&self) {
         self.state().orders.values().for_each(|(cancel, _)| cancel.cancel());
         self.changed.notify_all();
     }
 
-    /// Nobody wants what is painted under this order.
+    /// Cancels the painting of an order.
     pub(super) fn drop_order(&self, zone: ZoneId, fence: Revision) {
         if let Some((cancel, _)) = self.state().orders.get(&(zone, fence)) {
             cancel.cancel();
         }
     }
 
-    /// How far these orders are, as far as they are under way.
+    /// Returns the progress of those of the orders that are running.
     pub(super) fn look(&self, orders: &[(ZoneId, Revision)]) -> Vec<(ZoneId, Revision, u64)> {
         let state = self.state();
         let found = orders.iter().filter_map(|&(zone, fence)| {
@@ -141,8 +144,8 @@ impl ZonePainting {
         match &mut self.estimate {
             Estimate::None | Estimate::Zone(Some(_)) => {}
             Estimate::Zone(half) => {
-                // What comes after half of all samples, or after those before, is set against what comes first: for whoever
-                // could not have those before too.
+                // Split at the middle of all samples: the second half is compared with the first, so an agent without the
+                // earlier samples gets the same estimate.
                 let middle = (self.order.samples.end / 2).max(self.order.samples.start);
                 if start >= middle {
                     half.clone_from(&tile);
@@ -154,7 +157,7 @@ impl ZonePainting {
                 (Some(next), before) => {
                     (end, parts, tile) = (next.end, next.parts, before);
                 }
-                // Nothing is left to do: that is known only to those who begin a zone that another has finished.
+                // No cell is unfinished: this happens if another agent has finished the zone.
                 (None, Some(before)) => return self.complete(before),
                 (None, None) => return self.done(Err("a zone without cells".to_owned())),
             },
@@ -187,7 +190,7 @@ impl ZonePainting {
                 if tile.rect() != self.order.rect {
                     return self.done(Err("the engine painted another rectangle".to_owned()));
                 }
-                // An engine may not know before a pass is done.
+                // The engine may only notice now that it is complete.
                 self.progress.add(1);
                 let mut can_be_kept = true;
                 if let Estimate::Cells(cells) = &mut self.estimate {
@@ -195,7 +198,7 @@ impl ZonePainting {
                     if cells.unfinished(end) == 0.0 {
                         return self.complete(tile);
                     }
-                    // Amid an octave a tile does not say which of its cells have stopped.
+                    // Within an octave the tile does not tell which cells have stopped.
                     can_be_kept = end.is_power_of_two();
                 }
                 if end < self.order.samples.end {
@@ -209,7 +212,7 @@ impl ZonePainting {
         }
     }
 
-    /// All that was ordered is painted, or need not be.
+    /// Reports the result: all ordered samples are there, or are not needed.
     fn complete(mut self, tile: Tile) {
         let digest = digest(&tile);
         let result = ResultRef { fence: self.order.fence, samples: self.order.samples.end, digest };
@@ -222,7 +225,7 @@ impl ZonePainting {
         self.done(Ok(PaintResult { result, busy, is_measured, error, unfinished }));
     }
 
-    /// Keeps a pass.
+    /// Stores a pass.
     fn pass_done(&self, samples: u32, tile: &Tile) {
         let PaintOrder { zone, fence, .. } = self.order;
         let done = self.shared.easel().pass_done(zone, fence, samples, tile, self.mailbox.now());
@@ -232,10 +235,10 @@ impl ZonePainting {
         }
     }
 
-    /// The user stopped the job: what there is goes into the picture, and nobody is told.
+    /// Adds the tile to the picture of a stopped job, without a report.
     fn interrupted(self, tile: Option<Tile>) {
         if let Some(tile) = tile {
-            // Pixels may have different numbers of samples, so it is never gone on with: its digest is none.
+            // Pixels may have different sample counts, so it cannot be resumed: it gets no digest.
             self.shared.easel().put(self.order.zone, BlobId([0; 32]), tile);
         }
         self.end();

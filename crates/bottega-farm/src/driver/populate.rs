@@ -1,4 +1,4 @@
-//! The agents of a job come to life.
+//! Creation of the agents of a job.
 
 use std::{
     hash::{BuildHasher, Hasher, RandomState},
@@ -21,10 +21,10 @@ use crate::{
 };
 
 const WORK: WorkId = WorkId(1);
-/// For so many agents a picture is cut where others may join.
+/// The number of agents for which a picture is divided if others may join.
 const AGENTS_EXPECTED: usize = 8;
 
-/// Brings all agents to life. Returns the Master's mailbox.
+/// Creates all agents. Returns the Master's mailbox.
 pub(super) fn populate(
     platform: &LocalPlatform<JobAgent>,
     settings: &JobSettings,
@@ -37,6 +37,7 @@ pub(super) fn populate(
         platform.add(id, seen, performer(id, shared)).map_err(|taken| JobError::Abandoned { reason: taken.to_string() })
     };
     add_directories(platform, shared)?;
+    // Determine the names of Master and Analyst
     let link = shared.link.as_ref();
     let here = link.map_or("bottega", |link| &link.name);
     let number = link.map_or(WORK, |link| link.work);
@@ -46,7 +47,7 @@ pub(super) fn populate(
     let analyst = agent_of(link, format!("analyst@{here}"));
     let timing = link.map_or_else(Timing::default, |_| Timing::AMONG_MACHINES);
     let JobSettings { auction, prefetch, .. } = *settings;
-    // Agents of one process have the same processors: an idle one leaves its own to the others.
+    // Agents of one process share its processors, so they do not share the tail of the work.
     let master_config = MasterConfig {
         id: master.clone(),
         work: number,
@@ -61,13 +62,14 @@ pub(super) fn populate(
         timing,
         registration: place.clone(),
     };
+    // Resume the Master, or create it with an Analyst
     let mailbox = match kept {
         Some((work, rows)) => {
             let config = MasterConfig { work: work.work, ..master_config };
             add(&master, Master::recover(config, work, rows).into())?
         }
         None => {
-            // Nobody knows how many will come from elsewhere; and whoever leads cuts the same zones.
+            // The number of agents that will join is unknown; and each leader must cut the same zones.
             let agents = link.map_or(settings.agents, |_| AGENTS_EXPECTED);
             let usual = PartitionSettings::for_agents(settings.level, agents, work.frame);
             let config = AnalystConfig {
@@ -84,11 +86,12 @@ pub(super) fn populate(
             add(&master, Master::new(master_config).into())?
         }
     };
+    // Create the Render Agents
     add_render_agents(settings, &source, here, shared, &add)?;
     Ok(mailbox)
 }
 
-/// An agent of this process: where there is a link, with its address there.
+/// Returns an agent of this process, with its address if there is a link.
 fn agent_of(link: Option<&Link>, name: String) -> AgentId {
     match link {
         Some(link) => link.agent(name),
@@ -96,7 +99,7 @@ fn agent_of(link: Option<&Link>, name: String) -> AgentId {
     }
 }
 
-/// Brings the services of the platform to life, which new agents ask first.
+/// Creates the directory services, which new agents ask first.
 pub(super) fn add_directories(platform: &LocalPlatform<JobAgent>, shared: &Arc<Shared>) -> Result<(), JobError> {
     for (id, service) in directory_services(platform.calendar(), secret()) {
         let seen = JobAgent::new(service.into(), Arc::clone(shared) as _);
@@ -106,13 +109,13 @@ pub(super) fn add_directories(platform: &LocalPlatform<JobAgent>, shared: &Arc<S
     Ok(())
 }
 
-/// A number that nobody can guess.
+/// Returns an unpredictable number.
 fn secret() -> u64 {
-    // Made of random bytes of the operating system.
+    // Seeded with random bytes of the operating system.
     RandomState::new().build_hasher().finish()
 }
 
-/// Brings the Render Agents of this process to life.
+/// Creates the Render Agents of this process.
 pub(super) fn add_render_agents(
     settings: &JobSettings,
     source: &MasterSource,
@@ -142,7 +145,7 @@ pub(super) fn add_render_agents(
     Ok(())
 }
 
-/// Carries out the effects of one agent. When it goes without the job having ended, the job has: an agent has panicked.
+/// Returns the performer of an agent's effects. If an agent panics, or the Master ends before the job, the job is abandoned.
 fn performer(id: &AgentId, shared: &Arc<Shared>) -> Performer<JobAgent> {
     struct Notice(Arc<Shared>, bool);
     impl Drop for Notice {

@@ -1,4 +1,4 @@
-//! The settings of a job, and the reasons why it may give no picture.
+//! The settings of a job, and its errors.
 
 use std::{collections::BTreeMap, sync::Arc, thread};
 
@@ -10,70 +10,69 @@ use crate::{
     Optimization, RelativePower, WorkSettings, ZoneLimits,
 };
 
-/// Agents of one job at most.
+/// The most agents of one job.
 pub const AGENTS_MAX: usize = 1 << 10;
-/// Agents that must make the same of a zone, at most.
+/// The most agents that must agree on a zone.
 pub const VERIFY_MAX: u32 = 16;
-/// The settings of a job: what is painted, and how.
+/// The settings of a job.
 #[derive(Clone, Debug)]
 pub struct JobSettings {
     /// Width of the whole picture, in pixels.
     pub width: u32,
     /// Height of the whole picture, in pixels.
     pub height: u32,
-    /// The pixels that are painted: the whole picture or a part of it.
+    /// The pixels to render: the whole picture or a part of it.
     pub crop: Rect,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
-    /// When a zone is finished; with another goal than samples, those are the most that a pixel gets.
+    /// The condition on which a zone is finished; unless it is a number of samples, `samples` is the most per pixel.
     pub goal: Goal,
-    /// The other settings that rules may lower.
+    /// The other render settings, which rules may lower.
     pub tunables: Tunables,
-    /// Which values the film holds: as the engine's tiles do.
+    /// The values that the film holds, as the engine's tiles do.
     pub layout: Layout,
-    /// How far the partition goes.
+    /// The level of the partition.
     pub level: Level,
-    /// About how many zones it makes. `None`: as many as suit the agents and the limits.
+    /// The approximate number of zones. `None`: determined by the number of agents and the limits.
     pub zones: Option<u32>,
-    /// What zones must be like.
+    /// The limits of a zone's size.
     pub zone_limits: ZoneLimits,
-    /// How far the rules may go.
+    /// The degree to which rules may optimize.
     pub optimization: Optimization,
-    /// How many Render Agents.
+    /// The number of Render Agents.
     pub agents: usize,
-    /// How wide the bands between zones are.
+    /// The width of the bands between zones.
     pub bands: BandWidth,
-    /// The knowledge of the agents; they take turns when there are fewer than agents.
+    /// The rule sets of the agents, used in turn if there are fewer than agents.
     pub experts: Vec<Expert>,
-    /// What they know of engines, where several paint.
+    /// The rules for the choice of an engine, if there are several.
     pub engine_choice: Option<EngineChoice>,
-    /// Processors of the engine.
+    /// The number of processors of the engine.
     pub processors: usize,
-    /// What a place is worth.
+    /// The importance function of the Analyst.
     pub importance: ImportanceFunction,
-    /// How an auction is decided.
+    /// The award rule of an auction.
     pub auction: AuctionRule,
-    /// How agents learn their speed.
+    /// The rule by which agents learn their speed.
     pub adaptation: AdaptationRule,
-    /// How far the promises of machines held in works before: see [`MasterConfig::credits`](crate::MasterConfig::credits).
+    /// The credit of machines from earlier works: see [`MasterConfig::credits`](crate::MasterConfig::credits).
     pub credits: Arc<BTreeMap<String, Credit>>,
-    /// What this machine has learnt in works before of how long zones take it.
+    /// The measured zone times of this machine from earlier works.
     pub experience: Arc<Experience>,
-    /// Engine, integrator and whatever else decides how a path is followed: what is learnt is learnt of that.
+    /// The identifier of engine, integrator and other settings that affect zone times: experience is kept per technique.
     pub technique: Arc<str>,
-    /// V_cp by the [benchmark](crate::benchmark).
+    /// V_cp of this machine by the [benchmark](crate::benchmark).
     pub benchmark: RelativePower,
-    /// Zones that an agent has in hand at most.
+    /// The most zones that an agent has at a time.
     pub prefetch: u32,
-    /// Agents of different machines that must make the same of a zone before it counts; 1: whoever paints it is believed.
+    /// The number of agents on different machines that must agree on a zone before it counts; 1: no comparison.
     pub verify: u32,
-    /// Whether agents of other platforms may take part, with engines of their own: what they paint can only be compared by its
-    /// look.
+    /// `true`: agents of other platforms may take part, with other engines; then results are only compared approximately.
     pub strangers: bool,
 }
 
 impl JobSettings {
-    /// A picture with the default of everything that has one.
+    /// Returns the settings of a picture, with defaults for all others.
     pub fn new(width: u32, height: u32, samples: u32, tunables: Tunables, layout: Layout) -> Self {
         Self {
             width,
@@ -105,6 +104,7 @@ impl JobSettings {
         }
     }
 
+    /// Validates the settings. Returns those that are shared with other machines.
     pub(super) fn work(&self) -> Result<WorkSettings, JobError> {
         let picture = Rect::of_size(self.width, self.height);
         if picture.is_empty() || self.crop.is_empty() || !picture.encloses(&self.crop) {
@@ -134,52 +134,52 @@ impl JobSettings {
     }
 }
 
-/// Why a job gave no picture.
+/// The reason why a job gave no picture.
 #[derive(Debug, thiserror::Error)]
 pub enum JobError {
-    /// There is nothing to paint.
+    /// The crop window is empty or outside the picture.
     #[error("the crop window {crop} holds no pixels of a picture of {width} × {height}")]
     Crop {
-        /// The window.
+        /// The crop window.
         crop: Rect,
         /// Width of the picture.
         width: u32,
         /// Height of the picture.
         height: u32,
     },
-    /// A number that makes no sense.
+    /// A number is out of range.
     #[error("{value} {what} cannot be")]
     Count {
-        /// Of what.
+        /// The name of the setting.
         what: &'static str,
-        /// How many.
+        /// The value that is out of range.
         value: usize,
     },
-    /// What was kept is of another picture.
+    /// The stored progress is of another job.
     #[error("what was kept is of other settings than these")]
     OtherWork,
-    /// A goal that cannot be reached.
+    /// The goal is not a positive finite number.
     #[error("the error or time asked for must be greater than 0")]
     Goal,
-    /// The scene could not be analyzed, or the zones make no sense.
+    /// The scene could not be analyzed, or an internal step failed.
     #[error("the job was given up: {reason}")]
     Abandoned {
-        /// Why.
+        /// The cause, for display.
         reason: String,
     },
-    /// What agents paint cannot be compared.
+    /// Results cannot be compared.
     #[error("what agents paint cannot be compared: {reason}")]
     Verify {
-        /// Why.
+        /// The reason.
         reason: &'static str,
     },
-    /// The Master of the work wants nothing of this process any more.
+    /// The Master has excluded all agents of this process.
     #[error("its agents are left out of the job: {reason}")]
     LeftOut {
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The operating system gives no thread.
+    /// A thread could not be started.
     #[error("cannot start a thread")]
     Thread(#[from] std::io::Error),
 }

@@ -1,4 +1,4 @@
-//! The state that the threads of a job share: the engine, the easel, the progress.
+//! The state shared by the threads of a job: engine, pixels, progress.
 
 use std::{
     collections::BTreeMap,
@@ -22,24 +22,24 @@ use super::{
 };
 use crate::{FarmContent, Foreknowledge, WorkId, ZoneId};
 
-/// How often is looked at the end whether the engine gives back what it has, and before it for what nobody tells of.
+/// Intervals between checks: at the end, if the engine has returned its work; and before, for events without a notification.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 const LOOK_SELDOM: Duration = Duration::from_secs(2);
-/// How often is looked whether there is something to show when the time is up.
+/// Interval between checks if there is an image to show once the time is up.
 const LOOK_OFTEN: Duration = Duration::from_millis(5);
-/// So often is looked at the end whether the engine gives back what it has.
+/// The most checks at the end if the engine has returned its work.
 const LOOKS_MAX: u32 = 100;
 
-/// How a job ended.
+/// The end of a job.
 #[derive(Clone, Debug)]
 pub(super) enum End {
     Finished(Vec<ZoneId>),
     Abandoned(String),
-    /// The Master elsewhere wants nothing of the agents here.
+    /// The Master of another process has excluded all agents of this one.
     LeftOut(String),
 }
 
-/// What the performers of all agents share.
+/// The state shared by the performers of all agents.
 pub(super) struct Shared {
     pub(super) engine: Arc<dyn RenderEngine>,
     pub(super) observer: Arc<dyn Observer>,
@@ -49,44 +49,45 @@ pub(super) struct Shared {
     pub(super) stop: StopSwitch,
     pub(super) processors: usize,
     pub(super) agents: usize,
-    /// To the other machines that paint the work.
+    /// The connection to the other machines of the work; none: there are no others.
     pub(super) link: Option<Link>,
     pub(super) fetchers: Fetchers,
-    /// What this machine knows of how long zones take.
+    /// The data from which this machine predicts zone times.
     pub(super) knowledge: Foreknowledge,
     learner: Mutex<Learner>,
 }
 
+/// The part of the shared state under one lock.
 #[derive(Default)]
 pub(super) struct State {
     pub(super) end: Option<End>,
-    /// Surveys, preparations and zones that the engine has not reported.
+    /// Surveys, preparations and zones that the engine has not reported yet.
     pub(super) outstanding: usize,
-    /// How many of these are surveys and preparations, of which nothing is kept when the work is stopped.
+    /// The number of surveys and preparations among these, whose results are not needed once the work is stopped.
     pub(super) preparations: usize,
-    /// What the whole picture looks like, coarsely.
+    /// The survey of the picture.
     pub(super) look: Option<Arc<Survey>>,
     pub(super) survey: Duration,
     pub(super) preparation: Preparation,
-    /// How long that took.
+    /// The time that the preparation took.
     pub(super) preparing: Duration,
     pub(super) messages: u64,
-    /// What the engine is painting: how to end it, and how far it is.
+    /// The running orders of the engine: the switch to cancel each, and its progress.
     pub(super) orders: BTreeMap<(ZoneId, Revision), (CancelSwitch, TaskProgress)>,
-    /// Agents that live here, in the work of a Master elsewhere.
+    /// The number of agents here for a Master elsewhere.
     pub(super) present: usize,
-    /// Agents of these that the Master has left out.
+    /// The number of these agents that the Master has excluded.
     pub(super) dismissed: usize,
 }
 
 pub(super) type FarmMailbox = Mailbox<JobAgent>;
 
-/// Whether the engine has made what all zones need.
+/// The state of the engine's preparation for all zones.
 #[derive(Default)]
 pub(super) enum Preparation {
     #[default]
     NotBegun,
-    /// Agents that wait for it.
+    /// The preparation is in progress; holds the agents that wait for it.
     UnderWay(Vec<(WorkId, FarmMailbox)>),
     Done,
 }
@@ -100,7 +101,7 @@ impl JobWatch for Shared {
     }
 
     fn said(&self, now: Time, message: &AclMessage<FarmContent>) {
-        // What is said to the directories is no part of painting.
+        // Messages to the directories do not count.
         let counts = !matches!(message.content, FarmContent::Management(_));
         self.state().messages += if counts { message.receivers.len() as u64 } else { 0 };
         self.observer.message(now, message);
@@ -108,6 +109,7 @@ impl JobWatch for Shared {
 }
 
 impl Shared {
+    /// Returns the state of a job at its start.
     pub(super) fn new(
         settings: &JobSettings,
         easel: Composer,
@@ -137,46 +139,51 @@ impl Shared {
         }
     }
 
-    /// The link for the agents of this process, with the pages of the platform.
+    /// Returns the uplink for the agents of this process, with the directories of the platform.
     pub(super) fn uplink(&self) -> std::io::Result<Option<Arc<dyn JobUplink>>> {
         self.link.as_ref().map(|link| link.transport.begin(&link.name)).transpose()
     }
 
+    /// Locks the state.
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Locks the learner.
     pub(super) fn learner(&self) -> MutexGuard<'_, Learner> {
         self.learner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Locks the pixels.
     pub(super) fn easel(&self) -> MutexGuard<'_, Composer> {
         self.easel.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The first end counts.
+    /// Ends the job. Only the first call counts.
     pub(super) fn end(&self, end: End) {
         self.state().end.get_or_insert(end);
         self.changed.notify_all();
     }
 
-    /// Waits for the end, and for the engine to give back what it has; when all is painted, not for one that hangs. When the time is
-    /// up the work is stopped, as soon as there is something to show of each pixel.
+    /// Waits for the end of the job, and for the engine to return its work; once all zones are finished, not for an engine
+    /// that hangs. When the time is up, stops the work as soon as each pixel has an image.
     ///
-    /// - `time_left`: of the time that was asked for, if one was.
+    /// - `time_left`: the rest of the time limit; `None`: there is none.
     pub(super) fn wait(&self, time_left: impl Fn() -> Option<Duration>) -> Option<End> {
         let mut state = self.state();
         let mut looks = 0;
         loop {
+            // Stop waiting at the end, once the engine has returned its work
             let is_stopped = self.stop.is_requested();
-            // What others help to prepare ends with the link to them.
+            // A preparation shared with other machines ends with their link.
             let is_left = is_stopped && self.link.is_none();
             let awaited = state.outstanding - if is_left { state.preparations } else { 0 };
             if awaited == 0 && (state.end.is_some() || is_stopped) {
                 break;
             }
-            // Who presses the stop switch tells of it.
+            // A stop or an end notifies the condition variable.
             let mut time = if state.end.is_some() || is_stopped { LOOK_EVERY } else { LOOK_SELDOM };
+            // Stop the work when its time is up
             if let Some(left) = time_left().filter(|_| state.end.is_none() && !is_stopped) {
                 if left.is_zero() {
                     let has_look = state.look.is_some();
@@ -192,6 +199,7 @@ impl Shared {
                 }
                 time = time.min(left.max(LOOK_OFTEN));
             }
+            // Wait for a change, and give up on an engine that hangs
             let (woken, result) = self.changed.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner);
             state = woken;
             looks += u32::from(result.timed_out() && state.end.is_some());
@@ -203,6 +211,7 @@ impl Shared {
         state.end.clone()
     }
 
+    /// Counts an operation as started.
     pub(super) fn begin_outstanding(&self) {
         let count = {
             let mut state = self.state();
@@ -212,18 +221,20 @@ impl Shared {
         self.observer.under_way(count);
     }
 
-    /// A survey or a preparation begins.
+    /// Counts a survey or a preparation as started.
     pub(super) fn begin_preparation(&self) {
         self.begin_outstanding();
-        // After that: there are never more of them than of all.
+        // Afterwards, so that `preparations` never exceeds `outstanding`.
         self.state().preparations += 1;
     }
 
+    /// Counts a survey or a preparation as ended.
     pub(super) fn end_preparation(&self) {
         self.state().preparations -= 1;
         self.end_outstanding();
     }
 
+    /// Counts an operation as ended.
     pub(super) fn end_outstanding(&self) {
         let count = {
             let mut state = self.state();
@@ -234,8 +245,8 @@ impl Shared {
         self.observer.under_way(count);
     }
 
-    /// The Master has left an agent of this process out. When it has left out all who paint for a Master elsewhere, this
-    /// process has no part in the work any more; one that leads goes on with others.
+    /// Records that the Master has excluded an agent of this process. Once it has excluded all agents that work for a
+    /// Master elsewhere, this process leaves the work; a process that leads continues with others.
     pub(super) fn dismissed(&self, reason: String) {
         tracing::warn!(reason, "the Master has left an agent out");
         let all_out = {

@@ -1,8 +1,8 @@
-//! The switch by which a user ends a job early.
+//! The switch with which a user stops a job early.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Ends a job early, from any thread: a signal handler's, say. What is painted is kept.
+/// Stops a job early, from any thread, for example from a signal handler. Rendered samples are kept. Clones share the switch.
 #[derive(Clone, Default)]
 pub struct StopSwitch(Arc<Mutex<SwitchState>>);
 
@@ -13,7 +13,7 @@ struct SwitchState {
 }
 
 impl StopSwitch {
-    /// A switch that nobody has pressed.
+    /// Returns a new switch.
     pub fn new() -> Self {
         Self::default()
     }
@@ -22,7 +22,7 @@ impl StopSwitch {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Asks the job to stop. Again does no harm.
+    /// Requests the job to stop. Repeated calls have no effect.
     pub fn request(&self) {
         let hook = {
             let mut state = self.lock();
@@ -34,12 +34,12 @@ impl StopSwitch {
         }
     }
 
-    /// Whether it was asked to.
+    /// True if a stop was requested.
     pub fn is_requested(&self) -> bool {
         self.lock().requested
     }
 
-    /// What to do when it is asked; at once when it already was.
+    /// Sets the function to call on a request; calls it at once if a stop was requested already.
     pub(super) fn when_requested(&self, mut hook: impl FnMut() + Send + 'static) {
         let mut state = self.lock();
         if state.requested {
@@ -50,6 +50,7 @@ impl StopSwitch {
         }
     }
 
+    /// Removes the function to call on a request.
     pub(super) fn forget(&self) {
         self.lock().hook = None;
     }

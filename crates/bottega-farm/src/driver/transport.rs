@@ -1,4 +1,4 @@
-//! The way between the processes that paint one work: what a job needs of a network, whichever it is.
+//! The network between the processes of one work, as an interface.
 
 use std::sync::Arc;
 
@@ -6,37 +6,37 @@ use bottega_agents::{AgentId, Key, driver::Uplink};
 
 use super::job_agent::JobAgent;
 
-/// A network that joins the processes of a work. Its methods block.
+/// A network between the processes of a work. Its methods block.
 pub trait JobTransport: Send + Sync {
     /// Returns the address of an agent of this process, for directories.
     fn address_of(&self, agent: &AgentId) -> String;
 
-    /// Links the agents of this process with those of others, and with the pages of the work's platform.
+    /// Connects the agents of this process with those of others, and with the directories of the work's platform.
     ///
-    /// - `process`: the name of this process, behind `@` in the names of its agents.
+    /// - `process`: the name of this process, the part after `@` in the names of its agents.
     ///
     /// # Errors
-    /// The operating system gives no thread.
+    /// A thread cannot be started.
     fn begin(&self, process: &str) -> std::io::Result<Arc<dyn JobUplink>>;
 
-    /// Keeps a tile under a name, where other processes can read it.
+    /// Stores a tile under a name, for other processes.
     ///
     /// # Errors
-    /// The network does not take it.
+    /// The network cannot store it.
     fn put_tile(&self, name: &str, bytes: &[u8]) -> Result<(), TransportError>;
 
-    /// Reads the tile of a name. `None`: there is none.
+    /// Fetches the tile of a name. `None`: it does not exist.
     ///
     /// - `bytes_max`: a larger tile is an error.
     ///
     /// # Errors
-    /// The network does not give it.
+    /// The network cannot return it.
     fn get_tile(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, TransportError>;
 
-    /// Whether the network is there now.
+    /// True if the network is connected.
     fn is_connected(&self) -> bool;
 
-    /// Sends all messages that wait, as far as the network takes them within some seconds.
+    /// Sends all waiting messages, for at most some seconds.
     fn flush(&self);
 
     /// Removes all entries whose keys begin with `prefix`, and all tiles whose names begin with `folder`.
@@ -45,18 +45,18 @@ pub trait JobTransport: Send + Sync {
 
 /// The uplink of the agents of one process, until it is closed.
 pub trait JobUplink: Uplink<JobAgent> {
-    /// Takes the entries of this process's agents out of the directories. Nothing is heard of these afterwards.
+    /// Deregisters the agents of this process from the directories. The result is not reported.
     fn close(&self);
 }
 
-/// The reason why a network did not keep or give a tile.
+/// The reason why a network did not store or return a tile.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct TransportError {
     /// The reason, with the name of the tile.
     pub reason: String,
-    /// Whether every further try fails, too. A server that is away or has a full disk is not such a case.
+    /// True if a retry also fails. A server that is down or has a full disk is not such a case.
     pub is_lasting: bool,
-    /// Whether the server says that its disk is full.
+    /// True if the server reports a full disk.
     pub is_full: bool,
 }

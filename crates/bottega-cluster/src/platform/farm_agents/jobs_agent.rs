@@ -1,4 +1,4 @@
-//! The jobs of the farm as an agent of the platform: it tells of them, and has them changed.
+//! The jobs agent of the platform: describes the farm's jobs, and changes them on request.
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
@@ -24,16 +24,16 @@ use super::{
 use crate::view::FarmView;
 use bottega::events::ZoneEvent;
 
-/// Its name on its platform.
+/// The local name of the agent.
 pub(super) const LOCAL_NAME: &str = "jobs";
-/// Its service types.
+/// The service types of the agent.
 pub(super) const SERVICE_TYPE: &str = "bottega-jobs";
 const BLACKBOARD_TYPE: &str = "bottega-blackboard";
-/// The most reads of rows that are under way.
+/// The most concurrent reads of rows.
 const READS_MAX: usize = 16;
-/// The most changes that are under way.
+/// The most concurrent changes.
 const CHANGES_MAX: usize = 256;
-/// When machines that are there have said so: who stands in the directories and is not there has gone.
+/// The time until all live machines have announced themselves: registered ones that have not by then are gone.
 const SETTLED_AFTER: Duration = Duration::from_secs(5);
 
 /// A change of a job; answered by [`JobsReport::Changed`] with the same ticket.
@@ -42,58 +42,61 @@ pub(super) struct ChangeJob {
     pub(super) ticket: u64,
     pub(super) number: u32,
     pub(super) change: JobChange,
-    /// The agent that wants it.
+    /// The name of the agent that requested it.
     pub(super) by: String,
 }
 
-/// What the agent wants done.
+/// An action that the agent requests of the farm.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum JobsEffect {
     Change(ChangeJob),
-    /// The rows of a job; answered by [`JobsReport::Rows`] with the same ticket.
+    /// Read the rows of a job; answered by [`JobsReport::Rows`] with the same ticket.
     ReadRows {
         ticket: u64,
         number: u32,
     },
 }
 
-/// What the farm tells.
+/// A report of the farm to the agent.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum JobsReport {
-    /// The rows of a job's zones, or why they cannot be told.
+    /// The rows of a job's zones, or why they cannot be read.
     Rows { ticket: u64, rows: Result<Vec<ZoneEvent>, String> },
-    /// So it stands.
+    /// The current state of the farm.
     Farm(Arc<FarmView>),
-    /// Its server does not answer: how it stood may be wrong by now.
+    /// The farm's server does not answer: the last state may be outdated.
     Silent,
-    /// A change was made, or why not.
+    /// A change was made, or why it was not.
     Changed { ticket: u64, result: Result<(), String> },
 }
 
+/// The state machine of the jobs agent.
 pub(super) struct JobsAgent {
     id: bottega_agents::AgentId,
     around: Surroundings,
-    /// What stands behind `@`.
+    /// The name of the platform: the part after `@`.
     platform: String,
     farm: Arc<FarmView>,
-    /// Since when it does not answer.
+    /// Time since which the farm does not answer.
     silent: Option<Time>,
     yellow: Page<DfAgentDescription>,
     changing: BTreeMap<u64, (Message, Term)>,
-    /// Who reads rows, of which zone.
+    /// Pending reads of rows, by ticket: the message, its request, and the zone if only one is wanted.
     reading: BTreeMap<u64, (Message, Term, Option<u32>)>,
     progress: JobSubscriptions,
     next_number: u64,
-    /// When to look for entries of machines that have gone; `None`: it has been done.
+    /// The time to search for entries of machines that are gone; `None`: done.
     clean_at: Option<Time>,
-    /// The search for them.
+    /// The number of that search.
     search: Option<u64>,
 }
 
 type Actions = Vec<ActionOf<JobsAgent>>;
 
 impl JobsAgent {
-    /// - `farm`: as it stands now.
+    /// Returns the agent.
+    ///
+    /// - `farm`: the current state of the farm.
     pub(super) fn new(around: Surroundings, platform: String, farm: Arc<FarmView>) -> Self {
         let id = around.jobs.clone();
         let mut yellow = Page::absent();
@@ -126,7 +129,7 @@ impl JobsAgent {
     fn hear(&mut self, now: Time, message: &Message, send: &mut Vec<Message>, actions: &mut Actions) {
         let Some(wire) = talk::foreign(message) else { return };
         if message.performative == Performative::Cancel {
-            // What is cancelled, the conversation says.
+            // The conversation says which subscription is cancelled.
             if let Err(why) = self.progress.cancel(message, &self.id, send) {
                 send.push(talk::no(message, &self.id, None, why));
             }
@@ -152,7 +155,7 @@ impl JobsAgent {
         }
     }
 
-    /// Nobody is told what may be wrong by now. `true`: it is a failure.
+    /// Answers with a failure while the farm does not answer, because its state may be outdated. Returns `true` if so.
     fn fails_silent(&self, now: Time, message: &Message, asked: &Term, send: &mut Vec<Message>) -> bool {
         let silent = self.silent.map(|since| talk::silent(message, &self.id, asked, now.since(since)));
         let fails = silent.is_some();
@@ -276,7 +279,7 @@ impl JobsAgent {
         }
     }
 
-    /// Takes out machines that have gone while nobody looked: a platform that was killed leaves its pages behind.
+    /// Deregisters machines that are gone: a platform that was killed leaves their pages behind.
     fn clean(&mut self, agents: &[AmsAgentDescription], send: &mut Vec<Message>) {
         for name in agents.iter().filter_map(|agent| agent.name.as_ref()) {
             let local = name.name.strip_suffix(&format!("@{}", self.platform));
@@ -308,7 +311,7 @@ impl JobsAgent {
             let function = match ask {
                 PageAsk::Enter(offer) => Function::Register(offer),
                 PageAsk::Change(offer) => Function::Modify(offer),
-                // It is always wanted.
+                // The entry is always wanted.
                 PageAsk::TakeOut => return,
             };
             send.push(directory_request(number, &self.id, &self.around.df, function));

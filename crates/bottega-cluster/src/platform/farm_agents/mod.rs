@@ -1,8 +1,8 @@
-//! The farm as agents of the platform: its jobs are one agent, each machine that is there is one.
+//! The farm as agents of the platform: one for its jobs, and one for each machine.
 //!
-//! The agents are state machines; this is where they meet the farm. A thread looks at the notices, tells the agents what
-//! is new, and writes down what they want changed, one thing after the other: so an agent that is told that its change
-//! was made sees it in all that it is told from then on.
+//! The agents are state machines; this module connects them to the farm. A single thread reads the notices, reports changes
+//! to the agents, and applies the changes that they request, one after another: so an agent that is told that its change
+//! was made sees it in all later reports.
 
 mod jobs_agent;
 mod ontology;
@@ -40,35 +40,35 @@ use crate::{
     view::{FarmView, JobView, MachineView},
 };
 
-/// How often the farm is looked at.
+/// Interval between reads of the farm's state.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
-/// Names that no machine can have: they are those of the platform's own agents.
+/// Reserved names, of the platform's own agents, which no machine may have.
 const RESERVED: [&str; 5] = ["ams", "df", "start", "acc", jobs_agent::LOCAL_NAME];
-/// The longest name of a machine.
+/// The longest name of a machine, in bytes.
 const NAME_BYTES_MAX: usize = 200;
 
-/// Reads rows.
+/// A function that reads the rows of a job.
 type ReadRows = Box<dyn FnOnce() -> Result<Vec<ZoneEvent>, String> + Send>;
 
-/// What is needed of a farm.
+/// The interface of a farm to its agents.
 trait Farm: Send + 'static {
-    /// As it stands now; `None`: its server does not answer.
+    /// Returns the current state; `None`: its server does not answer.
     fn look(&mut self) -> Option<FarmView>;
-    /// Tells a machine what to do.
+    /// Gives a machine a command.
     fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String>;
     /// Changes a job.
     ///
-    /// - `by`: the agent that wants it.
+    /// - `by`: the name of the agent that requests it.
     fn change(&self, number: u32, change: JobChange, by: &str) -> Result<(), String>;
-    /// What reads the rows of a job's zones, and may take its time.
+    /// Returns a function that reads the rows of a job's zones, which may take long.
     fn rows(&self, number: u32) -> ReadRows;
-    /// Says that the agents live here.
+    /// Renews the claim to host the agents.
     fn attend(&mut self) {}
-    /// Says that they do so no longer.
+    /// Releases that claim.
     fn leave(&mut self) {}
 }
 
-/// A farm behind its notices.
+/// A farm accessed through its notices.
 struct BoardFarm {
     board: JobBoard,
     roster: Roster,
@@ -77,7 +77,7 @@ struct BoardFarm {
 
 impl Farm for BoardFarm {
     fn look(&mut self) -> Option<FarmView> {
-        // What was last heard may be wrong by now.
+        // Without a connection, the known state may be outdated.
         self.board.uplink.is_connected().then(|| FarmView::of(&self.board, &mut self.roster))
     }
 
@@ -118,12 +118,12 @@ impl Farm for BoardFarm {
     }
 }
 
-/// The name of the agent of the jobs.
+/// Returns the name of the jobs agent.
 pub(super) fn jobs_id(platform: &str) -> AgentId {
     AgentId::new(format!("{}@{platform}", jobs_agent::LOCAL_NAME))
 }
 
-/// What agents want of the farm.
+/// A request of an agent to the farm.
 enum SteeringWish {
     Give { machine: String, give: GiveOrder },
     Change(ChangeJob),
@@ -131,16 +131,16 @@ enum SteeringWish {
     End,
 }
 
-/// The agents of a farm on a platform; nothing reaches them any more when this is dropped.
+/// The agents of a farm on a platform; they receive no more reports when this is dropped.
 pub(super) struct FarmAgents {
     wishes: Sender<SteeringWish>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl FarmAgents {
-    /// Peoples the platform with the agents of the farm.
+    /// Starts the agents of the farm on the platform.
     ///
-    /// - `trusted`: who elsewhere may change things.
+    /// - `trusted`: agents of other platforms that may change things.
     pub(super) fn begin(
         node: &Arc<Node>,
         platform: &str,
@@ -168,7 +168,7 @@ impl FarmAgents {
                 JobsEffect::Change(change) => SteeringWish::Change(change),
                 JobsEffect::ReadRows { ticket, number } => SteeringWish::ReadRows { ticket, number },
             };
-            // At the end of the link nobody listens.
+            // At shutdown the receiver is gone.
             _ = wish.send(wanted);
         };
         let jobs = node.add_worldly(&around.jobs, agent, perform).map_err(|taken| {
@@ -197,10 +197,10 @@ impl FarmAgents {
 
 impl Drop for FarmAgents {
     fn drop(&mut self) {
-        // One that has ended needs not be told.
+        // The thread may have ended already.
         _ = self.wishes.send(SteeringWish::End);
         if let Some(thread) = self.thread.take() {
-            // A panic in there was reported by the thread itself.
+            // The thread has reported a panic itself.
             _ = thread.join();
         }
     }
@@ -209,7 +209,7 @@ impl Drop for FarmAgents {
 /// The agent of a machine.
 struct Known {
     reports: Reports<MachineReport>,
-    /// What it was told; `None`: that the machine has gone.
+    /// The last report to it; `None`: that the machine is gone.
     told: Option<(MachineView, Option<Box<JobView>>)>,
 }
 
@@ -221,9 +221,9 @@ struct Watch<F> {
     around: Surroundings,
     jobs: Reports<JobsReport>,
     seen: Arc<FarmView>,
-    /// Whether the agents were told that the farm does not answer.
+    /// True if the agents were told that the farm does not answer.
     is_silent: bool,
-    /// By name in small letters: so the platform tells agents apart. `None`: it cannot be an agent.
+    /// The agents by name in lower case, as the platform compares names. `None`: the name cannot be an agent's.
     machines: BTreeMap<String, Option<Known>>,
     wishes: Sender<SteeringWish>,
 }
@@ -242,7 +242,7 @@ impl<F: Farm> Watch<F> {
                 Err(RecvTimeoutError::Timeout) => {}
                 Ok(SteeringWish::Change(ChangeJob { ticket, number, change, by })) => {
                     let result = self.farm.change(number, change, &by);
-                    // Who hears that it is done shall see that it is done.
+                    // Report the new state first, so that the agent sees its change before it is confirmed.
                     self.look();
                     self.jobs.tell(JobsReport::Changed { ticket, result });
                 }
@@ -258,7 +258,7 @@ impl<F: Farm> Watch<F> {
         }
     }
 
-    /// Reads the rows of a job on a thread of its own: nobody else waits for them.
+    /// Reads the rows of a job on a thread of its own, so that nothing else waits.
     fn read_rows(&self, ticket: u64, number: u32) {
         let (read, jobs) = (self.farm.rows(number), self.jobs.clone());
         let begun = thread::Builder::new().name("rows".to_owned()).spawn(move || {
@@ -269,13 +269,13 @@ impl<F: Farm> Watch<F> {
         }
     }
 
-    /// Tells the agents what is new.
+    /// Reports changes to the agents.
     fn look(&mut self) {
         let Some(now) = self.farm.look() else {
             self.fall_silent();
             return;
         };
-        // Who was told that nobody answers is told all again.
+        // After a silence, report everything again.
         let again = std::mem::take(&mut self.is_silent);
         let mut gone: Vec<String> = self.machines.keys().cloned().collect();
         for machine in &now.machines {
@@ -323,7 +323,7 @@ impl<F: Farm> Watch<F> {
         }
     }
 
-    /// Makes a machine an agent.
+    /// Adds an agent for a machine.
     fn add(&self, machine: &MachineView, job: Option<Box<JobView>>) -> Option<Reports<MachineReport>> {
         let name = &machine.seat.name;
         if !can_be_name(name) {
@@ -334,7 +334,7 @@ impl<F: Farm> Watch<F> {
         let agent = RenderAgent::new(id.clone(), self.around.clone(), machine.clone(), job);
         let (wishes, machine) = (self.wishes.clone(), name.clone());
         let perform = move |give| {
-            // At the end of the link nobody listens.
+            // At shutdown the receiver is gone.
             _ = wishes.send(SteeringWish::Give { machine: machine.clone(), give });
         };
         self.node

@@ -1,8 +1,8 @@
-//! The ontology `bottega-farm`: what strangers can ask of a farm, between SL and types.
+//! The ontology `bottega-farm`: requests of other platforms' agents to a farm, between FIPA SL and types.
 //!
-//! Agents are asked by `fipa-request`, in SL0. Those that are asked for a change agree first, and then say that it is done.
-//! Parameters are named; the names of functions, objects and parameters are compared without case, and parameters that are
-//! not known are passed over. In all that follows, `AID` is the agent that is asked.
+//! Requests use `fipa-request`, in SL0. An agent that is asked for a change first agrees, and then confirms that it is
+//! done. Parameters are named; names of functions, objects and parameters are compared without case, and unknown parameters
+//! are ignored. Below, `AID` is the agent that receives the request.
 //!
 //! `jobs@PLATFORM`, of the service type `bottega-jobs`:
 //!
@@ -13,14 +13,14 @@
 //! | `(pause-job :job 3)`, `(resume-job :job 3)`, `(cancel-job :job 3)` | done |
 //! | `(set-priority :job 3 :priority 30)`, from 1 to 1000 | done |
 //!
-//! It is also the Blackboard of all jobs, of the service type `bottega-blackboard`; rows are written by those alone whose award
-//! they are, by delivering:
+//! It is also the Blackboard of all jobs, of the service type `bottega-blackboard`. Only the agent with the award of a zone
+//! writes its row, by delivering the result:
 //!
 //! | function | is answered by |
 //! |---|---|
 //! | `(read-rows :job 3)`, `(read-rows :job 3 :zone 4)` | the result, a sequence of rows |
 //!
-//! each machine, under its name in the farm, of the service type `bottega-render`:
+//! Each machine, under its name in the farm, of the service type `bottega-render`:
 //!
 //! | function | is answered by |
 //! |---|---|
@@ -28,7 +28,7 @@
 //! | `(suspend-machine)` | done, when it has handed back what it painted; the AMS resumes it |
 //! | `(terminate-machine)` | done, when it has left the farm |
 //!
-//! The objects, with their parameters; what is absent is left out:
+//! The objects, with their parameters; absent values are left out:
 //!
 //! ```text
 //! (job :number 3 :state active :done 0.42 :zones-done 10 :zones 24 :priority 10 :machines 2 :leader atelier-1f00aa
@@ -38,11 +38,12 @@
 //! (machine :name atelier-1f00aa :state active :threads 8 :job 3 :version "0.1.0" :paints (job :number 3 …))
 //! ```
 //!
-//! A job's `state` is `active`, `paused`, `done`, `failed` (then there is a `reason`) or `cancelled`; `done` is the share of
-//! its cost that is painted, 0 to 1; `kept` says that `bottega jobs fetch` has its picture. A machine's `state` is `active` or
-//! `suspended`, when it answers `describe-machine` alone and keeps other requests; a machine that is asked itself tells the job that it `paints`, and so how far that is.
+//! A job's `state` is `active`, `paused`, `done`, `failed` (with a `reason`) or `cancelled`; `done` is the share of its
+//! cost that is painted, 0 to 1; `kept` is true if `bottega jobs fetch` can get its picture. A machine's `state` is
+//! `active` or `suspended`; a suspended machine answers only `describe-machine` and keeps other requests. A machine that is
+//! asked directly includes the job that it `paints`, with its progress.
 //!
-//! For example, a request and its answers:
+//! A request and its answers, for example:
 //!
 //! ```text
 //! (request … :receiver (set (agent-identifier :name jobs@bottega …)) :language fipa-sl0 :ontology bottega-farm
@@ -51,8 +52,9 @@
 //! (inform … "((done (action (agent-identifier :name jobs@bottega) (pause-job :job 3))))")
 //! ```
 //!
-//! Who wants to be told how a job gets on subscribes (`fipa-subscribe`, in `fipa-sl`) with `jobs@PLATFORM`; is told at once, then
-//! at each change, twice a second at most; and when the job is over, of its end, and that the conversation is done:
+//! To follow the progress of a job, subscribe (`fipa-subscribe`, in `fipa-sl`) to `jobs@PLATFORM`. The subscriber is
+//! informed at once, then of each change, at most twice a second; when the job is over, of its end, and that the
+//! conversation is done:
 //!
 //! ```text
 //! (subscribe … "((iota ?x (result (action (agent-identifier :name jobs@bottega) (describe-job :job 3)) ?x)))")
@@ -62,14 +64,15 @@
 //! (inform    … "((done (iota …)))")
 //! ```
 //!
-//! A `cancel` with the same conversation-id ends it before; a subscriber that cannot be reached for a while is forgotten. A job that
-//! somebody removes from the farm before its end was told is a failure.
+//! A `cancel` with the same conversation-id ends the subscription early; a subscriber that cannot be reached for a while is
+//! dropped. If a job is removed from the farm before its end was reported, the answer is a failure.
 //!
-//! What is not understood: another ontology, another language than SL, another act, what is no SL or no action. What is
-//! refused, with the reason: `(unsupported-function F)`, `(missing-parameter F p)`, `(unrecognised-parameter-value F p)` (also
-//! of a job that there is not), `(unauthorised)` for a change that the asker may not make, `(job-is-over STATE)`, and
-//! `(takes-no-orders)` of the process that asked for a job and paints with the others until it is done. A farm that does not
-//! answer is a failure: `(internal-error "why")`; so is every question while its server is away, with for how long.
+//! Not understood: another ontology, a language other than SL, another act, content that is not SL or not an action.
+//! Refused, with the reason: `(unsupported-function F)`, `(missing-parameter F p)`, `(unrecognised-parameter-value F p)`
+//! (also for a job that does not exist), `(unauthorised)` for a change by an agent that is not trusted,
+//! `(job-is-over STATE)`, and `(takes-no-orders)` from a process that submitted a job and only works on that. If the farm
+//! does not answer, the result is a failure: `(internal-error "why")`; so is every request while its server is away, with
+//! the time since then.
 
 use bottega_agents::sl::Term;
 
@@ -81,7 +84,7 @@ use bottega::request::PRIORITY_MAX;
 /// The name of the ontology.
 pub(super) const ONTOLOGY: &str = "bottega-farm";
 
-/// What somebody wants changed of a job.
+/// A change of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum JobChange {
     Pause,
@@ -90,7 +93,7 @@ pub(super) enum JobChange {
     Priority(u32),
 }
 
-/// What `jobs@PLATFORM` can be asked.
+/// A request to `jobs@PLATFORM`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum JobsFunction {
     ListJobs,
@@ -100,7 +103,7 @@ pub(super) enum JobsFunction {
     Change(u32, JobChange),
 }
 
-/// What a machine can be asked.
+/// A request to a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum MachineFunction {
     Describe,
@@ -108,7 +111,7 @@ pub(super) enum MachineFunction {
     Terminate,
 }
 
-/// Reads what `jobs@PLATFORM` is asked.
+/// Reads a request to `jobs@PLATFORM`.
 pub(super) fn read_jobs_function(action: &Term) -> Result<JobsFunction, Unread> {
     let call = Call::of(action)?;
     let change = |change| Ok(JobsFunction::Change(call.number("job")?, change));
@@ -138,7 +141,7 @@ pub(super) fn read_jobs_function(action: &Term) -> Result<JobsFunction, Unread> 
     }
 }
 
-/// The refusal of a function of a job that there is not.
+/// Returns the refusal of a request about a job that does not exist.
 pub(super) fn no_such_job(action: &Term) -> Unread {
     match Call::of(action) {
         Ok(call) => call.bad("job"),
@@ -146,7 +149,7 @@ pub(super) fn no_such_job(action: &Term) -> Unread {
     }
 }
 
-/// Reads what a machine is asked.
+/// Reads a request to a machine.
 pub(super) fn read_machine_function(action: &Term) -> Result<MachineFunction, Unread> {
     let call = Call::of(action)?;
     if call.is("describe-machine") {
@@ -160,8 +163,8 @@ pub(super) fn read_machine_function(action: &Term) -> Result<MachineFunction, Un
     }
 }
 
-/// Reads `(iota ?x (result (action AID (describe-job :job N)) ?x))`, of which the variable may have any name. Returns the
-/// action within.
+/// Reads `(iota ?x (result (action AID (describe-job :job N)) ?x))`; the variable may have any name. Returns the job number
+/// and the inner action.
 pub(super) fn read_wish(iota: &Term) -> Result<(u32, &Term), Unread> {
     let Some([_, result]) = iota.arguments_of("iota") else { return Err(unrecognised_content()) };
     let Some([action, _]) = result.arguments_of("result") else { return Err(unrecognised_content()) };
@@ -171,9 +174,9 @@ pub(super) fn read_wish(iota: &Term) -> Result<(u32, &Term), Unread> {
     }
 }
 
-/// A job as an object.
+/// Returns a job as an object.
 pub(super) fn job_term(job: &JobView) -> Term {
-    // Other processes write how much is done.
+    // The value comes from another process: sanitize it.
     let done = if job.done.is_finite() { job.done.clamp(0.0, 1.0) } else { 0.0 };
     let fields = Fields::of("job")
         .number("number", &job.number)
@@ -193,7 +196,7 @@ pub(super) fn job_term(job: &JobView) -> Term {
     fields.term()
 }
 
-/// A zone's row as an object: the paper's seven fields first, times in seconds of the reference machine.
+/// Returns a zone's row as an object: the paper's seven fields first, times in seconds of the reference machine.
 pub(super) fn row_term(row: &ZoneEvent) -> Term {
     let number_if = |fields: Fields, key: &str, value: Option<f64>| match value {
         Some(value) => fields.number(key, &((value * 1e6).round() / 1e6)),
@@ -217,9 +220,9 @@ pub(super) fn row_term(row: &ZoneEvent) -> Term {
     number_if(fields, "error", row.error).text_if("reasons", row.reasons.as_deref()).term()
 }
 
-/// A machine as an object.
+/// Returns a machine as an object.
 ///
-/// - `job`: what it paints, if that is to be told too.
+/// - `job`: the job that it works on, if it is to be included.
 pub(super) fn machine_term(machine: &MachineView, job: Option<&JobView>) -> Term {
     let seat = &machine.seat;
     let fields = Fields::of("machine")
@@ -238,7 +241,7 @@ pub(super) fn machine_term(machine: &MachineView, job: Option<&JobView>) -> Term
     fields.term()
 }
 
-/// What is asked of an agent, as it would be asked.
+/// Returns the content of a request to an agent, in SL.
 #[cfg(test)]
 pub(super) fn asked(agent: &bottega_agents::AgentId, function: &str) -> String {
     use bottega_agents::sl;

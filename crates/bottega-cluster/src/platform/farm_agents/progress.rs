@@ -13,32 +13,33 @@ use crate::view::{FarmView, JobView};
 
 /// The most subscriptions at a time.
 const SUBSCRIPTIONS_MAX: usize = 1 << 10;
-/// The shortest time between two tellings.
+/// The shortest time between two reports to a subscriber.
 const GAP: Duration = Duration::from_millis(500);
-/// When one is told again who could not be reached.
+/// Time after which an unreachable subscriber is tried again.
 const TRY_AGAIN_AFTER: Duration = Duration::from_secs(5);
-/// Who cannot be reached for so long is forgotten.
+/// Time after which an unreachable subscriber is dropped.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Who has been reached for so long since is as good as any: it takes half of it to find that nobody is there.
+/// Time after the last loss from which a subscriber counts as reachable again: detecting a loss takes half of it.
 const FORGIVEN_AFTER: Duration = Duration::from_secs(40);
 
-/// Who subscribed, in which conversation.
+/// The subscriber's name and conversation.
 type Key = (String, u64);
 
 #[derive(Clone, Debug)]
 struct Subscription {
     message: Message,
-    /// The expression that says of what it wants to be told.
+    /// The subscribed expression.
     wish: Term,
     number: u32,
-    /// What it was told last, and when.
+    /// The last report, and its time.
     told: Option<(JobView, Time)>,
-    /// When it must be told.
+    /// The time of the next report, if one is due.
     due: Option<Time>,
-    /// It could not be reached: since when, and the last time.
+    /// The times of the first and the last lost message, if the subscriber could not be reached.
     lost: Option<(Time, Time)>,
 }
 
+/// The subscriptions to all jobs.
 #[derive(Debug, Default)]
 pub(super) struct JobSubscriptions {
     subscriptions: BTreeMap<Key, Subscription>,
@@ -49,7 +50,7 @@ fn key(message: &Message) -> Key {
 }
 
 impl JobSubscriptions {
-    /// Takes a subscriber in. Who subscribes again in the same conversation has its wish replaced.
+    /// Adds a subscriber. A new subscription in the same conversation replaces the old one.
     pub(super) fn subscribe(
         &mut self,
         message: &Message,
@@ -77,7 +78,7 @@ impl JobSubscriptions {
         Ok(())
     }
 
-    /// A message to somebody got lost.
+    /// Records that a message to a subscriber was lost.
     pub(super) fn lost(&mut self, now: Time, receiver: &AgentId, me: &AgentId, send: &mut Vec<Message>) {
         self.subscriptions.retain(|_, subscription| {
             if !talk::hears(&subscription.message, receiver) {
@@ -89,25 +90,26 @@ impl JobSubscriptions {
             subscription.due = Some(now + TRY_AGAIN_AFTER);
             let is_forgotten = now.since(since) >= PATIENCE;
             if is_forgotten {
-                // It will hardly hear this; the gateway ends the thread by it.
+                // It will hardly arrive; the gateway ends the conversation with it.
                 send.push(talk::failure(&subscription.message, me, &subscription.wish, "you could not be reached"));
             }
             !is_forgotten
         });
     }
 
-    /// Tells all that is new, and due.
+    /// Sends all reports that are due.
     pub(super) fn tell(&mut self, now: Time, farm: &FarmView, me: &AgentId, send: &mut Vec<Message>) {
         self.subscriptions.retain(|_, subscription| subscription.tell(now, farm, me, send));
     }
 
+    /// Returns the time of the next report.
     pub(super) fn next_deadline(&self) -> Option<Time> {
         self.subscriptions.values().filter_map(|subscription| subscription.due).min()
     }
 }
 
 impl Subscription {
-    /// Tells what is new, if it is due. `false`: there will be nothing more.
+    /// Sends a report if one is due. `false`: it was the last one.
     fn tell(&mut self, now: Time, farm: &FarmView, me: &AgentId, send: &mut Vec<Message>) -> bool {
         let Some(job) = farm.job(self.number) else {
             send.push(talk::failure(&self.message, me, &self.wish, "the farm has forgotten the job"));

@@ -1,7 +1,7 @@
 //! A machine of the farm as an agent of the platform.
 //!
-//! What the AMS wants of it becomes an order in the farm, and an order that somebody else gives in the farm becomes a state
-//! in the white pages. Between the two the farm decides: what it says after an order of this agent was taken is what holds.
+//! A life cycle request of the AMS becomes a command in the farm, and a command given elsewhere in the farm becomes a state
+//! in the white pages. If both conflict, the farm decides: its state after this agent's command was applied counts.
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -31,47 +31,47 @@ use crate::{
 
 /// The service type of machines.
 pub(super) const SERVICE_TYPE: &str = "bottega-render";
-/// Whose the agents of machines are: by this their entries are known when the platform starts again.
+/// The ownership of these agents, by which their entries are recognized when the platform restarts.
 pub(super) const OWNERSHIP: &str = "bottega-farm";
 /// The most messages that are kept while it is suspended; more are lost.
 const KEPT_MAX: usize = 1 << 10;
-/// The most changes that are under way.
+/// The most concurrent changes.
 const CHANGES_MAX: usize = 64;
-/// How long a machine may take to obey before who asked is told that it does not.
+/// The time within which a machine must obey, before a failure is reported.
 const OBEYS_WITHIN: Duration = Duration::from_secs(60);
 
-/// Whom the agents of a farm talk to.
+/// The agents that the farm's agents talk to.
 #[derive(Clone, Debug)]
 pub(super) struct Surroundings {
     pub(super) ams: AgentId,
     pub(super) df: AgentId,
-    /// The agent of the jobs, who may change all entries: only the platform resumes.
+    /// The jobs agent, which may change all entries: only the platform may resume.
     pub(super) jobs: AgentId,
-    /// Who elsewhere may change things.
+    /// Agents of other platforms that may change things.
     pub(super) trusted: Arc<[AgentId]>,
 }
 
-/// An order to be given to the machine; answered by [`MachineReport::Given`] with the same ticket.
+/// A command for the machine; answered by [`MachineReport::Given`] with the same ticket.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct GiveOrder {
     pub(super) ticket: u64,
     pub(super) order: MachineOrder,
 }
 
-/// What the farm tells.
+/// A report of the farm to the agent.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum MachineReport {
-    /// The machine is there, and so it stands, with the job that it paints.
+    /// The current state of the machine, and the job that it works on.
     Seen(MachineView, Option<Box<JobView>>),
-    /// Its seat is silent.
+    /// The machine is gone.
     Gone,
-    /// The server of the farm does not answer: nobody knows how the machine stands.
+    /// The farm's server does not answer, so the state of the machine is unknown.
     Silent,
-    /// An order was given, or why not. What was seen last takes it into account.
+    /// A command was given, or why it was not. The last state reported includes it.
     Given { ticket: u64, result: Result<(), String> },
 }
 
-/// A stranger who is told when the machine has obeyed.
+/// A request whose sender waits for the machine to obey.
 #[derive(Debug)]
 struct Change {
     message: Message,
@@ -80,33 +80,36 @@ struct Change {
     until: Time,
 }
 
+/// The state machine of a machine's agent.
 pub(super) struct RenderAgent {
     id: AgentId,
     around: Surroundings,
-    /// The machine, while it is there.
+    /// The state of the machine, while it is present.
     machine: Option<MachineView>,
-    /// What it paints.
+    /// The job that it works on.
     job: Option<Box<JobView>>,
-    /// Since when the farm does not answer.
+    /// Time since which the farm does not answer.
     silent: Option<Time>,
     white: Page<LifeCycleState>,
     yellow: Page<DfAgentDescription>,
-    /// As the AMS has said.
+    /// True if the AMS has suspended it.
     is_suspended: bool,
     kept: VecDeque<Message>,
-    /// The AMS has ended it.
+    /// True if the AMS has destroyed it.
     is_destroyed: bool,
     next_number: u64,
-    /// Orders that are being given.
+    /// Commands that are being given, by ticket.
     giving: BTreeMap<u64, Option<Change>>,
-    /// Orders that are given, and wait for the machine.
+    /// Commands that were given and that the machine has not obeyed yet.
     changes: Vec<Change>,
 }
 
 type Actions = Vec<ActionOf<RenderAgent>>;
 
 impl RenderAgent {
-    /// - `id`: with the addresses of the platform.
+    /// Returns the agent.
+    ///
+    /// - `id`: its name, with the addresses of the platform.
     pub(super) fn new(id: AgentId, around: Surroundings, machine: MachineView, job: Option<Box<JobView>>) -> Self {
         let mut this = Self {
             id,
@@ -114,7 +117,7 @@ impl RenderAgent {
             machine: None,
             job: None,
             silent: None,
-            // The AMS enters who lives here.
+            // The AMS registers local agents itself.
             white: Page::there(),
             yellow: Page::absent(),
             is_suspended: false,
@@ -133,21 +136,21 @@ impl RenderAgent {
         self.next_number - 1
     }
 
-    /// The machine stands so now, or has gone.
+    /// Records the state of the machine; `None`: it is gone.
     fn see(&mut self, machine: Option<MachineView>, job: Option<Box<JobView>>) {
         (self.machine, self.job, self.silent) = (machine, job, None);
         self.is_destroyed &= self.machine.is_some();
         self.want();
     }
 
-    /// What stands in the directories follows the farm, but for orders that it has not taken yet.
+    /// Updates the wanted directory entries from the state of the farm, unless commands are pending.
     fn want(&mut self) {
         let listed = self.machine.as_ref().filter(|_| !self.is_destroyed);
         self.yellow.want(listed.map(|machine| offer(&self.id, machine)));
         match listed.map(|machine| machine.ordered) {
             None => self.white.want(None),
             Some(_) if !self.giving.is_empty() => {}
-            // Until it has gone it is what it was.
+            // It keeps its state until it is gone.
             Some(PresenceState::Terminated) if self.white.wanted().is_some() => {}
             Some(PresenceState::Suspended) => self.white.want(Some(LifeCycleState::Suspended)),
             Some(_) => self.white.want(Some(LifeCycleState::Active)),
@@ -164,7 +167,7 @@ impl RenderAgent {
         actions.push(bottega_agents::Action::Effect(GiveOrder { ticket, order: MachineOrder { standing, by } }));
     }
 
-    /// Does what the AMS says.
+    /// Carries out a life cycle request of the AMS.
     fn obey(&mut self, message: &Message, wish: LifeCycleRequest, now: Time, actions: &mut Actions) {
         let done = PlainContent::Management(ManagementContent::LifeCycleDone(wish));
         actions.push(talk::send(message.reply(Performative::Inform, self.id.clone(), done)));
@@ -173,7 +176,7 @@ impl RenderAgent {
             LifeCycleRequest::Resume => PresenceState::Active,
             LifeCycleRequest::Quit | LifeCycleRequest::Destroy => PresenceState::Terminated,
         };
-        // Whoever changed the entry may have changed all of it.
+        // The entry may have been changed as a whole.
         self.white.changed(wish != LifeCycleRequest::Destroy);
         self.is_destroyed = wish == LifeCycleRequest::Destroy && self.takes_orders();
         match wish {
@@ -200,8 +203,8 @@ impl RenderAgent {
         }
     }
 
-    /// Takes what a stranger says. Suspended it goes on telling how it stands, for only its painting is suspended; all else
-    /// waits until it is resumed.
+    /// Handles a message from another platform. A suspended machine only describes itself; other requests wait until it is
+    /// resumed.
     fn hear(&mut self, message: &Message, now: Time, actions: &mut Actions) {
         let Some(wire) = talk::foreign(message) else { return };
         let read = match message.performative {
@@ -267,14 +270,14 @@ impl RenderAgent {
             (Some(change), Err(why)) => {
                 actions.push(talk::send(talk::failure(&change.message, &self.id, &change.asked, &why)));
             }
-            // It goes on as before, and the directories will say so.
+            // The machine stays as it was, and the directories will show so.
             (None, Err(_)) => self.is_destroyed = false,
             (None, Ok(())) => {}
         }
         self.want();
     }
 
-    /// Tells those whose wish has come true, or will not.
+    /// Answers the requests that were carried out, or that have failed.
     fn settle(&mut self, now: Time, actions: &mut Actions) {
         let standing = self.machine.as_ref().map(|machine| machine.seat.standing);
         for change in std::mem::take(&mut self.changes) {
@@ -293,7 +296,7 @@ impl RenderAgent {
         }
     }
 
-    /// Has the directories say what they should.
+    /// Updates the directories.
     fn keep_pages(&mut self, now: Time, actions: &mut Actions) {
         let number = self.next_number;
         if let Some(ask) = self.white.next(now, number) {
@@ -305,7 +308,7 @@ impl RenderAgent {
             let resumes = self.is_suspended && ask == PageAsk::Change(LifeCycleState::Active);
             let from = if resumes { &self.around.jobs } else { &self.id };
             let function = match ask {
-                // Nobody begins his life suspended.
+                // An agent is always registered as active.
                 PageAsk::Enter(_) => Function::RegisterAgent(entry(LifeCycleState::Active)),
                 PageAsk::Change(state) => Function::ModifyAgent(entry(state)),
                 PageAsk::TakeOut => Function::DeregisterAgent(entry(LifeCycleState::Active)),
@@ -341,7 +344,7 @@ impl RenderAgent {
             return;
         }
         if let Some(PageAsk::Enter(_)) = self.white.hear(now, message) {
-            // It was entered as active, whatever it shall be.
+            // It was registered as active, whatever state is wanted.
             self.is_suspended = false;
             self.white.changed(true);
         }
@@ -376,7 +379,7 @@ impl StateMachine for RenderAgent {
     }
 }
 
-/// What a machine offers.
+/// Returns the services of a machine.
 fn offer(id: &AgentId, machine: &MachineView) -> DfAgentDescription {
     let seat = &machine.seat;
     let property = |name: &str, value| Property { name: name.to_owned(), value };
@@ -390,7 +393,7 @@ fn offer(id: &AgentId, machine: &MachineView) -> DfAgentDescription {
     described(id, &seat.name, SERVICE_TYPE, &["fipa-request"], properties)
 }
 
-/// The entry of an agent of the farm in the yellow pages.
+/// Returns the yellow page entry of an agent of the farm.
 pub(super) fn described(
     id: &AgentId,
     name: &str,

@@ -1,4 +1,4 @@
-//! The agents of a farm, told what happens to them.
+//! Tests of the farm's agents as state machines.
 
 mod answers;
 
@@ -38,7 +38,7 @@ fn millis(millis: u64) -> Time {
     Time::since_start(Duration::from_millis(millis))
 }
 
-/// What a stranger says in its first conversation.
+/// Returns a message from an agent of another platform, in its first conversation.
 fn says(from: &str, to: &str, act: P, content: &str) -> Message {
     let wire =
         WireMessage { content: Some(content.to_owned()), ontology: Some(ONTOLOGY.to_owned()), ..WireMessage::new(act) };
@@ -50,12 +50,12 @@ fn of_management(from: &str, to: &str, act: P, content: ManagementContent) -> Me
     AclMessage::new(act, id(from), id(to), PlainContent::Management(content))
 }
 
-/// What came of an event; directories do at once what they are asked.
+/// The actions that an event has caused; the directories carry out requests at once.
 #[derive(Debug)]
 struct ReceivedEnvelope<E> {
-    /// What strangers are told: to whom, the act, the content.
+    /// Messages to agents of other platforms: receiver, act, content.
     told: Vec<(String, P, String)>,
-    /// What directories are asked: by whom, and for what.
+    /// Requests to the directories: sender and function.
     asked: Vec<(String, Function)>,
     effects: Vec<E>,
 }
@@ -99,7 +99,7 @@ where
     came
 }
 
-/// What a machine has done in the name of the jobs is answered to that name.
+/// Changes that a machine requests in the name of the jobs agent are answered to that agent, not to the machine.
 fn is_answered(message: &Message, function: &Function) -> bool {
     message.sender != id("jobs@b") || matches!(function, Function::Register(_) | Function::Modify(_))
 }
@@ -136,7 +136,7 @@ fn what_the_ams_wants_of_a_machine_becomes_an_order_and_what_strangers_want_wait
     let came = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
     let [GiveOrder { ticket, order }] = &came.effects[..] else { panic!("{came:?}") };
     assert_eq!((order.standing, &*order.by), (PresenceState::Suspended, "ams@b of the platform"));
-    // What was seen before the order was taken changes nothing in the white pages.
+    // A state seen before the command was applied changes nothing in the white pages.
     let came = after(&mut agent, millis(2000), seen(machine(PresenceState::Active, PresenceState::Active)));
     assert!(came.asked.iter().all(|(_, function)| !resumes(function)), "{came:?}");
     after(&mut agent, millis(2001), seen(machine(PresenceState::Active, PresenceState::Suspended)));
@@ -151,11 +151,11 @@ fn what_the_ams_wants_of_a_machine_becomes_an_order_and_what_strangers_want_wait
         crate::build::build().identity()
     );
     assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)], "only painting is suspended");
-    // Somebody resumes it in the farm: only the platform may say so.
+    // It is resumed elsewhere in the farm: only the platform may change its entry.
     let came = after(&mut agent, millis(4000), seen(machine(PresenceState::Suspended, PresenceState::Active)));
     assert!(matches!(&came.asked[0], (by, function) if by == "jobs@b" && resumes(function)), "{came:?}");
     let came = after(&mut agent, millis(4001), life_cycle(LifeCycleRequest::Resume));
-    // What waited is done now.
+    // Requests that waited are carried out now.
     let told: Vec<_> = came.told.iter().map(|(to, act, _)| (to.as_str(), *act)).collect();
     assert_eq!(told, [("boss@jade", P::Agree)], "{came:?}");
     assert!(matches!(&came.effects[..], [GiveOrder { order, .. }] if *order.by == *"boss@jade"), "{came:?}");
@@ -173,7 +173,7 @@ fn an_order_that_the_farm_does_not_take_is_undone_in_the_white_pages() {
     let result = Err("nobody answers".to_owned());
     let came = after(&mut agent, millis(3000), Event::Completed(MachineReport::Given { ticket, result }));
     assert!(matches!(&came.asked[..], [(by, function)] if by == "jobs@b" && resumes(function)), "{came:?}");
-    // Ended by the AMS, and it cannot be told: it is entered again.
+    // The AMS destroys it, but the command fails: it registers again.
     let came = after(&mut agent, millis(3001), life_cycle(LifeCycleRequest::Destroy));
     let ticket = came.effects[0].ticket;
     assert!(came.asked.iter().any(|(_, function)| matches!(function, Function::Deregister(_))), "{came:?}");
@@ -197,7 +197,7 @@ fn a_stranger_has_a_machine_suspended_if_it_may_and_is_told_when_it_is_so() {
     let came = after(&mut agent, millis(4), seen(machine(PresenceState::Suspended, PresenceState::Suspended)));
     assert_eq!(came.told, [("Boss@jade".to_owned(), P::Inform, format!("((done {action}))"))]);
 
-    // One that does not obey, and one that is gone in the middle.
+    // A machine that does not obey, and one that disappears meanwhile.
     for (event, at) in [(Event::Deadline, 61_001), (Event::Completed(MachineReport::Gone), 5)] {
         let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
         let came = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
@@ -215,7 +215,7 @@ fn what_a_machine_does_not_do_is_refused() {
     let mut agent = render_agent(fixed);
     let came = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
     assert!(matches!(&came.told[..], [(_, P::Refuse, why)] if why.ends_with("(takes-no-orders))")), "{came:?}");
-    // The AMS cannot have it suspended either, and is told so.
+    // The AMS cannot suspend it either; its entry is set back.
     let came = after(&mut agent, millis(3000), life_cycle(LifeCycleRequest::Suspend));
     assert!(came.effects.is_empty() && matches!(&came.asked[0], (by, function) if by == "jobs@b" && resumes(function)));
     after(&mut agent, millis(3001), life_cycle(LifeCycleRequest::Resume));
@@ -397,7 +397,7 @@ fn a_subscriber_is_told_twice_a_second_at_most_and_always_of_the_end() {
     assert_eq!(came.told[0].2, format!("({} true)", &WISH[1..WISH.len() - 1]));
     let mut told = vec![100];
     let mut last = String::new();
-    // News every 70 ms for 7 s, the last of which is the end.
+    // A change every 70 ms for 7 s; the last one is the end.
     for step in 1..=100_u32 {
         let state = if step == 100 { "done" } else { "active" };
         let (from, to) = (u64::from(step) * 70 + 100, u64::from(step) * 70 + 170);
@@ -438,7 +438,7 @@ fn the_last_that_a_subscriber_hears_of_a_job_is_how_it_stands() {
     assert_eq!(agent.next_deadline(), Some(millis(500)));
     let told = after(&mut agent, millis(500), Event::Deadline).told;
     assert!(told.len() == 2 && told[0].2.contains(":state done :done 1 ") && told[1].2 == "over", "{told:?}");
-    // One that is over already is told at once, and that is all.
+    // For a job that is over already, there is a single report, at once.
     let told = subscribe(&mut agent, millis(600)).told;
     assert_eq!(told.iter().map(|(_, act, _)| *act).collect::<Vec<_>>(), [P::Agree, P::Inform, P::Inform]);
 }
@@ -462,7 +462,7 @@ fn a_subscription_is_refused_cancelled_or_forgotten() {
     assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, "over".to_owned())]);
     assert!(after(&mut agent, millis(2000), news(vec![job(2, "active", 0.5)])).told.is_empty());
 
-    // It cannot be reached: it is tried again, for a while.
+    // An unreachable subscriber is tried again, for a while.
     subscribe(&mut agent, millis(10_000));
     let lost = || {
         let content = ManagementContent::Undelivered { receiver: id("Probe@jade"), reason: "no connection".to_owned() };
@@ -483,7 +483,7 @@ fn a_subscription_is_refused_cancelled_or_forgotten() {
     assert!(tries >= 2 && matches!(&told[..], [(_, P::Failure, _)]), "{tries}: {told:?}");
     let came = after(&mut agent, now + Duration::from_secs(60), news(vec![job(2, "active", 0.9)]));
     assert!(came.told.is_empty(), "it is forgotten: {came:?}");
-    // A job that the farm has forgotten is a failure.
+    // A job that was removed from the farm is a failure.
     subscribe(&mut agent, now + Duration::from_secs(61));
     let came = after(&mut agent, now + Duration::from_secs(62), news(Vec::new()));
     assert!(matches!(&came.told[..], [(_, P::Failure, _)]), "{came:?}");

@@ -1,5 +1,5 @@
-//! The HTTP desk where strangers fetch the files of a scene and deliver what they painted, by URLs that only those know who were
-//! told.
+//! The HTTP server from which agents of other platforms fetch the files of a scene, and to which they deliver their
+//! results, at secret URLs.
 
 use std::{
     collections::BTreeMap,
@@ -24,27 +24,27 @@ use bottega_image::{AovSet, Layout, ReadLimits, Tile, luminance, read_image_byte
 use tokio::{sync::Semaphore, time::timeout};
 use tokio_util::io::ReaderStream;
 
-/// A picture has so many bytes beside those of its pixels, and so many bytes a pixel, at most.
+/// The largest result: this many bytes, and this many per pixel.
 const HEAD_BYTES_MAX: u64 = 1 << 20;
 const PIXEL_BYTES_MAX: u64 = 64;
-/// Pictures that are taken in at the same time.
+/// The most results received at the same time.
 const DELIVERIES_MAX: usize = 8;
-/// A picture must come within this time.
+/// The time within which a result must arrive.
 const DELIVERS_WITHIN: Duration = Duration::from_secs(120);
-/// What is larger is no radiance.
+/// The largest radiance value that is accepted.
 const LARGEST: f32 = 1e30;
 
-/// What is expected under a key.
+/// A result that is expected under a key.
 #[derive(Clone)]
 pub(super) struct ExpectedDelivery {
     pub(super) order: Box<PaintOrder>,
-    /// Where its samples go.
+    /// The link that stores its samples.
     pub(super) link: Link,
-    /// Tells whoever ordered it.
+    /// Reports the stored result.
     pub(super) told: Arc<dyn Fn(ResultRef) + Send + Sync>,
 }
 
-/// What the desk has and waits for.
+/// The files offered, and the results expected.
 #[derive(Default)]
 struct Shelves {
     /// The files of scenes, by the secret name of the scene.
@@ -52,11 +52,11 @@ struct Shelves {
     expected: Mutex<BTreeMap<String, ExpectedDelivery>>,
 }
 
-/// The desk. It serves until the process ends.
+/// The HTTP server. It runs until the process ends.
 #[derive(Clone)]
 pub(super) struct Desk {
     shelves: Arc<Shelves>,
-    /// How its URLs begin.
+    /// The start of its URLs.
     address: String,
 }
 
@@ -67,10 +67,10 @@ struct DeskState {
 }
 
 impl Desk {
-    /// Opens the desk.
+    /// Starts the server.
     ///
-    /// - `listen`: the address of the machine; the port is any that is free.
-    /// - `host`: by what name others connect to it.
+    /// - `listen`: an address of the machine; a free port is chosen.
+    /// - `host`: the host name that clients connect to.
     pub(super) fn open(listen: SocketAddr, host: &str) -> io::Result<Self> {
         let listener = TcpListener::bind(SocketAddr::new(listen.ip(), 0))?;
         listener.set_nonblocking(true)?;
@@ -85,7 +85,7 @@ impl Desk {
         thread::Builder::new().name("desk".to_owned()).spawn(move || {
             runtime.block_on(async move {
                 if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
-                    // It ends with the process; a failed connection is its client's affair.
+                    // It ends with the process; a failed connection concerns only its client.
                     _ = axum::serve(listener, routes).await;
                 }
             });
@@ -93,29 +93,29 @@ impl Desk {
         Ok(Self { shelves, address })
     }
 
-    /// How the URLs of deliveries begin.
+    /// Returns the start of the URLs for results.
     pub(super) fn results(&self) -> String {
         format!("{}/results", self.address)
     }
 
-    /// Puts the files of a scene out. Returns their URLs.
+    /// Offers the files of a scene. Returns their URLs.
     pub(super) fn put_out(&self, name: &str, files: Vec<PathBuf>) -> Vec<String> {
         let urls = (0..files.len()).map(|number| format!("{}/models/{name}/{number}", self.address)).collect();
         lock(&self.shelves.models).insert(name.to_owned(), files);
         urls
     }
 
-    /// Takes the files of a scene away.
+    /// Withdraws the files of a scene.
     pub(super) fn take_away(&self, name: &str) {
         lock(&self.shelves.models).remove(name);
     }
 
-    /// Waits for something under a key.
+    /// Expects a result under a key.
     pub(super) fn expect(&self, key: String, expected: ExpectedDelivery) {
         lock(&self.shelves.expected).insert(key, expected);
     }
 
-    /// Waits no more.
+    /// Stops expecting a result.
     pub(super) fn forget(&self, key: &str) {
         lock(&self.shelves.expected).remove(key);
     }
@@ -125,7 +125,7 @@ fn lock<T>(shelf: &Mutex<T>) -> MutexGuard<'_, T> {
     shelf.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A file of a scene.
+/// Serves a file of a scene.
 async fn model(State(shared): State<DeskState>, Path((name, number)): Path<(String, usize)>) -> Response {
     let path = lock(&shared.shelves.models).get(&name).and_then(|files| files.get(number).cloned());
     let Some(path) = path else { return StatusCode::NOT_FOUND.into_response() };
@@ -141,7 +141,7 @@ async fn model(State(shared): State<DeskState>, Path((name, number)): Path<(Stri
     }
 }
 
-/// Takes a picture of a zone in.
+/// Receives the picture of a zone.
 async fn deliver(State(shared): State<DeskState>, Path(key): Path<String>, body: Body) -> Response {
     let expected = lock(&shared.shelves.expected).get(&key).cloned();
     let Some(expected) = expected else { return (StatusCode::NOT_FOUND, "nobody waits for this").into_response() };
@@ -165,11 +165,11 @@ async fn deliver(State(shared): State<DeskState>, Path(key): Path<String>, body:
     }
 }
 
-/// Why a picture is not taken.
+/// The reason why a picture is not accepted.
 #[derive(Debug)]
 struct Refusal(StatusCode, String);
 
-/// Reads a picture and keeps its samples where the Master finds them.
+/// Reads a picture and stores its samples for the Master.
 fn take(bytes: &[u8], expected: &ExpectedDelivery) -> Result<(), Refusal> {
     let unfit = |why: String| Refusal(StatusCode::UNPROCESSABLE_ENTITY, why);
     let order = &expected.order;
@@ -182,7 +182,7 @@ fn take(bytes: &[u8], expected: &ExpectedDelivery) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// The sums of a zone of which a picture is the mean of the samples that were ordered.
+/// Returns the sample sums of a zone from a picture, which is the mean of the ordered samples.
 fn tile_of(bytes: &[u8], order: &PaintOrder) -> Result<Tile, String> {
     let (rect, layout) = (order.rect, Layout::new(AovSet::NONE));
     let limits = ReadLimits { max_pixels: rect.area() };
@@ -204,7 +204,7 @@ fn tile_of(bytes: &[u8], order: &PaintOrder) -> Result<Tile, String> {
         for (sum, value) in sums[Layout::COLOR..].iter_mut().zip(color) {
             *sum += value * count;
         }
-        // The squares of single samples are not known: that of their mean stands for them.
+        // The squares of single samples are unknown: use the square of their mean.
         let luminance = luminance(*color);
         sums[Layout::LUMINANCE_SQUARED] += luminance * luminance * count;
         sums[Layout::SAMPLE_COUNT] += count;

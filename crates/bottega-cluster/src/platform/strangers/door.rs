@@ -1,7 +1,7 @@
-//! The Master of a job as agents of other platforms meet it: in words, by FIPA's protocols.
+//! The Master of a job towards agents of other platforms, by FIPA's protocols.
 //!
-//! It is a state machine like all agents. Behind it each stranger is a [`Visitor`](bottega_farm::Visitor), who takes part in
-//! the job as our own agents do.
+//! It is a state machine like all agents. Behind it, each such agent is represented by a
+//! [`Visitor`](bottega_farm::Visitor), which takes part in the job like our own agents.
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -26,60 +26,61 @@ use super::{
     },
 };
 
-/// Strangers of a job at most.
+/// The most agents of other platforms in a job.
 const GUESTS_MAX: usize = 256;
-/// Calls that a stranger has not answered at most.
+/// The most unanswered calls for proposals per agent.
 const CALLS_MAX: usize = 16;
 
-/// What a door wants done.
+/// An action that a door requests.
 #[derive(Clone, Debug)]
 pub(super) enum DoorEffect {
-    /// A stranger takes part from now on, or again.
+    /// Lets an agent take part, for the first time or again.
     Admit { agent: String, applicant: Applicant },
-    /// A stranger says this.
+    /// Passes on a report of an agent.
     Tell { agent: String, report: VisitorReport },
-    /// What is delivered under this key is what was ordered.
+    /// Expects the result of an order under a key.
     Expect { key: String, order: Box<PaintOrder> },
-    /// Nobody waits for what is delivered under this key any more.
+    /// Stops expecting a result under a key.
     Forget { key: String },
 }
 
-/// What a door is told.
+/// A report to a door.
 #[derive(Clone, Debug)]
 pub(super) enum DoorReport {
-    /// This is put to a stranger.
+    /// A message for an agent.
     Visitor { agent: String, effect: VisitorEffect },
-    /// Something was delivered under a key.
+    /// A result was delivered under a key.
     Delivered { key: String, result: ResultRef },
-    /// The job is over; why, if it is not painted.
+    /// The job is over; with the reason if it is not finished.
     Over { why: Option<&'static str> },
 }
 
-/// A call for proposals that a stranger was sent.
+/// A call for proposals that was sent to an agent.
 #[derive(Clone, Debug)]
 struct OpenCall {
+    /// The identifier of the FIPA conversation.
     conversation: u64,
-    /// By what the farm knows it.
+    /// The number of the call within the farm.
     number: u64,
-    /// Empty when it has been answered.
+    /// The zones offered; empty once it has been answered.
     offers: Vec<Offer>,
     until: Time,
 }
 
-/// An order in a stranger's hand.
+/// An order that an agent has.
 #[derive(Clone, Debug)]
 struct OpenOrder {
     key: String,
     conversation: u64,
-    /// Since when it can paint it: when it has delivered what it had before.
+    /// The time from which it can paint: when it has delivered its previous order.
     since: Time,
     delivered: Option<(ResultRef, Duration)>,
 }
 
-/// A stranger that takes part.
+/// An agent of another platform that takes part.
 #[derive(Clone, Debug)]
 struct Guest {
-    /// With its addresses.
+    /// The name and addresses of the agent.
     agent: AgentId,
     subscription: Message,
     wish: Term,
@@ -89,14 +90,14 @@ struct Guest {
     orders: BTreeMap<(ZoneId, Revision), OpenOrder>,
 }
 
-/// What a door is made with.
+/// The configuration of a door.
 pub(super) struct DoorConfig {
     pub(super) id: AgentId,
     pub(super) df: AgentId,
     pub(super) model: Model,
-    /// How the URLs begin under which pixels are delivered.
+    /// The start of the URLs to which pixels are delivered.
     pub(super) deliver: String,
-    /// Makes keys that nobody can guess.
+    /// The secret from which delivery keys are derived.
     pub(super) secret: u64,
 }
 
@@ -112,6 +113,7 @@ pub(super) struct MasterDoor {
 type DoorActions = Vec<ActionOf<MasterDoor>>;
 
 impl MasterDoor {
+    /// Returns the door of a job that starts.
     pub(super) fn new(config: DoorConfig) -> Self {
         let mut yellow = Page::absent();
         yellow.want(Some(offer(&config.id, config.model.number)));
@@ -123,12 +125,12 @@ impl MasterDoor {
         self.next_number - 1
     }
 
-    /// Takes what somebody says.
+    /// Handles a message.
     fn hear(&mut self, now: Time, message: &Message, actions: &mut DoorActions) {
         let Some(wire) = foreign(message) else { return };
         let read = match talk_terms(wire) {
             Ok(terms) => self.answer(now, message, &terms, actions),
-            // What is refused, and what is cancelled, the conversation says.
+            // The conversation says what is refused or cancelled.
             Err(_) if matches!(message.performative, Performative::Refuse | Performative::Cancel) => {
                 self.answer(now, message, &[], actions)
             }
@@ -186,7 +188,7 @@ impl MasterDoor {
         for order in before.into_iter().flat_map(|guest| guest.orders.into_values()) {
             actions.push(Action::Effect(DoorEffect::Forget { key: order.key }));
         }
-        // One that begins anew has forgotten what it had.
+        // An agent that subscribes again has lost its orders.
         actions.push(Action::Effect(DoorEffect::Tell { agent: agent.clone(), report: VisitorReport::Leaves }));
         actions.push(Action::Effect(DoorEffect::Admit { agent, applicant }));
         Ok(())
@@ -238,7 +240,7 @@ impl MasterDoor {
             actions.push(Action::Effect(DoorEffect::Tell { agent: index(&guest.agent), report }));
             return Ok(());
         }
-        // It may not want an order.
+        // It may refuse an order.
         self.give_up(message, "the order was refused", actions)
     }
 
@@ -259,7 +261,7 @@ impl MasterDoor {
                 if let Some(open) = guest.orders.remove(&order) {
                     actions.push(Action::Effect(DoorEffect::Forget { key: open.key }));
                 }
-                // What it has in hand it can begin now.
+                // Its next order can start now.
                 guest.orders.values_mut().for_each(|open| open.since = open.since.max(now));
                 let report = VisitorReport::Painted { zone: order.0, fence: order.1, outcome: Ok(outcome) };
                 actions.push(Action::Effect(DoorEffect::Tell { agent, report }));
@@ -294,7 +296,7 @@ impl MasterDoor {
         Ok(())
     }
 
-    /// The order of a conversation will not be painted.
+    /// Fails the order of a conversation.
     fn give_up(&mut self, message: &Message, why: &str, actions: &mut DoorActions) -> Result<(), Unread> {
         let guest = self.guest(message)?;
         let of_conversation = |open: &OpenOrder| open.conversation == message.conversation_id;
@@ -312,9 +314,9 @@ impl MasterDoor {
         Ok(())
     }
 
-    /// A stranger takes no part any more, and is told so.
+    /// Ends the participation of an agent, and tells it.
     ///
-    /// - `why`: why the Master wants nothing of it; `None`: all is as it should be.
+    /// - `why`: why the Master excludes it; `None`: the job is over or it has left.
     fn end(&mut self, agent: &str, why: Option<Term>, actions: &mut DoorActions) {
         let Some(guest) = self.guests.remove(agent) else { return };
         let (told, me) = (&guest.subscription, &self.config.id);
@@ -329,7 +331,7 @@ impl MasterDoor {
         actions.push(Action::Effect(DoorEffect::Tell { agent: agent.to_owned(), report }));
     }
 
-    /// Puts something to a stranger.
+    /// Sends a message to an agent.
     fn put(&mut self, now: Time, agent: &str, effect: VisitorEffect, actions: &mut DoorActions) {
         match effect {
             VisitorEffect::Welcome(work) => self.welcome(agent, &work, actions),
@@ -395,7 +397,7 @@ impl MasterDoor {
         let called = call.and_then(|number| guest.calls.iter().find(|call| call.number == number));
         let (act, protocol, conversation) = match called {
             Some(call) => (Performative::AcceptProposal, "fipa-contract-net", call.conversation),
-            // The first samples of a zone; or an order that is given again.
+            // The first samples of a zone, or an order that is repeated.
             None => (Performative::Request, "fipa-request", fresh),
         };
         let term = order_term(&guest.agent, &order, seed, &deliver);
@@ -422,7 +424,7 @@ impl MasterDoor {
         }
     }
 
-    /// Somebody cannot be reached.
+    /// Ends the participation of an agent that cannot be reached.
     fn lost(&mut self, receiver: &AgentId, actions: &mut DoorActions) {
         let agent = index(receiver);
         if self.guests.contains_key(&agent) {

@@ -1,4 +1,4 @@
-//! Messages of the door to strangers; its entry in the yellow pages; the keys of deliveries.
+//! Messages of the door to agents of other platforms; its entry in the yellow pages; the keys of deliveries.
 
 use std::sync::Arc;
 
@@ -20,12 +20,12 @@ use super::{
     ontology::{ONTOLOGY, SERVICE_TYPE},
 };
 
-/// By what an agent is known: names are compared without case.
+/// Returns the key of an agent in maps: names are compared without case.
 pub(super) fn index(agent: &AgentId) -> String {
     agent.name.to_lowercase()
 }
 
-/// By what pixels are delivered.
+/// Returns the secret key of a delivery.
 pub(super) fn key_of(secret: u64, agent: &str, zone: ZoneId, fence: Revision) -> String {
     let mut hasher = blake3::Hasher::new();
     for number in [secret, u64::from(zone.0), fence.0] {
@@ -35,7 +35,7 @@ pub(super) fn key_of(secret: u64, agent: &str, zone: ZoneId, fence: Revision) ->
     hasher.finalize().to_hex().as_str()[..32].to_owned()
 }
 
-/// What is said, in words of ours: answers count here, too.
+/// Returns the content from an agent of another platform; unlike [`talk::foreign`], also of answers.
 pub(super) fn foreign(message: &Message) -> Option<&WireMessage> {
     match &message.content {
         PlainContent::Foreign(wire) => Some(wire),
@@ -43,13 +43,13 @@ pub(super) fn foreign(message: &Message) -> Option<&WireMessage> {
     }
 }
 
-/// The expressions that a content of this ontology says.
+/// Returns the expressions in a content of this ontology.
 pub(super) fn talk_terms(wire: &WireMessage) -> Result<Vec<Term>, Unread> {
     talk::is_of(wire, ONTOLOGY)?;
     talk::expressions(wire)
 }
 
-/// A message that answers none.
+/// Returns a message that starts a conversation or continues one, but is not a reply.
 pub(super) fn say(
     me: &AgentId,
     to: &AgentId,
@@ -72,7 +72,7 @@ pub(super) fn say(
     }
 }
 
-/// The entry of a Master in the yellow pages.
+/// Returns the entry of a Master in the yellow pages.
 pub(super) fn offer(id: &AgentId, job: u32) -> DfAgentDescription {
     let texts = |texts: &[&str]| texts.iter().map(|&text| text.to_owned()).collect::<Vec<String>>();
     let protocols = texts(&["fipa-subscribe", "fipa-request", "fipa-contract-net"]);

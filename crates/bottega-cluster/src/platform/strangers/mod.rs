@@ -1,8 +1,8 @@
-//! Agents of other platforms paint zones of a picture: by an open ontology, with any engine.
+//! Agents of other platforms that paint zones of a picture, with any engine, by an open ontology.
 //!
-//! A thread looks at the jobs. Of each that admits strangers it puts the Master into the directories (a [door](door)), and the
-//! files of the scene where strangers can fetch them. What a stranger says goes through the door to a
-//! [`Visitor`] in the farm, which takes part as our own agents do.
+//! A thread watches the jobs. For each job that admits such agents, it registers the Master in the directories (a
+//! [door](door)), and offers the files of the scene for download. Messages of an agent go through the door to a [`Visitor`]
+//! in the farm, which takes part like our own agents.
 
 mod desk;
 mod door;
@@ -47,30 +47,30 @@ use crate::{
     transport::job_link,
 };
 
-/// How often the jobs are looked at.
+/// Interval between checks of the jobs.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
 
-/// What admits strangers to the jobs of a farm, until it is dropped.
+/// Admits agents of other platforms to the jobs of a farm, until it is dropped.
 pub(super) struct Strangers {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// Whose jobs strangers are admitted to, and where.
+/// The farm and the platform whose jobs admit agents.
 pub(super) struct StrangersConfig {
     pub(super) node: Arc<Node>,
     pub(super) board: JobBoard,
     /// The name of the platform.
     pub(super) platform: String,
-    /// Where scenes are kept on this machine.
+    /// The scene cache of this machine.
     pub(super) cache: Cache,
 }
 
 impl Strangers {
-    /// Begins.
+    /// Starts watching the jobs.
     ///
     /// # Errors
-    /// There is no free port, or no thread.
+    /// There is no free port, or a thread cannot be started.
     pub(super) fn begin(around: StrangersConfig) -> Result<Self, Error> {
         let address = around.node.address();
         let host = address.trim_start_matches("http://").split('/').next().unwrap_or_default();
@@ -92,7 +92,7 @@ impl Drop for Strangers {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // A panic in there was reported by the thread itself.
+            // The thread has reported a panic itself.
             _ = thread.join();
         }
     }
@@ -101,14 +101,14 @@ impl Drop for Strangers {
 /// The door of a job.
 struct OpenDoor {
     reports: Reports<DoorReport>,
-    /// By what its scene is put out.
+    /// The name under which its scene is offered.
     model: String,
 }
 
 struct JobWatch {
     around: StrangersConfig,
     desk: Desk,
-    /// By work; `None`: it admits no strangers, or its scene cannot be had.
+    /// The doors by work; `None`: the job admits no agents of other platforms, or its scene cannot be fetched.
     doors: BTreeMap<u64, Option<OpenDoor>>,
 }
 
@@ -126,7 +126,7 @@ impl JobWatch {
     fn look(&mut self) {
         let jobs = self.around.board.all();
         let state = |work: u64| jobs.iter().find(|(_, job)| job.work == work).map(|(_, job)| &job.state);
-        // Who waits while a job is paused goes on when it is resumed.
+        // Agents of a paused job wait until it is resumed.
         let is_over = |work: u64| state(work).is_none_or(JobState::is_over);
         let over: Vec<u64> = self.doors.keys().copied().filter(|&work| is_over(work)).collect();
         for work in over {
@@ -141,7 +141,7 @@ impl JobWatch {
             }
             match self.open(*number, job) {
                 Ok(door) => _ = self.doors.insert(job.work, door),
-                // The server may be away.
+                // The server may be down for a while.
                 Err(error) if error.may_pass() => {}
                 Err(error) => {
                     self.around.board.log(*number, &format!("strangers cannot be admitted: {}", error.error_chain()));
@@ -151,13 +151,15 @@ impl JobWatch {
         }
     }
 
-    /// - `why`: if the picture is not painted.
+    /// Closes a door.
+    ///
+    /// - `why`: the reason if the picture is not finished.
     fn close(&self, door: &OpenDoor, why: Option<&'static str>) {
         door.reports.tell(DoorReport::Over { why });
         self.desk.take_away(&door.model);
     }
 
-    /// Opens the door of a job that admits strangers.
+    /// Opens the door of a job, if it admits agents of other platforms.
     fn open(&self, number: u32, job: &Job) -> Result<Option<OpenDoor>, Error> {
         let StrangersConfig { node, board, platform, cache } = &self.around;
         let spec = board.spec(job)?;
@@ -189,7 +191,7 @@ impl JobWatch {
         Ok(Some(OpenDoor { reports, model: name }))
     }
 
-    /// Puts the files of a scene out for strangers.
+    /// Offers the files of a scene for download.
     fn put_out(&self, spec: &JobSpec, name: &str, cache: &Cache) -> Result<Vec<ModelFile>, Error> {
         let (scene, _) = spec.files.fetch(cache, self.around.board.uplink.blobs())?;
         let folder = scene.parent().unwrap_or(Path::new("."));
@@ -203,7 +205,7 @@ impl JobWatch {
     }
 }
 
-/// Between the door of a job and its visitors in the farm.
+/// The connection between the door of a job and its visitors in the farm.
 struct Bridge {
     platform: LocalPlatform<Visitor>,
     visitors: Mutex<BTreeMap<String, Mailbox<Visitor>>>,
@@ -221,7 +223,7 @@ impl Bridge {
         Ok(Self { platform, visitors: Mutex::default(), reports: Arc::default(), link, desk })
     }
 
-    /// From now on the door is told by this.
+    /// Sets where the door receives its reports.
     fn tells(&self, reports: Reports<DoorReport>) {
         *self.reports.lock().unwrap_or_else(PoisonError::into_inner) = Some(reports);
     }
@@ -247,7 +249,7 @@ impl Bridge {
         }
     }
 
-    /// A stranger takes part: one that was here before is the same agent to the Master.
+    /// Lets an agent take part: a returning one is the same agent to the Master.
     fn admit(&self, agent: &str, applicant: Applicant) {
         let mut visitors = self.visitors.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(mailbox) = visitors.get(agent) {
@@ -277,7 +279,7 @@ impl Bridge {
     }
 }
 
-/// The name of a stranger in the farm: its platform is its machine, which cannot be one of ours.
+/// Returns the name of an agent in the farm: its platform counts as its machine, which cannot be one of ours.
 fn visitor_name(agent: &str) -> String {
     let (local, platform) = agent.rsplit_once('@').unwrap_or((agent, "nowhere"));
     let plain = |text: &str| -> String {

@@ -1,12 +1,12 @@
-//! The ontology `bottega-painting`: how an agent of another platform paints zones of a picture, between SL and types.
+//! The ontology `bottega-painting`: how an agent of another platform paints zones of a picture, between FIPA SL and types.
 //!
-//! The Master of a job that admits strangers (`bottega render … --farm --strangers`) stands in the yellow pages as
-//! `master-N@PLATFORM`, of the service type `bottega-master`; N is the number of the job. All contents are SL (`fipa-sl`, or
-//! `fipa-sl0` but for the subscription). Parameters are named, compared without case, and those that are not known are passed
-//! over. `S` is the agent identifier of the stranger. Times are in seconds of the stranger, numbers are decimal.
+//! The Master of a job that admits such agents (`bottega render … --farm --strangers`) is registered in the yellow pages as
+//! `master-N@PLATFORM`, of the service type `bottega-master`; N is the number of the job. All contents are SL (`fipa-sl`,
+//! or `fipa-sl0` except for the subscription). Parameters are named, compared without case, and unknown ones are ignored.
+//! `S` is the agent identifier of the agent. Times are in seconds of that agent's machine; numbers are decimal.
 //!
-//! **Subscribe** (`fipa-subscribe`). `power` is how many times slower than the reference machine it is (V_cp, default 1: what it
-//! delivers corrects it), `lanes` how many zones it paints at once (default 1).
+//! **Subscribe** (`fipa-subscribe`). `power` is how many times slower than the reference machine the agent is (V_cp,
+//! default 1; measured results correct it), `lanes` is how many zones it paints at once (default 1).
 //!
 //! ```text
 //! S  → M  subscribe  ((iota ?work (paints :agent S :power 1.5 :lanes 1 :work ?work)))
@@ -16,13 +16,14 @@
 //!                      :width 640 :height 480 :samples 64 :max-depth 8 :light-samples 1 :seed 5)))
 //! ```
 //!
-//! The first file is the scene; names are relative to its folder. The files are fetched by GET. A `max-depth` of 0 is what shines
-//! itself, of 1 direct light, and so on. There may be a `camera` (by name or by number from 0) and a pixel `filter` (`box`, `tent`,
-//! `blackman-harris` …); else those of the scene file are meant.
+//! The first file is the scene; names are relative to its folder. Fetch the files by GET. A `max-depth` of 0 is emitted
+//! light only, 1 adds direct light, and so on. There may be a `camera` (by name, or by number from 0) and a pixel `filter`
+//! (`box`, `tent`, `blackman-harris` …); by default those of the scene file apply.
 //!
-//! **Auction** (`fipa-contract-net`). The Master calls; a zone has a complexity (its predicted cost, in average pixels) and the
-//! time that the Master expects it to take this stranger. `room` is how many it may ask for at most. A proposal names when, in
-//! seconds from now, each zone would be finished if it were the next. An answer that comes after the `reply-by` is too late.
+//! **Auction** (`fipa-contract-net`). The Master sends a call for proposals; a zone has a complexity (its predicted cost,
+//! in average pixels) and the predicted time for this agent. `room` is the most zones that it may ask for. A proposal
+//! names, in seconds from now, when each zone would be finished if it were the next. A proposal after the `reply-by` is too
+//! late.
 //!
 //! ```text
 //! M  → S  cfp        ((action S (paint :zones (sequence (zone :number 4 :complexity 912.5 :seconds 2.5) …))) (room 2))
@@ -31,9 +32,10 @@
 //! M  → S  reject-proposal ((action S (paint)) (given-to-others))
 //! ```
 //!
-//! **Orders.** An award is an *accept-proposal*; before the auction the Master asks for the first samples of a zone by a *request*
-//! (its profile). Both are the same action. The rectangle has its right and lower edges excluded; it may be larger than the zone
-//! (bands). `order` is the fencing token. All samples are the stranger's own: two engines do not add to one zone.
+//! **Orders.** An award is an *accept-proposal*; before the auction the Master asks for the first samples of a zone (its
+//! profile) by a *request*. Both contain the same action. The rectangle excludes its right and lower edges; it may be
+//! larger than the zone (bands). `order` is the fencing token. An agent paints all samples of its zone: two engines never
+//! add to one zone.
 //!
 //! ```text
 //! M  → S  request | accept-proposal
@@ -44,17 +46,18 @@
 //! M  → S  cancel     ((action S (paint :zone 4 :order 345)))
 //! ```
 //!
-//! Before the *inform* the mean of the samples is delivered: an OpenEXR file of the rectangle's size (channels R, G, B, linear
-//! Rec. 709; A if there is alpha) by PUT to `deliver`, which only the one who has the order knows. 201: it is taken, 422: not a
-//! picture of this size, or not of finite numbers (the text says which), 404: nobody waits for it (any more).
+//! Before the *inform*, deliver the mean of the samples: an OpenEXR file of the rectangle's size (channels R, G, B, linear
+//! Rec. 709; A if there is alpha) by PUT to `deliver`, which only the agent with the order knows. 201: accepted; 422: not a
+//! picture of this size, or not of finite numbers (the text says which); 404: not expected, or no longer.
 //!
-//! **The end.** `inform ((done (iota …)))`: the picture is painted. `failure ((iota …) (left-out "why"))`: the Master wants
-//! nothing more of this stranger. `failure ((iota …) (work-ended cancelled))`: there will be no picture. A *cancel* of the subscription by the stranger gives back what it has in hand.
+//! **The end.** `inform ((done (iota …)))`: the picture is finished. `failure ((iota …) (left-out "why"))`: the Master
+//! excludes this agent. `failure ((iota …) (work-ended cancelled))`: the picture will not be finished. By a *cancel* of the
+//! subscription, the agent returns its orders and leaves.
 //!
-//! What is not understood: another ontology or language, an act that means nothing here, what is no SL. What is refused:
-//! `(not-subscribed)`, `(missing-parameter F p)`, `(unrecognised-parameter-value F p)`. A proposal is rejected for
-//! `(too-late)`, `(not-called)`, `(not-offered N)`, `(offered-once N)`; an *inform* that a zone is done is refuted, by
-//! *disconfirm*, for `(not-your-order)` and `(nothing-delivered)`. Version 1; what is added will be further parameters.
+//! Not understood: another ontology or language, an unexpected act, content that is not SL. Refused: `(not-subscribed)`,
+//! `(missing-parameter F p)`, `(unrecognised-parameter-value F p)`. A proposal is rejected with `(too-late)`,
+//! `(not-called)`, `(not-offered N)` or `(offered-once N)`; an *inform* that a zone is done is answered by *disconfirm*,
+//! with `(not-your-order)` or `(nothing-delivered)`. Version 1; additions will be further parameters.
 
 use std::{collections::BTreeSet, time::Duration};
 
@@ -67,43 +70,43 @@ use super::super::terms::{Call, Fields, Unread, reason, unrecognised_content};
 pub(super) const ONTOLOGY: &str = "bottega-painting";
 /// The service type of Masters.
 pub(super) const SERVICE_TYPE: &str = "bottega-master";
-/// Zones that one may paint at once.
+/// The most zones that an agent may paint at once.
 const LANES_MAX: f64 = 1024.0;
-/// The longest time that a zone may be promised for, in seconds.
+/// The longest time that a bid may name for a zone, in seconds.
 const SECONDS_MAX: f64 = 1e7;
 
-/// A file of a scene, where it can be had.
+/// A file of a scene, offered for download.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ModelFile {
-    /// Relative to the scene's folder.
+    /// The path relative to the scene's folder.
     pub(super) name: String,
     pub(super) bytes: u64,
-    /// URL.
+    /// The URL of the file.
     pub(super) at: String,
 }
 
-/// What a stranger is told of a job.
+/// The description of a job for agents of other platforms.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Model {
     /// The number of the job.
     pub(super) number: u32,
     pub(super) seed: u64,
-    /// The camera that is asked for; none: the scene file's first.
+    /// The requested camera; none: the first of the scene file.
     pub(super) camera: Option<String>,
-    /// The pixel filter that is asked for; none: what the scene file says.
+    /// The requested pixel filter; none: that of the scene file.
     pub(super) filter: Option<String>,
-    /// The scene first.
+    /// The files, the scene file first.
     pub(super) files: Vec<ModelFile>,
 }
 
-/// How a subscriber describes itself.
+/// The properties of an agent that subscribes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Applicant {
     pub(super) power: RelativePower,
     pub(super) lanes: f64,
 }
 
-/// The agent as a term.
+/// Returns the agent identifier as a term.
 pub(super) fn agent_term(agent: &AgentId) -> Term {
     Fields::of("agent-identifier").text("name", &agent.name).term()
 }
@@ -127,7 +130,7 @@ pub(super) fn read_application(iota: &Term) -> Result<Applicant, Unread> {
     Ok(Applicant { power: RelativePower::new(power), lanes })
 }
 
-/// What is to be painted, as an object.
+/// Returns the job as an object.
 pub(super) fn work_term(model: &Model, work: &WorkRow) -> Term {
     let file = |file: &ModelFile| {
         Fields::of("file").text("name", &file.name).number("bytes", &file.bytes).text("at", &file.at).term()
@@ -149,9 +152,9 @@ pub(super) fn work_term(model: &Model, work: &WorkRow) -> Term {
         .term()
 }
 
-/// A call for proposals.
+/// Returns the content of a call for proposals.
 ///
-/// - `seconds`: how long a zone is expected to take this stranger.
+/// - `seconds`: the predicted time of a zone for this agent.
 pub(super) fn call_terms(agent: &AgentId, offers: &[Offer], room: u32, seconds: impl Fn(&Offer) -> f64) -> Vec<Term> {
     let zone = |offer: &Offer| {
         Fields::of("zone")
@@ -169,10 +172,10 @@ fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
 
-/// Reads a proposal for zones that were offered.
+/// Reads a proposal for offered zones.
 ///
 /// # Errors
-/// The reason for which it is rejected.
+/// The reason for its rejection.
 pub(super) fn read_proposal(terms: &[Term], offers: &[Offer]) -> Result<(u32, Vec<Bid>), Unread> {
     let (first, rest) = terms.split_first().ok_or_else(unrecognised_content)?;
     let call = Call::of(first)?;
@@ -202,7 +205,7 @@ pub(super) fn read_proposal(terms: &[Term], offers: &[Offer]) -> Result<(u32, Ve
     Ok((room.unwrap_or(1).clamp(1, bids.len() as u32), bids))
 }
 
-/// An order as an action.
+/// Returns an order as an action.
 pub(super) fn order_term(agent: &AgentId, order: &PaintOrder, seed: u64, deliver: &str) -> Term {
     let paint = Fields::of("paint")
         .number("zone", &order.zone.0)
@@ -222,17 +225,17 @@ pub(super) fn order_term(agent: &AgentId, order: &PaintOrder, seed: u64, deliver
     action(agent, paint.text("deliver", deliver).term())
 }
 
-/// An order by its name alone.
+/// Returns an action that only names an order.
 pub(super) fn named_order_term(agent: &AgentId, zone: ZoneId, fence: Revision) -> Term {
     action(agent, Fields::of("paint").number("zone", &zone.0).number("order", &fence.0).term())
 }
 
-/// No order at all.
+/// Returns an action that names no order.
 pub(super) fn no_order_term(agent: &AgentId) -> Term {
     action(agent, Fields::of("paint").term())
 }
 
-/// Reads of which order `(action S (paint :zone 4 :order 345))` speaks.
+/// Reads which order `(action S (paint :zone 4 :order 345))` names.
 pub(super) fn read_order(term: &Term) -> Result<(ZoneId, Revision), Unread> {
     let call = Call::of(term)?;
     if !call.is("paint") {

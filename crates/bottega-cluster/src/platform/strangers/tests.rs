@@ -1,4 +1,4 @@
-//! A door, told what strangers and the farm say.
+//! Tests of the door as a state machine.
 
 use std::{sync::Arc, time::Duration};
 
@@ -26,10 +26,10 @@ struct Door {
     now: u64,
 }
 
-/// What came of an event.
+/// The actions that an event has caused.
 #[derive(Default)]
 struct ReceivedEnvelope {
-    /// Act and content.
+    /// The act and the content of each message.
     said: Vec<(P, String)>,
     conversations: Vec<u64>,
     effects: Vec<DoorEffect>,
@@ -93,7 +93,7 @@ impl Door {
         door
     }
 
-    /// A call for proposals. Returns its conversation.
+    /// Sends a call for proposals. Returns its conversation.
     fn calls(&mut self, call: u64, zones: &[u32]) -> u64 {
         let offer = |&zone| Offer { zone: ZoneId(zone), complexity: 10.0, time_estimated: Duration::from_secs(3) };
         let offers = zones.iter().map(offer).collect();
@@ -159,7 +159,7 @@ fn a_stranger_promises_paints_and_delivers() {
     let came = door.hears(S, P::Inform, conversation, "((done (action S (paint :zone 4 :order 345))))");
     assert!(matches!(report(&came), Some(VisitorReport::Painted { outcome: Ok((_, taken)), .. })
         if *taken == Duration::from_secs(2)));
-    // What was an order is none any more.
+    // The order has been completed and no longer exists.
     let came = door.hears(S, P::Inform, conversation, "((done (action S (paint :zone 4 :order 345))))");
     assert!(came.said[0].0 == P::Disconfirm && came.said[0].1.contains("(not-your-order)"));
     let came = door.take(Event::Completed(DoorReport::Over { why: None }));
@@ -185,7 +185,7 @@ fn what_is_absurd_is_refused_in_the_words_of_the_standard_and_nothing_is_lost() 
         assert!(matches!(report(&came), Some(VisitorReport::Refuses { call: 71 })), "{proposal}");
         let (act, text) = &came.said[0];
         assert!(*act == P::RejectProposal && text.contains(&why.replace('"', "")) || text.contains(why), "{text}");
-        // Twice is once too often.
+        // A second proposal to the same call is rejected.
         let again = door.hears(S, P::Propose, conversation, &zones("(zone :number 4 :seconds 1)"));
         assert!(again.said[0].1.contains("(not-called)") && again.effects.is_empty());
     }
@@ -194,7 +194,7 @@ fn what_is_absurd_is_refused_in_the_words_of_the_standard_and_nothing_is_lost() 
     door.now = 501;
     let came = door.hears(S, P::Propose, conversation, &zones("(zone :number 4 :seconds 1)"));
     assert!(came.said[0].1.contains("(too-late)") && came.effects.is_empty());
-    // Under another's name, before being asked, and what is no SL.
+    // Messages from an agent that has not subscribed, without a call, and without valid SL.
     for (from, act, content, answer, why) in [
         ("x@y", P::Propose, zones("(zone :number 4 :seconds 1)"), P::Refuse, "(not-subscribed)"),
         ("x@y", P::Inform, "((done (action S (paint :zone 4 :order 1))))".to_owned(), P::Refuse, "(not-subscribed)"),
@@ -242,7 +242,7 @@ fn who_leaves_fails_or_cannot_be_reached_gives_back_what_it_has() {
     let message = AclMessage::new(P::Failure, AgentId::new("acc@b"), AgentId::new("master-3@b"), lost);
     let came = door.take(Event::Message(message));
     assert!(matches!(report(&came), Some(VisitorReport::Leaves)));
-    // What is withdrawn may not be delivered any more.
+    // A withdrawn order cannot be delivered any more.
     let mut door = Door::subscribed();
     door.orders(345, None);
     let came = door.puts(VisitorEffect::Withdrawn { zone: ZoneId(4), fence: Revision(345) });

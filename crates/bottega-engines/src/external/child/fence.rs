@@ -1,7 +1,8 @@
-//! The fence around a child: which files it may read and write. The kernel enforces it where it has Landlock.
+//! File access control for a child process: which files it may read and write, enforced by the kernel where it supports
+//! Landlock.
 //!
-//! Read: the system's own folders, where the engine is installed, and what the scene is made of. Written: the scratch
-//! folder alone, which is home and place of temporary files, too. Nothing else of the user's home can be opened.
+//! Readable: system folders, the engine's installation, and the files of the scene. Writable: only the scratch folder,
+//! which is also its home and its folder for temporary files. Nothing else in the user's home can be opened.
 
 use std::{
     env,
@@ -14,9 +15,9 @@ use bottega_platform::permissions;
 
 use super::program::{PASSED_ON, Program, USER_BASE};
 
-/// Names more that engines may read, as `PATH` names folders: where what they are installed from lies elsewhere.
+/// The environment variable with further readable folders, separated as in `PATH`, for installations elsewhere.
 pub(super) const MORE: &str = "BOTTEGA_ENGINE_READS";
-/// Where systems keep programs, what these need, and what they know of the machine.
+/// System folders with programs, their data, and information on the machine.
 const SYSTEM: &[&str] = &[
     "/bin",
     "/sbin",
@@ -34,10 +35,10 @@ const SYSTEM: &[&str] = &[
     "/run/current-system",
     "/run/opengl-driver",
 ];
-/// Of `/etc`: no business of an engine.
+/// Entries of `/etc` that engines may not read.
 const PRIVATE: &[&str] = &["ssh", "ssl", "sudoers.d", "wireguard", "NetworkManager", "cups", "krb5.keytab"];
 const OF_SSL: &[&str] = &["/etc/ssl/openssl.cnf", "/etc/ssl/certs"];
-/// Devices that are read and written.
+/// Devices that may be read and written.
 const DEVICES: &[&str] = &[
     "/dev/null",
     "/dev/zero",
@@ -49,26 +50,26 @@ const DEVICES: &[&str] = &[
     "/dev/dri",
     "/dev/kfd",
 ];
-/// Folders within which an installation keeps its programs.
+/// Names of folders in which an installation keeps its programs.
 const OF_PROGRAMS: &[&str] = &["bin", "sbin", "shims", "Scripts"];
-/// Of a folder that others share: what belongs to its programs.
+/// Folders of a shared installation prefix that belong to its programs.
 const OF_SHARED: &[&str] = &["lib", "lib64", "libexec"];
-/// The most links from a program's name to the program.
+/// The most symbolic links from a program's name to the program.
 const LINKS_MAX: usize = 16;
 
-/// The parts of the disk that are open to a child.
+/// The files that a child may access.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fence {
     pub(super) reads: Vec<PathBuf>,
     pub(super) writes: Vec<PathBuf>,
-    /// Of these the names of all that is within.
+    /// Folders of which only the names of their entries may be read.
     pub(super) listed: Vec<PathBuf>,
-    /// Whether what the system tells of processes is written, too: namespaces of users are made so.
+    /// True if `/proc` may be written, which creating user namespaces needs.
     pub(super) makes_users: bool,
 }
 
 impl Fence {
-    /// That of a program.
+    /// Returns the access of a program.
     pub(super) fn of(program: &Program<'_>) -> Self {
         let home = env::var_os("HOME").map(PathBuf::from).filter(|home| home.is_absolute());
         let place = HomeFolder { home: home.as_deref() };
@@ -105,7 +106,7 @@ impl Fence {
     }
 }
 
-/// What everybody may read of the system's settings.
+/// Returns the entries of `/etc` that all users may read.
 fn settings() -> Vec<PathBuf> {
     let entries = fs::read_dir("/etc").into_iter().flatten().flatten();
     let open = entries.filter(|entry| {
@@ -115,14 +116,13 @@ fn settings() -> Vec<PathBuf> {
     open.map(|entry| entry.path()).collect()
 }
 
-/// A machine with the home of its user, of which no more is shown than must be.
+/// A machine with the user's home, of which as little as possible is readable.
 struct HomeFolder<'a> {
     home: Option<&'a Path>,
 }
 
 impl HomeFolder<'_> {
-    /// Whether others than one engine live in a folder: the user's home, what is above it, and where programs are
-    /// installed for the user.
+    /// True if a folder is not of one engine alone: the user's home, a folder above it, or the user's installation prefix.
     fn is_shared(&self, folder: &Path) -> bool {
         let is_root = folder.components().all(|part| matches!(part, Component::RootDir | Component::Prefix(_)));
         let temporary = env::temp_dir();
@@ -132,8 +132,8 @@ impl HomeFolder<'_> {
             || self.home.is_some_and(|home| folder == home.join(USER_BASE))
     }
 
-    /// A path that was named, without what lies in it by chance: of a folder that others share, what is not hidden. The
-    /// root of all means what it says.
+    /// Returns what to open for a named path: of a shared folder, only the entries that are not hidden. The root folder is
+    /// taken literally.
     fn narrowed(&self, path: &Path) -> Vec<PathBuf> {
         if path == Path::new("/") || !self.is_shared(path) || !path.is_dir() {
             return vec![path.to_owned()];
@@ -147,7 +147,7 @@ impl HomeFolder<'_> {
         shown.map(|entry| entry.path()).collect()
     }
 
-    /// Where a program is installed, under each of the names that lead to it.
+    /// Returns the installation of a program, under each of the names that lead to it.
     fn installation(&self, program: &Path) -> Vec<PathBuf> {
         let (mut found, mut next) = (Vec::new(), Some(program.to_owned()));
         while let Some(path) = next.filter(|_| found.len() < 8 * LINKS_MAX) {
@@ -155,14 +155,14 @@ impl HomeFolder<'_> {
             let folder = path.parent().unwrap_or(Path::new("/"));
             next = fs::read_link(&path).ok().map(|target| folder.join(target));
         }
-        // Folders on the way may be links, too.
+        // Folders on the path may be links, too.
         if let Ok(real) = program.canonicalize() {
             self.around(&real, &mut found);
         }
         found
     }
 
-    /// What belongs to a program of this name.
+    /// Adds the installation of a program of this name.
     fn around(&self, program: &Path, found: &mut Vec<PathBuf>) {
         found.push(program.to_owned());
         let Some(folder) = program.parent() else { return };
@@ -175,7 +175,7 @@ impl HomeFolder<'_> {
             }
             Some(prefix) => {
                 found.push(prefix.to_owned());
-                // A virtual environment says whose libraries it takes.
+                // A virtual environment names the installation whose libraries it uses.
                 let text = fs::read_to_string(prefix.join("pyvenv.cfg")).unwrap_or_default();
                 let base = text.lines().find_map(|line| line.split_once('=').filter(|(key, _)| key.trim() == "home"));
                 if let Some(base) =
@@ -184,7 +184,7 @@ impl HomeFolder<'_> {
                     found.extend(base.parent().filter(|base| !self.is_shared(base)).map(Path::to_owned));
                 }
             }
-            // A script by itself is no installation.
+            // A single script has no installation folder.
             None if is_script(program) || self.is_shared(folder) => {}
             None => found.push(folder.to_owned()),
         }
@@ -215,22 +215,22 @@ mod kernel {
 
     use super::Fence;
 
-    /// Of what the kernel may know more is not asked, of what it does not know less.
+    /// The Landlock version: access rights that it does not know are not restricted.
     const KNOWN: ABI = ABI::V5;
 
-    /// Lives as long as the child: the system ends the child with the thread that began it.
+    /// A guard that must live as long as the child: the system kills the child when the thread that started it ends.
     #[derive(Debug)]
     pub(in super::super) struct ChildGuard {
         _release: mpsc::Sender<()>,
     }
 
-    /// Starts a program within its fence, on a thread that is fenced in, too.
+    /// Starts a program within its fence, on a thread with the same restrictions.
     pub(in super::super) fn spawn(mut command: Command, fence: Fence) -> io::Result<(Child, ChildGuard)> {
         let (release, held) = mpsc::channel::<()>();
         let (tell, told) = mpsc::sync_channel(1);
         thread::Builder::new().name("engine".to_owned()).spawn(move || {
             let started = restrict(&fence).map_err(io::Error::other).and_then(|_| command.spawn());
-            // Who asked waits for it.
+            // The caller waits for it.
             _ = tell.send(started);
             _ = held.recv();
         })?;
@@ -257,7 +257,7 @@ mod kernel {
         Ok(ruleset.restrict_self()?.ruleset)
     }
 
-    /// Whether the kernel holds engines to it. Asked once.
+    /// True if the kernel enforces the fence. Checked once.
     pub(in super::super) fn is_enforced() -> bool {
         static FOUND: OnceLock<bool> = OnceLock::new();
         *FOUND.get_or_init(|| {
@@ -278,13 +278,16 @@ mod kernel {
 
     use super::Fence;
 
+    /// A guard without effect: the fence is not supported on this system.
     #[derive(Debug)]
     pub(in super::super) struct ChildGuard;
 
+    /// Starts a program without a fence.
     pub(in super::super) fn spawn(mut command: Command, _fence: Fence) -> io::Result<(Child, ChildGuard)> {
         Ok((command.spawn()?, ChildGuard))
     }
 
+    /// Always `false` on this system.
     pub(in super::super) fn is_enforced() -> bool {
         false
     }

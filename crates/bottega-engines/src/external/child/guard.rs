@@ -1,4 +1,4 @@
-//! The programs of util-linux that shut a child in, as far as they are there and allowed.
+//! Wrappers from util-linux that isolate a child, as far as they are installed and allowed.
 
 use std::{
     process::{Command, Stdio},
@@ -7,12 +7,12 @@ use std::{
 
 use crate::external::manifest::Limits;
 
-/// What can be had on this machine. Asked once.
+/// The wrappers that work on this machine. Checked once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Guards {
     limits: bool,
     dies_with_parent: bool,
-    /// Network and processes of its own: as the user that we are, or as root.
+    /// The command for namespaces of network and processes: as root, or as the current user.
     namespaces: Option<&'static [&'static str]>,
 }
 
@@ -21,7 +21,7 @@ const DIES_WITH_PARENT: &[&str] = &["setpriv", "--pdeathsig", "KILL", "--"];
 const AS_ROOT: &[&str] = &["unshare", "--net", "--pid", "--fork", "--kill-child=KILL", "--"];
 const AS_USER: &[&str] =
     &["unshare", "--user", "--map-current-user", "--net", "--pid", "--fork", "--kill-child=KILL", "--"];
-/// The first process of a process namespace is deaf to its own signals, an `abort` among them. So it is a shell.
+/// The first process of a PID namespace ignores its own signals, such as `abort`. So make it a shell.
 const FIRST: &[&str] = &["/bin/sh", "-c", "\"$@\"; exit $?", "engine"];
 
 fn guards() -> Guards {
@@ -51,7 +51,7 @@ fn works(line: &[&str]) -> bool {
     silent.is_ok_and(|status| status.success())
 }
 
-/// What stands before a program.
+/// Returns the wrapper commands to put before a program.
 pub(super) fn wrapper(limits: &Limits) -> Vec<String> {
     let guards = guards();
     let mut line: Vec<String> = Vec::new();
@@ -72,12 +72,12 @@ pub(super) fn wrapper(limits: &Limits) -> Vec<String> {
     line
 }
 
-/// Whether namespaces are had by making a user, which takes files of the system.
+/// True if the namespaces need a user namespace, and so write access to `/proc`.
 pub(super) fn makes_users() -> bool {
     guards().namespaces == Some(AS_USER)
 }
 
-/// Whether engines have no network here.
+/// True if engines have no network on this machine.
 pub fn is_shut_in() -> bool {
     guards().namespaces.is_some()
 }

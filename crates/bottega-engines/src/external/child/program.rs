@@ -1,4 +1,4 @@
-//! A program to start, and what of the user's surroundings it is given.
+//! A program to start, and the part of the user's environment that it gets.
 
 use std::{
     collections::BTreeMap,
@@ -7,7 +7,7 @@ use std::{
 
 use crate::external::manifest::Limits;
 
-/// Variables that a child is given as the user has them.
+/// Environment variables that a child inherits.
 pub(super) const PASSED_ON: &[&str] = &[
     "PATH",
     "LD_LIBRARY_PATH",
@@ -21,23 +21,23 @@ pub(super) const PASSED_ON: &[&str] = &[
     "XDG_DATA_DIRS",
 ];
 
-/// Where packages of Python are installed for a user, below the home.
+/// The folder of Python packages installed for a user, in the home folder.
 pub(super) const USER_BASE: &str = ".local";
 
-/// What is to be started.
+/// A program to start, with its environment and limits.
 #[derive(Clone, Debug)]
 pub(in crate::external) struct Program<'a> {
     /// Program and arguments; never empty.
     pub(in crate::external) line: &'a [String],
-    /// Working folder, home and place of temporary files.
+    /// The working folder, also used as home and for temporary files.
     pub(in crate::external) scratch: &'a Path,
-    /// Set beside the usual ones.
+    /// Further environment variables to set.
     pub(in crate::external) environment: &'a BTreeMap<String, String>,
-    /// Passed on where set.
+    /// Names of further environment variables to inherit, where set.
     pub(in crate::external) inherit: &'a [String],
-    /// Variables that name what it may write beside its scratch folder.
+    /// Names of environment variables that list what it may write in addition to its scratch folder.
     pub(in crate::external) writes: &'a [String],
-    /// Files and folders that it may read beside the system's and where it is installed.
+    /// Files and folders that it may read in addition to the system's and its installation.
     pub(in crate::external) reads: &'a [PathBuf],
     pub(in crate::external) limits: Limits,
 }

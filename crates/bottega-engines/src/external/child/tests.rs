@@ -62,7 +62,7 @@ fn a_glutton_is_noticed() {
     assert!(matches!(listen_to_end(&mut child), Err(EngineFault::Memory { mib: 64 })));
 }
 
-/// How many processes have this home.
+/// Returns the number of processes with this home folder.
 fn at_home_in(folder: &Path) -> usize {
     let home = format!("HOME={}", folder.display());
     let entries = std::fs::read_dir("/proc").expect("processes").flatten();

@@ -8,15 +8,15 @@ use serde::{Deserialize, Deserializer, de::Error};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "RangeText")]
 pub struct Range {
-    /// The least.
+    /// The least value.
     pub least: u32,
-    /// The most.
+    /// The greatest value.
     pub most: u32,
-    /// Where nobody says.
+    /// The default value.
     pub default: Option<u32>,
-    /// Whether it must be a power of two.
+    /// True if it must be a power of two.
     pub powers_of_two: bool,
-    /// Whether it must be the square of a whole number.
+    /// True if it must be the square of a whole number.
     pub squares: bool,
 }
 
@@ -51,8 +51,8 @@ impl TryFrom<RangeText> for Range {
 }
 
 impl Range {
-    /// The nearest to `wanted` that it may be; between two powers of two the larger, between squares the one with the
-    /// nearest root.
+    /// Returns the allowed value nearest to `wanted`; between two powers of two the larger, between squares the one with
+    /// the nearest root.
     pub fn fit(&self, wanted: u32) -> u32 {
         let fitting = if self.powers_of_two {
             wanted.checked_next_power_of_two().unwrap_or(u32::MAX)
@@ -66,7 +66,7 @@ impl Range {
     }
 }
 
-/// Numbers with dots between them. What follows other signs is left out: 4.2.0-beta is 4.2.0.
+/// A version: numbers separated by periods. What follows is ignored in comparisons: 4.2.0-beta equals 4.2.0.
 #[derive(Clone, Debug)]
 pub struct Version {
     numbers: Vec<u64>,
@@ -74,7 +74,7 @@ pub struct Version {
 }
 
 impl Version {
-    /// Reads a version: `None` where it does not begin with a number.
+    /// Parses a version; `None`: it does not begin with a number.
     pub fn parse(text: &str) -> Option<Self> {
         let text = text.trim();
         let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
@@ -121,18 +121,18 @@ impl<'de> Deserialize<'de> for Version {
     }
 }
 
-/// Versions that are known to work.
+/// A range of supported versions.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Versions {
-    /// The first.
+    /// The first supported version; none: no lower bound.
     pub least: Option<Version>,
-    /// The first that is too new.
+    /// The first version that is too new; none: no upper bound.
     pub below: Option<Version>,
 }
 
 impl Versions {
-    /// Whether it is one of them.
+    /// True if a version is in the range.
     pub fn include(&self, version: &Version) -> bool {
         self.least.as_ref().is_none_or(|least| version >= least)
             && self.below.as_ref().is_none_or(|below| version < below)

@@ -3,26 +3,26 @@
 use regex::Regex;
 use serde::{Deserialize, Deserializer, de::Error};
 
-/// The most memory that a compiled pattern may take.
+/// The most memory of a compiled pattern, in bytes.
 const SIZE_MAX: usize = 1 << 20;
 
-/// A regular expression. Matching takes time linear in the text, so a manifest cannot hang the program.
+/// A regular expression. Matching takes linear time, so a manifest cannot hang the program.
 #[derive(Clone, Debug)]
 pub struct Pattern(Regex);
 
 impl Pattern {
-    /// The first match's group 1, or all of it where there is no group.
+    /// Returns group 1 of the first match, or the whole match if there is no group.
     pub fn find<'a>(&self, text: &'a str) -> Option<&'a str> {
         let found = self.0.captures(text)?;
         found.get(1).or_else(|| found.get(0)).map(|it| it.as_str())
     }
 
-    /// All matches' group 1.
+    /// Returns group 1 of all matches.
     pub fn find_all<'a>(&self, text: &'a str) -> impl Iterator<Item = &'a str> {
         self.0.captures_iter(text).filter_map(|found| found.get(1)).map(|it| it.as_str())
     }
 
-    /// The last match as a share: group 1 in per cent, or group 1 of group 2.
+    /// Returns the last match as a fraction in 0..=1: group 1 in per cent, or group 1 of group 2.
     pub fn share(&self, text: &str) -> Option<f64> {
         let found = self.0.captures_iter(text).last()?;
         let number = |i: usize| found.get(i).and_then(|it| it.as_str().parse::<f64>().ok());
@@ -33,7 +33,7 @@ impl Pattern {
         share.is_finite().then(|| share.clamp(0.0, 1.0))
     }
 
-    /// Whether it has a group.
+    /// True if it has a group.
     pub fn has_group(&self) -> bool {
         self.0.captures_len() > 1
     }

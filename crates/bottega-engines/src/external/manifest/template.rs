@@ -7,7 +7,7 @@ use serde::{
     de::{self, SeqAccess, Visitor},
 };
 
-/// What placeholders there are.
+/// The supported placeholders.
 const PLACEHOLDERS: &[&str] = &[
     "program",
     "folder",
@@ -34,10 +34,10 @@ const PLACEHOLDERS: &[&str] = &[
     "threads",
 ];
 
-/// The values of placeholders. One that is not in it has no value.
+/// The values of placeholders; missing ones have no value.
 pub type Values = BTreeMap<&'static str, String>;
 
-/// Text with placeholders such as `{x0}` or `{x0+1}`; `{{` and `}}` are braces.
+/// A text with placeholders such as `{x0}` or `{x0+1}`; `{{` and `}}` are literal braces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Template(Vec<TemplatePart>);
 
@@ -47,7 +47,7 @@ enum TemplatePart {
     Value { name: &'static str, plus: i64 },
 }
 
-/// A placeholder that has no value here.
+/// The error of a placeholder without a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Missing(pub &'static str);
 
@@ -76,7 +76,7 @@ impl Template {
         Ok(Self(parts))
     }
 
-    /// The text with the values in it.
+    /// Returns the text with all placeholders replaced.
     ///
     /// # Errors
     /// A placeholder has no value.
@@ -120,17 +120,17 @@ fn placeholder(inner: &str) -> Result<TemplatePart, String> {
     Ok(TemplatePart::Value { name, plus: i64::from(plus) })
 }
 
-/// An argument, or a group of them of which all are left out where one has no value.
+/// An argument, or a group of arguments that is omitted if one of them has no value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Argument {
-    /// One.
+    /// A single argument, omitted if a placeholder has no value.
     One(Template),
-    /// All or none.
+    /// Arguments of which all or none are used.
     Group(Vec<Template>),
 }
 
 impl Argument {
-    /// Whether it has this placeholder.
+    /// True if it contains this placeholder.
     pub(super) fn uses(&self, name: &str) -> bool {
         match self {
             Self::One(template) => template.uses(name),
@@ -138,7 +138,7 @@ impl Argument {
         }
     }
 
-    /// The whole command line: what has no value is left out.
+    /// Returns the command line, without arguments that have no value.
     pub fn fill_all(arguments: &[Self], values: &Values) -> Vec<String> {
         let filled = arguments.iter().filter_map(|argument| match argument {
             Self::One(template) => template.fill(values).ok().map(|one| vec![one]),

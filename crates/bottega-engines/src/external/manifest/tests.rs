@@ -103,7 +103,7 @@ fn no_text_is_too_odd() {
         assert!(parse(text).is_err(), "{text}");
     }
     for end in 0..SOUND.len() {
-        // Whatever is cut off: an error or a manifest, never a panic.
+        // A truncated text is an error or a manifest, but never panics.
         let _ = parse(&SOUND[..end]);
     }
 }

@@ -1,4 +1,4 @@
-//! One process a window, told by its command line.
+//! A session with one process per window, controlled by its command line.
 
 use std::{
     fs,
@@ -20,11 +20,12 @@ use crate::external::{
     scratch::Scratch,
 };
 
-/// The size of a picture where neither scene nor user says.
+/// The default size of a picture.
 const DEFAULT_SIZE: (u32, u32) = (1280, 720);
-/// The largest side of a picture.
+/// The largest width or height of a picture.
 const SIDE_MAX: u32 = 1 << 20;
 
+/// A session with a process per window.
 #[derive(Debug)]
 pub(super) struct CommandLine {
     engine: Arc<LocatedEngine>,
@@ -35,7 +36,7 @@ pub(super) struct CommandLine {
 }
 
 impl CommandLine {
-    /// Makes ready for a scene. Nothing is started but for the question how large it is.
+    /// Prepares for a scene. Starts nothing except the query for its size.
     pub(super) fn open(engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<(Self, Opened), EngineFault> {
         let scratch = Scratch::new()?;
         engine.entry.unpack(scratch.path())?;
@@ -115,11 +116,12 @@ impl CommandLine {
         values
     }
 
+    /// Renders a window: starts the process, watches its log and its limits, and returns the file that it wrote.
     pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
         let engine = Arc::clone(&self.engine);
         let (manifest, way) = (engine.manifest(), engine.way());
         let invocation = self.invocation()?.clone();
-        // A folder for each: what one left behind is not taken for the work of the next.
+        // Use a new folder for each window, so that old output is not mistaken for new.
         self.count += 1;
         let folder = self.scratch.path().join(self.count.to_string());
         fs::create_dir(&folder).map_err(EngineFault::Scratch)?;
@@ -127,7 +129,7 @@ impl CommandLine {
         let mut values = self.values(request, &output);
         values.insert("scratch", folder.display().to_string());
         let line = Argument::fill_all(&invocation.run, &values);
-        // Its scripts lie above the folder of the window.
+        // The scripts are in the parent of the window's folder.
         let reads: Vec<PathBuf> = self.request.reads().into_iter().chain([self.scratch.path().to_owned()]).collect();
         let program = Program {
             line: &line,

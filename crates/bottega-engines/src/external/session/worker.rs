@@ -1,4 +1,4 @@
-//! A process that keeps a scene and paints window after window.
+//! A session with a process that keeps a scene open and renders window after window.
 
 use std::{
     fs,
@@ -24,34 +24,37 @@ use crate::{
     },
 };
 
-/// Lines that are no answers are the log's; of those that look like one and are none so many are borne.
+/// The most malformed answers that are tolerated. (Lines that are not JSON objects belong to the log.)
 const WRONG_LINES_MAX: u32 = 100;
 
+/// A session with a worker process.
 #[derive(Debug)]
 pub(super) struct WorkerSession {
     engine: Arc<LocatedEngine>,
-    // Before the folder: the process ends first.
+    // Dropped before the folder, so that the process ends first.
     child: GuardedChild,
     scratch: Scratch,
     next_id: u64,
     frame: Option<i32>,
-    /// What it may read beside what is its own.
+    /// The files that it may read in addition to its own.
     reads: Vec<PathBuf>,
     wrong_lines: u32,
 }
 
-/// For how long an answer is waited for.
+/// The time limits of an answer.
 struct Patience<'a> {
     whole: Option<Duration>,
     silence: Option<Duration>,
     what: &'static str,
     cancel: Option<&'a CancelSwitch>,
-    /// Whoever cancels waits so long for the end: less than a new start takes.
+    /// The time to wait for the end of a cancelled window: less than a restart takes.
     grace: Duration,
 }
 
 impl WorkerSession {
-    /// - `reads`: files and folders that it may read beside the system's and where it is installed.
+    /// Starts a worker.
+    ///
+    /// - `reads`: files and folders that it may read in addition to the system's and its installation.
     pub(super) fn start(engine: &Arc<LocatedEngine>, reads: Vec<PathBuf>) -> Result<Self, EngineFault> {
         let scratch = Scratch::new()?;
         engine.entry.unpack(scratch.path())?;
@@ -91,10 +94,12 @@ impl WorkerSession {
         }
     }
 
+    /// Returns the files that it may read in addition to its own.
     pub(super) fn reads(&self) -> &[PathBuf] {
         &self.reads
     }
 
+    /// Opens a scene.
     pub(super) fn open(&mut self, request: &SceneRequest) -> Result<Opened, EngineFault> {
         let scratch = self.scratch.path().to_owned();
         self.frame = request.frame;
@@ -126,6 +131,7 @@ impl WorkerSession {
         }
     }
 
+    /// Asks which files a scene refers to.
     pub(super) fn files(&mut self, scene: &Path) -> Result<Files, EngineFault> {
         self.say(&Request::Files { scene })?;
         let seconds = self.engine.manifest().limits.open_seconds;
@@ -136,6 +142,7 @@ impl WorkerSession {
         }
     }
 
+    /// Renders a window. Returns the file that the worker wrote.
     pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
         let id = self.next_id;
         self.next_id += 1;
@@ -178,7 +185,7 @@ impl WorkerSession {
         Ok(Written { file, shows, is_upside_down: false, samples, once })
     }
 
-    /// What a worker names is read only where it was told to write.
+    /// Checks that the file which a worker names is a regular file in its scratch folder.
     fn check_place(&self, file: &Path) -> Result<(), EngineFault> {
         let no_picture = || EngineFault::NoPicture { log: log_tail(&self.engine, self.child.log()) };
         let is_plain = fs::symlink_metadata(file).map_err(|_| no_picture())?.is_file();
@@ -247,7 +254,7 @@ impl WorkerSession {
         Err(protocol_error(format!("{error} in {start}")))
     }
 
-    /// What it says, with what can be done where it lacks a module.
+    /// Returns a worker's refusal, with install instructions if a Python module is missing.
     fn refusal(&self, WorkerFailure { reason, fatal }: WorkerFailure) -> EngineFault {
         let reason = match module_hint(&self.engine, &reason) {
             Some(hint) => format!("{reason}; {hint}"),

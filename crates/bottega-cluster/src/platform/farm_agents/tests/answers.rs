@@ -1,8 +1,8 @@
-//! Answers of a machine to strangers.
+//! Answers of a machine to agents of other platforms.
 
 use super::*;
 
-/// What a machine answers to a request with this language, ontology and content.
+/// Returns a machine's answer to a request with this language, ontology and content.
 fn said_to_a_request(language: Option<&str>, ontology: Option<&str>, content: Option<&str>) -> (P, String) {
     let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     let text = |text: Option<&str>| text.map(str::to_owned);
