@@ -28,13 +28,13 @@ pub enum GpuError {
     /// An array of the scene is larger than the device can bind.
     #[error("{what} take {bytes} bytes, more than the {limit} that `{adapter}` can bind")]
     TooLarge {
-        /// Which buffer.
+        /// The name of the buffer.
         what: &'static str,
-        /// What it would take.
+        /// The size required, in bytes.
         bytes: u64,
-        /// What there may be.
+        /// The largest size allowed, in bytes.
         limit: u64,
-        /// The adapter.
+        /// The adapter's name.
         adapter: String,
     },
     /// The scene uses features that the GPU does not support.
@@ -49,7 +49,7 @@ pub enum GpuError {
     /// The device has no memory left for an array of a scene.
     #[error("the device has no memory for {wanted} bytes more")]
     OutOfMemory {
-        /// Bytes of the array.
+        /// The size of the array, in bytes.
         wanted: u64,
     },
     /// wgpu refused a command: because of a bug in this crate, or because the device's memory is full.

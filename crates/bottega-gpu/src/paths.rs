@@ -227,7 +227,7 @@ impl WindowedResource<RenderWork> for GpuPaths {
     }
 
     fn evict(&mut self, data: DataId) {
-        // A worker that is gone has nothing.
+        // A worker that has ended has no scenes.
         let _ = self.scenes.messages.send(Message::Evict(data));
     }
 
@@ -239,7 +239,7 @@ impl WindowedResource<RenderWork> for GpuPaths {
 impl Drop for GpuPaths {
     fn drop(&mut self) {
         let _ = self.scenes.messages.send(Message::End);
-        // A driver that compiles cannot be called back; its thread ends after that.
+        // A driver that is compiling cannot be interrupted; its thread ends when it is done.
         let worker = self.worker.take().filter(|_| !self.scenes.shelf.is_compiling());
         if let Some(worker) = worker {
             let _ = worker.join();

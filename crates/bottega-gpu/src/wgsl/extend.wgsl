@@ -1,6 +1,6 @@
 // No twin.
 //
-// Paths go on to the next surface, and those that meet none find the environment.
+// Finds the next surface of active paths; paths that hit none get the environment's radiance.
 
 @compute @workgroup_size(GROUP_SIZE)
 fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -29,14 +29,14 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// Shadow rays: what is seen of the lights that were drawn is added.
+// Traces shadow rays, and adds the light samples that are visible.
 @compute @workgroup_size(GROUP_SIZE)
 fn shadow(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= atomicLoad(&control[CONTROL_LIT_NOW]) {
         return;
     }
     let path = queued(QUEUE_LIT, id.x);
-    // The depth counts on before this kernel.
+    // The depth was advanced before this kernel.
     ask_as(path, atomicLoad(&control[CONTROL_DEPTH]) - 1u, true);
     var found = field(PATH_RADIANCE, path);
     for (var part = 0u; part < batch.light_samples; part += 1u) {

@@ -1,6 +1,6 @@
 // No twin.
 //
-// Paths begin: the camera's rays of all samples of the batch.
+// The first kernel of a pass: camera rays for all samples of the batch.
 
 fn batch_number(at: u32) -> f32 {
     return bitcast<f32>(batch_words[at]);
@@ -14,7 +14,7 @@ fn batch_vec3(at: u32) -> vec3<f32> {
     return vec3(batch_number(at), batch_number(at + 1u), batch_number(at + 2u));
 }
 
-// The last job that begins at or before a number, by the word of the job that tells where it begins.
+// Returns the last job that starts at or before `number`; `begins`: the word of a job that holds its start.
 fn job_of(number: u32, begins: u32) -> u32 {
     var first = 0u;
     var last = batch.job_count;

@@ -1,14 +1,14 @@
 // No twin.
 //
-// Closest hit and any hit of a ray: an eight-child tree with quantized boxes (Ylitie, Karras and Laine, "Efficient Incoherent Ray
-// Traversal on GPUs Through Compressed Wide BVHs", 2017). STACK_SIZE groups of nodes fit on the stack, as many as the tree is deep.
-// Who uses it says by `is_there` which hits count.
+// Closest hit and any hit of a ray: an eight-wide tree with quantized boxes (Ylitie, Karras and Laine, "Efficient Incoherent Ray
+// Traversal on GPUs Through Compressed Wide BVHs", 2017). The stack holds STACK_SIZE groups of nodes, at least the depth of the
+// tree. The including shader defines `is_there`, which accepts or rejects hits.
 
-// As many a node as `node_of` takes.
+// NODE_VECTORS per node, as `node_of` takes them.
 @group(0) @binding(0) var<storage, read> nodes: array<vec4<u32>>;
 
-// Which of four children of a node a ray enters, as bits: node children in the upper eight, the nearest by its octant highest; shapes of leaf
-// children in the lower 24, counted from the node's first one. (Ylitie et al. 2017, section 4.)
+// Returns which of four children of a node a ray enters, as bits: inner children in the upper eight, the nearest by octant in the
+// highest bit; shapes of leaf children in the lower 24, counted from the node's first one. (Ylitie et al. 2017, section 4.)
 fn enter_four(
     kinds: u32,
     near: vec3<u32>,
@@ -43,13 +43,13 @@ fn traverse(ray: Ray, any: bool) -> Hit {
     }
     let inverse = inverse_of(ray.direction);
     let is_negative = inverse < vec3(0.0);
-    // The place of the octant that comes first has the highest number.
+    // The octant entered first gets the highest number.
     let signs = vec3<u32>(is_negative);
     let octant = 7u - (signs.x * 4u + signs.y * 2u + signs.z);
     let octants = octant * NODE_EACH;
     var stack: array<vec2<u32>, STACK_SIZE>;
     var top = 0u;
-    // Nodes that are still to be entered: the first of all that are there, those to enter (upper 8 bits), those that are there (lower 8).
+    // Inner nodes still to enter: index of the first child, children to enter (upper 8 bits), children that exist (lower 8 bits).
     var group = vec2(0u, NODE_GROUP_ROOT);
     loop {
         let bit = firstLeadingBit(group.y);

@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/integrator/path.rs`.
 //
-// What a path finds where it meets a surface or none, and where it goes on.
+// Shading of a path's vertex: emission, light sampling, scattering, Russian roulette.
 
 fn receiver_from(path: u32) -> Receiver {
     return Receiver(field(PATH_RECEIVER, path).xyz, field(PATH_RECEIVER_NORMAL, path).xyz);
@@ -101,7 +101,7 @@ fn meet(path: u32, depth: u32) {
         }
     }
     found.w = -1.0;
-    // Where the path goes on.
+    // Sample the BSDF for the next direction.
     let u = quad(from_pixel, dimension_set_scattering(depth));
     let drawn = bsdf_sample(&bsdf, u.xyz);
     let wi = to_world(&point, drawn.wi);
@@ -114,7 +114,7 @@ fn meet(path: u32, depth: u32) {
     throughput *= drawn.weight;
     var scale = carried.w;
     if !reflects {
-        // Into the solid when the path came from its outside, else out of it.
+        // Update the medium: the inside when the path came from outside, else the outside.
         if (point.flags & MATERIAL_KEEPS_MEDIUM) == 0u {
             set_field(PATH_ABSORPTION, path, vec4(material_absorption(point.material, point.is_in_front), 0.0));
         }
@@ -125,7 +125,7 @@ fn meet(path: u32, depth: u32) {
         spread = max(spread, SCATTERED_SPREAD / sqrt(max(drawn.pdf, 1e-30)));
         found.w = drawn.pdf;
     }
-    // Russian roulette, by the square root of what the path still carries.
+    // Terminate with Russian roulette, by the square root of the throughput.
     let remaining = math_max3(throughput) * scale;
     var survives = remaining > 0.0;
     if survives && depth + 1u > batch.roulette_depth {
