@@ -10,7 +10,7 @@ use std::fmt;
 pub enum Primitive {
     /// Closest hits of a batch of rays. Low level.
     Intersect,
-    /// For each ray of a batch, whether it hits anything. Low level.
+    /// Occlusion of a batch of rays: true for each ray that hits anything. Low level.
     Occluded,
     /// The nearest photons of each point of a batch. Low level.
     PhotonGather,

@@ -9,7 +9,7 @@ use crate::Work;
 pub enum RayQuery<'a> {
     /// The closest hit of each ray.
     Intersect(&'a [Ray]),
-    /// For each ray, whether it hits anything.
+    /// For each ray, true if it hits anything.
     Occluded(&'a [Ray]),
 }
 

@@ -3,9 +3,8 @@
 //! If a resource has no work because the bin is full of other resources' work, the capacity grows: the paper's
 //! marginalisation. It shrinks slowly when that is over.
 //!
-//! If units have shorter maximum delays, the capacity is smaller, so that the last unit is begun within half of the
-//! shortest recent maximum delay, whatever the order.
-//! shortest maximum delay that was asked for of late, whatever the order.
+//! If units have shorter maximum delays, the capacity is smaller, so that the last unit starts within half of the shortest recent
+//! maximum delay, whatever the order.
 
 use std::time::Duration;
 

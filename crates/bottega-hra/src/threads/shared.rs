@@ -43,7 +43,7 @@ pub(crate) struct PacketAnswer<W: Work> {
     pub(crate) transfers: Option<[Transfer; 2]>,
     /// The kind of fault, if a unit came back undone.
     pub(crate) fault: Fault,
-    /// All works of the packet, where the resource has to make itself ready before it begins them.
+    /// All works of the packet, if the resource must prepare before it starts them.
     pub(crate) unbegun: Option<Vec<W>>,
 }
 
@@ -65,7 +65,7 @@ pub(crate) struct AllocatorState<W: Work> {
     pub(crate) room: Room,
     pub(crate) lanes: Vec<LanePost<W>>,
     pub(crate) alarm: Alarm,
-    /// True if the policy must be told of arrivals, because a lane waits to be woken.
+    /// True if the policy must be notified of arrivals, because a lane waits to be woken.
     listens: AtomicBool,
     /// By primitive: 1 + the maximum size of data; 0 if unsupported.
     able: [AtomicU64; Primitive::COUNT],
@@ -145,7 +145,7 @@ impl<W: Work> AllocatorState<W> {
         }
     }
 
-    /// Whether `primitive` is supported, and on this much data.
+    /// Returns two flags: `primitive` is supported; it is supported on this much data.
     pub(crate) fn can(&self, primitive: Primitive, data_bytes: u64) -> (bool, bool) {
         let able = self.able[primitive.index()].load(Ordering::SeqCst);
         (able > 0, data_bytes < able || able == u64::MAX)

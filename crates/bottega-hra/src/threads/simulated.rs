@@ -1,4 +1,4 @@
-//! A resource whose distance and speed are whatever one likes to try, in real time.
+//! A resource with a simulated link and speed, in real time.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -7,34 +7,34 @@ use std::time::{Duration, Instant};
 
 use crate::{Failed, Link, Packet, PrimitiveSet, Reply, Resource, ResourceDescriptor, WindowedResource, Work};
 
-/// Computes as a CPU lane does, but hands its results over only when the device that it stands for would have: a packet
-/// occupies the link for its bytes, arrives after the latency, waits for the packets before it, is served for its
-/// items, and its answer takes the latency again.
+/// Computes like a CPU lane, but returns results only at the time of a simulated device: a packet occupies the link for its
+/// bytes, arrives after the latency, waits for the packets before it, is served for its items, and its answer takes the latency
+/// again.
 ///
-/// As a [`Resource`] it is asked for one unit at a time and bears the whole way each time; as a [`WindowedResource`]
-/// it shows what a window is good for. For tests, and for planning.
+/// As a [`Resource`] it gets one unit at a time and takes the whole round trip for each; as a [`WindowedResource`] it shows the
+/// effect of a window. For tests and for planning.
 pub struct Simulated<W: Work, F> {
     name: String,
     model: SimulatedModel,
     perform: F,
-    /// The far end, once the first packet was sent.
+    /// The sender to the far end; `None` before the first packet.
     far_end: Option<Sender<Flying<W>>>,
-    /// When the link, and then the device, is free again.
+    /// The times at which the link and the device are free again.
     link_free: Instant,
     device_free: Instant,
     units: u64,
 }
 
-/// The device that a [`Simulated`] stands for.
+/// The model of a [`Simulated`] device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimulatedModel {
-    /// What it can do.
+    /// The supported primitives.
     pub primitives: PrimitiveSet,
     /// Time to serve one item.
     pub time_per_item: Duration,
-    /// The way there and back.
+    /// The link in both directions.
     pub link: Link,
-    /// Every so many units one is given back as failed; 0: none is.
+    /// Every unit with a number divisible by this fails and is returned; 0: none.
     pub fail_every: u64,
 }
 
@@ -50,7 +50,7 @@ where
     W: Work,
     F: Fn(W) -> W::Output + Send,
 {
-    /// A device as `model` says, that gets its results from `perform`.
+    /// Creates a device with this model, which computes its results by `perform`.
     pub fn new(name: impl Into<String>, model: SimulatedModel, perform: F) -> Self {
         let now = Instant::now();
         Self { name: name.into(), model, perform, far_end: None, link_free: now, device_free: now, units: 0 }
@@ -65,7 +65,7 @@ where
         }
     }
 
-    /// When the answer of a packet that is sent now would be here.
+    /// Returns the arrival time of the answer to a packet sent now.
     fn due(&mut self, bytes: u64, items: u64) -> Instant {
         let SimulatedModel { time_per_item, link, .. } = self.model;
         self.link_free = self.link_free.max(Instant::now()) + link.transfer(bytes).saturating_sub(link.latency);
@@ -116,7 +116,7 @@ where
         let outcomes = packet.works.into_iter().map(|work| self.outcome(work)).collect();
         let far_end = self.far_end.get_or_insert_with(|| {
             let (sender, receiver) = channel();
-            // It ends when the sender goes, with this resource. A thread that cannot be had loses the packets.
+            // The thread ends when this resource drops the sender. If the thread cannot be started, the packets are lost.
             let _ = thread::Builder::new().name("hra simulated".into()).spawn(move || fly(&receiver));
             sender
         });
@@ -124,7 +124,7 @@ where
     }
 }
 
-/// Delivers what is due. Packets come back in the order in which they were sent.
+/// Delivers packets when they are due, in the order of sending.
 fn fly<W: Work>(arrivals: &Receiver<Flying<W>>) {
     let mut flying: VecDeque<Flying<W>> = VecDeque::new();
     loop {

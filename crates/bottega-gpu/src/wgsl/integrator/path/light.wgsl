@@ -2,7 +2,7 @@
 //
 // MIS of light found by BSDF sampling and by light sampling.
 
-// The weight of light that the path ran into with density `pdf`, which light sampling would have found with `light_pdf`.
+// Returns the MIS weight of light found by BSDF sampling with `pdf`; `light_pdf`: the pdf of light sampling.
 fn found_by_bsdf(pdf: f32, light_pdf: f32) -> f32 {
     if pdf < 0.0 || batch.direct_light == DIRECT_BSDF_SAMPLING {
         return 1.0;
