@@ -1,4 +1,4 @@
-//! The command line of Bottega. No logic of its own: it reads options, calls the crates, and tells what happened.
+//! The command line of Bottega. It has no logic of its own: it parses options, calls the crates, and prints results.
 //!
 //! # Modules
 //!
@@ -27,7 +27,7 @@
 //! | tests of the whole program, with a farm of real processes among them | `tests/`, `tests/farm/` |
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-// First: `println!` and its like mean what is defined there.
+// First, so that `println!` and similar macros are those of this crate.
 #[macro_use]
 mod output;
 
@@ -65,7 +65,7 @@ use error::CliError;
 use output::Purpose;
 use tracing_subscriber::{filter::Targets, layer::SubscriberExt, util::SubscriberInitExt};
 
-/// What is written to the log where nobody asks for more: who cannot link up with a server tells that himself.
+/// The default log filter; connection errors of NATS are reported by their callers.
 const LOGGED: &str = "warn,async_nats=off";
 
 fn main() -> ExitCode {
@@ -79,12 +79,12 @@ fn main() -> ExitCode {
     output::begin(purpose(&command));
     bottega::engines::keep_quarantines();
     let code = run(command).unwrap_or_else(|error| report(&error));
-    // Drivers end better while the process is whole.
+    // Drivers shut down more reliably before the process exits.
     bottega::devices::release();
     output::finish(code)
 }
 
-/// Logs to standard error what `BOTTEGA_LOG` lets through: a level, or levels of targets (`warn,bottega_farm=debug`).
+/// Starts logging to standard error. `BOTTEGA_LOG` sets the filter: a level, or levels per target (`warn,bottega_farm=debug`).
 fn start_log() {
     let asked = std::env::var("BOTTEGA_LOG").ok().filter(|it| !it.is_empty());
     let targets = asked.as_deref().map(str::parse::<Targets>).transpose();
@@ -107,7 +107,7 @@ fn command_line() -> Result<Result<Cli, clap::Error>, CliError> {
     Ok(matches.and_then(|matches| Cli::from_arg_matches(&matches)))
 }
 
-/// What standard output is for.
+/// Returns the purpose of a command's standard output.
 fn purpose(command: &Command) -> Purpose {
     match command {
         Command::Render(args) if args.request.dry_run => Purpose::Result,
@@ -149,7 +149,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
     }
 }
 
-/// Tells what went wrong. 2 is for what was asked wrongly, 1 for what failed.
+/// Prints an error. Returns exit code 2 for usage errors, 1 for failures.
 fn report(error: &CliError) -> ExitCode {
     let code = if error.is_usage() { 2 } else { 1 };
     output::print_report(&error::report(error));
