@@ -1,8 +1,8 @@
-//! The measurements: the tables of the papers beside the papers' own figures, rays and paths a second, other renderers on the same
+//! Measurements: the tables of the papers with the papers' own results, rays and paths per second, other renderers on the same
 //! triangles, a farm of many agents. `cargo run --release -p bottega-bench -- --help`.
 //!
-//! Every measurement has one struct of options, which the command line fills in, and gives a report of figures. Above them stands the head
-//! of the run: commit, command and machine. A line for each step goes to standard error.
+//! Every measurement has one struct of options, which the command line fills in, and returns a report. The report starts with a
+//! header: commit, command and machine. Progress goes to standard error, one line per step.
 //!
 //! # Modules
 //!
@@ -65,7 +65,7 @@ use self::{
     report::{Measurement, head, headed},
 };
 
-/// What is written to the log where BOTTEGA_LOG does not say otherwise.
+/// The default log filter.
 const LOGGED: &str = "warn,async_nats=off";
 
 /// Measures bottega: on this machine, at the commit that this program was built from.
@@ -101,7 +101,7 @@ fn main() -> ExitCode {
     let program = BenchProgram::parse();
     bottega::engines::keep_quarantines();
     let done = run(&program);
-    // Drivers end better while the process is whole.
+    // Drivers shut down more reliably before the process exits.
     bottega::devices::release();
     done.map_or_else(|error| tell(&error), |()| ExitCode::SUCCESS)
 }
@@ -140,7 +140,7 @@ fn print(text: &str) -> Result<(), Error> {
     output.write_all(text.as_bytes()).and_then(|()| output.flush()).map_err(Error::Output)
 }
 
-/// Says what went wrong, why, and what can be done.
+/// Prints an error with its causes and remedy.
 fn tell(error: &Error) -> ExitCode {
     let mut text = format!("error: {error}\n");
     let mut next = error.source();
@@ -151,7 +151,7 @@ fn tell(error: &Error) -> ExitCode {
     if let Some(remedy) = error.remedy() {
         text += &format!("  help: {remedy}\n");
     }
-    // Where nobody reads it the exit code says it.
+    // If standard error is closed, the exit code remains.
     _ = io::stderr().write_all(text.as_bytes());
     ExitCode::from(error.exit_code())
 }

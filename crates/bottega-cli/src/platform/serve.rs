@@ -71,7 +71,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
 enum ServedPages {
     /// The platform of a farm.
     Farm(FarmPlatform, JobBoard),
-    /// One of its own.
+    /// A platform without a farm.
     Alone(Node),
 }
 
