@@ -6,21 +6,21 @@
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
-//! | rays a second: ours, Embree's, those of `obvhs`, a GPU's; paths a second | `src/rays.rs`, `src/rays/` |
+//! | rays per second: ours, Embree's, those of `obvhs`, a GPU's; paths per second | `src/rays.rs`, `src/rays/` |
 //! | the three papers | `src/hra/`, `src/magarro/`, `src/ala/` |
-//! | error and time beside other renderers, and the scenes that all of them read | `src/peers.rs`, `src/neutral_scene.rs` |
-//! | the overhead of painting in zones with another engine | `src/engines.rs` |
-//! | what the guide of paths is worth | `src/guide/` |
-//! | how well times are known in a second job | `src/learning.rs` |
-//! | awards a second, on a real NATS server | `src/farm/` |
-//! | what a measurement and its report are; the head of a run | `src/report.rs` |
-//! | options of several measurements | `src/arguments.rs` |
+//! | error and time of several renderers, and the scenes that all of them read | `src/peers.rs`, `src/neutral_scene.rs` |
+//! | the overhead of painting in zones with an external engine | `src/engines.rs` |
+//! | the gain of path guiding | `src/guide/` |
+//! | the accuracy of time forecasts in a second job | `src/learning.rs` |
+//! | awards per second, on a real NATS server | `src/farm/` |
+//! | measurements and reports; the header of a run | `src/report.rs` |
+//! | options shared by several measurements | `src/arguments.rs` |
 //! | generated scenes, and their random numbers | `src/scenes.rs`, `src/random.rs` |
-//! | painting that several measurements share | `src/painting.rs` |
-//! | processes that a measurement starts | `src/part_process.rs` |
-//! | files written, scenes read; errors and their remedies | `src/files.rs`, `src/error.rs` |
+//! | rendering shared by several measurements | `src/painting.rs` |
+//! | child processes of a measurement | `src/part_process.rs` |
+//! | output files, loading of scenes; errors and their remedies | `src/files.rs`, `src/error.rs` |
 
 mod ala;
 mod arguments;

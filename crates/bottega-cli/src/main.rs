@@ -2,29 +2,29 @@
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
-//! | options, and the request that they make | `src/cli.rs`, `src/cli/render.rs`, `src/cli/scene.rs`, `src/cli/light.rs`, `src/cli/engine.rs` |
-//! | requests that are read; a request as options | `src/cli/request.rs`, `src/cli/words.rs` |
+//! | options, and their conversion to a request | `src/cli.rs`, `src/cli/render.rs`, `src/cli/scene.rs`, `src/cli/light.rs`, `src/cli/engine.rs` |
+//! | reading requests; converting a request to options | `src/cli/request.rs`, `src/cli/words.rs` |
 //! | `render`, `request` | `src/render.rs`, `src/request.rs` |
 //! | the progress bar, lines of text and JSON, the trace | `src/console_watcher.rs` |
 //! | standard output and standard error | `src/output.rs` |
-//! | errors as people read them | `src/error.rs` |
-//! | `-h`; groups of commands; what an unknown option means | `src/short_help.rs`; `src/command_groups.rs`; `src/suggestions.rs` |
-//! | the configuration file, variables of the environment | `src/config/`, `src/variables.rs` |
+//! | display of errors | `src/error.rs` |
+//! | `-h`; groups of commands; suggestions for unknown words | `src/short_help.rs`; `src/command_groups.rs`; `src/suggestions.rs` |
+//! | the configuration file, environment variables | `src/config/`, `src/variables.rs` |
 //! | prices, watts | `src/energy_values.rs` |
-//! | Ctrl-C; when the process began | `src/signals.rs`; `src/process_start.rs` |
-//! | `--on`: who is told of ends and stalls | `src/notifications/` |
-//! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
+//! | Ctrl-C; the start time of the process | `src/signals.rs`; `src/process_start.rs` |
+//! | `--on`: notifications of ends and stalls | `src/notifications/` |
+//! | `analyze`; drawings of useful data density; accuracy of predicted times | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
 //! | `up`, `web`, `join`, `jobs`, `machines` | `src/farm/` |
 //! | `engines` | `src/engines/` |
 //! | `rules` | `src/rules/` |
 //! | `devices` | `src/devices.rs` |
 //! | `simulate` | `src/simulate/` |
-//! | `platform`: one that is served, questions to any | `src/platform/` |
-//! | `manual`: man pages, the reference of the manual | `src/manual/` |
-//! | tests of the whole program, with a farm of real processes among them | `tests/`, `tests/farm/` |
+//! | `platform`: serving one, queries to any | `src/platform/` |
+//! | `manual`: man pages, the reference pages of the manual | `src/manual/` |
+//! | tests of the whole program, including a farm of real processes | `tests/`, `tests/farm/` |
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 // First, so that `println!` and similar macros are those of this crate.

@@ -17,7 +17,7 @@
 //! one stack. A scene whose placed instances do not fit is refused by the GPU; the CPU can still render it.
 //!
 //! # Modules
-//!
+//! | subject | files |
 //! | what | where |
 //! |---|---|
 //! | adapters, an open device, the adapter's memory | `src/adapter.rs`, `src/context.rs`, `src/memory.rs` |
