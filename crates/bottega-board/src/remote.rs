@@ -223,7 +223,7 @@ fn write_all(stream: TcpStream, frames: &Receiver<Frame>) {
     let mut writer = BufWriter::with_capacity(64 << 10, stream);
     for frame in frames {
         if frame.write(&mut writer).is_err() {
-            break; // This also ends the board's receiver.
+            break; // The shutdown below also ends the listening thread.
         }
     }
     _ = writer.get_ref().shutdown(Shutdown::Both);

@@ -29,7 +29,7 @@ pub(crate) struct PackageArgs {
     is_tried: bool,
 }
 
-/// Makes the packages.
+/// Builds the packages.
 ///
 /// # Errors
 /// The program does not compile or run, a licence has no text, or a tool (`tar`, `gzip`, `dpkg-deb`) is missing or fails.
