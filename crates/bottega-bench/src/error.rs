@@ -135,7 +135,7 @@ pub(crate) enum Error {
     /// `bottega render` failed.
     #[error("bottega render fails: {said}")]
     Render {
-        /// What it wrote to standard error.
+        /// Its output on standard error.
         said: String,
     },
 }

@@ -20,7 +20,7 @@ pub(crate) const BUILT_IN: [(&str, SceneMaker); 4] =
 pub(crate) struct BenchScene {
     /// The name used in tables.
     pub(crate) name: String,
-    /// Vertices.
+    /// The positions of the vertices.
     pub(crate) positions: Vec<Vec3>,
     /// Three indices per triangle.
     pub(crate) triangles: Vec<[u32; 3]>,

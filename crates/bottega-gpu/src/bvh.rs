@@ -62,6 +62,7 @@ fn open(nodes: &[Binary], source: usize) -> Vec<usize> {
         let d = nodes[index].bounds.max - nodes[index].bounds.min;
         d.x * d.y + d.y * d.z + d.z * d.x
     };
+    // Open the inner node with the largest area.
     let mut open = children(source).to_vec();
     while open.len() < WIDTH {
         let inner = open.iter().enumerate().filter(|(_, index)| nodes[**index].second != 0);
@@ -78,6 +79,7 @@ fn place(binary: &BinaryTree, open: &[usize], children: u32, order: &mut Vec<u32
     if open.is_empty() {
         return node;
     }
+    // Compute the node's box and the step size of its grid.
     let boxes: Vec<_> = open.iter().map(|&index| binary.nodes[index].bounds).collect();
     let Aabb { min, max } = boxes.iter().fold(Aabb::EMPTY, |all, it| all.union(it));
     let margin = ((max - min).max_element() * MARGIN).max(min.abs().max(max.abs()).max_element() * f32::EPSILON);
@@ -86,6 +88,7 @@ fn place(binary: &BinaryTree, open: &[usize], children: u32, order: &mut Vec<u32
     node.corner = corner.to_array();
     node.exponents = steps;
     let slots = slots(&boxes, (min + max) * 0.5);
+    // Write the children: leaves with their shapes, inner nodes by reference.
     for (slot, child) in slots.into_iter().enumerate().filter_map(|(slot, child)| Some((slot, child?))) {
         let Binary { first, count, second, .. } = binary.nodes[open[child]];
         if second == 0 {
@@ -97,6 +100,7 @@ fn place(binary: &BinaryTree, open: &[usize], children: u32, order: &mut Vec<u32
             node.kinds[slot] = 1 << NODE_PLACE_WIDTH | (INNER + slot as u8);
             add(open[child]);
         }
+        // Quantize the child's box outwards.
         for axis in 0..3 {
             let size = f32::from_bits(u32::from(steps[axis]) << 23);
             let low = boxes[child].min[axis] - margin - corner[axis];
@@ -121,6 +125,7 @@ fn slots(boxes: &[Aabb], center: Vec3) -> [Option<usize>; WIDTH] {
     let mut slots = [None; WIDTH];
     let mut left: Vec<usize> = (0..boxes.len()).collect();
     while !left.is_empty() {
+        // Assign the cheapest pair of child and free slot.
         let mut best = (f32::INFINITY, 0, 0);
         for (at, &child) in left.iter().enumerate() {
             let from = (boxes[child].min + boxes[child].max) * 0.5 - center;

@@ -40,7 +40,7 @@ pub enum GpuError {
     /// The scene uses features that the GPU does not support.
     #[error("not for a GPU: {}", .0.join("; "))]
     Unsupported(Vec<String>),
-    /// A material is cut out by its alpha texture, which rays on the GPU do not evaluate; hits would be wrong.
+    /// A material is cut out by its alpha texture, which rays on the GPU do not evaluate, so hits may be wrong.
     #[error("material `{0}` is cut out by its alpha, which rays on the GPU do not see")]
     AlphaTested(String),
     /// An index of the scene is out of range.

@@ -142,7 +142,7 @@ pub enum SubmitError {
     /// The allocator was shut down.
     #[error(transparent)]
     Closed(#[from] Closed),
-    /// No resource supports this primitive, so the unit would wait forever.
+    /// No resource supports this primitive.
     #[error("no resource can do `{0}`")]
     Unsupported(Primitive),
     /// No resource that supports the primitive has enough memory for the data.

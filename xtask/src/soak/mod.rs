@@ -156,9 +156,9 @@ enum SoakStep {
 struct Figures {
     steps: u32,
     happened: BTreeMap<SoakStep, u32>,
-    /// What a door refused because it could not be done just then.
+    /// Number of requests that an interface refused because of the current state.
     refused: u32,
-    /// What was done once more, because the server was away.
+    /// Number of requests repeated because the server was away.
     again: u32,
     by_door: BTreeMap<&'static str, u32>,
     quiet_moments: u32,

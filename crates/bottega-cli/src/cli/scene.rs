@@ -16,7 +16,7 @@ use super::{
     },
 };
 
-/// How the scene file is read.
+/// Options for reading the scene file.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Scene file")]
 pub(crate) struct ImportArgs {
@@ -60,7 +60,7 @@ impl ImportArgs {
     }
 }
 
-/// Which camera, how large, which light: what `render` and `analyze` share.
+/// Options of camera, size and light, shared by `render` and `analyze`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct SceneArgs {
     #[command(flatten)]

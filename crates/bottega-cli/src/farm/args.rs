@@ -7,7 +7,7 @@ use clap::{Args, ValueHint};
 
 use crate::{config, error::CliError};
 
-/// Who one is to servers of others.
+/// Credentials for a remote server.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "NATS servers of others")]
 pub(crate) struct LoginArgs {
@@ -52,7 +52,7 @@ impl LoginArgs {
     }
 }
 
-/// Which farm is looked at.
+/// Options that select a farm.
 #[derive(Debug, Args)]
 pub(crate) struct FarmArgs {
     /// Where the farm is; default: the one that `bottega up` runs on this machine.

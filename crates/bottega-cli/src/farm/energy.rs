@@ -12,7 +12,7 @@ use crate::{
 /// The number of zones that `bottega jobs show` lists: those that took most energy.
 const ZONES_SHOWN: usize = 5;
 
-/// What energy costs in a farm, and what machines draw that know nothing of their own.
+/// The price of energy in a farm, and the assumed power of machines that cannot measure it.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Energy and cost")]
 pub(crate) struct TariffArgs {

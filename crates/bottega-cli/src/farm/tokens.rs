@@ -53,7 +53,7 @@ enum TokensCommand {
     },
 }
 
-/// What a token lets its holder do.
+/// The rights that a token grants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum RoleChoice {
     /// Look on.

@@ -29,7 +29,7 @@ const PORTS_TRIED: u16 = 20;
 /// The interval at which a request to stop is checked.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// How the page is served.
+/// Options for serving the page.
 #[derive(Debug, Args)]
 pub(super) struct WebArgs {
     /// Where the page and the HTTP API are; beyond this machine by TLS alone, with the farm's certificate.

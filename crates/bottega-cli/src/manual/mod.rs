@@ -11,14 +11,14 @@ use clap::{Args, Command, Subcommand, ValueHint};
 
 use crate::error::CliError;
 
-/// What `bottega manual` takes.
+/// Options of `bottega manual`.
 #[derive(Debug, Args)]
 pub(crate) struct ManualArgs {
     #[command(subcommand)]
     part: ManualPart,
 }
 
-/// Which part of the manual.
+/// The parts of the manual.
 #[derive(Debug, Subcommand)]
 enum ManualPart {
     /// Write the man pages: `bottega.1`, and one for each command.

@@ -14,7 +14,7 @@ const SECRET_BYTES: std::ops::RangeInclusive<usize> = 8..=4096;
 /// The default time without a finished zone after which a job counts as stalled.
 const STALLED_AFTER: Duration = Duration::from_secs(600);
 
-/// Who is told of the work, beside the terminal. No part of what is asked for.
+/// Options of notifications, which are not part of the request.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Notifications")]
 pub(crate) struct NotificationArgs {

@@ -190,6 +190,7 @@ impl Tracer {
         if capacity == 0 && batch.path_count != 0 {
             return Err(GpuError::Invalid(format!("{} light samples at a vertex", batch.params.light_samples)));
         }
+        // Upload the batch, and clear its sums.
         let sum_bytes = (batch.sums() * size_of::<f32>()) as u64;
         let set = self.turn;
         self.turn = (set + 1) % SETS;
@@ -199,6 +200,7 @@ impl Tracer {
         let mut encoder = self.encoder();
         encoder.clear_buffer(&buffers.sums, 0, Some(sum_bytes));
         self.context.queue.submit([encoder.finish()]);
+        // Trace the paths in passes that fit into memory.
         let mut before = None;
         for first_path in (0..batch.path_count).step_by(capacity.max(1) as usize) {
             let path_count = capacity.min(batch.path_count - first_path);
@@ -209,6 +211,7 @@ impl Tracer {
                 self.context.wait(&before)?;
             }
         }
+        // Copy the sums to the readback buffer.
         let mut encoder = self.encoder();
         encoder.copy_buffer_to_buffer(&buffers.sums, 0, &buffers.readback, 0, sum_bytes);
         let submission = self.context.queue.submit([encoder.finish()]);
@@ -229,6 +232,7 @@ impl Tracer {
     /// Traces as many paths as fit, and adds their results to the sums.
     fn pass(&self, kernels: &Kernels, params: &BatchParams, buffers: &Buffers) -> Result<SubmissionIndex, GpuError> {
         let queue = &self.context.queue;
+        // Upload the parameters, and generate camera rays.
         let mut control = CONTROL;
         control[ACTIVE] = params.path_count;
         queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
@@ -239,6 +243,7 @@ impl Tracer {
             pass.dispatch_workgroups(params.path_count.div_ceil(GROUP_SIZE), 1, 1);
             self.plan(pass, buffers, &kernels.plan_extend);
         });
+        // Trace bounces until no path is left.
         let mut depth = 0;
         loop {
             let bounces = BOUNCES.min(params.max_depth - depth);
@@ -251,6 +256,7 @@ impl Tracer {
                 break;
             }
             depth += bounces + 1;
+            // Check for remaining paths.
             encoder.copy_buffer_to_buffer(&self.control, 4 * ACTIVE as u64, &self.left, 0, 4);
             let submission = queue.submit([encoder.finish()]);
             let mut left = 0;
@@ -260,6 +266,7 @@ impl Tracer {
                 break;
             }
         }
+        // Add the results to the sums.
         self.compute(&mut encoder, buffers, |pass| {
             pass.set_pipeline(&kernels.accumulate);
             pass.dispatch_workgroups(params.pixel_count.div_ceil(GROUP_SIZE), 1, 1);

@@ -254,6 +254,7 @@ impl PathWorker {
         if groups.is_empty() {
             begun.busy = start.elapsed();
         }
+        // Start a batch per kind; wait for the previous one.
         for (kind, units) in groups {
             for units in batches(units) {
                 self.land(&mut begun);

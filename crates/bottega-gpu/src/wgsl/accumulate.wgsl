@@ -30,6 +30,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
         let found = bits(PATH_RADIANCE, path).xyz;
         let is_sound = all((found & vec3(0x7f800000u)) != vec3(0x7f800000u));
         let factor = field(PATH_RECEIVER_NORMAL, path).w;
+        // Drop invalid samples, and clamp bright ones.
         let whole = bitcast<vec3<f32>>(select(vec3(0u), found, is_sound));
         let greatest = max(max(whole.x, whole.y), whole.z);
         let sample_max = bitcast<f32>(batch.sample_max);
@@ -44,6 +45,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
             normal_sum += field(PATH_NORMAL, path);
         }
     }
+    // Add to the pixel's sums.
     let at = pixel * batch.stride;
     add_sum(at, radiance_sum);
     sums[at + SUM_ALPHA] += albedo_sum.w;

@@ -1,6 +1,6 @@
 // No twin.
 //
-// Finds the next surface of active paths; paths that hit none get the environment's radiance.
+// Finds the next surface of active paths and queues them by hit or miss; traces shadow rays.
 
 @compute @workgroup_size(GROUP_SIZE)
 fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -12,12 +12,14 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
     ask_as(path, depth, false);
     var reach = FAR;
     var start = 0.0;
+    // A camera ray has a limited length.
     if depth == 0u {
         let first = field(PATH_HIT, path);
         reach = first.x;
         start = first.y;
     }
     let hit = traverse(Ray(field(PATH_ORIGIN, path).xyz, 0.0, field(PATH_DIRECTION, path).xyz, reach), false);
+    // Queue the path by hit or miss.
     if hit.shape == HIT_NOTHING {
         push(QUEUE_MISSED, CONTROL_MISSED, path);
     } else {

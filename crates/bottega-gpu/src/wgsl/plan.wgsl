@@ -5,6 +5,7 @@
 @group(0) @binding(0) var<storage, read_write> control: array<atomic<u32>>;
 @group(0) @binding(1) var<storage, read_write> groups: array<u32>;
 
+// Writes the workgroups of a dispatch with `count` threads.
 fn plan(kernel: u32, count: u32) {
     groups[DISPATCH_WORDS * kernel] = (count + GROUP_SIZE - 1u) / GROUP_SIZE;
     groups[DISPATCH_WORDS * kernel + 1u] = 1u;

@@ -30,7 +30,7 @@ pub(crate) enum Health {
     Up,
     /// Suspended until this time; then it must recover.
     Paused(Time),
-    /// Recovering.
+    /// Recovering after a suspension.
     Recovering,
     /// Near, and not returning from a call.
     Hung,

@@ -350,7 +350,7 @@ impl<T> Core<T> {
     fn best_of_dozing(&self, now: Time, unit: &UnitNeeds) -> Option<ResourceId> {
         let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
         let fit = lanes.filter(|&(lane, id)| lane.dozes && self.roster.can(id, unit.primitive, unit.data));
-        // Of equal ones prefer the least versatile
+        // Prefer the least versatile of equal ones.
         let best = fit.min_by_key(|(lane, id)| (lane.finish(now, unit), self.roster.primitives(*id).iter().count()));
         best.map(|(_, id)| id)
     }

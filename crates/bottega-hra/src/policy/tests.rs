@@ -297,7 +297,7 @@ fn what_a_near_resource_had_no_time_for_is_not_carried_a_long_way() {
     assert!(core.give_back(Time::ZERO, A, unit.clone(), false, &mut out).is_none());
     assert!(order(&mut core, B, Time::ZERO).is_empty());
     assert_eq!(order(&mut core, A, Time::ZERO), [7]);
-    // What failed there is.
+    // A unit that failed on the near resource is sent to the far one.
     assert!(core.give_back(Time::ZERO, A, unit, true, &mut out).is_none());
     assert_eq!(order(&mut core, B, Time::ZERO), [7]);
 }

@@ -208,6 +208,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
     // Walk below the boundary.
     var depth = 0.0;
     for (var event = 0u; event < it.max_depth; event++) {
+        // Terminate with Russian roulette.
         if event > 3u {
             let survival = min(math_max3(carried), 1.0);
             if survival < 0.25 {
@@ -217,10 +218,11 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
                 carried /= survival;
             }
         }
-        // The direction up from below and its pdf; 0: sampling the boundary cannot find it.
+        // Set if the path goes up: the pdf of its direction, below 0 for a Dirac lobe.
         var goes_up = false;
         var density = 0.0;
         var is_within = false;
+        // Sample the distance to the next scattering, or attenuate.
         if scatters {
             let step = -math_ln(1.0 - chances_next(&state)) * abs(w.z);
             let next = depth + select(step, -step, w.z > 0.0);
@@ -230,6 +232,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
             carried *= stack_passed(it.thickness, w);
         }
         if is_within {
+            // Scatter in the layer: connect to wi, then sample the phase function.
             carried *= it.albedo;
             if exit.z < 0.0 {
                 let phase = coated_henyey_greenstein(it.g, dot(w, -way));
@@ -256,6 +259,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
             carried *= down.w;
             w = down.xyz;
         } else {
+            // Scatter at the base: connect to wi, then sample the base.
             depth = it.thickness;
             let up = -w;
             if exit.z < 0.0 {
@@ -272,6 +276,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
             density = next.density;
             goes_up = true;
         }
+        // Add what a rough boundary refracts to wi.
         if goes_up && rough_top {
             sum += carried * stack_left(it, w, wi, density, depth);
         }
@@ -329,6 +334,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
     var is_spread = rough_top;
     var depth = 0.0;
     for (var events = 0u; events <= it.max_depth; events++) {
+        // Terminate with Russian roulette.
         if events > 3u {
             let survival = min(math_max3(carried), 1.0);
             if survival < 0.25 {
@@ -338,6 +344,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
                 carried /= survival;
             }
         }
+        // Sample the distance to the next scattering, or attenuate.
         var is_within = false;
         if scatters {
             let step = -math_ln(1.0 - chances_next(&state)) * abs(w.z);
@@ -352,7 +359,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
             w = coated_sample_henyey_greenstein(it.g, w, chances_pair(&state));
             is_spread = true;
         } else if w.z > 0.0 {
-            // From inside, the boundary's normal points down.
+            // Reflect or refract at the boundary; seen from inside, its normal points down.
             let o = vec3f(-w.xy, w.z);
             let h = microfacets_sample_visible_normal(it.facets, o, chances_pair(&state));
             let mirrors = chances_next(&state) < fresnel_dielectric(dot(o, h), 1.0 / it.eta);
@@ -370,6 +377,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
             }
             depth = 0.0;
         } else {
+            // Scatter at the base.
             var at_base = u;
             if !has_first {
                 at_base = chances_pair(&state);

@@ -16,6 +16,7 @@ struct LightSample {
 // Samples a light, and a point on it.
 fn lights_sample(receiver: Receiver, u: vec4<f32>) -> LightSample {
     let share = far_share(receiver);
+    // Select the environment and distant lights, or the light tree.
     if u.x < share {
         return sample_far(receiver, u.x / share, share, u.yz);
     }
@@ -24,6 +25,7 @@ fn lights_sample(receiver: Receiver, u: vec4<f32>) -> LightSample {
     if choice.probability <= 0.0 {
         return no_light();
     }
+    // Sample a point on the light.
     let record = scene_words[HEADER_LIGHTS] + LIGHT_WORDS * choice.light;
     var light: LightSample;
     switch scene_words[record + POINT_LIGHT_KIND] {
@@ -37,6 +39,7 @@ fn lights_sample(receiver: Receiver, u: vec4<f32>) -> LightSample {
             light = punctual_sample(record, receiver.p);
         }
     }
+    // Multiply by the probability of the selection.
     light.pdf *= choice.probability * (1.0 - share);
     return light;
 }

@@ -78,6 +78,7 @@ fn light_tree_total(receiver: Receiver) -> f32 {
     return sum_of(receiver_of(scene_words[HEADER_TREE], receiver)) * number_at(HEADER_TREE_INTENSITY);
 }
 
+// Samples a light in proportion to the importance of the nodes on its path.
 fn light_tree_sample(receiver: Receiver, number: f32) -> Choice {
     if scene_words[HEADER_LIGHT_COUNT] <= 1u {
         return Choice(0u, select(0.0, 1.0, scene_words[HEADER_LIGHT_COUNT] == 1u));
@@ -92,6 +93,7 @@ fn light_tree_sample(receiver: Receiver, number: f32) -> Choice {
         if !(total > 0.0) || !(total < FAR) {
             return Choice(0u, 0.0);
         }
+        // Select a child in proportion to its importance.
         var rest = u * total;
         var chosen = 0u;
         // Rounding may leave a remainder beyond the last child: give it to that one.
@@ -109,6 +111,7 @@ fn light_tree_sample(receiver: Receiver, number: f32) -> Choice {
                 rest -= part;
             }
         }
+        // Rescale the random number, and descend.
         let part = parts[chosen];
         probability *= part / total;
         u = min(rest / part, ONE_MINUS_EPSILON);
@@ -132,6 +135,7 @@ fn light_tree_pmf(receiver: Receiver, light: u32) -> f32 {
     var node = scene_words[HEADER_TREE];
     loop {
         let parts = receiver_of(node, receiver);
+        // Find the child that contains the light.
         var chosen = 3u;
         for (var i = 0u; i < 3u; i += 1u) {
             if light < scene_words[node + TREE_NODE_END + i] {
