@@ -281,7 +281,7 @@ fn check_entry(file: &ConfigFile, (name, value): NamedValue<'_>, command: &Comma
     Err(file.wrong(name.span(), &format!("`{}` has no {what} `{key}`{near}", command.get_name())))
 }
 
-/// Returns the Levenshtein distance of two words (1965).
+/// Returns the edit distance of two words (Levenshtein 1965).
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

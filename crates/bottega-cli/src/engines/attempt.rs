@@ -15,7 +15,7 @@ use crate::error::CliError;
 
 /// The number of rows and columns of windows.
 const WINDOWS: u32 = 3;
-/// Differences with a smaller probability by chance are reported.
+/// Seams with a p-value below this count as visible.
 const SEEN: f64 = 1e-4;
 
 pub(super) fn run(args: &TryArgs) -> Result<ExitCode, CliError> {

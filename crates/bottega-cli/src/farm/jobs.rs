@@ -82,7 +82,7 @@ pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns the name of this user for the log of the job.
+/// Returns the origin of a command, for the log of the job.
 fn by() -> String {
     format!("`bottega jobs` on {}", host_name())
 }

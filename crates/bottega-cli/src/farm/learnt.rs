@@ -69,7 +69,7 @@ fn unknown(board: &JobBoard, name: &str) -> CliError {
 }
 
 /// - `power`: V_cp by the benchmark.
-/// - `reliability`: the share of kept promises.
+/// - `reliability`: by the machine's credit, 0 to 1; `None`: unknown.
 fn tell(name: &str, power: Option<f64>, reliability: Option<f64>, experience: &Experience, as_json: bool) {
     let factors = experience.factors();
     if as_json {
