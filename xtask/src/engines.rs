@@ -18,7 +18,7 @@ const ENGINES: [&str; 4] = ["povray", "mitsuba", "luxcore", "cycles"];
 /// The number of engines that are small downloads.
 const SMALL: usize = 2;
 
-/// Which engines, and what of them.
+/// Options of `cargo xtask engines`.
 #[derive(Args)]
 pub(crate) struct EnginesArgs {
     /// Cycles and LuxCore, too: a gigabyte from PyPI. An engine or a scene that cannot be had is a failure then.

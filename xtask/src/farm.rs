@@ -21,7 +21,7 @@ const MACHINES: usize = 2;
 const PATIENCE: Duration = Duration::from_secs(1800);
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// What is measured.
+/// Options of `cargo xtask farm`.
 #[derive(Args)]
 pub(crate) struct FarmArgs {
     /// The program.

@@ -22,7 +22,7 @@ const HOME: &str = "home/new";
 /// The certificates of this machine, which the fresh machine uses, too.
 const CERTIFICATES: &str = "/etc/ssl/certs/ca-certificates.crt";
 
-/// Which system, and what becomes of it.
+/// Options of `cargo xtask fresh`.
 #[derive(Args)]
 pub(crate) struct FreshArgs {
     /// The Debian release.

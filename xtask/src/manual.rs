@@ -15,7 +15,7 @@ use crate::{
     python,
 };
 
-/// What `cargo xtask manual` takes.
+/// Options of `cargo xtask manual`.
 #[derive(clap::Args)]
 pub(crate) struct ManualArgs {
     /// Make the book, too: `target/manual/index.html`. mdBook is installed into `target/python` where there is none.

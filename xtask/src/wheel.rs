@@ -26,7 +26,7 @@ const PROFILE: &str = "dist";
 /// The maximum size of the wheel, in megabytes.
 const MEGABYTES_MAX: f64 = 40.0;
 
-/// What `cargo xtask wheel` takes.
+/// Options of `cargo xtask wheel`.
 #[derive(clap::Args)]
 pub(crate) struct WheelArgs {
     /// Make the source distribution as well.

@@ -15,7 +15,7 @@ use anyhow::{Result, ensure};
 use self::tools::{VERSION, call};
 use crate::{bars::root, cargo};
 
-/// What `cargo xtask package` takes.
+/// Options of `cargo xtask package`.
 #[derive(clap::Args)]
 pub(crate) struct PackageArgs {
     /// Pack this program; without it the one of the profile `dist` is built first.

@@ -47,7 +47,7 @@ const BACK_WITHIN: Duration = Duration::from_secs(60);
 /// The messages by which the interfaces report that the server is away.
 const AWAY: [&str; 4] = ["cannot reach a NATS server", "does not answer", ": 503: ", ": 504: "];
 
-/// What a soak is made with.
+/// Options of `cargo xtask soak`.
 #[derive(Args)]
 pub(crate) struct SoakArgs {
     /// Things that happen.

@@ -44,8 +44,8 @@ impl CaseTally {
         self.off += usize::from(agrees == Match::Off);
     }
 
-    /// True if less than `share` of the cases differ (a random choice fell the other way), and at most a tenth, or that share, is
-    /// close only in view of its condition.
+    /// True if at most `share` of the cases differ (a random choice fell the other way), and fewer than a tenth, or than `share`
+    /// if that is larger, are close only in view of their condition.
     pub(super) fn is_sound(&self, share: f32) -> bool {
         self.all > 0
             && self.off as f32 <= share * self.all as f32
