@@ -1,9 +1,9 @@
 //! The tables of the MAGarRO paper, on a similar scene.
 //!
 //! For each partition and optimization the image is painted by one agent on one thread, which gives the time of one agent and of
-//! each zone, and by two agents in two processes. More agents are simulated, each on a machine of its own that is as fast as this
-//! one. The measured pair is simulated, too, with each processor as fast as next to a busy one and the second agent joining when
-//! the Master knew it: this validates the simulation. Measured and simulated results are marked wherever they are shown.
+//! each zone, and by two agents in two processes. More agents are replayed in the simulator, each on a machine of its own that is as fast as this
+//! one. The measured pair is replayed, too, with each processor as fast as next to a busy one and the second agent joining when
+//! the Master knew it: this validates replays. measured and replayed results are marked wherever they are shown.
 
 mod equal_time;
 mod options;
@@ -55,7 +55,7 @@ impl Measurement for MagarroOptions {
 }
 
 impl MagarroOptions {
-    /// Starts two agents with a server; `None`: pairs are simulated like more agents, because the user asked for it, or because
+    /// Starts two agents with a server; `None`: pairs are replayed in the simulator like more agents, because the user asked for it, or because
     /// no server was named and none can be started.
     fn pair(&self, log: &mut dyn Write) -> Result<Option<AgentPair>, Error> {
         if self.replay {
@@ -151,7 +151,7 @@ impl MagarroScene<'_> {
         Ok(alone / beside)
     }
 
-    /// Paints the image with one agent on one thread, then with a pair, and simulates more agents.
+    /// Paints the image with one agent on one thread, then with a pair, and replays agents.
     ///
     /// - `pair`: the pair, and the speed of a processor while another one renders.
     fn row(

@@ -41,10 +41,10 @@ pub(super) struct MagarroRow {
     pub(super) survey: f64,
     /// Measured time of two agents in two processes of one thread each, if available.
     pub(super) pair: Option<f64>,
-    /// The simulated time of that pair, with each processor as fast as next to a busy one and the second agent joining when the
+    /// The replayed time of that pair, with each processor as fast as next to a busy one and the second agent joining when the
     /// Master knew it.
     pub(super) replayed_pair: Option<f64>,
-    /// Simulated times, by `AGENTS`.
+    /// Replayed times, by `AGENTS`.
     pub(super) replayed: [f64; 4],
     pub(super) zones: usize,
     pub(super) error: Option<PictureError>,

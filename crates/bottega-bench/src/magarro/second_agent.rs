@@ -183,7 +183,7 @@ fn link(entry: &Entry, work: u64, agent: u32) -> Result<Link, Error> {
     Ok(ServerLinks::new(ServerAccess::Started(entry.clone()))?.link(work, agent)?.link)
 }
 
-/// The maximum relative difference between a simulation and a measured pair.
+/// The maximum relative difference between a replay and a measured pair.
 pub(super) const REPLAY_OFF_MAX: f64 = 0.05;
 
 #[cfg(test)]

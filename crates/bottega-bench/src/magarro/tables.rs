@@ -29,7 +29,7 @@ fn clock(seconds: f64) -> String {
     }
 }
 
-/// Returns the times: of one agent measured; of two measured if available; of more simulated.
+/// Returns the times: of one agent measured; of two measured if available; of more replayed.
 pub(super) fn times(row: &MagarroRow) -> [f64; 4] {
     let [_, replayed, four, eight] = row.replayed;
     [row.measured, row.pair.unwrap_or(replayed), four, eight]
@@ -150,7 +150,7 @@ fn name(optimization: Optimization) -> &'static str {
     }
 }
 
-/// Returns the simulated time of one agent over that of eight; only the number differs.
+/// Returns the replayed time of one agent over that of eight; only the number differs.
 pub(super) fn speedup(row: &MagarroRow) -> f64 {
     row.replayed[0] / row.replayed[3]
 }
