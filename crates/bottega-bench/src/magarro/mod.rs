@@ -1,9 +1,10 @@
 //! The tables of the MAGarRO paper, on a similar scene.
 //!
 //! For each partition and optimization the image is painted by one agent on one thread, which gives the time of one agent and of
-//! each zone, and by two agents in two processes. More agents are replayed in the simulator, each on a machine of its own that is as fast as this
-//! one. The measured pair is replayed, too, with each processor as fast as next to a busy one and the second agent joining when
-//! the Master knew it: this validates replays. measured and replayed results are marked wherever they are shown.
+//! each zone, and by two agents in two processes. More agents are replayed in the simulator, each on a machine of its own that is
+//! as fast as this one. The measured pair is replayed, too, with each processor as fast as next to a busy one and the second
+//! agent joining when the Master knew it; this validates replays. Measured and replayed results are marked wherever they are
+//! shown.
 
 mod equal_time;
 mod options;
@@ -55,8 +56,8 @@ impl Measurement for MagarroOptions {
 }
 
 impl MagarroOptions {
-    /// Starts two agents with a server; `None`: pairs are replayed in the simulator like more agents, because the user asked for it, or because
-    /// no server was named and none can be started.
+    /// Starts two agents with a server; `None`: pairs are replayed like more agents, because the user asked for it, or because no
+    /// server was named and none can be started.
     fn pair(&self, log: &mut dyn Write) -> Result<Option<AgentPair>, Error> {
         if self.replay {
             return Ok(None);
@@ -151,7 +152,7 @@ impl MagarroScene<'_> {
         Ok(alone / beside)
     }
 
-    /// Paints the image with one agent on one thread, then with a pair, and replays agents.
+    /// Paints the image with one agent on one thread, then with a pair, and replays it with more.
     ///
     /// - `pair`: the pair, and the speed of a processor while another one renders.
     fn row(

@@ -121,7 +121,7 @@ fn kind(row: &MagarroRow, index: usize) -> &'static str {
     if index == 0 || index == 1 && row.pair.is_some() { "m" } else { "r" }
 }
 
-/// Formats the ratios of simulated to measured times of pairs.
+/// Formats the ratios of replayed to measured times of pairs.
 fn validation(report: &MagarroReport) -> String {
     let rows = report.levels.iter().chain([&report.off, &report.paper]).chain(&report.optimizations);
     let off: Vec<f64> = rows.filter_map(|row| Some(row.replayed_pair? / row.pair?)).collect();
