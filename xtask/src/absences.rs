@@ -1,4 +1,4 @@
-//! The absences that ARCHITECTURE.md names, executable: no sockets, threads, clocks and files in protocol logic.
+//! A test for the absences that ARCHITECTURE.md requires: no sockets, threads, clocks and files in protocol logic.
 
 #[cfg(test)]
 mod tests {
@@ -9,7 +9,7 @@ mod tests {
 
     use crate::bars::root;
 
-    /// Folders of protocol logic, and what below them is a driver: it does what the logic decides.
+    /// Folders of protocol logic, and the drivers below them, which perform I/O.
     const LOGIC: &[(&str, &[&str])] = &[
         ("crates/bottega-agents/src", &["driver", "file_store"]),
         ("crates/bottega-farm/src", &["driver", "driver.rs", "journal.rs"]),
@@ -17,7 +17,7 @@ mod tests {
         ("crates/bottega-hra/src/policy", &[]),
     ];
 
-    /// Ways to a clock, a thread, a socket or a file.
+    /// Functions and types that access a clock, a thread, a socket or a file.
     const IO: &[&str] = &[
         "Instant::now",
         "SystemTime::now",

@@ -1,5 +1,5 @@
-//! The bars for other people's engines: a picture that bottega has them paint in zones is the picture that they paint of the
-//! whole frame by themselves, without our workers.
+//! The bars for external engines: an image that an engine paints in zones for bottega must equal the one that it renders of the
+//! whole frame by itself, without our workers.
 
 mod compare;
 
@@ -19,36 +19,36 @@ use compare::{FrameDifference, compare};
 
 use crate::python;
 
-/// Zones of each picture, about.
+/// The approximate number of zones per image.
 const ZONES: u32 = 12;
-/// Pictures of each kind where noise differs.
+/// The number of images per method, if noise differs.
 const SEEDS: u32 = 6;
-/// How far the means of all pictures may be apart.
+/// The maximum relative difference between the means of all images.
 const MEAN_OFF_MAX: f64 = 0.003;
-/// Share of the pixels that may differ at a significance of 1 %: chance makes 1 % of them do so.
+/// The maximum share of differing pixels at a significance of 1 %, of which chance explains 1 %.
 const DIFFERING_MAX: f64 = 0.015;
-/// So improbable a difference at edges of zones is no chance.
+/// The minimum probability that there are no seams.
 const NO_SEAMS_MIN: f64 = 1e-3;
 
-/// A scene that an engine is held to.
+/// A scene, and the bar for an engine on it.
 struct Bar {
     engine: &'static str,
     scene: ScenePlace,
     size: &'static str,
     samples: u32,
-    /// Whether zones have the bits of the frame.
+    /// `true`: zones must be bit-identical to the frame.
     has_bits: bool,
 }
 
-/// Where a scene is.
+/// The location of a scene.
 enum ScenePlace {
-    /// Made for the checks, in the repository.
+    /// A scene made for the checks, in the repository.
     Checks(&'static str),
-    /// A `.blend` of the same, which Blender makes.
+    /// The same as a `.blend` file, which Blender creates.
     Made(&'static str),
-    /// Among the scenes of the repository.
+    /// A scene of the repository.
     Own(&'static str),
-    /// In the folder that `BOTTEGA_SCENES` names.
+    /// A scene in the folder that `BOTTEGA_SCENES` names.
     Large(&'static str),
 }
 
@@ -81,13 +81,13 @@ const BARS: &[Bar] = &[
     },
 ];
 
-/// What came of a check or a bar.
+/// The result of a check or a bar.
 pub(crate) struct BarRow {
     engine: String,
     what: String,
-    /// Of a bar: what was found, in how many zones.
+    /// For a bar: the difference found, and the number of zones.
     found: Option<(FrameDifference, usize)>,
-    /// What is wrong; `None`: nothing.
+    /// The problem; `None`: passed.
     problem: Option<String>,
 }
 
@@ -96,7 +96,7 @@ impl BarRow {
         self.problem.is_none()
     }
 
-    /// A check that finds or does not find something wrong.
+    /// Returns the row of a check that passed or failed.
     pub(crate) fn check(engine: &str, what: &str, outcome: Result<()>) -> Self {
         let problem = outcome.err().map(|error| format!("{error:#}"));
         Self { engine: engine.to_owned(), what: what.to_owned(), found: None, problem }
@@ -119,7 +119,7 @@ impl BarRow {
     }
 }
 
-/// Prints the rows below their head, for people or for machines.
+/// Prints the rows below their header, as text or JSON.
 pub(crate) fn print(head: &RunHead, rows: &[BarRow], json: bool) {
     if json {
         let head: Map<_, _> = head.fields().iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
@@ -150,9 +150,9 @@ pub(crate) fn print(head: &RunHead, rows: &[BarRow], json: bool) {
     }
 }
 
-/// Holds an engine to its bars.
+/// Compares an engine with its bars.
 ///
-/// - `must`: a scene that is not there is a failure, and not only told.
+/// - `must`: `true` if a missing scene is a failure; else it is only reported.
 pub(crate) fn hold(program: &Path, engine: &str, must: bool) -> Vec<BarRow> {
     let mut rows = Vec::new();
     for bar in BARS.iter().filter(|bar| bar.engine == engine) {
@@ -182,7 +182,7 @@ impl ScenePlace {
         }
     }
 
-    /// The file, where it is there or can be made.
+    /// Returns the file, if it exists or can be created.
     fn file(&self, scratch: &Path) -> Result<Option<PathBuf>> {
         let root = root();
         let file = match self {
@@ -219,7 +219,7 @@ impl Bar {
         Ok(Some((compare(&frames, &zoned, &rects)?, zones)))
     }
 
-    /// By the engine's own interface.
+    /// Renders full frames with the engine's own interface.
     fn full_frames(&self, scene: &Path, seeds: &[u32], scratch: &Path) -> Result<Vec<Picture>> {
         let folder = scratch.join("frames");
         let listed = seeds.iter().map(u32::to_string).collect::<Vec<_>>().join(",");
@@ -243,7 +243,7 @@ impl Bar {
         seeds.iter().map(read).collect()
     }
 
-    /// By bottega; with the zones that it has cut.
+    /// Renders with bottega in zones; returns the zones, too.
     fn in_zones(&self, program: &Path, scene: &Path, seed: u32, scratch: &Path) -> Result<(Picture, Vec<Rect>)> {
         let output = scratch.join(format!("zones-{seed}.exr"));
         let mut command = Command::new(program);
@@ -274,7 +274,7 @@ impl Bar {
         Ok((read_picture(output)?, rects.collect()))
     }
 
-    /// What of it is beyond the bars.
+    /// Returns the reason why a difference exceeds the bars.
     fn problem(&self, found: &FrameDifference) -> Option<String> {
         let mut problems = Vec::new();
         if self.has_bits && found.equal < 1.0 {
@@ -293,13 +293,13 @@ impl Bar {
     }
 }
 
-/// The repository.
+/// Returns the root of the repository.
 pub(crate) fn root() -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     root.canonicalize().unwrap_or(root)
 }
 
-/// Runs a script to its end; what it says is told where it fails.
+/// Runs a script; prints its output if it fails.
 fn python(words: &[&Path]) -> Result<()> {
     let done = Command::new(python::interpreter())
         .args(words)
@@ -314,7 +314,7 @@ fn python(words: &[&Path]) -> Result<()> {
     Ok(())
 }
 
-/// Whether an engine can be used here; else why not, and how it is installed.
+/// Checks that an engine can be used here; the error contains the reason, and how to install it.
 pub(crate) fn is_here(program: &Path, engine: &str) -> Result<()> {
     let state = TempDir::new()?;
     let mut command = Command::new(program);
@@ -328,7 +328,7 @@ pub(crate) fn is_here(program: &Path, engine: &str) -> Result<()> {
 
 /// Runs the checks of a worker.
 ///
-/// - `log`: where what they say goes.
+/// - `log`: the file for their output.
 pub(crate) fn check_worker(engine: &str, log: &Path) -> Result<()> {
     let file = fs::File::create(log)?;
     let mut command = Command::new(python::interpreter());

@@ -1,4 +1,4 @@
-//! Checks beside the tests: farms and browsers leave a third of the processors' time, and take what they need first.
+//! Checks that run beside the tests: farms and browsers leave a third of the processors' time unused, so the checks run first.
 
 use std::{
     env,
@@ -12,8 +12,8 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{bars::root, cost};
 
-/// A command of xtask that runs with what processors others leave. It takes what they have compiled for this machine (macros, build
-/// scripts), so it must not begin before they have: two calls of cargo that compile wait for each other.
+/// A command of xtask that runs on processors left idle by others. It uses their build output for the host (macros, build
+/// scripts), so it must not start before they have compiled: two compiling calls of cargo wait for each other.
 pub(crate) struct CheckBeside {
     name: &'static str,
     child: Child,
@@ -22,8 +22,10 @@ pub(crate) struct CheckBeside {
 }
 
 impl CheckBeside {
+    /// Starts the command.
+    ///
     /// # Errors
-    /// It cannot be started.
+    /// The command cannot be started.
     pub(crate) fn start(name: &'static str) -> Result<Self> {
         let log = root().join("target").join(name).with_extension("log");
         let file = File::create(&log).with_context(|| format!("cannot write {}", log.display()))?;
@@ -34,10 +36,10 @@ impl CheckBeside {
         Ok(Self { name, child: child.with_context(|| format!("cannot start {name}"))?, begun: Instant::now(), log })
     }
 
-    /// Waits for its end, and shows what it said.
+    /// Waits for the command, and shows its output.
     ///
     /// # Errors
-    /// It failed.
+    /// The command failed.
     pub(crate) fn finish(mut self) -> Result<()> {
         let (status, _) = cost::wait(&format!("xtask {}", self.name), &mut self.child, self.begun)?;
         print!("{}", fs::read_to_string(&self.log)?);

@@ -6,15 +6,15 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{bars::root, cost};
 
-/// Cargo, as who calls it by hand has it.
+/// Returns a command for cargo with the environment of an interactive call.
 pub(crate) fn command() -> Command {
     let mut command = Command::new(env!("CARGO"));
     forget_package(&mut command);
     command
 }
 
-/// Takes away the variables that tell of the package `xtask`. Build scripts run anew when these change (that of `ring` does), and then
-/// all that is above them is compiled again.
+/// Removes the variables that describe the package `xtask`. Some build scripts (that of `ring`) run again when these change, and
+/// everything that depends on them is recompiled.
 pub(crate) fn forget_package(command: &mut Command) {
     let tells = |name: &str| {
         name.starts_with("CARGO_PKG_")
@@ -28,12 +28,12 @@ pub(crate) fn forget_package(command: &mut Command) {
     }
 }
 
-/// Where cargo puts what it builds.
+/// Returns cargo's target folder.
 pub(crate) fn target() -> PathBuf {
     env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
-/// Runs cargo, and says what it cost.
+/// Runs cargo, and prints the cost.
 pub(crate) fn cargo(arguments: &[&str], environment: &[(&str, &OsStr)]) -> Result<()> {
     eprintln!("+ cargo {}", arguments.join(" "));
     let begun = Instant::now();

@@ -1,4 +1,4 @@
-//! The commands that continuous integration runs.
+//! The commands of continuous integration.
 
 use std::{ffi::OsStr, thread, time::Instant};
 
@@ -12,14 +12,14 @@ use crate::{
     systems,
 };
 
-/// Format, lints, documentation, dependencies, other systems, tests.
+/// Runs format, lints, documentation, dependencies, other systems, tests.
 pub(crate) fn ci() -> Result<()> {
     let begun = Instant::now();
-    // What is installed comes over the network while processors read sources.
+    // Install packages over the network while the processors compile.
     thread::scope(|scope| {
         let install = scope.spawn(|| {
             needs::install(false);
-            // Before the tests, which have the same Python.
+            // Before the tests, which use the same Python environment.
             systems::bring_zig();
         });
         let read = lints();
@@ -40,7 +40,7 @@ fn lints() -> Result<()> {
     cargo(&["doc", "--workspace", "--no-deps", "--quiet"], &[("RUSTDOCFLAGS", OsStr::new("-D warnings"))])
 }
 
-/// The tests of a group, or every test, after what they need has been installed.
+/// Installs what the tests need, then runs the tests of a group, or all tests.
 pub(crate) fn test(group: Option<TestGroup>) -> Result<()> {
     let begun = Instant::now();
     needs::install(false);

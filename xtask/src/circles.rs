@@ -1,17 +1,16 @@
-//! No circles of modules inside a crate: what a module needs, needs nothing of it.
+//! A test against circular dependencies between the modules of a crate.
 //!
-//! A module is a file. It depends on another one when its code names something that the other one *defines*, wherever the
-//! name was taken from: a path through a parent or the crate's root that merely re-exports leads on to the definition.
-//! So:
+//! A module is a file. It depends on another one if its code names something that the other one *defines*, wherever the name was
+//! imported from: a path through a parent or the crate's root that only re-exports leads to the definition. So:
 //!
 //! - `mod child;` and `pub use child::Thing;` alone make no parent depend on its child; using `Thing` in its own code does.
-//! - A child that takes a type, function or constant which its parent's file defines depends on the parent. If the parent uses
-//!   the child as well, what both need belongs into a file of its own.
+//! - A child that uses a type, function or constant defined in its parent's file depends on the parent. If the parent uses the
+//!   child as well, what both need belongs into a file of its own.
 //! - A private `use` counts even where its name does not appear again, since it may be a trait's.
-//! - Code for tests alone does not count.
+//! - Code for tests only does not count.
 //!
-//! What no path names is not seen: methods and fields of a type, and traits that are called through a value. The methods of one
-//! type may therefore be spread over several files.
+//! Uses without a path are not detected: methods and fields of a type, and traits called through a value. The methods of one type
+//! may therefore be spread over several files.
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -23,14 +22,14 @@ use anyhow::Result;
 
 use crate::modules::{Meaning, Modules, ReadFile};
 
-/// Why a module depends on another one: where it names what.
+/// The reason why a module depends on another one: the place of a name.
 #[derive(Clone, Debug)]
 struct Reason {
     line: usize,
     path: String,
 }
 
-/// Who depends on whom, by the number of their scopes.
+/// Dependencies between modules, by the index of their scopes.
 type Edges = BTreeMap<usize, BTreeMap<usize, Reason>>;
 
 /// The modules of a crate, and their dependencies.
@@ -46,7 +45,7 @@ impl Graph {
         Ok(Self { modules, edges })
     }
 
-    /// Modules that all depend on one another, the largest knot first.
+    /// Returns the groups of modules that all depend on one another, the largest first.
     fn knots(&self) -> Vec<Vec<usize>> {
         let reached: BTreeMap<usize, Vec<usize>> = self.edges.keys().map(|&from| (from, self.reached(from))).collect();
         let is_mutual = |a: usize, b: usize| {
@@ -64,7 +63,7 @@ impl Graph {
         knots
     }
 
-    /// All that a module depends on, directly or not; itself where it stands in a circle.
+    /// Returns all direct and indirect dependencies of a module; includes itself if it is in a circle.
     fn reached(&self, from: usize) -> Vec<usize> {
         let (mut found, mut next) = (Vec::new(), vec![from]);
         while let Some(module) = next.pop() {
@@ -78,7 +77,7 @@ impl Graph {
         found
     }
 
-    /// The shortest circle through a module, as its edges.
+    /// Returns the edges of the shortest circle through a module.
     fn circle(&self, start: usize) -> Vec<(usize, usize)> {
         let mut came_from: BTreeMap<usize, usize> = BTreeMap::new();
         let mut queue = VecDeque::from([start]);
@@ -103,7 +102,7 @@ impl Graph {
         path
     }
 
-    /// A knot by the shortest circle in it, an edge a line, with where it is.
+    /// Describes a group by its shortest circle, one line per edge, with the place.
     fn describe(&self, knot: &[usize], root: &Path) -> String {
         let circles = knot.iter().map(|&module| self.circle(module));
         let shortest = circles.min_by_key(Vec::len).unwrap_or_default();
@@ -139,7 +138,7 @@ fn edges(modules: &Modules) -> Edges {
     edges
 }
 
-/// The roots of all crates: name of the crate, and the file.
+/// Returns the roots of all crates: the name of the crate, and the file.
 pub(crate) fn roots(repository: &Path) -> Vec<(String, PathBuf)> {
     let crates = fs::read_dir(repository.join("crates")).expect("the crates");
     let mut folders: Vec<PathBuf> = crates.map(|entry| entry.expect("a crate").path()).collect();
@@ -151,7 +150,7 @@ pub(crate) fn roots(repository: &Path) -> Vec<(String, PathBuf)> {
     roots.filter(|(_, root)| root.is_file()).collect()
 }
 
-/// The text of a file on the disk.
+/// Returns the text of a file.
 pub(crate) fn read_file(path: &Path) -> Option<String> {
     fs::read_to_string(path).ok()
 }
@@ -173,7 +172,7 @@ mod tests {
         assert!(problems.is_empty(), "modules that depend on one another:\n{problems}");
     }
 
-    /// The edges of a crate of some files, by the names of its modules.
+    /// Returns the dependencies of a crate that consists of some files.
     fn graph(files: &[(&str, &str)]) -> Graph {
         let read_file = |path: &Path| {
             let found = files.iter().find(|(name, _)| Path::new("src").join(name) == path);
@@ -203,7 +202,7 @@ mod tests {
 
     #[test]
     fn who_re_exports_is_no_part_of_a_circle() {
-        // Both children take what the root merely passes on, and the root itself uses neither.
+        // Both children use what the root only re-exports, and the root itself uses neither.
         assert_eq!(knots(&[ROOT, ("a.rs", "pub struct A;"), ("b.rs", "use super::A;\npub struct B(A);")]), [""; 0]);
         let uses_it = ("lib.rs", "mod a;\npub use a::A;\npub struct B(A);");
         assert_eq!(knots(&[uses_it, ("a.rs", "pub struct A;")]), [""; 0]);

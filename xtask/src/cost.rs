@@ -1,4 +1,4 @@
-//! The cost of commands: how long they ran, and how much time the processors spent on them.
+//! The cost of commands: their run time and processor time.
 
 use std::{
     fs,
@@ -10,28 +10,28 @@ use std::{
 use anyhow::{Context, Result};
 use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
 
-/// Rows of the table that is printed at the end.
+/// The number of rows in the final table.
 const ROWS_SHOWN: usize = 10;
 
 /// The cost of a command that has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Cost {
-    /// Time of the clock, in seconds.
+    /// Run time in seconds.
     pub(crate) clock: f64,
-    /// Time of the processors, of the command and all its children that have ended, in seconds. `None`: the system does not
-    /// tell (only Linux does).
+    /// Processor time of the command and all its children that have ended, in seconds. `None`: the system does not report it
+    /// (only Linux does).
     pub(crate) processors: Option<f64>,
 }
 
-/// What has ended so far, by name.
+/// The costs of all commands that have ended, by name.
 static SPENT: Mutex<Vec<(String, Cost)>> = Mutex::new(Vec::new());
 
-/// Waits for a child, and records what it cost under this name.
+/// Waits for a child, and records its cost under a name.
 ///
-/// - `begun`: when it was started.
+/// - `begun`: the start time of the child.
 pub(crate) fn wait(name: &str, child: &mut Child, begun: Instant) -> Result<(ExitStatus, Cost)> {
     let number = Pid::from_child(child);
-    // What a process has spent can be read until somebody waits for it.
+    // The processor time can be read until the process is reaped.
     waitid(WaitId::Pid(number), WaitIdOptions::EXITED | WaitIdOptions::NOWAIT).context("cannot wait for a child")?;
     let processors = fs::read_to_string(format!("/proc/{}/stat", child.id())).ok().and_then(|stat| seconds(&stat));
     let status = child.wait()?;
@@ -40,18 +40,18 @@ pub(crate) fn wait(name: &str, child: &mut Child, begun: Instant) -> Result<(Exi
     Ok((status, cost))
 }
 
-/// Seconds that the processors spent on a process and on its children that have ended: the fields utime, stime, cutime and cstime of
-/// `/proc/PID/stat`, the 14th to 17th.
+/// Parses the processor time of a process and of its children that have ended, in seconds: the fields utime, stime, cutime and
+/// cstime of `/proc/PID/stat`, the 14th to 17th.
 fn seconds(stat: &str) -> Option<f64> {
-    // The name in brackets may hold anything; the state after it is the third field.
+    // The name in parentheses may contain anything; the state after it is the third field.
     let fields: Vec<&str> = stat.rsplit(')').next()?.split_whitespace().collect();
     let ticks = (14..=17).map(|field| fields.get(field - 3)?.parse::<f64>().ok()).sum::<Option<f64>>()?;
     Some(ticks / rustix::param::clock_ticks_per_second() as f64)
 }
 
-/// Prints the commands that took longest, and the sum of all.
+/// Prints the most expensive commands, and the sum of all.
 ///
-/// - `begun`: when the first of them was started.
+/// - `begun`: the start time of the first command.
 pub(crate) fn print_longest(begun: Instant) {
     let mut spent = SPENT.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let processors: f64 = spent.iter().filter_map(|(_, cost)| cost.processors).sum();
@@ -64,7 +64,7 @@ pub(crate) fn print_longest(begun: Instant) {
 }
 
 impl Cost {
-    /// What the table is sorted by: the longer of both times.
+    /// Returns the sort key of the table: the larger of both times.
     fn weight(&self) -> f64 {
         self.clock.max(self.processors.unwrap_or_default())
     }

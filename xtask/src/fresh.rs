@@ -1,4 +1,4 @@
-//! A fresh machine: the README's two commands in a bare Debian that has nothing but Rust, without the caller's home.
+//! A test on a fresh machine: the README's two commands in a bare Debian that has only Rust, without the caller's home.
 
 use std::{
     env, fs,
@@ -15,14 +15,14 @@ use crate::{
     needs::{answers, run},
 };
 
-/// What Rust itself needs of a system: a linker, the C library, and certificates to reach the registries.
+/// The system packages that Rust itself needs: a linker, the C library, and certificates to reach the registries.
 const RUST_NEEDS: &str = "ca-certificates,gcc,libc6-dev";
-/// Where the user of the fresh machine lives.
+/// The home of the user of the fresh machine.
 const HOME: &str = "home/new";
-/// The certificates that this machine trusts, which the fresh one trusts, too.
+/// The certificates of this machine, which the fresh machine uses, too.
 const CERTIFICATES: &str = "/etc/ssl/certs/ca-certificates.crt";
 
-/// Which system, and what becomes of it.
+/// Options of `cargo xtask fresh`.
 #[derive(Args)]
 pub(crate) struct FreshArgs {
     /// The Debian release.
@@ -36,10 +36,10 @@ pub(crate) struct FreshArgs {
     keep: bool,
 }
 
-/// Makes the system, clones what is committed, and runs the commands in turn.
+/// Creates the system, clones the committed sources, and runs the commands in turn.
 ///
 /// # Errors
-/// A command failed, or there can be no such system: only root may make one, on Linux.
+/// A command failed, or the system cannot be created: that requires root, on Linux.
 pub(crate) fn fresh(args: &FreshArgs) -> Result<()> {
     let system = make_system(&args.release)?;
     let outcome = readme_commands(&root().join("README.md"))?
@@ -54,7 +54,7 @@ pub(crate) fn fresh(args: &FreshArgs) -> Result<()> {
     outcome
 }
 
-/// The commands of the README's section *Two commands*.
+/// Returns the commands of the README's section *Two commands*.
 fn readme_commands(readme: &Path) -> Result<Vec<String>> {
     let text = fs::read_to_string(readme)?;
     let section = text.split("## Two commands").nth(1).context("the README has no section `Two commands`")?;
@@ -80,7 +80,7 @@ fn make_system(release: &str) -> Result<System> {
     }
     let place = root().join("target/fresh");
     fs::create_dir_all(&place)?;
-    // The system as it is when new, made once.
+    // The archive of the new system, created once.
     let archive = place.join(format!("{release}.tar"));
     if !archive.is_file() {
         let partial = place.join("partial.tar");
@@ -93,7 +93,7 @@ fn make_system(release: &str) -> Result<System> {
         fs::remove_dir_all(&folder)?;
     }
     fs::create_dir(&folder)?;
-    // Device nodes are not needed: the devices of this machine are seen.
+    // Device nodes are not needed: the devices of this machine are mounted.
     call("tar", &["--extract", "--exclude=./dev/*", "--file", text(&archive)?, "--directory", text(&folder)?])?;
     for file in [CERTIFICATES, "/etc/resolv.conf", "/etc/hosts"] {
         if Path::new(file).is_file() {
@@ -111,11 +111,11 @@ fn make_system(release: &str) -> Result<System> {
 }
 
 impl System {
-    /// Runs one command as the system's user; says how long it took.
+    /// Runs one command as the system's user; prints its duration.
     fn run(&self, command: &str) -> Result<()> {
         println!("fresh$ {command}");
         let start = Instant::now();
-        // A process namespace of its own, so that nothing that was started outlives the command.
+        // Use a separate process namespace, so that no process outlives the command.
         let script = "set -e
             mount --make-rprivate /
             mount --bind \"$TOOLCHAIN\" \"$SYSTEM/opt/rust\"
@@ -139,7 +139,7 @@ impl System {
     }
 }
 
-/// How this machine reaches the registries: proxies, and the certificates that it trusts.
+/// Returns the variables by which this machine reaches the registries: proxies and certificates.
 fn kept_variables() -> Vec<(String, String)> {
     let is_proxy = |name: &str| ["http_proxy", "https_proxy", "no_proxy"].contains(&name.to_lowercase().as_str());
     let mut kept: Vec<_> = env::vars().filter(|(name, _)| is_proxy(name)).collect();

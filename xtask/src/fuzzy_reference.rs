@@ -1,13 +1,13 @@
-//! The numbers of an independent fuzzy library that inference is held to.
+//! The reference results of an independent fuzzy library.
 
 use std::{path::Path, process::Command};
 
 use anyhow::{Context, Result, ensure};
 
-/// The version whose numbers are in the repository.
+/// The version of the library whose results are in the repository.
 const LIBRARY: &str = "pyfuzzylite==8.0.6";
 
-/// Makes the numbers of `crates/bottega-fuzzy/tests/data` anew: some minutes.
+/// Regenerates `crates/bottega-fuzzy/tests/data`; takes some minutes.
 ///
 /// - `python`: a Python 3 that has the library.
 pub(crate) fn fuzzy_reference(python: &str) -> Result<()> {

@@ -1,4 +1,4 @@
-//! The layers of crates: the table of ARCHITECTURE.md, executable.
+//! A test of the layers of crates: the table of ARCHITECTURE.md.
 
 #[cfg(test)]
 const LAYERS: &[(&str, &[&str])] = &[

@@ -8,15 +8,15 @@ use std::{
 /// A link to a place of this repository.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct PageLink {
-    /// As it stands between the parentheses.
+    /// The link as written between the parentheses.
     pub(crate) text: String,
-    /// The file from the page's folder; empty: the page itself.
+    /// The file, relative to the page's folder; empty: the page itself.
     pub(crate) file: String,
     /// The heading, without `#`; empty: the top.
     pub(crate) heading: String,
 }
 
-/// The links of a page that lead to files or headings. What stands in code is none.
+/// Returns the links of a page that lead to files or headings, except those in code.
 pub(crate) fn links(page: &str) -> Vec<PageLink> {
     let prose = without_code(page);
     let places = prose.match_indices("](").filter_map(|(at, _)| prose[at + 2..].split(')').next());
@@ -30,7 +30,7 @@ pub(crate) fn links(page: &str) -> Vec<PageLink> {
         .collect()
 }
 
-/// A page without its blocks of code and without what stands in backticks.
+/// Returns a page without code blocks and inline code.
 fn without_code(page: &str) -> String {
     let mut is_code = false;
     let mut prose = String::new();
@@ -45,7 +45,7 @@ fn without_code(page: &str) -> String {
     prose
 }
 
-/// The names by which the headings of a page are linked to, as GitHub and mdBook make them.
+/// Returns the anchors of a page's headings, as GitHub and mdBook generate them.
 #[cfg(test)]
 pub(crate) fn headings(page: &str) -> Vec<String> {
     let mut is_code = false;
@@ -59,14 +59,14 @@ pub(crate) fn headings(page: &str) -> Vec<String> {
         let kept = text.trim().to_lowercase();
         let kept = kept.chars().filter(|c| c.is_alphanumeric() || [' ', '-', '_'].contains(c));
         let name: String = kept.map(|c| if c == ' ' { '-' } else { c }).collect();
-        // The second of a name gets a number.
+        // Repeated names get a number.
         let same = names.iter().filter(|known| **known == name).count();
         names.push(if same == 0 { name } else { format!("{name}-{same}") });
     }
     names
 }
 
-/// A path without `.` and `..`, as far as it has folders to leave.
+/// Resolves `.` and `..` in a path.
 pub(crate) fn plain(path: &Path) -> PathBuf {
     path.components().fold(PathBuf::new(), |mut whole, part| {
         match part {
@@ -78,7 +78,7 @@ pub(crate) fn plain(path: &Path) -> PathBuf {
     })
 }
 
-/// All Markdown pages below a folder.
+/// Returns all Markdown pages below a folder.
 pub(crate) fn pages(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut all: Vec<PathBuf> = entries
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
     use crate::bars::root;
 
-    /// What is wrong with the links of a page.
+    /// Returns the broken links of a page.
     fn broken(page: &Path) -> Vec<String> {
         let text = fs::read_to_string(page).expect("a page");
         let folder = page.parent().expect("a folder");

@@ -1,5 +1,5 @@
-//! The commands of a developer: `cargo xtask ci | test | fresh | wheel | package | systems | manual | python-stubs | engines | leaks |
-//! farm | soak | fuzzy-reference`.
+//! Commands for developers: `cargo xtask ci | test | fresh | wheel | package | systems | manual | python-stubs | engines | leaks
+//! | farm | soak | fuzzy-reference`.
 #![allow(clippy::print_stdout, reason = "a command line speaks to its user")]
 
 mod absences;

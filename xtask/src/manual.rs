@@ -1,4 +1,4 @@
-//! The manual: its pages that are made from the program, and the book.
+//! The manual: its generated pages, and the book.
 
 use std::{
     fs,
@@ -15,7 +15,7 @@ use crate::{
     python,
 };
 
-/// What `cargo xtask manual` takes.
+/// Options of `cargo xtask manual`.
 #[derive(clap::Args)]
 pub(crate) struct ManualArgs {
     /// Make the book, too: `target/manual/index.html`. mdBook is installed into `target/python` where there is none.
@@ -23,12 +23,12 @@ pub(crate) struct ManualArgs {
     book: bool,
 }
 
-/// Makes the pages anew that come from the program.
+/// Regenerates the pages that come from the program.
 ///
 /// # Errors
-/// The program does not compile, a page cannot be written, or there is no mdBook for the book.
+/// The program does not compile, a page cannot be written, or mdBook is missing for the book.
 pub(crate) fn manual(args: &ManualArgs) -> Result<()> {
-    // With the features of the whole workspace, so that little is compiled twice.
+    // Use the features of the whole workspace, so that little is compiled twice.
     let mut build = cargo::command();
     build.args(["build", "--workspace", "--bin", "bottega"]).current_dir(root());
     ensure!(build.status().context("cannot start cargo")?.success(), "the program does not compile");
@@ -46,12 +46,12 @@ pub(crate) fn manual(args: &ManualArgs) -> Result<()> {
     book()
 }
 
-/// The program mdBook: that of this machine, or that of the tests' Python environment.
+/// Returns the program mdBook: that of this machine, or that of the tests' Python environment.
 fn mdbook() -> Option<PathBuf> {
     [PathBuf::from("mdbook"), python::program("mdbook")].into_iter().find(|program| python::works(program))
 }
 
-/// Makes the book of a copy of `docs/`, into which the files of the repository are laid that pages link to.
+/// Builds the book from a copy of `docs/`, to which the files of the repository that pages link to are added.
 fn book() -> Result<()> {
     let mdbook = mdbook().context("there is no mdbook: `cargo xtask test` installs it")?;
     let place = root().join("target/manual-source");
@@ -72,10 +72,10 @@ fn book() -> Result<()> {
     Ok(())
 }
 
-/// The text of a page, whose links out of `docs/` lead to copies that a browser shows as text.
+/// Returns the text of a page with links out of `docs/` replaced by links to copies that a browser shows as text.
 ///
-/// - `page`: from `docs/`.
-/// - `place`: where the copies go, below `repository/`.
+/// - `page`: relative to `docs/`.
+/// - `place`: the folder for the copies, below `repository/`.
 fn with_outer_files(text: &str, page: &Path, place: &Path) -> Result<String> {
     let folder = Path::new("docs").join(page.parent().context("a page has a folder")?);
     let mut text = text.to_owned();

@@ -1,4 +1,4 @@
-//! The files that ARCHITECTURE.md and the crates' tables *Modules* name exist.
+//! A test that the files named in ARCHITECTURE.md and in the crates' tables *Modules* exist.
 
 #[cfg(test)]
 mod tests {
@@ -10,7 +10,8 @@ mod tests {
     /// The heading of a crate's table.
     const HEADING: &str = "//! # Modules";
 
-    /// Words in backticks that are paths: with a slash, and of letters, digits, `.`, `_` and `-` alone. `NAME` stands for any name.
+    /// Returns words in backticks that are paths: they contain a slash, and only letters, digits, `.`, `_` and `-`. `NAME` stands
+    /// for any name.
     fn paths(text: &str) -> impl Iterator<Item = &str> {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "._-/".contains(c);
         let is_path = move |word: &&str| {
@@ -19,7 +20,7 @@ mod tests {
         text.split('`').skip(1).step_by(2).filter(is_path)
     }
 
-    /// The rows of a crate's table; `None`: it has none.
+    /// Returns the rows of a crate's table; `None`: it has no table.
     fn table(source: &Path) -> Option<String> {
         let text = fs::read_to_string(source).ok()?;
         let (_, after) = text.split_once(HEADING)?;
@@ -27,7 +28,7 @@ mod tests {
         Some(rows.collect::<Vec<_>>().join("\n"))
     }
 
-    /// Where a path may begin that stands in a text about `folder`.
+    /// True if a path exists relative to `folder`, the root, or the folder of crates.
     fn exists(path: &str, root: &Path, folder: &Path) -> bool {
         [folder, root, &root.join("crates")].iter().any(|from| from.join(path).exists())
     }

@@ -1,4 +1,4 @@
-//! The first line of a module: a noun phrase that says what the module is.
+//! A test of the first lines of modules: noun phrases that say what the module is.
 
 mod tests {
     use std::{
@@ -8,7 +8,7 @@ mod tests {
 
     use crate::bars::root;
 
-    /// Words that begin a riddle instead of a name.
+    /// Words that must not begin the first line.
     const RIDDLES: &[&str] = &["What", "How", "Where", "Who", "When", "Whether", "Which", "From"];
 
     fn sources(folder: &Path, found: &mut Vec<PathBuf>) {

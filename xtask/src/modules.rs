@@ -1,7 +1,7 @@
-//! The modules of a crate as its sources tell them: what each defines, imports and mentions.
+//! The modules of a crate, parsed from its sources: what each defines, imports and mentions.
 //!
-//! A module here is a file: what stands in `mod name { … }` belongs to the file around it. Code for tests alone is left
-//! out (`#[cfg(test)]`, `#[test]`).
+//! A module here is a file; the contents of `mod name { … }` belong to the file around it. Code for tests only is left out
+//! (`#[cfg(test)]`, `#[test]`).
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -15,45 +15,45 @@ use syn::{
     visit::{self, Visit},
 };
 
-/// A name with its segments: `crate`, `image`, `Film`.
+/// The segments of a path: `crate`, `image`, `Film`.
 pub(crate) type Segments = Vec<String>;
 
-/// Finds the text of a file; `None` where it does not exist.
+/// A function that returns the text of a file; `None`: the file does not exist.
 pub(crate) type ReadFile<'a> = &'a dyn Fn(&Path) -> Option<String>;
 
 /// A `use`, or one branch of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Import {
-    /// What it names; of a glob what stands before the star.
+    /// The imported path; for a glob, the path before the star.
     pub(crate) path: Segments,
-    /// The name that it has here; `None`: a glob.
+    /// The local name; `None`: a glob.
     pub(crate) name: Option<String>,
-    /// Whether others may take it from here.
+    /// `true`: a re-export, visible to other modules.
     pub(crate) is_reexport: bool,
     pub(crate) line: usize,
 }
 
-/// A path in code that is no `use`.
+/// A path in code outside of a `use`.
 #[derive(Clone, Debug)]
 pub(crate) struct Mention {
     pub(crate) path: Segments,
     pub(crate) line: usize,
 }
 
-/// A scope with names of its own: a file, or a `mod name { … }` within one.
+/// A scope with its own names: a file, or a `mod name { … }` in it.
 #[derive(Debug)]
 pub(crate) struct Scope {
-    /// As in paths: `crate::image::film`.
+    /// The full path: `crate::image::film`.
     pub(crate) name: String,
     pub(crate) file: PathBuf,
-    /// The scope around it.
+    /// The enclosing scope.
     pub(crate) parent: Option<usize>,
-    /// The scope that is the file which this one stands in.
+    /// The scope of the file that contains this one.
     pub(crate) module: usize,
     pub(crate) children: BTreeMap<String, usize>,
-    /// Names of all that is defined here, but for modules.
+    /// The names of all definitions except modules.
     pub(crate) items: BTreeSet<String>,
-    /// Structs, enums, unions, traits and aliases of types that are defined here, with their lines.
+    /// Structs, enums, unions, traits and type aliases defined here, with their lines.
     pub(crate) types: Vec<(String, usize)>,
     pub(crate) imports: Vec<Import>,
     pub(crate) mentions: Vec<Mention>,
@@ -74,12 +74,12 @@ impl Modules {
         Ok(reader.modules)
     }
 
-    /// What a path means that stands in a scope. `None`: something of another crate, a local name, or a method.
+    /// Resolves a path in a scope. `None`: an item of another crate, a local name, or a method.
     pub(crate) fn resolve(&self, scope: usize, path: &[String]) -> Option<Meaning> {
         self.resolve_once(scope, path, &mut BTreeSet::new())
     }
 
-    /// `asked`: the names that are being looked up, for imports may run in circles.
+    /// `asked`: the names being resolved, because imports may form circles.
     fn resolve_once(&self, scope: usize, path: &[String], asked: &mut BTreeSet<(usize, String)>) -> Option<Meaning> {
         let mut rest = path.iter().map(String::as_str).peekable();
         let mut at = match *rest.peek()? {
@@ -107,7 +107,7 @@ impl Modules {
             match self.look_up(at, name, asked) {
                 Some(Meaning::Module(module)) => at = module,
                 Some(defined) => return Some(defined),
-                // A macro made it, or it is nothing that stands in the text: at least it is of that module.
+                // The item comes from a macro, or is not in the text: attribute it to the module.
                 None => return Some(Meaning::Item(at)),
             }
         }
@@ -137,12 +137,12 @@ impl Modules {
     }
 }
 
-/// What a path means.
+/// The target of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Meaning {
-    /// That scope itself.
+    /// A scope.
     Module(usize),
-    /// Something that is defined in that scope.
+    /// A definition in a scope.
     Item(usize),
 }
 
@@ -223,7 +223,7 @@ impl Reader<'_> {
     }
 }
 
-/// The name that an item defines, its line, and whether it is a type.
+/// Returns the name that an item defines, its line, and `true` if it is a type.
 fn defined(item: &Item) -> Option<(String, usize, bool)> {
     let (ident, is_type) = match item {
         Item::Const(item) => (&item.ident, false),
@@ -261,7 +261,7 @@ fn attributes(item: &Item) -> &[Attribute] {
     }
 }
 
-/// Whether what has these attributes exists in tests alone.
+/// True if these attributes restrict an item to tests.
 fn is_for_tests(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
         Meta::Path(path) => path.is_ident("test"),
@@ -273,7 +273,7 @@ fn is_for_tests(attributes: &[Attribute]) -> bool {
     })
 }
 
-/// The branches of a `use`.
+/// Returns the branches of a `use`.
 fn imports(item: &ItemUse, is_reexport: bool) -> Vec<Import> {
     fn walk(tree: &UseTree, path: &[String], is_reexport: bool, found: &mut Vec<Import>) {
         let mut add = |ident: &proc_macro2::Ident, name: Option<String>| {
@@ -307,7 +307,7 @@ fn imports(item: &ItemUse, is_reexport: bool) -> Vec<Import> {
     found
 }
 
-/// Gathers the paths in code.
+/// A visitor that collects the paths in code.
 struct Mentions<'a> {
     scope: &'a mut Scope,
 }
@@ -345,7 +345,7 @@ impl<'ast> Visit<'ast> for Mentions<'_> {
         }
     }
 
-    /// Within a function: for the whole module, as nothing else there has its name.
+    /// A `use` in a function counts for the whole module; its name is unique there.
     fn visit_item_use(&mut self, item: &'ast ItemUse) {
         self.scope.imports.extend(imports(item, false));
     }
@@ -364,7 +364,7 @@ impl<'ast> Visit<'ast> for Mentions<'_> {
         self.scope.mentions.extend(words(call.tokens.clone()));
     }
 
-    /// Attributes may hold paths, such as what `#[error(…)]` formats.
+    /// Attributes may contain paths, such as the arguments of `#[error(…)]`.
     fn visit_attribute(&mut self, attribute: &'ast Attribute) {
         if let Meta::List(list) = &attribute.meta {
             self.scope.mentions.extend(words(list.tokens.clone()).into_iter().filter(|word| word.path.len() > 1));
@@ -372,10 +372,10 @@ impl<'ast> Visit<'ast> for Mentions<'_> {
     }
 }
 
-/// The paths in tokens that nobody has parsed: words with `::` between them, but for fields and methods.
+/// Returns the paths in unparsed tokens: words joined by `::`, except fields and methods.
 fn words(tokens: TokenStream) -> Vec<Mention> {
     let mut found: Vec<Mention> = Vec::new();
-    // The path that another segment would continue, and how many colons have come since.
+    // The path that another segment continues, and the number of colons since.
     let (mut open, mut colons, mut is_field): (Option<usize>, u32, bool) = (None, 0, false);
     for token in tokens {
         let word = match token {
@@ -385,7 +385,7 @@ fn words(tokens: TokenStream) -> Vec<Mention> {
                 continue;
             }
             TokenTree::Punct(punct) => {
-                // After one dot comes a field or a method, after two the end of a range.
+                // After one dot follows a field or a method, after two the end of a range.
                 (open, colons, is_field) = (None, 0, punct.as_char() == '.' && !is_field);
                 continue;
             }
@@ -401,7 +401,7 @@ fn words(tokens: TokenStream) -> Vec<Mention> {
         };
         match open {
             Some(path) if colons == 2 => found[path].path.push(word.to_string()),
-            // Of another crate, from `::` on.
+            // A path that starts with `::` belongs to another crate.
             _ if colons == 2 || is_field => open = None,
             _ => {
                 open = Some(found.len());

@@ -1,4 +1,4 @@
-//! The needs of the tests beside Rust. Rendering on one machine needs none of it.
+//! The needs of the tests in addition to Rust. Rendering on one machine needs none of them.
 
 use std::{
     env,
@@ -14,7 +14,7 @@ use crate::{
     python::{self, Requirements},
 };
 
-/// Packages of Debian and its kin that some tests need.
+/// Debian packages that some tests need.
 struct SystemPackages {
     names: &'static [&'static str],
     /// The tests that need them.
@@ -22,7 +22,7 @@ struct SystemPackages {
     are_installed: fn() -> bool,
 }
 
-/// The variable that names NATS servers for the tests, separated as in `PATH`.
+/// The variable that lists NATS servers for the tests, separated as in `PATH`.
 const NATS_SERVERS: &str = "BOTTEGA_NATS_SERVERS";
 
 const SYSTEM_PACKAGES: &[SystemPackages] = &[
@@ -60,10 +60,9 @@ const SYSTEM_PACKAGES: &[SystemPackages] = &[
     SystemPackages { names: &["chromium"], tests: "the page in a browser", are_installed: has_chromium },
 ];
 
-/// Installs what the tests lack, after it said what that is. What cannot be installed is said, too, and the tests that need
-/// it are skipped.
+/// Installs what the tests lack, after announcing it. Failures are reported, and the tests that need the package are skipped.
 ///
-/// - `large`: Cycles and LuxCore, too.
+/// - `large`: also install Cycles and LuxCore.
 pub(crate) fn install(large: bool) {
     let lacking: Vec<_> = SYSTEM_PACKAGES.iter().filter(|packages| !(packages.are_installed)()).collect();
     let lists = [python::TESTS, python::LARGE_ENGINES];
@@ -92,7 +91,7 @@ pub(crate) fn install(large: bool) {
     }
 }
 
-/// Says what is about to be installed.
+/// Prints what is about to be installed.
 fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_driver: bool) {
     if packages.is_empty() && lists.is_empty() && !lacks_browser_driver {
         println!("All that the tests need is installed.");
@@ -110,7 +109,7 @@ fn announce(packages: &[&SystemPackages], lists: &[Requirements], lacks_browser_
     }
 }
 
-/// The variables by which the tests find what is installed. What the caller sets goes before.
+/// Returns the variables by which the tests find what is installed. Values set by the caller win.
 pub(crate) fn variables() -> Vec<(&'static str, OsString)> {
     [python::engine_variable(), nats_servers(), denoiser()].into_iter().flatten().collect()
 }
@@ -125,19 +124,19 @@ fn has_chromium() -> bool {
     ["chromium", "chromium-browser", "google-chrome"].iter().any(|program| answers(program, &["--version"]))
 }
 
-/// Debian and its kin keep the include files of POV-Ray in a package of their own.
+/// Debian has the include files of POV-Ray in a separate package.
 fn has_povray() -> bool {
     let lacks_includes = answers("dpkg", &["-s", "povray"]) && !answers("dpkg", &["-s", "povray-includes"]);
     !lacks_includes && answers("povray", &["--version"])
 }
 
-/// The newest NATS server of those on which farms are tested, if there is one.
+/// Returns the newest NATS server on which farms are tested, if there is one.
 pub(crate) fn nats_server() -> Option<PathBuf> {
     let servers = env::var_os(NATS_SERVERS).or_else(|| Some(nats_servers()?.1))?;
     env::split_paths(&servers).last().filter(|server| server.is_file())
 }
 
-/// NATS servers, on which farms are tested: the distribution's old one and a new one, as far as they are installed.
+/// Returns the NATS servers on which farms are tested: the distribution's old one and a new one, if installed.
 fn nats_servers() -> Option<(&'static str, OsString)> {
     if env::var_os(NATS_SERVERS).is_some() {
         return None;
@@ -151,13 +150,13 @@ fn distribution_server() -> Option<PathBuf> {
     ["/usr/sbin/nats-server", "/usr/bin/nats-server"].map(PathBuf::from).into_iter().find(|it| it.is_file())
 }
 
-/// Open Image Denoise, out of the wheel `oidn` (1.4).
+/// Returns Open Image Denoise from the wheel `oidn` (1.4).
 fn denoiser() -> Option<(&'static str, OsString)> {
     const VARIABLE: &str = "BOTTEGA_OIDN";
     if env::var_os(VARIABLE).is_some() {
         return None;
     }
-    // The wheel's libraries do not have the names by which they look for each other.
+    // The wheel's libraries lack the names by which they load each other.
     const NAMES: [(&str, &str); 2] =
         [("libOpenImageDenoise.so.1.4.3", "libOpenImageDenoise.so.1"), ("libtbb.so.12.5", "libtbb.so.12")];
     let wheel = python::package("oidn/lib.linux.x64")?;
@@ -169,7 +168,7 @@ fn denoiser() -> Option<(&'static str, OsString)> {
     NAMES.iter().all(is_named).then(|| (VARIABLE, folder.into_os_string()))
 }
 
-/// Whether a program can be run, with success.
+/// True if a program can be run successfully.
 pub(crate) fn answers(program: &str, arguments: &[&str]) -> bool {
     let mut command = Command::new(program);
     command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());

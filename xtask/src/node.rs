@@ -1,4 +1,5 @@
-//! The packages that drive a browser in the tests of the page: below `target/node`, pinned by `crates/bottega-web/package.json`.
+//! The packages that control a browser in the tests of the page: below `target/node`, pinned by
+//! `crates/bottega-web/package.json`.
 
 use std::{
     fs,
@@ -8,16 +9,16 @@ use std::{
 
 use crate::bars::root;
 
-/// What is installed, as it is announced.
+/// The packages, as announced.
 pub(crate) const PACKAGES: &str = "playwright-core axe-core";
 const PINNED: &str = include_str!("../../crates/bottega-web/package.json");
 
-/// Whether these packages, in these versions, are installed.
+/// True if the pinned versions are installed.
 pub(crate) fn are_installed() -> bool {
     fs::read_to_string(stamp()).is_ok_and(|text| text == PINNED)
 }
 
-/// Installs the packages, none of which needs others. Whether it could.
+/// Installs the packages, which have no dependencies. Returns `true` on success.
 pub(crate) fn install() -> bool {
     let folder = folder();
     let mut npm = Command::new("npm");
@@ -33,7 +34,7 @@ fn folder() -> PathBuf {
     root().join("target/node")
 }
 
-/// A copy of what is pinned, kept once it is installed.
+/// Returns the path of a copy of the pinned versions, written after installation.
 fn stamp() -> PathBuf {
     folder().join("installed.json")
 }

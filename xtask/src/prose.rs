@@ -1,15 +1,15 @@
-//! Comments that must be read twice: those of one word, and those with words that puzzle. Their number in each crate may fall and never
-//! rises.
+//! A test that counts unclear comments: those of one word, and those with unclear phrases. Their number in each crate must not
+//! rise.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
 use crate::bars::root;
 
-/// Phrases that a plain sentence does without.
+/// The unclear phrases.
 const PUZZLING: [&str; 8] =
     ["whoever", "anew", "gone on with", "what comes of", "what came of", "is none for", "told of", "dearer"];
 
-/// The most that a crate may have, where it is not zero: comments of one word, and comments with a puzzling phrase.
+/// The maximum numbers per crate, where not zero: comments of one word, and comments with an unclear phrase.
 const MOST: &[(&str, [usize; 2])] = &[
     ("bottega", [18, 25]),
     ("bottega-agents", [1, 3]),
@@ -31,7 +31,7 @@ const MOST: &[(&str, [usize; 2])] = &[
     ("xtask", [0, 8]),
 ];
 
-/// The comments of a source file: the text of each block of `///`, `//!` or `//` lines.
+/// Returns the comments of a source file: the text of each block of `///`, `//!` or `//` lines.
 fn comments(source: &str) -> Vec<String> {
     let mut blocks: Vec<String> = Vec::new();
     let mut is_open = false;

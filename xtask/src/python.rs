@@ -9,7 +9,7 @@ use std::{
 
 use crate::bars::root;
 
-/// A list of pinned packages, in the form of `pip install --requirement`.
+/// A list of pinned packages, in the format of `pip install --requirement`.
 #[derive(Clone, Copy)]
 pub(crate) struct Requirements {
     /// The file, relative to the repository.
@@ -17,34 +17,34 @@ pub(crate) struct Requirements {
     text: &'static str,
 }
 
-/// What the tests use.
+/// The packages that the tests use.
 pub(crate) const TESTS: Requirements =
     Requirements { file: "xtask/requirements.txt", text: include_str!("../requirements.txt") };
-/// Cycles and LuxCore.
+/// The packages Cycles and LuxCore.
 pub(crate) const LARGE_ENGINES: Requirements =
     Requirements { file: "xtask/requirements-engines.txt", text: include_str!("../requirements-engines.txt") };
-/// What makes the wheel.
+/// The packages that build the wheel.
 pub(crate) const WHEEL: Requirements =
     Requirements { file: "xtask/requirements-wheel.txt", text: include_str!("../requirements-wheel.txt") };
 
 impl Requirements {
-    /// The packages with their versions, as they are announced.
+    /// Returns the packages with their versions, for announcements.
     pub(crate) fn packages(&self) -> Vec<&'static str> {
         let lines = self.text.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
         lines.map(|line| line.split(';').next().unwrap_or(line)).collect()
     }
 
-    /// The copy that is kept in the environment once the packages are installed.
+    /// Returns the path of a copy of the list, written after installation.
     fn stamp(&self) -> PathBuf {
         folder().join(Path::new(self.file).file_name().unwrap_or_default())
     }
 
-    /// Whether these packages, in these versions, are installed.
+    /// True if the pinned versions are installed.
     pub(crate) fn are_installed(&self) -> bool {
         fs::read_to_string(self.stamp()).is_ok_and(|text| text == self.text) && works(&program("python3"))
     }
 
-    /// Makes the environment where there is none, and installs the packages. Whether it could.
+    /// Creates the environment if needed, and installs the packages. Returns `true` on success.
     pub(crate) fn install(&self) -> bool {
         if !works(&program("python3")) && !run(Path::new("python3"), &["-m", "venv", "--clear", "target/python"]) {
             return false;
@@ -54,24 +54,24 @@ impl Requirements {
     }
 }
 
-/// A program of the environment.
+/// Returns the path of a program in the environment.
 pub(crate) fn program(name: &str) -> PathBuf {
     folder().join("bin").join(name)
 }
 
-/// The Python that runs workers and scripts: the environment's, or the system's where there is no environment.
+/// Returns the Python that runs workers and scripts: the environment's, or else the system's.
 pub(crate) fn interpreter() -> OsString {
     let own = program("python3");
     if own.is_file() { own.into_os_string() } else { "python3".into() }
 }
 
-/// The folder in which the packages of the environment lie, one of which is `package`.
+/// Returns the folder of a package in the environment.
 pub(crate) fn package(package: &str) -> Option<PathBuf> {
     let versions = fs::read_dir(folder().join("lib")).ok()?.filter_map(Result::ok);
     versions.map(|version| version.path().join("site-packages").join(package)).find(|path| path.is_dir())
 }
 
-/// The variable by which the workers of engines find the environment. What the caller sets goes before.
+/// Returns the variable by which the workers of engines find the environment. A value set by the caller wins.
 pub(crate) fn engine_variable() -> Option<(&'static str, OsString)> {
     const VARIABLE: &str = "BOTTEGA_ENGINE_PYTHON";
     let is_needed = program("python3").is_file() && std::env::var_os(VARIABLE).is_none();
@@ -82,7 +82,7 @@ fn folder() -> PathBuf {
     root().join("target/python")
 }
 
-/// Whether a program says its version.
+/// True if a program prints its version.
 pub(crate) fn works(program: &Path) -> bool {
     let mut command = Command::new(program);
     command.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());

@@ -1,11 +1,11 @@
-//! The head of figures of a program that was built before.
+//! The header of measurements of a program that was built before.
 
 use std::{path::Path, process::Command};
 
 use anyhow::{Context, Result};
 use bottega_platform::run_head::RunHead;
 
-/// The head of what is measured of a program from now on.
+/// Returns the header for measurements of a program.
 pub(crate) fn head(program: &Path) -> Result<RunHead> {
     let said = Command::new(program).arg("--version").output();
     let said = said.with_context(|| format!("cannot start {}", program.display()))?.stdout;
@@ -14,7 +14,7 @@ pub(crate) fn head(program: &Path) -> Result<RunHead> {
     Ok(RunHead::new(commit(&version), build, format_args!("{:.0}", jiff::Timestamp::now())))
 }
 
-/// The commit of a program that says `NUMBER+DIGEST (commit HASH)`, or `(commit HASH with changes)`.
+/// Parses the commit of a version `NUMBER+DIGEST (commit HASH)`, or `(commit HASH with changes)`.
 fn commit(version: &str) -> String {
     let commit = version.split_once("(commit ").and_then(|(_, rest)| rest.strip_suffix(')'));
     commit.map_or_else(|| "unknown".to_owned(), |commit| commit.replace(" with changes", "-dirty"))

@@ -1,4 +1,4 @@
-//! The spelling of pages, by `typos`.
+//! A spelling test of pages, by `typos`.
 
 #[cfg(test)]
 #[allow(clippy::print_stdout, reason = "what was skipped, and why, is read from what tests print")]
@@ -20,7 +20,7 @@ mod tests {
             return;
         };
         let mut command = Command::new(program);
-        // Words of this project: `_typos.toml`.
+        // The words of this project are in `_typos.toml`.
         command.args([
             "--format",
             "brief",

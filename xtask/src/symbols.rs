@@ -1,10 +1,10 @@
-//! The names in docs/symbols.md exist in the code.
+//! A test that the names in docs/symbols.md exist in the code.
 
 #[cfg(test)]
 mod tests {
     use std::{fs, path::Path};
 
-    /// Names in backticks in the last column of the table, with the line they stand in.
+    /// Returns the names in backticks in the last column of the table, with their lines.
     fn names(table: &str) -> Vec<(&str, &str)> {
         let rows = table.lines().filter(|line| line.starts_with('|')).skip(2);
         let of_row = |line| {
@@ -14,7 +14,7 @@ mod tests {
         rows.flat_map(of_row).collect()
     }
 
-    /// The text of all sources below a folder, but for comments.
+    /// Collects the text of all sources below a folder, without comments.
     fn sources(folder: &Path, all: &mut Vec<String>) {
         for entry in fs::read_dir(folder).expect("a folder of the repository").flatten() {
             let path = entry.path();
@@ -29,7 +29,7 @@ mod tests {
         }
     }
 
-    /// Whether a text defines a name: an item, a field, a variable of rules, or a variant.
+    /// True if a text defines a name: an item, a field, a variable of rules, or a variant.
     fn defines(text: &str, name: &str) -> bool {
         let is_word = |character: char| character.is_alphanumeric() || character == '_';
         text.match_indices(name).any(|(at, _)| {

@@ -1,4 +1,4 @@
-//! The other systems: what is compiled for Windows and macOS, and the crates that may ask which system they are on.
+//! Checks for the other systems: compilation for Windows and macOS, and the crates that may contain system-specific code.
 
 use std::process::Command;
 
@@ -7,14 +7,14 @@ use anyhow::{Result, ensure};
 use crate::python::WHEEL;
 use crate::wheel::run;
 
-/// One of each family; the tests run on Linux.
+/// One target per family; the tests run on Linux.
 const TARGETS: [&str; 2] = ["x86_64-pc-windows-gnu", "aarch64-apple-darwin"];
 
-/// Checks that everything compiles for Windows and macOS, as far as a standard library for them can be had here. zig compiles what
-/// is written in C.
+/// Checks that everything compiles for Windows and macOS, as far as a standard library for them is available. zig compiles the C
+/// code.
 ///
 /// # Errors
-/// Something does not compile there.
+/// The code does not compile for a target.
 pub(crate) fn systems() -> Result<()> {
     let has_zig = bring_zig();
     for target in TARGETS {
@@ -23,14 +23,14 @@ pub(crate) fn systems() -> Result<()> {
             println!("skipped {target}: its standard library, or zig, cannot be had here");
             continue;
         }
-        // What developers run is for Linux.
+        // xtask is for Linux only.
         let arguments = ["check", "--workspace", "--exclude", "xtask", "--target", target];
         ensure!(run("cargo-zigbuild", &arguments).is_ok(), "the workspace does not compile for {target}");
     }
     Ok(())
 }
 
-/// Installs zig below `target/python`, if it is not there. Whether it is then.
+/// Installs zig below `target/python`, if needed. Returns `true` if it is available.
 pub(crate) fn bring_zig() -> bool {
     WHEEL.are_installed() || WHEEL.install()
 }
@@ -44,7 +44,7 @@ mod tests {
 
     use crate::bars::root;
 
-    /// What only one system has, and questions which one it is.
+    /// Signs of system-specific code.
     const SIGNS: [&str; 9] = [
         "cfg(unix",
         "cfg(windows",
@@ -57,7 +57,7 @@ mod tests {
         "rustix::",
     ];
 
-    /// Those that may ask beside `bottega-platform`, which knows no more of them than of others.
+    /// Files other than `bottega-platform` that may contain system-specific code.
     const EXCEPTIONS: [(&str, &str); 6] = [
         ("bottega-kernels/src/arena.rs", "huge pages, in the lowest of all crates; elsewhere the allocator's memory"),
         ("bottega-engines/src/external/child/fence.rs", "Landlock; elsewhere engines are told to be without a fence"),
@@ -87,7 +87,7 @@ mod tests {
         }
     }
 
-    /// The first line that asks, before the tests.
+    /// Returns the first system-specific line before the tests.
     fn asks(file: &Path) -> Option<String> {
         let text = fs::read_to_string(file).expect("a source");
         let program =

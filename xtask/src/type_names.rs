@@ -1,13 +1,13 @@
-//! One name for one thing: a type's name is declared in one module, two at most.
+//! A test for unique names: a type's name may be declared in one module, two at most.
 
 use std::collections::BTreeMap;
 
 use crate::{circles, modules::Modules};
 
-/// How many modules may declare a type of one name.
+/// The maximum number of modules that declare a type of the same name.
 const MODULES_MAX: usize = 2;
 
-/// The error type of a crate is called `Error`, as everywhere in Rust.
+/// The error type of a crate is called `Error`, as usual in Rust.
 const ONE_A_CRATE: &str = "Error";
 
 mod tests {

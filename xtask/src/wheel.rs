@@ -1,4 +1,4 @@
-//! The wheel: the Python module and the program `bottega` in one file, for any Linux of glibc 2.28 or newer.
+//! The wheel: the Python module and the program `bottega` in one file, for any Linux with glibc 2.28 or newer.
 
 use std::{
     env, fs,
@@ -15,18 +15,18 @@ use crate::{
     python::{WHEEL, interpreter, program},
 };
 
-/// For which processors and systems it is made.
+/// The target of the wheel.
 const TARGET: &str = "x86_64-unknown-linux-gnu";
-/// The oldest C library that will do.
+/// The oldest supported C library.
 const GLIBC: &str = "2.28";
-/// Which Pythons load the module: 3.10 and newer.
+/// The supported Python versions: 3.10 and newer.
 const PYTHON: &str = "cp310-abi3";
-/// How it is compiled: as what is handed out.
+/// The profile of releases.
 const PROFILE: &str = "dist";
-/// The wheel is at most so large, in megabytes.
+/// The maximum size of the wheel, in megabytes.
 const MEGABYTES_MAX: f64 = 40.0;
 
-/// What `cargo xtask wheel` takes.
+/// Options of `cargo xtask wheel`.
 #[derive(clap::Args)]
 pub(crate) struct WheelArgs {
     /// Make the source distribution as well.
@@ -37,9 +37,9 @@ pub(crate) struct WheelArgs {
     try_it: bool,
 }
 
-/// Makes the wheel in `target/wheels`.
+/// Builds the wheel in `target/wheels`.
 ///
-/// One run of cargo compiles program and module, which share nearly everything; maturin writes what the wheel says of itself.
+/// One run of cargo compiles program and module, which share nearly all code; maturin writes the metadata of the wheel.
 ///
 /// # Errors
 /// A tool cannot be installed or fails, or the wheel is too large.
@@ -65,7 +65,7 @@ pub(crate) fn wheel(args: &WheelArgs) -> Result<()> {
     Ok(())
 }
 
-/// Lays out what was compiled as `pip` unpacks it, and packs it. Returns the wheel.
+/// Lays out the compiled files as `pip` unpacks them, and packs them. Returns the wheel.
 fn pack(wheels: &Path) -> Result<PathBuf> {
     let folder = wheels.join("unpacked");
     if folder.is_dir() {
@@ -89,14 +89,14 @@ fn pack(wheels: &Path) -> Result<PathBuf> {
         }
     }
     run("wheel", &["pack", &folder_text, "--dest-dir", &wheels_text])?;
-    // maturin does not know for which C library it was compiled.
+    // maturin does not know the C library that the files were compiled for.
     let platform = format!("manylinux_{}_x86_64", GLIBC.replace('.', "_"));
     let packed = wheels.join(format!("{name}-{PYTHON}-linux_x86_64.whl"));
     run("wheel", &["tags", "--remove", "--platform-tag", &platform, &packed.display().to_string()])?;
     Ok(wheels.join(format!("{name}-{PYTHON}-{platform}.whl")))
 }
 
-/// What a folder holds, where that is one thing.
+/// Returns the only entry of a folder.
 fn only_file(folder: &Path) -> Result<PathBuf> {
     let mut all = fs::read_dir(folder)?.filter_map(Result::ok).map(|entry| entry.path());
     let first = all.next().with_context(|| format!("{} is empty", folder.display()))?;
@@ -116,10 +116,10 @@ pub(crate) fn run(tool: &str, arguments: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// Makes the classes of requests anew from their schema.
+/// Regenerates the Python classes of requests from their schema.
 ///
 /// # Errors
-/// The module does not compile, or there is no Python.
+/// The module does not compile, or Python is missing.
 pub(crate) fn python_stubs() -> Result<()> {
     let mut build = cargo::command();
     build.args(["build", "--package", "bottega-python"]).current_dir(root());

@@ -1,4 +1,4 @@
-//! Options that several measurements have, and how their values are read.
+//! Options shared by several measurements, and parsers of their values.
 
 use std::{path::PathBuf, time::Duration};
 
@@ -22,32 +22,32 @@ pub(crate) struct SceneFolder {
 }
 
 impl SceneFolder {
-    /// The file of this name in the folder, where one is named.
+    /// Returns a file of the folder, if a folder is named.
     pub(crate) fn place(&self, name: &str) -> Option<PathBuf> {
         self.folder.as_ref().map(|folder| folder.join(name))
     }
 
-    /// The scene that was asked for, or else the one of this name in the folder.
+    /// Returns the requested scene, or else the one with this name in the folder.
     ///
     /// # Errors
-    /// Neither is named.
+    /// Neither a scene nor a folder is named.
     pub(crate) fn scene(&self, asked: Option<&PathBuf>, name: &str) -> Result<PathBuf, Error> {
         asked.cloned().or_else(|| self.place(name)).ok_or(Error::NoScene)
     }
 }
 
-/// The number of threads that was asked for, or else that of the processors.
+/// Returns the requested number of threads, or else that of the processors.
 pub(crate) fn threads(asked: Option<u16>) -> usize {
     asked.map_or_else(processors, usize::from)
 }
 
-/// Reads one of the words of a choice; `--help` says what each of them means.
+/// Parses one of the words of a choice; `--help` shows the meaning of each.
 pub(crate) fn choice<T: WordChoice>() -> impl TypedValueParser<Value = T> {
     let values = T::VARIANTS.iter().map(|choice| PossibleValue::new(choice.word()).help(choice.meaning()));
     PossibleValuesParser::new(values.collect::<Vec<_>>()).try_map(|word| T::of_word(&word).ok_or("no such word"))
 }
 
-/// Reads a number between two.
+/// Parses a number within bounds.
 pub(crate) fn number(least: f64, greatest: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| match text.parse() {
         Ok(number) if (least..=greatest).contains(&number) => Ok(number),
@@ -55,7 +55,7 @@ pub(crate) fn number(least: f64, greatest: f64) -> impl Fn(&str) -> Result<f64, 
     }
 }
 
-/// Reads width and height of a picture.
+/// Parses width and height of an image.
 pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let sides = text.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
     let (width, height) = sides.ok_or("two numbers of pixels with an x between are needed, such as 1280x720")?;
@@ -63,13 +63,13 @@ pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     Ok((width, height))
 }
 
-/// Reads a name and its value.
+/// Parses a name and its value.
 pub(crate) fn parse_define(text: &str) -> Result<(String, String), String> {
     let (name, value) = text.split_once('=').ok_or("a name, `=` and a value are needed, such as spp=64")?;
     Ok((name.trim().to_owned(), value.to_owned()))
 }
 
-/// Reads a time with its unit.
+/// Parses a duration with its unit.
 pub(crate) fn parse_time(text: &str) -> Result<Duration, String> {
     let units = [("ms", 1e-3), ("s", 1.0)];
     let seconds = units.into_iter().find_map(|(unit, seconds)| {

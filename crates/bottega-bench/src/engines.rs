@@ -1,5 +1,5 @@
-//! The overhead of painting in zones with another engine, beside the same picture that the engine paints as one window. Start
-//! and end of all processes count on both sides.
+//! The overhead of painting in zones with an external engine, relative to the same image rendered by the engine as one window.
+//! Start and end of all processes count on both sides.
 
 use std::{
     env,
@@ -64,20 +64,20 @@ struct EnginesReport {
     scene: PathBuf,
     spp: u32,
     pairs: Vec<TimedPair>,
-    /// Medians of what painting in zones adds, as shares of the engine alone.
+    /// Medians of the overhead of painting in zones, relative to the engine alone.
     wall: f64,
     processors: Option<f64>,
 }
 
-/// The time of a picture, in seconds.
+/// The time of an image, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct PictureTime {
     wall: f64,
-    /// Of all processes; `None` where the system does not tell.
+    /// Processor time of all processes; `None`: the system does not report it.
     processors: Option<f64>,
 }
 
-/// The same picture by the engine alone and by bottega.
+/// The times of the same image by the engine alone and by bottega.
 #[derive(Clone, Copy, Debug)]
 struct TimedPair {
     alone: PictureTime,
@@ -112,7 +112,7 @@ impl TimedPair {
 }
 
 impl Measurement for EnginesOptions {
-    /// Paints the picture both ways, in turn.
+    /// Renders the image both ways, alternately.
     fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
         let program = self.program()?;
         let engine = located(&self.folders, &self.engine)?;
@@ -154,7 +154,7 @@ impl EnginesOptions {
         bottega::Error::External { engine: self.engine.clone(), source }.into()
     }
 
-    /// The program `bottega`.
+    /// Returns the path of the program `bottega`.
     fn program(&self) -> Result<PathBuf, Error> {
         if let Some(program) = &self.program {
             return program.canonicalize().map_err(|_| Error::NoProgram { path: program.clone() });
@@ -167,7 +167,7 @@ impl EnginesOptions {
         found.ok_or(Error::NoProgram { path: beside })
     }
 
-    /// The whole frame as one window, by the same worker.
+    /// Renders the whole frame as one window with the same worker.
     fn alone(&self, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<PictureTime, Error> {
         let (width, height) = request.size.unwrap_or_default();
         let (time, ()) = timed(|| {
@@ -178,7 +178,7 @@ impl EnginesOptions {
         Ok(time)
     }
 
-    /// `bottega render`, as a user runs it. Returns the time and the number of zones.
+    /// Runs `bottega render` like a user. Returns the time and the number of zones.
     fn in_zones(&self, program: &Path, request: &SceneRequest, output: &Path) -> Result<(PictureTime, usize), Error> {
         let (width, height) = request.size.unwrap_or_default();
         let mut command = Command::new(program);

@@ -1,4 +1,4 @@
-//! The errors of measurements.
+//! Errors of measurements.
 
 use std::{io, path::PathBuf};
 
@@ -11,114 +11,114 @@ use bottega_kernels::BuildError;
 use bottega_render::RenderError;
 use bottega_scene::SceneError;
 
-/// The errors of measurements, and those of the libraries that they measure.
+/// An error of a measurement, or of a library that it uses.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Error {
     /// A scene, a picture, an engine or a device cannot be used.
     #[error(transparent)]
     Bottega(#[from] bottega::Error),
-    /// There is no way into the farm.
+    /// The farm cannot be reached.
     #[error(transparent)]
     Cluster(#[from] bottega_cluster::Error),
-    /// No hierarchy can be built over a built-in scene.
+    /// No tree can be built over a built-in scene.
     #[error("cannot build a hierarchy over a built-in scene")]
     Build(#[from] BuildError),
-    /// A file is no neutral description of a scene.
+    /// A file is not a neutral scene description.
     #[error("`{}` describes no scene: {problem}", .path.display())]
     NeutralScene {
         /// The file.
         path: PathBuf,
-        /// What it lacks.
+        /// The error in the description.
         problem: String,
     },
-    /// A folder has no scene with a reference.
+    /// A folder contains no scene with a reference.
     #[error("there is no scene in `{}`", .folder.display())]
     NoScenes {
         /// The folder.
         folder: PathBuf,
     },
-    /// The time of the processors was asked for, and the system does not tell it.
+    /// Processor time was requested, but the system does not report it.
     #[error("this system does not tell processor times")]
     NoProcessorTime,
-    /// What was recorded cannot be replayed.
+    /// A record cannot be replayed.
     #[error("the recorded zones cannot be replayed")]
     Workpiece(#[from] WorkpieceError),
-    /// A replay came to nothing.
+    /// A replay did not finish.
     #[error("the simulation came to nothing")]
     Simulation(#[from] SimulationError),
-    /// The allocator takes no work.
+    /// The allocator refused the work.
     #[error("the allocator takes no work")]
     Submit(#[from] SubmitError),
     /// A resource of the allocator failed.
     #[error("a resource of the allocator failed")]
     Unit(#[from] UnitError),
-    /// The allocator answered something else than was asked.
+    /// The allocator returned an answer to another question.
     #[error("the allocator answered something else than was asked")]
     WrongAnswer,
-    /// Two ways to follow the same paths found different light.
+    /// Two methods that trace the same paths found different light.
     #[error("{way} found other light: {found} instead of {known}")]
     OtherLight {
         /// The way, as tables name it.
         way: &'static str,
-        /// Mean light of a pixel.
+        /// The mean radiance per pixel.
         found: f64,
-        /// What the way before it found.
+        /// The mean radiance found by the previous method.
         known: f64,
     },
     /// A thread of a measurement panicked.
     #[error("{thread} ended in a panic")]
     Panic {
-        /// Which.
+        /// The name of the thread.
         thread: &'static str,
     },
-    /// The system gives no thread.
+    /// The system cannot start a thread.
     #[error("cannot start a thread")]
     Thread(#[source] io::Error),
-    /// The system gives no process.
+    /// The system cannot start a process.
     #[error("cannot start a process")]
     Process(#[source] io::Error),
-    /// A process with agents ended before the work.
+    /// A process with agents ended too early.
     #[error("a process with agents ended before the work")]
     PartEnded,
-    /// The process with the Master ended before the work.
+    /// The process with the Master ended too early.
     #[error("the process with the Master has ended")]
     MasterGone,
-    /// The user stopped the work.
+    /// The user stopped the measurement.
     #[error("stopped before the picture was there")]
     Stopped,
-    /// The agents did not paint every pixel once.
+    /// The agents did not paint every pixel exactly once.
     #[error("{zones} zones are not painted, {pixels} pixels not once")]
     Unpainted {
-        /// Zones that are not painted.
+        /// Number of unpainted zones.
         zones: usize,
-        /// Pixels that are not painted once.
+        /// Number of pixels that were not painted exactly once.
         pixels: usize,
     },
-    /// A picture was cut into too few zones, or painted in pieces, to compare anything.
+    /// An image has too few zones, or was rendered in pieces, so nothing can be compared.
     #[error("a picture of {count} zones tells nothing of how well their times were known")]
     TooFewZones {
-        /// All zones.
+        /// Number of zones.
         count: usize,
     },
-    /// Embree does not build a tree.
+    /// Embree failed to build a tree.
     #[error("{0}")]
     Embree(String),
-    /// No scene is named, nor a folder with one.
+    /// Neither a scene nor a folder of scenes is named.
     #[error("no scene is named")]
     NoScene,
-    /// Pairs of scenes are needed.
+    /// The number of scenes is odd, but pairs are needed.
     #[error("the last scene has no second one")]
     NoPair,
-    /// No server is named to a process with agents.
+    /// A process with agents got no server address.
     #[error("no farm is named")]
     NoFarm,
-    /// The program whose pictures are measured is not there.
+    /// The measured program does not exist.
     #[error("there is no program `{}`", .path.display())]
     NoProgram {
-        /// Where it was looked for first.
+        /// The first path that was tried.
         path: PathBuf,
     },
-    /// The program whose pictures are measured does not start.
+    /// The measured program cannot be started.
     #[error("cannot start `{}`", .path.display())]
     StartRender {
         /// The program.
@@ -126,22 +126,22 @@ pub(crate) enum Error {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// Ctrl-C cannot be watched for.
+    /// The handler for Ctrl-C cannot be installed.
     #[error("cannot watch for Ctrl-C")]
     Signal(#[from] ctrlc::Error),
-    /// Nobody can read the figures.
+    /// Standard output cannot be written.
     #[error("cannot write to standard output")]
     Output(#[source] io::Error),
     /// `bottega render` failed.
     #[error("bottega render fails: {said}")]
     Render {
-        /// What it wrote to standard error.
+        /// Its output on standard error.
         said: String,
     },
 }
 
 impl Error {
-    /// The exit code of the program: 2 is for a usage error, 130 for what the user stopped, 1 for what failed.
+    /// Returns the exit code: 2 for a usage error, 130 if the user stopped, 1 for a failure.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Stopped => 130,
@@ -150,7 +150,7 @@ impl Error {
         }
     }
 
-    /// Whether what was asked for cannot be; as opposed to: it was tried and failed.
+    /// True for usage errors: the request is invalid, as opposed to an attempt that failed.
     fn is_usage(&self) -> bool {
         match self {
             Self::Bottega(error) => error.is_usage(),
@@ -165,7 +165,7 @@ impl Error {
         }
     }
 
-    /// What can be done about it.
+    /// Returns the remedy, if one is known.
     pub(crate) fn remedy(&self) -> Option<String> {
         let remedy = match self {
             Self::Bottega(error) => return error.remedy(),
@@ -200,7 +200,7 @@ impl Error {
     }
 }
 
-/// Errors of crates that the library has a word for.
+/// Implements conversions for errors that the library's error type covers.
 macro_rules! through_library {
     ($($source:ty),*) => {
         $(impl From<$source> for Error {

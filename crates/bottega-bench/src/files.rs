@@ -1,4 +1,4 @@
-//! Files: those that are written beside the figures, and scenes that are read.
+//! Output files of measurements, and loading of scenes.
 
 use std::{
     env, fs, io,
@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use crate::error::Error;
 
-/// Makes a folder for what is written beside the figures.
+/// Creates a folder for output files.
 pub(crate) fn create_folder(folder: &Path) -> Result<(), Error> {
     fs::create_dir_all(folder).map_err(|source| write_error(folder, source))
 }
@@ -23,12 +23,12 @@ fn write_error(path: &Path, source: io::Error) -> Error {
     bottega::Error::Write { path: PathBuf::from(path), source }.into()
 }
 
-/// Makes a folder that goes with the value.
+/// Creates a folder that is deleted when the value is dropped.
 pub(crate) fn temporary_folder() -> Result<TempDir, Error> {
     tempfile::tempdir().map_err(|source| write_error(&env::temp_dir(), source))
 }
 
-/// Options for the scenes of a folder, which share meshes that lie beside them.
+/// Returns load options for scenes that share meshes outside of their folders.
 pub(crate) fn shared_meshes() -> LoadOptions {
     LoadOptions { allow_outside: true, ..LoadOptions::default() }
 }

@@ -1,4 +1,4 @@
-//! The forecast of zones: how well their time is known before anybody has seen them, in a first job and in a second of its kind.
+//! The accuracy of zone time forecasts before anything is measured, in a first job and in a second, similar one.
 
 mod timed_engine;
 
@@ -23,7 +23,7 @@ use crate::{
     report::{Measurement, Report, say},
 };
 
-/// Pairs of scenes of one kind, below the folder of scenes.
+/// Pairs of similar scenes, relative to the folder of scenes.
 const PAIRS: [(&str, &str); 6] = [
     ("magarro/magarro.pbrt", "magarro/magarro.pbrt"),
     ("magarro/magarro.xml", "volumetric-caustic/mitsuba/scene.xml"),
@@ -33,11 +33,11 @@ const PAIRS: [(&str, &str); 6] = [
     ("cornell-box/pbrt/scene-v4.pbrt", "cornell-box/pbrt/scene-v4.pbrt"),
 ];
 
-/// Sizes of the first picture of a pair and of the second.
+/// The image sizes of a pair's first and second job.
 const SIZES: [[u32; 2]; 2] = [[240, 180], [400, 300]];
-/// Zones of a picture.
+/// The number of zones per image.
 const ZONES: u32 = 48;
-/// Error of the second job over that of the first which the text calls halved.
+/// The ratio of errors, second job over first, that the text calls halved.
 const HALF: f64 = 0.5;
 
 /// How well the time of a zone is known before anybody has seen it: in a first job, and in a second of its kind.
@@ -57,20 +57,20 @@ pub(crate) struct LearningOptions {
     level: u8,
 }
 
-/// What a pair of jobs showed.
+/// The results of a pair of jobs.
 #[derive(Clone, Debug)]
 struct LearningRow {
     first: String,
     second: String,
-    /// The first job, by one who has learnt nothing.
+    /// The forecast of the first job, without experience.
     unlearnt_first: Forecast,
-    /// The second job, by one who has learnt nothing.
+    /// The forecast of the second job, without experience.
     unlearnt_second: Forecast,
-    /// The second job, by one who has painted the first.
+    /// The forecast of the second job, with experience from the first.
     learnt: Forecast,
 }
 
-/// What pairs of jobs showed.
+/// The results of all pairs.
 #[derive(Clone, Debug)]
 struct LearningReport {
     rows: Vec<LearningRow>,
@@ -94,7 +94,7 @@ impl Measurement for LearningOptions {
 }
 
 impl LearningOptions {
-    /// The pairs that were asked for, or else those in the folder of scenes.
+    /// Returns the requested pairs, or else the default ones in the folder of scenes.
     fn pairs(&self) -> Result<Vec<(PathBuf, PathBuf)>, Error> {
         let (named, rest) = self.pairs.as_chunks::<2>();
         if !rest.is_empty() {
@@ -133,7 +133,7 @@ fn paint(request: &Request, experience: &Experience, power: RelativePower) -> Re
 }
 
 impl LearningRow {
-    /// Paints the first picture, and the second without and with what was learnt of it.
+    /// Renders the first image, and the second with and without the experience of the first.
     fn paint([first, second]: &[Request; 2], power: RelativePower) -> Result<Self, Error> {
         let nothing = Experience::default();
         let before = paint(first, &nothing, power)?;
@@ -151,7 +151,7 @@ impl LearningRow {
         })
     }
 
-    /// Error of the second job over that of the first.
+    /// Returns the error of the second job over that of the first.
     fn ratio(&self) -> f64 {
         self.learnt.median_error / self.unlearnt_first.median_error
     }

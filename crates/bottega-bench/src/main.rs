@@ -1,26 +1,26 @@
-//! The measurements: the tables of the papers beside the papers' own figures, rays and paths a second, other renderers on the same
+//! Measurements: the tables of the papers with the papers' own results, rays and paths per second, other renderers on the same
 //! triangles, a farm of many agents. `cargo run --release -p bottega-bench -- --help`.
 //!
-//! Every measurement has one struct of options, which the command line fills in, and gives a report of figures. Above them stands the head
-//! of the run: commit, command and machine. A line for each step goes to standard error.
+//! Every measurement has one struct of options, which the command line fills in, and returns a report. The report starts with a
+//! header: commit, command and machine. Progress goes to standard error, one line per step.
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
-//! | rays a second: ours, Embree's, those of `obvhs`, a GPU's; paths a second | `src/rays.rs`, `src/rays/` |
+//! | rays per second: ours, Embree's, those of `obvhs`, a GPU's; paths per second | `src/rays.rs`, `src/rays/` |
 //! | the three papers | `src/hra/`, `src/magarro/`, `src/ala/` |
-//! | error and time beside other renderers, and the scenes that all of them read | `src/peers.rs`, `src/neutral_scene.rs` |
-//! | the overhead of painting in zones with another engine | `src/engines.rs` |
-//! | what the guide of paths is worth | `src/guide/` |
-//! | how well times are known in a second job | `src/learning.rs` |
-//! | awards a second, on a real NATS server | `src/farm/` |
-//! | what a measurement and its report are; the head of a run | `src/report.rs` |
-//! | options of several measurements | `src/arguments.rs` |
+//! | error and time of several renderers, and the scenes that all of them read | `src/peers.rs`, `src/neutral_scene.rs` |
+//! | the overhead of painting in zones with an external engine | `src/engines.rs` |
+//! | the gain of path guiding | `src/guide/` |
+//! | the accuracy of time forecasts in a second job | `src/learning.rs` |
+//! | awards per second, on a real NATS server | `src/farm/` |
+//! | measurements and reports; the header of a run | `src/report.rs` |
+//! | options shared by several measurements | `src/arguments.rs` |
 //! | generated scenes, and their random numbers | `src/scenes.rs`, `src/random.rs` |
-//! | painting that several measurements share | `src/painting.rs` |
-//! | processes that a measurement starts | `src/part_process.rs` |
-//! | files written, scenes read; errors and their remedies | `src/files.rs`, `src/error.rs` |
+//! | rendering shared by several measurements | `src/painting.rs` |
+//! | child processes of a measurement | `src/part_process.rs` |
+//! | output files, loading of scenes; errors and their remedies | `src/files.rs`, `src/error.rs` |
 
 mod ala;
 mod arguments;
@@ -65,7 +65,7 @@ use self::{
     report::{Measurement, head, headed},
 };
 
-/// What is written to the log where BOTTEGA_LOG does not say otherwise.
+/// The default log filter.
 const LOGGED: &str = "warn,async_nats=off";
 
 /// Measures bottega: on this machine, at the commit that this program was built from.
@@ -101,7 +101,7 @@ fn main() -> ExitCode {
     let program = BenchProgram::parse();
     bottega::engines::keep_quarantines();
     let done = run(&program);
-    // Drivers end better while the process is whole.
+    // Drivers shut down more reliably before the process exits.
     bottega::devices::release();
     done.map_or_else(|error| tell(&error), |()| ExitCode::SUCCESS)
 }
@@ -140,7 +140,7 @@ fn print(text: &str) -> Result<(), Error> {
     output.write_all(text.as_bytes()).and_then(|()| output.flush()).map_err(Error::Output)
 }
 
-/// Says what went wrong, why, and what can be done.
+/// Prints an error with its causes and remedy.
 fn tell(error: &Error) -> ExitCode {
     let mut text = format!("error: {error}\n");
     let mut next = error.source();
@@ -151,7 +151,7 @@ fn tell(error: &Error) -> ExitCode {
     if let Some(remedy) = error.remedy() {
         text += &format!("  help: {remedy}\n");
     }
-    // Where nobody reads it the exit code says it.
+    // If standard error is closed, the exit code remains.
     _ = io::stderr().write_all(text.as_bytes());
     ExitCode::from(error.exit_code())
 }

@@ -1,4 +1,4 @@
-//! The neutral description of the scenes that renderers are compared on: a JSON file that names PLY meshes of flat triangles.
+//! The neutral description of scenes for comparing renderers: a JSON file that names PLY meshes of flat triangles.
 
 use std::{collections::HashMap, fs, path::Path};
 
@@ -8,17 +8,17 @@ use serde_json::Value;
 
 use crate::error::Error;
 
-/// A scene to compare on.
+/// A scene for comparing renderers.
 pub(crate) struct NeutralScene {
     pub(crate) scene: Scene,
-    /// Of the picture, in pixels.
+    /// The size of the image, in pixels.
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// Bounces after the first surface; 0: direct light alone.
+    /// The maximum number of bounces after the first surface; 0: direct light only.
     pub(crate) max_bounces: u32,
 }
 
-/// What a file says, or what it lacks.
+/// The parsed value, or a description of the error.
 type ParseResult<T> = Result<T, String>;
 
 pub(crate) fn load(path: &Path) -> Result<NeutralScene, Error> {
@@ -68,7 +68,7 @@ fn vector(value: &Value) -> ParseResult<Vec3> {
     Ok(Vec3::new(number(&value[0])?, number(&value[1])?, number(&value[2])?))
 }
 
-/// From `origin` to `target`; `fov` is the angle between the left and the right edge of a square picture.
+/// Parses a camera from `origin` to `target`; `fov` is the angle between the left and the right edge of a square image.
 fn camera(value: &Value) -> ParseResult<Camera> {
     let (eye, target, up) = (vector(&value["origin"])?, vector(&value["target"])?, vector(&value["up"])?);
     let back = (eye - target).try_normalize().ok_or("the camera looks nowhere")?;
@@ -93,7 +93,7 @@ fn material(value: &Value) -> ParseResult<Material> {
     })
 }
 
-/// Positions (x, y, z) and triangles alone, little-endian.
+/// Reads a little-endian PLY file with positions (x, y, z) and triangles only.
 fn read_ply(path: &Path) -> ParseResult<Mesh> {
     const END: &[u8] = b"end_header\n";
     const VERTEX_BYTES: usize = 12;
@@ -119,7 +119,7 @@ fn read_ply(path: &Path) -> ParseResult<Mesh> {
     let float = |bytes: &[u8], at: usize| f32::from_le_bytes(word(bytes, at));
     let index = |bytes: &[u8], at: usize| u32::from_le_bytes(word(bytes, at));
     let positions = vertices.chunks_exact(VERTEX_BYTES).map(|v| Vec3::new(float(v, 0), float(v, 4), float(v, 8)));
-    // One byte for the number of corners.
+    // A face is one byte for the number of corners, and three indices.
     let triangles = faces.chunks_exact(TRIANGLE_BYTES).map(|f| [index(f, 1), index(f, 5), index(f, 9)]);
     Ok(Mesh { positions: positions.collect(), triangles: triangles.take(triangle_count).collect(), ..Mesh::default() })
 }

@@ -1,4 +1,4 @@
-//! Pictures painted by the built-in engine as one zone, and how long they took.
+//! Rendering of whole images by the built-in engine as one zone, with time measurement.
 
 use std::{
     ops::Range,
@@ -12,7 +12,7 @@ use bottega_render::{PathSettings, PreparedScene, Prepass, View};
 
 use crate::error::Error;
 
-/// Paints a whole picture as one zone.
+/// Renders a whole image as one zone.
 pub(crate) fn paint_zone(
     (scene, prepass): (&Arc<PreparedScene>, &Arc<Prepass>),
     view: View,
@@ -25,7 +25,7 @@ pub(crate) fn paint_zone(
     paint_zone_with(&engine, view, settings, spp)
 }
 
-/// Paints a whole picture as one zone, with an engine that is there.
+/// Renders a whole image as one zone, with an existing engine.
 pub(crate) fn paint_zone_with(
     engine: &BuiltinEngine,
     view: View,
@@ -36,9 +36,9 @@ pub(crate) fn paint_zone_with(
     paint_samples(engine, Rect::of_size(view.width, view.height), tunables, 0..spp, None)
 }
 
-/// Paints samples of all pixels of a rectangle. Returns the sums and the time that they took.
+/// Renders samples of all pixels of a rectangle. Returns the sums and the time that they took.
 ///
-/// - `tile`: the running sums of those before.
+/// - `tile`: the sums of previous samples.
 pub(crate) fn paint_samples(
     engine: &BuiltinEngine,
     rect: Rect,

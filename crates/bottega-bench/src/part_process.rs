@@ -1,5 +1,4 @@
-//! Processes that a measurement starts, each with some of its agents: they speak in lines, and end with the one that
-//! started them.
+//! Child processes of a measurement, each with some of its agents: they exchange lines, and end with their parent.
 
 use std::{
     env,
@@ -13,20 +12,20 @@ use serde::de::DeserializeOwned;
 
 use crate::error::Error;
 
-/// What a process says when all its agents are linked.
+/// The line of a process whose agents are all connected.
 const READY: &str = "ready";
 
-/// Says something to the process with the Master. When that is gone, so is the work.
+/// Writes a line to the process with the Master. An error means that the process is gone.
 pub(crate) fn say(output: &mut dyn Write, line: &str) -> Result<(), Error> {
     output.write_all(format!("{line}\n").as_bytes()).and_then(|()| output.flush()).map_err(|_| Error::MasterGone)
 }
 
-/// Says that all agents of this process are linked.
+/// Reports that all agents of this process are connected.
 pub(crate) fn say_ready(output: &mut dyn Write) -> Result<(), Error> {
     say(output, READY)
 }
 
-/// Whoever started this process holds the other end of its input.
+/// Stops the work when the parent process closes this process's input.
 pub(crate) fn end_with_parent(stops: Vec<StopSwitch>) -> Result<(), Error> {
     let watch = move || {
         _ = io::stdin().lock().read_to_end(&mut Vec::new());
@@ -35,15 +34,15 @@ pub(crate) fn end_with_parent(stops: Vec<StopSwitch>) -> Result<(), Error> {
     thread::Builder::new().spawn(watch).map(drop).map_err(Error::Thread)
 }
 
-/// This program, to be started once more.
+/// Returns a command that starts this program again.
 pub(crate) fn this_program() -> Result<Command, Error> {
     env::current_exe().map(Command::new).map_err(Error::Process)
 }
 
-/// Such a process, as seen from the one that has started it.
+/// A child process.
 pub(crate) struct PartProcess {
     child: Child,
-    /// While it is open the process lives.
+    /// The child's input; the child ends when it is closed.
     input: Option<ChildStdin>,
     output: BufReader<ChildStdout>,
 }
@@ -57,12 +56,12 @@ impl PartProcess {
         Ok(Self { child, input, output: BufReader::new(output) })
     }
 
-    /// Waits until all its agents are linked.
+    /// Waits until all agents of the child are connected.
     pub(crate) fn until_ready(&mut self) -> Result<(), Error> {
         (self.hear()?.trim() == READY).then_some(()).ok_or(Error::PartEnded)
     }
 
-    /// What it has seen, now that the work is done. An agent that the Master has not come to know is let go by this too.
+    /// Returns the child's report at the end of the work. Closing its input also ends agents that the Master never knew.
     pub(crate) fn report<R: DeserializeOwned>(&mut self) -> Result<R, Error> {
         self.input = None;
         serde_json::from_str(&self.hear()?).map_err(|_| Error::PartEnded)
@@ -77,7 +76,7 @@ impl PartProcess {
 
 impl Drop for PartProcess {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The child may have ended already.
         _ = self.child.kill();
         _ = self.child.wait();
     }

@@ -1,10 +1,9 @@
-//! Error and time beside other renderers, on the same triangles, in one run.
+//! Error and time of several renderers, on the same triangles, in one run.
 //!
-//! Error is the relative mean squared error against a reference, without the worst thousandth of the pixels and without
-//! the error of the reference itself; beside it stands the mean squared error of what a display shows. For all who sample without bias, error times seconds is a constant of renderer and
-//! scene; its inverse is the efficiency, and the quotient of two efficiencies says how many times as fast as the other
-//! one comes to the same error. Time is that of the clock on the wall, or, on a machine that has other work as well, that of
-//! the processors.
+//! Error is the relative mean squared error against a reference, without the worst thousandth of the pixels and without the error
+//! of the reference itself; a second measure is the mean squared error of the displayed image. For all unbiased renderers, error
+//! times seconds is a constant of renderer and scene; its inverse is the efficiency, and the quotient of two efficiencies is the
+//! speedup at equal error. Time is wall time, or, on a machine with other load, processor time.
 
 mod report;
 
@@ -71,7 +70,7 @@ pub(crate) struct PeersOptions {
 }
 
 impl PeersOptions {
-    /// Numbers of threads to paint with.
+    /// Returns the numbers of threads to render with.
     fn threads(&self) -> Vec<usize> {
         if self.threads.is_empty() {
             return vec![1, processors()];
@@ -79,18 +78,18 @@ impl PeersOptions {
         self.threads.iter().copied().map(usize::from).collect()
     }
 
-    /// Whether another renderer is to be run.
+    /// True if a renderer was requested.
     fn includes(&self, name: &str) -> bool {
         self.peers.is_empty() || self.peers.iter().any(|wanted| name.starts_with(wanted.as_str()))
     }
 }
 
-/// A renderer that is run as a child of its own: some hang, some abort, none may take the others along.
+/// A renderer that runs as a child process, because it may hang or abort.
 struct PeerRenderer {
     name: &'static str,
-    /// Python, told the folder, scene, samples, seed, threads and where the picture is to be.
+    /// A Python script; its arguments are folder, scene, samples, seed, threads and output file.
     script: &'static str,
-    /// What it is told beside that.
+    /// A further argument of the script.
     variant: Option<&'static str>,
 }
 
@@ -105,19 +104,19 @@ const PEERS: [PeerRenderer; 4] = [
     PeerRenderer { name: "luxcore", script: include_str!("peers/luxcore.py"), variant: None },
 ];
 
-/// How often a child is asked whether it has ended.
+/// The interval at which a child is polled.
 const POLL: Duration = Duration::from_millis(20);
 
-/// One picture painted.
+/// One rendered image.
 struct PeerPicture {
     picture: Picture,
     seconds: f64,
-    /// Samples a pixel, as some take more than they are told.
+    /// Samples per pixel; some renderers take more than requested.
     samples: f64,
 }
 
 impl Measurement for PeersOptions {
-    /// Paints every scene with every renderer, in turn. The log says who is left out, and why.
+    /// Renders every scene with every renderer, in turn. The log says which renderers are left out, and why.
     fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
         let known: Value = fs::read(self.folder.join("reference/ref_info.json"))
             .ok()
@@ -142,8 +141,8 @@ impl Measurement for PeersOptions {
     }
 }
 
-/// The pictures of a scene by renderer, ours first. Renderers take turns, so that whatever else the machine does meanwhile meets
-/// all of them; one that fails is left out from then on.
+/// Renders a scene with each renderer, ours first. Renderers alternate, so that other load on the machine affects all of them;
+/// one that fails is left out from then on.
 fn paint_all(
     options: &PeersOptions,
     peers: &[&PeerRenderer],
@@ -173,7 +172,7 @@ fn paint_all(
     Ok(all)
 }
 
-/// The scenes to paint: those asked for, or all of the folder that have a reference.
+/// Returns the requested scenes, or all of the folder that have a reference.
 fn scenes(options: &PeersOptions) -> Result<Vec<String>, Error> {
     if !options.scenes.is_empty() {
         return Ok(options.scenes.clone());
@@ -229,7 +228,7 @@ fn ours(scene: &NeutralScene, threads: usize, options: &PeersOptions, seed: u16)
     Ok(PeerPicture { picture, seconds, samples: options.spp.into() })
 }
 
-/// Paints a scene as its peers do. Returns the picture and the time that it took.
+/// Renders a scene with the same settings as the other renderers. Returns the image and the time that it took.
 fn paint_ours(
     scene: &NeutralScene,
     threads: usize,
@@ -238,7 +237,7 @@ fn paint_ours(
     guide: GuideChoice,
 ) -> Result<(Picture, Duration), Error> {
     let (guiding, agents) = whole_guide(guide);
-    // Anew each time: what is learnt of where light comes from belongs to the time of a picture.
+    // Prepare again each time: learning the light distribution is part of an image's time.
     let options = PrepareOptions { threads, ..PrepareOptions::default() };
     let prepared = Arc::new(PreparedScene::new(Arc::new(scene.scene.clone()), &options)?);
     let view = View { camera: 0, width: scene.width, height: scene.height };
@@ -257,7 +256,7 @@ fn paint_ours(
     Ok((film.to_picture(), time))
 }
 
-/// Runs a peer. The error says why there is no picture of it.
+/// Runs another renderer. The error says why there is no image.
 fn paint(
     peer: &PeerRenderer,
     options: &PeersOptions,
@@ -283,7 +282,7 @@ fn paint(
         .spawn()
         .map_err(|error| told(&options.python, error))?;
     if let Some(mut input) = child.stdin.take() {
-        // A child that ends at once tells why in its log.
+        // A child that ends at once says why in its log.
         drop(input.write_all(peer.script.as_bytes()));
     }
     let deadline = Instant::now() + Duration::from_secs(options.timeout);

@@ -1,4 +1,4 @@
-//! Rays a second of the kernels by kind of ray, beside other people's, and camera paths a second.
+//! Rays per second of our kernels and others by kind of ray, and camera paths per second.
 
 mod builds;
 mod embree;
@@ -141,7 +141,7 @@ mod tests {
                 let difference = robust.hits[kind].abs_diff(fast.hits[kind]);
                 assert!(difference <= 2 && (kind == 3 || robust.hits[kind] > 300), "{rows:?}");
                 assert!(robust.mrays[kind] > 0.0);
-                // Not all trees of others are closed.
+                // Not all trees of other kernels are watertight.
                 assert!(others.iter().all(|other| other.hits[kind].abs_diff(robust.hits[kind]) < 20), "{rows:?}");
             }
             assert_eq!(others.len(), 4);

@@ -1,4 +1,4 @@
-//! Measurements and their figures, each run with its head.
+//! Measurements and their reports.
 
 use std::{fmt::Arguments, io::Write, sync::LazyLock};
 
@@ -7,29 +7,29 @@ use serde_json::Value;
 
 use crate::error::Error;
 
-/// A measurement, as the options on the command line ask for it.
+/// A measurement, with its options from the command line.
 pub(crate) trait Measurement {
-    /// Runs the measurement, and returns its figures.
+    /// Runs the measurement, and returns its results.
     ///
-    /// - `log`: gets a line for each step, such as which picture is being painted.
+    /// - `log`: gets a line per step, such as the image being rendered.
     fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error>;
 }
 
-/// The figures of a measurement.
+/// The results of a measurement.
 pub(crate) trait Report {
-    /// Tables for people, in whole lines.
+    /// Returns tables for people, as complete lines.
     fn as_text(&self) -> String;
-    /// The same for programs: an object.
+    /// Returns the results as a JSON object.
     fn as_json(&self) -> Value;
 }
 
 /// Writes a line to a log.
 pub(crate) fn say(log: &mut dyn Write, line: Arguments<'_>) {
-    // A log that cannot be written changes no figure.
+    // An unwritable log does not affect the results.
     _ = log.write_all(format!("{line}\n").as_bytes());
 }
 
-/// The head of this run, made when it is first asked for: before processors and threads are chosen.
+/// Returns the header of this run, created on the first call: before processors and threads are selected.
 pub(crate) fn head() -> &'static RunHead {
     static HEAD: LazyLock<RunHead> = LazyLock::new(|| {
         let (commit, is_changed, _, compiler) = bottega_build::provenance!();
@@ -44,7 +44,7 @@ pub(crate) fn head() -> &'static RunHead {
     &HEAD
 }
 
-/// The figures as JSON, and the head of this run among them.
+/// Returns the results as JSON, with the header of this run.
 pub(crate) fn headed(report: &dyn Report) -> Value {
     let mut figures = report.as_json();
     let head: serde_json::Map<_, _> =

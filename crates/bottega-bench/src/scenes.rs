@@ -1,4 +1,4 @@
-//! Scenes to measure on, generated: a rough ball, a furnished room, a pot in a stadium, a hall of a million triangles.
+//! Generated scenes for measurements: a rough ball, a furnished room, a pot in a stadium, a hall of a million triangles.
 
 use std::f32::consts::{PI, TAU};
 
@@ -8,32 +8,32 @@ use glam::{Mat3, Vec3};
 
 use crate::random::Random;
 
-/// Generates a scene.
+/// A function that generates a scene.
 type SceneMaker = fn() -> BenchScene;
 
 /// The built-in scenes, by name.
 pub(crate) const BUILT_IN: [(&str, SceneMaker); 4] =
     [("noisy sphere", noisy_sphere), ("interior", interior), ("pot in stadium", stadium), ("hall", hall)];
 
-/// A mesh with a place to look from and a light.
+/// A mesh with a camera and a light.
 #[derive(Clone, Debug)]
 pub(crate) struct BenchScene {
-    /// As tables name it.
+    /// The name used in tables.
     pub(crate) name: String,
-    /// Vertices.
+    /// The positions of the vertices.
     pub(crate) positions: Vec<Vec3>,
     /// Three indices per triangle.
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Where the camera stands.
+    /// The position of the camera.
     pub(crate) eye: Vec3,
-    /// What it looks at.
+    /// The point that the camera looks at.
     pub(crate) target: Vec3,
     /// A corner of the light and its two edges.
     pub(crate) light: [Vec3; 3],
 }
 
 impl BenchScene {
-    /// A mesh from elsewhere as it is: an interior, say.
+    /// Creates a scene from a mesh, such as an interior.
     pub(crate) fn from_mesh(
         name: &str,
         positions: Vec<Vec3>,
@@ -48,7 +48,7 @@ impl BenchScene {
         Self { name: name.to_owned(), positions, triangles, eye, target, light }
     }
 
-    /// A mesh from elsewhere on the floor of a closed room, so that light goes on from wherever it gets.
+    /// Creates a scene from a mesh on the floor of a closed room, so that paths do not escape.
     pub(crate) fn in_room(name: &str, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Self {
         let bounds = positions.iter().fold(Aabb::EMPTY, |b, &p| b.with(p));
         let (center, size) = (bounds.center(), (bounds.max - bounds.min).length());
@@ -65,7 +65,7 @@ impl BenchScene {
         scene
     }
 
-    /// Grey surfaces of this albedo under an even sky, seen as the camera rays are.
+    /// Returns a scene of grey surfaces with this albedo under a uniform sky, with the camera of the camera rays.
     pub(crate) fn scene(&self, albedo: f32) -> Scene {
         let camera = Camera {
             world_from_camera: Camera::looking(self.eye, self.target, Vec3::Y).unwrap_or_default(),
@@ -85,17 +85,17 @@ impl BenchScene {
         scene
     }
 
-    /// As the builder wants it.
+    /// Returns the mesh for the builder.
     pub(crate) fn geometry(&self) -> MeshGeometry<'_> {
         MeshGeometry { positions: &self.positions, triangles: &self.triangles }
     }
 
-    /// A point on the light.
+    /// Returns a point on the light.
     pub(crate) fn light(&self, u: f32, v: f32) -> Vec3 {
         self.light[0] + self.light[1] * u + self.light[2] * v
     }
 
-    /// A perspective picture of 60 degrees, `side` × `side` rays through the middles of pixels, in blocks of 8 × 8.
+    /// Returns rays of a perspective camera of 60 degrees through the centers of `side` × `side` pixels, in blocks of 8 × 8.
     pub(crate) fn camera_rays(&self, side: u32) -> Vec<Ray> {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(Vec3::Y).try_normalize().unwrap_or(Vec3::X);
@@ -177,7 +177,7 @@ impl Mesh {
         }
     }
 
-    /// A grid of `n` × `m` squares, each corner at `at(i / n, j / m)`.
+    /// Adds a grid of `n` × `m` squares, with corners at `at(i / n, j / m)`.
     fn grid(&mut self, n: u32, m: u32, mut at: impl FnMut(f32, f32) -> Vec3) {
         let first = self.positions.len() as u32;
         for j in 0..=m {
@@ -191,7 +191,7 @@ impl Mesh {
         }
     }
 
-    /// A tube from `a` to `b`, each side two triangles as long as the tube.
+    /// Adds a tube from `a` to `b`, each side two triangles as long as the tube.
     fn tube(&mut self, a: Vec3, b: Vec3, radius: f32, sides: u32) {
         let (u, v) = (b - a).normalize().any_orthonormal_pair();
         let first = self.positions.len() as u32;
@@ -207,7 +207,7 @@ impl Mesh {
     }
 }
 
-/// A furnished room of some 75,000 triangles, most of them long and thin: pipes, slats, beams at all angles, beside a finely
+/// A furnished room of about 75,000 triangles, most of them long and thin: pipes, slats, beams at all angles, next to a finely
 /// tessellated carpet and a few huge walls.
 pub(crate) fn interior() -> BenchScene {
     let mut random = Random::new(42);
@@ -242,7 +242,7 @@ pub(crate) fn interior() -> BenchScene {
     BenchScene { name: "interior".to_owned(), positions, triangles, eye, target, light }
 }
 
-/// The classic hard case for grids and careless trees: a pot of 27,648 small triangles on the field of a stadium of some 400,000
+/// The classic hard case for grids and simple trees: a pot of 27,648 small triangles on the field of a stadium of about 400,000
 /// large ones, a thousand times its size; the camera looks at the pot.
 pub(crate) fn stadium() -> BenchScene {
     let mut random = Random::new(11);
@@ -278,7 +278,7 @@ pub(crate) fn stadium() -> BenchScene {
     BenchScene { name: "pot in stadium".to_owned(), positions, triangles, eye, target, light }
 }
 
-/// A pot with lid, spout and handle, standing on `base`.
+/// Adds a pot with lid, spout and handle, standing on `base`.
 fn pot(mesh: &mut Mesh, base: Vec3, size: f32) {
     let profile = |v: f32| 0.55 + 0.45 * math::sin(PI * (0.15 + 0.7 * v)) - 0.35 * v * v;
     mesh.grid(96, 64, |u, v| {
@@ -290,7 +290,7 @@ fn pot(mesh: &mut Mesh, base: Vec3, size: f32) {
         let r = profile(1.0) * (1.0 - v);
         base + size * Vec3::new(r * c, 1.2 + 0.25 * math::sin(0.5 * PI * v) + 0.1 * v * v, r * s)
     });
-    // A bent tube: its spine by parameter, then a circle around.
+    // A bent tube: its spine by parameter, then a circle around it.
     let mut bend = |spine: &dyn Fn(f32) -> Vec3, radius: f32| {
         mesh.grid(32, 84, |u, v| {
             let along = (spine(v + 0.01) - spine(v - 0.01)).normalize();
@@ -309,7 +309,7 @@ fn pot(mesh: &mut Mesh, base: Vec3, size: f32) {
     );
 }
 
-/// A hall with hilly ground, fluted columns and a coffered ceiling, 1,000,000 triangles and some.
+/// A hall with hilly ground, fluted columns and a coffered ceiling, slightly more than 1,000,000 triangles.
 pub(crate) fn hall() -> BenchScene {
     let mut random = Random::new(5);
     let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };

@@ -1,4 +1,4 @@
-//! Shapes, rays and hits as bytes.
+//! Serialization of shapes, rays and hits.
 
 use std::time::Duration;
 
@@ -9,15 +9,15 @@ use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
 use crate::{BoardError, timed_reader::Receipt};
 
-/// Floats of a ray: origin, least parameter, direction, greatest parameter.
+/// The floats of a ray: origin, t_min, direction, t_max.
 const RAY_FLOATS: usize = 8;
-/// Words of a hit.
+/// The 32-bit words of a hit.
 const HIT_WORDS: usize = 5;
 
-/// Bytes of a ray on the wire.
+/// The bytes of a ray.
 const RAY_BYTES: usize = 4 * RAY_FLOATS;
 
-/// Shapes that are a board's own.
+/// Shapes owned by a board.
 #[derive(Debug, Default)]
 pub(crate) struct Shapes {
     meshes: Vec<(Vec<Vec3>, Vec<[u32; 3]>)>,
@@ -39,7 +39,7 @@ impl Shapes {
     }
 }
 
-/// The shapes of a scene.
+/// Serializes the shapes of a scene.
 pub(crate) fn shapes_to_bytes(shapes: &SceneGeometry<'_>) -> Vec<u8> {
     let counts = [shapes.meshes.len(), shapes.instances.len(), shapes.spheres.len()].map(|count| count as u32);
     let mut bytes = cast_slice(&counts).to_vec();
@@ -60,8 +60,10 @@ pub(crate) fn shapes_to_bytes(shapes: &SceneGeometry<'_>) -> Vec<u8> {
     bytes
 }
 
+/// Deserializes the shapes of a scene.
+///
 /// # Errors
-/// They are cut off, or point nowhere.
+/// The bytes are truncated, or an index is out of range.
 pub(crate) fn shapes_of(bytes: &[u8]) -> Result<Shapes, BoardError> {
     let mut reader = Reader(bytes);
     let [meshes, instances, spheres] = reader.array::<u32, 3>()?;
@@ -102,8 +104,10 @@ pub(crate) fn put_rays(bytes: &mut Vec<u8>, rays: &[Ray]) {
     }
 }
 
+/// Deserializes rays.
+///
 /// # Errors
-/// The last ray is cut off.
+/// The last ray is truncated.
 pub(crate) fn rays_of(bytes: &[u8]) -> Result<Vec<Ray>, BoardError> {
     if !bytes.len().is_multiple_of(RAY_BYTES) {
         return Err(BoardError::Malformed("a ray is cut off"));
@@ -124,8 +128,10 @@ pub(crate) fn put_hits(bytes: &mut Vec<u8>, hits: &[Hit]) {
     hits.iter().for_each(|hit| bytes.extend_from_slice(cast_slice(&words(hit))));
 }
 
+/// Deserializes hits.
+///
 /// # Errors
-/// There are not as many as were asked for.
+/// The number of hits is not `count`.
 pub(crate) fn hits_of(bytes: &[u8], count: usize) -> Result<Vec<Hit>, BoardError> {
     if bytes.len() != 4 * HIT_WORDS * count {
         return Err(BoardError::Malformed("there are not as many hits as rays"));
@@ -138,30 +144,32 @@ pub(crate) fn hits_of(bytes: &[u8], count: usize) -> Result<Vec<Hit>, BoardError
     Ok(words.chunks_exact(HIT_WORDS).map(hit).collect())
 }
 
-/// Appends one bit for each, the lowest of a byte first.
+/// Appends one bit per flag, starting with the lowest of each byte.
 pub(crate) fn put_flags(bytes: &mut Vec<u8>, flags: &[bool]) {
     let byte = |eight: &[bool]| eight.iter().rev().fold(0, |byte, &flag| byte << 1 | u8::from(flag));
     bytes.extend(flags.chunks(8).map(byte));
 }
 
-/// What an answer begins with: how fast its rays came.
+/// Serializes the receipt at the start of an answer: the rate at which its rays arrived.
 pub(crate) fn receipt_to_bytes(receipt: &Receipt) -> Vec<u8> {
     let time = u64::try_from(receipt.time.as_nanos()).unwrap_or(u64::MAX);
     cast_slice(&[receipt.timed_bytes, time]).to_vec()
 }
 
-/// How fast the rays of an answer came, and the rest of it.
+/// Splits an answer into its receipt and the rest.
 ///
 /// # Errors
-/// It is cut off.
+/// The answer is truncated.
 pub(crate) fn receipt_of(bytes: &[u8]) -> Result<(Receipt, &[u8]), BoardError> {
     let mut reader = Reader(bytes);
     let [timed_bytes, time] = reader.array::<u64, 2>()?;
     Ok((Receipt { timed_bytes, time: Duration::from_nanos(time) }, reader.0))
 }
 
+/// Deserializes flags.
+///
 /// # Errors
-/// There are not as many as were asked for.
+/// The number of flags is not `count`.
 pub(crate) fn flags_of(bytes: &[u8], count: usize) -> Result<Vec<bool>, BoardError> {
     if bytes.len() != count.div_ceil(8) {
         return Err(BoardError::Malformed("there are not as many answers as rays"));

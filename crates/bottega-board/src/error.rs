@@ -1,19 +1,19 @@
-//! The errors of boards.
+//! Errors of boards.
 
 use std::io;
 
-/// Why a board cannot be had, or does not answer.
+/// An error that connects to a board, or uses it.
 #[derive(Debug, thiserror::Error)]
 pub enum BoardError {
-    /// It is no address of a board.
+    /// The text is not an address of a board.
     #[error("`{0}` is no address of a board: write tcp://HOST:PORT")]
     Address(String),
-    /// Nobody can be reached there, or the connection broke.
+    /// The board cannot be reached, or the connection broke.
     #[error("the board {address} cannot be reached")]
     Unreachable {
         /// The address.
         address: String,
-        /// Why.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The address cannot be listened on.
@@ -21,24 +21,24 @@ pub enum BoardError {
     Listen {
         /// The address.
         address: String,
-        /// Why.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The connection broke, or what came is too large.
+    /// The connection broke, or a message is too large.
     #[error("the connection broke")]
     Broken(#[from] io::Error),
-    /// It is no board, or one of another build, whose hits would have other bits.
+    /// The peer is not a board, or has another build, whose hits may differ in bits.
     #[error("the board is of another build: {theirs}, this is {ours}; install the same on both")]
     OtherBuild {
-        /// What it says.
+        /// The peer's build.
         theirs: String,
-        /// What it should.
+        /// The expected build.
         ours: String,
     },
-    /// What came cannot be: too large, cut off, or pointing nowhere.
+    /// A frame is invalid: too large, truncated, or with an index out of range.
     #[error("a frame that cannot be: {0}")]
     Malformed(&'static str),
-    /// What the board says.
+    /// The board refused a request; its message.
     #[error("the board refused: {0}")]
     Refused(String),
 }

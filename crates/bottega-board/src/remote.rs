@@ -1,4 +1,4 @@
-//! The resource: a board at the other end of a connection.
+//! The resource for a board at the other end of a connection.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -25,13 +25,13 @@ use crate::{
     wire::{BYTES_MAX, Frame, FrameKind},
 };
 
-/// How long to wait for a connection, and for its first words.
+/// The timeout for connecting, and for the board's greeting.
 const CONNECT_MAX: Duration = Duration::from_secs(5);
-/// Bytes that are sent there and back to see how fast the cable is.
+/// The size of an echo that measures the cable, in bytes.
 const ECHO_BYTES: usize = 64 << 10;
-/// No further one is sent when they have taken so long: what takes long is not disturbed by other programs, but slow.
+/// No further echo is sent after this time: on so slow a cable, other load does not affect the result.
 const ECHOES_TIME: Duration = Duration::from_millis(200);
-/// The most of them.
+/// The maximum number of echoes.
 const ECHOES_MAX: usize = 4;
 
 /// The address of a board: `tcp://HOST:PORT`.
@@ -39,13 +39,15 @@ const ECHOES_MAX: usize = 4;
 pub struct BoardAddress(String);
 
 impl BoardAddress {
-    /// Whether a name of a device is meant as such an address.
+    /// True if the name of a device has the form of a board's address.
     pub fn is_one(name: &str) -> bool {
         name.starts_with("tcp://")
     }
 
+    /// Parses an address.
+    ///
     /// # Errors
-    /// It is none.
+    /// The text is not an address.
     pub fn of(name: &str) -> Result<Self, BoardError> {
         let place = name.strip_prefix("tcp://").filter(|place| place.contains(':'));
         place.map(|place| Self(place.to_owned())).ok_or_else(|| BoardError::Address(name.to_owned()))
@@ -58,7 +60,7 @@ impl fmt::Display for BoardAddress {
     }
 }
 
-/// A board that follows rays for this process.
+/// A remote board that traces rays for this process.
 pub struct RemoteBoard {
     address: BoardAddress,
     build: String,
@@ -67,12 +69,12 @@ pub struct RemoteBoard {
     connection: Option<BoardLink>,
 }
 
-/// What a board says of itself when somebody connects.
+/// The greeting of a board.
 #[derive(Clone, Copy)]
 struct BoardGreeting {
-    /// Bytes that scenes may take there.
+    /// Memory for scenes, in bytes.
     memory: u64,
-    /// Threads that follow rays; 0: none is said to.
+    /// Number of threads; 0: not reported.
     threads: u64,
 }
 
@@ -80,50 +82,50 @@ struct BoardLink {
     stream: TcpStream,
     frames: Sender<Frame>,
     waiting: Arc<Mutex<SentPackets>>,
-    /// Scenes that are there.
+    /// The scenes in the board's memory.
     scenes: BTreeSet<DataId>,
 }
 
-/// Packets whose answers have not come.
+/// Packets that are not answered yet.
 #[derive(Default)]
 struct SentPackets {
     packets: BTreeMap<u64, SentPacket>,
-    /// Nothing comes any more.
+    /// True if the connection has ended.
     is_over: bool,
 }
 
 struct SentPacket {
-    /// Rays of each work.
+    /// The number of rays of each work.
     counts: Vec<usize>,
-    /// Bytes of the packet.
+    /// The size of the packet, in bytes.
     bytes: u64,
     primitive: Primitive,
     reply: Reply<RenderWork>,
 }
 
 impl RemoteBoard {
-    /// Connects to a board and measures how fast its cable is.
+    /// Connects to a board and measures the cable.
     ///
     /// - `build`: the build of this program; the board's must be the same.
     ///
     /// # Errors
-    /// Nobody is there, or it is no board of this build.
+    /// The board cannot be reached, or is not a board of this build.
     pub fn connect(address: BoardAddress, build: &str) -> Result<Self, BoardError> {
         let (connection, greeting, link) = BoardLink::open(&address, build)?;
         Ok(Self { address, build: build.to_owned(), greeting, link, connection: Some(connection) })
     }
 
-    /// Says what a scene takes of a board's memory, so that the allocator knows.
+    /// Records the size of a scene in a board's memory, for the allocator.
     pub fn tell_bytes(scene: &PreparedScene) {
         scene.note_device_bytes(shapes_to_bytes(&SceneGeometry::of(scene.scene())).len() as u64);
     }
 
-    /// The cable, as it was measured.
+    /// Returns the measured link.
     pub fn link(&self) -> Link {
         self.link
     }
 
-    /// Threads that follow rays there.
+    /// Returns the board's number of threads.
     pub fn threads(&self) -> u64 {
         self.greeting.threads
     }
@@ -161,7 +163,7 @@ impl BoardLink {
         Ok((Self { stream, frames, waiting, scenes: BTreeSet::new() }, greeting, link))
     }
 
-    /// Sends a packet. Who has gone drops its reply, which says that it is lost.
+    /// Sends a packet. After the connection has ended, the reply is dropped, which reports the packet as lost.
     fn send(&mut self, packet: Packet<RenderWork>) {
         let Packet { sequence, works, reply } = packet;
         let mut bytes = Vec::new();
@@ -169,7 +171,7 @@ impl BoardLink {
         for work in &works {
             primitive = work.primitive();
             let (RenderWork::Rays { scene: of, rays } | RenderWork::Occlusion { scene: of, rays }) = work else {
-                // Nothing else is sent here, for a board says that it can do nothing else.
+                // The allocator sends nothing else, because a board supports nothing else.
                 return;
             };
             scene = Some(of);
@@ -194,8 +196,7 @@ impl BoardLink {
     }
 }
 
-/// The way there and back, and the bytes that pass in a second: of several tries the best, for a processor that is busy with
-/// something else makes any of them slow, and nothing makes one too fast.
+/// Measures latency and bandwidth. Takes the best of several echoes, because other load can only make an echo slower.
 fn measure(stream: &mut TcpStream) -> Result<Link, BoardError> {
     let mut echo = |bytes: usize| {
         let (start, frame) = (Instant::now(), Frame::new(FrameKind::Echo, 0, 0, vec![0; bytes]));
@@ -222,7 +223,7 @@ fn write_all(stream: TcpStream, frames: &Receiver<Frame>) {
     let mut writer = BufWriter::with_capacity(64 << 10, stream);
     for frame in frames {
         if frame.write(&mut writer).is_err() {
-            break; // Whoever listens is told so, too.
+            break; // The shutdown below also ends the listening thread.
         }
     }
     _ = writer.get_ref().shutdown(Shutdown::Both);
@@ -248,12 +249,12 @@ fn listen(stream: TcpStream, waiting: &Mutex<SentPackets>) {
     tracing::debug!(error = %ended, "the board is gone");
     let mut waiting = waiting.lock().unwrap_or_else(PoisonError::into_inner);
     waiting.is_over = true;
-    // Their replies say that they are lost.
+    // Dropping the replies reports the packets as lost.
     waiting.packets.clear();
 }
 
 impl SentPacket {
-    /// - `back`: how fast the answer came.
+    /// - `back`: the rate at which the answer arrived.
     fn answer(self, frame: &Frame, back: &Receipt) -> Result<(), BoardError> {
         let Self { counts, bytes: sent, primitive, reply } = self;
         let (there, bytes) = receipt_of(&frame.bytes)?;

@@ -1,4 +1,4 @@
-//! The board: it keeps the shapes of scenes and answers rays, for any number of connections.
+//! The server of a board: holds the shapes of scenes and answers rays, for any number of connections.
 
 use std::{
     collections::BTreeMap,
@@ -20,28 +20,28 @@ use crate::{
     wire::{BYTES_MAX, Frame, FrameKind},
 };
 
-/// Rays that a thread follows at once.
+/// The number of rays per task of a thread.
 const RAYS_AT_ONCE: usize = 1024;
 
-/// Packets that wait to be computed, and answers that wait to be sent: more would only wait longer.
+/// The maximum number of packets waiting to be computed, and of answers waiting to be sent.
 const FRAMES_AHEAD: usize = 4;
-/// Whoever was away from the cable for longer than this does not know when the next bytes came.
+/// If the reader was busy for longer than this, the arrival time of the next bytes is unknown.
 const PROMPT: Duration = Duration::from_millis(1);
 
 /// The options of a board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardOptions {
-    /// Threads that follow rays.
+    /// Number of threads that trace rays.
     pub threads: usize,
-    /// Bytes a second that pass each way; `None`: as many as the cable lets.
+    /// Bandwidth limit per direction, in bytes per second; `None`: unlimited.
     pub bandwidth: Option<f64>,
-    /// Bytes that the shapes of scenes may take, as they were sent, for each connection.
+    /// Maximum size of the shapes of scenes per connection, in bytes as sent.
     pub memory: u64,
-    /// The build, which must be that of whoever connects: only then have hits the same bits.
+    /// The build; a client must have the same, so that hits are bit-identical.
     pub build: String,
 }
 
-/// A board that listens.
+/// A board that listens for connections.
 #[derive(Debug)]
 pub struct BoardServer {
     listener: TcpListener,
@@ -49,6 +49,8 @@ pub struct BoardServer {
 }
 
 impl BoardServer {
+    /// Starts to listen.
+    ///
     /// # Errors
     /// The address cannot be listened on.
     pub fn listen(address: SocketAddr, options: BoardOptions) -> Result<Self, BoardError> {
@@ -57,18 +59,18 @@ impl BoardServer {
         Ok(Self { listener, options })
     }
 
-    /// Where it listens.
+    /// Returns the address on which the board listens.
     ///
     /// # Errors
-    /// The system does not tell.
+    /// The system does not report the address.
     pub fn address(&self) -> Result<SocketAddr, BoardError> {
         Ok(self.listener.local_addr()?)
     }
 
-    /// Serves whoever connects, for ever.
+    /// Serves all clients; does not return.
     ///
     /// # Errors
-    /// The threads that follow rays cannot be had.
+    /// The threads cannot be started.
     pub fn serve(self) -> Result<(), BoardError> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.options.threads).build();
         let pool = std::sync::Arc::new(pool.map_err(|error| BoardError::Refused(error.to_string()))?);
@@ -88,8 +90,8 @@ impl BoardServer {
     }
 }
 
-/// A connection: one thread reads, one computes and one writes, so that while the rays of one packet are followed those of the next
-/// come and the answers to the one before go.
+/// A connection with three threads: one reads, one computes and one writes, so that while one packet is computed the next is
+/// received and the previous answer is sent.
 struct ServedClient<'a> {
     stream: TcpStream,
     reader: BufReader<TimedReader<Throttled<TcpStream>>>,
@@ -97,11 +99,11 @@ struct ServedClient<'a> {
     scenes: ServedScenes<'a>,
 }
 
-/// The scenes of a connection, and who follows rays in them.
+/// The scenes of a connection, and the threads that trace rays in them.
 struct ServedScenes<'a> {
     options: &'a BoardOptions,
     pool: &'a rayon::ThreadPool,
-    /// By number, with the bytes that they came as.
+    /// The scenes by number, with their size in bytes as sent.
     scenes: BTreeMap<u64, (Accel, u64)>,
 }
 
@@ -116,7 +118,7 @@ impl<'a> ServedClient<'a> {
     fn serve(self) -> Result<(), BoardError> {
         let Self { stream, mut reader, mut writer, mut scenes } = self;
         let options = scenes.options;
-        // Whoever comes says first who it is; more than that is not read of strangers.
+        // A client first sends its build; from strangers no more than that is read.
         let hello = Frame::read(&mut reader, 256)?;
         if hello.kind != FrameKind::Hello || hello.bytes != options.build.as_bytes() {
             let refusal = format!("this board is of the build {}", options.build);
@@ -134,7 +136,7 @@ impl<'a> ServedClient<'a> {
                 (Ok(_), Ok(_)) => scenes.serve(&inbox, &answers),
                 (Err(error), _) | (_, Err(error)) => Err(error.into()),
             };
-            // Whoever reads waits no longer; what is to be written still is.
+            // End the reader; the writer finishes its answers.
             drop((inbox, answers));
             _ = stream.shutdown(Shutdown::Read);
             served
@@ -142,7 +144,7 @@ impl<'a> ServedClient<'a> {
     }
 }
 
-/// Reads until nothing comes or nobody takes it.
+/// Reads frames until the connection or the computing thread ends.
 fn read_all(
     reader: &mut BufReader<TimedReader<Throttled<TcpStream>>>,
     arrivals: &SyncSender<(Frame, Receipt)>,
@@ -151,7 +153,7 @@ fn read_all(
     loop {
         begin(reader)?;
         let frame = Frame::read(reader, BYTES_MAX)?;
-        // What came while nobody read says nothing of the cable.
+        // Bytes that arrived while nothing was read do not measure the cable.
         let receipt = if is_prompt { receipt(reader) } else { Receipt::default() };
         let read = Instant::now();
         if arrivals.send((frame, receipt)).is_err() {
@@ -162,10 +164,10 @@ fn read_all(
 }
 
 impl ServedScenes<'_> {
-    /// Answers what comes, until nothing does.
+    /// Answers frames until the reader ends.
     ///
     /// # Errors
-    /// What came cannot be; that is answered, too.
+    /// A frame is invalid; the client gets the error, too.
     fn serve(&mut self, inbox: &Receiver<(Frame, Receipt)>, answers: &SyncSender<Frame>) -> Result<(), BoardError> {
         for (frame, receipt) in inbox {
             let answer = match self.take(frame, &receipt) {
@@ -182,7 +184,7 @@ impl ServedScenes<'_> {
         Ok(())
     }
 
-    /// - `receipt`: how fast the frame came.
+    /// - `receipt`: the rate at which the frame arrived.
     fn take(&mut self, frame: Frame, receipt: &Receipt) -> Result<Option<Frame>, BoardError> {
         let Frame { kind, number, scene, bytes } = frame;
         match kind {

@@ -1,4 +1,4 @@
-//! A cable that is slower than it is: what passes is held up as long as it would take.
+//! A bandwidth limit: data is delayed as on a slower cable.
 
 use std::{
     io::{self, Read, Write},
@@ -7,18 +7,18 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// How long pieces occupy the cable, and the bounds of what passes at once.
+/// The time that a piece occupies the cable, in seconds, and the bounds of a piece's size.
 const PIECE_TIME: f64 = 0.005;
 const PIECE_BYTES: RangeInclusive<usize> = 1 << 10..=16 << 10;
-/// Whoever sleeps wakes up late: what was lost by that is made up for, if it was no longer ago.
+/// The maximum oversleeping that is compensated.
 const LATENESS_MAX: Duration = Duration::from_micros(300);
 
-/// One direction of a connection, with a bound on what passes in a second.
+/// One direction of a connection with a bandwidth limit.
 pub(crate) struct Throttled<S> {
     inner: S,
-    /// Bytes a second; `None`: as many as there are.
+    /// Bytes per second; `None`: unlimited.
     bandwidth: Option<f64>,
-    /// When what has passed would be through.
+    /// The time at which all data sent so far has passed the cable.
     free_at: Instant,
 }
 
@@ -54,7 +54,7 @@ impl<S: Read> Read for Throttled<S> {
 impl<S: Write> Write for Throttled<S> {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
         let piece = &buffer[..self.most(buffer.len())];
-        self.passed(piece.len()); // It is there when it is through.
+        self.passed(piece.len()); // Data arrives when it has passed completely.
         self.inner.write_all(piece)?;
         Ok(piece.len())
     }

@@ -1,22 +1,22 @@
-//! A reader that measures how fast bytes come.
+//! A reader that measures the receiving rate.
 
 use std::{
     io::{self, BufRead, BufReader, Read},
     time::{Duration, Instant},
 };
 
-/// Bytes that came closely after others, and the time in which they came. Together they tell the bandwidth of what is between (the
-/// dispersion of a train of packets), however long the first of them was under way.
+/// The bytes that arrived immediately after others, and the time that they took. Their quotient is the bandwidth of the path
+/// (packet train dispersion), independent of the latency.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Receipt {
     pub(crate) timed_bytes: u64,
     pub(crate) time: Duration,
 }
 
-/// Bytes with the times at which they came.
+/// A reader that records the arrival times of bytes.
 pub(crate) struct TimedReader<R> {
     inner: R,
-    /// When the last bytes of the train came.
+    /// The time at which the last bytes of the train arrived.
     last: Option<Instant>,
     receipt: Receipt,
 }
@@ -27,14 +27,14 @@ impl<R: Read> TimedReader<R> {
     }
 }
 
-/// What is to come now is one frame: waits for its first bytes and measures the rest.
+/// Starts a frame: waits for its first bytes and measures the rest.
 ///
 /// # Errors
 /// The connection ended.
 pub(crate) fn begin<R: Read>(reader: &mut BufReader<TimedReader<R>>) -> io::Result<()> {
     let timed = reader.get_mut();
     timed.receipt = Receipt::default();
-    // Where bytes of it came with the frame before they follow that one; else nobody knows since when it is under way.
+    // If the previous read already returned bytes of this frame, continue its train; otherwise its start is unknown.
     if reader.buffer().is_empty() {
         reader.get_mut().last = None;
         reader.fill_buf()?;
@@ -42,7 +42,7 @@ pub(crate) fn begin<R: Read>(reader: &mut BufReader<TimedReader<R>>) -> io::Resu
     Ok(())
 }
 
-/// The receipt of the frame that was read.
+/// Returns the receipt of the frame that was read.
 pub(crate) fn receipt<R: Read>(reader: &BufReader<TimedReader<R>>) -> Receipt {
     reader.get_ref().receipt
 }
@@ -65,7 +65,7 @@ mod tests {
 
     use super::*;
 
-    /// Gives so many bytes at a time, each after a while.
+    /// A reader that returns this many bytes at a time, each after a delay.
     struct Slow(usize);
 
     impl Read for Slow {
@@ -81,7 +81,7 @@ mod tests {
     fn the_bandwidth_is_that_of_the_bytes_after_the_first() {
         let mut reader = TimedReader::buffered(Slow(1000), 8192);
         for _ in 0..2 {
-            thread::sleep(Duration::from_millis(50)); // Nothing is under way: that does not count.
+            thread::sleep(Duration::from_millis(50)); // Idle time that must not count.
             begin(&mut reader).unwrap();
             reader.read_exact(&mut [0; 5000]).unwrap();
             let Receipt { timed_bytes, time } = receipt(&reader);

@@ -1,4 +1,4 @@
-//! Frames on the wire: a header of fixed size, and bytes.
+//! Frames on the wire: a header of fixed size, followed by bytes.
 
 use std::io::{Read, Write};
 
@@ -6,32 +6,32 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::BoardError;
 
-/// What both sides begin with, and the version of what follows.
+/// The magic number of both sides, which contains the protocol version.
 const MAGIC: u64 = u64::from_le_bytes(*b"BTGBRD02");
-/// Larger frames are refused.
+/// The maximum size of a frame, in bytes.
 pub(crate) const BYTES_MAX: u64 = 4 << 30;
-/// Bytes that are read before more memory is taken: who announces much must send it.
+/// The number of bytes that must arrive before more memory is allocated, so that a false length costs the sender, too.
 const BYTES_AT_ONCE: u64 = 1 << 20;
 
-/// What a frame is.
+/// The kind of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub(crate) enum FrameKind {
-    /// Who speaks: the build, and of a board the memory for scenes as its number, and its threads in the place of the scene.
+    /// The greeting: the build; from a board also its memory for scenes as the number, and its threads as the scene.
     Hello = 1,
-    /// Shapes, to be kept by their number.
+    /// Shapes to be stored under a number.
     Scene = 2,
-    /// A number that is needed no more.
+    /// The number of a scene that is not needed any more.
     Evict = 3,
-    /// Rays whose closest hits are wanted.
+    /// Rays; requests closest hits.
     Intersect = 4,
-    /// Rays of which is wanted whether they hit anything.
+    /// Rays; requests occlusion.
     Occluded = 5,
-    /// The answer to either, in the order of the rays.
+    /// The answer to either request, in the order of the rays.
     Answer = 6,
-    /// Bytes to be sent back, or that are sent back.
+    /// Bytes to be sent back, or sent back.
     Echo = 7,
-    /// Why nothing more comes.
+    /// The reason why the connection ends.
     Refusal = 8,
 }
 
@@ -48,16 +48,16 @@ impl FrameKind {
     ];
 }
 
-/// Little-endian on the wire, as on every machine that this program runs on.
+/// The header of a frame. Little-endian on the wire, as on every machine that this program runs on.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Header {
     magic: u64,
     kind: u32,
     padding: u32,
-    /// Of a packet of rays, or of a scene.
+    /// The number of a packet of rays, or of a scene.
     number: u64,
-    /// The scene of a packet.
+    /// The scene of a packet of rays.
     scene: u64,
     bytes: u64,
 }
@@ -76,7 +76,7 @@ impl Frame {
         Self { kind, number, scene, bytes }
     }
 
-    /// Bytes of it on the wire.
+    /// Returns the size on the wire, in bytes.
     pub(crate) fn size(&self) -> u64 {
         (size_of::<Header>() + self.bytes.len()) as u64
     }
@@ -90,8 +90,10 @@ impl Frame {
         Ok(to.flush()?)
     }
 
+    /// Reads a frame.
+    ///
     /// # Errors
-    /// The connection ended, or what came is no frame of at most `bytes_max` bytes.
+    /// The connection ended, or the bytes are not a frame of at most `bytes_max` bytes.
     pub(crate) fn read(from: &mut impl Read, bytes_max: u64) -> Result<Self, BoardError> {
         let mut header = Header::zeroed();
         from.read_exact(bytemuck::bytes_of_mut(&mut header))?;

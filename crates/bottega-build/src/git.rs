@@ -1,11 +1,12 @@
-//! The commit and state of the sources, as git tells them.
+//! The commit and state of the sources, by git.
 
 use std::{fs, path::Path, process::Command};
 
-/// Digits of a commit's number: enough to be the only one.
+/// The number of digits of a commit's hash, enough to be unique.
 const DIGITS: &str = "--short=12";
 
-/// The commit of the sources, and whether they differ from it. `None`: there is no git, or it keeps others than these.
+/// Returns the commit of the sources, and `true` if they differ from it. `None`: git is missing, or its repository is not that of
+/// the sources.
 pub(crate) fn commit(root: &Path, places: &[&str]) -> Option<(String, bool)> {
     let top = ask(root, &["rev-parse", "--show-toplevel"])?;
     if fs::canonicalize(top).ok()? != fs::canonicalize(root).ok()? {

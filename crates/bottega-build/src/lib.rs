@@ -1,12 +1,12 @@
-//! A macro that expands to the identity of the sources that a program is built from.
+//! A macro that expands to the identity of the sources of a program.
 //!
-//! It is a macro and no build script, because nothing is rebuilt for its sake: the crate that expands it is compiled anyway when a
-//! source of the program changes, and no other crate knows of it. A commit that changes no source rebuilds nothing; the
-//! program then names the commit that it was compiled at.
+//! It is a macro instead of a build script, so that it causes no rebuilds: the crate that expands it is compiled anyway when a
+//! source of the program changes, and no other crate depends on it. A commit that changes no source rebuilds nothing; the program
+//! then shows the commit at which it was compiled.
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
 //! | the macro | `src/lib.rs` |
 //! | the digest of the sources | `src/sources.rs` |
@@ -19,11 +19,11 @@ use std::{env, path::Path};
 
 use proc_macro::TokenStream;
 
-/// Expands to `(commit, is_changed, sources, compiler)`: the commit of the sources (empty where there is no git), whether
-/// they differ from it, their digest, and the version of the compiler.
+/// Expands to `(commit, is_changed, sources, compiler)`: the commit of the sources (empty without git), `true` if they differ
+/// from it, their digest, and the version of the compiler.
 ///
-/// The crates that its arguments name are left out of the digest: those that know the crate which expands it. It is not
-/// compiled anew when one of them changes.
+/// The crates named in the arguments are left out of the digest: those that depend on the expanding crate. It is not recompiled
+/// when one of them changes.
 #[proc_macro]
 pub fn provenance(without: TokenStream) -> TokenStream {
     let without = without.to_string();

@@ -1,20 +1,20 @@
-//! The digest of all that a program is made of.
+//! The digest of a program's sources.
 
 use std::{
     fs,
     path::{Path, PathBuf},
 };
 
-/// Where the sources are, below the root of the workspace.
+/// The places of the sources, relative to the root of the workspace.
 pub(crate) const PLACES: [&str; 5] = ["Cargo.toml", "Cargo.lock", "crates", "rules", "engines"];
-/// What of a crate is no part of the program.
+/// The folders of a crate that are not part of the program.
 const NOT_OF_PROGRAM: [&str; 3] = ["tests", "benches", "examples"];
-/// Hexadecimal digits of the digest.
+/// The number of hexadecimal digits of the digest.
 const DIGITS: usize = 12;
 
-/// The digest of the sources below `root`: the same for the same files, wherever they lie and whatever ends their lines.
+/// Returns the digest of the sources below `root`, independent of their location and of line endings.
 ///
-/// - `without`: crates that are left out.
+/// - `without`: crates to leave out.
 pub(crate) fn digest(root: &Path, without: &[&str]) -> Result<String, String> {
     let mut files = Vec::new();
     for place in PLACES {
@@ -33,7 +33,7 @@ pub(crate) fn digest(root: &Path, without: &[&str]) -> Result<String, String> {
     Ok(hasher.finalize().to_hex()[..DIGITS].to_owned())
 }
 
-/// The files at a place, or below it, that are a part of the program.
+/// Collects the files at or below a place that are part of the program.
 fn gather(place: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
     let wrong = |error: std::io::Error| format!("cannot read {}: {error}", place.display());
     if place.is_file() {
@@ -43,7 +43,7 @@ fn gather(place: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
     for entry in fs::read_dir(place).map_err(wrong)? {
         let path = entry.map_err(wrong)?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        // Editors and interpreters leave things whose names begin so.
+        // Skip files of editors and interpreters.
         if !NOT_OF_PROGRAM.contains(&&*name) && !name.starts_with(['.', '_']) {
             gather(&path, files)?;
         }
@@ -51,7 +51,7 @@ fn gather(place: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
     Ok(())
 }
 
-/// Some check text out with other line ends; of other files nothing is changed.
+/// Converts line endings of text files, which git may change at checkout; other files stay unchanged.
 fn with_plain_line_ends(bytes: Vec<u8>) -> Vec<u8> {
     match String::from_utf8(bytes) {
         Ok(text) => text.replace("\r\n", "\n").into_bytes(),

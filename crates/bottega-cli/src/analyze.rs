@@ -1,4 +1,4 @@
-//! `bottega analyze`: what the Analyst thinks of a scene, as pictures and figures.
+//! `bottega analyze`: the Analyst's estimates for a scene, as images and numbers.
 
 mod draw;
 mod ludd;
@@ -27,7 +27,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     request.work.agents = args.agents;
     request.validate().map_err(bottega::Error::from)?;
     let subject = LoadedScene::load(&request)?;
-    // What is measured is the time of one processor.
+    // --verify measures the time of one processor.
     let is_single = !args.verify.is_empty() && request.devices.threads.is_none();
     let painters = if is_single { 1 } else { threads(&request) };
     let subject = AnalyzedScene::of(request, subject, painters)?;

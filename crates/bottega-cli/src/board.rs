@@ -1,4 +1,4 @@
-//! `bottega board`: follows rays for another process.
+//! `bottega board`: traces rays for another process.
 
 use std::{net::SocketAddr, process::ExitCode};
 

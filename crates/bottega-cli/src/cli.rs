@@ -1,4 +1,4 @@
-//! The command line. Everything here is checked before any work begins.
+//! The command line. All arguments are checked before any work begins.
 
 mod choice;
 mod engine;

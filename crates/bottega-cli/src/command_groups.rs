@@ -1,10 +1,10 @@
-//! The commands in groups by what they are for: the help of the program itself.
+//! The groups of commands in the program's own help.
 
 use std::fmt::Write as _;
 
 use clap::Command;
 
-/// A heading, and the commands below it: those that the short help describes, and the others.
+/// A heading with its commands: `usual` ones appear in the short help, `others` only in the long one.
 struct CommandGroup {
     heading: &'static str,
     usual: &'static [&'static str],
@@ -24,10 +24,10 @@ const GROUPS: [CommandGroup; 5] = [
     CommandGroup { heading: "The program itself", usual: &[], others: &["manual", "completions"] },
 ];
 
-/// Widest line of the short help, as of a terminal of 80 columns.
+/// The maximum width of the short help, for a terminal of 80 columns.
 const COLUMNS: usize = 80;
 
-/// The program with its commands in groups: all of them, or those that are used most.
+/// Returns the program with its commands in groups: all of them, or only the most used.
 pub(crate) fn grouped(program: Command, is_short: bool) -> Command {
     let text = if is_short { short(&program) } else { long(&program) };
     program.help_template(format!("{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{text}"))
@@ -59,7 +59,7 @@ fn long(program: &Command) -> String {
     )
 }
 
-/// A section for each group that has commands: its heading, and a line a command.
+/// Returns a section per group that has commands: its heading, and one line per command.
 fn sections(program: &Command, commands: impl Fn(&CommandGroup) -> Vec<&'static str>) -> String {
     let styles = program.get_styles();
     let (header, literal) = (styles.get_header(), styles.get_literal());
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
     use crate::cli::Cli;
 
-    /// Lines of a usual terminal.
+    /// The height of a common terminal, in lines.
     const LINES: usize = 24;
 
     #[test]

@@ -1,7 +1,7 @@
-//! The configuration file: options that hold where the command line and the environment do not say otherwise.
+//! The configuration file: options that apply unless the command line or the environment set them.
 //!
-//! A table is called like a command and holds its options as one types them, without the dashes. `[profile.NAME]` holds such
-//! tables, too, which `--profile NAME` adds. `[farm]` is the farm that commands mean which name none.
+//! A table has the name of a command and holds its options as on the command line, without the dashes. `[profile.NAME]` holds
+//! such tables, too, which `--profile NAME` adds. `[farm]` is the default farm of all commands.
 
 mod command;
 mod words;
@@ -27,24 +27,24 @@ use crate::{
     error::CliError,
 };
 
-/// The variable of the environment that names the file.
+/// The environment variable that names the file.
 const FILE_VARIABLE: &str = "BOTTEGA_CONFIG";
-/// The variable of the environment that names the profile.
+/// The environment variable that names the profile.
 pub(crate) const PROFILE_VARIABLE: &str = "BOTTEGA_PROFILE";
-/// Bytes that are read at most.
+/// The maximum size of the file, in bytes.
 const BYTES_MAX: u64 = 1 << 20;
-/// The tables that are no commands.
+/// The tables that are not commands.
 const FARM: &str = "farm";
 const PROFILE: &str = "profile";
 
-/// A file as it was read.
+/// The configuration file as read.
 #[derive(Debug)]
 pub(crate) struct ConfigFile {
     pub(crate) path: PathBuf,
     pub(crate) text: String,
 }
 
-/// The farm that is meant where none is named.
+/// The default farm.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct FarmTable {
@@ -58,35 +58,35 @@ struct FarmTable {
     currency: Option<String>,
 }
 
-/// What the file says of the farm; set once, before a command runs.
+/// The farm of the file; set once, before a command runs.
 static FARM_OF_FILE: OnceLock<(Option<FarmAddress>, Credentials)> = OnceLock::new();
 
-/// What energy costs, as the file says; set once, before a command runs.
+/// The energy price of the file; set once, before a command runs.
 static PRICE_OF_FILE: OnceLock<EnergyPrice> = OnceLock::new();
 
-/// What energy costs, as the file says.
+/// Returns the energy price of the file.
 pub(crate) fn energy_price() -> Option<EnergyPrice> {
     PRICE_OF_FILE.get().cloned()
 }
 
-/// The address of the farm that the file names.
+/// Returns the address of the file's farm.
 pub(crate) fn farm_address() -> Option<FarmAddress> {
     FARM_OF_FILE.get()?.0.clone()
 }
 
-/// The credentials that the file names for it.
+/// Returns the credentials for the file's farm.
 pub(crate) fn farm_credentials() -> Credentials {
     FARM_OF_FILE.get().map(|(_, credentials)| credentials.clone()).unwrap_or_default()
 }
 
-/// Where the file is, or would be.
+/// Returns the path of the file, which need not exist.
 pub(crate) fn path() -> PathBuf {
     let named = |name: &str| env::var_os(name).filter(|path| !path.is_empty()).map(PathBuf::from);
     named(FILE_VARIABLE).unwrap_or_else(|| config_folder().join("config.toml"))
 }
 
 impl ConfigFile {
-    /// Reads the file; `None`: there is none, and nobody has named one.
+    /// Reads the file; `None`: it does not exist, and no variable names it.
     pub(crate) fn read() -> Result<Option<Self>, CliError> {
         let path = path();
         let length = match fs::metadata(&path) {
@@ -107,14 +107,14 @@ impl ConfigFile {
         Ok(Some(Self { path, text }))
     }
 
-    /// Its tables.
+    /// Parses the tables of the file.
     fn tables(&self) -> Result<DeTable<'_>, CliError> {
         DeTable::parse(&self.text)
             .map(toml::Spanned::into_inner)
             .map_err(|error| self.wrong(error.span().unwrap_or_default(), error.message()))
     }
 
-    /// Takes what it says of the farm.
+    /// Stores the file's farm and energy price.
     fn take_farm(&self, tables: &DeTable<'_>) -> Result<(), CliError> {
         let Some((name, _)) = tables.iter().find(|(name, _)| name.get_ref() == FARM) else { return Ok(()) };
         #[derive(Deserialize)]
@@ -138,17 +138,17 @@ impl ConfigFile {
         let currency = currency.map(|currency| parse_currency(&currency)).transpose();
         let currency = currency.map_err(|error| self.wrong(name.span(), &format!("farm.currency: {error}")))?;
         match (price, currency) {
-            // Nobody else sets it.
+            // This is the only place that sets it.
             (Some(per_kwh), Some(currency)) => _ = PRICE_OF_FILE.set(EnergyPrice { per_kwh, currency }),
             (None, None) => {}
             _ => return Err(self.wrong(name.span(), "farm.price-per-kwh and farm.currency are only of use together")),
         }
-        // Nobody else sets it.
+        // This is the only place that sets it.
         _ = FARM_OF_FILE.set((address, credentials));
         Ok(())
     }
 
-    /// An error at a place of the file.
+    /// Returns an error at a position in the file.
     fn wrong(&self, span: Range<usize>, problem: &str) -> CliError {
         let before = self.text.get(..span.start).unwrap_or(&self.text);
         let line = before.matches('\n').count() + 1;
@@ -160,7 +160,7 @@ impl ConfigFile {
     }
 }
 
-/// The kind of a value, for people.
+/// Returns the kind of a value, for messages.
 fn kind(value: &DeValue<'_>) -> &'static str {
     match value {
         DeValue::String(_) => "a text",

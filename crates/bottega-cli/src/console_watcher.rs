@@ -1,4 +1,4 @@
-//! The console's watcher of a picture: a progress bar, lines of text or JSON, the dashboard, the trace of messages.
+//! The console's watcher of a render: a progress bar, lines of text or JSON, the dashboard, the trace of messages.
 
 use std::{
     fs::File,
@@ -25,47 +25,47 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{error::CliError, signals::say_if_ended_at_once};
 
-/// Steps of the progress bar.
+/// The number of steps of the progress bar.
 const BAR_STEPS: u64 = 1000;
-/// How often is said what goes on, where no progress bar is seen.
+/// The interval between progress messages where there is no progress bar.
 const SAY_EVERY: Duration = Duration::from_secs(5);
 
-/// In which form people or programs are told.
+/// The form of the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum OutputForm {
     /// A progress bar and lines of text on standard error: the scene, warnings, the file and the time that it took.
     Text,
-    /// The same, and how the work was shared out: first preview, auction, expected times, processors and devices.
+    /// Like `Text`, with details of the distribution of work: first preview, auction, expected times, processors and devices.
     Verbose,
-    /// One JSON object a line on standard output.
+    /// One JSON object per line on standard output.
     Json,
     /// Errors only.
     Quiet,
 }
 
 impl OutputForm {
-    /// Whether people read it.
+    /// True if the output is for people.
     fn is_text(self) -> bool {
         matches!(self, Self::Text | Self::Verbose)
     }
 }
 
-/// Tells everybody who wants to know.
+/// A watcher that prints events, and passes them to the dashboard and the trace.
 pub(crate) struct ConsoleWatcher {
     form: OutputForm,
     bar: ProgressBar,
     dashboard: Option<Dashboard>,
     trace: Option<Mutex<LineWriter<File>>>,
-    /// Why something of it is lost.
+    /// The reason why the trace is incomplete, if it is.
     trace_lost: OnceLock<String>,
-    /// Whether nobody waits for what a farm is asked for.
+    /// True if the process does not wait for the farm's result.
     is_detached: bool,
     said: Mutex<Option<Instant>>,
 }
 
 impl ConsoleWatcher {
     /// - `trace`: a file for every message between the agents.
-    /// - `is_detached`: nobody waits for what a farm is asked for.
+    /// - `is_detached`: `true` if the process does not wait for the farm's result.
     pub(crate) fn new(
         form: OutputForm,
         dashboard: Option<Dashboard>,
@@ -88,14 +88,14 @@ impl ConsoleWatcher {
         Ok(voice)
     }
 
-    /// Says something to people only.
+    /// Prints a line for people, unless the output is JSON or quiet.
     fn say(&self, text: &str) {
         if self.form.is_text() {
             self.bar.suspend(|| eprintln!("{text}"));
         }
     }
 
-    /// Says what an event means, or shows it.
+    /// Prints or shows an event.
     fn show(&self, event: &Event) {
         match event {
             Event::Progress(progress) => self.show_progress(progress),
@@ -136,7 +136,7 @@ impl ConsoleWatcher {
         self.show_share(progress.share, &message);
     }
 
-    /// Says what a device is at that paints nothing yet: beside the progress of others, where there is any.
+    /// Shows that a device is still compiling, next to the progress of other devices.
     fn show_compiling(&self, device: &str, seconds: f64) {
         let text = format!("{device} compiles its kernels for this scene, {} so far", length(seconds));
         self.say_now_and_then(&text);
@@ -145,7 +145,7 @@ impl ConsoleWatcher {
         }
     }
 
-    /// Says something that goes on, where no progress bar is seen.
+    /// Prints a message at most every few seconds, where there is no progress bar.
     fn say_now_and_then(&self, text: &str) {
         let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         if self.bar.is_hidden() && said.is_none_or(|said| said.elapsed() > SAY_EVERY) {
@@ -190,7 +190,7 @@ impl Watcher for ConsoleWatcher {
         let Some(trace) = &self.trace else { return };
         let mut trace = trace.lock().unwrap_or_else(PoisonError::into_inner);
         let receivers: Vec<String> = message.receivers.iter().map(ToString::to_string).collect();
-        // A trace that cannot be written is no reason to lose a picture.
+        // A trace that cannot be written must not stop the render.
         let written = writeln!(
             trace,
             "{:10.6} {} -> {} {:?} {} #{} {:?}",
@@ -232,7 +232,7 @@ impl Drop for ConsoleWatcher {
     }
 }
 
-/// The lines that an event is to people.
+/// Returns the lines for an event.
 fn lines(event: &Event, is_detached: bool) -> Vec<String> {
     match event {
         Event::Started { .. } => vec![started(event)],
@@ -266,7 +266,7 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
     }
 }
 
-/// The lines that `--verbose` adds: how the work was shared out, and what each part of it took.
+/// Returns the additional lines of `--verbose`: the distribution of work, and the times of its parts.
 fn details(event: &Event) -> Vec<String> {
     match event {
         Event::Started { agents, .. } => {
@@ -291,7 +291,7 @@ fn details(event: &Event) -> Vec<String> {
     }
 }
 
-/// What is painted: the scene, the size of the picture, when it is finished, and who paints.
+/// Returns a line about the start: scene, image size, goal, and painters.
 fn started(event: &Event) -> String {
     let Event::Started { scene, crop: [x0, y0, x1, y1], triangles, method, painters, .. } = event else {
         return String::new();
@@ -305,7 +305,7 @@ fn started(event: &Event) -> String {
     }
 }
 
-/// When the picture is finished. With an error or a time, the samples are a bound that few pixels reach.
+/// Describes the goal. With an error or a time limit, the samples are an upper bound that few pixels reach.
 fn goal(event: &Event) -> String {
     match event {
         Event::Started { error: Some(error), .. } => format!("to an estimated error of {error}"),
@@ -324,7 +324,7 @@ fn asked(job: u32, last: Option<u32>, is_detached: bool) -> String {
     }
 }
 
-/// What is said where the user ends the process at once.
+/// Returns the message for a user who ends the process at once.
 fn parting(job: u32, last: Option<u32>) -> String {
     match last {
         Some(last) => format!(
@@ -338,12 +338,12 @@ fn parting(job: u32, last: Option<u32>) -> String {
     }
 }
 
-/// For people: where a record is, and what to do with it.
+/// Returns a message with the path of a record, and the command that replays it.
 pub(crate) fn recorded(file: &str) -> String {
     format!("recorded in {file}; try: bottega simulate {file} --agents 8")
 }
 
-/// What the auction came to, in one line.
+/// Summarizes the auction in one line.
 fn told_auction(auction: &AuctionEvent) -> String {
     let AuctionEvent { rounds, contested, credit_decided, bidders, bids, awards, thefts, stolen, .. } = auction;
     if *rounds == 0 {
@@ -371,7 +371,7 @@ fn told_forecast(forecast: &ForecastEvent) -> String {
     )
 }
 
-/// Who was at work for how much of the time, in one line.
+/// Summarizes the utilization of resources in one line.
 fn at_work(event: &Event) -> String {
     let Event::Resources { resources, bin_full, bin_empty, expired, .. } = event else { return String::new() };
     let (processors, devices): (Vec<_>, Vec<_>) = resources.iter().partition(|it| it.name.starts_with("cpu"));
@@ -400,7 +400,7 @@ fn at_work(event: &Event) -> String {
     )
 }
 
-/// What passed on a board's cable.
+/// Summarizes the traffic on a board's cable.
 fn told_cable(cable: &CableTraffic) -> String {
     let rate = |bandwidth: Option<f64>| bandwidth.map_or("?".to_owned(), |it| format!("{:.3}", it / 1e6));
     let packets = cable.packet_seconds.map_or(String::new(), |seconds| {
@@ -416,7 +416,7 @@ fn told_cable(cable: &CableTraffic) -> String {
     )
 }
 
-/// How fast a picture was painted, and what bands and composition took of it.
+/// Returns lines about the speed of the render, and the cost of bands and composition.
 fn painted(event: &Event) -> Vec<String> {
     let Event::Finished { seconds, samples, utilization, bands, composition, .. } = event else {
         return Vec::new();
@@ -436,7 +436,7 @@ fn painted(event: &Event) -> Vec<String> {
     bands.into_iter().chain([speed]).collect()
 }
 
-/// What a swarm was like, what it cost and what it spared.
+/// Returns lines about the lighting agents: their number, cost and savings.
 fn lighting_agents(agents: &LightingAgents) -> Vec<String> {
     let [geometry, proximity, penumbra, irradiance] = agents.sensors;
     let (traced, spared) = (agents.shadow_rays_traced, agents.shadow_rays_spared);

@@ -1,4 +1,4 @@
-//! `bottega devices`: what can take part in rendering.
+//! `bottega devices`: lists the devices that can render.
 
 use std::process::ExitCode;
 
@@ -10,7 +10,7 @@ use crate::{cli::DevicesArgs, error::CliError};
 
 pub(crate) fn run(args: &DevicesArgs) -> Result<ExitCode, CliError> {
     let gpus = bottega_gpu::adapters();
-    // Software is measured where it was asked for by name, as it paints.
+    // Software adapters are measured only when selected by name.
     let is_meant = |gpu: &&AdapterInfo| match &args.gpu {
         Some(name) => gpu.name.to_lowercase().contains(&name.to_lowercase()),
         None => gpu.kind != AdapterKind::Software,

@@ -1,4 +1,4 @@
-//! `bottega diff`: how two pictures differ, in figures and as a heat map; and whether zones have seams.
+//! `bottega diff`: the difference of two images in numbers and as a heat map, and visible seams between zones.
 
 use std::{fs, path::Path, process::ExitCode};
 
@@ -10,7 +10,7 @@ use bottega::{difference::Difference, text::shown};
 
 use crate::{cli::DiffArgs, error::CliError};
 
-/// Seams are told of when chance would show them less often than this.
+/// Seams are reported if their probability by chance is below this.
 const SIGNIFICANCE: f64 = 1e-3;
 
 pub(crate) fn run(args: &DiffArgs) -> Result<ExitCode, CliError> {
@@ -70,7 +70,7 @@ fn tell_seams(seams: &Seams) {
     );
 }
 
-/// The part of an index.json that is needed.
+/// The parts of an index.json that are needed here.
 #[derive(Deserialize)]
 struct Index {
     size: [u32; 2],

@@ -1,18 +1,18 @@
-//! Values of options and of the configuration file that concern energy, and how they are read.
+//! Parsers of values that concern energy, in options and in the configuration file.
 
-/// A power, in watts.
+/// Parses a power, in watts.
 pub(crate) fn parse_watts(text: &str) -> Result<f64, String> {
     let watts = text.parse().ok().filter(|watts: &f64| *watts > 0.0 && *watts <= 1e6);
     watts.ok_or_else(|| "a number of watts above 0 is needed, such as 120".to_owned())
 }
 
-/// A price of a kilowatt hour.
+/// Parses a price per kilowatt hour.
 pub(crate) fn parse_price(text: &str) -> Result<f64, String> {
     let price = text.parse().ok().filter(|price: &f64| (0.0..=1e6).contains(price));
     price.ok_or_else(|| "a price from 0 up is needed, such as 0.31".to_owned())
 }
 
-/// A currency, by its code or sign.
+/// Parses a currency, by code or sign.
 pub(crate) fn parse_currency(text: &str) -> Result<String, String> {
     let is_code =
         (1..=8).contains(&text.chars().count()) && text.chars().all(|c| c.is_alphabetic() || "€$£¥".contains(c));

@@ -1,4 +1,4 @@
-//! `bottega engines`: engines that other people wrote, listed, checked and tried.
+//! `bottega engines`: lists, checks and tries external engines.
 
 mod args;
 mod attempt;

@@ -1,4 +1,4 @@
-//! The errors of the program, each with a remedy.
+//! The errors of the program, with remedies.
 
 use std::path::PathBuf;
 
@@ -48,7 +48,7 @@ impl CliError {
         bottega::Error::Read { path, source }.into()
     }
 
-    /// What was asked for cannot be; as opposed to: it was tried and failed.
+    /// True for usage errors: the request is invalid, as opposed to an attempt that failed.
     pub(crate) fn is_usage(&self) -> bool {
         match self {
             Self::Bottega(error) => error.is_usage(),
@@ -57,7 +57,7 @@ impl CliError {
         }
     }
 
-    /// What can be done about it.
+    /// Returns the remedy, if one is known.
     fn remedy(&self) -> Option<String> {
         match self {
             Self::Bottega(error) => error.remedy(),
@@ -67,7 +67,7 @@ impl CliError {
     }
 }
 
-/// An error as it is shown to people: with its causes, its remedy, and the place in a text where there is one.
+/// An error for display: with its causes, its remedy, and the position in a text if there is one.
 #[derive(Debug, Error)]
 #[error("{problem}")]
 struct ShownError {
@@ -79,7 +79,7 @@ struct ShownError {
     label: Option<LabeledSpan>,
 }
 
-/// A cause, and what is behind it.
+/// A cause of an error, and its own causes.
 #[derive(Debug, Error)]
 #[error("{problem}")]
 struct Cause {
@@ -126,7 +126,7 @@ fn shown(error: &dyn std::error::Error, remedy: Option<String>, excerpt: Option<
     format!("{:?}", miette::Report::new(shown))
 }
 
-/// A text in which characters that would act on a terminal are replaced by others of as many bytes.
+/// Replaces characters that control a terminal by others with as many bytes.
 fn without_actions(text: &str) -> String {
     let replace = |c: char| {
         if printable_lines(c.encode_utf8(&mut [0; 4])).len() == c.len_utf8() {
@@ -137,7 +137,7 @@ fn without_actions(text: &str) -> String {
     text.chars().map(replace).collect()
 }
 
-/// An error of the program, as it is shown to people.
+/// Formats an error of the program for display.
 pub(crate) fn report(error: &CliError) -> String {
     let excerpt = match error {
         CliError::Bottega(error) | CliError::Cluster(bottega_cluster::Error::Bottega(error)) => error.excerpt(),
@@ -146,7 +146,7 @@ pub(crate) fn report(error: &CliError) -> String {
     shown(error, error.remedy(), excerpt)
 }
 
-/// An error of a farm, as it is shown to people.
+/// Formats an error of a farm for display.
 pub(crate) fn report_of(error: &bottega_cluster::Error) -> String {
     let excerpt = match error {
         bottega_cluster::Error::Bottega(error) => error.excerpt(),
@@ -155,7 +155,7 @@ pub(crate) fn report_of(error: &bottega_cluster::Error) -> String {
     shown(error, error.remedy(), excerpt)
 }
 
-/// Errors of crates that the library has a word for.
+/// Implements conversions for errors that the library's error type covers.
 macro_rules! through_library {
     ($($source:ty),*) => {
         $(impl From<$source> for CliError {

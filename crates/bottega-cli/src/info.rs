@@ -1,4 +1,4 @@
-//! `bottega info`: what is in a scene file.
+//! `bottega info`: the contents of a scene file.
 
 use std::process::ExitCode;
 

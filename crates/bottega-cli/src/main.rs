@@ -1,33 +1,33 @@
-//! The command line of Bottega. No logic of its own: it reads options, calls the crates, and tells what happened.
+//! The command line of Bottega. It has no logic of its own: it parses options, calls the crates, and prints results.
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
-//! | options, and the request that they make | `src/cli.rs`, `src/cli/render.rs`, `src/cli/scene.rs`, `src/cli/light.rs`, `src/cli/engine.rs` |
-//! | requests that are read; a request as options | `src/cli/request.rs`, `src/cli/words.rs` |
+//! | options, and their conversion to a request | `src/cli.rs`, `src/cli/render.rs`, `src/cli/scene.rs`, `src/cli/light.rs`, `src/cli/engine.rs` |
+//! | reading requests; converting a request to options | `src/cli/request.rs`, `src/cli/words.rs` |
 //! | `render`, `request` | `src/render.rs`, `src/request.rs` |
 //! | the progress bar, lines of text and JSON, the trace | `src/console_watcher.rs` |
 //! | standard output and standard error | `src/output.rs` |
-//! | errors as people read them | `src/error.rs` |
-//! | `-h`; groups of commands; what an unknown option means | `src/short_help.rs`; `src/command_groups.rs`; `src/suggestions.rs` |
-//! | the configuration file, variables of the environment | `src/config/`, `src/variables.rs` |
+//! | display of errors | `src/error.rs` |
+//! | `-h`; groups of commands; suggestions for unknown words | `src/short_help.rs`; `src/command_groups.rs`; `src/suggestions.rs` |
+//! | the configuration file, environment variables | `src/config/`, `src/variables.rs` |
 //! | prices, watts | `src/energy_values.rs` |
-//! | Ctrl-C; when the process began | `src/signals.rs`; `src/process_start.rs` |
-//! | `--on`: who is told of ends and stalls | `src/notifications/` |
-//! | `analyze`; drawings of useful data density; how well times were predicted | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
+//! | Ctrl-C; the start time of the process | `src/signals.rs`; `src/process_start.rs` |
+//! | `--on`: notifications of ends and stalls | `src/notifications/` |
+//! | `analyze`; drawings of useful data density; accuracy of predicted times | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
 //! | `up`, `web`, `join`, `jobs`, `machines` | `src/farm/` |
 //! | `engines` | `src/engines/` |
 //! | `rules` | `src/rules/` |
 //! | `devices` | `src/devices.rs` |
 //! | `simulate` | `src/simulate/` |
-//! | `platform`: one that is served, questions to any | `src/platform/` |
-//! | `manual`: man pages, the reference of the manual | `src/manual/` |
-//! | tests of the whole program, with a farm of real processes among them | `tests/`, `tests/farm/` |
+//! | `platform`: serving one, queries to any | `src/platform/` |
+//! | `manual`: man pages, the reference pages of the manual | `src/manual/` |
+//! | tests of the whole program, including a farm of real processes | `tests/`, `tests/farm/` |
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-// First: `println!` and its like mean what is defined there.
+// First, so that `println!` and similar macros are those of this crate.
 #[macro_use]
 mod output;
 
@@ -65,7 +65,7 @@ use error::CliError;
 use output::Purpose;
 use tracing_subscriber::{filter::Targets, layer::SubscriberExt, util::SubscriberInitExt};
 
-/// What is written to the log where nobody asks for more: who cannot link up with a server tells that himself.
+/// The default log filter; connection errors of NATS are reported by their callers.
 const LOGGED: &str = "warn,async_nats=off";
 
 fn main() -> ExitCode {
@@ -79,12 +79,12 @@ fn main() -> ExitCode {
     output::begin(purpose(&command));
     bottega::engines::keep_quarantines();
     let code = run(command).unwrap_or_else(|error| report(&error));
-    // Drivers end better while the process is whole.
+    // Drivers shut down more reliably before the process exits.
     bottega::devices::release();
     output::finish(code)
 }
 
-/// Logs to standard error what `BOTTEGA_LOG` lets through: a level, or levels of targets (`warn,bottega_farm=debug`).
+/// Starts logging to standard error. `BOTTEGA_LOG` sets the filter: a level, or levels per target (`warn,bottega_farm=debug`).
 fn start_log() {
     let asked = std::env::var("BOTTEGA_LOG").ok().filter(|it| !it.is_empty());
     let targets = asked.as_deref().map(str::parse::<Targets>).transpose();
@@ -107,7 +107,7 @@ fn command_line() -> Result<Result<Cli, clap::Error>, CliError> {
     Ok(matches.and_then(|matches| Cli::from_arg_matches(&matches)))
 }
 
-/// What standard output is for.
+/// Returns the purpose of a command's standard output.
 fn purpose(command: &Command) -> Purpose {
     match command {
         Command::Render(args) if args.request.dry_run => Purpose::Result,
@@ -149,7 +149,7 @@ fn run(command: Command) -> Result<ExitCode, CliError> {
     }
 }
 
-/// Tells what went wrong. 2 is for what was asked wrongly, 1 for what failed.
+/// Prints an error. Returns exit code 2 for usage errors, 1 for failures.
 fn report(error: &CliError) -> ExitCode {
     let code = if error.is_usage() { 2 } else { 1 };
     output::print_report(&error::report(error));

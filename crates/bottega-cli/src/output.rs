@@ -1,12 +1,13 @@
-//! The one way to standard output and standard error.
+//! Output to standard output and standard error.
 //!
-//! What is printed names files, jobs, machines, materials and more that somebody else chose: characters that move the cursor, change
-//! colours or turn the direction of writing are escaped. A line stays one: what has several is printed by `print!`.
+//! Output contains names of files, jobs, machines and materials that others chose, so characters that move the cursor, change
+//! colours or reverse the writing direction are escaped. `println!` prints one line, newlines escaped; text of several lines is
+//! printed by `print!`.
 //!
-//! `println!`, `print!` and `eprintln!` of this crate are the macros below. Unlike those of the standard library
-//! they never panic: a full disk or a reader that has gone costs what is printed, and no picture. The first failure of a
-//! stream is said once on the other one; what is printed to the failed stream after that is dropped. Clippy forbids the
-//! standard library's macros (`main.rs`) and its handles of the streams (`clippy.toml`) everywhere else.
+//! `println!`, `print!` and `eprintln!` of this crate are the macros below. Unlike those of the standard library they never
+//! panic: a full disk or a closed pipe loses output, but no image. The first failure of a stream is reported once on the other
+//! one; later output to the failed stream is dropped. Clippy forbids the standard library's macros (`main.rs`) and stream handles
+//! (`clippy.toml`) everywhere else.
 
 use std::{
     borrow::Cow,
@@ -33,24 +34,24 @@ macro_rules! eprintln {
     ($($text:tt)*) => { $crate::output::print_error_line(format_args!($($text)*)) };
 }
 
-/// Exit code of a command whose result nobody wants to read any more, as shells have it: 128 and SIGPIPE.
+/// Exit code when the reader of the result has gone, as in shells: 128 plus SIGPIPE.
 const NO_READER: u8 = 141;
-/// Exit code of a command whose result could not be written.
+/// Exit code when the result could not be written.
 const LOST: u8 = 1;
 
-/// A stream that somebody made non-blocking is tried again so often.
+/// The retry interval for a non-blocking stream.
 const TRY_AGAIN_AFTER: Duration = Duration::from_millis(5);
 
-/// What standard output is for in this run of the program.
+/// The purpose of standard output in this run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// The result of the command. Where it cannot be written the command goes to its end, and its exit code says so.
+    /// The result of the command. If it cannot be written the command still finishes, and its exit code is [`LOST`].
     Result,
-    /// The result, for as long as somebody reads it: the command ends when nobody does.
+    /// A continuous result: the command ends when its reader has gone.
     Stream,
-    /// Words for people; the result is a file or a service. Losing them changes no exit code.
+    /// Messages for people; the result is a file or a service. Losing them does not change the exit code.
     Log,
-    /// Events for programs, one a line; the result is a file. Losing them changes no exit code.
+    /// Events for programs, one per line; the result is a file. Losing them does not change the exit code.
     Events,
 }
 
@@ -61,9 +62,9 @@ enum Stream {
 }
 
 static PURPOSE: OnceLock<Purpose> = OnceLock::new();
-/// Why standard output is written to no more.
+/// The error after which nothing is written to standard output.
 static OUTPUT_LOSS: OnceLock<ErrorKind> = OnceLock::new();
-/// The same of standard error.
+/// The error after which nothing is written to standard error.
 static ERROR_LOSS: OnceLock<ErrorKind> = OnceLock::new();
 /// Held while a line is written, so that lines of several threads do not mix.
 static LINES: Mutex<()> = Mutex::new(());
@@ -92,15 +93,15 @@ impl Stream {
     }
 }
 
-/// Whether the log may have colors: where people read it on a terminal, and have not said otherwise (no-color.org).
+/// True if the log may use colors: on a terminal, unless NO_COLOR is set (no-color.org).
 #[allow(clippy::disallowed_methods, reason = "nothing is written")]
 pub(crate) fn has_colors() -> bool {
     io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
-/// Says what standard output is for. Until then, and where nobody says, it is for the result.
+/// Sets the purpose of standard output; the default is the result.
 pub(crate) fn begin(purpose: Purpose) {
-    // There is one command in a run.
+    // A run has one command, so this is set once.
     let _ = PURPOSE.set(purpose);
 }
 
@@ -108,7 +109,7 @@ fn purpose() -> Purpose {
     PURPOSE.get().copied().unwrap_or(Purpose::Result)
 }
 
-/// Prints lines to standard output.
+/// Prints text to standard output.
 pub(crate) fn print(text: fmt::Arguments<'_>) {
     deliver(Stream::Output, printable_lines(&text.to_string()).as_bytes());
 }
@@ -127,32 +128,32 @@ fn line(text: fmt::Arguments<'_>) -> String {
     format!("{}\n", printable(&text.to_string()))
 }
 
-/// Prints an error as [`report`](crate::error::report) made it, which has colours of its own, and is printable.
+/// Prints an error formatted by [`report`](crate::error::report), which is already escaped and has its own colours.
 pub(crate) fn print_report(report: &str) {
     deliver(Stream::Error, format!("{report}\n").as_bytes());
 }
 
-/// Prints what clap says: help and version to standard output, mistakes to standard error. Returns the exit code.
+/// Prints clap's output: help and version to standard output, errors to standard error. Returns the exit code.
 pub(crate) fn print_usage(usage: &clap::Error) -> ExitCode {
     let to = if usage.use_stderr() { Stream::Error } else { Stream::Output };
-    // It repeats arguments, and names of files may be among them.
+    // Clap repeats arguments, which may contain file names.
     if env::args_os().any(|argument| matches!(printable(&argument.to_string_lossy()), Cow::Owned(_))) {
         deliver(to, printable_lines(&usage.render().to_string()).as_bytes());
         return finish(ExitCode::from(usage.exit_code() as u8));
     }
-    // It colours what it prints where a terminal reads it.
+    // Clap uses colours on a terminal.
     if let Err(error) = usage.print() {
         lose(to, &error);
     }
     finish(ExitCode::from(usage.exit_code() as u8))
 }
 
-/// What the log is written to.
+/// The writer of the log.
 pub(crate) struct LogWriter;
 
 impl Write for LogWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        // With colours it is the subscriber that escapes what it is given.
+        // With colours, the subscriber escapes its input itself.
         match str::from_utf8(bytes) {
             Ok(text) if !has_colors() => deliver(Stream::Error, printable_lines(text).as_bytes()),
             _ => deliver(Stream::Error, bytes),
@@ -165,7 +166,7 @@ impl Write for LogWriter {
     }
 }
 
-/// Ends with the exit code of the command, or with that of a result that was not written.
+/// Returns the exit code of the command, or that of a lost result.
 #[allow(clippy::disallowed_methods, reason = "the one place")]
 pub(crate) fn finish(code: ExitCode) -> ExitCode {
     if OUTPUT_LOSS.get().is_none()
@@ -198,7 +199,7 @@ fn deliver(to: Stream, bytes: &[u8]) {
     }
 }
 
-/// Writes to this stream no more, and says why on the other one. A reader that has gone knows why.
+/// Stops writing to this stream, and reports the reason on the other one, unless the reader has gone.
 fn lose(stream: Stream, error: &io::Error) {
     if stream.loss().set(error.kind()).is_err() {
         return;
@@ -207,7 +208,7 @@ fn lose(stream: Stream, error: &io::Error) {
         let text = format!("warning: {} cannot be written ({error}): what it should say is lost\n", stream.name());
         match stream {
             Stream::Output => deliver(Stream::Error, text.as_bytes()),
-            // Whoever reads a result or events reads nothing else.
+            // A reader of a result or of events must not get other lines.
             Stream::Error if purpose() == Purpose::Log => deliver(Stream::Output, text.as_bytes()),
             Stream::Error => {}
         }
@@ -217,7 +218,7 @@ fn lose(stream: Stream, error: &io::Error) {
     }
 }
 
-/// Writes all bytes, and waits for a reader that does not read.
+/// Writes all bytes, and waits for a reader that is slow.
 fn write_whole(to: &mut impl Write, mut bytes: &[u8]) -> io::Result<()> {
     loop {
         let step = if bytes.is_empty() { to.flush().map(|()| 0) } else { to.write(bytes) };
@@ -236,7 +237,7 @@ fn write_whole(to: &mut impl Write, mut bytes: &[u8]) -> io::Result<()> {
 mod tests {
     use super::*;
 
-    /// Takes a few bytes at a time, and answers some calls as a slow pipe does.
+    /// A writer that takes a few bytes at a time and fails some calls, like a slow pipe.
     struct Slow {
         taken: Vec<u8>,
         answers: Vec<ErrorKind>,

@@ -1,4 +1,4 @@
-//! `bottega render`: options in, a picture out.
+//! `bottega render`: renders a request.
 
 use std::{
     process::ExitCode,
@@ -28,7 +28,7 @@ use crate::{
     signals::{EndAtOnce, interrupted, stop_on_signal},
 };
 
-/// How often is looked what devices are at while a scene is prepared.
+/// The interval at which devices are checked while a scene is prepared.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
@@ -52,7 +52,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode, CliError> {
     result
 }
 
-/// Paints what is asked for, here or in a farm.
+/// Renders the request, locally or in a farm.
 fn paint(
     args: &RenderArgs,
     request: &Request,
@@ -63,12 +63,12 @@ fn paint(
         return in_farm(args, request, voice, stop);
     }
     if request.frames.is_none() {
-        // Each frame of an animation has the time for itself.
+        // For an animation, the time limit applies to each frame.
         return one(request, SessionOptions { begun: Some(process_start()), ..options(args) }, voice, stop);
     }
     for frame in request.missing_frames(args.resume)? {
         let request = request.at_frame(frame)?;
-        // A frame that nobody has begun is begun.
+        // With `--resume`, frames without a journal start from the beginning.
         let is_begun = request.output.file.as_deref().is_some_and(|file| journal_of(file).is_file());
         let options = SessionOptions { resume: args.resume && is_begun, ..options(args) };
         let code = one(&request, options, voice, stop)?;
@@ -79,7 +79,7 @@ fn paint(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Paints one picture.
+/// Renders one image.
 fn one(
     request: &Request,
     options: SessionOptions,
@@ -97,8 +97,8 @@ fn one(
     Ok(if picture.is_whole() { ExitCode::SUCCESS } else { interrupted() })
 }
 
-/// Reads and prepares a scene. Nothing of that is worth keeping: a signal ends the process at once. Devices that compile meanwhile are
-/// told of.
+/// Reads and prepares a scene. Meanwhile a signal ends the process at once, because there is nothing to keep. Reports devices
+/// that are compiling.
 fn opened(request: &Request, options: SessionOptions, voice: &Arc<dyn Watcher>) -> Result<Session, CliError> {
     let _at_once = EndAtOnce::begin();
     let (done, is_done) = mpsc::channel::<()>();
@@ -116,12 +116,12 @@ fn opened(request: &Request, options: SessionOptions, voice: &Arc<dyn Watcher>) 
     })
 }
 
-/// The farm that an option names.
+/// Returns the farm named by the option.
 fn named_farm(args: &RenderArgs) -> Option<&FarmAddress> {
     args.farm.as_ref().and_then(Option::as_ref)
 }
 
-/// Asks a farm, and paints with it unless nobody waits for the picture.
+/// Submits the request to a farm, and paints with it unless detached.
 fn in_farm(
     args: &RenderArgs,
     request: &Request,
@@ -156,7 +156,7 @@ fn options(args: &RenderArgs) -> SessionOptions {
     }
 }
 
-/// Who is told: people or programs, the dashboard, the trace.
+/// Returns the watcher for the chosen form of output, with the dashboard and the trace.
 fn voice(args: &RenderArgs, request: &Request, stop: &StopSwitch) -> Result<ConsoleWatcher, CliError> {
     let form = match (args.scene.json, args.quiet, args.verbose) {
         (true, ..) => OutputForm::Json,

@@ -1,4 +1,4 @@
-//! `bottega request`: requests themselves.
+//! `bottega request`: prints, checks and converts requests.
 
 use std::process::ExitCode;
 

@@ -1,11 +1,11 @@
-//! The short help: `-h` shows what is used most, on one screen; `--help` shows everything, in sections.
+//! The short help: `-h` shows the most used options on one screen; `--help` shows everything, in sections.
 
 use clap::{Arg, Command, builder::StyledStr};
 
 use crate::command_groups::grouped;
 
-/// A command and its options that `-h` describes, the most used first, where all of them fill more than a screen. An empty text
-/// stands for the first sentence of the long one.
+/// A command and the options that its `-h` shows, the most used first, for commands with more options than fit a screen. An empty
+/// text stands for the first sentence of the long help.
 type ShownOptions = (&'static str, &'static [(&'static str, &'static str)]);
 
 const OPTIONS: &[ShownOptions] = &[
@@ -64,7 +64,7 @@ const OPTIONS: &[ShownOptions] = &[
     ),
 ];
 
-/// The program as this command line wants it: with short help if that is asked for, or nothing is.
+/// Returns the program for this command line: with short help if `-h` is given, or no arguments.
 pub(crate) fn fitting(program: Command) -> Command {
     let mut words = std::env::args_os().skip(1).take_while(|word| word != "--").peekable();
     let is_short = words.peek().is_none() || words.any(|word| word == "-h");
@@ -72,7 +72,7 @@ pub(crate) fn fitting(program: Command) -> Command {
     if is_short { shortened(program) } else { program }
 }
 
-/// The program with short help of its commands.
+/// Adds the short help to the program's commands.
 fn shortened(mut program: Command) -> Command {
     for (name, options) in OPTIONS {
         program = program.mut_subcommand(name, |command| {
@@ -83,7 +83,7 @@ fn shortened(mut program: Command) -> Command {
     program
 }
 
-/// An option as the short help has it: in one list, with a short text; or hidden.
+/// Returns an option for the short help: in one list, with a short text; or hidden.
 fn shown(option: Arg, options: &[(&str, &str)]) -> Arg {
     let Some(order) = options.iter().position(|(name, _)| *name == option.get_id().as_str()) else {
         return option.hide(true);
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
     use crate::cli::Cli;
 
-    /// Lines of a terminal as small as they come.
+    /// The height of a small terminal, in lines.
     const SCREEN: usize = 32;
 
     #[test]

@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM: the work stops, and is kept.
+//! Ctrl-C and SIGTERM: stop the work and keep its results.
 
 use std::{
     process::ExitCode,
@@ -12,16 +12,16 @@ use bottega::StopSwitch;
 
 use crate::error::CliError;
 
-/// Exit code of a work that the user stopped.
+/// The exit code of work that the user stopped.
 const INTERRUPTED: u8 = 130;
 
-/// What is said when the user ends the process at once, by a second Ctrl-C: nothing else can be done then.
+/// The message printed when a second Ctrl-C ends the process at once.
 static PARTING: Mutex<Option<String>> = Mutex::new(None);
 
-/// Whether the first signal ends the process at once, for there is nothing to keep.
+/// True while the first signal ends the process at once, because there is nothing to keep.
 static AT_ONCE: AtomicBool = AtomicBool::new(false);
 
-/// A time in which the first signal ends the process at once, until this is dropped.
+/// A guard: until it is dropped, the first signal ends the process at once.
 pub(crate) struct EndAtOnce(());
 
 impl EndAtOnce {
@@ -37,12 +37,12 @@ impl Drop for EndAtOnce {
     }
 }
 
-/// Ctrl-C and SIGTERM stop the work and keep it; a second one ends the process at once.
+/// Stops the work on Ctrl-C or SIGTERM and keeps its results; a second signal ends the process at once.
 pub(crate) fn stop_on_signal(stop: &StopSwitch) -> Result<(), CliError> {
     let stop = stop.clone();
     ctrlc::set_handler(move || {
         if stop.is_requested() || AT_ONCE.load(Ordering::SeqCst) {
-            // Whoever holds it would hold up the end.
+            // Do not wait for the lock: that may delay the exit.
             if let Some(words) = PARTING.try_lock().ok().and_then(|mut words| words.take()) {
                 eprintln!("{words}");
             }
@@ -53,12 +53,12 @@ pub(crate) fn stop_on_signal(stop: &StopSwitch) -> Result<(), CliError> {
     .map_err(|error| CliError::failed(format!("cannot watch for Ctrl-C: {error}"), "this is unexpected; report it"))
 }
 
-/// From now on this is said where the user ends the process at once; `None`: nothing.
+/// Sets the message printed when the user ends the process at once; `None`: no message.
 pub(crate) fn say_if_ended_at_once(words: Option<String>) {
     *PARTING.lock().unwrap_or_else(PoisonError::into_inner) = words;
 }
 
-/// How a work ends that the user stopped.
+/// Returns the exit code of work that the user stopped.
 pub(crate) fn interrupted() -> ExitCode {
     ExitCode::from(INTERRUPTED)
 }

@@ -1,4 +1,4 @@
-//! Suggestions by meaning: the option or the command that does what an unknown word stands for elsewhere.
+//! Suggestions by meaning: the option or command that corresponds to a word of another program.
 
 use std::ffi::OsString;
 
@@ -8,8 +8,8 @@ use clap::{
     error::{ContextKind, ContextValue, ErrorKind},
 };
 
-/// Words of other programs, and the option here that means the same. An option that the command does not have is not suggested,
-/// so that a word may stand in several rows.
+/// Words of other programs, and the corresponding option. An option that the command does not have is not suggested, so a word
+/// may stand in several rows.
 const OPTIONS: &[(&str, &[&str])] = &[
     ("spp", &["samples", "sample", "samples-per-pixel", "passes", "iterations", "aa"]),
     ("size", &["resolution", "res", "width", "height", "dimensions", "geometry"]),
@@ -46,7 +46,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
     ("define", &["set", "param", "parameter"]),
 ];
 
-/// Words of other programs, and the command here that means the same.
+/// Words of other programs, and the corresponding command.
 const COMMANDS: &[(&str, &[&str])] = &[
     ("render", &["paint", "draw", "trace", "image", "picture"]),
     ("info", &["show", "inspect", "describe", "stat", "print"]),
@@ -65,23 +65,24 @@ const COMMANDS: &[(&str, &[&str])] = &[
     ("web", &["dashboard", "ui", "page", "api"]),
 ];
 
-/// The option of a command that an unknown one means.
+/// Returns the option of a command that corresponds to an unknown one.
 pub(crate) fn option_meant(command: &Command, word: &str) -> Option<&'static str> {
     let word = word.trim_start_matches('-').to_lowercase();
     let has = |option: &str| command.get_arguments().any(|known| known.get_long() == Some(option));
     OPTIONS.iter().find(|(option, words)| words.contains(&&*word) && has(option)).map(|(option, _)| *option)
 }
 
-/// The command that an unknown one means.
+/// Returns the command that corresponds to an unknown one.
 pub(crate) fn command_meant(command: &Command, word: &str) -> Option<&'static str> {
     let word = word.to_lowercase();
     let has = |name: &str| command.find_subcommand(name).is_some();
     COMMANDS.iter().find(|(name, words)| words.contains(&&*word) && has(name)).map(|(name, _)| *name)
 }
 
-/// Has an error about an unknown word suggest what the word means, where that is known; otherwise it suggests what is spelled alike.
+/// Makes an error about an unknown word suggest the corresponding option or command, if known; else the suggestion by spelling
+/// stays.
 ///
-/// - `words`: the command line, the program's name first.
+/// - `words`: the command line, with the program's name first.
 pub(crate) fn by_meaning(mut error: clap::Error, program: &Command, words: &[OsString]) -> clap::Error {
     let text = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => Some(text.clone()),
@@ -94,7 +95,7 @@ pub(crate) fn by_meaning(mut error: clap::Error, program: &Command, words: &[OsS
         ErrorKind::InvalidSubcommand => text(ContextKind::InvalidSubcommand).and_then(|word| {
             let command = called(program, words);
             let named = command_meant(command, &word).map(|name| format!("the command for that is '{name}'"));
-            // Whoever names a scene alone wants a picture of it.
+            // A scene file without a command: suggest `render`.
             let scene = || {
                 let is_scene = word.contains('.') && command.find_subcommand("render").is_some();
                 is_scene.then(|| format!("to paint a scene: {} render {word} -o picture.png", command.get_name()))
@@ -104,7 +105,7 @@ pub(crate) fn by_meaning(mut error: clap::Error, program: &Command, words: &[OsS
         _ => None,
     };
     if let Some(meant) = meant {
-        // The usage speaks of what is spelled alike, too.
+        // Remove the suggestions by spelling; the usage line contains them, too.
         for alike in [ContextKind::SuggestedArg, ContextKind::SuggestedSubcommand, ContextKind::Usage] {
             error.remove(alike);
         }
@@ -113,7 +114,7 @@ pub(crate) fn by_meaning(mut error: clap::Error, program: &Command, words: &[OsS
     error
 }
 
-/// The command that a command line calls, as far as its words name one.
+/// Returns the command that a command line calls, as far as its words name one.
 fn called<'a>(program: &'a Command, words: &[OsString]) -> &'a Command {
     words
         .iter()
@@ -148,7 +149,7 @@ mod tests {
             assert!(told.contains(&format!("the option for that is '{option}'")), "{told}");
             assert!(!told.contains("similar") && !told.contains("--frames"), "{told}");
         }
-        // What nobody knows by its meaning is suggested by its letters.
+        // Unknown words get a suggestion by spelling.
         assert!(told("bottega render a.glb -o a.png --theads 2").contains("'--threads'"));
     }
 

@@ -1,10 +1,10 @@
-//! Variables of the environment that stand for options: `BOTTEGA_RENDER_SPP` for `--spp` of `bottega render`.
+//! Environment variables that stand for options: `BOTTEGA_RENDER_SPP` for `--spp` of `bottega render`.
 
 use clap::{Arg, ArgAction, Command, builder::FalseyValueParser};
 
 use crate::config::OPTION_VARIABLE;
 
-/// The program with a variable for each option that has none yet.
+/// Returns the program with a variable for each option that has none yet.
 pub(crate) fn with_variables(program: Command) -> Command {
     of_commands(program, OPTION_VARIABLE)
 }
@@ -26,7 +26,7 @@ fn with_variable(option: Arg, prefix: &str) -> Arg {
         (Some(name), ArgAction::Set | ArgAction::Append) if option.get_env().is_none() => {
             option.env(format!("{prefix}_{name}")).hide_env(true)
         }
-        // Anything but `0`, `no`, `false` and `off` switches it on.
+        // Any value except `0`, `no`, `false` and `off` turns it on.
         (Some(name), ArgAction::SetTrue) if option.get_env().is_none() => {
             option.env(format!("{prefix}_{name}")).hide_env(true).value_parser(FalseyValueParser::new())
         }

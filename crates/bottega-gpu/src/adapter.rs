@@ -10,17 +10,17 @@ use crate::error::GpuError;
 /// A device that a driver of this machine offers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterInfo {
-    /// The driver's name for it, by which it is asked for.
+    /// The driver's name for the device; users select a device by a part of it.
     pub name: String,
-    /// The driver, with its version where it tells it.
+    /// The driver's name, with its version if the driver reports one.
     pub driver: String,
-    /// The interface: `vulkan`, ….
+    /// The graphics API in lower case: `vulkan`, ….
     pub backend: String,
-    /// What kind of device it is.
+    /// The kind of device.
     pub kind: AdapterKind,
 }
 
-/// Kinds of devices, the most wanted first.
+/// Kinds of devices, in order of preference: the first is preferred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum AdapterKind {
     /// A GPU with memory of its own.
@@ -29,16 +29,16 @@ pub enum AdapterKind {
     Integrated,
     /// A GPU lent by a hypervisor.
     Virtual,
-    /// Not told.
+    /// A kind that the driver does not report.
     Other,
-    /// The processor itself, pretending: only used when asked for by name.
+    /// A software renderer on the CPU, such as llvmpipe: used only when selected by name.
     Software,
 }
 
 impl AdapterInfo {
     fn of(adapter: &Adapter) -> Self {
         let info = adapter.get_info();
-        // A software driver behind a layer may call itself something else than a CPU.
+        // A software driver behind a layer may report another type than CPU.
         let pretends = ["llvmpipe", "lavapipe", "swiftshader", "softpipe"];
         let name = info.name.to_lowercase();
         let kind = match info.device_type {
@@ -54,19 +54,20 @@ impl AdapterInfo {
     }
 }
 
-/// All devices of this machine; none where there is no driver or no loader for it.
+/// Returns all devices of this machine. Empty if there is no driver or no Vulkan loader.
 pub fn adapters() -> Vec<AdapterInfo> {
     enumerate().iter().map(AdapterInfo::of).collect()
 }
 
-/// The device whose name contains `wanted` (in upper or lower case), or else the most wanted kind that is no software.
+/// Chooses the device whose name contains `wanted`, ignoring case. `None`: the most preferred kind that is not a software
+/// adapter.
 pub(crate) fn choose(wanted: Option<&str>) -> Result<(Adapter, AdapterInfo), GpuError> {
     let mut found: Vec<_> = enumerate().into_iter().map(|adapter| (AdapterInfo::of(&adapter), adapter)).collect();
     if found.is_empty() {
         return Err(GpuError::NoAdapter);
     }
     let names = |found: &[(AdapterInfo, Adapter)]| found.iter().map(|(info, _)| info.name.clone()).collect();
-    found.sort_by_key(|(info, _)| info.kind); // Stable: the driver's order among equals.
+    found.sort_by_key(|(info, _)| info.kind); // A stable sort keeps the driver's order among equals.
     let meant = |info: &AdapterInfo| match wanted {
         Some(wanted) => info.name.to_lowercase().contains(&wanted.to_lowercase()),
         None => info.kind != AdapterKind::Software,
@@ -81,11 +82,11 @@ pub(crate) fn choose(wanted: Option<&str>) -> Result<(Adapter, AdapterInfo), Gpu
     }
 }
 
-/// Those that are compiled in: Vulkan, on macOS Metal, on Windows Direct3D 12, too.
+/// The compiled-in backends: Vulkan, also Metal on macOS and Direct3D 12 on Windows.
 const BACKENDS: Backends = Backends::VULKAN.union(Backends::METAL).union(Backends::DX12);
 
-/// One for the whole program, which is never given up: a driver that is unloaded may leave behind threads that end in its code, and
-/// need not come back when it is loaded again (both seen with NVIDIA's).
+/// One instance for the whole program, never dropped. A driver that is unloaded may leave threads behind that end in its code,
+/// and may fail to load a second time (both seen with NVIDIA's).
 static INSTANCE: LazyLock<Instance> = LazyLock::new(|| {
     Instance::new(InstanceDescriptor {
         backends: BACKENDS,
@@ -95,8 +96,8 @@ static INSTANCE: LazyLock<Instance> = LazyLock::new(|| {
     })
 });
 
-/// All devices. Where several interfaces lead to one, by Vulkan: it is the one that is tested. What drivers print while they are
-/// asked, such as Mesa where there is no display, goes to the log.
+/// Lists all devices. A device that several backends offer is listed once, by Vulkan, the tested one. Output of drivers during
+/// the listing, such as Mesa's where there is no display, goes to the log.
 fn enumerate() -> Vec<Adapter> {
     let (found, said) = capture(|| pollster::block_on(INSTANCE.enumerate_adapters(BACKENDS)));
     said.lines().for_each(|line| tracing::debug!("a driver says: {line}"));

@@ -1,8 +1,8 @@
-//! An eight-child tree with quantized boxes: less to read for a ray, and fewer steps that wait for each other.
+//! An eight-wide BVH with quantized boxes: fewer bytes per ray and fewer dependent steps than a binary tree.
 //!
-//! Ylitie, Karras and Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, 2017. Nodes of 80
-//! bytes; a child's box is six bytes, counted in powers of two from the node's corner. Made from a binary tree by opening what is
-//! largest.
+//! Ylitie, Karras and Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, 2017. A node has 80
+//! bytes; a child's box has six, counted in powers of two from the node's corner. Built from a binary tree by opening the largest
+//! children first.
 
 use bottega_kernels::{Aabb, Binary, BinaryTree};
 use bytemuck::Zeroable as _;
@@ -10,30 +10,32 @@ use glam::Vec3;
 
 use crate::shared::geometry::{NODE_INNER, NODE_PLACE_WIDTH, Node, WIDTH};
 
-/// Most shapes that a tree can name.
+/// The maximum number of shapes in a tree.
 pub(crate) const SHAPES_MAX: u64 = 1 << 28;
-/// Steps that a box can be away from its node's corner.
+/// The largest quantized coordinate of a child's box, in steps from the node's corner.
 const STEPS: f32 = 255.0;
-/// By what boxes are larger than what is in them, as a share of the node: far above the rounding of a slab test, far below a step.
+/// The margin by which boxes are enlarged, relative to the size of the node: far above the rounding of a slab test, far below a
+/// step.
 const MARGIN: f32 = 1.0 / 1_048_576.0;
-/// See [`NODE_INNER`].
+/// [`NODE_INNER`] as a byte.
 const INNER: u8 = NODE_INNER as u8;
 
-/// A tree as it is uploaded.
+/// A tree in the layout of the shader.
 #[derive(Debug)]
 pub(crate) struct DeviceTree {
-    /// The root first; there is always one.
+    /// All nodes, the root first; never empty.
     pub(crate) nodes: Vec<Node>,
-    /// The order in which leaves name the shapes.
+    /// Indices of the shapes in the order of the leaves.
     pub(crate) order: Vec<u32>,
-    /// Nodes on the longest way down: no more wait on the shader's stack.
+    /// The number of nodes on the longest path from the root: the bound of the shader's stack.
     pub(crate) depth: u32,
 }
 
 /// Widens a binary tree whose leaves have at most [`LEAF_MAX`](crate::shared::geometry::LEAF_MAX) shapes.
 pub(crate) fn widen(binary: &BinaryTree) -> DeviceTree {
     let mut tree = DeviceTree { nodes: vec![Node::zeroed()], order: Vec::with_capacity(binary.items.len()), depth: 1 };
-    // The binary node of each node, and its depth. Children come after all that was there before, so a queue keeps them together.
+    // The binary node of each wide node, and its depth. Children are appended in order, so the children of a node are
+    // consecutive.
     let mut sources = vec![(0, 1)];
     let mut next = 0;
     while let Some(&(source, depth)) = sources.get(next) {
@@ -50,7 +52,7 @@ pub(crate) fn widen(binary: &BinaryTree) -> DeviceTree {
     tree
 }
 
-/// The binary nodes below one that become children: the largest are opened as long as there is room.
+/// Returns the binary nodes below `source` that become children, by opening the largest while there is room.
 fn open(nodes: &[Binary], source: usize) -> Vec<usize> {
     if nodes[source].second == 0 {
         return vec![source];
@@ -60,6 +62,7 @@ fn open(nodes: &[Binary], source: usize) -> Vec<usize> {
         let d = nodes[index].bounds.max - nodes[index].bounds.min;
         d.x * d.y + d.y * d.z + d.z * d.x
     };
+    // Open the inner node with the largest area.
     let mut open = children(source).to_vec();
     while open.len() < WIDTH {
         let inner = open.iter().enumerate().filter(|(_, index)| nodes[**index].second != 0);
@@ -70,12 +73,13 @@ fn open(nodes: &[Binary], source: usize) -> Vec<usize> {
     open
 }
 
-/// Writes a node. `add` makes a place for each child that is one.
+/// Writes a node. Calls `add` to append each child that is an inner node.
 fn place(binary: &BinaryTree, open: &[usize], children: u32, order: &mut Vec<u32>, mut add: impl FnMut(usize)) -> Node {
     let mut node = Node { children, shapes: order.len() as u32, ..Node::zeroed() };
     if open.is_empty() {
         return node;
     }
+    // Compute the node's box and the step size of its grid.
     let boxes: Vec<_> = open.iter().map(|&index| binary.nodes[index].bounds).collect();
     let Aabb { min, max } = boxes.iter().fold(Aabb::EMPTY, |all, it| all.union(it));
     let margin = ((max - min).max_element() * MARGIN).max(min.abs().max(max.abs()).max_element() * f32::EPSILON);
@@ -84,6 +88,7 @@ fn place(binary: &BinaryTree, open: &[usize], children: u32, order: &mut Vec<u32
     node.corner = corner.to_array();
     node.exponents = steps;
     let slots = slots(&boxes, (min + max) * 0.5);
+    // Write the children: leaves with their shapes, inner nodes by reference.
     for (slot, child) in slots.into_iter().enumerate().filter_map(|(slot, child)| Some((slot, child?))) {
         let Binary { first, count, second, .. } = binary.nodes[open[child]];
         if second == 0 {
@@ -95,6 +100,7 @@ fn place(binary: &BinaryTree, open: &[usize], children: u32, order: &mut Vec<u32
             node.kinds[slot] = 1 << NODE_PLACE_WIDTH | (INNER + slot as u8);
             add(open[child]);
         }
+        // Quantize the child's box outwards.
         for axis in 0..3 {
             let size = f32::from_bits(u32::from(steps[axis]) << 23);
             let low = boxes[child].min[axis] - margin - corner[axis];
@@ -106,19 +112,20 @@ fn place(binary: &BinaryTree, open: &[usize], children: u32, order: &mut Vec<u32
     node
 }
 
-/// The biased exponent of the least power of two that is no smaller.
+/// Returns the biased exponent of the smallest power of two that is not below `size`.
 fn step(size: f32) -> u8 {
     let bits = size.max(f32::MIN_POSITIVE).to_bits();
     let exponent = bits >> 23;
     (exponent + u32::from(bits & 0x007f_ffff != 0)).min(254) as u8
 }
 
-/// Which child is where: one that lies towards a corner of the node has the place whose number names that corner, so that
-/// their numbers, by a ray's direction, tell which comes first (section 3.2 of the paper; greedily).
+/// Assigns children to slots. A child towards a corner of the node gets the slot whose number names that corner, so that a ray's
+/// direction gives the order of the children (section 3.2 of the paper; greedy).
 fn slots(boxes: &[Aabb], center: Vec3) -> [Option<usize>; WIDTH] {
     let mut slots = [None; WIDTH];
     let mut left: Vec<usize> = (0..boxes.len()).collect();
     while !left.is_empty() {
+        // Assign the cheapest pair of child and free slot.
         let mut best = (f32::INFINITY, 0, 0);
         for (at, &child) in left.iter().enumerate() {
             let from = (boxes[child].min + boxes[child].max) * 0.5 - center;
@@ -131,7 +138,7 @@ fn slots(boxes: &[Aabb], center: Vec3) -> [Option<usize>; WIDTH] {
             }
         }
         let (_, at, slot) = best;
-        // All costs could be equal to infinity only where boxes are not finite, which no shape has.
+        // All costs are infinite only if boxes are not finite, which no shape has.
         slots[slot].get_or_insert(left.swap_remove(at));
     }
     slots
@@ -144,7 +151,7 @@ mod tests {
     use bottega_kernels::Shape;
     use proptest::prelude::*;
 
-    /// Walks the tree; checks that boxes enclose what is below, and returns all shapes that leaves name.
+    /// Walks the tree, checks that each box encloses its children, and returns all shapes of the leaves.
     fn walk(tree: &DeviceTree, bounds: &[Aabb]) -> Vec<u32> {
         let everywhere = Aabb { min: Vec3::splat(-3e38), max: Vec3::splat(3e38) };
         let (mut seen, mut todo) = (Vec::new(), vec![(0, 1, everywhere)]);

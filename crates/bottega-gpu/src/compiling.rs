@@ -1,11 +1,11 @@
-//! The devices of this process that compile kernels: it takes a driver seconds, one that pretends to be a GPU a minute and more.
+//! A list of the devices of this process that are compiling kernels. A driver takes seconds, a software adapter a minute or more.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 static DEVICES: Mutex<Vec<(u64, String, Instant)>> = Mutex::new(Vec::new());
 
-/// A device that compiles, until this is dropped.
+/// A guard that lists a device as compiling until it is dropped.
 pub(crate) struct Compiling(u64);
 
 impl Compiling {
@@ -27,7 +27,7 @@ fn devices() -> MutexGuard<'static, Vec<(u64, String, Instant)>> {
     DEVICES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The devices that compile kernels just now, and for how long they have.
+/// Returns the names of the devices that are compiling kernels, and how long each has been compiling.
 pub fn compiling() -> Vec<(String, Duration)> {
     devices().iter().map(|(_, name, since)| (name.clone(), since.elapsed())).collect()
 }

@@ -1,4 +1,4 @@
-//! A device that is open: what all that runs on it shares.
+//! An open device with its queue, and the helpers that all its users share.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,12 +9,12 @@ use wgpu::{Adapter, BindGroupLayout, Buffer, BufferDescriptor, BufferUsages, Pol
 use crate::adapter::AdapterInfo;
 use crate::error::GpuError;
 
-/// Groups in a dispatch that every device takes.
+/// The maximum number of workgroups per dispatch that every device supports.
 pub(crate) const GROUPS_MAX: u32 = 65_535;
-/// Bytes that are handed over at once, so that staging takes little more.
+/// Bytes uploaded per submission; this bounds the staging memory.
 const UPLOAD_BYTES: usize = 64 << 20;
 
-/// What the driver said out of turn.
+/// Errors that the driver reported asynchronously; only the first of each kind is kept.
 #[derive(Debug, Default)]
 struct DriverMessages {
     refused: Mutex<Option<String>>,
@@ -29,27 +29,27 @@ fn noted(slot: &Mutex<Option<String>>) -> Option<String> {
     slot.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
-/// A device, its queue, and what went wrong on it.
+/// An open device, its queue, and the errors it reported.
 #[derive(Debug)]
 pub(crate) struct Context {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     faults: Arc<DriverMessages>,
     timeout: Duration,
-    /// Whether the device may take as long as it likes.
+    /// `true`: waiting for the device does not time out.
     is_patient: AtomicBool,
 }
 
-/// Most bytes that the adapter lets a shader see in one array.
+/// Returns the maximum size of an array that a shader can bind on this adapter, in bytes.
 pub(crate) fn binding_limit(adapter: &Adapter) -> u64 {
     let limits = adapter.limits();
     limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
 }
 
 impl Context {
-    /// Opens a device with arrays as large as the adapter has them.
+    /// Opens a device with the adapter's own limits for buffer sizes.
     ///
-    /// - `storage_buffers`: arrays that a shader sees at once.
+    /// - `storage_buffers`: the number of arrays that a shader binds at once.
     pub(crate) fn open(
         adapter: &Adapter,
         info: &AdapterInfo,
@@ -78,7 +78,7 @@ impl Context {
         Ok(Self { device, queue, faults, timeout, is_patient: AtomicBool::new(false) })
     }
 
-    /// The first thing that went wrong so far.
+    /// Returns the first error that the device reported so far.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
         if let Some(message) = noted(&self.faults.lost) {
             return Err(GpuError::Lost(message));
@@ -90,29 +90,29 @@ impl Context {
         self.device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
     }
 
-    /// A buffer with `bytes` in it; never empty, which a binding may not be.
+    /// Creates a buffer that holds `bytes`; at least 64 bytes long, because a binding may not be empty.
     pub(crate) fn upload(&self, label: &str, bytes: &[u8]) -> Buffer {
-        // An array of one element at least, of the largest element that there is.
+        // One element of the largest element type must fit.
         let size = (bytes.len() as u64).max(64);
         let made = self.buffer(label, size, BufferUsages::STORAGE | BufferUsages::COPY_DST);
         for (part, index) in bytes.chunks(UPLOAD_BYTES).zip(0..) {
             self.queue.write_buffer(&made, index * UPLOAD_BYTES as u64, part);
-            self.queue.submit([]); // Lets the staging memory go before the next part.
+            self.queue.submit([]); // Releases the staging memory before the next part.
         }
         made
     }
 
-    /// From now on notes when memory runs out, until [`MemoryScope::end`].
+    /// Begins a scope that catches out-of-memory errors until [`MemoryScope::end`].
     pub(crate) fn memory_scope(&self) -> MemoryScope {
         MemoryScope(self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory))
     }
 
-    /// From now on the device may take as long as it likes, or not any more.
+    /// Turns timeouts of [`Context::wait`] off (`true`) or on (`false`).
     pub(crate) fn set_patient(&self, is_patient: bool) {
         self.is_patient.store(is_patient, Ordering::SeqCst);
     }
 
-    /// Waits for a submission.
+    /// Waits until a submission has finished.
     pub(crate) fn wait(&self, submission: &SubmissionIndex) -> Result<(), GpuError> {
         loop {
             let wait = PollType::Wait { submission_index: Some(submission.clone()), timeout: Some(self.timeout) };
@@ -127,7 +127,7 @@ impl Context {
         }
     }
 
-    /// Waits for a submission that copied to `readback`, and shows the first `bytes` of it to `read`.
+    /// Waits for a submission that copied to `readback`, then passes the first `bytes` bytes to `read`.
     pub(crate) fn read(
         &self,
         submission: &SubmissionIndex,
@@ -153,7 +153,7 @@ impl Context {
         self.check()
     }
 
-    /// A layout of arrays and, where there is any, a block of uniform numbers.
+    /// Creates a bind group layout of buffers for compute shaders.
     pub(crate) fn layout(&self, label: &str, entries: &[(u32, wgpu::BufferBindingType)]) -> BindGroupLayout {
         let entries: Vec<_> = entries
             .iter()
@@ -168,7 +168,7 @@ impl Context {
         self.device.create_bind_group_layout(&descriptor)
     }
 
-    /// Whole buffers for a layout.
+    /// Creates a bind group of whole buffers.
     pub(crate) fn bind(&self, label: &str, layout: &BindGroupLayout, buffers: &[(u32, &Buffer)]) -> wgpu::BindGroup {
         let entries: Vec<_> = buffers
             .iter()
@@ -179,12 +179,12 @@ impl Context {
     }
 }
 
-/// See [`Context::memory_scope`].
+/// A scope of [`Context::memory_scope`].
 pub(crate) struct MemoryScope(wgpu::ErrorScopeGuard);
 
 impl MemoryScope {
     /// # Errors
-    /// Memory ran out since the scope began.
+    /// The device ran out of memory since the scope began.
     pub(crate) fn end(self) -> Result<(), GpuError> {
         match pollster::block_on(self.0.pop()) {
             None => Ok(()),
@@ -193,7 +193,7 @@ impl MemoryScope {
     }
 }
 
-/// An array that shaders read, or read and write.
+/// The binding type of a storage array.
 pub(crate) fn storage(read_only: bool) -> wgpu::BufferBindingType {
     wgpu::BufferBindingType::Storage { read_only }
 }

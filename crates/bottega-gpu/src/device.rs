@@ -1,4 +1,4 @@
-//! One device with a scene on it: pipelines, buffers, and the way of a batch there and back.
+//! One device with the scene's geometry on it: pipelines, buffers, and the round trip of a batch of rays.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -15,14 +15,14 @@ use crate::geometry::Geometry;
 use crate::shared::geometry::{AnswerRecord, FAR, GROUP_SIZE, HIT_NOTHING, Ray as DeviceRay, RayParams};
 use crate::{shared, traversal};
 
-/// Most rays that one dispatch can take.
+/// The maximum number of rays per dispatch.
 pub(crate) const TILE_MAX: usize = (GROUP_SIZE * GROUPS_MAX) as usize;
-/// Buffers for fewer rays than this are not worth growing later.
+/// The minimum capacity of the ray buffers, in rays.
 const BATCH_MIN: usize = 4_096;
-/// Arrays that the shader sees.
+/// The number of storage arrays that the shader binds.
 const STORAGE_BUFFERS: u32 = 4;
 
-/// What is asked of a batch.
+/// The question that a batch asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Query {
     Intersect,
@@ -30,7 +30,7 @@ enum Query {
 }
 
 impl Query {
-    /// Words of 32 bits that answer one ray.
+    /// Returns the number of 32-bit words of an answer to one ray.
     const fn words(self) -> usize {
         match self {
             Self::Intersect => AnswerRecord::WORDS as usize,
@@ -46,20 +46,21 @@ impl DeviceRay {
         let (o, scale) = (ray.origin, direction_scale(ray));
         let d = ray.direction / scale;
         let (t_min, t_max) = ((ray.t_min * scale).max(0.0), (ray.t_max * scale).min(FAR));
-        // Beyond 10¹² the shader's products would overflow; nothing that it holds is as far out.
+        // Beyond 10¹² the shader's products overflow; no shape on the device is that far out.
         let bounded = o.is_finite() && o.abs().max_element() < 1e12 && !ray.t_min.is_nan() && !ray.t_max.is_nan();
         let usable = bounded && d.is_finite() && d.length_squared() > 0.0 && t_min < t_max;
         if usable { Self { origin: o, t_min, direction: d, t_max } } else { Self::NEVER }
     }
 }
 
-/// The size that is taken out of a direction whose length is far from 1; then `t` on the device is `t · scale`.
+/// Returns the factor by which the direction is divided before upload if its length is far from 1; `t` on the device is then `t ·
+/// scale`.
 fn direction_scale(ray: &Ray) -> f32 {
     let size = ray.direction.abs().max_element();
     if (1e-3..=1e3).contains(&size) || size == 0.0 || !size.is_finite() { 1.0 } else { size }
 }
 
-/// Buffers of a batch, as large as the largest so far.
+/// Buffers of a batch, sized for the largest batch so far.
 #[derive(Debug)]
 struct RayBuffers {
     capacity: usize,
@@ -97,7 +98,7 @@ impl Device {
         Ok(made)
     }
 
-    /// Over the shapes that are on a device already, with a tree of this depth.
+    /// Creates a tracer over shapes that are already on the device, with a tree of this depth.
     pub(crate) fn on(context: Arc<Context>, nodes: Buffer, shapes: Buffer, depth: u32) -> Self {
         let uniform = wgpu::BufferBindingType::Uniform;
         let entries = [(0, storage(true)), (1, storage(true)), (2, storage(true)), (3, storage(false)), (4, uniform)];
@@ -108,7 +109,7 @@ impl Device {
         Self { context, layout, intersect, occluded, nodes, shapes, params, batch: None, staging: Vec::new() }
     }
 
-    /// The closest hit of each ray, at most [`TILE_MAX`] and `tile` of them at a time.
+    /// Returns the closest hit of each ray. Traces `tile` rays at a time, at most [`TILE_MAX`].
     pub(crate) fn intersect(&mut self, rays: &[Ray], tile: usize) -> Result<Vec<Hit>, GpuError> {
         let mut hits = Vec::with_capacity(rays.len());
         for tile in rays.chunks(tile) {
@@ -120,7 +121,7 @@ impl Device {
         Ok(hits)
     }
 
-    /// Whether each ray hits anything, as many at a time.
+    /// Returns `true` for each ray that hits anything. Traces `tile` rays at a time, at most [`TILE_MAX`].
     pub(crate) fn occluded(&mut self, rays: &[Ray], tile: usize) -> Result<Vec<bool>, GpuError> {
         let mut occluded = Vec::with_capacity(rays.len());
         for tile in rays.chunks(tile) {
@@ -129,7 +130,7 @@ impl Device {
         Ok(occluded)
     }
 
-    /// Answers up to [`TILE_MAX`] rays; `read` gets [`Query::words`] words for each.
+    /// Traces up to [`TILE_MAX`] rays; `read` gets [`Query::words`] words per ray.
     fn run(&mut self, query: Query, rays: &[Ray], read: impl FnOnce(&[u32])) -> Result<(), GpuError> {
         assert!(rays.len() <= TILE_MAX, "batches are cut into tiles before they come here");
         if rays.is_empty() {
@@ -165,7 +166,7 @@ impl Device {
         pass.dispatch_workgroups((rays as u32).div_ceil(GROUP_SIZE), 1, 1);
     }
 
-    /// How long a pass over rays that are there takes by itself: what so many more of them take than one.
+    /// Measures one pass over rays that are on the device: the time of `passes` more passes, divided by their number.
     pub(crate) fn time(&mut self, rays: &[Ray], any: bool, passes: u32) -> Result<Duration, GpuError> {
         let query = if any { Query::Occluded } else { Query::Intersect };
         self.run(query, rays, |_| {})?;
@@ -185,12 +186,12 @@ impl Device {
         Ok(submit(passes + 1)?.saturating_sub(once) / passes.max(1))
     }
 
-    /// Makes room for a batch.
+    /// Grows the buffers to hold this many rays.
     fn grow(&mut self, rays: usize) {
         if self.batch.as_ref().is_some_and(|batch| batch.capacity >= rays) {
             return;
         }
-        self.batch = None; // The old one goes first, where memory is short.
+        self.batch = None; // Free the old buffers first, in case memory is short.
         let capacity = rays.max(BATCH_MIN).next_power_of_two().min(TILE_MAX);
         let answer_bytes = (capacity * Query::Intersect.words() * size_of::<u32>()) as u64;
         let make = |label, bytes, usage| self.context.buffer(label, bytes, usage);
@@ -203,20 +204,20 @@ impl Device {
         self.batch = Some(RayBuffers { capacity, rays, answers, readback, bindings });
     }
 
-    /// Takes the device away, as a driver does that resets it.
+    /// Destroys the device, like a driver that resets it.
     #[cfg(test)]
     pub(crate) fn lose(&self) {
         self.context.device.destroy();
     }
 
-    /// Asks for something that is not allowed, as a bug of ours would.
+    /// Sends an invalid command, to test how errors are reported.
     #[cfg(test)]
     pub(crate) fn misuse(&self) {
         self.context.buffer("misuse", 16, BufferUsages::MAP_READ | BufferUsages::STORAGE);
     }
 }
 
-/// A hit as the processor tells it.
+/// Converts an answer of the shader to a hit of the CPU kernels.
 fn hit(ray: &Ray, answer: AnswerRecord) -> Hit {
     let AnswerRecord { t, u, v, instance, primitive } = answer;
     if instance == HIT_NOTHING {

@@ -1,61 +1,61 @@
-//! The errors of devices.
+//! Errors of the GPU backend.
 
-/// Why a GPU cannot be had, or did not do its work.
+/// An error that opens or uses a GPU.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
     /// There is no Vulkan loader, no driver, or no device.
     #[error("no GPU found: there is no Vulkan driver, or no device that it drives")]
     NoAdapter,
-    /// Only adapters that compute on the processor; they must be asked for by name.
+    /// Only software adapters were found; those must be selected by name.
     #[error("no GPU found, only software adapters, which are used when asked for by name: {}", .0.join(", "))]
     SoftwareOnly(Vec<String>),
     /// No adapter has the name.
     #[error("no adapter is named `{wanted}`; there are: {}", .found.join(", "))]
     UnknownAdapter {
-        /// What was asked for.
+        /// The name that was requested.
         wanted: String,
-        /// What there is.
+        /// The names of the adapters found.
         found: Vec<String>,
     },
-    /// The adapter gave no device, for instance because its limits are too small.
+    /// The driver refused to open a device, for instance because its limits are too small.
     #[error("`{adapter}` gives no device")]
     Device {
-        /// The adapter.
+        /// The adapter's name.
         adapter: String,
-        /// What the driver said.
+        /// The driver's error.
         source: wgpu::RequestDeviceError,
     },
-    /// The scene does not fit.
+    /// An array of the scene is larger than the device can bind.
     #[error("{what} take {bytes} bytes, more than the {limit} that `{adapter}` can bind")]
     TooLarge {
-        /// Which buffer.
+        /// The name of the buffer.
         what: &'static str,
-        /// What it would take.
+        /// The size required, in bytes.
         bytes: u64,
-        /// What there may be.
+        /// The largest size allowed, in bytes.
         limit: u64,
-        /// The adapter.
+        /// The adapter's name.
         adapter: String,
     },
-    /// The scene has what paths on the GPU have not.
+    /// The scene uses features that the GPU does not support.
     #[error("not for a GPU: {}", .0.join("; "))]
     Unsupported(Vec<String>),
-    /// Coverage by a texture cannot be seen here, so hits would be wrong.
+    /// A material is cut out by its alpha texture, which rays on the GPU do not evaluate, so hits may be wrong.
     #[error("material `{0}` is cut out by its alpha, which rays on the GPU do not see")]
     AlphaTested(String),
-    /// An index of the scene points nowhere.
+    /// An index of the scene is out of range.
     #[error("{0}")]
     Invalid(String),
-    /// The device has not the memory for an array of a scene.
+    /// The device has no memory left for an array of a scene.
     #[error("the device has no memory for {wanted} bytes more")]
     OutOfMemory {
-        /// Bytes of the array.
+        /// The size of the array, in bytes.
         wanted: u64,
     },
-    /// wgpu refused a command: a bug of ours, or the device's memory is full.
+    /// wgpu refused a command: because of a bug in this crate, or because the device's memory is full.
     #[error("the device refused a command: {0}")]
     Refused(String),
-    /// The device is gone, or was taken away.
+    /// The device was lost or removed.
     #[error("the device was lost: {0}")]
     Lost(String),
     /// The device did not answer in time.

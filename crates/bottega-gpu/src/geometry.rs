@@ -1,4 +1,4 @@
-//! A scene as the shader reads it: every shape in world space, in one array, under one tree.
+//! The geometry of a scene in the layout of the shader: every shape in world space, in one array, under one tree.
 
 use bottega_kernels::{Aabb, BinaryTree, Hit, InstanceGeometry, MeshGeometry, Shape as Outline, SphereGeometry};
 use glam::Vec3;
@@ -17,7 +17,7 @@ impl Shape {
         }
     }
 
-    /// Whether the shader may see it: it must compute no infinity and no NaN. What is not so is never hit.
+    /// True if the shader can intersect the shape without computing infinities or NaN. Other shapes are never hit.
     fn is_bounded(&self) -> bool {
         let (min, max) = match self.outline() {
             Outline::Within(Aabb { min, max }) => (min, max),
@@ -28,17 +28,17 @@ impl Shape {
     }
 }
 
-/// What is uploaded. Kept, to be uploaded again after the device was lost.
+/// The arrays that are uploaded. Kept to upload them again after the device was lost.
 #[derive(Debug)]
 pub(crate) struct Geometry {
     pub(crate) nodes: Vec<Node>,
-    /// Nodes on the longest way down.
+    /// The number of nodes on the longest path from the root.
     pub(crate) depth: u32,
     pub(crate) shapes: Vec<Shape>,
 }
 
 impl Geometry {
-    /// Places all instances and builds the tree. `limit` is the most bytes that one array may take.
+    /// Places all instances in world space and builds the tree. `limit` is the maximum size of one array, in bytes.
     pub(crate) fn build(
         meshes: &[MeshGeometry<'_>],
         instances: &[InstanceGeometry],
@@ -81,7 +81,7 @@ fn place(mesh: &MeshGeometry<'_>, instance: &InstanceGeometry, index: u32, shape
     }
 }
 
-/// Whether every index points somewhere.
+/// Checks that every index is in range.
 fn check(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometry]) -> Result<(), GpuError> {
     for (mesh, index) in meshes.iter().zip(0_usize..) {
         let count = mesh.positions.len();

@@ -1,25 +1,25 @@
-//! The memory of an adapter, all of it and what is free: Vulkan knows, and wgpu does not pass it on.
+//! The total and the free memory of an adapter, from Vulkan, because wgpu does not report them.
 //!
-//! Unsafe: Vulkan's functions are called past wgpu. Only questions are asked, of a handle that wgpu holds meanwhile.
+//! Unsafe: this calls Vulkan's functions past wgpu. It only queries properties, of a handle that wgpu holds meanwhile.
 #![allow(unsafe_code)]
 
 #[cfg(not(target_vendor = "apple"))]
 use ash::{ext::memory_budget, vk};
 use wgpu::Adapter;
 
-/// Memory of an adapter, in bytes: the largest of its heaps that are its own.
+/// The memory of an adapter, in bytes: the largest of its device-local heaps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AdapterMemory {
-    /// All of it.
+    /// The size of the heap.
     pub total: u64,
-    /// What this process may still take of it without pushing others out; `None`: the driver does not tell.
+    /// The part that this process can still use without evicting others; `None`: the driver does not report it.
     pub free: Option<u64>,
 }
 
-/// Asks the driver. `None`: it is not Vulkan's.
+/// Queries the driver. `None`: the adapter is not a Vulkan adapter.
 #[cfg(not(target_vendor = "apple"))]
 pub(crate) fn memory_of(adapter: &Adapter) -> Option<AdapterMemory> {
-    // SAFETY: the adapter's handle is asked for properties alone, while wgpu holds it, and nothing is made or destroyed.
+    // SAFETY: the handle is only queried for properties while wgpu holds it; nothing is created or destroyed.
     let hal = unsafe { adapter.as_hal::<wgpu::hal::api::Vulkan>() }?;
     let instance = hal.shared_instance();
     if instance.instance_api_version() < vk::API_VERSION_1_1 {
@@ -31,8 +31,8 @@ pub(crate) fn memory_of(adapter: &Adapter) -> Option<AdapterMemory> {
     if has_budget {
         properties = properties.push_next(&mut budget);
     }
-    // SAFETY: the instance is of version 1.1, which has the function; both structures are whole, and the second is only in
-    // the chain where the device knows it.
+    // SAFETY: the instance is of version 1.1, which has the function; both structures are complete, and the second is in the
+    // chain only if the device supports it.
     unsafe {
         instance.raw_instance().get_physical_device_memory_properties2(hal.raw_physical_device(), &mut properties);
     }
@@ -45,7 +45,7 @@ pub(crate) fn memory_of(adapter: &Adapter) -> Option<AdapterMemory> {
     Some(AdapterMemory { total, free: has_budget.then_some(free) })
 }
 
-/// Asks the driver. `None`: Metal is not asked.
+/// Returns `None`: Metal is not queried.
 #[cfg(target_vendor = "apple")]
 pub(crate) fn memory_of(_adapter: &Adapter) -> Option<AdapterMemory> {
     None

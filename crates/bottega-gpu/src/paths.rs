@@ -1,4 +1,4 @@
-//! The resource: blocks of pixels of scenes, painted by a GPU.
+//! The resource that renders blocks of pixels of scenes on a GPU.
 
 mod batch;
 mod kernels;
@@ -34,7 +34,7 @@ use shelf::SceneShelf;
 use tracer::Tracer;
 use worker::{Message, PathWorker};
 
-/// An adapter that may be opened, and what it says of itself.
+/// An adapter that can be opened, and its description.
 #[derive(Clone, Debug)]
 pub struct GpuAdapter {
     adapter: Adapter,
@@ -42,42 +42,41 @@ pub struct GpuAdapter {
 }
 
 impl GpuAdapter {
-    /// The adapter whose name contains `wanted`; `None`: the best GPU, never a software adapter.
+    /// Chooses the adapter whose name contains `wanted`. `None`: the best GPU, never a software adapter.
     ///
     /// # Errors
-    /// There is none such.
+    /// There is no such adapter.
     pub fn choose(wanted: Option<&str>) -> Result<Self, GpuError> {
         let (adapter, info) = choose(wanted)?;
         Ok(Self { adapter, info })
     }
 
-    /// What it is.
+    /// Returns the adapter's description.
     pub fn info(&self) -> &AdapterInfo {
         &self.info
     }
 
-    /// How much memory it has, and has free just now; `None`: the driver does not tell.
+    /// Returns the adapter's total and free memory; `None`: the driver does not report it.
     pub fn memory(&self) -> Option<AdapterMemory> {
         memory_of(&self.adapter)
     }
 
-    /// Puts a scene down as the device is to be sent it.
+    /// Converts a scene to the layout of the device.
     ///
     /// # Errors
-    /// The scene is none for it: [`GpuError::Unsupported`] names what it has not.
+    /// The device does not support the scene: [`GpuError::Unsupported`] names the missing features.
     pub fn encode(&self, scene: &Arc<PreparedScene>) -> Result<EncodedScene, GpuError> {
         let flat = PathScene::new(scene, binding_limit(&self.adapter), &self.info.name)?;
         Ok(EncodedScene { flat: Arc::new(flat), scene: Arc::clone(scene) })
     }
 }
 
-/// Paths of scenes on a GPU; rays alone as well, where somebody asks for these.
+/// Path tracing of scenes on a GPU.
 ///
-/// What it paints is the processor's picture but for rounding: the same samples of the same pixels take the same numbers, so
-/// most paths are the same to some 10⁻⁵, and where one takes another way (a ray that grazes an edge) the means are the same.
-/// Paths are not guided. A scene is sent with the first work on it, or with the pixel that its kernels are tried on, and stays until the
-/// allocator throws it out. Dropped, it waits for what is under way, unless that is compiling; what is queued behind that and was given
-/// up is not begun.
+/// The image equals the CPU's except for rounding: the same samples of the same pixels use the same random numbers, so most paths
+/// agree to about 10⁻⁵; where a path diverges (a ray that grazes an edge) the means are equal. Paths are not guided. A scene is
+/// uploaded with the first work on it, or with the test pixel of its kernels, and stays until the allocator evicts it. Dropping
+/// this waits for the batch under way, unless the device is compiling; canceled work in the queue is not started.
 pub struct GpuPaths {
     adapter: GpuAdapter,
     memory_bytes: Option<u64>,
@@ -85,7 +84,7 @@ pub struct GpuPaths {
     worker: Option<JoinHandle<()>>,
 }
 
-/// Tells a device of the scenes that it may be asked to paint; may outlive it.
+/// A handle that adds scenes to a device; may outlive the device.
 #[derive(Clone)]
 pub struct GpuScenes {
     shelf: Arc<SceneShelf>,
@@ -93,8 +92,8 @@ pub struct GpuScenes {
 }
 
 impl GpuScenes {
-    /// From now on the device paints this scene, too. Its kernels are compiled now, and have painted a pixel when this returns, so that
-    /// no work waits for that.
+    /// Adds a scene to those that the device can render. Compiles its kernels and renders one test pixel before it returns, so
+    /// that no work waits for the compiler.
     ///
     /// # Errors
     /// The kernels cannot be compiled, or the device is gone.
@@ -105,11 +104,11 @@ impl GpuScenes {
         answer.recv().map_err(|_| gone())?
     }
 
-    /// The same without waiting: until the kernels are compiled the device gives all work back, as one that is
+    /// Adds a scene as [`GpuScenes::admit`] does, without waiting. Until the kernels are compiled the device returns all work as
     /// [not ready](bottega_hra::Reply::not_ready).
     ///
     /// # Errors
-    /// The device is gone.
+    /// The device was lost.
     pub fn admit_later(&self, encoded: &EncodedScene) -> Result<(), GpuError> {
         self.compile(encoded, None)
     }
@@ -121,22 +120,22 @@ impl GpuScenes {
         self.messages.send(message).map_err(|_| GpuError::Lost("its thread ended".to_owned()))
     }
 
-    /// Bytes of scenes that were sent to the device so far.
+    /// Returns the bytes of scenes uploaded to the device so far.
     pub fn sent_bytes(&self) -> u64 {
         self.shelf.sent_bytes()
     }
 
-    /// Bytes of scenes that are on the device; what two of them share counts once.
+    /// Returns the bytes of scenes on the device; data that two scenes share counts once.
     pub fn resident_bytes(&self) -> u64 {
         self.shelf.resident_bytes()
     }
 }
 
 impl GpuPaths {
-    /// Opens a GPU and tells it of a scene.
+    /// Opens a GPU and adds a scene to it.
     ///
     /// # Errors
-    /// There is no such adapter, or the scene is none for it: [`GpuError::Unsupported`] names what it has not.
+    /// There is no such adapter, or it does not support the scene: [`GpuError::Unsupported`] names the missing features.
     pub fn new(scene: &Arc<PreparedScene>, options: &PathOptions) -> Result<Self, GpuError> {
         let adapter = GpuAdapter::choose(options.adapter.as_deref())?;
         let encoded = adapter.encode(scene)?;
@@ -145,10 +144,10 @@ impl GpuPaths {
         Ok(paths)
     }
 
-    /// Opens a GPU that knows of no scene yet.
+    /// Opens a GPU without a scene.
     ///
     /// # Errors
-    /// It cannot be had.
+    /// The device cannot be opened.
     pub fn open(adapter: GpuAdapter, options: &PathOptions) -> Result<Self, GpuError> {
         let paths = if options.paths == 0 { usual_paths(adapter.info.kind) } else { options.paths };
         let memory_bytes = options.memory.or_else(|| adapter.memory().map(|memory| for_scenes(memory, paths)));
@@ -165,25 +164,25 @@ impl GpuPaths {
         Ok(Self { adapter, memory_bytes, scenes: GpuScenes { shelf, messages }, worker })
     }
 
-    /// The adapter that was chosen.
+    /// Returns the description of the chosen adapter.
     pub fn adapter(&self) -> &AdapterInfo {
         &self.adapter.info
     }
 
-    /// Tells it of scenes, also after it was given to an allocator.
+    /// Returns a handle that adds scenes, also after the resource was given to an allocator.
     pub fn scenes(&self) -> GpuScenes {
         self.scenes.clone()
     }
 
-    /// Why it does not paint a block; `None`: it does.
+    /// Returns the reason why this does not render a block; `None`: it does.
     pub fn refuses(&self, block: &BlockWork) -> Option<String> {
         refusal(block)
     }
 }
 
-/// What is left to scenes of a device's memory, with so many paths under way.
+/// Returns the bytes of the device's memory that are left for scenes with this many paths under way.
 fn for_scenes(memory: AdapterMemory, paths: u64) -> u64 {
-    /// What a path takes, its sums and all, with room to spare.
+    /// Upper bound of the memory per path with its share of the sums, in bytes.
     const PATH_BYTES: u64 = 512;
     let free = memory.free.unwrap_or(memory.total);
     (free - free / 10).saturating_sub(paths * PATH_BYTES)
@@ -199,7 +198,7 @@ fn usual_paths(kind: AdapterKind) -> u64 {
 
 impl WindowedResource<RenderWork> for GpuPaths {
     fn descriptor(&self) -> ResourceDescriptor {
-        // Of the usual bus of each kind; what a unit costs is learnt anyway.
+        // Typical values of the bus of each kind; the allocator learns the actual cost per unit.
         let (latency_us, bandwidth) = match self.adapter.info.kind {
             AdapterKind::Discrete | AdapterKind::Virtual | AdapterKind::Other => (50, 12e9),
             AdapterKind::Integrated | AdapterKind::Software => (20, 20e9),
@@ -216,7 +215,7 @@ impl WindowedResource<RenderWork> for GpuPaths {
         if self.scenes.shelf.is_compiling() {
             return packet.reply.not_ready(packet.works);
         }
-        // A worker that is gone drops the reply, which says that the packet is lost.
+        // If the worker has ended, the reply is dropped, which reports the packet as lost.
         let _ = self.scenes.messages.send(Message::Paint(packet.works, packet.reply));
     }
 
@@ -228,7 +227,7 @@ impl WindowedResource<RenderWork> for GpuPaths {
     }
 
     fn evict(&mut self, data: DataId) {
-        // A worker that is gone has nothing.
+        // A worker that has ended has no scenes.
         let _ = self.scenes.messages.send(Message::Evict(data));
     }
 
@@ -240,7 +239,7 @@ impl WindowedResource<RenderWork> for GpuPaths {
 impl Drop for GpuPaths {
     fn drop(&mut self) {
         let _ = self.scenes.messages.send(Message::End);
-        // A driver that compiles cannot be called back; its thread ends after that.
+        // A driver that is compiling cannot be interrupted; its thread ends when it is done.
         let worker = self.worker.take().filter(|_| !self.scenes.shelf.is_compiling());
         if let Some(worker) = worker {
             let _ = worker.join();

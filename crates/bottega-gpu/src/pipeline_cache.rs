@@ -1,7 +1,7 @@
-//! Compiled kernels, kept from one run to the next: a driver takes seconds for them.
+//! Compiled kernels, kept from one run to the next, because a driver takes seconds to compile them.
 //!
-//! Unsafe: a driver is given what it is told to have made itself. What was read is therefore compared with the digest that was
-//! written with it, is only given to the kind of device that its file is named by, and wgpu compares driver and version.
+//! Unsafe: a driver trusts data that it is told it wrote itself. Data read from a file is therefore checked against the digest
+//! written with it, is given only to the kind of device that the file is named by, and wgpu compares driver and version.
 #![allow(unsafe_code)]
 
 use std::fs::{self, File};
@@ -12,10 +12,10 @@ use wgpu::{Adapter, Features, PipelineCacheDescriptor};
 
 use crate::context::Context;
 
-/// Larger files are nothing of ours.
+/// The maximum size of a file; larger files were not written by this crate.
 const BYTES_MAX: u64 = 256 << 20;
 
-/// The kernels that a driver has compiled.
+/// The kernels that a driver has compiled, and the file that keeps them.
 #[derive(Debug)]
 pub(crate) struct PipelineCache {
     kept: Option<KeptKernels>,
@@ -28,23 +28,24 @@ struct KeptKernels {
     digest: Option<blake3::Hash>,
 }
 
-/// What a device must be opened with, so that its kernels can be kept.
+/// Returns the features that a device must be opened with so that its kernels can be kept.
 pub(crate) fn features(adapter: &Adapter) -> Features {
     adapter.features() & Features::PIPELINE_CACHE
 }
 
 impl PipelineCache {
-    /// What is kept in `folder` for such an adapter; without a folder, or where the driver cannot, nothing is.
+    /// Opens the kernels kept in `folder` for this adapter. Keeps nothing without a folder, or if the driver has no pipeline
+    /// cache.
     pub(crate) fn open(context: &Context, adapter: &Adapter, folder: Option<&Path>) -> Self {
         Self { kept: folder.and_then(|folder| KeptKernels::open(context, adapter, folder)) }
     }
 
-    /// For those who make pipelines.
+    /// Returns the cache to create pipelines with.
     pub(crate) fn get(&self) -> Option<&wgpu::PipelineCache> {
         self.kept.as_ref().map(|kept| &kept.cache)
     }
 
-    /// Writes down what was compiled since, if anything was. What could not be written is compiled again next time.
+    /// Writes newly compiled kernels to the file, if there are any. If writing fails they are compiled again in the next run.
     pub(crate) fn keep(&self) {
         let Some(kept) = &self.kept else { return };
         let Some(data) = kept.cache.get_data() else { return };
@@ -75,7 +76,7 @@ impl KeptKernels {
     }
 }
 
-/// What [`PipelineCache::keep`] wrote; `None`: nothing, or not quite that.
+/// Reads the data that [`PipelineCache::keep`] wrote; `None`: there is no file, or its digest does not match.
 fn read(path: &Path) -> Option<(blake3::Hash, Vec<u8>)> {
     let mut bytes = Vec::new();
     File::open(path).ok()?.take(BYTES_MAX).read_to_end(&mut bytes).ok()?;

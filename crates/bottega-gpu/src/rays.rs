@@ -1,4 +1,4 @@
-//! The resource: ray batches of a scene, answered by a GPU.
+//! The resource that answers batches of rays of a scene on a GPU.
 
 use std::time::Duration;
 
@@ -14,17 +14,17 @@ use crate::device::{Device, TILE_MAX};
 use crate::error::GpuError;
 use crate::geometry::Geometry;
 
-/// The options of a GPU.
+/// Options of [`GpuRays`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct GpuOptions {
-    /// Part of the name of the adapter that is wanted. `None`: the best GPU, never a software adapter.
+    /// Part of the name of the adapter to use. `None`: the best GPU, never a software adapter.
     pub adapter: Option<String>,
-    /// Most rays in a dispatch; larger batches are cut. Bounds the memory that a batch takes, some 72 bytes a ray on
-    /// the device, and the time that a dispatch takes before the driver loses patience.
+    /// The maximum number of rays per dispatch; larger batches are split. Bounds the memory of a batch, about 72 bytes per ray on
+    /// the device, and the duration of a dispatch, which drivers limit.
     pub tile_rays: usize,
-    /// A dispatch without an answer for so long counts as a lost device.
+    /// The timeout of a dispatch; after it the device counts as lost.
     pub timeout: Duration,
-    /// Takes cut-out surfaces for whole ones. False: scenes that have any are refused.
+    /// `true`: cut-out surfaces are treated as opaque. `false`: scenes that have any are refused.
     pub ignore_alpha: bool,
 }
 
@@ -34,11 +34,11 @@ impl Default for GpuOptions {
     }
 }
 
-/// A scene's shapes on a GPU, and the two questions that rays ask of them.
+/// A scene's shapes on a GPU, with queries for closest hits and for occlusion.
 ///
-/// Agrees with the processor's kernels within rounding: `t` to some 10⁻⁵, hit or miss but for rays that graze an edge.
-/// It is not equal bit for bit. A hit on a sphere lies within 2 · 10⁻⁷ of the radius of its surface, where the processor
-/// computes in double precision. Origins and shapes farther out than 10¹² are never hit.
+/// Agrees with the CPU's kernels up to rounding, not bit for bit: `t` to about 10⁻⁵; hit or miss except for rays that graze an
+/// edge. A hit on a sphere lies within 2 · 10⁻⁷ of the radius from its surface, where the CPU computes in double precision.
+/// Origins and shapes farther out than 10¹² are never hit.
 #[derive(Debug)]
 pub struct GpuRays {
     adapter: Adapter,
@@ -46,12 +46,12 @@ pub struct GpuRays {
     geometry: Geometry,
     tile_rays: usize,
     timeout: Duration,
-    /// None after it failed, until it is made anew.
+    /// The open device. `None`: the last one failed, and the next call opens it again.
     device: Option<Device>,
 }
 
 impl GpuRays {
-    /// Puts the shapes of `scene` on a GPU. `Hit::instance` counts [`Scene::instances`].
+    /// Puts the shapes of `scene` on a GPU. `Hit::instance` indexes [`Scene::instances`].
     pub fn new(scene: &Scene, options: &GpuOptions) -> Result<Self, GpuError> {
         if let Some(material) = cut_out(scene).filter(|_| !options.ignore_alpha) {
             return Err(GpuError::AlphaTested(material));
@@ -60,7 +60,7 @@ impl GpuRays {
         Self::from_geometry(&meshes, &instances, &spheres, options)
     }
 
-    /// Puts shapes on a GPU, given as to [`bottega_kernels::Accel::build`] and numbered alike.
+    /// Puts shapes on a GPU, with the arguments and the numbering of [`bottega_kernels::Accel::build`].
     pub fn from_geometry(
         meshes: &[MeshGeometry<'_>],
         instances: &[InstanceGeometry],
@@ -71,22 +71,22 @@ impl GpuRays {
         let limit = binding_limit(&adapter);
         let geometry = Geometry::build(meshes, instances, spheres, limit, &info.name)?;
         let device = Some(Device::new(&adapter, &info, &geometry, options.timeout)?);
-        // As many rays as an array of them may have, were each 32 bytes.
+        // A ray has 32 bytes, and the array of a dispatch must not exceed the limit.
         let tile_rays = options.tile_rays.clamp(1, TILE_MAX).min((limit / 32).max(1) as usize);
         Ok(Self { adapter, info, geometry, tile_rays, timeout: options.timeout, device })
     }
 
-    /// The adapter that was chosen.
+    /// Returns the description of the chosen adapter.
     pub fn adapter(&self) -> &AdapterInfo {
         &self.info
     }
 
-    /// Bytes of the scene on the device.
+    /// Returns the bytes of the scene on the device.
     pub fn memory_bytes(&self) -> u64 {
         (size_of_val(&*self.geometry.nodes) + size_of_val(&*self.geometry.shapes)) as u64
     }
 
-    /// The closest hit of each ray. After an error the next call begins with a new device.
+    /// Returns the closest hit of each ray. After an error the next call opens the device again.
     pub fn intersect(&mut self, rays: &[Ray]) -> Result<Vec<Hit>, GpuError> {
         let tile = self.tile_rays;
         let outcome = self.device()?.intersect(rays, tile);
@@ -94,7 +94,7 @@ impl GpuRays {
         outcome
     }
 
-    /// Whether each ray hits anything. After an error the next call begins with a new device.
+    /// Returns `true` for each ray that hits anything. After an error the next call opens the device again.
     pub fn occluded(&mut self, rays: &[Ray]) -> Result<Vec<bool>, GpuError> {
         let tile = self.tile_rays;
         let outcome = self.device()?.occluded(rays, tile);
@@ -102,17 +102,17 @@ impl GpuRays {
         outcome
     }
 
-    /// Rays a second of the kernel alone, over rays that are on the device already, [`GpuOptions::tile_rays`] of them at most.
+    /// Measures the kernel alone in rays per second, over at most [`GpuOptions::tile_rays`] rays that are on the device.
     ///
-    /// - `any`: whether any hit will do.
-    /// - `passes`: over all the rays, of which the time is taken.
+    /// - `any`: `true` measures occlusion, `false` closest hits.
+    /// - `passes`: the number of timed passes over the rays.
     pub fn rate(&mut self, rays: &[Ray], any: bool, passes: u32) -> Result<f64, GpuError> {
         let rays = &rays[..rays.len().min(self.tile_rays)];
         let time = self.device()?.time(rays, any, passes)?;
         Ok(rays.len() as f64 / time.as_secs_f64().max(1e-9))
     }
 
-    /// The device, made anew if the last one failed.
+    /// Returns the device; opens it again if the last one failed.
     fn device(&mut self) -> Result<&mut Device, GpuError> {
         let device = match self.device.take() {
             Some(device) => device,
@@ -122,7 +122,7 @@ impl GpuRays {
     }
 }
 
-/// A material that hides parts of a surface that is in the scene.
+/// Returns the name of a material, or kind of shape, that cuts out parts of a surface in the scene.
 fn cut_out(scene: &Scene) -> Option<String> {
     let used = scene.instances.iter().filter_map(|instance| scene.meshes.get(instance.mesh as usize));
     if let Some(curves) = used.clone().find(|mesh| mesh.curves.is_some()) {
@@ -136,7 +136,7 @@ fn cut_out(scene: &Scene) -> Option<String> {
 
 impl<W: RayWork> Resource<W> for GpuRays {
     fn descriptor(&self) -> ResourceDescriptor {
-        // Of the usual bus of each kind; what a unit costs is learnt anyway.
+        // Typical values of the bus of each kind; the allocator learns the actual cost per unit.
         let (latency_us, bandwidth) = match self.info.kind {
             AdapterKind::Discrete | AdapterKind::Virtual | AdapterKind::Other => (50, 12e9),
             AdapterKind::Integrated | AdapterKind::Software => (20, 20e9),

@@ -43,7 +43,7 @@ impl<W: Work> Lane<W> {
     }
 }
 
-/// Maximum time to wait at shutdown for idle resources to be dropped: a driver may hang there, too.
+/// Maximum time to wait at shutdown for idle resources to be dropped, because a driver may hang there, too.
 const TEARDOWN_MAX: Duration = Duration::from_secs(2);
 
 /// The Hardware Resource Allocator. Owns the work bin, a thread for each resource, and a thread that watches them.
@@ -58,17 +58,17 @@ pub struct Hra<W: Work> {
 }
 
 impl<W: Work> Hra<W> {
-    /// An allocator of directly called resources. Without any resource it refuses all units.
+    /// Creates an allocator of directly called resources. Without resources it refuses all units.
     pub fn new(config: HraConfig, resources: Vec<Box<dyn Resource<W>>>) -> Self {
         Self::with_lanes(config, resources.into_iter().map(Lane::from).collect())
     }
 
-    /// An allocator of resources of both kinds.
+    /// Creates an allocator of resources of both kinds.
     pub fn with_lanes(config: HraConfig, lanes: Vec<Lane<W>>) -> Self {
         Self::with_costs(config, lanes, &CostBook::new(""))
     }
 
-    /// An allocator of resources of both kinds, with their costs known from the start.
+    /// Creates an allocator of resources of both kinds, with known costs.
     pub fn with_costs(config: HraConfig, lanes: Vec<Lane<W>>, costs: &CostBook) -> Self {
         let described: Vec<_> = lanes.iter().map(|lane| (lane.descriptor(), lane.window())).collect();
         let posts = described.iter().map(|(descriptor, window)| LanePost {
@@ -97,7 +97,7 @@ impl<W: Work> Hra<W> {
         HraClient::new(Arc::clone(&self.shared), priority)
     }
 
-    /// The activity of each resource so far.
+    /// Returns the activity of each resource so far.
     pub fn report(&self) -> HraReport {
         let pending = self.shared.room.taken();
         self.shared.with_core(|core, now, _| HraReport::of(core, now, pending))
@@ -109,7 +109,7 @@ fn start<W: Work>(shared: &Arc<AllocatorState<W>>, id: ResourceId, lane: Lane<W>
     let name = format!("hra {}", shared.lanes[id.index()].descriptor.name.replace('\0', " "));
     let lanes_shared = Arc::clone(shared);
     let run = move || {
-        // Drivers catch panics of resources; this catches one in a resource's `Drop`.
+        // Drivers catch panics in calls of a resource; this catches one in its `Drop`.
         let _ = catch_unwind(AssertUnwindSafe(|| {
             let mut lane = lane;
             match &mut lane {

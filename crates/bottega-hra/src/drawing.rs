@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(bars(&svg), 1, "{svg}");
         let half = timeline_svg(&outcome.report, Some((Time::ZERO, outcome.end.after(outcome.end.since(Time::ZERO)))));
         assert!(half.contains("50.0 %"), "{half}");
-        // What waits is drawn: ten units, one of which is at work at once.
+        // Waiting units are drawn: ten units, one in progress.
         let bin = &outcome.report.bin;
         assert!(bin.mean_waiting > 3.0 && bin.mean_waiting < 9.0, "{bin:?}");
     }

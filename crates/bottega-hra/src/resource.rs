@@ -61,7 +61,7 @@ pub trait Resource<W: Work>: Send {
         let _ = data;
     }
 
-    /// Returns whether the last failure of `perform` was for lack of memory.
+    /// True if the last failure of `perform` was for lack of memory.
     fn is_out_of_memory(&self) -> bool {
         false
     }
@@ -84,7 +84,7 @@ pub struct Window {
     /// is known, or if it is the last pending packet and other resources could have done it long ago. Also the maximum
     /// time that shutdown waits for it.
     pub patience: Duration,
-    /// Whether data stays in the resource's memory when it has given no answer for long and answers again: then it is not sent twice.
+    /// True if data stays in the resource's memory while it does not answer for a long time: then it is not sent again.
     pub keeps_data: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Activity of the machine's owner: when somebody touched it, and how many processors others keep at work.
+//! The activity of the machine's owner: time since the last input, and processors kept busy by other programs.
 
 #[cfg(target_os = "linux")]
 mod linux;

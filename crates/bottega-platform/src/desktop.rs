@@ -3,7 +3,7 @@
 /// Shows a notification.
 ///
 /// # Errors
-/// Nobody shows it: there is no desktop, or the program was built without them. Says why.
+/// The notification cannot be shown: there is no desktop, or the program was built without desktop support. Contains the reason.
 pub fn notify(title: &str, text: &str) -> Result<(), String> {
     show(title, text).map_err(|reason| format!("the desktop shows no notifications: {reason}"))
 }
@@ -14,7 +14,7 @@ fn show(title: &str, text: &str) -> Result<(), String> {
     shown.map(drop).map_err(|error| error.to_string())
 }
 
-/// By a script of the system, which is given the words as arguments and never as a script. **Untested.**
+/// Shows it by a script of the system, which gets the text as arguments, never as code. **Untested.**
 #[cfg(all(feature = "desktop", target_os = "macos"))]
 fn show(title: &str, text: &str) -> Result<(), String> {
     const SCRIPT: &str = "on run {title, words}\ndisplay notification words with title title\nend run";

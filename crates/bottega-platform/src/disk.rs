@@ -1,17 +1,17 @@
-//! Room on a disk.
+//! Space on a disk.
 
 use std::path::Path;
 
-/// Bytes of a disk.
+/// The space of a disk, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiskSpace {
-    /// Those that this user may still write.
+    /// Free space available to this user.
     pub free: u64,
-    /// All of them.
+    /// Total space.
     pub total: u64,
 }
 
-/// The room on the disk of a folder; `None`: the system does not say.
+/// Returns the space on the disk of a folder; `None`: the system does not report it.
 #[cfg(unix)]
 pub fn space(folder: &Path) -> Option<DiskSpace> {
     let told = rustix::fs::statvfs(folder).ok()?;
@@ -19,7 +19,8 @@ pub fn space(folder: &Path) -> Option<DiskSpace> {
     Some(DiskSpace { free: bytes(told.f_bavail), total: bytes(told.f_blocks) })
 }
 
-/// The room on the disk of a folder: of the one that is found at the longest part of its path. `None`: the system does not say.
+/// Returns the space on the disk of a folder: the disk mounted at the longest part of its path. `None`: the system does not
+/// report it.
 #[cfg(not(unix))]
 pub fn space(folder: &Path) -> Option<DiskSpace> {
     let folder = std::path::absolute(folder).ok()?;

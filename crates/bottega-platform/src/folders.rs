@@ -1,4 +1,4 @@
-//! Folders of what is kept for a user.
+//! Folders for a user's settings and state.
 
 use std::{env, path::PathBuf};
 
@@ -8,22 +8,22 @@ use etcetera::base_strategy::Windows as Usual;
 #[cfg(not(windows))]
 use etcetera::base_strategy::Xdg as Usual;
 
-/// The name of our folder in each of them.
+/// The name of the subfolder in each of them.
 const NAME: &str = "bottega";
 
-/// Where settings are: `$XDG_CONFIG_HOME/bottega`; or else `~/.config/bottega`, on Windows `%APPDATA%\bottega`.
+/// Returns the folder of settings: `$XDG_CONFIG_HOME/bottega`, or else `~/.config/bottega`, on Windows `%APPDATA%\bottega`.
 pub fn config_folder() -> PathBuf {
     folder("XDG_CONFIG_HOME", BaseStrategy::config_dir)
 }
 
-/// Where is kept what one run leaves to the next: `$XDG_STATE_HOME/bottega`; or else `~/.local/state/bottega`, on Windows
+/// Returns the folder of state kept between runs: `$XDG_STATE_HOME/bottega`, or else `~/.local/state/bottega`, on Windows
 /// `%LOCALAPPDATA%\bottega`.
 pub fn state_folder() -> PathBuf {
     folder("XDG_STATE_HOME", |base| base.state_dir().unwrap_or_else(|| base.cache_dir()))
 }
 
-/// - `variable`: names the base on every system.
-/// - `usual`: the base where it is not set; where nobody has a home, it is the working folder.
+/// - `variable`: the environment variable that names the base on every system.
+/// - `usual`: the base if it is not set; without a home folder the working folder is used.
 fn folder(variable: &str, usual: fn(&Usual) -> PathBuf) -> PathBuf {
     let named = env::var_os(variable).filter(|path| !path.is_empty()).map(PathBuf::from);
     let base = named.or_else(|| Usual::new().ok().map(|base| usual(&base)));

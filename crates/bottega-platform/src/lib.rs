@@ -1,23 +1,22 @@
-//! The differences between Linux, macOS and Windows, behind one face.
+//! The differences between Linux, macOS and Windows behind one interface.
 //!
-//! Whoever needs something of the system asks here, so that no other crate asks which system it is on; `cargo xtask test` holds
-//! them to it. Each function says what it gives where a system does not tell. Linux is tested; Windows and
-//! macOS are compiled and **untested**.
+//! All system-specific code is here; no other crate distinguishes between systems, which `cargo xtask test` checks. Each function
+//! documents its result where a system lacks the feature. Linux is tested; Windows and macOS are compiled and **untested**.
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | files |
 //! |---|---|
 //! | folders of settings and of state | `src/folders.rs` |
-//! | who may read a file | `src/permissions.rs` |
-//! | room on a disk | `src/disk.rs` |
-//! | time that the processors spend | `src/processor_time.rs` |
+//! | read permissions of files | `src/permissions.rs` |
+//! | space on a disk | `src/disk.rs` |
+//! | processor time | `src/processor_time.rs` |
 //! | priority of this process, processors that it may use | `src/scheduling.rs` |
 //! | notifications on the desktop | `src/desktop.rs` |
-//! | a child and all that it has started | `src/processes.rs`, `src/processes/` |
-//! | what stands above figures: their command, and the machine that they are of | `src/run_head.rs` |
+//! | a child process and its descendants | `src/processes.rs`, `src/processes/` |
+//! | the header of measurements: command and machine | `src/run_head.rs` |
 //! | standard error of libraries that write to it themselves | `src/standard_error.rs` |
-//! | the machine's owner: touched when, how busy | `src/activity.rs`, `src/activity/` |
+//! | the machine's owner: time since the last input, load | `src/activity.rs`, `src/activity/` |
 
 pub mod activity;
 pub mod desktop;

@@ -1,12 +1,11 @@
-//! Permissions of files: who may read them.
+//! Read permissions of files.
 
 use std::{fs, io, path::Path};
 
-/// Has nobody but the user read a file, or enter a folder. On Windows it changes nothing: what is in a user's profile is the
-/// user's alone.
+/// Restricts a file or a folder to the user. Does nothing on Windows, where a user's profile is private.
 ///
 /// # Errors
-/// The system refuses it.
+/// The system refuses the change.
 pub fn make_private(path: &Path) -> io::Result<()> {
     #[cfg(unix)]
     {
@@ -18,8 +17,7 @@ pub fn make_private(path: &Path) -> io::Result<()> {
     fs::metadata(path).map(drop)
 }
 
-/// The permissions with which a file is made that everybody may read whom the user's mask lets read it; `None`: such are all
-/// files of this system.
+/// Returns the default permissions of new files under the user's umask; `None`: the system has no umask.
 pub fn by_mask() -> Option<fs::Permissions> {
     #[cfg(unix)]
     {
@@ -30,7 +28,7 @@ pub fn by_mask() -> Option<fs::Permissions> {
     None
 }
 
-/// Whether everybody may read a file. On Windows that is not asked: yes.
+/// True if everybody may read a file. Always true on Windows.
 pub fn is_for_all(path: &Path) -> bool {
     let Ok(found) = fs::metadata(path) else { return false };
     #[cfg(unix)]

@@ -1,7 +1,7 @@
-//! A child and all that it has started: what they take, and their end.
+//! A child process and its descendants: their usage, and their termination.
 //!
-//! On Linux and macOS they are a process group; on Windows a job object, which ends with its last handle. Whoever leaves the group
-//! is found by a mark in the environment (Linux, macOS).
+//! On Linux and macOS they form a process group; on Windows a job object, which ends with its last handle. Processes that leave
+//! the group are found by a mark in their environment (Linux, macOS).
 
 #[cfg(target_os = "linux")]
 mod linux;
@@ -25,7 +25,7 @@ use signals::signal;
 use tree_usage::MARK;
 pub use tree_usage::TreeUsage;
 
-/// A child and all that it has started.
+/// A child process and its descendants.
 #[derive(Debug)]
 pub struct ProcessTree {
     root: u32,
@@ -34,9 +34,9 @@ pub struct ProcessTree {
     job: std::sync::Mutex<Option<win32job::Job>>,
 }
 
-/// Has a program that is to be started begin a tree of its own.
+/// Prepares a command so that its process starts a tree of its own.
 ///
-/// - `mark`: stands in the environment of all of them; of no other tree.
+/// - `mark`: a unique value, stored in the environment of all processes of the tree.
 pub fn prepare(command: &mut Command, mark: &str) {
     command.env(MARK, mark);
     #[cfg(unix)]
@@ -44,10 +44,10 @@ pub fn prepare(command: &mut Command, mark: &str) {
 }
 
 impl ProcessTree {
-    /// The tree of a child that was [`prepare`]d with this mark.
+    /// Returns the tree of a child that was [`prepare`]d with this mark.
     ///
     /// # Errors
-    /// The system does not keep it together.
+    /// The system cannot group the processes.
     pub fn of(child: &Child, mark: &str) -> io::Result<Self> {
         Ok(Self {
             root: child.id(),
@@ -57,28 +57,28 @@ impl ProcessTree {
         })
     }
 
-    /// What they take now.
+    /// Returns the current usage of the tree.
     pub fn usage(&self) -> TreeUsage {
         usage(self.root)
     }
 
-    /// Ends all of them, at once.
+    /// Kills all processes of the tree.
     pub fn kill(&self) {
         let strays = marked(&self.mark);
         #[cfg(unix)]
         if let Some(group) = i32::try_from(self.root).ok().and_then(rustix::process::Pid::from_raw) {
             let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
         }
-        // Its last handle ends it.
+        // Closing the last handle ends the job.
         #[cfg(windows)]
         drop(self.job.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take());
         strays.into_iter().for_each(|id| _ = kill(id));
-        // Who forked meanwhile.
+        // Processes that were forked meanwhile.
         marked(&self.mark).into_iter().for_each(|id| _ = kill(id));
     }
 }
 
-/// A job object of a child, in which is what the child starts.
+/// Creates a job object with the child; processes that the child starts belong to it.
 #[cfg(windows)]
 fn job_of(child: &Child) -> io::Result<win32job::Job> {
     use std::os::windows::io::AsRawHandle;
@@ -89,7 +89,7 @@ fn job_of(child: &Child) -> io::Result<win32job::Job> {
     Ok(job)
 }
 
-/// Has a service read its settings again, by `SIGHUP`. Whether it was told so: Windows has no such word.
+/// Makes a service reload its settings, by `SIGHUP`. Returns `true` if the signal was sent; Windows has no such signal.
 pub fn tell_to_reread(process: u32) -> bool {
     #[cfg(unix)]
     return signal(process, rustix::process::Signal::HUP);
@@ -100,7 +100,7 @@ pub fn tell_to_reread(process: u32) -> bool {
     }
 }
 
-/// Has a process end, in order where the system knows such a word. Whether it was told so.
+/// Ends a process, gracefully if the system supports that. Returns `true` if the request was sent.
 pub fn end(process: u32) -> bool {
     #[cfg(unix)]
     return signal(process, rustix::process::Signal::TERM);
@@ -108,12 +108,12 @@ pub fn end(process: u32) -> bool {
     kill(process)
 }
 
-/// How a process ended, in words.
+/// Describes how a process ended.
 pub fn told(status: ExitStatus) -> String {
     #[cfg(unix)]
     {
         use std::os::unix::process::ExitStatusExt;
-        // A shell tells of a signal by 128 and its number.
+        // A shell reports a signal as 128 plus its number.
         let signal = status.signal().or(status.code().filter(|code| (129..=159).contains(code)).map(|code| code - 128));
         if let Some(signal) = signal {
             let name = match signal {
@@ -132,7 +132,7 @@ pub fn told(status: ExitStatus) -> String {
         }
     }
     match status.code() {
-        // What Windows calls exceptions has numbers above all that programs choose.
+        // Windows exceptions have negative codes.
         Some(code) if code < 0 => format!("exit code {:#010x}", code as u32),
         Some(code) => format!("exit code {code}"),
         None => "no exit code".to_owned(),

@@ -1,14 +1,14 @@
-//! Time that the processors spend.
+//! Processor time.
 
-/// Time that the processors have spent on this process so far, in seconds; `None`: the system does not tell. Other work on the
-/// machine disturbs it by what it leaves in caches, not by its share of the processors.
+/// Returns the processor time of this process so far, in seconds; `None`: the system does not report it. Other load on the
+/// machine affects it only through the caches.
 #[cfg(unix)]
 pub fn own_seconds() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
 }
 
-/// Time that the processors have spent on this process so far, in seconds, to a millisecond; `None`: the system does not tell.
+/// Returns the processor time of this process so far, in seconds, to a millisecond; `None`: the system does not report it.
 #[cfg(not(unix))]
 pub fn own_seconds() -> Option<f64> {
     use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
@@ -22,7 +22,7 @@ pub fn own_seconds() -> Option<f64> {
     Some(system.process(own)?.accumulated_cpu_time() as f64 / 1e3)
 }
 
-/// Time that the calling thread has had of a processor so far, in seconds; `None`: the system does not tell (only Linux does).
+/// Returns the processor time of the calling thread so far, in seconds; `None`: the system does not report it (only Linux does).
 pub fn thread_seconds() -> Option<f64> {
     #[cfg(target_os = "linux")]
     {
@@ -33,13 +33,13 @@ pub fn thread_seconds() -> Option<f64> {
     None
 }
 
-/// Time that the processors have spent on all children that have ended and been waited for, and on theirs, in seconds; `None`:
-/// the system does not tell (only Linux does).
+/// Returns the processor time of all children that have ended and been waited for, and of theirs, in seconds; `None`: the system
+/// does not report it (only Linux does).
 pub fn children_seconds() -> Option<f64> {
     #[cfg(target_os = "linux")]
     {
         let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-        // What follows the name in brackets: cutime and cstime are fields 16 and 17 of the line, the state is the third.
+        // After the name in parentheses: the state is field 3 of the line, cutime and cstime are fields 16 and 17.
         let fields: Vec<&str> = stat.rsplit(')').next()?.split_whitespace().collect();
         let ticks = |field: usize| fields.get(field - 3)?.parse::<f64>().ok();
         Some((ticks(16)? + ticks(17)?) / rustix::param::clock_ticks_per_second() as f64)
@@ -48,7 +48,8 @@ pub fn children_seconds() -> Option<f64> {
     None
 }
 
-/// Processor seconds of all that the machine did since it was started; `None`: the system does not tell (only Linux does).
+/// Returns the processor time of the whole machine since its start, in seconds; `None`: the system does not report it (only Linux
+/// does).
 pub fn machine_seconds() -> Option<f64> {
     cfg!(target_os = "linux")
         .then(|| std::fs::read_to_string("/proc/stat").ok())
@@ -56,13 +57,13 @@ pub fn machine_seconds() -> Option<f64> {
         .and_then(|text| busy_seconds(&text))
 }
 
-/// The first line of `/proc/stat`: user, nice, system, interrupts; not idle, nor waiting for a disk.
+/// Parses the first line of `/proc/stat`: user, nice, system, interrupts; without idle and I/O wait.
 fn busy_seconds(stat: &str) -> Option<f64> {
-    /// The unit of that file on every architecture of Linux.
+    /// The unit of the file on every architecture of Linux.
     const TICKS_PER_SECOND: f64 = 100.0;
     let line = stat.lines().next()?.strip_prefix("cpu ")?;
     let ticks: Vec<u64> = line.split_ascii_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
-    // user nice system idle iowait irq softirq steal; what guests did is in the first two.
+    // user nice system idle iowait irq softirq steal; guest time is included in the first two.
     let busy = [0, 1, 2, 5, 6].map(|i| ticks.get(i).copied().unwrap_or_default());
     Some(busy.iter().sum::<u64>() as f64 / TICKS_PER_SECOND)
 }

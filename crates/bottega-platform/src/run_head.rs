@@ -1,4 +1,4 @@
-//! The head of figures: of which sources they are, by which command, on which machine and when they were measured.
+//! The header of measurements: sources, command, machine and date.
 
 use std::{
     env,
@@ -7,28 +7,28 @@ use std::{
     thread,
 };
 
-/// Variables of the environment that belong to a command.
+/// The prefix of environment variables that belong to a command.
 const VARIABLES: &str = "BOTTEGA_";
 
-/// The head of figures. As text it is a line for each field.
+/// The header of measurements. As text it has one line per field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunHead {
-    /// The commit of the program that is measured, with `-dirty` where its sources differ from it; or `unknown`.
+    /// The commit of the measured program, with `-dirty` if its sources differ from it; or `unknown`.
     pub commit: String,
-    /// How that program was built.
+    /// The build of that program.
     pub build: String,
-    /// The words that this process was started with, behind the variables of the environment that this project reads.
+    /// The command line of this process, preceded by the environment variables that this project reads.
     pub command: String,
-    /// How many processors this process may use, and what they are.
+    /// The number of processors that this process may use, and their name.
     pub processors: String,
     /// The operating system.
     pub system: String,
-    /// When the process was started, as RFC 3339.
+    /// The start time of the process, as RFC 3339.
     pub date: String,
 }
 
 impl RunHead {
-    /// The head of what this process measures from now on.
+    /// Returns the header for measurements of this process.
     pub fn new(commit: impl Into<String>, build: impl Into<String>, date: impl Display) -> Self {
         let count = thread::available_parallelism().map_or(1, usize::from);
         Self {
@@ -41,7 +41,7 @@ impl RunHead {
         }
     }
 
-    /// Name and value of each field.
+    /// Returns name and value of each field.
     pub fn fields(&self) -> [(&'static str, &str); 6] {
         [
             ("commit", &self.commit),
@@ -60,7 +60,7 @@ impl Display for RunHead {
     }
 }
 
-/// What this process was started as.
+/// Returns the command line of this process.
 fn command() -> String {
     let mut variables: Vec<(String, String)> = env::vars_os()
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.to_string_lossy().into_owned())))
@@ -75,7 +75,7 @@ fn command() -> String {
     variables.chain([program]).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// A word as a shell reads it, without the secret that the address of a farm has between `://` and `@`.
+/// Quotes a word for a shell, without the secret in a farm's address between `://` and `@`.
 fn word(text: &str) -> String {
     let secret = text.find("://").and_then(|from| Some((from + 3, text[from..].find('@')? + from)));
     let text = secret.map_or_else(|| text.to_owned(), |(from, to)| format!("{}…{}", &text[..from], &text[to..]));
@@ -83,7 +83,7 @@ fn word(text: &str) -> String {
     if !text.is_empty() && text.chars().all(is_plain) { text } else { format!("'{}'", text.replace('\'', r"'\''")) }
 }
 
-/// The name of the processors, or their architecture where the system does not tell.
+/// Returns the name of the processors, or their architecture if the system does not report it.
 fn processor() -> String {
     named_processor().filter(|name| !name.is_empty()).unwrap_or_else(|| env::consts::ARCH.to_owned())
 }
@@ -102,7 +102,7 @@ fn named_processor() -> Option<String> {
     Some(system.cpus().first()?.brand().trim().to_owned())
 }
 
-/// The operating system with its release.
+/// Returns the operating system with its release.
 #[cfg(target_os = "linux")]
 fn system() -> String {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
@@ -112,7 +112,7 @@ fn system() -> String {
     format!("{name}Linux {}", read("/proc/sys/kernel/osrelease").trim())
 }
 
-/// The operating system with its release.
+/// Returns the operating system with its release.
 #[cfg(not(target_os = "linux"))]
 fn system() -> String {
     sysinfo::System::long_os_version().unwrap_or_else(|_| env::consts::OS.to_owned())

@@ -1,7 +1,7 @@
-//! Standard error of libraries that write to it themselves, such as drivers.
+//! Capture of standard error, for libraries such as drivers that write to it themselves.
 
-/// Runs `work` while what the process writes to standard error is kept, and returns that, too. Where the system does not allow it, it is
-/// written as ever, and the text is empty. What other threads write meanwhile is kept as well, so `work` should be short.
+/// Runs `work` and captures what the process writes to standard error meanwhile. If the system does not allow that, the output is
+/// written as usual and the returned text is empty. Output of other threads is captured, too, so `work` should be short.
 pub fn capture<R>(work: impl FnOnce() -> R) -> (R, String) {
     #[cfg(unix)]
     if let Ok(redirection) = redirection::Redirection::begin() {
@@ -22,13 +22,13 @@ mod redirection {
 
     use nix::unistd::dup2_stderr;
 
-    /// Longest text that is returned, in bytes.
+    /// The maximum length of the returned text, in bytes.
     const TEXT_MAX: u64 = 1 << 16;
 
-    /// Held while standard error is redirected: there is one in a process.
+    /// Held while standard error is redirected: a process has only one.
     static REDIRECTED: Mutex<()> = Mutex::new(());
 
-    /// Standard error that goes into a file without a name, until this is dropped.
+    /// A redirection of standard error to an unnamed file, until it is dropped.
     pub(super) struct Redirection {
         before: OwnedFd,
         file: File,
@@ -44,10 +44,10 @@ mod redirection {
             Ok(Self { before, file, _alone: alone })
         }
 
-        /// Puts standard error back, and returns what was written.
+        /// Restores standard error, and returns the captured text.
         pub(super) fn end(mut self) -> String {
             let mut text = Vec::new();
-            // What cannot be read is lost: nobody asked for it.
+            // Text that cannot be read is lost.
             let _ = self.file.seek(SeekFrom::Start(0));
             let _ = self.file.by_ref().take(TEXT_MAX).read_to_end(&mut text);
             String::from_utf8_lossy(&text).into_owned()
@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn what_is_written_meanwhile_is_kept_and_what_comes_later_is_not() {
-        // A child writes to the same descriptor, as a driver does.
+        // A child writes to the same descriptor, like a driver.
         let say = |word: &str| {
             assert!(Command::new("sh").args(["-c", &format!("echo {word} >&2")]).status().unwrap().success());
         };

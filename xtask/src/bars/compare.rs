@@ -1,34 +1,34 @@
-//! A comparison of two sets of pictures: whether they are of one distribution, and whether edges of zones show.
+//! A statistical comparison of two sets of images: equal distributions, and no visible edges of zones.
 
 use anyhow::{Result, ensure};
 use bottega_image::{FlipOptions, Picture, Rect, flip, luminance};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// At this significance pixels are told to differ.
+/// The significance at which pixels differ.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// How pictures in zones are beside pictures of the whole frame.
+/// The difference between images in zones and images of the whole frame.
 pub(super) struct FrameDifference {
-    /// Share of the pixels with the same bits as in the frame of the same seed.
+    /// Share of the pixels that are bit-identical to the frame of the same seed.
     pub(super) equal: f64,
-    /// Mean of all pictures in zones over that of all frames, less 1.
+    /// Mean of all images in zones over that of all frames, minus 1.
     pub(super) mean_off: f64,
-    /// The standard error of that; 0 where there is one of each.
+    /// The standard error of that ratio; 0 with one image each.
     pub(super) mean_error: f64,
-    /// Share of the pixels whose luminance differs by Welch's t-test at 1 %; of two pictures: that has other bits.
+    /// Share of the pixels whose luminance differs by Welch's t-test at 1 %; with one image each: that are not bit-identical.
     pub(super) differing: f64,
-    /// Mean FLIP between a picture in zones and the frame of the same seed.
+    /// Mean FLIP between an image in zones and the frame of the same seed.
     pub(super) flip: f64,
-    /// The same between frames of two seeds; 0 where there is one.
+    /// Mean FLIP between frames of two seeds; 0 with one seed.
     pub(super) flip_of_seeds: f64,
-    /// How likely FLIP at edges of zones is so much above that inside of them without any seams, by a one-sided t-test over the
-    /// seeds; what two frames show at the same places is taken off before. Of two pictures: 1 if they are equal, else 0.
+    /// The p-value of the hypothesis that there are no seams: a one-sided t-test over the seeds of FLIP at edges of zones against
+    /// that inside, minus the same difference between two frames. With one image each: 1 if they are equal, else 0.
     pub(super) no_seams: f64,
 }
 
-/// Compares frames with pictures in zones, seed by seed.
+/// Compares frames with images in zones, seed by seed.
 ///
-/// - `zones`: of each picture in zones.
+/// - `zones`: the zones of each image.
 pub(super) fn compare(frames: &[Picture], zoned: &[Picture], zones: &[Vec<Rect>]) -> Result<FrameDifference> {
     ensure!(frames.len() == zoned.len() && zoned.len() == zones.len() && !frames.is_empty(), "pictures are missing");
     let pixels = frames[0].data.len();
@@ -68,13 +68,13 @@ impl NumberMoments {
         Self { count, mean, variance: squares / (count - 1.0).max(1.0) }
     }
 
-    /// Of the mean.
+    /// Returns the squared standard error of the mean.
     fn error_squared(&self) -> f64 {
         self.variance / self.count
     }
 }
 
-/// Welch's t-test of each pixel.
+/// Returns the share of pixels that differ by Welch's t-test.
 fn differing_share(some: &[Picture], others: &[Picture]) -> f64 {
     let at = |pictures: &[Picture], i: usize| {
         NumberMoments::of(pictures.iter().map(|picture| f64::from(luminance(picture.data[i]))))
@@ -84,12 +84,12 @@ fn differing_share(some: &[Picture], others: &[Picture]) -> f64 {
     differ as f64 / pixels as f64
 }
 
-/// How likely so different means are where there is no difference; degrees of freedom by Welch and Satterthwaite.
+/// Returns the p-value of the hypothesis of equal means; degrees of freedom by Welch and Satterthwaite.
 fn p_value(a: &NumberMoments, b: &NumberMoments) -> f64 {
     let (of_a, of_b) = (a.error_squared(), b.error_squared());
     let error = of_a + of_b;
     if error <= 1e-20 {
-        // Nothing is random here.
+        // Neither set has any variance.
         return if (a.mean - b.mean).abs() <= 1e-6 * a.mean.abs().max(1e-6) { 1.0 } else { 0.0 };
     }
     let freedom = error * error / (of_a * of_a / (a.count - 1.0) + of_b * of_b / (b.count - 1.0));
@@ -97,7 +97,7 @@ fn p_value(a: &NumberMoments, b: &NumberMoments) -> f64 {
     StudentsT::new(0.0, 1.0, freedom.max(1.0)).map_or(0.0, |students| 2.0 * (1.0 - students.cdf(t)))
 }
 
-/// What FLIP shows at edges of zones and inside.
+/// The FLIP error at edges of zones and inside.
 struct Seams {
     flip: f64,
     flip_of_seeds: f64,
@@ -123,14 +123,14 @@ impl Seams {
             let students = StudentsT::new(0.0, 1.0, found.count - 1.0)?;
             1.0 - students.cdf(found.mean / error)
         } else {
-            // One picture alone has no spread: whatever differs at edges counts.
+            // A single image has no variance: any difference at edges counts.
             f64::from(u8::from(found.mean <= 0.0))
         };
         Ok(Self { flip: flips, flip_of_seeds: control_flips, p })
     }
 }
 
-/// The pixels that have one of another zone beside them.
+/// Returns the mask of pixels next to a pixel of another zone.
 fn edges(picture: &Picture, zones: &[Rect]) -> Vec<bool> {
     let whole = Rect::of_size(picture.width, picture.height);
     let mut labels = vec![0; picture.data.len()];
@@ -144,7 +144,7 @@ fn edges(picture: &Picture, zones: &[Rect]) -> Vec<bool> {
     whole.pixels().map(is_edge).collect()
 }
 
-/// Mean at edges less that inside.
+/// Returns the mean at edges minus that inside.
 fn excess(map: &[f32], edges: &[bool]) -> f64 {
     let mean = |wanted: bool| {
         let values =
@@ -159,7 +159,7 @@ fn excess(map: &[f32], edges: &[bool]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Noise about 1 that is the same for the same numbers.
+    /// An image of noise around 1, determined by the seed.
     fn noisy(seed: u32, size: u32, lift: impl Fn(u32, u32) -> f32) -> Picture {
         Picture::from_fn(size, size, |x, y| {
             let mut hash = (x + 977 * y + 1_000_003 * seed).wrapping_mul(0x9e37_79b9) ^ 0x85eb_ca6b;

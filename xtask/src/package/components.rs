@@ -10,9 +10,9 @@ use cargo_metadata::{CargoOpt, DependencyKind, MetadataCommand, Package, Package
 
 use crate::bars::root;
 
-/// For which system packages are made.
+/// The target system of packages.
 const TARGET: &str = "x86_64-unknown-linux-gnu";
-/// The program's crate.
+/// The crate of the program.
 pub(super) const PROGRAM: &str = "bottega-cli";
 
 /// A crate that is compiled into the program.
@@ -25,17 +25,17 @@ pub(super) struct Component {
 }
 
 impl Component {
-    /// The name by which components refer to each other.
+    /// Returns the id by which components refer to each other.
     pub(super) fn reference(&self) -> String {
         reference(&self.package)
     }
 
-    /// Whether others wrote it.
+    /// True if the crate is not part of this workspace.
     pub(super) fn is_foreign(&self) -> bool {
         self.package.source.is_some()
     }
 
-    /// Its licence, as an SPDX expression. Old crates write `/` for `OR`.
+    /// Returns its licence as an SPDX expression. Old crates write `/` for `OR`.
     pub(super) fn expression(&self) -> String {
         let said = self.package.license.clone().unwrap_or_default();
         said.split('/').map(str::trim).collect::<Vec<_>>().join(" OR ")
@@ -46,7 +46,8 @@ fn reference(package: &Package) -> String {
     format!("{}@{}", package.name, package.version)
 }
 
-/// What the program is made of: what it depends on for its system, without what only builds, tests or writes code for it.
+/// Returns the crates in the program: its dependencies for the target system, without those only used to build, test or generate
+/// code.
 pub(super) fn components() -> Result<Vec<Component>> {
     let mut command = MetadataCommand::new();
     command.current_dir(root()).features(CargoOpt::SomeFeatures(Vec::new()));
@@ -77,7 +78,7 @@ pub(super) fn components() -> Result<Vec<Component>> {
     Ok(all)
 }
 
-/// SHA-256 by `name@version`, from the lock file.
+/// Returns SHA-256 by `name@version`, from the lock file.
 fn checksums() -> Result<BTreeMap<String, String>> {
     let text = fs::read_to_string(root().join("Cargo.lock")).context("cannot read Cargo.lock")?;
     let value = |block: &str, key: &str| {

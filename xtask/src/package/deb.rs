@@ -1,4 +1,4 @@
-//! The Debian package, by `dpkg-deb` of the staged tree.
+//! The Debian package, made by `dpkg-deb` from the staged tree.
 
 use std::{fs, os::unix::fs::PermissionsExt, path::PathBuf, process::Command};
 
@@ -10,7 +10,7 @@ use super::{
 };
 use crate::bars::root;
 
-/// What the control file says beside version, size and C library.
+/// The template of the control file, without version, size and C library.
 const CONTROL: &str = include_str!("../../../packaging/debian/control");
 
 /// Builds the package.
@@ -22,12 +22,12 @@ pub(super) fn build(stage: &Stage) -> Result<PathBuf> {
         maintainer().context("packaging/debian/control has a maintainer")?,
         String::from_utf8(date)?
     );
-    // A native package has one of its own.
+    // A native package has its own changelog.
     let changelog = stage.place("usr/share/doc/bottega/changelog")?;
     fs::write(&changelog, changes)?;
     compress(&changelog)?;
     fs::copy(root().join("packaging/debian/copyright"), stage.place("usr/share/doc/bottega/copyright")?)?;
-    // The texts of both are in `copyright`, or in every Debian.
+    // Both texts are in `copyright`, or in every Debian system.
     for name in ["LICENSE-MIT", "LICENSE-APACHE"] {
         fs::remove_file(stage.place(&format!("usr/share/doc/bottega/{name}"))?)?;
     }
@@ -63,7 +63,7 @@ fn maintainer() -> Option<&'static str> {
     CONTROL.lines().find_map(|line| line.strip_prefix("Maintainer: "))
 }
 
-/// The newest version of the C library whose symbols a program asks for: `GLIBC_2.34` and its kin stand in it as text.
+/// Returns the newest version of the C library that a program needs: versions such as `GLIBC_2.34` are stored in it as text.
 fn libc_version(program: &[u8]) -> Option<(u32, u32)> {
     const START: &[u8] = b"\0GLIBC_";
     let places = (0..program.len().saturating_sub(START.len())).filter(|&at| program[at..].starts_with(START));

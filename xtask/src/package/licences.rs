@@ -1,4 +1,4 @@
-//! The licences of all that is compiled into the program, with their texts.
+//! The licences of everything compiled into the program, with their texts.
 
 use std::{
     collections::BTreeMap,
@@ -12,26 +12,26 @@ use anyhow::{Result, bail};
 use super::components::Component;
 use crate::bars::root;
 
-/// How names of files begin that hold licences.
+/// The prefixes of the names of licence files.
 const NAMES: [&str; 6] = ["licen", "copying", "notice", "unlicense", "copyright", "eula"];
-/// Texts that belong to the program beside crates: what it is of, its licence in words, its file.
+/// Texts for parts other than crates: the part, its licence in words, its file.
 const OTHERS: [(&str, &str, &str); 1] = [(
     "the font DejaVu Sans (letters of charts)",
     "Bitstream Vera",
     "crates/bottega-cli/assets/LICENSE-DejaVuSans.txt",
 )];
 
-/// All of it as one text: a list of crates, and each text once with those that it is of.
+/// Returns all licences as one text: a list of crates, and each text once with the crates that it applies to.
 ///
 /// # Errors
-/// A crate has no text, and none is kept for it in `packaging/licences`.
+/// A crate has no text, and `packaging/licences` has none for it.
 pub(super) fn text(components: &[Component]) -> Result<String> {
     let mut list = String::new();
     let mut texts: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let mut missing = Vec::new();
     for component in components.iter().filter(|component| component.is_foreign()) {
         let name = format!("{} {}", component.package.name, component.package.version);
-        // `String` takes all that is written.
+        // Writing to a `String` cannot fail.
         _ = writeln!(list, "{name}: {}", component.expression());
         let found = texts_of(component);
         if found.is_empty() {
@@ -59,8 +59,8 @@ pub(super) fn text(components: &[Component]) -> Result<String> {
     Ok(whole)
 }
 
-/// The texts of a crate: those in its archive; else the one that is kept for it; else, where its licence has one text for all works,
-/// that.
+/// Returns the texts of a crate: those in its archive; else the one in `packaging/licences`; else the standard text of its
+/// licence.
 fn texts_of(component: &Component) -> Vec<String> {
     let package = &component.package;
     let folder = package.manifest_path.as_std_path().parent().unwrap_or(Path::new("."));
@@ -93,7 +93,7 @@ fn texts_of(component: &Component) -> Vec<String> {
     Vec::new()
 }
 
-/// Files with licences in a folder, and in folders of licences in it.
+/// Returns the licence files in a folder, and in its folders of licences.
 fn licence_files(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_named = |path: &PathBuf| {
@@ -132,7 +132,7 @@ mod tests {
         assert!(text.contains("Permission is hereby granted") && text.contains("Apache License"));
         let names = |name: &str| components.iter().any(|it| it.package.name.as_str() == name);
         assert!(names("ring") && names("wgpu") && names("bottega-farm"));
-        // What only builds, tests or writes code is not in the program.
+        // Crates that only build, test or generate code are not in the program.
         assert!(!names("serde_derive") && !names("proptest") && !names("xtask"));
         sbom::check(&sbom::bill(&components));
     }

@@ -15,7 +15,7 @@ use anyhow::{Result, ensure};
 use self::tools::{VERSION, call};
 use crate::{bars::root, cargo};
 
-/// What `cargo xtask package` takes.
+/// Options of `cargo xtask package`.
 #[derive(clap::Args)]
 pub(crate) struct PackageArgs {
     /// Pack this program; without it the one of the profile `dist` is built first.
@@ -29,7 +29,7 @@ pub(crate) struct PackageArgs {
     is_tried: bool,
 }
 
-/// Makes the packages.
+/// Builds the packages.
 ///
 /// # Errors
 /// The program does not compile or run, a licence has no text, or a tool (`tar`, `gzip`, `dpkg-deb`) is missing or fails.

@@ -1,4 +1,4 @@
-//! The bill of materials, as CycloneDX 1.6.
+//! The software bill of materials, as CycloneDX 1.6.
 
 use serde_json::{Value, json};
 
@@ -7,7 +7,7 @@ use super::{
     tools::VERSION,
 };
 
-/// What is compiled into the program, and what uses what.
+/// Returns the bill: the crates in the program, and their dependencies.
 pub(super) fn bill(components: &[Component]) -> Value {
     let (program, parts): (Vec<&Component>, Vec<&Component>) =
         components.iter().partition(|component| component.package.name.as_str() == PROGRAM);
@@ -51,7 +51,7 @@ fn entry(component: &Component, kind: &str) -> Value {
     entry
 }
 
-/// What a reader of the bill counts on: each component stands once, has a licence, and what is used is there.
+/// Checks that each component occurs once, has a licence, and that its dependencies are listed.
 #[cfg(test)]
 pub(super) fn check(bill: &Value) {
     let text = |value: &Value| value.as_str().expect("text").to_owned();

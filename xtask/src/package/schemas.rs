@@ -1,4 +1,4 @@
-//! Checks of what is packed by the schemas of those who read it.
+//! Tests of packaged files against the schemas of their consumers.
 
 #[cfg(test)]
 #[allow(clippy::print_stdout, reason = "what was skipped, and why, is read from what tests print")]

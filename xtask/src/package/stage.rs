@@ -1,4 +1,4 @@
-//! The files of a package as they lie on a system, and the tarball of them.
+//! The staged files of a package, and their tarball.
 
 use std::{
     fs,
@@ -12,23 +12,23 @@ use anyhow::{Context, Result};
 use super::tools::{VERSION, call, commit_time, compress, output};
 use crate::bars::root;
 
-/// Shells, and where each looks for completions.
+/// The shells, and the place where each looks for completions.
 const COMPLETIONS: [(&str, &str); 3] = [
     ("bash", "usr/share/bash-completion/completions/bottega"),
     ("zsh", "usr/share/zsh/vendor-completions/_bottega"),
     ("fish", "usr/share/fish/vendor_completions.d/bottega.fish"),
 ];
 
-/// The tree of a package.
+/// The staged tree of a package.
 pub(super) struct Stage {
-    /// Where it lies: `usr` and its kin are below.
+    /// The folder of the tree, with `usr` and others below.
     pub(super) folder: PathBuf,
-    /// Where packages go.
+    /// The folder for packages.
     pub(super) out: PathBuf,
 }
 
 impl Stage {
-    /// Lays out program, man pages, completions, units and licences.
+    /// Adds the program, man pages, completions, units and licences.
     pub(super) fn fill(&self, program: &Path, licences: &str) -> Result<()> {
         if self.folder.exists() {
             fs::remove_dir_all(&self.folder)?;
@@ -59,14 +59,14 @@ impl Stage {
         set_modes(&self.folder)
     }
 
-    /// A file of the tree, whose folder is made.
+    /// Returns the path of a file in the tree, and creates its folder.
     pub(super) fn place(&self, name: &str) -> Result<PathBuf> {
         let place = self.folder.join(name);
         fs::create_dir_all(place.parent().context("it has a folder")?)?;
         Ok(place)
     }
 
-    /// Packs the tree without `usr/`, to be unpacked into `/usr/local` or anywhere.
+    /// Packs the tree without `usr/`, to be unpacked into `/usr/local` or anywhere else.
     pub(super) fn tarball(&self) -> Result<PathBuf> {
         let name = format!("bottega-{VERSION}-x86_64-linux");
         let file = self.out.join(format!("{name}.tar.gz"));
@@ -78,7 +78,7 @@ impl Stage {
     }
 }
 
-/// Everybody may read all; what is run may be run.
+/// Makes all files readable for everybody, and programs executable.
 pub(super) fn set_modes(folder: &Path) -> Result<()> {
     fs::set_permissions(folder, fs::Permissions::from_mode(0o755))?;
     for entry in fs::read_dir(folder)? {

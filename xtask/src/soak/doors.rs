@@ -1,4 +1,4 @@
-//! The doors of a farm by which a soak asks for things: command line, HTTP, Python.
+//! The interfaces of a farm that a soak test uses: command line, HTTP, Python.
 
 use std::{
     io::{BufRead, BufReader, Read, Write},
@@ -13,25 +13,25 @@ use serde_json::{Value, json};
 
 use super::kinds::PictureKind;
 
-/// How long a door may take to answer.
+/// The timeout of an answer.
 const PATIENCE: Duration = Duration::from_secs(60);
 const PYTHON: &str = include_str!("door.py");
 
-/// A way into a farm.
+/// An interface of a farm.
 pub(super) enum Door {
     Cli(CommandLine),
     Api(Api),
     Python(Box<Python>),
 }
 
-/// The program, as a user runs it.
+/// The command line.
 #[derive(Clone)]
 pub(super) struct CommandLine {
     pub(super) program: PathBuf,
     pub(super) state: PathBuf,
 }
 
-/// The HTTP door: `HOST:PORT`, and a token that steers.
+/// The HTTP interface: `HOST:PORT`, and a token that can steer.
 #[derive(Clone)]
 pub(super) struct Api {
     pub(super) at: String,
@@ -54,7 +54,7 @@ impl Door {
         }
     }
 
-    /// All jobs as it tells them.
+    /// Returns all jobs as the interface reports them.
     pub(super) fn jobs(&mut self) -> Result<Vec<Value>> {
         match self {
             Self::Cli(cli) => cli.lines(&["jobs", "list", "--json"]),
@@ -63,9 +63,9 @@ impl Door {
         }
     }
 
-    /// Asks for a picture. Returns the number of the job.
+    /// Submits a job. Returns its number.
     ///
-    /// - `like`: a job whose scene the farm has.
+    /// - `like`: a job whose scene the farm already has.
     pub(super) fn submit(&mut self, kind: &PictureKind, output: &Path, like: Option<u64>) -> Result<u64> {
         match self {
             Self::Cli(cli) => {
@@ -93,7 +93,7 @@ impl Door {
         }
     }
 
-    /// Pauses, resumes, calls off or removes a job.
+    /// Pauses, resumes, cancels or removes a job.
     pub(super) fn steer(&mut self, job: u64, word: &str) -> Result<()> {
         match self {
             Self::Cli(cli) => cli.run(&["jobs", word, &job.to_string()]).map(drop),
@@ -105,7 +105,7 @@ impl Door {
         }
     }
 
-    /// Writes the picture of a job.
+    /// Writes the image of a job to a file.
     pub(super) fn fetch(&mut self, job: u64, path: &Path) -> Result<()> {
         let file = path.display().to_string();
         match self {
@@ -174,9 +174,9 @@ impl Api {
 }
 
 impl Python {
-    /// Opens the door. `None`: this Python cannot import the module.
+    /// Opens the Python interface. `None`: this Python cannot import the module.
     ///
-    /// - `module`: the folder in which Python looks for it before others.
+    /// - `module`: the folder that Python searches first.
     pub(super) fn start(python: &Path, module: &Path, address: &str, state: &Path) -> Result<Option<Self>> {
         let command = |words: &[&str]| {
             let mut command = Command::new(python);
@@ -217,7 +217,7 @@ impl Python {
 
 impl Drop for Python {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The process may have ended already.
         _ = self.child.kill();
         _ = self.child.wait();
     }

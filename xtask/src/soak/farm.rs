@@ -1,4 +1,4 @@
-//! The farm of a soak: `bottega up` with its server, machines and guests as real processes, each of which may be killed.
+//! The farm of a soak test: `bottega up` with its server, machines and guests as real processes, each of which may be killed.
 
 use std::{
     fs::{self, File},
@@ -14,15 +14,15 @@ use tempfile::TempDir;
 
 use super::doors::{Api, CommandLine};
 
-/// How long a process may take to say that it is there.
+/// The timeout for a process to become ready.
 const PATIENCE: Duration = Duration::from_secs(60);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// A process that ends with this.
+/// A process that is killed when this is dropped.
 pub(super) struct FarmProcess {
     child: Child,
     log: PathBuf,
-    /// What the farm calls it.
+    /// The name in the farm.
     pub(super) name: String,
 }
 
@@ -43,12 +43,12 @@ impl FarmProcess {
     }
 
     pub(super) fn kill(&mut self) {
-        // It may have ended by itself.
+        // The process may have ended already.
         _ = self.child.kill();
         _ = self.child.wait();
     }
 
-    /// Asks it to end, and waits for that.
+    /// Asks the process to end, and waits for it.
     pub(super) fn end(&mut self) -> Result<()> {
         signal("-TERM", self.child.id())?;
         let begun = Instant::now();
@@ -73,7 +73,7 @@ fn signal(what: &str, process: u32) -> Result<()> {
     Ok(())
 }
 
-/// A farm on this machine, with a state of its own.
+/// A farm on this machine, with its own state.
 pub(super) struct SoakFarm {
     pub(super) cli: CommandLine,
     folder: TempDir,
@@ -117,7 +117,7 @@ impl SoakFarm {
         Ok(process)
     }
 
-    /// Starts `bottega up`, which goes on with the server that is there.
+    /// Starts `bottega up`, which continues with an existing server.
     pub(super) fn up(&mut self) -> Result<()> {
         let (listen, web) = (format!("127.0.0.1:{}", self.port), format!("127.0.0.1:{}", self.web));
         let mut words = vec!["up", "--listen", &listen, "--web", &web, "--hidden"];
@@ -131,7 +131,7 @@ impl SoakFarm {
         self.up = None;
     }
 
-    /// Kills the server, as if its machine had lost power.
+    /// Kills the server, as in a power failure.
     pub(super) fn kill_server(&self) -> Result<()> {
         let number = fs::read_to_string(self.path("state/bottega/server/server.pid"))?;
         signal("-KILL", number.trim().parse()?)
@@ -141,7 +141,7 @@ impl SoakFarm {
         self.up.as_ref().map(FarmProcess::said).unwrap_or_default()
     }
 
-    /// The door over HTTP that steers, and the lines that let a machine and a guest in.
+    /// Returns the HTTP interface with a token that can steer, and the lines that let a machine and a guest join.
     pub(super) fn api(&self) -> Result<Api> {
         let said = self.said_by_up();
         let door = said.lines().find_map(|line| line.trim().strip_prefix("http://")?.split_once("/?token="));
@@ -176,7 +176,7 @@ impl SoakFarm {
         Ok(())
     }
 
-    /// What all processes have said, the last lines of each, for people who look for a fault.
+    /// Returns the last lines of output of each process, for debugging.
     pub(super) fn logs(&self) -> String {
         let files = fs::read_dir(self.folder.path()).into_iter().flatten().flatten();
         let logs = files.filter(|file| file.path().extension().is_some_and(|it| it == "log"));
@@ -196,7 +196,7 @@ impl Drop for SoakFarm {
         self.machines.clear();
         self.guests.clear();
         self.up = None;
-        // `up` that was killed leaves its server behind.
+        // A killed `bottega up` leaves its server running.
         _ = self.kill_server();
     }
 }

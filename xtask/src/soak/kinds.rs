@@ -1,26 +1,26 @@
-//! The pictures that a soak asks for: small ones, of each kind of work that machines share out before the first zone.
+//! The images that a soak test requests: small ones, one of each kind of work that machines share before the first zone.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use serde_json::Value;
 
-/// A kind of picture, and what it is when one machine paints it alone.
+/// A kind of image, and its reference rendered by one machine alone.
 pub(super) struct PictureKind {
     pub(super) scene: PathBuf,
     words: Vec<&'static str>,
-    /// The same as JSON.
+    /// The request as JSON.
     pub(super) request: Value,
     pub(super) bits: Vec<[u32; 3]>,
 }
 
-/// What all of them have in common.
+/// The options that all kinds share.
 const COMMON: [&str; 3] = ["--size=64x48", "--seed=5", "--zones=16"];
 
 impl PictureKind {
-    /// Paints each kind once.
+    /// Renders each kind once.
     ///
-    /// - `run`: runs the program, and returns what it prints.
+    /// - `run`: runs the program, and returns its output.
     pub(super) fn all(run: &dyn Fn(&[&str]) -> Result<String>, scene: &Path, folder: &Path) -> Result<Vec<Self>> {
         const KINDS: [&[&str]; 3] = [
             &["--spp=48"],
@@ -40,7 +40,7 @@ impl PictureKind {
         KINDS.into_iter().enumerate().map(paint).collect()
     }
 
-    /// The words that ask the program for it, but for its file.
+    /// Returns the arguments that render it, without the output file.
     pub(super) fn render_words(&self) -> Vec<String> {
         let common = COMMON.iter().copied();
         let words = ["render".to_owned(), self.scene.display().to_string()].into_iter();
@@ -52,7 +52,7 @@ impl PictureKind {
     }
 }
 
-/// The bits of a picture.
+/// Returns the bits of an image.
 pub(super) fn bits(path: &Path) -> Result<Vec<[u32; 3]>> {
     let picture = bottega_image::read_picture(path).with_context(|| format!("{} is no picture", path.display()))?;
     Ok(picture.data.iter().map(|pixel| pixel.map(f32::to_bits)).collect())

@@ -1,5 +1,6 @@
-//! A soak: random events, from a seed, on a farm of real processes, through its three doors in turn. After each quiet moment all doors
-//! must report the same and all jobs must be painted with the right bits; at no moment may a job wait while a machine is free.
+//! A soak test: random events, from a seed, on a farm of real processes, through its three interfaces in turn. In each quiet
+//! phase all interfaces must report the same and all jobs must be painted bit-identically; at no time may a job wait while a
+//! machine is free.
 
 mod doors;
 mod farm;
@@ -27,26 +28,26 @@ use self::{
 };
 use crate::{cargo::cargo, needs, python, run_head};
 
-/// Machines of one thread each, and guests.
+/// The number of machines, with one thread each, and of guests.
 const MACHINES: usize = 2;
 const GUESTS_MAX: usize = 1;
-/// From one quiet moment to the next.
+/// The number of events between quiet phases.
 const STEPS_BETWEEN: u32 = 12;
-/// Jobs that there are at most after a quiet moment.
+/// The maximum number of jobs after a quiet phase.
 const JOBS_KEPT: usize = 8;
-/// Jobs that wait or are painted at most.
+/// The maximum number of unfinished jobs.
 const JOBS_OPEN: usize = 4;
-/// How long all jobs may take to be painted when nobody disturbs them.
+/// The time limit for all jobs in a quiet phase.
 const QUIET_WITHIN: Duration = Duration::from_secs(300);
-/// How long doors may differ: what a farm notes takes its time to each of them.
+/// The time limit for interfaces to report the same, because updates reach each of them with a delay.
 const SAME_WITHIN: Duration = Duration::from_secs(20);
 const LOOK_EVERY: Duration = Duration::from_millis(250);
-/// How long a server that was killed, and machines that look for it, may take to be back.
+/// The time limit for a killed server, and machines that look for it, to be back.
 const BACK_WITHIN: Duration = Duration::from_secs(60);
-/// The words by which the doors say that the server is away.
+/// The messages by which the interfaces report that the server is away.
 const AWAY: [&str; 4] = ["cannot reach a NATS server", "does not answer", ": 503: ", ": 504: "];
 
-/// What a soak is made with.
+/// Options of `cargo xtask soak`.
 #[derive(Args)]
 pub(crate) struct SoakArgs {
     /// Things that happen.
@@ -73,7 +74,7 @@ pub(crate) struct SoakArgs {
     output: Option<PathBuf>,
 }
 
-/// Runs a soak, and prints its figures.
+/// Runs a soak test, and prints its statistics.
 pub(crate) fn soak(args: &SoakArgs) -> Result<()> {
     let program = match &args.program {
         Some(program) => program.clone(),
@@ -93,11 +94,11 @@ pub(crate) fn soak(args: &SoakArgs) -> Result<()> {
     args.output.as_ref().map_or(Ok(()), |path| fs::write(path, text)).context("the figures are not written")
 }
 
-/// Numbers by chance, the same for the same seed.
+/// A pseudo-random number generator.
 struct Chance(u64);
 
 impl Chance {
-    /// SplitMix64 (Steele, Lea, Flood 2014).
+    /// Returns the next number, by SplitMix64 (Steele, Lea, Flood 2014).
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -115,7 +116,7 @@ impl Chance {
     }
 }
 
-/// What may happen, and how often of all.
+/// The events, with their weights.
 const STEPS: [(SoakStep, usize); 14] = [
     (SoakStep::Submit, 20),
     (SoakStep::Requeue, 14),
@@ -151,20 +152,20 @@ enum SoakStep {
     GuestGoes,
 }
 
-/// What was seen in a soak.
+/// The statistics of a soak test.
 #[derive(Default)]
 struct Figures {
     steps: u32,
     happened: BTreeMap<SoakStep, u32>,
-    /// What a door refused because it could not be done just then.
+    /// Number of requests that an interface refused because of the current state.
     refused: u32,
-    /// What was done once more, because the server was away.
+    /// Number of requests repeated because the server was away.
     again: u32,
     by_door: BTreeMap<&'static str, u32>,
     quiet_moments: u32,
     pictures_compared: u32,
     kept_pictures: u32,
-    /// How often the farm's own watch had a job begun again.
+    /// Number of restarts of jobs by the farm's own watch.
     stirs: u64,
     longest_idle: Duration,
 }
@@ -175,7 +176,7 @@ struct Soak {
     kinds: Vec<PictureKind>,
     chance: Chance,
     figures: Figures,
-    /// Of which kind the picture of each job is.
+    /// The kind of each job's image.
     asked: BTreeMap<u64, usize>,
     watch: IdleWatch,
     begun: Instant,
@@ -211,7 +212,7 @@ impl Soak {
             } else {
                 self.figures.refused += 1;
             }
-            // Some things happen at once, others amid the painting.
+            // Some events follow at once, others during painting.
             let pause = Duration::from_millis(50 + 40 * self.chance.below(30) as u64);
             let until = Instant::now() + pause;
             while Instant::now() < until {
@@ -236,7 +237,7 @@ impl Soak {
         SoakStep::Submit
     }
 
-    /// The door whose turn it is.
+    /// Returns the interface whose turn it is.
     fn door(&mut self) -> &mut Door {
         let place = self.figures.steps as usize % self.doors.len();
         let door = &mut self.doors[place];
@@ -252,12 +253,12 @@ impl Soak {
         self.api()?.list("/api/jobs")
     }
 
-    /// Jobs in one of these states.
+    /// Returns the jobs in one of these states.
     fn jobs_that_are(&mut self, states: &[&str]) -> Result<Vec<Value>> {
         Ok(self.jobs()?.into_iter().filter(|job| states.iter().any(|state| job["state"] == *state)).collect())
     }
 
-    /// As [`Self::happen`]; where the server is away just then, again until it is back.
+    /// Triggers an event like [`Self::happen`]; if the server is away, repeats it until the server is back.
     fn happen_or_again(&mut self, what: SoakStep) -> Result<bool> {
         let begun = Instant::now();
         loop {
@@ -272,7 +273,7 @@ impl Soak {
         }
     }
 
-    /// Whether it could happen.
+    /// Triggers an event. Returns `true` if it was possible.
     fn happen(&mut self, what: SoakStep) -> Result<bool> {
         match what {
             SoakStep::Submit => self.submit(),
@@ -312,7 +313,7 @@ impl Soak {
         let like = self.jobs()?.last().and_then(|job| job["job"].as_u64());
         let place = self.figures.steps as usize % self.doors.len();
         let Self { doors, kinds, .. } = self;
-        // The first one sends the scene.
+        // The command line sends the first scene.
         let place = if like.is_none() { 0 } else { place };
         let door = &mut doors[place];
         let number = door.submit(&kinds[kind], &output, like)?;
@@ -321,7 +322,7 @@ impl Soak {
         Ok(true)
     }
 
-    /// Has a zone of a job painted again that is over: the picture that there is stays, and its progress begins at 0.
+    /// Requeues a zone of a finished job: the existing image stays, and its progress starts at 0.
     fn requeue(&mut self) -> Result<bool> {
         let done: Vec<u64> = self.jobs_that_are(&["done"])?.iter().filter_map(|job| job["job"].as_u64()).collect();
         let Some(&number) = self.chance.one_of(&done) else { return Ok(false) };
@@ -343,7 +344,7 @@ impl Soak {
         let Some(&number) = self.chance.one_of(&jobs) else { return Ok(false) };
         match self.door().steer(number, word) {
             Ok(()) => Ok(true),
-            // It may have been finished meanwhile.
+            // The job may have finished meanwhile.
             Err(error) if error.to_string().contains("is over") => Ok(false),
             Err(error) => Err(error),
         }
@@ -364,18 +365,18 @@ impl Soak {
         let Some(machine) = self.chance.one_of(&machines) else { return Ok(false) };
         let over_http = (self.figures.steps as usize + from).is_multiple_of(2);
         if over_http {
-            // It may have been killed a moment ago, and its seat be gone.
+            // The machine may just have been killed, and is no longer listed.
             return Ok(self.api()?.ask("POST", &format!("/api/machines/{machine}/{word}"), &Value::Null).is_ok());
         }
         match self.farm.cli.run(&["machines", word, machine]) {
             Ok(_) => Ok(true),
-            // It looks for the server that was killed a moment ago.
+            // The machine is looking for the server, which was just killed.
             Err(error) if error.to_string().contains("no machine") => Ok(false),
             Err(error) => Err(error),
         }
     }
 
-    /// Kills a machine and has another one come.
+    /// Kills a machine and starts another one.
     fn kill_machine(&mut self, is_leader: bool) -> Result<bool> {
         let leaders: Vec<String> =
             self.jobs()?.iter().filter_map(|job| job["leader"].as_str().map(str::to_owned)).collect();
@@ -387,10 +388,10 @@ impl Soak {
         Ok(true)
     }
 
-    /// Looks whether a job waits while a machine is free.
+    /// Checks that no job waits while a machine is free.
     fn look(&mut self) -> Result<()> {
         let api = self.api()?;
-        // While the server is away nothing is known.
+        // While the server is away the state is unknown.
         if let (Ok(jobs), Ok(machines)) = (api.list("/api/jobs"), api.list("/api/machines")) {
             self.watch.look(&jobs, &machines)?;
             self.figures.longest_idle = self.figures.longest_idle.max(self.watch.longest);
@@ -400,7 +401,7 @@ impl Soak {
         Ok(())
     }
 
-    /// Nobody disturbs anything: all is painted and compared.
+    /// A quiet phase: waits until everything is painted, and compares the results.
     fn quiet(&mut self) -> Result<()> {
         let machines: Vec<String> = self.farm.machines.iter().map(|machine| machine.name.clone()).collect();
         let begun = Instant::now();
@@ -463,7 +464,7 @@ impl Soak {
         }
     }
 
-    /// Fetches the picture of a job by the door whose turn it is, and compares its bits.
+    /// Fetches the image of a job by the interface whose turn it is, and compares its bits.
     fn compare(&mut self, number: u64) -> Result<()> {
         let path = self.farm.path("fetched.exr");
         self.door().fetch(number, &path)?;

@@ -1,4 +1,4 @@
-//! The Python module of a build, assembled in a folder: its sources with the library that cargo has made.
+//! The Python module of a build, assembled in a folder from its sources and the library built by cargo.
 
 use std::{
     env, fs,
@@ -9,8 +9,8 @@ use anyhow::{Context, Result};
 
 use crate::bars::root;
 
-/// Puts the module `bottega` into a folder, and returns that folder: it belongs into `PYTHONPATH`. Where there is no library beside the
-/// program, it cannot be imported.
+/// Puts the module `bottega` into a folder, and returns that folder, for `PYTHONPATH`. Without a library beside the program the
+/// module cannot be imported.
 pub(super) fn assemble(program: &Path, folder: &Path) -> Result<PathBuf> {
     let package = folder.join("bottega");
     fs::create_dir_all(&package)?;
@@ -26,7 +26,7 @@ pub(super) fn assemble(program: &Path, folder: &Path) -> Result<PathBuf> {
     Ok(folder.to_owned())
 }
 
-/// The library of the module in the folder of a program, or in `deps` there: the one that was made last.
+/// Returns the newest library of the module in the folder of a program, or in its `deps`.
 fn library_beside(program: &Path) -> Option<PathBuf> {
     let name = format!("{}bottega_python{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX);
     let folder = program.parent()?;

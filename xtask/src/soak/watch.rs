@@ -1,4 +1,4 @@
-//! The watch over jobs that wait while a machine is free for them, as somebody sees it who asks the farm.
+//! A check for jobs that wait while a machine is free for them, as seen from outside the farm.
 
 use std::{
     collections::BTreeMap,
@@ -8,22 +8,22 @@ use std::{
 use anyhow::{Result, ensure};
 use serde_json::Value;
 
-/// For so long nothing may go on of a job while a machine is free.
+/// The maximum time without progress of a job while a machine is free.
 const IDLE_MAX: Duration = Duration::from_secs(40);
 
-/// Watches all jobs.
+/// The check for all jobs.
 #[derive(Default)]
 pub(super) struct IdleWatch {
-    /// Since when nothing has gone on of each job, and how far it was.
+    /// The time since which each job made no progress, and its progress.
     jobs: BTreeMap<u64, (Instant, String)>,
-    /// How often each was begun again.
+    /// The number of restarts per job.
     stirs: BTreeMap<u64, u64>,
-    /// The longest that a job waited so.
+    /// The longest time that a job waited.
     pub(super) longest: Duration,
 }
 
 impl IdleWatch {
-    /// Takes in how jobs and machines stand.
+    /// Takes the current state of jobs and machines.
     pub(super) fn look(&mut self, jobs: &[Value], machines: &[Value]) -> Result<()> {
         let now = Instant::now();
         let mut waiting = BTreeMap::new();
@@ -58,7 +58,7 @@ impl IdleWatch {
         Ok(())
     }
 
-    /// How often all jobs were begun again.
+    /// Returns the number of restarts of all jobs.
     pub(super) fn stirs(&self) -> u64 {
         self.stirs.values().sum()
     }

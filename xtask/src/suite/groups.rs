@@ -22,9 +22,9 @@ pub(crate) enum TestGroup {
 pub(crate) struct Part {
     pub(crate) group: TestGroup,
     pub(crate) package: &'static str,
-    /// The modules of the test program whose tests belong to it. None: all of the program.
+    /// The modules of the test program whose tests belong to it. Empty: the whole program.
     pub(crate) modules: &'static [&'static str],
-    /// Processors that it keeps busy, as measured; the rest of its time it waits.
+    /// The measured number of processors that it keeps busy; it waits for the rest of its time.
     pub(crate) load: f64,
 }
 
@@ -39,12 +39,12 @@ pub(crate) const PARTS: &[Part] = &[
     Part { group: TestGroup::Browser, package: "bottega-web", modules: &["scripts"], load: 1.0 },
 ];
 
-/// Packages that programs of a group's tests come from, beside those of its parts.
+/// Returns packages whose programs a group's tests need, in addition to those of its parts.
 pub(crate) fn beside(group: TestGroup) -> &'static [&'static str] {
     match group {
-        // The example `submit`, and the module that the short soak asks by.
+        // The example `submit`, and the Python module for the short soak test.
         TestGroup::Farm => &["bottega-cluster", "bottega-python"],
-        // The program, which the module is compared with.
+        // The program, with which the module is compared.
         TestGroup::Python => &["bottega-cli"],
         TestGroup::Browser | TestGroup::Engines | TestGroup::Gpu => &[],
     }

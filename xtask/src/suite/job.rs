@@ -1,4 +1,4 @@
-//! The runs of test programs: each program once for its tests that need Rust alone, and once for each group that it has tests of.
+//! The runs of test programs: each program once for its tests that need only Rust, and once for each group that it has tests of.
 
 use std::{env, ffi::OsString, path::PathBuf, process::Command, thread};
 
@@ -12,21 +12,21 @@ use crate::{bars::root, cargo};
 
 /// A run of a test program, or of the examples in documentation.
 pub(crate) struct TestJob {
-    /// What it is listed under, such as `bottega-cli farm`.
+    /// The name in lists, such as `bottega-cli farm`.
     pub(crate) name: String,
     pub(crate) command: Command,
-    /// Processors that it keeps busy.
+    /// The number of processors that it keeps busy.
     pub(crate) load: f64,
 }
 
-/// Programs that take longest where nothing is waited for: they begin first, so that none of them is alone at the end.
+/// The programs that take longest without waiting: they start first, so that none of them runs alone at the end.
 const LONG: [&str; 4] = ["bottega-render", "bottega-scene", "bottega-farm", "bottega-cli"];
 
-/// The events of the short soak.
+/// The number of events of the short soak test.
 const SOAK_STEPS: &str = "36";
 const SOAK_SEED: &str = "3";
 
-/// The runs of these programs, in the order in which they begin.
+/// Returns the runs of these programs, in the order of their start.
 pub(crate) fn jobs(
     programs: &[TestProgram],
     group: Option<TestGroup>,
@@ -36,7 +36,7 @@ pub(crate) fn jobs(
     let make = |name: String, program: &TestProgram, filters: &[String], load: f64| {
         let mut command = Command::new(&program.file);
         command.args(filters).args(["--show-output", "--test-threads", &threads(load).to_string()]);
-        // As cargo runs it.
+        // Set the environment as cargo does.
         command.current_dir(&program.folder).env("CARGO_MANIFEST_DIR", &program.folder);
         command.env("LD_LIBRARY_PATH", &libraries).envs(environment.iter().map(|(name, value)| (name, value)));
         cargo::forget_package(&mut command);
@@ -78,12 +78,12 @@ pub(crate) fn jobs(
     Ok(jobs)
 }
 
-/// Whether a program has tests of this part: the modules of a part are those of the folder `tests`.
+/// True if a program has tests of this part; the modules of a part are in the folder `tests`.
 fn holds(program: &TestProgram, part: &Part) -> bool {
     part.modules.is_empty() || !program.is_unit
 }
 
-/// A few random events on a farm of real processes, always the same ones.
+/// Returns the short soak test: a few random events on a farm of real processes, always the same ones.
 fn short_soak(environment: &[(&'static str, OsString)]) -> Result<TestJob> {
     let built = cargo::target().join("debug");
     let mut command = Command::new(env::current_exe()?);
@@ -92,7 +92,7 @@ fn short_soak(environment: &[(&'static str, OsString)]) -> Result<TestJob> {
     Ok(TestJob { name: "soak farm".to_owned(), command, load: 1.0 })
 }
 
-/// The examples in documentation, which cargo compiles and runs.
+/// Returns the run of the examples in documentation, which cargo compiles and runs.
 fn documentation(environment: &[(&'static str, OsString)]) -> TestJob {
     let mut command = cargo::command();
     command.args(["test", "--quiet", "--workspace", "--doc", "--no-fail-fast"]).current_dir(root());
@@ -100,14 +100,14 @@ fn documentation(environment: &[(&'static str, OsString)]) -> TestJob {
     TestJob { name: "examples in documentation".to_owned(), command, load: 1.0 }
 }
 
-/// Tests of one program that run at a time: so many that other programs have their part of the processors.
+/// Returns the number of concurrent tests of a program; it leaves processors to other programs.
 fn threads(load: f64) -> usize {
     let all = thread::available_parallelism().map_or(1, usize::from);
-    // What waits most of its time waits beside others.
+    // Programs that mostly wait can run many tests at once.
     if load < 1.0 { all.max(2) } else { all.div_ceil(2) }
 }
 
-/// Where test programs find the standard library: those of macros are linked with it at run time.
+/// Returns the library path for test programs: those of macros load the standard library at run time.
 fn library_path() -> Result<OsString> {
     let rustc = PathBuf::from(env!("CARGO")).with_file_name("rustc");
     let shown = Command::new(rustc).args(["--print", "target-libdir"]).output().context("cannot start rustc")?;

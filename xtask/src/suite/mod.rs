@@ -1,5 +1,5 @@
-//! The whole test suite: every test runs, also after one failed, and a summary tells at the end what failed and what was skipped for
-//! which reason. Several test programs run at a time, by how busy they keep the processors.
+//! The test suite: runs every test, also after a failure, and prints a summary of what failed and what was skipped for which
+//! reason. Several test programs run concurrently, depending on their load.
 
 mod groups;
 mod job;
@@ -18,7 +18,7 @@ use crate::bars::root;
 /// Runs the tests of a group, or of the whole workspace.
 ///
 /// - `environment`: the variables by which tests find what is installed for them.
-/// - `compiled`: called when everything has been compiled and the first test begins.
+/// - `compiled`: called when everything has been compiled and the first test starts.
 ///
 /// # Errors
 /// A test failed, after all tests have run; or something does not compile.
@@ -39,7 +39,7 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// The folder of what test programs print.
+/// Returns the folder for the output of test programs.
 fn logs_folder() -> std::path::PathBuf {
     root().join(Path::new("target/test-logs"))
 }

@@ -1,4 +1,4 @@
-//! The test programs of the workspace: compiled by cargo, and listed.
+//! The test programs of the workspace, compiled and listed by cargo.
 
 use std::{collections::BTreeSet, io::BufReader, path::PathBuf, process::Stdio, time::Instant};
 
@@ -12,7 +12,7 @@ use crate::{bars::root, cargo, cost};
 #[derive(Clone, Debug)]
 pub(crate) struct TestProgram {
     pub(crate) package: String,
-    /// Whether it holds the unit tests of the package, not those of its folder `tests`.
+    /// `true`: the unit tests of the package, not those of its folder `tests`.
     pub(crate) is_unit: bool,
     pub(crate) file: PathBuf,
     /// The folder in which cargo runs it: that of the package.

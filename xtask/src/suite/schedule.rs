@@ -1,4 +1,4 @@
-//! Runs test programs beside each other, as many as keep the processors busy.
+//! A scheduler that runs test programs concurrently, as many as keep the processors busy.
 
 use std::{
     fs::{self, File},
@@ -22,8 +22,8 @@ struct EndedJob {
     log: PathBuf,
 }
 
-/// Runs all jobs, and adds what they say to the summary. A job begins as soon as the processors are free for it, in the order of
-/// the list; where it is too much beside those that run, a later one that is not begins before it.
+/// Runs all jobs, and adds their output to the summary. A job starts as soon as enough processors are free, in the order of the
+/// list; if it does not fit, a later, smaller one starts before it.
 ///
 /// - `logs`: the folder for the output of each job.
 pub(crate) fn run(jobs: Vec<TestJob>, logs: &Path, summary: &mut Summary) -> Result<()> {
@@ -38,7 +38,7 @@ pub(crate) fn run(jobs: Vec<TestJob>, logs: &Path, summary: &mut Summary) -> Res
             let (sender, log) = (sender.clone(), logs.join(job.name.replace(' ', "-")));
             thread::spawn(move || {
                 let outcome = run_one(job.command, &job.name, &log);
-                // Nobody listens only where another job could not be run at all.
+                // The receiver is gone only if another job could not be started.
                 _ = sender.send(EndedJob { name: job.name, load: job.load, outcome, log });
             });
         }
@@ -57,7 +57,7 @@ fn run_one(mut command: std::process::Command, name: &str, log: &Path) -> Result
     cost::wait(&format!("test {name}"), &mut child, begun)
 }
 
-/// Adds the output of a job to the summary, and prints one line, and what failed.
+/// Adds the output of a job to the summary, and prints one line, and the failures.
 fn report(job: &EndedJob, summary: &mut Summary) -> Result<()> {
     let read =
         |kind: &str| fs::read(job.log.with_extension(kind)).map(|text| String::from_utf8_lossy(&text).into_owned());

@@ -1,18 +1,18 @@
-//! The output of test programs, read as they end: how many tests passed, which failed, and which were skipped for which reason.
+//! A parser of the output of test programs: counts passed, failed and skipped tests, with the reasons for skips.
 
 use std::collections::BTreeMap;
 
-/// The tests of all programs that have ended.
+/// The results of all programs that have ended.
 #[derive(Default)]
 pub(crate) struct Summary {
     pub(crate) passed: u64,
     pub(crate) failed: u64,
     failures: Vec<String>,
-    /// Tests by the reason why they were skipped.
+    /// Skipped tests by reason.
     skipped: BTreeMap<String, Vec<String>>,
 }
 
-/// The part of a program's output in which a line stands.
+/// The section of a program's output that a line belongs to.
 #[derive(Clone, Copy, PartialEq)]
 enum Section {
     /// One line per test.
@@ -24,10 +24,10 @@ enum Section {
 }
 
 impl Summary {
-    /// Adds the output of a test program, as libtest prints it with `--show-output`. Returns the lines that people should see: the output
-    /// of failing tests, and what is neither a test that passed nor its output.
+    /// Adds the output of a test program, as libtest prints it with `--show-output`. Returns the lines to show: the output of
+    /// failing tests, and lines that belong to no test.
     ///
-    /// - `program`: the name that failures are listed under.
+    /// - `program`: the name under which failures are listed.
     pub(crate) fn add<'a>(&mut self, program: &str, output: &'a str) -> Vec<&'a str> {
         let (mut section, mut test) = (Section::Tests, "");
         let mut shown = Vec::new();
@@ -63,13 +63,13 @@ impl Summary {
         shown
     }
 
-    /// Adds a program that ended without saying how its tests went.
+    /// Adds a program that ended without a test result.
     pub(crate) fn add_failure(&mut self, problem: String) {
         self.failed += 1;
         self.failures.push(problem);
     }
 
-    /// Notes `skipped: REASON`, or of a part of a test, `skipped PART: REASON`.
+    /// Notes `skipped: REASON`, or for a part of a test, `skipped PART: REASON`.
     fn note_skip(&mut self, test: &str, line: &str) {
         let reason = line.strip_prefix("SKIPPED").or_else(|| line.strip_prefix("skipped"));
         if let Some(reason) = reason.filter(|reason| reason.starts_with([':', ' '])) {
@@ -91,7 +91,7 @@ impl Summary {
     }
 }
 
-/// The number before a word of `ok. 12 passed; 0 failed; …`.
+/// Returns the number before a word of `ok. 12 passed; 0 failed; …`.
 fn count(result: &str, word: &str) -> u64 {
     let before = result.split(word).next().filter(|before| before.len() < result.len());
     let number = before.and_then(|before| before.rsplit(' ').next());

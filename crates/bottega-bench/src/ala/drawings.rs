@@ -1,4 +1,4 @@
-//! Drawings of pictures, and of the differences between them.
+//! Images of renders and of their differences.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ pub(super) fn write_png(folder: &Path, name: &str, picture: &Picture) -> Result<
     Ok(Canvas::of_picture(picture, 0.0, ToneMap::Agx).write_png(folder.join(name))?)
 }
 
-/// Five times the absolute difference, as in the paper's figures 4 and 5.
+/// Returns five times the absolute difference, as in the paper's figures 4 and 5.
 pub(super) fn difference(a: &Picture, b: &Picture) -> Picture {
     let pixel = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|i| 5.0 * (a[i] - b[i]).abs());
     Picture { data: a.data.iter().zip(&b.data).map(pixel).collect(), ..*a }

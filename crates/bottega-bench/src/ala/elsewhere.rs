@@ -1,4 +1,4 @@
-//! Agents beside photon mapping in other scenes than that of the paper.
+//! Comparison of lighting agents and photon mapping in scenes other than the paper's.
 
 use std::io::Write;
 
@@ -11,21 +11,21 @@ use super::{
 };
 use crate::{error::Error, files::shared_meshes, report::say};
 
-/// Budgets of our agents, as shares of the paper's.
+/// Budgets of our agents, relative to the paper's.
 const BUDGETS: [f64; 4] = [1.0, 0.3, 0.2, 0.1];
 
-/// Photon mapping with an irradiance cache and shadow photons, and our agents, in one scene.
+/// The results of photon mapping with irradiance cache and shadow photons, and of our agents, in one scene.
 pub(super) struct ElsewhereResult {
     pub(super) scene: String,
     pub(super) photons: MethodResult,
-    /// By budget.
+    /// The results of our agents, one per budget.
     pub(super) agents: Vec<MethodResult>,
 }
 
-/// Paints a scene by photons and by agents.
+/// Renders a scene by photons and by agents.
 ///
 /// # Errors
-/// The scene cannot be painted, or the reference not be read.
+/// The scene cannot be rendered, or the reference cannot be read.
 pub(super) fn compare(options: &AlaOptions, other: &AlaScene, log: &mut dyn Write) -> Result<ElsewhereResult, Error> {
     let reference = read_picture(&other.reference)?;
     let hints = bottega_scene::load(&other.scene, &shared_meshes())?.hints;

@@ -1,4 +1,4 @@
-//! The pictures of the paper's figures 4 and 5: photon mapping, agents of the paper, and five times their difference side by side.
+//! Images like the paper's figures 4 and 5: photon mapping, the paper's agents, and five times their difference, side by side.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::{
 };
 use crate::error::Error;
 
-/// Writes `figure-4.png` (without indirect light) and `figure-5.png` (with all light), and the same with our own agents.
+/// Writes `figure-4.png` (without indirect light) and `figure-5.png` (with all light), and both again with our own agents.
 ///
 /// # Errors
 /// A file cannot be written.
@@ -29,7 +29,7 @@ pub(super) fn write(folder: &Path, report: &AlaReport) -> Result<(), Error> {
     row("figure-5-our-agents.png", photons, ours)
 }
 
-/// Pictures of one size side by side.
+/// Joins images of one size side by side.
 fn beside(pictures: &[&Picture]) -> Picture {
     let (width, height) = pictures.first().map_or((0, 0), |first| (first.width, first.height));
     let rows = (0..height as usize).flat_map(|y| {

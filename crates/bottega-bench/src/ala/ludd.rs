@@ -12,37 +12,37 @@ use serde_json::{Value, json};
 use super::ways::PaintedScene;
 use crate::{error::Error, report::say};
 
-/// How near samples are compared, as a share of the radius of the scene.
+/// The radius of a neighborhood, relative to the radius of the scene.
 const RADIUS: f32 = 0.05;
-/// How many are compared: the N of equation 1.
+/// The number of samples in a neighborhood: N of equation 1.
 const COUNT: usize = 50;
-/// Radius of a sample in the pictures of the maps, as a share of that of the scene, times the root of how many there are; and its
+/// The radius of a dot in the drawn maps, relative to that of the scene, times the square root of the number of samples; and its
 /// bounds.
 const DOT: f32 = 2.0;
 const DOT_BOUNDS: [f32; 2] = [0.002, 0.008];
-/// What the paper compares: the irradiance in its figure 3; what it names in section 3.
+/// The compared criteria: the irradiance, as in the paper's figure 3, and those named in section 3.
 const CRITERIA: [Criterion; 4] = [Criterion::Normal, Criterion::Power, Criterion::Direction, Criterion::Irradiance];
 
-/// δ of one set of samples, all over the picture.
+/// The field of δ of one set of samples over the image.
 pub(super) struct UsefulData {
     name: &'static str,
-    /// Of the irradiance, in spheres of equal radius and of equal N: row-major, NaN where it is not known.
+    /// δ of the irradiance, with equal radii and with equal N: row-major, NaN if unknown.
     fields: [Vec<f32>; 2],
-    /// Means by criterion, likewise.
+    /// Means by criterion, with equal radii and with equal N.
     means: [Vec<Option<f64>>; 2],
     samples: u64,
-    /// In a sphere of equal radius, on the average.
+    /// The mean number of samples in a sphere of equal radius.
     in_sphere: f64,
     dots: Vec<Dot>,
 }
 
-/// Compares photons and agents of as many as are painted with.
+/// Compares photons and agents, in the numbers used for rendering.
 ///
-/// - `photons`, `lighting_agents`: so many leave the lights.
-/// - `log`: is told what is compared.
+/// - `photons`, `lighting_agents`: the numbers emitted by the lights.
+/// - `log`: gets a line per comparison.
 ///
 /// # Errors
-/// The scene cannot be painted.
+/// The scene cannot be rendered.
 pub(super) fn compare(
     scene: &PaintedScene<'_>,
     photons: u32,
@@ -96,7 +96,7 @@ fn mean(values: impl Iterator<Item = f32>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// A table for people.
+/// Formats the results as a table.
 pub(super) fn as_text(all: &[UsefulData]) -> String {
     let mut text = format!(
         "\nuseful data density δ (mean of what is seen) in spheres of {RADIUS} of the radius of the scene, and of {COUNT} samples\n\
@@ -106,7 +106,7 @@ pub(super) fn as_text(all: &[UsefulData]) -> String {
     let cell = |value: &Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3}"));
     for kind in ["r", "N"] {
         for criterion in CRITERIA {
-            // A string can always be written to.
+            // Writing to a string cannot fail.
             let _ = write!(text, " {:>12}", format!("{criterion} {kind}"));
         }
     }
@@ -119,7 +119,7 @@ pub(super) fn as_text(all: &[UsefulData]) -> String {
     text + "\n"
 }
 
-/// The same for programs.
+/// Returns the results as JSON.
 pub(super) fn as_json(all: &[UsefulData]) -> Value {
     let by_criterion = |means: &[Option<f64>]| -> Value {
         let pairs = CRITERIA.iter().zip(means).map(|(criterion, mean)| (criterion.name().to_owned(), json!(mean)));
@@ -137,7 +137,7 @@ pub(super) fn as_json(all: &[UsefulData]) -> Value {
     json!({ "radius_share": RADIUS, "count": COUNT, "sets": all.iter().map(set).collect::<Vec<_>>() })
 }
 
-/// Draws the maps (figure 1, B and D) and δ of the irradiance (C, E, and figure 3), the latter with the same colors for all sets.
+/// Draws the maps (figure 1, B and D) and δ of the irradiance (C, E, and figure 3), with the same color scale for all sets.
 ///
 /// # Errors
 /// A file cannot be written.
@@ -158,7 +158,7 @@ pub(super) fn draw(all: &[UsefulData], view: View, folder: &Path) -> Result<(), 
         };
         let values: Vec<f32> = data.dots.iter().map(value).collect();
         let white = bright(values.iter().copied().filter(|it| *it > 0.0).collect());
-        // A dark sample is still one.
+        // Keep dark samples visible.
         let shown = data.dots.iter().zip(&values).map(|(dot, &value)| match dot {
             Dot::Sample(_) => value.max(0.25 * white),
             _ => value,
@@ -170,10 +170,10 @@ pub(super) fn draw(all: &[UsefulData], view: View, folder: &Path) -> Result<(), 
     Ok(())
 }
 
-/// Draws the proximity network over the scene, in the colors of what it answers.
+/// Draws the proximity network over the scene, colored by its answers.
 ///
 /// # Errors
-/// The scene cannot be painted, or a file not be written.
+/// The scene cannot be rendered.
 pub(super) fn draw_network(scene: &PaintedScene<'_>, lighting_agents: u32) -> Result<Canvas, Error> {
     let agents = AgentSettings { cast: lighting_agents, ..AgentSettings::default() };
     let photons = PhotonSettings { bounces: scene.max_depth, agents: Some(agents), ..PhotonSettings::default() };
@@ -188,7 +188,7 @@ pub(super) fn draw_network(scene: &PaintedScene<'_>, lighting_agents: u32) -> Re
     Ok(Canvas::heat_map(scene.view.width, scene.view.height, &values, 1.0, ColorMap::Viridis))
 }
 
-/// The value of the brightest color: one pixel in two hundred may be beyond.
+/// Returns the value of the brightest color; one pixel in two hundred may be clipped.
 fn bright(mut values: Vec<f32>) -> f32 {
     values.sort_unstable_by(f32::total_cmp);
     values.get(values.len().saturating_sub(values.len() / 200 + 1)).copied().unwrap_or(1.0).max(1e-6)

@@ -1,8 +1,8 @@
 //! The tables and figures of the paper on Autonomous Lighting Agents.
 //!
-//! Photon mapping, the agents of the paper and our own paint one scene with more and more samples, each anew: maps are cast,
-//! agents look around. Errors are to a converged picture. Who is faster is told at equal error: by the time until a picture is as
-//! good as that of photon mapping at last.
+//! Photon mapping, the paper's agents and our own render one scene with increasing numbers of samples, each time including the
+//! preparation: maps are cast, agents explore. Errors are relative to a converged image. Speeds are compared at equal error: by
+//! the time to the error that photon mapping reaches in the end.
 
 mod drawings;
 mod elsewhere;
@@ -33,12 +33,12 @@ use crate::{
     report::{Measurement, Report, headed, say},
 };
 
-/// The paper's picture.
+/// The paper's image size.
 const SIZE: [f64; 2] = [1600.0, 1200.0];
-/// Budgets that are tried beside the paper's, as shares of it.
+/// Further budgets, relative to the paper's.
 const FEWER: [f64; 4] = [0.04, 0.1, 0.25, 0.3];
 const MORE: f64 = 3.0;
-/// The share of the agents whose network is drawn: few enough for links to be told apart.
+/// The share of the agents in the drawn network: few enough to distinguish the links.
 const NETWORK: f64 = 0.1;
 
 impl Measurement for AlaOptions {
@@ -54,7 +54,7 @@ impl Measurement for AlaOptions {
     }
 }
 
-/// Paints the scene in every way of the paper.
+/// Renders the scene by all methods of the paper.
 fn compare(options: &AlaOptions, log: &mut dyn Write) -> Result<AlaReport, Error> {
     let AlaOptions { spp, photons, lighting_agents, .. } = *options;
     let path = options.scene()?;

@@ -1,4 +1,4 @@
-//! The options of the comparison: scenes, and numbers of photons and agents.
+//! Options of the comparison: scenes, and numbers of photons and agents.
 
 use std::path::PathBuf;
 
@@ -9,18 +9,18 @@ use crate::{
     error::Error,
 };
 
-/// The scene of the comparison, in the folder of scenes.
+/// The scene of the comparison, relative to the folder of scenes.
 const SCENE: &str = "ala/ala.xml";
-/// A converged picture of that scene.
+/// A converged image of that scene.
 const REFERENCE: &str = "ala/reference/Mitsuba3.exr";
 
-/// Other scenes, with converged pictures of them: an interior, and one of glass.
+/// Further scenes with converged images: an interior, and a scene of glass.
 const ELSEWHERE: [[&str; 2]; 2] = [
     ["peers/d_interior.xml", "peers/reference/ref_d_interior.exr"],
     ["peers/c_goblets.xml", "peers/reference/ref_c_goblets.exr"],
 ];
 
-/// Sides of a picture that has no reference yet, as a share of the paper's.
+/// The image size for scenes without a reference, relative to the paper's.
 const SCALE: f64 = 0.25;
 
 /// The tables and figures of the paper on Autonomous Lighting Agents: photon mapping, its agents, and ours.
@@ -59,26 +59,26 @@ pub(crate) struct AlaOptions {
     pub(super) output: Option<PathBuf>,
 }
 
-/// A scene with a converged picture of it.
+/// A scene with a converged image of it.
 #[derive(Clone, Debug)]
 pub(super) struct AlaScene {
     pub(super) scene: PathBuf,
-    /// Pictures that are compared with it take their size of it.
+    /// The reference; images compared with it have its size.
     pub(super) reference: PathBuf,
 }
 
 impl AlaOptions {
-    /// The scene of the paper, or the one that was asked for.
+    /// Returns the paper's scene, or the requested one.
     pub(super) fn scene(&self) -> Result<PathBuf, Error> {
         self.folder.scene(self.scene.as_ref(), SCENE)
     }
 
-    /// A converged picture of the scene; `None`: one is painted first.
+    /// Returns a converged image of the scene; `None`: one must be rendered first.
     pub(super) fn reference(&self) -> Option<PathBuf> {
         self.reference.clone().or_else(|| self.folder.place(REFERENCE).filter(|_| self.is_as_in_the_paper()))
     }
 
-    /// Other scenes in which agents are compared with photon mapping.
+    /// Returns further scenes in which agents are compared with photon mapping.
     pub(super) fn elsewhere(&self) -> Vec<AlaScene> {
         let scenes = ELSEWHERE.iter().filter(|_| self.is_as_in_the_paper());
         let place = |[scene, reference]: &[&str; 2]| {
@@ -87,7 +87,7 @@ impl AlaOptions {
         scenes.filter_map(place).collect()
     }
 
-    /// Sides of a reference that is painted, as a share of the paper's 1600 × 1200.
+    /// Returns the size of a reference that is rendered, relative to the paper's 1600 × 1200.
     pub(super) fn scale(&self) -> f64 {
         self.scale.unwrap_or(SCALE)
     }
@@ -101,7 +101,7 @@ impl AlaOptions {
     }
 }
 
-/// A part of so many.
+/// Returns a share of a number, at least 1.
 pub(super) fn part(whole: u32, share: f64) -> u32 {
     ((f64::from(whole) * share) as u32).max(1)
 }

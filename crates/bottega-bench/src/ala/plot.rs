@@ -1,4 +1,4 @@
-//! Error over time and over memory, both in logarithms.
+//! A plot of error over time and over memory, on logarithmic axes.
 
 use bottega_image::Svg;
 
@@ -11,7 +11,7 @@ const COLORS: [&str; 12] = [
     "#08519c", "#e6ab02",
 ];
 
-/// Points in the logarithms of both axes.
+/// Points, as logarithms on both axes.
 type Points = Vec<[f64; 2]>;
 
 pub(super) fn svg(report: &AlaReport) -> String {
@@ -77,7 +77,7 @@ fn chart(svg: &mut Svg, left: f64, title: &str, report: &AlaReport, points: impl
     }
 }
 
-/// 1, 2 and 5 times the powers of ten between two logarithms.
+/// Returns 1, 2 and 5 times the powers of ten between two logarithms.
 fn ticks(low: f64, high: f64) -> Vec<f64> {
     let powers = low.floor() as i32..=high.ceil() as i32;
     let all = powers.flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(power)));

@@ -1,47 +1,47 @@
-//! Times, memory and errors of all ways to paint.
+//! The results of all methods: times, memory and errors.
 
 use bottega_image::{Canvas, FlipOptions, Picture, flip};
 
 use super::{elsewhere::ElsewhereResult, ludd::UsefulData, ways::MethodResult};
 use crate::error::Error;
 
-/// FLIP above which a pixel looks wrong.
+/// The FLIP error above which a pixel counts as wrong.
 const WRONG: f32 = 0.1;
 
-/// How shadows by agents differ from those by rays, all else being equal.
+/// The difference between shadows by agents and by rays, with all else equal.
 #[derive(Clone, Debug)]
 pub(super) struct Shadows {
     pub(super) name: String,
-    /// Share of the shadow rays that were traced.
+    /// The share of shadow rays that were traced.
     pub(super) traced: f64,
-    /// Share of the pixels that look wrong.
+    /// The share of wrong pixels.
     pub(super) wrong: f64,
-    /// Both pictures, by agents and by rays.
+    /// The images by agents and by rays.
     pub(super) pictures: [Picture; 2],
 }
 
-/// Times, memory and errors of all ways to paint, and their pictures.
+/// The results and images of all methods.
 pub(super) struct AlaReport {
     pub(super) samples: u32,
     pub(super) reference: Picture,
-    /// Photon mapping of the paper's comparison; all else is told beside it.
+    /// Photon mapping, to which all others are compared.
     pub(super) photons: MethodResult,
-    /// The same with cache and shadow photons, with the paper's four maps, paths, agents of the paper, and our own.
+    /// Photon mapping with cache and shadow photons, the same with the paper's four maps, paths, the paper's agents, and our own.
     pub(super) others: Vec<MethodResult>,
     /// Photons and our agents with other budgets.
     pub(super) budgets: Vec<MethodResult>,
     pub(super) shadows: Vec<Shadows>,
-    /// Photon mapping with four maps, agents of the paper and our own without indirect light.
+    /// Photon mapping with four maps, the paper's agents and our own, without indirect light.
     pub(super) without_indirect: Vec<MethodResult>,
-    /// Agents beside photon mapping in other scenes.
+    /// Agents and photon mapping in other scenes.
     pub(super) elsewhere: Vec<ElsewhereResult>,
-    /// The proximity network of some of our agents, over the scene of the paper.
+    /// The proximity network of some of our agents, over the paper's scene.
     pub(super) network: Canvas,
     pub(super) useful_data: Vec<UsefulData>,
 }
 
 impl AlaReport {
-    /// Our own agents of the paper's comparison.
+    /// Returns the result of our own agents.
     pub(super) fn ours(&self) -> Option<&MethodResult> {
         self.others.last()
     }
@@ -50,17 +50,17 @@ impl AlaReport {
         std::iter::once(&self.photons).chain(&self.others).chain(&self.budgets)
     }
 
-    /// Photon mapping with the four maps of the paper.
+    /// Returns the result of photon mapping with the paper's four maps.
     pub(super) fn four_maps(&self) -> Option<&MethodResult> {
         self.others.get(1)
     }
 
-    /// Photon mapping, and photon mapping as the paper had it.
+    /// Returns the results of photon mapping, plain and as in the paper.
     pub(super) fn baselines(&self) -> impl Iterator<Item = &MethodResult> {
         std::iter::once(&self.photons).chain(self.others.iter().take(2))
     }
 
-    /// Of all budgets of our agents the one that is first at the error of some photon mapping, casting included.
+    /// Returns the budget of our agents that reaches a baseline's error first, casting included.
     pub(super) fn best(&self, baseline: &MethodResult) -> Option<&MethodResult> {
         let error = baseline.error();
         let total = |result: &MethodResult| result.seconds_to(error).map(|seconds| seconds + result.casting);

@@ -1,4 +1,4 @@
-//! Tables of the measured figures, for people and for programs.
+//! Tables of the results, as text and as JSON.
 
 use std::fmt::Write;
 
@@ -21,7 +21,7 @@ fn as_text(report: &AlaReport) -> String {
     let mut text = String::new();
     let target = report.photons.error();
     let mut line = |row: String| {
-        // A string can always be written to.
+        // Writing to a string cannot fail.
         let _ = writeln!(text, "{row}");
     };
     let (width, height) = (report.reference.width, report.reference.height);
@@ -79,7 +79,7 @@ fn as_text(report: &AlaReport) -> String {
     text + &ludd::as_text(&report.useful_data)
 }
 
-/// The paper's table 2: what photon maps and agents take, and why the gain of casting is another one.
+/// Writes the paper's table 2: memory of photon maps and agents, and the reason why the speedup of casting differs.
 fn table_2(report: &AlaReport, line: &mut dyn FnMut(String)) {
     let agents = report.others.iter().find(|result| result.agents.is_some());
     let (Some(photons), Some(agents)) = (report.four_maps(), agents) else { return };
@@ -108,13 +108,13 @@ fn table_2(report: &AlaReport, line: &mut dyn FnMut(String)) {
     }
 }
 
-/// What a way takes, as shares of what some photon mapping takes.
+/// The costs of a method, relative to a baseline of photon mapping.
 struct Ratios {
     casting: f64,
     maps: f64,
-    /// At as many samples.
+    /// Render time at equal numbers of samples.
     render: f64,
-    /// Until the error is no greater; `None`: it was not reached.
+    /// Time to an equal error; `None`: not reached.
     equal: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! The ways that are compared, and what each of them takes.
+//! The compared methods, and the measurement of each.
 
 use std::{
     ops::Range,
@@ -16,29 +16,29 @@ use bottega_render::{
 
 use crate::{error::Error, files::shared_meshes, painting::paint_samples};
 
-/// One way to paint the scene.
+/// One method to render the scene.
 #[derive(Clone, Debug)]
 pub(super) struct LightMethod {
     pub(super) name: String,
-    /// `None`: paths.
+    /// The settings of photons or agents; `None`: path tracing.
     pub(super) photons: Option<PhotonSettings>,
 }
 
-/// The error of a picture, and the time that went into its samples.
+/// The error of an image, and the time spent on its samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mark {
     pub(super) samples: u32,
-    /// Without what was made beforehand.
+    /// Render time in seconds, without preparation.
     pub(super) seconds: f64,
-    /// Relative mean square error, without the worst 0.1 % of the pixels.
+    /// Relative mean squared error, without the worst 0.1 % of the pixels.
     pub(super) error: f64,
 }
 
-/// The times, memory and picture of a way.
+/// The times, memory and image of a method.
 #[derive(Clone, Debug)]
 pub(super) struct MethodResult {
     pub(super) way: LightMethod,
-    /// Photons, agents and all that is computed of them before the first sample.
+    /// Time of photons, agents and all preparation before the first sample, in seconds.
     pub(super) casting: f64,
     pub(super) bytes: MapBytes,
     pub(super) marks: Vec<Mark>,
@@ -46,7 +46,7 @@ pub(super) struct MethodResult {
     pub(super) picture: Picture,
 }
 
-/// The scene, and how it is painted.
+/// The scene, and how it is rendered.
 pub(super) struct PaintedScene<'a> {
     pub(super) path: &'a Path,
     pub(super) view: View,
@@ -59,13 +59,13 @@ impl LightMethod {
         Self { name: "paths".to_owned(), photons: None }
     }
 
-    /// Photons, and final gathering from them.
+    /// Returns photon mapping with final gathering.
     pub(super) fn photons(count: u32) -> Self {
         let photons = PhotonSettings { count, ..PhotonSettings::default() };
         Self { name: format!("{} photons", counted(count)), photons: Some(photons) }
     }
 
-    /// As in the paper: with shadow photons and an irradiance cache, too.
+    /// Returns photon mapping as in the paper: also with shadow photons and an irradiance cache.
     pub(super) fn photons_as_in_the_paper(count: u32) -> Self {
         let photons = PhotonSettings {
             count,
@@ -78,15 +78,15 @@ impl LightMethod {
         Self { name: format!("{} photons, cached", counted(count)), photons: Some(photons) }
     }
 
-    /// The same with the four maps of the paper: direct and indirect photons are kept apart and counted where rays end, and these go
-    /// where indirect photons came from.
+    /// Returns photon mapping with the paper's four maps: direct and indirect photons are separate and counted where rays end,
+    /// and rays are directed to where indirect photons came from.
     pub(super) fn photons_in_four_maps(count: u32) -> Self {
         let Self { photons, .. } = Self::photons_as_in_the_paper(count);
         let photons = photons.map(|it| PhotonSettings { separate_maps: true, gather_directions: true, ..it });
         Self { name: format!("{} photons, four maps", counted(count)), photons }
     }
 
-    /// The same without indirect light, but for that over mirrors and glass.
+    /// Returns the method without indirect light, except over mirrors and through glass.
     pub(super) fn without_indirect(self) -> Self {
         let without = |photons: PhotonSettings| {
             let agents = photons.agents.map(|agents| AgentSettings { decides_irradiance: false, ..agents });
@@ -95,7 +95,7 @@ impl LightMethod {
         Self { name: format!("{}, no indirect light", self.name), photons: self.photons.map(without) }
     }
 
-    /// - `is_asked_for_shadows`: else all shadow rays are traced.
+    /// - `is_asked_for_shadows`: `false` traces all shadow rays.
     pub(super) fn agents(oracle: Oracle, cast: u32, is_asked_for_shadows: bool) -> Self {
         let agents = AgentSettings { cast, oracle, decides_shadows: is_asked_for_shadows, ..AgentSettings::default() };
         let lookouts = oracle == Oracle::Error;
@@ -106,7 +106,7 @@ impl LightMethod {
 }
 
 impl MethodResult {
-    /// Seconds of rendering until the error is no greater: between two marks by straight lines of logarithms. `None`: it was not
+    /// Returns the render time until the error is not greater, interpolated linearly in logarithms between two marks. `None`: not
     /// reached.
     pub(super) fn seconds_to(&self, error: f64) -> Option<f64> {
         let next = self.marks.iter().position(|mark| mark.error <= error)?;
@@ -124,12 +124,12 @@ impl MethodResult {
         self.marks.last().map_or(f64::NAN, |mark| mark.seconds)
     }
 
-    /// Megabytes of all maps.
+    /// Returns the size of all maps, in megabytes.
     pub(super) fn megabytes(&self) -> f64 {
         self.by_map().iter().map(|(_, bytes)| *bytes as f64 / 1e6).sum()
     }
 
-    /// Bytes of each map, by its name.
+    /// Returns the bytes of each map, with its name.
     pub(super) fn by_map(&self) -> [(&'static str, usize); 8] {
         let MapBytes { seen, irradiance, direct, indirect, arrivals, shadow, cache, agents } = self.bytes;
         [
@@ -144,7 +144,7 @@ impl MethodResult {
         ]
     }
 
-    /// The share of shadow rays that were traced.
+    /// Returns the share of shadow rays that were traced.
     pub(super) fn traced(&self) -> Option<f64> {
         let tally = self.agents?.tally;
         Some(tally.shadow_traced as f64 / (tally.shadow_traced + tally.shadow_spared).max(1) as f64)
@@ -152,14 +152,14 @@ impl MethodResult {
 }
 
 impl PaintedScene<'_> {
-    /// A converged picture.
+    /// Renders a converged image.
     pub(super) fn reference(&self, samples: u32) -> Result<Picture, Error> {
         let engine = self.engine(&LightMethod::paths(), 0x7265_6665, samples)?;
         engine.prepare()?;
         Ok(picture(&self.samples(&engine, 0..samples, None)?.0))
     }
 
-    /// Paints with 1, 2, 4 and so on samples a pixel.
+    /// Renders with 1, 2, 4, … samples per pixel.
     pub(super) fn paint(&self, way: LightMethod, samples: u32, reference: &Picture) -> Result<MethodResult, Error> {
         let engine = self.engine(&way, 0, samples)?;
         let begun = Instant::now();
@@ -180,7 +180,7 @@ impl PaintedScene<'_> {
     }
 
     fn engine(&self, way: &LightMethod, seed: u64, planned: u32) -> Result<BuiltinEngine, Error> {
-        // Anew each time: maps that are there already would cost nothing.
+        // Prepare again each time: existing maps cost nothing.
         let prepared = self.prepared()?;
         let photons = way.photons.map(|photons| PhotonSettings { bounces: self.max_depth, ..photons });
         let settings = PathSettings {
@@ -220,7 +220,7 @@ fn picture(tile: &Tile) -> Picture {
     film.to_picture()
 }
 
-/// A number as people say it.
+/// Formats a count with a unit for thousands or millions.
 fn counted(count: u32) -> String {
     match count {
         1_000_000.. if count.is_multiple_of(100_000) => format!("{} M", f64::from(count) / 1e6),

@@ -1,4 +1,4 @@
-//! Connections of agents to the server: each has a link of its own.
+//! Connections of agents to the server; each agent has its own link.
 
 use std::sync::Arc;
 
@@ -8,24 +8,24 @@ use bottega_farm::{FarmCodec, Link, WorkId};
 
 use crate::error::Error;
 
-/// The way to the server, as processes tell each other.
+/// The address of the server, passed between processes.
 #[derive(Clone, Debug)]
 pub(crate) enum ServerAccess {
-    /// To a server that was started for a measurement.
+    /// A server started for the measurement.
     Started(Entry),
-    /// To that of a farm.
+    /// The server of a farm.
     Farm(Box<FarmAddress>, Credentials),
 }
 
-/// Makes the links of a process.
+/// The links of a process.
 pub(crate) enum ServerLinks {
-    /// They share a thread.
+    /// Links to a server started for the measurement; they share a thread.
     Started(Entry, Arc<NatsThread>),
-    /// Each has its own.
+    /// Links to a farm, each with a thread of its own.
     Farm(Box<FarmAddress>, Credentials),
 }
 
-/// The link of an agent, and the connection under it, whose traffic is counted.
+/// The link of an agent, and its connection, whose traffic is counted.
 pub(crate) struct AgentLink {
     pub(crate) link: Link,
     pub(crate) uplink: Arc<NatsUplink<FarmCodec>>,
@@ -45,7 +45,7 @@ impl ServerLinks {
         })
     }
 
-    /// The link of an agent.
+    /// Opens the link of an agent.
     pub(crate) fn link(&self, work: u64, agent: u32) -> Result<AgentLink, Error> {
         let work = WorkId(work);
         let (uplink, name) = match self {
@@ -55,7 +55,7 @@ impl ServerLinks {
             }
             Self::Farm(address, credentials) => {
                 let FarmLink { uplink, name, .. } = link(Some(address), credentials)?;
-                // Behind a full stop a member may call itself what it likes.
+                // A member may choose any name after its own and a dot.
                 (uplink, format!("{name}.{agent}"))
             }
         };

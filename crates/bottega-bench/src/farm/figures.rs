@@ -1,4 +1,4 @@
-//! The figures of a run.
+//! The results of a run.
 
 use std::ops::RangeInclusive;
 
@@ -6,40 +6,40 @@ use serde_json::{Value, json};
 
 use super::watch::Wait;
 
-/// Everything observed in a run.
+/// The observations of a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FarmRun {
     pub(super) server: String,
     pub(super) agents: u32,
     pub(super) processes: u32,
     pub(super) zones: usize,
-    /// Mean time of a zone, in seconds.
+    /// Mean time per zone, in seconds.
     pub(super) zone_seconds: f64,
-    /// From the first order to the whole picture.
+    /// Time from the first order to the complete image, in seconds.
     pub(super) seconds: f64,
-    /// When awards and profiles were on the blackboard, in microseconds.
+    /// Times at which awards and profiles were on the blackboard, in microseconds.
     pub(super) awards: Vec<u64>,
     pub(super) profiles: Vec<u64>,
     pub(super) waits: Vec<Wait>,
     pub(super) answers: Vec<Wait>,
-    /// Over all links, to and from the server.
+    /// Messages and bytes over all links, in both directions.
     pub(super) messages: u64,
     pub(super) bytes: u64,
 }
 
-/// The figures.
+/// The evaluated results of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Figures {
     pub(super) awards_per_second: f64,
     pub(super) profiles_per_second: f64,
-    /// The most that so many agents can ask for.
+    /// The maximum rate at which this many agents can request awards.
     pub(super) wanted_per_second: f64,
-    /// From a bid to the award that answers it, in milliseconds: median, 99 of 100, the longest.
+    /// Time from a bid to its award, in milliseconds: median, 99th percentile, maximum.
     pub(super) answer: [f64; 3],
-    /// From a report to the next award: the same; and how often.
+    /// Time from a report to the next award, likewise; and the number of such waits.
     pub(super) wait: [f64; 3],
     pub(super) waits: usize,
-    /// To the server and from it, for each zone, profile, pixels and all.
+    /// Messages and bytes per zone in both directions, including profile and pixels.
     pub(super) messages_per_zone: f64,
     pub(super) bytes_per_zone: f64,
 }
@@ -114,14 +114,14 @@ impl Figures {
     }
 }
 
-/// The time without the first and the last tenth of what happened.
+/// Returns the time span without the first and the last tenth of the events.
 fn steady(times: &[u64]) -> RangeInclusive<u64> {
     let mut sorted = times.to_vec();
     sorted.sort_unstable();
     quantile(&sorted, 0.1)..=quantile(&sorted, 0.9)
 }
 
-/// How often something happened in a second of that time.
+/// Returns the rate of events per second in that span.
 fn rate(times: &[u64]) -> f64 {
     let steady = steady(times);
     let count = times.iter().filter(|at| steady.contains(at)).count();
@@ -129,7 +129,7 @@ fn rate(times: &[u64]) -> f64 {
     if seconds > 0.0 { count.saturating_sub(1) as f64 / seconds } else { 0.0 }
 }
 
-/// 0 where there is nothing.
+/// Returns a quantile; 0 if there are no values.
 fn quantile(sorted: &[u64], share: f64) -> u64 {
     let last = sorted.len().saturating_sub(1) as f64;
     sorted.get((last * share).ceil() as usize).copied().unwrap_or(0)
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn the_first_and_the_last_tenth_do_not_count() {
-        // A hundred a second, begun and ended slowly.
+        // A hundred per second, with a slow start and end.
         let middle = (0..=80).map(|i| 10_000_000 + i * 10_000);
         let times: Vec<u64> = (0..10).chain(middle).chain((0..10).map(|i| 90_000_000 + i)).collect();
         assert!((rate(&times) - 100.0).abs() < 1.0, "{}", rate(&times));

@@ -1,4 +1,4 @@
-//! An engine that paints nothing, and takes its time for it.
+//! An engine that waits instead of rendering.
 
 use std::{
     sync::{Mutex, PoisonError, mpsc},
@@ -12,26 +12,26 @@ use bottega_engines::{
 use bottega_farm::{AuctionRule, JobSettings};
 use bottega_image::{AovSet, Layout, Rect, SampleValues, Tile};
 
-/// Samples a pixel: the first one is the profile.
+/// Samples per pixel: the first one is the profile.
 const SAMPLES: u32 = 16;
-/// Pixels along a side of a zone.
+/// The side of a zone, in pixels.
 const ZONE_SIDE: u32 = 8;
 
-/// One processor that waits instead of painting. All samples are the same.
+/// An engine with one processor that waits instead of rendering. All samples are equal.
 pub(super) struct IdleEngine {
     tasks: Mutex<mpsc::Sender<(ZoneTask, ZoneCallback)>>,
 }
 
 impl IdleEngine {
-    /// - `zone_time`: for all samples of a zone, on the average of all agents.
-    /// - `agent`: which of them has it.
+    /// - `zone_time`: mean time of all samples of a zone, over all agents.
+    /// - `agent`: the number of the agent.
     ///
     /// # Errors
-    /// The operating system gives no thread.
+    /// The operating system cannot start a thread.
     pub(super) fn new(zone_time: Duration, agent: u32) -> std::io::Result<Self> {
         let zone_time = zone_time.div_f64(speed_of(agent));
         let (tasks, given) = mpsc::channel::<(ZoneTask, ZoneCallback)>();
-        // It ends when nobody can give it anything any more.
+        // The thread ends when the engine is dropped.
         thread::Builder::new().name("engine".to_owned()).spawn(move || {
             for (task, done) in given {
                 let time = time_of(&task, zone_time, agent);
@@ -43,7 +43,7 @@ impl IdleEngine {
     }
 }
 
-/// A picture of about so many zones, which cost alike.
+/// Returns the settings for an image with about this many zones of equal cost.
 pub(super) fn settings(zones: u32, auction: AuctionRule) -> JobSettings {
     let side = (f64::from(zones).sqrt().ceil() as u32).max(1) * ZONE_SIDE;
     let settings = JobSettings::new(side, side, SAMPLES, tunables(), Layout::new(AovSet::NONE));
@@ -54,15 +54,15 @@ fn tunables() -> Tunables {
     Tunables { max_depth: 1, light_samples: 1 }
 }
 
-/// Machines differ: the slowest is 0.6 times as fast as all on the average, the fastest 1.4 times. Were all alike they
-/// would be ready all at once, again and again, for large zones go first and those of one time are of one size.
+/// Returns the relative speed of a machine, 0.6 to 1.4. With equal machines all agents become free at the same time, again and
+/// again, because large zones go first and zones of equal time have equal size.
 fn speed_of(agent: u32) -> f64 {
-    // Multiples of the golden ratio lie evenly, however many there are.
+    // Multiples of the golden ratio are evenly distributed for any count.
     0.6 + 0.8 * (f64::from(agent) * 0.618_033_988_749_895).fract()
 }
 
-/// How long the samples of a task take: half of the mean to one and a half of it, by the place of the zone, and up to a
-/// tenth more or less, by who paints it.
+/// Returns the time of a task's samples: 0.5 to 1.5 times the mean by the zone's position, and up to a tenth more or less by the
+/// agent.
 fn time_of(task: &ZoneTask, zone_time: Duration, agent: u32) -> Duration {
     let Rect { x0, y0, .. } = task.rect;
     let zone = x0.wrapping_mul(0x9e37_79b9) ^ y0.wrapping_mul(0x85eb_ca6b);
@@ -70,7 +70,7 @@ fn time_of(task: &ZoneTask, zone_time: Duration, agent: u32) -> Duration {
     zone_time.mul_f64(weight * f64::from(task.samples.end - task.samples.start) / f64::from(SAMPLES))
 }
 
-/// A number in [0, 1) that looks like chance.
+/// Returns a pseudo-random number in [0, 1).
 fn share_of(number: u32) -> f64 {
     let hash = (number ^ (number >> 15)).wrapping_mul(0x2c1b_3c6d);
     let hash = (hash ^ (hash >> 12)).wrapping_mul(0x297a_2d39);
@@ -109,7 +109,7 @@ impl RenderEngine for IdleEngine {
     }
 
     fn start(&self, task: ZoneTask, done: ZoneCallback) {
-        // The thread lives as long as somebody can ask it.
+        // The thread lives as long as the engine.
         _ = self.tasks.lock().unwrap_or_else(PoisonError::into_inner).send((task, done));
     }
 }

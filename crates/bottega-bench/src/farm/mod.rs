@@ -1,7 +1,7 @@
-//! Awards a second of a farm of many agents, and how long an agent waits for one.
+//! Throughput and latency of awards in a farm of many agents.
 //!
-//! A real NATS server, a real Master and real Render Agents, by the same entry points as a job and a worker of a farm; only the
-//! engine does nothing. Agents live in a few processes, each with a link, a platform and an engine of its own.
+//! A real NATS server, a real Master and real Render Agents, through the same entry points as a job and a worker of a farm; only
+//! the engine does nothing. The agents run in a few processes, each with a link, a platform and an engine of its own.
 
 mod access;
 mod figures;
@@ -71,7 +71,7 @@ pub(crate) struct FarmOptions {
     creds: Option<PathBuf>,
 }
 
-/// The figures of a farm.
+/// The results of a farm.
 #[derive(Clone, Debug)]
 struct FarmBenchReport {
     run: FarmRun,
@@ -79,7 +79,7 @@ struct FarmBenchReport {
 }
 
 impl Measurement for FarmOptions {
-    /// Has a picture painted by all agents, which paint nothing and take their time for it. Ctrl-C stops it.
+    /// Runs a job with all agents, whose engines only wait. Ctrl-C stops it.
     fn measure(&self, _log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
         let stop = StopSwitch::new();
         stop_on_signal(&stop)?;
@@ -101,7 +101,7 @@ impl Measurement for FarmOptions {
     }
 }
 
-/// Ctrl-C and SIGTERM stop the work; a second one ends the process at once.
+/// Stops the work on Ctrl-C or SIGTERM; a second signal ends the process at once.
 fn stop_on_signal(stop: &StopSwitch) -> Result<(), Error> {
     let stop = stop.clone();
     let handler = move || {
@@ -126,7 +126,7 @@ impl Report for FarmBenchReport {
 fn run(options: &FarmOptions, access: &ServerAccess, stop: &StopSwitch) -> Result<FarmRun, Error> {
     let work = watch::unix_micros();
     let links = ServerLinks::new(access.clone())?;
-    // The Master's process has an agent too, as everywhere.
+    // The Master's process has an agent, too, as in a farm.
     let AgentLink { link, uplink } = links.link(work, 0)?;
     let others = options.agents.saturating_sub(1);
     let processes = options.processes.min(others);
@@ -171,12 +171,12 @@ fn run(options: &FarmOptions, access: &ServerAccess, stop: &StopSwitch) -> Resul
     })
 }
 
-/// Where the share of the `i`-th of `count` begins.
+/// Returns the start of the `i`-th of `count` shares.
 fn share_of(all: u32, count: u32, i: u32) -> u32 {
     (u64::from(all) * u64::from(i) / u64::from(count.max(1))) as u32
 }
 
-/// Checks that every pixel was painted once: else the figures are of no picture.
+/// Checks that every pixel was painted exactly once; otherwise the results are invalid.
 fn check(report: &JobReport) -> Result<(), Error> {
     if report.stopped {
         return Err(Error::Stopped);

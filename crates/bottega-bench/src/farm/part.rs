@@ -1,4 +1,4 @@
-//! Some of the agents, in a process of their own.
+//! A process with some of the agents.
 
 use std::{env, fmt, io::Write, net::SocketAddr, path::PathBuf, process::Command, str::FromStr, sync::Arc, thread};
 
@@ -18,9 +18,9 @@ use crate::{
     part_process::{end_with_parent, say, say_ready, this_program},
 };
 
-/// The stack of a thread that waits.
+/// The stack size of a thread that only waits.
 const STACK_BYTES: usize = 256 << 10;
-/// The variable of the environment in which a process with agents finds the farm.
+/// The environment variable that passes the farm to a process with agents.
 const FARM: &str = "BOTTEGA_FARM";
 
 /// Some of the agents, as the process with the Master asks for them.
@@ -42,7 +42,7 @@ pub(crate) struct PartOptions {
     creds: Option<PathBuf>,
 }
 
-/// This program, with some of the agents.
+/// Returns the command that starts this program with some of the agents.
 pub(super) fn part_command(share: AgentShare, work: &FarmWork, access: &ServerAccess) -> Result<Command, Error> {
     let mut command = this_program()?;
     command.arg("farm-part").arg("--share").arg(share.to_string()).args(work.words());
@@ -51,7 +51,7 @@ pub(super) fn part_command(share: AgentShare, work: &FarmWork, access: &ServerAc
             command.arg("--at").arg(address.to_string()).arg("--state").arg(folder);
         }
         ServerAccess::Farm(farm, credentials) => {
-            // The address may hold a secret: all can see what a program is started with.
+            // Not in the arguments, which all users can see: the address may contain a secret.
             command.env(FARM, farm.to_string());
             if let Some(creds) = &credentials.creds {
                 command.arg("--creds").arg(creds);
@@ -61,14 +61,14 @@ pub(super) fn part_command(share: AgentShare, work: &FarmWork, access: &ServerAc
     Ok(command)
 }
 
-/// Agents of one process. As text: `WORK:FIRST:COUNT`.
+/// The agents of one process. As text: `WORK:FIRST:COUNT`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct AgentShare {
-    /// The work that all agents paint.
+    /// The id of the work that all agents paint.
     pub(super) work: u64,
     /// The number of the first agent.
     pub(super) first: u32,
-    /// How many there are.
+    /// The number of agents.
     pub(super) count: u32,
 }
 
@@ -91,7 +91,7 @@ impl FromStr for AgentShare {
     }
 }
 
-/// What a process has seen.
+/// The observations of a process.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct PartReport {
     pub(super) waits: Vec<Wait>,
@@ -101,7 +101,7 @@ pub(super) struct PartReport {
 }
 
 impl PartOptions {
-    /// The way to the server.
+    /// Returns the address of the server.
     fn access(&self) -> Result<ServerAccess, Error> {
         if let (Some(address), Some(folder)) = (self.at, &self.state) {
             return Ok(ServerAccess::Started(Entry { folder: folder.clone(), address }));
@@ -110,12 +110,12 @@ impl PartOptions {
         Ok(ServerAccess::Farm(Box::new(farm), Credentials { creds: self.creds.clone(), ..Credentials::default() }))
     }
 
-    /// Lives as these agents until the work is done, or standard input ends because the process with the Master is gone.
+    /// Runs these agents until the work is done, or until standard input ends because the process with the Master is gone.
     ///
-    /// - `output`: that process reads it: a line when all agents are linked, and one with what they have seen.
+    /// - `output`: read by that process: a line when all agents are connected, and one with the observations.
     ///
     /// # Errors
-    /// An agent cannot live or fails.
+    /// An agent cannot be started, or fails.
     pub(crate) fn run(&self, output: &mut dyn Write) -> Result<(), Error> {
         let share = self.share;
         let links = ServerLinks::new(self.access()?)?;
@@ -144,7 +144,7 @@ impl PartOptions {
     }
 }
 
-/// One agent, as a machine that has joined has it.
+/// Runs one agent like a machine that has joined a farm.
 fn live(
     settings: &JobSettings,
     engine: IdleEngine,

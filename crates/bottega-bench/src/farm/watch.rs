@@ -1,4 +1,4 @@
-//! A watch over awards: when they were made, and how long agents waited for them.
+//! Observers of awards: when they were made, and how long agents waited for them.
 
 use std::{
     collections::{BTreeSet, VecDeque},
@@ -10,30 +10,30 @@ use bottega_agents::{Performative, Revision, Time};
 use bottega_farm::{FarmContent, FarmMessage, Observer, ZoneRow, ZoneState};
 use serde::{Deserialize, Serialize};
 
-/// An award that an agent has got.
+/// An award that an agent received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Wait {
-    /// When it had it, in microseconds since 1970: the processes of a bench have one clock.
+    /// The time of receipt, in microseconds since 1970; all processes of a measurement share a clock.
     pub(super) at: u64,
-    /// Since it had said that it had painted a zone, or had bid for this one, in microseconds.
+    /// The time since the agent reported a zone as finished, or bid for this one, in microseconds.
     pub(super) took: u64,
 }
 
-/// Bids of an agent that may still be answered by an award.
+/// The maximum number of an agent's bids that may still be awarded.
 const BIDS_MAX: usize = 64;
 
-/// Sees one agent wait for awards.
+/// An observer of one agent.
 #[derive(Default)]
 pub(super) struct AgentWatch(Mutex<WaitTimes>);
 
 #[derive(Default)]
 struct WaitTimes {
-    /// When it had room for another zone.
+    /// The times at which it could take another zone.
     rooms: VecDeque<Time>,
-    /// The orders that it has reported.
+    /// The orders that it has reported as finished.
     reported: BTreeSet<Revision>,
     waits: Vec<Wait>,
-    /// Its last bids, by conversation, and when it made them.
+    /// Its last bids: conversation and time.
     bids: VecDeque<(u64, Time)>,
     answers: Vec<Wait>,
 }
@@ -43,7 +43,7 @@ impl AgentWatch {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What it has seen: from reports to awards, and from bids to awards.
+    /// Returns the waits observed: from reports to awards, and from bids to awards.
     pub(super) fn take(&self) -> [Vec<Wait>; 2] {
         let mut waits = self.lock();
         [std::mem::take(&mut waits.waits), std::mem::take(&mut waits.answers)]
@@ -60,10 +60,10 @@ impl Observer for AgentWatch {
             waits.bids.push_back((message.conversation_id, now));
         }
         let FarmContent::Report(report) = &message.content else { return };
-        // A profile is one sample.
+        // A report of fewer samples is a profile.
         if report.outcome.as_ref().is_ok_and(|painting| painting.result.samples == painting.choice.samples) {
             let mut waits = self.lock();
-            // It is repeated until it is answered.
+            // A report is repeated until it is acknowledged.
             if waits.reported.insert(report.fence) {
                 waits.rooms.push_back(now);
             }
@@ -79,14 +79,14 @@ impl Observer for AgentWatch {
         if let Some((_, since)) = bid {
             waits.answers.push(Wait { at: unix_micros(), took: micros(now - since) });
         }
-        // The first ones come before anything is painted.
+        // The first awards precede any report.
         if let Some(since) = waits.rooms.pop_front() {
             waits.waits.push(Wait { at: unix_micros(), took: micros(now - since) });
         }
     }
 }
 
-/// Sees what the Master reads on the blackboard, and its own agent.
+/// An observer of the Master's blackboard, and of the Master's own agent.
 #[derive(Default)]
 pub(super) struct MasterWatch {
     pub(super) agent: AgentWatch,
@@ -95,12 +95,12 @@ pub(super) struct MasterWatch {
 }
 
 impl MasterWatch {
-    /// When awards were on the blackboard, in microseconds since 1970.
+    /// Returns the times of awards on the blackboard, in microseconds since 1970.
     pub(super) fn awards(&self) -> Vec<u64> {
         self.awards.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// The same of profiles.
+    /// Returns the times of profiles on the blackboard, likewise.
     pub(super) fn profiles(&self) -> Vec<u64> {
         self.profiles.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -130,6 +130,6 @@ fn micros(time: Duration) -> u64 {
 }
 
 pub(crate) fn unix_micros() -> u64 {
-    // A clock that stands before 1970 has been set by nobody.
+    // The clock is after 1970.
     micros(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default())
 }

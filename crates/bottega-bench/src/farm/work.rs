@@ -1,4 +1,4 @@
-//! The work of the agents, as all processes are told it.
+//! The work of the agents, as passed to all processes.
 
 use std::time::Duration;
 
@@ -27,12 +27,12 @@ pub(super) struct FarmWork {
 }
 
 impl FarmWork {
-    /// The settings of the job.
+    /// Returns the settings of the job.
     pub(super) fn settings(&self) -> JobSettings {
         idle_engine::settings(self.zones, auction_rule(self.auction))
     }
 
-    /// The words by which another process of this program is told the same.
+    /// Returns the arguments that pass the work to another process of this program.
     pub(super) fn words(&self) -> [String; 3] {
         [
             format!("--zones={}", self.zones),

@@ -1,9 +1,9 @@
-//! The worth of a guide of paths: error times time with it over that without, learning included, by relative error and by what a
-//! display shows.
+//! The gain of path guiding: error × time with it over that without, including learning, by relative error and by the error of
+//! the displayed image.
 //!
-//! Pictures with and without are painted in turn, each anew, so that whatever else the machine does meets both. Time is that of the
-//! processors. The reference is painted without a guide, in two halves, whose difference says how much of an error is the reference's
-//! own.
+//! Images with and without guiding are rendered alternately, each from the start, so that other load on the machine affects both.
+//! Time is processor time. The reference is rendered without guiding in two halves, whose difference estimates the reference's
+//! own error.
 
 mod report;
 
@@ -31,7 +31,7 @@ use crate::{
     report::{Measurement, Report, say},
 };
 
-/// Scenes that are measured if none are named, below the folder of scenes.
+/// The default scenes, relative to the folder of scenes.
 const SCENES: [&str; 5] = [
     "coffee/pbrt/scene-v4.pbrt",
     "peers/a_cornell.xml",
@@ -40,7 +40,7 @@ const SCENES: [&str; 5] = [
     "peers/d_interior.xml",
 ];
 
-/// Seeds of the halves of a reference, which no picture has.
+/// The seeds of a reference's halves, different from those of all images.
 const REFERENCE_SEEDS: [u64; 2] = [0x7265_6665, 0x7265_6666];
 
 /// What the guide of paths is worth: error × time of --guide ala over --guide none, learning included.
@@ -88,7 +88,7 @@ struct MeasuredScene {
     view: View,
     max_depth: u32,
     reference: Picture,
-    /// Of the reference: by relative error, and by what a display shows.
+    /// The error of the reference: relative, and of the displayed image.
     noise: [f64; 2],
 }
 
@@ -112,7 +112,7 @@ impl Measurement for GuideOptions {
 }
 
 impl GuideOptions {
-    /// The scenes that were asked for, or else those in the folder of scenes.
+    /// Returns the requested scenes, or else the default ones in the folder of scenes.
     fn scenes(&self) -> Result<Vec<PathBuf>, Error> {
         if !self.files.is_empty() {
             return Ok(self.files.clone());
@@ -135,14 +135,14 @@ impl MeasuredScene {
             noise: [0.0; 2],
         };
         let halves = [scene.half(0, options, log)?, scene.half(1, options, log)?];
-        // Of the mean of both: a quarter of their squared difference.
+        // The error of the halves' mean is a quarter of their squared difference.
         scene.noise = scene.errors(&halves[0], &halves[1])?.map(|difference| 0.25 * difference);
         let mean = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
         scene.reference.data = halves[0].data.iter().zip(&halves[1].data).map(mean).collect();
         Ok(scene)
     }
 
-    /// Half of the reference: as it was written before, or painted now.
+    /// Returns half of the reference: read from a file, or rendered now.
     fn half(&self, which: usize, options: &GuideOptions, log: &mut dyn Write) -> Result<Picture, Error> {
         let samples = options.reference_spp.div_ceil(2);
         let View { width, height, .. } = self.view;
@@ -209,13 +209,13 @@ impl MeasuredScene {
     }
 }
 
-/// A picture, and the time of the processors that it took.
+/// An image, and the processor time that it took.
 struct TimedPicture {
     picture: Picture,
     seconds: f64,
 }
 
-/// The last parts of the path of a scene, without those that say nothing.
+/// Returns the last parts of a scene's path, without uninformative ones.
 fn name_of(path: &Path) -> String {
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     let above = path.ancestors().skip(1).filter_map(|above| above.file_name());

@@ -1,4 +1,4 @@
-//! The worth of a guide, as text and as JSON.
+//! The gain of path guiding, as text and as JSON.
 
 use std::fmt::Write as _;
 
@@ -6,16 +6,16 @@ use serde_json::{Value, json};
 
 use crate::report::Report;
 
-/// What one picture took, and how far it is from the reference.
+/// The time of an image, and its error to the reference.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WayResult {
-    /// Of the processors, learning included.
+    /// Processor time in seconds, including learning.
     pub(super) seconds: f64,
     pub(super) rel_mse: f64,
     pub(super) srgb_mse: f64,
 }
 
-/// All pictures of a scene with so many samples, by seed.
+/// All images of a scene with this many samples, by seed.
 #[derive(Clone, Debug)]
 pub(super) struct GuideRow {
     pub(super) scene: String,
@@ -24,7 +24,7 @@ pub(super) struct GuideRow {
     pub(super) with: Vec<WayResult>,
 }
 
-/// What a guide is worth on scenes, by samples per pixel.
+/// The gain of path guiding on all scenes, by samples per pixel.
 #[derive(Clone, Debug)]
 pub(super) struct GuideReport {
     pub(super) rows: Vec<GuideRow>,
@@ -32,10 +32,10 @@ pub(super) struct GuideReport {
     pub(super) seeds: u32,
 }
 
-/// A figure of a picture.
+/// A value of an image's result.
 type Figure = fn(&WayResult) -> f64;
 
-/// The two measures of error.
+/// The two error measures.
 const MEASURES: [Figure; 2] = [|it| it.rel_mse, |it| it.srgb_mse];
 
 fn mean(results: &[WayResult], figure: Figure) -> f64 {
@@ -43,17 +43,17 @@ fn mean(results: &[WayResult], figure: Figure) -> f64 {
 }
 
 impl GuideRow {
-    /// Time with the guide over that without.
+    /// Returns the time with guiding over that without.
     fn time_ratio(&self) -> f64 {
         mean(&self.with, |it| it.seconds) / mean(&self.without, |it| it.seconds)
     }
 
-    /// Error × time with the guide over that without.
+    /// Returns error × time with guiding over that without.
     fn ratio(&self, error: Figure) -> f64 {
         self.time_ratio() * mean(&self.with, error) / mean(&self.without, error)
     }
 
-    /// By which factor that is uncertain: standard error of its logarithm over the seeds.
+    /// Returns the uncertainty factor of the ratio: the standard error of its logarithm over the seeds.
     fn spread(&self, error: Figure) -> f64 {
         let logs: Vec<f64> = self
             .with

@@ -1,5 +1,5 @@
-//! Pictures of the scenes, zone by zone of 512 × 512: what the high-level primitive, samples of a block of pixels, brings on the
-//! processors, on a GPU, and on both. Nobody makes rays for others here, so what both do can be held against the sum.
+//! Throughput of the high-level primitive, samples of a block of pixels, on the processors, on a GPU, and on both: images in
+//! zones of 512 × 512. Processors and GPU do not depend on each other here, so both together can be compared with the sum.
 
 use std::{io::Write, sync::Arc};
 
@@ -15,14 +15,14 @@ use super::{
 };
 use crate::{error::Error, painting::paint_zone_with, report::say};
 
-/// How long a run should take at the paper's number of rays, in seconds.
+/// The target duration of a run at the paper's number of rays, in seconds.
 const SECONDS: f64 = 40.0;
-/// Samples per pixel of the first look.
+/// Samples per pixel of the pilot run.
 const PILOT_SAMPLES: u32 = 1;
-/// No more samples per pixel than this.
+/// The maximum number of samples per pixel.
 const SAMPLES_MAX: u32 = 1 << 18;
 
-/// Paints with the processors, with the GPU, and with both; each way so many samples that all take the same time.
+/// Renders with the processors, with the GPU, and with both; each with a number of samples that takes the same time.
 pub(super) fn measure(options: &HraOptions, scene: &RayScene, log: &mut dyn Write) -> Result<BlockRow, Error> {
     let mut ways = vec![WorkDivision::Cpu];
     if options.gpu.is_some() {
@@ -58,7 +58,7 @@ pub(super) fn measure(options: &HraOptions, scene: &RayScene, log: &mut dyn Writ
     Ok(BlockRow { scene: scene.name, kind: scene.kind, columns })
 }
 
-/// One run. The scene is on its devices before the clock is started.
+/// Measures one run. The scene is on the devices before the clock starts.
 fn once(options: &HraOptions, scene: &RayScene, way: WorkDivision, samples: u32) -> Result<(f64, Occupation), Error> {
     let processors = usize::from(options.processors);
     let threads = match way {
@@ -68,7 +68,7 @@ fn once(options: &HraOptions, scene: &RayScene, way: WorkDivision, samples: u32)
     };
     let gpu = options.gpu.as_deref().filter(|_| way != WorkDivision::Cpu);
     let lanes = gpu.map(|name| painter(name, &scene.prepared)).transpose()?.into_iter().collect();
-    // Devices know nothing of guides and lighting agents: neither do the processors here, or they would first learn.
+    // GPUs support neither guides nor lighting agents, so the processors do not use them either.
     let settings = PathSettings {
         guiding: false,
         agents: AgentUse::default(),

@@ -1,7 +1,7 @@
 //! The tables of the HRA paper on this machine: the same rays by direct calls, through the allocator, and with a GPU.
 //!
-//! The same paths are followed in each way, so the rays are the same and, but for a GPU's rounding, so is the light that they
-//! find: that is checked after every run.
+//! Every method traces the same paths, so the rays are equal and, except for a GPU's rounding, so is the light they find; this is
+//! checked after every run.
 
 mod blocks;
 mod options;
@@ -32,16 +32,16 @@ use crate::{
     report::{Measurement, Report, headed, say},
 };
 
-/// Paths that tell how many rays a path has.
+/// The number of paths that measure the rays per path.
 const PILOT_PATHS: u64 = 1 << 16;
-/// Spans of a resource that are drawn.
+/// The number of spans drawn per resource.
 const SPANS_KEPT: usize = 20_000;
-/// By how much a GPU's light may differ: it finds other hits along edges.
+/// The allowed difference of a GPU's light: it finds other hits along edges.
 const GPU_DIFFERENCE: f64 = 5e-3;
 
 impl Measurement for HraOptions {
-    /// Measures all ways in turn. Keeps the calling thread, and all threads that it starts, to so many processors. `hra.json` has what
-    /// is measured so far, scene by scene.
+    /// Measures all methods in turn. Restricts this thread, and all threads that it starts, to the requested number of
+    /// processors. `hra.json` is updated after each scene.
     fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
         let is_kept = scheduling::keep_to(self.processors);
         if let Some(folder) = &self.output {
@@ -62,7 +62,7 @@ impl Measurement for HraOptions {
     }
 }
 
-/// Writes what is measured so far: whoever ends it early loses no scene that is done.
+/// Writes the results so far, so that an early end loses no finished scene.
 fn keep(options: &HraOptions, report: &HraBenchReport) -> Result<(), Error> {
     let Some(folder) = &options.output else { return Ok(()) };
     write_file(&folder.join("hra.json"), &headed(report).to_string())
@@ -100,7 +100,7 @@ fn measure_rays(options: &HraOptions, scene: &RayScene, log: &mut dyn Write) -> 
     Ok(RayRow { scene: scene.name, kind: scene.kind, paths, rays, columns })
 }
 
-/// One run. The scene is on its devices before the clock is started.
+/// Measures one run. The scene is on the devices before the clock starts.
 fn once(
     options: &HraOptions,
     scene: &RayScene,
@@ -126,14 +126,14 @@ fn once(
     Ok((found, seconds, hra.map(|hra| hra.report())))
 }
 
-/// The GPU that was asked for, with the triangles of the scene on it: it answers batches of rays.
+/// Returns the requested GPU with the scene's triangles on it, as a resource for batches of rays.
 fn gpu(name: Option<&str>, scene: &Scene) -> Result<Option<Box<dyn Resource<RenderWork>>>, Error> {
     let Some(name) = name else { return Ok(None) };
     let options = GpuOptions { adapter: Some(name.to_owned()), ..GpuOptions::default() };
     Ok(Some(Box::new(GpuRays::new(scene, &options)?)))
 }
 
-/// All ways find the same light.
+/// Checks that a method finds the same light as the first.
 fn check(way: WorkDivision, found: &WalkResult, known: &WalkResult) -> Result<(), Error> {
     let is_same = match way {
         WorkDivision::Direct | WorkDivision::Cpu => found == known,
@@ -143,7 +143,7 @@ fn check(way: WorkDivision, found: &WalkResult, known: &WalkResult) -> Result<()
     if is_same { Ok(()) } else { Err(other()) }
 }
 
-/// Draws what each resource did when.
+/// Draws the activity of each resource over time.
 fn draw(options: &HraOptions, scene: &RayScene, way: WorkDivision, report: &HraReport) -> Result<(), Error> {
     let Some(folder) = &options.output else { return Ok(()) };
     let path = folder.join(format!("{}-{}.svg", scene.name, way.key()));

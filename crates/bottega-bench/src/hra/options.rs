@@ -1,4 +1,4 @@
-//! Options of the measurement: what is measured, and who does the work.
+//! Options of the measurement.
 
 use std::path::PathBuf;
 
@@ -37,7 +37,7 @@ pub(crate) struct HraOptions {
     pub(super) output: Option<PathBuf>,
 }
 
-/// Who does the work.
+/// The division of work between processors and GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum WorkDivision {
     Direct,

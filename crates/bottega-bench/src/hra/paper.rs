@@ -1,4 +1,4 @@
-//! The figures of the paper (Pereira et al., tables 1 and 2).
+//! Results printed in the paper (Pereira et al., tables 1 and 2).
 
 /// Seconds of one scene on one of the paper's machines: without the allocator, with it, with it and a GPU.
 pub(super) struct PaperRow {
@@ -14,5 +14,5 @@ pub(super) const ROWS: [PaperRow; 4] = [
     PaperRow { machine: "PC2+GPU2", scene: "B", seconds: [127.69, 149.40, 95.37] },
 ];
 
-/// Rays of each.
+/// The number of rays per scene.
 pub(super) const RAYS: f64 = 1e8;

@@ -1,4 +1,4 @@
-//! The two scenes of the paper's kind, and what light does in them.
+//! Two scenes like the paper's, and the light transport in them.
 
 use std::sync::Arc;
 
@@ -11,48 +11,48 @@ use crate::{
     scenes::{self, BenchScene},
 };
 
-/// Longest path: the paper's maximum of bounces.
+/// The maximum number of bounces, as in the paper.
 pub(super) const BOUNCES_MAX: u32 = 5;
-/// Side of the picture.
+/// The side of the image, in pixels.
 pub(super) const SIDE: u32 = 512;
 
 /// A scene of grey surfaces and one light.
 pub(super) struct RayScene {
-    /// As the paper calls it.
+    /// The scene's name in the paper.
     pub(super) name: &'static str,
-    /// What it stands for.
+    /// The kind of light transport that it stands for.
     pub(super) kind: &'static str,
     pub(super) prepared: Arc<PreparedScene>,
     geometry: BenchScene,
     camera: Vec<Ray>,
-    /// Share of light that a surface gives back: the probability that a path goes on.
+    /// The albedo of all surfaces, which is also the survival probability of a path.
     albedo: f32,
 }
 
-/// Where a path is.
+/// The state of a path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PathState {
     pub(super) pixel: u32,
-    /// Which of the paths of that pixel.
+    /// The index of the path within its pixel.
     sample: u32,
     bounce: u32,
 }
 
-/// What follows from a hit.
+/// The rays that follow from a hit.
 pub(super) struct PathStep {
-    /// Towards the light, with what it gives where nothing is in between.
+    /// The shadow ray, and the radiance that it adds if it is not blocked.
     pub(super) shadow: Option<(Ray, f32)>,
-    /// Where the path goes on.
+    /// The next ray of the path, if it continues.
     pub(super) next: Option<(PathState, Ray)>,
 }
 
 impl RayScene {
-    /// Interreflection: a hall of a million triangles that gives back most of the light.
+    /// Returns scene A, interreflection: a hall of a million triangles with a high albedo.
     pub(super) fn a() -> Result<Self, Error> {
         Self::new("A", "interreflection", scenes::hall(), 0.8)
     }
 
-    /// Direct light: an object in the open, of which most paths end after a bounce.
+    /// Returns scene B, direct light: an object in the open, where most paths end after one bounce.
     pub(super) fn b() -> Result<Self, Error> {
         Self::new("B", "direct light", scenes::stadium(), 0.2)
     }
@@ -63,14 +63,14 @@ impl RayScene {
         Ok(Self { name, kind, prepared, camera: geometry.camera_rays(SIDE), geometry, albedo })
     }
 
-    /// The `n`-th path of the picture and its first ray: all pixels once, then all of them again.
+    /// Returns the `n`-th path of the image and its first ray; pixels are visited in turn, over and over.
     pub(super) fn path(&self, n: u64) -> (PathState, Ray) {
         let pixels = self.camera.len() as u64;
         let (sample, pixel) = ((n / pixels) as u32, (n % pixels) as u32);
         (PathState { pixel, sample, bounce: 0 }, self.camera[pixel as usize])
     }
 
-    /// What a path does where its ray hit; nothing where it hit nothing.
+    /// Continues a path at a hit; no rays after a miss.
     pub(super) fn step(&self, path: PathState, ray: &Ray, hit: &Hit) -> PathStep {
         if hit.is_none() {
             return PathStep { shadow: None, next: None };
@@ -90,7 +90,7 @@ impl RayScene {
         PathStep { shadow, next }
     }
 
-    /// A ray to a point of the light, which is dark behind; lengths along it are shares of the way.
+    /// Returns a ray to a point of the one-sided light; its parameter is 1 at that point.
     fn towards_light(&self, at: Vec3, normal: Vec3, numbers: &Numbers) -> Option<(Ray, f32)> {
         let to = self.geometry.light(numbers.get(0), numbers.get(1)) - at;
         let [_, u, v] = self.geometry.light;
@@ -103,7 +103,7 @@ impl RayScene {
     }
 }
 
-/// Numbers of a path at a bounce, that look like chance.
+/// The random numbers of a path at a bounce.
 struct Numbers(u64);
 
 impl Numbers {
@@ -111,7 +111,7 @@ impl Numbers {
         Self(u64::from(path.pixel) << 32 | u64::from(path.sample) << 8 | u64::from(path.bounce))
     }
 
-    /// In [0, 1). The finalizer of SplitMix64 (Steele et al. 2014).
+    /// Returns a number in [0, 1), by the finalizer of SplitMix64 (Steele et al. 2014).
     fn get(&self, which: u64) -> f32 {
         let mut x = self.0.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(which.wrapping_mul(0xd1b5_4a32_d192_ed03));
         x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -120,7 +120,7 @@ impl Numbers {
     }
 }
 
-/// A direction about `normal`, as often as its cosine is large.
+/// Samples a direction around `normal` with density cos θ / π.
 fn cosine(normal: Vec3, u: f32, v: f32) -> Vec3 {
     let (sin, cos) = (std::f32::consts::TAU * u).sin_cos();
     let (x, y) = normal.any_orthonormal_pair();

@@ -1,90 +1,90 @@
-//! The figures of all ways on both scenes.
+//! The results of all methods on both scenes.
 
 use bottega_hra::{HraReport, ResourceReport};
 
 use super::options::WorkDivision;
 
-/// Resources of an allocator: name, share of time with work, units.
+/// The resources of an allocator: name, share of time with work, number of units.
 pub(super) type Occupation = Vec<(String, f64, u64)>;
 
-/// The times of all ways on both scenes.
+/// The times of all methods on both scenes.
 pub(super) struct HraBenchReport {
     pub(super) processors: u16,
-    /// Whether the system kept the program to them.
+    /// True if the system restricted the program to these processors.
     pub(super) is_kept: bool,
     pub(super) batch: u32,
     pub(super) rows: Vec<RayRow>,
     pub(super) blocks: Vec<BlockRow>,
 }
 
-/// The rays of one scene.
+/// The ray results of one scene.
 pub(super) struct RayRow {
     pub(super) scene: &'static str,
     pub(super) kind: &'static str,
     pub(super) paths: u64,
-    /// As the processors count them.
+    /// Number of rays, as counted by the processors.
     pub(super) rays: u64,
     pub(super) columns: Vec<RayColumn>,
 }
 
-/// One way to do them.
+/// The ray results of one method.
 pub(super) struct RayColumn {
     pub(super) way: WorkDivision,
-    /// Of all runs, in their order.
+    /// Seconds of all runs, in order.
     pub(super) seconds: Vec<f64>,
-    /// Of the last run.
+    /// The resources of the last run.
     pub(super) resources: Occupation,
 }
 
 impl RayColumn {
-    /// Without the best and the worst: the paper's *average − max − min*.
+    /// Returns the mean without the best and the worst: the paper's *average − max − min*.
     pub(super) fn average(&self) -> f64 {
         average(&self.seconds)
     }
 
-    /// Seconds from the best run to the worst.
+    /// Returns the range from the best run to the worst, in seconds.
     pub(super) fn range(&self) -> f64 {
         range(&self.seconds)
     }
 }
 
-/// The pictures of one scene.
+/// The block results of one scene.
 pub(super) struct BlockRow {
     pub(super) scene: &'static str,
     pub(super) kind: &'static str,
     pub(super) columns: Vec<BlockColumn>,
 }
 
-/// One way to paint them.
+/// The block results of one method.
 pub(super) struct BlockColumn {
     pub(super) way: WorkDivision,
-    /// Of all runs, in their order.
+    /// Samples per second of all runs, in order.
     pub(super) samples_per_second: Vec<f64>,
-    /// Of the last run.
+    /// The resources of the last run.
     pub(super) resources: Occupation,
 }
 
 impl BlockColumn {
-    /// Without the best and the worst.
+    /// Returns the mean without the best and the worst.
     pub(super) fn average(&self) -> f64 {
         average(&self.samples_per_second)
     }
 
-    /// From the worst run to the best.
+    /// Returns the range from the worst run to the best.
     pub(super) fn range(&self) -> f64 {
         range(&self.samples_per_second)
     }
 }
 
 impl BlockRow {
-    /// What both together do, of the sum of what each does alone.
+    /// Returns the throughput of both together, relative to the sum of each alone.
     pub(super) fn share_of_sum(&self) -> Option<f64> {
         let rate = |way| self.columns.iter().find(|column| column.way == way).map(BlockColumn::average);
         Some(rate(WorkDivision::CpuAndGpu)? / (rate(WorkDivision::Cpu)? + rate(WorkDivision::Gpu)?))
     }
 }
 
-/// Without the least and the greatest.
+/// Returns the mean without the least and the greatest value.
 fn average(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -92,7 +92,7 @@ fn average(values: &[f64]) -> f64 {
     kept.iter().sum::<f64>() / kept.len() as f64
 }
 
-/// The greatest less the least.
+/// Returns the greatest value minus the least.
 fn range(values: &[f64]) -> f64 {
     let (least, greatest) = values
         .iter()
@@ -100,7 +100,7 @@ fn range(values: &[f64]) -> f64 {
     (greatest - least).max(0.0)
 }
 
-/// What each resource did.
+/// Returns the occupation of each resource.
 pub(super) fn occupation(report: &HraReport) -> Occupation {
     let share = |resource: &ResourceReport| {
         let busy = resource.busy.as_secs_f64() / report.uptime.as_secs_f64().max(1e-9);

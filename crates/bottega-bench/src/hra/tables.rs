@@ -1,4 +1,4 @@
-//! The figures as text, JSON and picture.
+//! The results as text, as JSON and as an image.
 
 use std::{fmt::Write, path::Path};
 
@@ -86,7 +86,7 @@ fn occupied(resources: &[(String, f64, u64)]) -> String {
     if each.is_empty() { String::new() } else { format!("   (busy, units: {})", each.join(", ")) }
 }
 
-/// What both together do, of the sum of what each does alone.
+/// Returns the throughput of both together, relative to the sum of each alone.
 fn share_of_sum(row: &RayRow) -> Option<f64> {
     let rate = |way| row.columns.iter().find(|column| column.way == way).map(|column| column.average().recip());
     Some(rate(WorkDivision::CpuAndGpu)? / (rate(WorkDivision::Cpu)? + rate(WorkDivision::Gpu)?))
@@ -137,11 +137,11 @@ fn resources(all: &[(String, f64, u64)]) -> Vec<Value> {
     all.iter().map(|(name, busy, units)| json!({"name": name, "busy": busy, "units": units})).collect()
 }
 
-/// What the rays have found, so that it can be looked at.
+/// Writes the light found by the rays as an image.
 pub(super) fn picture(path: &Path, found: &WalkResult) -> Result<(), Error> {
     let bright = 5.0 * found.light().max(1e-12);
     let mut values = vec![0.0; found.film.len()];
-    // Rays come in blocks of 8 × 8.
+    // Rays come in blocks of 8 × 8 pixels.
     for (at, &light) in found.film.iter().enumerate() {
         let (block, inner) = (at as u32 / 64, at as u32 % 64);
         let (x, y) = (block % (SIDE / 8) * 8 + inner % 8, block / (SIDE / 8) * 8 + inner / 8);

@@ -1,4 +1,4 @@
-//! The loop above the allocator: follows paths, and asks for hits and occlusion of their rays.
+//! The path loop above the allocator: traces paths by requesting hits and occlusion of their rays.
 
 use std::{
     collections::BTreeMap,
@@ -16,20 +16,20 @@ use bottega_render::{RenderOutput, RenderWork};
 use super::ray_scene::{PathState, PathStep, RayScene, SIDE};
 use crate::error::Error;
 
-/// Batches that one loop has under way: there are as many loops as processors, so that each of these follows rays or makes some.
-/// More would only push each other out of the cache.
+/// The number of batches in flight per loop. There is one loop per processor, which either traces rays or generates them; more
+/// batches evict each other from the cache.
 const BATCHES_UNDER_WAY: usize = 1;
-/// The same for each GPU, which is some way off.
+/// The number of batches in flight per GPU, to cover its latency.
 const BATCHES_OF_A_GPU: usize = 6;
-/// A unit of light, as a share of what a pixel's film counts in: sums of whole numbers do not depend on their order.
+/// The unit of light in a pixel's integer sum: integer sums do not depend on their order.
 pub(super) const LIGHT_UNITS: f32 = (1 << 20) as f32;
 
-/// What a walk has found.
+/// The result of a walk.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct WalkResult {
-    /// Rays of all kinds.
+    /// The number of rays of all kinds.
     pub(super) rays: u64,
-    /// Light by pixel.
+    /// The light per pixel, in units of 1 / [`LIGHT_UNITS`].
     pub(super) film: Vec<u64>,
 }
 
@@ -43,21 +43,21 @@ impl WalkResult {
         self.film.iter_mut().zip(&other.film).for_each(|(sum, light)| *sum += light);
     }
 
-    /// Mean light of a pixel.
+    /// Returns the mean light per pixel.
     pub(super) fn light(&self) -> f64 {
         self.film.iter().map(|&light| light as f64).sum::<f64>() / f64::from(LIGHT_UNITS) / self.film.len() as f64
     }
 }
 
-/// Who does the primitives.
+/// The executor of primitives.
 pub(super) enum Caller<'a> {
-    /// Whoever asks, in place.
+    /// The calling thread itself.
     Direct,
-    /// The resources of an allocator, so many GPUs among them.
+    /// The resources of an allocator, and the number of GPUs among them.
     Allocator(&'a Hra<RenderWork>, usize),
 }
 
-/// Follows `paths` paths in batches of `batch`, by so many loops at once.
+/// Traces `paths` paths in batches of `batch`, with this many concurrent loops.
 pub(super) fn walk(
     scene: &RayScene,
     caller: &Caller<'_>,
@@ -88,7 +88,7 @@ pub(super) fn walk(
     })
 }
 
-/// Where batches come from.
+/// The source of batches.
 #[derive(Clone, Copy)]
 struct PathSource<'a> {
     scene: &'a RayScene,
@@ -107,25 +107,25 @@ impl<'a> PathSource<'a> {
     }
 }
 
-/// Paths that are followed together.
+/// A batch of paths that are traced together.
 struct PathBatch<'a> {
     scene: &'a RayScene,
     paths: Vec<PathState>,
-    /// Of each path the ray that is asked for.
+    /// The current ray of each path.
     rays: Arc<Vec<Ray>>,
     next: Vec<(PathState, Ray)>,
-    /// Pixel, and light if it comes through.
+    /// For each shadow ray its pixel, and the light that it adds if it is not blocked.
     shadows: Vec<(u32, f32)>,
 }
 
 impl PathBatch<'_> {
-    /// What is asked first.
+    /// Returns the first request.
     fn ask(&mut self) -> RenderWork {
-        // The rays are needed again when their hits are known.
+        // The rays are needed again with their hits.
         RenderWork::Rays { scene: Arc::clone(&self.scene.prepared), rays: Arc::clone(&self.rays) }
     }
 
-    /// Takes an answer; returns what is asked next, if the batch is not through.
+    /// Takes an answer; returns the next request, unless the batch is finished.
     fn go_on(&mut self, answer: RenderOutput, found: &mut WalkResult) -> Result<Option<RenderWork>, Error> {
         match answer {
             RenderOutput::Hits(hits) => Ok(self.hits(&hits, found)),

@@ -1,4 +1,4 @@
-//! An engine that paints one zone after the other, and tells the processor time of each.
+//! An engine that paints one zone at a time, and measures the processor time of each.
 
 use std::{
     collections::VecDeque,
@@ -9,11 +9,11 @@ use std::{
 use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
 use bottega_platform::processor_time::own_seconds;
 
-/// Whoever is told of a zone.
+/// The callback of a zone.
 type Told = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 
-/// Another program on the machine disturbs wall time, and hardly processor time; that is known of the whole process alone, so
-/// there is one zone at a time.
+/// An engine that measures zones by processor time, which other programs on the machine hardly affect. Processor time is known
+/// only for the whole process, so it paints one zone at a time.
 #[derive(Clone)]
 pub(super) struct TimedEngine {
     engine: Arc<dyn RenderEngine>,

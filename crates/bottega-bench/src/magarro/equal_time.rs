@@ -1,9 +1,8 @@
-//! Error for time: what a level of optimization gains over uniform samples that take as long.
+//! Error at equal time: the gain of a level of optimization over uniform samples that take as long.
 //!
-//! The error of uniform samples falls with their number, and their time grows with it: error × time is a constant of a
-//! picture. So the gain of another way to paint is the quotient of both products. What does not go away with more samples, because
-//! bounces were left out, is the bias: the mean product of the errors of two pictures with other seeds, whose noise has
-//! nothing to do with each other.
+//! The error of uniform samples falls with their number, and their time grows with it: error × time is constant for an image. So
+//! the gain of another method is the quotient of both products. The part that stays with more samples, because bounces were left
+//! out, is the bias: the mean product of the errors of two images with different seeds, whose noise is independent.
 
 use std::io::Write;
 
@@ -17,16 +16,16 @@ use crate::{
     report::{Report, say},
 };
 
-/// The levels that are compared.
+/// The compared levels.
 const COMPARED: [Optimization; 3] = [Optimization::Normal, Optimization::Big, Optimization::VeryBig];
 
-/// How often each picture is painted, with another seed each time. Two at least: the bias is found from pairs.
+/// The number of renders per method, with different seeds. At least two: the bias is estimated from pairs.
 const SEEDS: u64 = 4;
 
-/// Seeds of the reference are far from those of the pictures.
+/// The first seed of the reference, far from those of the images.
 const REFERENCE_SEED: u64 = 1 << 20;
 
-/// Error and time of one way to paint, means over the seeds.
+/// Error and time of one method, means over the seeds.
 #[derive(Clone, Debug)]
 pub(super) struct EqualTimeRow {
     pub(super) ways: Ways,
@@ -34,14 +33,14 @@ pub(super) struct EqualTimeRow {
     pub(super) seconds: f64,
     /// Mean of (x − r)² ∕ (r² + 0.01).
     pub(super) rel_mse: f64,
-    /// Mean squared error of what a display shows.
+    /// Mean squared error of the displayed image.
     pub(super) shown_mse: f64,
-    /// The part of both that stays, however many samples are taken.
+    /// The part of both errors that remains for any number of samples.
     pub(super) bias: [f64; 2],
 }
 
 impl EqualTimeRow {
-    /// Error × time of `uniform` over that of this row, by both errors.
+    /// Returns error × time of `uniform` over that of this row, by both errors.
     pub(super) fn gains_over(&self, uniform: &Self) -> [f64; 2] {
         [
             uniform.rel_mse * uniform.seconds / (self.rel_mse * self.seconds),
@@ -50,7 +49,7 @@ impl EqualTimeRow {
     }
 }
 
-/// The error for time of all ways to paint beside uniform samples, which are the first row.
+/// The results of all methods; the first row is uniform samples.
 #[derive(Clone, Debug)]
 pub(super) struct EqualTimeReport {
     width: u32,
@@ -60,13 +59,13 @@ pub(super) struct EqualTimeReport {
     rows: Vec<EqualTimeRow>,
 }
 
-/// Paints a reference, and the scene in some of the ways of the paper with some seeds.
+/// Renders a reference, and the scene by some of the paper's methods with several seeds.
 ///
-/// - `reference_samples`: of the reference, per pixel.
-/// - `log`: is told which picture is being painted.
+/// - `reference_samples`: samples per pixel of the reference.
+/// - `log`: gets a line per image.
 ///
 /// # Errors
-/// The scene cannot be painted.
+/// The scene cannot be rendered.
 pub(super) fn measure(
     scene: &MagarroScene<'_>,
     reference_samples: u32,
@@ -77,7 +76,7 @@ pub(super) fn measure(
     let ours = COMPARED.map(|optimization| (Ways::Ours, optimization));
     let papers = COMPARED.map(|optimization| (Ways::PapersRules, optimization));
     let ways: Vec<_> = [(Ways::Ours, Optimization::Off)].into_iter().chain(ours).chain(papers).collect();
-    // Seed by seed, so that what else goes on at the machine befalls all of them.
+    // Loop over seeds first, so that other load on the machine affects all methods.
     let mut painted: Vec<(f64, Vec<Picture>)> = vec![(0.0, Vec::new()); ways.len()];
     for seed in 0..SEEDS {
         say(log, format_args!("painting with seed {seed} of {SEEDS} …"));
@@ -145,7 +144,7 @@ impl Report for EqualTimeReport {
     }
 }
 
-/// The errors of pictures that differ by their seeds.
+/// The errors of images that differ by their seeds.
 struct Errors {
     rel_mse: f64,
     shown_mse: f64,
@@ -174,7 +173,7 @@ impl Errors {
     }
 }
 
-/// The mean product of the errors of two pictures, over all pairs: noise that has nothing to do with each other goes out.
+/// Returns the mean product of the errors of two images, over all pairs: independent noise cancels.
 fn shared_error(reference: &Picture, pictures: &[Picture], scale: impl Fn(f64) -> f64) -> f64 {
     let count = pictures.len() as f64;
     let mut sum = 0.0;
@@ -194,7 +193,7 @@ fn shared_error(reference: &Picture, pictures: &[Picture], scale: impl Fn(f64) -
 mod tests {
     use super::*;
 
-    /// A picture that differs from black by `bias`, and by noise of a seed.
+    /// An image with a constant difference `bias` to black, and noise from a seed.
     fn picture(bias: f32, noise: f32, seed: u32) -> Picture {
         let mut picture = Picture::new(64, 64);
         let mut state = seed.wrapping_mul(0x9e37_79b9) | 1;

@@ -1,10 +1,10 @@
-//! The tables of the MAGarRO paper, on a scene of the same kind.
+//! The tables of the MAGarRO paper, on a similar scene.
 //!
-//! For each partition and optimization the picture is painted by one agent on one thread, which gives the time of one
-//! agent and what each zone took, and by two agents in two processes. More agents are replayed in the simulator, each on a
-//! machine of its own that is as fast as this one. So is the measured pair, each as fast as a processor is beside another one,
-//! the second from when the Master knew it: a replay that is far off is no measurement. Measured and replayed figures are told
-//! apart wherever they are shown.
+//! For each partition and optimization the image is painted by one agent on one thread, which gives the time of one agent and of
+//! each zone, and by two agents in two processes. More agents are replayed in the simulator, each on a machine of its own that is
+//! as fast as this one. The measured pair is replayed, too, with each processor as fast as next to a busy one and the second
+//! agent joining when the Master knew it; this validates replays. Measured and replayed results are marked wherever they are
+//! shown.
 
 mod equal_time;
 mod options;
@@ -37,11 +37,11 @@ use crate::{
     report::{Measurement, Report, headed, say},
 };
 
-/// How long a message takes between machines of one room.
+/// The latency of a message between machines of one room.
 const LATENCY: Duration = Duration::from_micros(500);
 
 impl Measurement for MagarroOptions {
-    /// Paints the scene in every way of the paper, or those that are compared at equal time.
+    /// Renders the scene by all methods of the paper, or compares some at equal time.
     fn measure(&self, log: &mut dyn Write) -> Result<Box<dyn Report>, Error> {
         let scene = MagarroScene::load(&self.picture)?;
         if let Some(samples) = self.equal_time {
@@ -56,8 +56,8 @@ impl Measurement for MagarroOptions {
 }
 
 impl MagarroOptions {
-    /// Two agents on a server; `None`: they are replayed like more, because the user says so, or because no server starts and none
-    /// was named.
+    /// Starts two agents with a server; `None`: pairs are replayed like more agents, because the user asked for it, or because no
+    /// server was named and none can be started.
     fn pair(&self, log: &mut dyn Write) -> Result<Option<AgentPair>, Error> {
         if self.replay {
             return Ok(None);
@@ -132,7 +132,8 @@ impl MagarroScene<'_> {
         })
     }
 
-    /// How fast a processor is while another one paints the same: they share caches, memory and often a core. Alone it is 1.
+    /// Returns the speed of a processor while another one renders the same, relative to its speed alone: they share caches,
+    /// memory and often a core.
     fn speed_beside(&self) -> Result<f64, Error> {
         let settings = self.settings(Level::Balanced, Optimization::Normal, Ways::Ours);
         let seconds = || self.paint(&settings, 0).map(|(record, _)| record.total.as_secs_f64());
@@ -141,7 +142,7 @@ impl MagarroScene<'_> {
             alone += seconds()?;
             let both = std::thread::scope(|scope| {
                 let other = scope.spawn(seconds);
-                // A panic of the other one is its own.
+                // A panic of the other thread is passed on.
                 [seconds(), other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))]
             });
             for one in both {
@@ -151,9 +152,9 @@ impl MagarroScene<'_> {
         Ok(alone / beside)
     }
 
-    /// Paints the picture with one agent on one thread, then with a pair of them, and replays it with more.
+    /// Paints the image with one agent on one thread, then with a pair, and replays it with more.
     ///
-    /// - `pair`: and how fast a processor is while another one paints.
+    /// - `pair`: the pair, and the speed of a processor while another one renders.
     fn row(
         &self,
         pair: Option<(&AgentPair, f64)>,
@@ -202,7 +203,7 @@ impl MagarroScene<'_> {
     }
 }
 
-/// Writes figures and pictures into a folder.
+/// Writes results and images to a folder.
 fn write(folder: &Path, report: &MagarroReport) -> Result<(), Error> {
     create_folder(folder)?;
     let json = serde_json::to_string_pretty(&headed(report)).unwrap_or_default();
@@ -225,7 +226,7 @@ fn error(reference: &Picture, picture: &Picture) -> Result<PictureError, Error> 
     })
 }
 
-/// Mean absolute difference of what a display shows, in percent of white. (The paper does not say how it measured.)
+/// Returns the mean absolute difference of the displayed images, in percent of white. (The paper does not define its measure.)
 fn percent(reference: &Picture, picture: &Picture) -> f64 {
     let shown = |value: f32| f64::from(srgb_from_linear(value.clamp(0.0, 1.0)));
     let pixels = reference.data.iter().flatten().zip(picture.data.iter().flatten());

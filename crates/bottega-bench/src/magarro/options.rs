@@ -1,4 +1,4 @@
-//! The options of the measurement: what is painted, and by whom.
+//! Options of the measurement.
 
 use std::{ffi::OsString, path::PathBuf};
 
@@ -6,7 +6,7 @@ use clap::Args;
 
 use crate::arguments::{SceneFolder, number};
 
-/// The scene that stands for the paper's, in the folder of scenes.
+/// The scene that replaces the paper's, relative to the folder of scenes.
 pub(super) const SCENE: &str = "magarro/magarro.pbrt";
 
 /// The tables of the MAGarRO paper: time by agents, partition and optimization, and what optimization does to the picture.
@@ -61,9 +61,9 @@ pub(super) struct MagarroPicture {
 }
 
 impl MagarroPicture {
-    /// The words by which another process of this program is asked for the same picture.
+    /// Returns the arguments that pass the same image to another process of this program.
     ///
-    /// - `scene`: the one that is painted.
+    /// - `scene`: the path of the scene.
     pub(super) fn words(&self, scene: PathBuf) -> Vec<OsString> {
         let Self { scale, spp, light_samples, max_depth, zones, .. } = self;
         let options = [

@@ -1,4 +1,4 @@
-//! Both tables as curves beside the paper's: how many times faster than one agent, and than no optimization.
+//! Plots of both tables with the paper's curves: speedup over one agent, and over no optimization.
 
 use bottega_image::Svg;
 
@@ -11,7 +11,7 @@ use super::{
 const SIDE: f64 = 320.0;
 const MARGIN: f64 = 52.0;
 
-/// A curve over the numbers of agents, or over the levels of optimization.
+/// A curve over the number of agents, or over the level of optimization.
 struct Curve {
     name: String,
     color: &'static str,

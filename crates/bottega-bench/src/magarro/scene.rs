@@ -1,4 +1,4 @@
-//! The scene of the measurement, and how one agent paints it.
+//! The scene of the measurement, and rendering by one agent.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{error::Error, files::shared_meshes};
 
-/// The scene in a size.
+/// The scene at a size.
 pub(super) struct MagarroScene<'a> {
     pub(super) options: &'a MagarroPicture,
     pub(super) path: PathBuf,
@@ -34,7 +34,7 @@ impl<'a> MagarroScene<'a> {
         Ok(Self { options, path, width: side(width), height: side(height) })
     }
 
-    /// The settings of a job of one agent on one processor.
+    /// Returns the settings of a job of one agent on one processor.
     pub(super) fn settings(&self, level: Level, optimization: Optimization, ways: Ways) -> JobSettings {
         let options = self.options;
         let tunables = Tunables { max_depth: options.max_depth, light_samples: options.light_samples };
@@ -58,8 +58,8 @@ impl<'a> MagarroScene<'a> {
         }
     }
 
-    /// The engine of an agent, on one thread. Made anew each time: what is learnt of where light comes from belongs to the time of a
-    /// picture.
+    /// Creates an agent's engine with one thread. A new one each time, because learning the light distribution is part of an
+    /// image's time.
     pub(super) fn engine(&self, settings: &JobSettings, seed: u64) -> Result<Arc<BuiltinEngine>, Error> {
         let loaded = bottega_scene::load(&self.path, &shared_meshes())?;
         let filter = loaded.hints.filter.unwrap_or_default();
@@ -93,7 +93,7 @@ impl<'a> MagarroScene<'a> {
         Ok((record, report.film.to_picture()))
     }
 
-    /// A picture of so many uniform samples, painted by all processors.
+    /// Renders an image with uniform samples, on all processors.
     pub(super) fn reference(&self, samples: u32, seed: u64) -> Result<Picture, Error> {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         let off = self.settings(Level::Balanced, Optimization::Off, Ways::Ours);

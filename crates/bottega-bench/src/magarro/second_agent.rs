@@ -1,4 +1,4 @@
-//! The second agent of a measured pair: a process of its own, which paints on one processor over a NATS server.
+//! The second agent of a measured pair: a process that paints on one processor over a NATS server.
 
 use std::{
     collections::BTreeMap,
@@ -26,13 +26,13 @@ use crate::{
     part_process::{PartProcess, end_with_parent, say, say_ready, this_program},
 };
 
-/// A way to paint, which both processes must agree on. As text: `LEVEL:OPTIMIZATION:WAYS:WORK`.
+/// A method that both processes agree on. As text: `LEVEL:OPTIMIZATION:WAYS:WORK`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SharedRow {
     pub(super) level: Level,
     pub(super) optimization: Optimization,
     pub(super) ways: Ways,
-    /// The work that both paint.
+    /// The id of the work.
     pub(super) work: u64,
 }
 
@@ -75,23 +75,23 @@ pub(crate) struct SecondAgentOptions {
     state: PathBuf,
 }
 
-/// The words of the second process when its work is done.
+/// The final message of the second process.
 #[derive(Debug, Serialize, Deserialize)]
 struct SecondAgentReport {
-    /// Whether the work had come to its end.
+    /// True if the work was complete.
     ended: bool,
 }
 
-/// A pair of agents, measured.
+/// The measurement of a pair of agents.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MeasuredPair {
-    /// The time of both together.
+    /// The time of both together, in seconds.
     pub(super) seconds: f64,
-    /// How long after the beginning the second one was known to the Master.
+    /// The time from the start until the Master knew the second agent.
     pub(super) joins: Duration,
 }
 
-/// Two agents on one server, which lives as long as this.
+/// Two agents with a server that lives as long as this value.
 pub(super) struct AgentPair {
     server: OwnServer,
     _folder: TempDir,
@@ -100,13 +100,13 @@ pub(super) struct AgentPair {
 impl AgentPair {
     /// Starts the server.
     ///
-    /// - `program`: that of the server; `None`: `nats-server`, where systems put it.
+    /// - `program`: the server's program; `None`: the installed `nats-server`.
     pub(super) fn start(program: Option<&Path>) -> Result<Self, Error> {
         let folder = temporary_folder()?;
         Ok(Self { server: OwnServer::start(program, folder.path())?, _folder: folder })
     }
 
-    /// Paints with both agents together, from when both have loaded the scene. `None`: one had painted all before the other was there.
+    /// Paints with both agents; time starts when both have loaded the scene. `None`: one agent finished before the other joined.
     pub(super) fn measure(
         &self,
         scene: &MagarroScene<'_>,
@@ -131,7 +131,7 @@ impl AgentPair {
         let told = report.is_ok().then(|| second.report::<SecondAgentReport>());
         link.forget();
         let report = report?;
-        // Where all was painted before the Master came to know the second agent, there is no pair.
+        // If everything was painted before the Master knew the second agent, there is no pair.
         let took_part = told.transpose()?.is_some_and(|SecondAgentReport { ended }| ended);
         let seconds = report.times.total.as_secs_f64();
         let last = arrivals.agents().values().copied().max().unwrap_or_default();
@@ -139,7 +139,7 @@ impl AgentPair {
     }
 }
 
-/// When agents were known to the Master.
+/// The times at which agents became known to the Master.
 struct Arrivals {
     begun: Instant,
     agents: Mutex<BTreeMap<AgentId, Duration>>,
@@ -159,12 +159,12 @@ impl Observer for Arrivals {
 }
 
 impl SecondAgentOptions {
-    /// Paints as the second agent until the work is done, or standard input ends because the first process is gone.
+    /// Paints as the second agent until the work is done, or until standard input ends because the first process is gone.
     ///
-    /// - `output`: the first process reads it.
+    /// - `output`: read by the first process.
     ///
     /// # Errors
-    /// The scene cannot be painted, or the farm not be reached.
+    /// The scene cannot be rendered, or the farm cannot be reached.
     pub(crate) fn run(&self, output: &mut dyn Write) -> Result<(), Error> {
         let Self { picture, row, at, state } = self;
         let scene = MagarroScene::load(picture)?;
@@ -183,7 +183,7 @@ fn link(entry: &Entry, work: u64, agent: u32) -> Result<Link, Error> {
     Ok(ServerLinks::new(ServerAccess::Started(entry.clone()))?.link(work, agent)?.link)
 }
 
-/// How far a replay may be off a measured pair.
+/// The maximum relative difference between a replay and a measured pair.
 pub(super) const REPLAY_OFF_MAX: f64 = 0.05;
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ impl Report for MagarroReport {
     }
 }
 
-/// Minutes and seconds as the paper writes them, with tenths; seconds alone below a minute.
+/// Formats minutes and seconds like the paper, with tenths; only seconds below a minute.
 fn clock(seconds: f64) -> String {
     if seconds < 59.95 {
         format!("{seconds:.1} s")
@@ -29,7 +29,7 @@ fn clock(seconds: f64) -> String {
     }
 }
 
-/// Time of one agent, measured; of two, measured where it could be; of more, replayed.
+/// Returns the times: of one agent measured; of two measured if available; of more replayed.
 pub(super) fn times(row: &MagarroRow) -> [f64; 4] {
     let [_, replayed, four, eight] = row.replayed;
     [row.measured, row.pair.unwrap_or(replayed), four, eight]
@@ -103,7 +103,7 @@ fn as_text(report: &MagarroReport) -> String {
     text + &format!("the paper                {difference:>6} % of vb, of which noise about {paper_noise} %\n")
 }
 
-/// How each picture differs from the one without optimization.
+/// Formats the difference of each image to the one without optimization.
 fn differences(report: &MagarroReport) -> String {
     let ours = report.optimizations.iter().map(|row| (name(row.optimization).to_owned(), row.error));
     let papers = report.papers_rules.iter().map(|row| (format!("paper's {}", name(row.optimization)), row.error));
@@ -116,12 +116,12 @@ fn differences(report: &MagarroReport) -> String {
     rows.filter_map(line).collect()
 }
 
-/// Whether a time was measured or replayed.
+/// Returns the mark of a time: `m` measured, `r` replayed.
 fn kind(row: &MagarroRow, index: usize) -> &'static str {
     if index == 0 || index == 1 && row.pair.is_some() { "m" } else { "r" }
 }
 
-/// Replayed times of two agents, as fast as they were beside each other, over measured ones.
+/// Formats the ratios of replayed to measured times of pairs.
 fn validation(report: &MagarroReport) -> String {
     let rows = report.levels.iter().chain([&report.off, &report.paper]).chain(&report.optimizations);
     let off: Vec<f64> = rows.filter_map(|row| Some(row.replayed_pair? / row.pair?)).collect();
@@ -150,7 +150,7 @@ fn name(optimization: Optimization) -> &'static str {
     }
 }
 
-/// One agent over eight, both replayed, so that nothing but the number differs.
+/// Returns the replayed time of one agent over that of eight; only the number differs.
 pub(super) fn speedup(row: &MagarroRow) -> f64 {
     row.replayed[0] / row.replayed[3]
 }

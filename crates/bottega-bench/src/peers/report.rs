@@ -1,4 +1,4 @@
-//! The figures of all renderers, as text and as JSON.
+//! The results of all renderers, as text and as JSON.
 
 use serde_json::{Value, json};
 
@@ -7,27 +7,27 @@ use crate::report::Report;
 /// The name of our own renderer.
 pub(super) const OURS: &str = "bottega";
 
-/// The figures of all renderers on all scenes.
+/// The results of all renderers on all scenes.
 #[derive(Debug)]
 pub(super) struct PeersReport {
     pub(super) rows: Vec<PeerRow>,
-    /// Renderers that are left out, and why.
+    /// The renderers that were left out, and why.
     pub(super) missing: Vec<(&'static str, String)>,
 }
 
-/// What a renderer reached on a scene with a number of threads.
+/// The result of a renderer on a scene with a number of threads.
 #[derive(Debug)]
 pub(super) struct PeerRow {
     pub(super) scene: String,
     pub(super) threads: usize,
     pub(super) renderer: &'static str,
-    /// Pixels times samples, all in millions a second; medians of the repetitions.
+    /// Pixels times samples, in millions per second; median over repetitions.
     pub(super) mpaths: f64,
     pub(super) seconds: f64,
     pub(super) rel_mse: f64,
-    /// Of what a display shows.
+    /// Mean squared error of the displayed image.
     pub(super) srgb_mse: f64,
-    /// Pixels far brighter than what is around them, in one picture.
+    /// The number of pixels far brighter than their neighborhood, in one image.
     pub(super) fireflies: f64,
 }
 
@@ -36,7 +36,7 @@ impl PeerRow {
         1.0 / (self.rel_mse * self.seconds)
     }
 
-    /// The same by what a display shows.
+    /// Returns the efficiency by the error of the displayed image.
     pub(super) fn seen_efficiency(&self) -> f64 {
         1.0 / (self.srgb_mse * self.seconds)
     }
@@ -52,14 +52,13 @@ impl Report for PeersReport {
     }
 }
 
-/// Ratios of our efficiency to the best of the others: number of threads, one ratio for each scene, and their geometric
-/// mean.
+/// Ratios of our efficiency to the best of the others: number of threads, one ratio per scene, and their geometric mean.
 type Ratios = (usize, Vec<(String, f64)>, f64);
 
-/// An efficiency: by relative error, or by what a display shows.
+/// An efficiency: by relative error, or by the error of the displayed image.
 type Measure = fn(&PeerRow) -> f64;
 
-/// The ratios by number of threads.
+/// Returns the ratios by number of threads.
 fn ratios(rows: &[PeerRow], efficiency: Measure) -> Vec<Ratios> {
     let mut threads: Vec<usize> = rows.iter().map(|row| row.threads).collect();
     threads.sort_unstable();
@@ -80,14 +79,14 @@ fn ratios(rows: &[PeerRow], efficiency: Measure) -> Vec<Ratios> {
     threads.into_iter().map(of).collect()
 }
 
-/// Our efficiency over that of a row on the same scene with as many threads.
+/// Returns our efficiency over that of a row on the same scene with as many threads.
 fn ratio(rows: &[PeerRow], other: &PeerRow, efficiency: Measure) -> Option<f64> {
     let ours =
         rows.iter().find(|row| row.renderer == OURS && row.scene == other.scene && row.threads == other.threads)?;
     Some(efficiency(ours) / efficiency(other))
 }
 
-/// Both measures count: by relative error alone, pictures full of black specks pass as better.
+/// Both measures are needed: by relative error alone, images full of black specks seem better.
 const MEASURES: [(&str, Measure); 2] = [("relMSE", PeerRow::efficiency), ("sRGB", PeerRow::seen_efficiency)];
 
 fn as_text(rows: &[PeerRow]) -> String {

@@ -1,4 +1,4 @@
-//! The time that trees take to build, beside Embree's.
+//! The time to build trees, compared with Embree.
 
 use std::time::Duration;
 
@@ -10,21 +10,21 @@ use super::{
 };
 use crate::{error::Error, scenes::BenchScene};
 
-/// Numbers of threads that build.
+/// The numbers of threads that build.
 const THREADS: [usize; 2] = [1, 2];
 
-/// Seconds to build a tree with so many threads: medians.
+/// Seconds to build a tree with this many threads: medians.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BuildTimes {
     pub(super) threads: usize,
     pub(super) ours: f64,
-    /// Without reinsertion.
+    /// Our build without reinsertion.
     pub(super) quick: f64,
     pub(super) embree_medium: f64,
     pub(super) embree_high: f64,
 }
 
-/// Builds all trees in turn, so often.
+/// Builds all trees in turn, `count` times.
 pub(super) fn build_times(scene: &BenchScene, embree: &Embree, count: u16) -> Result<Vec<BuildTimes>, Error> {
     let of = |threads: usize| {
         let ours = |optimize| -> Result<Duration, Error> {

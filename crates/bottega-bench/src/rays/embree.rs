@@ -1,7 +1,7 @@
-//! Embree 4 as a yardstick, where its shared library is found: loaded at run time, never linked.
+//! Bindings to Embree 4 as a reference, if its shared library is found: loaded at run time, never linked.
 //!
-//! The declarations are those of the public headers `rtcore_*.h` of Embree 4.3 and later. `RTCRayHit` is given more room than
-//! 4.4 uses, so that a library built with more instance levels does not write beyond it.
+//! The declarations are those of the public headers `rtcore_*.h` of Embree 4.3 and later. `RTCRayHit` has more room than 4.4
+//! uses, so that a library built with more instance levels does not write beyond it.
 #![allow(unsafe_code)]
 
 use std::{
@@ -73,7 +73,7 @@ impl RtcRay {
     }
 }
 
-/// The functions that are used, which stay valid as long as the library is held.
+/// The functions in use; valid as long as the library is held.
 struct EmbreeFunctions {
     new_device: unsafe extern "C" fn(*const c_char) -> Handle,
     release_device: unsafe extern "C" fn(Handle),
@@ -97,7 +97,7 @@ struct EmbreeFunctions {
 
 impl EmbreeFunctions {
     fn load(path: &Path) -> Result<Self, libloading::Error> {
-        // SAFETY: loading runs the library's initializers: whoever names a library trusts it. The types of the functions are
+        // SAFETY: loading runs the library's initializers; the user who names a library trusts it. The types of the functions are
         // those of Embree's headers.
         unsafe {
             let library = Library::new(path)?;
@@ -134,7 +134,7 @@ impl EmbreeFunctions {
 #[derive(Clone)]
 pub(crate) struct Embree(Arc<EmbreeFunctions>);
 
-/// The settings of Embree's build and tests.
+/// The quality settings of Embree's build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum EmbreeSetting {
     /// `RTC_BUILD_QUALITY_MEDIUM`, its default: binned.
@@ -146,7 +146,7 @@ pub(crate) enum EmbreeSetting {
 }
 
 impl EmbreeSetting {
-    /// All of them.
+    /// All settings.
     pub(crate) const ALL: [Self; 3] = [Self::Medium, Self::High, Self::Robust];
 
     fn name(self) -> &'static str {
@@ -159,8 +159,8 @@ impl EmbreeSetting {
 }
 
 impl Embree {
-    /// Loads the library that [`VARIABLE`] names, or one in the site-packages of a Python environment (`VIRTUAL_ENV`), where
-    /// `pip install embreex` puts it. The error says what to do.
+    /// Loads the library that [`VARIABLE`] names, or one in the site-packages of a Python environment (`VIRTUAL_ENV`), where `pip
+    /// install embreex` puts it. The error message contains the remedy.
     pub(crate) fn find() -> Result<Self, String> {
         let hint = format!("set {VARIABLE} to libembree4.so (`pip install embreex` brings one)");
         let named = std::env::var_os(VARIABLE).map(PathBuf::from);
@@ -169,7 +169,7 @@ impl Embree {
         EmbreeFunctions::load(&path).map(|functions| Self(Arc::new(functions))).map_err(load)
     }
 
-    /// Builds over a scene with so many threads.
+    /// Builds over a scene with this many threads.
     pub(crate) fn build(
         &self,
         scene: &BenchScene,
@@ -180,8 +180,8 @@ impl Embree {
         let config = CString::new(format!("threads={threads},isa=avx2")).unwrap_or_default();
         let quality = if setting == EmbreeSetting::Medium { 1 } else { 2 };
         let (positions, triangles) = (&scene.positions, &scene.triangles);
-        // SAFETY: the calls are in the order that Embree's manual asks for, each handle is released once (scene and device when
-        // the `EmbreeScene` is dropped); the buffers that Embree makes hold `count` elements of 12 bytes.
+        // SAFETY: the calls are in the order required by Embree's manual, each handle is released once (scene and device when the
+        // `EmbreeScene` is dropped); the buffers that Embree creates hold `count` elements of 12 bytes.
         let peer = unsafe {
             let device = (f.new_device)(config.as_ptr());
             if device.is_null() {
@@ -220,7 +220,7 @@ impl Embree {
     }
 }
 
-/// `libembree4*.so*` below the site-packages of the environment that is active.
+/// Finds `libembree4*.so*` below the site-packages of the active environment.
 fn in_site_packages() -> Option<PathBuf> {
     let entries = |folder: PathBuf| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
     let lib = PathBuf::from(std::env::var_os("VIRTUAL_ENV")?).join("lib");
@@ -232,7 +232,7 @@ fn in_site_packages() -> Option<PathBuf> {
     found.pop()
 }
 
-/// Adds up what Embree allocates and frees.
+/// Counts the bytes that Embree allocates and frees.
 unsafe extern "C" fn count_bytes(counter: Handle, bytes: isize, _post: bool) -> bool {
     // SAFETY: the counter lives until the device is released.
     let counter = unsafe { &*counter.cast::<AtomicIsize>() };
@@ -252,7 +252,7 @@ pub(crate) struct EmbreeScene {
 
 impl Drop for EmbreeScene {
     fn drop(&mut self) {
-        // SAFETY: both handles are valid and used no more.
+        // SAFETY: both handles are valid and not used again.
         unsafe {
             (self.embree.0.release_scene)(self.scene);
             (self.embree.0.release_device)(self.device);
@@ -278,7 +278,8 @@ impl RayKernel for EmbreeScene {
                 geometry: u32::MAX,
                 instances: [MaybeUninit::uninit(); 17],
             };
-            // SAFETY: the scene is committed; the structure is aligned to 16 and large enough; no arguments are allowed.
+            // SAFETY: the scene is committed; the structure is aligned to 16 and large enough; a null pointer is allowed for
+            // arguments.
             unsafe { intersect(self.scene, &raw mut hit, std::ptr::null()) };
             if hit.geometry != u32::MAX {
                 result = (result.0 + 1, result.1 + f64::from(hit.ray.t_far));
@@ -302,7 +303,7 @@ impl RayKernel for EmbreeScene {
         self.build_time
     }
 
-    /// The tree, and the vertices and indices that its leaves refer to.
+    /// Returns the bytes of the tree, and of the vertices and indices that its leaves refer to.
     fn bytes(&self) -> usize {
         self.bytes.load(Ordering::Relaxed).max(0) as usize
     }

@@ -1,4 +1,4 @@
-//! Rays a second of a GPU's kernels by themselves: the rays are on the device, and stay there.
+//! Rays per second of a GPU's kernels alone: the rays stay on the device.
 
 use std::fmt::Write;
 
@@ -10,18 +10,18 @@ use serde_json::{Map, Value, json};
 use super::{sets::RaySets, timing::KINDS};
 use crate::{error::Error, scenes::BenchScene};
 
-/// Primary rays of a scene: its square, as many as keep a large device busy.
+/// The side of the square of primary rays, enough to keep a large device busy.
 const SIDE: u32 = 1400;
-/// Passes over the same rays for each repetition.
+/// Passes over the same rays per repetition.
 const PASSES: u32 = 8;
 
-/// Rays a second on one scene.
+/// The rates on one scene.
 pub(super) struct GpuRow {
     adapter: String,
     scene: String,
     triangles: usize,
     bytes_per_triangle: f64,
-    /// Rays a second by kind: medians.
+    /// Rays per second by kind: medians.
     rates: [f64; 4],
 }
 

@@ -1,4 +1,4 @@
-//! Kernels that trace rays, ours among them.
+//! The interface of ray tracing kernels, and our own.
 
 use std::time::{Duration, Instant};
 
@@ -7,21 +7,21 @@ use glam::Affine3A;
 
 use crate::scenes::BenchScene;
 
-/// Something that traces rays.
+/// A ray tracing kernel.
 pub(crate) trait RayKernel {
-    /// As tables name it.
+    /// Returns the name used in tables.
     fn name(&self) -> String;
     /// Finds the closest hit of every ray; returns the number of hits and the sum of their parameters.
     fn closest(&self, rays: &[Ray]) -> (usize, f64);
-    /// Returns how many rays hit anything.
+    /// Returns the number of rays that hit anything.
     fn any(&self, rays: &[Ray]) -> usize;
-    /// Nodes and leaves visited by an average ray, where the kernel can tell. Does not depend on the machine.
+    /// Returns the mean number of nodes and leaves visited per ray, if the kernel can count them. Independent of the machine.
     fn steps(&self, _rays: &[Ray]) -> Option<f64> {
         None
     }
-    /// How long it took to build.
+    /// Returns the build time.
     fn build_time(&self) -> Duration;
-    /// Bytes that traversal needs, all in.
+    /// Returns all bytes that traversal needs.
     fn bytes(&self) -> usize;
 }
 
@@ -41,7 +41,7 @@ impl BottegaKernel {
         Ok(Self { name: name.to_owned(), accel, build_time: start.elapsed() })
     }
 
-    /// The structure that was built.
+    /// Returns the acceleration structure.
     pub(crate) fn accel(&self) -> &Accel {
         &self.accel
     }

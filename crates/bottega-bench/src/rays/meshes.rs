@@ -1,4 +1,4 @@
-//! Meshes of files, to trace rays in.
+//! Meshes read from files, for tracing rays.
 
 use std::{
     fs,
@@ -10,14 +10,14 @@ use glam::Vec3;
 
 use crate::{error::Error, files::shared_meshes, scenes::BenchScene};
 
-/// Interiors that are known by their paths, with an eye and what it looks at: the kitchen of `obvhs`, and the staircase with the
-/// camera of its scene.
+/// Known interiors, by a part of their path, with the camera's position and target: the kitchen of `obvhs`, and the staircase
+/// with its scene's camera.
 const INTERIORS: [(&str, Vec3, Vec3); 2] = [
     ("kitchen", Vec3::new(3.0, 1.5, 1.4), Vec3::new(-3.9, 1.5, -1.7)),
     ("staircase2", Vec3::new(6.91, 1.65, 2.55), Vec3::new(6.01, 1.65, 2.12)),
 ];
 
-/// Reads a file, or all PLY files of a folder, as one mesh. A mesh that is not a known interior is put into a closed room.
+/// Reads a file, or all PLY files of a folder, as one mesh. Unless it is a known interior, it is put into a closed room.
 pub(super) fn read(path: &Path) -> Result<BenchScene, Error> {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for file in files(path)? {

@@ -1,5 +1,5 @@
-//! The trees of `obvhs`, the fastest other library of them in Rust, as a yardstick. It chooses its vector instructions when it is
-//! compiled.
+//! The trees of `obvhs`, the fastest other BVH library in Rust, as a reference. It selects its vector instructions at compile
+//! time.
 
 use std::time::{Duration, Instant};
 
@@ -16,10 +16,10 @@ use obvhs::{
 use super::kernel::RayKernel;
 use crate::scenes::BenchScene;
 
-/// How the names of all its kernels begin.
+/// The prefix of its kernels' names.
 pub(super) const PREFIX: &str = "obvhs";
 
-/// A tree of one kind or the other.
+/// A binary or a wide tree.
 enum ObvhsTree {
     Binary(Bvh2),
     Wide(CwBvh),
@@ -34,7 +34,7 @@ pub(super) struct ObvhsKernel {
 }
 
 impl ObvhsKernel {
-    /// Builds binary trees and wide, compressed ones, fast and slowly.
+    /// Builds binary trees and wide, compressed ones, with the fast and the slow preset.
     pub(super) fn all(scene: &BenchScene) -> Vec<Self> {
         let presets = [("medium", BvhBuildParams::medium_build()), ("very_slow", BvhBuildParams::very_slow_build())];
         let kernels = presets.into_iter().flat_map(|(preset, params)| {

@@ -1,4 +1,4 @@
-//! Camera paths a second of a scene.
+//! Camera paths per second of a scene.
 
 use std::{path::Path, sync::Arc, time::Duration};
 
@@ -8,12 +8,12 @@ use bottega_scene::LoadOptions;
 
 use crate::{error::Error, painting::paint_zone};
 
-/// Side of the picture whose paths are counted.
+/// The side of the image, in pixels.
 const SIDE: u32 = 256;
 /// Samples per pixel of one repetition.
 const SAMPLES: u32 = 16;
 
-/// Camera paths of a scene, in millions a second.
+/// Camera paths of a scene, in millions per second.
 pub(super) struct PathsRow {
     pub(super) scene: String,
     pub(super) threads: usize,
@@ -21,7 +21,7 @@ pub(super) struct PathsRow {
     pub(super) on_all: f64,
 }
 
-/// Measures on one thread and on all, in turn; medians.
+/// Measures on one thread and on all, alternately; medians.
 pub(super) fn measure(scene: &Path, repeat: u16) -> Result<PathsRow, Error> {
     let loaded = bottega_scene::load(scene, &LoadOptions::default())?;
     let threads = processors();

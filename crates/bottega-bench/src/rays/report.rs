@@ -1,4 +1,4 @@
-//! Rays and paths a second, as text and as JSON.
+//! Rays and paths per second, as text and as JSON.
 
 use std::fmt::Write;
 
@@ -13,23 +13,23 @@ use super::{
 };
 use crate::report::Report;
 
-/// Our kernel, which lets no ray through the edge of two triangles.
+/// Our watertight kernel: no ray passes between two triangles that share an edge.
 pub(super) const ROBUST: &str = "bottega robust";
-/// Our kernel, as fast as others that do not care for that.
+/// Our fast kernel, which is not watertight, like most others.
 pub(super) const FAST: &str = "bottega fast";
 
-/// Our kernels, and which of the others they are compared with: all whose names begin so.
+/// Our kernels, and the prefixes of the names of kernels that each is compared with.
 const COMPARED: [(&str, &[&str]); 3] =
     [(FAST, &["Embree medium", "Embree high"]), (ROBUST, &["Embree robust"]), (ROBUST, &[obvhs::PREFIX])];
 
-/// Rays and paths a second.
+/// The results of all scenes.
 pub(super) struct RaysReport {
     pub(super) scenes: Vec<SceneRays>,
     pub(super) gpu: Vec<GpuRow>,
     pub(super) paths: Vec<PathsRow>,
 }
 
-/// Rays a second of all kernels on one scene.
+/// Rays per second of all kernels on one scene.
 pub(super) struct SceneRays {
     pub(super) scene: String,
     pub(super) triangles: usize,
@@ -37,11 +37,11 @@ pub(super) struct SceneRays {
     pub(super) builds: Vec<BuildTimes>,
 }
 
-/// Rates of one of our kernels over the best of others, by kind of ray.
+/// The rate of one of our kernels over the best of the others, by kind of ray.
 type Ratio = [f64; 4];
 
 impl SceneRays {
-    /// For each of [`COMPARED`]; `None`: none of the others was measured.
+    /// Returns the ratio of each of [`COMPARED`]; `None`: none of the others was measured.
     fn ratios(&self) -> [Option<Ratio>; COMPARED.len()] {
         COMPARED.map(|(ours, others)| {
             let ours = self.rows.iter().find(|row| row.name == ours)?;
@@ -54,7 +54,7 @@ impl SceneRays {
 }
 
 impl RaysReport {
-    /// Geometric means over all scenes of the ratios of each comparison, by kind of ray.
+    /// Returns the geometric means of each comparison over all scenes, by kind of ray.
     fn means(&self) -> [Option<Ratio>; COMPARED.len()] {
         let all: Vec<_> = self.scenes.iter().map(SceneRays::ratios).collect();
         std::array::from_fn(|which| {

@@ -7,21 +7,21 @@ use crate::{random::Random, scenes::BenchScene};
 
 /// The kinds of rays that light transport casts.
 pub(crate) struct RaySets {
-    /// From a camera, row by row, in 8 × 8 blocks.
+    /// Rays from the camera, row by row, in 8 × 8 blocks.
     pub(crate) primary: Vec<Ray>,
-    /// From the hits of the primary rays, cosine distributed.
+    /// Rays from the hits of the primary rays, cosine distributed.
     pub(crate) diffuse: Vec<Ray>,
-    /// From the hits of the diffuse rays.
+    /// Rays from the hits of the diffuse rays.
     pub(crate) bounce: Vec<Ray>,
-    /// From the hits of the primary rays to a light.
+    /// Rays from the hits of the primary rays to a light.
     pub(crate) shadow: Vec<Ray>,
 }
 
 impl RaySets {
-    /// Makes `side` × `side` primary rays and what follows from them.
+    /// Generates `side` × `side` primary rays, and the further rays from their hits.
     pub(crate) fn new(accel: &Accel, scene: &BenchScene, side: u32) -> Self {
         let mut random = Random::new(7);
-        // Far above the rounding of a hit point, so that no kernel meets the same surface again; far below a triangle.
+        // Far above the rounding of a hit point, so that no kernel hits the same surface again; far below the size of a triangle.
         let clearance = 3e-5 * (accel.bounds().max.abs().max(accel.bounds().min.abs())).max_element();
         let primary: Vec<Ray> = scene.camera_rays(side);
         let diffuse_from = |rays: &[Ray], random: &mut Random| {
@@ -45,7 +45,7 @@ impl RaySets {
     }
 }
 
-/// Hit point and normal on the side of the ray.
+/// Returns the hit point, and the normal on the side of the ray.
 fn surface(accel: &Accel, scene: &BenchScene, ray: &Ray) -> Option<(Vec3, Vec3)> {
     let hit = Some(accel.intersect(ray)).filter(Hit::is_some)?;
     let [a, b, c] = scene.triangles[hit.primitive as usize].map(|i| scene.positions[i as usize]);

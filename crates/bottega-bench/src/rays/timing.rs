@@ -1,5 +1,5 @@
-//! A fair clock for kernels: interleaved, one repetition of each in turn, and medians. On a busy machine only ratios of the same
-//! run mean anything.
+//! Fair timing of kernels: repetitions of all kernels are interleaved, and medians count. On a busy machine only ratios within
+//! one run are meaningful.
 
 use std::{
     fmt::Write,
@@ -11,37 +11,37 @@ use bottega_platform::processor_time::thread_seconds;
 use super::{kernel::RayKernel, sets::RaySets};
 use crate::scenes::BenchScene;
 
-/// Figures of one kernel on one scene.
+/// The results of one kernel on one scene.
 #[derive(Clone, Debug)]
 pub(crate) struct KernelRow {
-    /// The kernel.
+    /// The kernel's name.
     pub(crate) name: String,
-    /// Millions of rays a second by kind: see [`KINDS`].
+    /// Millions of rays per second by kind: see [`KINDS`].
     pub(crate) mrays: [f64; 4],
-    /// Hits found, by kind.
+    /// Number of hits, by kind.
     pub(crate) hits: [usize; 4],
-    /// How long the build took.
+    /// The build time.
     pub(crate) build_time: Duration,
-    /// Bytes per triangle, all in.
+    /// All bytes per triangle.
     pub(crate) bytes_per_triangle: f64,
-    /// Nodes and leaves that an average diffuse ray visits.
+    /// Nodes and leaves visited per diffuse ray, on average.
     pub(crate) steps: Option<f64>,
 }
 
-/// Names of the columns of [`KernelRow::mrays`].
+/// The names of the columns of [`KernelRow::mrays`].
 pub(crate) const KINDS: [&str; 4] = ["primary", "diffuse", "bounce 2", "shadow"];
 
-/// Rays that one kernel traces before the next has its turn: a millisecond or so.
+/// The number of rays per turn of a kernel: about a millisecond.
 const CHUNK: usize = 1 << 13;
 
-/// Time that this thread has had of a processor, where the system tells; else the time of day since `begun`. Other work on the
-/// machine then disturbs by what it leaves in caches, not by its share of the processor.
+/// Returns the processor time of this thread if the system reports it, else the time since `begun`. Processor time is disturbed
+/// by other load only through the caches.
 fn clock(begun: Instant) -> f64 {
     thread_seconds().unwrap_or_else(|| begun.elapsed().as_secs_f64())
 }
 
-/// Times all kernels on all kinds of rays. They take turns chunk by chunk, and of each chunk's repetitions the median counts, so
-/// that a burst of other work on the machine falls on all alike.
+/// Times all kernels on all kinds of rays. Kernels alternate chunk by chunk, and the median of each chunk's repetitions counts,
+/// so that a burst of other load affects all kernels alike.
 pub(crate) fn measure(
     scene: &BenchScene,
     rays: &RaySets,
@@ -84,7 +84,7 @@ fn median(values: &mut [f64]) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// A table of figures as text.
+/// Formats the results as a table.
 pub(crate) fn table(name: &str, triangles: usize, rows: &[KernelRow]) -> String {
     let mut out = format!("{name} ({triangles} triangles), Mrays/s\n");
     _ = writeln!(

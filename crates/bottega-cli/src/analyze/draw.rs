@@ -1,4 +1,4 @@
-//! The pictures of an analysis.
+//! The images of an analysis.
 
 use std::path::Path;
 
@@ -8,17 +8,17 @@ use bottega_image::{Canvas, ColorMap, Picture, Rect, ToneMap};
 
 use crate::error::CliError;
 
-/// The longer side of the pictures, at least; small maps are enlarged to it.
+/// The minimum length of the images' longer side, in pixels; smaller maps are enlarged to it.
 const SHOWN_SIDE: u32 = 1024;
-/// Color of the outlines of zones.
+/// The color of the outlines of zones.
 const OUTLINE: [u8; 3] = [255, 64, 32];
-/// Share of the cells that may be brighter than white: a few extremes do not make all else black.
+/// The share of the cells that may be clipped to white, so that a few extremes do not darken the rest.
 const CLIPPED: f64 = 0.005;
 
-/// Draws everything of the importance map and of the zones.
+/// Draws all images of the importance map and of the zones.
 ///
 /// - `levels`: the analyses of the levels from 1 up.
-/// - `chosen`: that of which the zones' costs are shown.
+/// - `chosen`: the analysis whose zone costs are shown.
 pub(super) fn all(
     drawn: &mut PictureFolder<'_>,
     subject: &AnalyzedScene,
@@ -52,10 +52,10 @@ pub(super) fn all(
     drawn.put("zone-cost", &zone_costs(chosen, subject.frame(), size), "expected time of each zone, dark to bright")
 }
 
-/// The pictures of a folder.
+/// The images written to a folder.
 pub(super) struct PictureFolder<'a> {
     pub(super) folder: &'a Path,
-    /// The name of each file and what it shows.
+    /// The name and the description of each file.
     pub(super) files: Vec<(String, String)>,
 }
 
@@ -73,13 +73,13 @@ fn enlarged(canvas: &Canvas) -> Canvas {
     canvas.enlarged((SHOWN_SIDE / side).max(1))
 }
 
-/// The value that is shown white, greater than 0.
+/// Returns the value shown as white, greater than 0.
 fn white(values: &[f32]) -> f32 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f32::total_cmp);
     let place = ((sorted.len() as f64 * (1.0 - CLIPPED)) as usize).min(sorted.len().saturating_sub(1));
     let most = sorted.last().copied().unwrap_or(0.0);
-    // Where nearly all are 0 the few others are what is to be seen.
+    // If nearly all values are 0, scale by the largest.
     match sorted.get(place).copied().unwrap_or(0.0) {
         white if white > 0.0 => white,
         _ if most > 0.0 => most,
@@ -98,7 +98,7 @@ fn zone_costs(analysis: &Analysis, frame: Rect, (width, height): (u32, u32)) -> 
     canvas
 }
 
-/// A rectangle of the frame on a canvas of another size.
+/// Scales a rectangle of the frame to a canvas of another size.
 fn scaled(rect: Rect, frame: Rect, (width, height): (u32, u32)) -> Rect {
     let x = |x: u32| (u64::from(x) * u64::from(width) / u64::from(frame.width())) as u32;
     let y = |y: u32| (u64::from(y) * u64::from(height) / u64::from(frame.height())) as u32;

@@ -13,29 +13,29 @@ use serde_json::{Value, json};
 use super::draw::PictureFolder;
 use crate::{cli::AnalyzeArgs, error::CliError};
 
-/// The sets that are compared, with names for files and for people.
+/// The compared sets, with names for files and for people.
 const SETS: [(SampleSet, &str, &str); 3] = [
     (SampleSet::Photons, "photons", "photons"),
     (SampleSet::IndirectPhotons, "indirect-photons", "indirect photons"),
     (SampleSet::Agents, "agents", "lighting agents"),
 ];
-/// Their colors in the histogram.
+/// The color of each set in the histogram.
 const COLORS: [&str; 3] = ["#1b6ca8", "#7570b3", "#d95f02"];
-/// Share of the pixels that may be brighter than the brightest color.
+/// The share of the pixels that may be clipped to the brightest color.
 const CLIPPED: f64 = 0.005;
-/// Bars of the histogram; its size and the space around it, in pixels.
+/// The number of bars of the histogram; its size and margin, in pixels.
 const BARS: usize = 50;
 const SIZE: [f64; 2] = [560.0, 280.0];
 const MARGIN: f64 = 48.0;
 
-/// δ of one set all over the picture.
+/// The field of δ of one set over the image.
 struct LuddField {
     name: &'static str,
     label: &'static str,
     ludd: Ludd,
 }
 
-/// Draws a map of δ for each set, and their histogram. Adds the files, and returns what is to be told.
+/// Draws a map of δ per set, and the histogram of all. Adds the files, and returns the lines to print.
 pub(super) fn all(
     args: &AnalyzeArgs,
     subject: &AnalyzedScene,
@@ -80,12 +80,12 @@ fn sampled(args: &AnalyzeArgs, subject: &AnalyzedScene, set: SampleSet) -> Resul
     Ok(samples.over(scene, view, sphere(args))?)
 }
 
-/// Where samples are compared.
+/// Returns the neighborhood in which samples are compared.
 fn sphere(args: &AnalyzeArgs) -> LocalSphere {
     args.ludd_nearest.map_or(LocalSphere::Radius(args.ludd_radius), |count| LocalSphere::Count(usize::from(count)))
 }
 
-/// δ of all pixels where it is known, ascending.
+/// Returns a value of all pixels where it is known, ascending.
 fn sorted(pixels: &[Option<Density>], value: impl Fn(&Density) -> Option<f32>) -> Vec<f32> {
     let mut values: Vec<f32> = pixels.iter().flatten().filter_map(value).collect();
     values.sort_unstable_by(f32::total_cmp);
@@ -96,7 +96,7 @@ fn quantile(sorted: &[f32], share: f64) -> Option<f32> {
     sorted.get(((sorted.len() as f64 * share) as usize).min(sorted.len().checked_sub(1)?)).copied()
 }
 
-/// The density of the brightest color, the same for all sets, and greater than 0.
+/// Returns the density shown in the brightest color, the same for all sets, and greater than 0.
 fn white(found: &[LuddField]) -> f32 {
     let most = found.iter().filter_map(|it| quantile(&sorted(&it.ludd.pixels, Density::all), 1.0 - CLIPPED));
     Some(most.fold(0.0, f32::max)).filter(|&white| white > 0.0).unwrap_or(1.0)
@@ -128,7 +128,7 @@ fn told(found: &LuddField, criteria: &[Criterion]) -> Value {
     })
 }
 
-/// Share of the pixels by density, a line a set.
+/// Draws the share of the pixels by density, one line per set.
 fn histogram(found: &[LuddField], criteria: &str, white: f32) -> String {
     let bars: Vec<[f64; BARS]> = found.iter().map(|it| bars(&sorted(&it.ludd.pixels, Density::all), white)).collect();
     let top = bars.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
@@ -149,7 +149,7 @@ fn histogram(found: &[LuddField], criteria: &str, white: f32) -> String {
         for (bar, share) in bars.iter().enumerate() {
             let (left, right) = (bar as f64 / BARS as f64 * width, (bar + 1) as f64 / BARS as f64 * width);
             let y = MARGIN + height * (1.0 - share / top);
-            // A string can always be written to.
+            // Writing to a string cannot fail.
             _ = write!(path, "{:.1},{y:.1} {:.1},{y:.1} ", MARGIN + left, MARGIN + right);
         }
         svg.put(format_args!("<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>"));
@@ -160,7 +160,7 @@ fn histogram(found: &[LuddField], criteria: &str, white: f32) -> String {
     svg.finish()
 }
 
-/// Shares of the values in equal steps from 0 to `white`; the last one has those beyond.
+/// Returns the shares of the values in equal steps from 0 to `white`; the last one includes larger values.
 fn bars(values: &[f32], white: f32) -> [f64; BARS] {
     let mut bars = [0.0; BARS];
     for value in values {

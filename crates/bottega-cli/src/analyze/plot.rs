@@ -1,4 +1,4 @@
-//! Predicted against measured time as an SVG.
+//! Plots of predicted against measured time, as SVG.
 
 use std::fs;
 
@@ -8,11 +8,11 @@ use bottega_image::Svg;
 use super::verify::{Verified, Zone};
 use crate::{cli::AnalyzeArgs, error::CliError};
 
-/// Side of one diagram, and the space around it, in pixels.
+/// The side of one diagram and the margin around it, in pixels.
 const SIDE: f64 = 300.0;
 const MARGIN: f64 = 48.0;
 
-/// Draws a diagram of each function into the folder of the analysis.
+/// Draws a diagram per function into the folder of the analysis.
 pub(super) fn all(args: &AnalyzeArgs, verified: &[Verified]) -> Result<(), CliError> {
     for levels in verified.chunk_by(|a, b| a.function == b.function) {
         let function = levels[0].function;
@@ -23,8 +23,8 @@ pub(super) fn all(args: &AnalyzeArgs, verified: &[Verified]) -> Result<(), CliEr
     Ok(())
 }
 
-/// A diagram for each level: measured time of every zone over what the map (hollow) and profiling (filled) predicted, each
-/// scaled to the same sum. On the diagonal a prediction is right.
+/// Draws a diagram per level: the measured time of each zone over the prediction by the map (hollow) and by profiling (filled),
+/// each scaled to the same sum. Correct predictions lie on the diagonal.
 fn scatter(title: &str, levels: &[Verified]) -> String {
     let width = levels.len() as f64 * (SIDE + MARGIN) + MARGIN;
     let height = SIDE + 2.0 * MARGIN + 16.0;
@@ -70,7 +70,7 @@ fn diagram(svg: &mut Svg, left: f64, top: f64, level: &Verified) {
     svg.text([left + 8.0, top + 32.0], "fill=\"#1b6ca8\"", "● after profiling");
 }
 
-/// Predictions scaled to the sum of what was measured.
+/// Scales predictions to the sum of the measurements.
 fn scaled(predicted: impl Iterator<Item = f64> + Clone, measured: &[f64]) -> Vec<f64> {
     let factor = measured.iter().sum::<f64>() / predicted.clone().sum::<f64>().max(f64::MIN_POSITIVE);
     predicted.map(|value| value * factor).collect()

@@ -1,4 +1,4 @@
-//! The check of predicted zone times against measured ones.
+//! Comparison of predicted zone times with measured ones.
 
 use std::ops::Range;
 
@@ -11,23 +11,23 @@ use serde_json::{Value, json};
 
 use crate::{cli::AnalyzeArgs, error::CliError};
 
-/// A zone, what was predicted for it, and what it took.
+/// A zone, with its predicted and measured times.
 pub(super) struct Zone {
     rect: Rect,
-    /// By the map, in average pixels.
+    /// The prediction of the map, in average pixels.
     pub(super) complexity: f64,
-    /// The shortest times among the even turns, and among the odd ones.
+    /// The shortest time of the even runs, and of the odd ones.
     seconds: [Seconds; 2],
-    /// The rest of the samples over those of profiling.
+    /// The number of samples after profiling, relative to those of profiling.
     left_over_taken: f64,
 }
 
-/// Processor time of a zone, in seconds.
+/// The processor time of a zone, in seconds.
 #[derive(Clone, Copy)]
 struct Seconds {
-    /// Of the samples that profiling takes.
+    /// Time of the samples that profiling takes.
     profile: f64,
-    /// Of the rest.
+    /// Time of the remaining samples.
     rest: f64,
 }
 
@@ -40,24 +40,24 @@ impl Seconds {
 }
 
 impl Zone {
-    /// The shortest time of all samples.
+    /// Returns the shortest time of all samples.
     pub(super) fn measured(&self) -> f64 {
         let Seconds { profile, rest } = self.seconds[0].shorter(self.seconds[1]);
         profile + rest
     }
 
-    /// What profiling in the even turns says of the time of all samples.
+    /// Returns the time of all samples that profiling in the even runs predicts.
     pub(super) fn profiled(&self) -> f64 {
         self.seconds[0].profile * (1.0 + self.left_over_taken)
     }
 }
 
-/// The zones of one level by one function, all painted.
+/// The painted zones of one level by one function.
 pub(super) struct Verified {
     pub(super) function: ImportanceFunction,
     pub(super) level: u8,
     pub(super) zones: Vec<Zone>,
-    /// What the survey saw in each, per path.
+    /// The survey's results in each zone, per path.
     seen: Vec<SurveyPixel>,
 }
 
@@ -66,23 +66,23 @@ impl Verified {
         self.zones.iter().map(value).collect()
     }
 
-    /// By the map alone, against the time of all samples.
+    /// Compares the map's prediction with the time of all samples.
     fn by_map(&self) -> Option<Prediction> {
         Prediction::of(&self.all(|zone| zone.complexity), &self.all(Zone::measured))
     }
 
-    /// By profiling in the even turns, against the rest of the samples in the odd ones: nothing of the time that was measured
-    /// is in the prediction.
+    /// Compares profiling in the even runs with the remaining samples in the odd runs, so that prediction and measurement share
+    /// no data.
     fn by_profiling(&self) -> Option<Prediction> {
         Prediction::of(&self.all(|zone| zone.seconds[0].profile), &self.all(|zone| zone.seconds[1].rest))
     }
 
-    /// The rest of the samples in the even turns against the same in the odd ones: no prediction can do better.
+    /// Compares the remaining samples in the even runs with those in the odd runs: the upper bound for any prediction.
     fn repeated(&self) -> Option<Prediction> {
         Prediction::of(&self.all(|zone| zone.seconds[0].rest), &self.all(|zone| zone.seconds[1].rest))
     }
 
-    /// By how much the measured time of zones differs from their mean: standard deviation over mean.
+    /// Returns the coefficient of variation of the zones' measured times: standard deviation over mean.
     fn spread(&self) -> f64 {
         let times = self.all(Zone::measured);
         let mean = times.iter().sum::<f64>() / times.len() as f64;
@@ -122,13 +122,13 @@ impl Verified {
     }
 }
 
-/// Verifies the function asked for, and the paper's beside it, on the levels asked for.
+/// Verifies the requested function, and the paper's for comparison, on the requested levels.
 pub(super) fn run(
     args: &AnalyzeArgs,
     subject: &AnalyzedScene,
     function: ImportanceFunction,
 ) -> Result<Vec<Verified>, CliError> {
-    // What is learnt of the scene before the first sample belongs to no zone.
+    // Paint once first, so that the preparation of the scene is not attributed to a zone.
     let corner = subject.frame().blocks(16).next().unwrap_or_default();
     paint(subject, corner, 0..1, None)?;
     let mut verified = Vec::new();
@@ -175,7 +175,7 @@ fn measure(
     Ok(Verified { function, level: number, zones, seen })
 }
 
-/// Paints some samples of a rectangle, alone on the engine. Returns the seconds of processors that it took.
+/// Paints some samples of a rectangle, with the engine to itself. Returns the processor time in seconds.
 fn paint(
     subject: &AnalyzedScene,
     rect: Rect,
@@ -189,7 +189,7 @@ fn paint(
     Ok((tile, spent.unwrap_or(busy.as_secs_f64())))
 }
 
-/// Means over the cells of the survey whose centers lie in a zone.
+/// Returns the means over the survey's cells whose centers lie in a zone.
 fn seen_in(subject: &AnalyzedScene, rect: Rect) -> SurveyPixel {
     let survey = &subject.survey;
     let frame = subject.frame();
@@ -221,7 +221,7 @@ fn seen_in(subject: &AnalyzedScene, rect: Rect) -> SurveyPixel {
     }
 }
 
-/// The figures for people.
+/// Formats the results as a table.
 pub(super) fn table(verified: &[Verified]) -> String {
     let mut text = "rank correlation (and share of variance explained) of predicted and measured time of zones\n\n\
                     importance  level  zones  spread  by the map       after profiling  measured again\n"

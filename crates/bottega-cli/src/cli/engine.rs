@@ -7,7 +7,7 @@ use clap::{Args, ValueHint};
 
 use super::{scene::set, values::parse_define};
 
-/// Which engine paints, and what it is told beside the usual.
+/// Options that select engines and configure them.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Engine")]
 pub(crate) struct EngineArgs {

@@ -1,4 +1,4 @@
-//! The options of how light is followed: photons, lighting agents, the guide.
+//! Options of light transport: photons, lighting agents, path guiding.
 
 use bottega::request::{
     FINAL_RAYS_MAX, GATHER_MAX, GuideChoice, GuideOptions, GuideUse, LIGHTING_AGENTS_MAX, LightingAgentOptions,

@@ -1,4 +1,4 @@
-//! The options of `bottega render`, and the request that they make.
+//! Options of `bottega render`, and their conversion to a request.
 
 use std::{net::SocketAddr, path::PathBuf};
 
@@ -219,10 +219,10 @@ pub(crate) struct RenderArgs {
 }
 
 impl RenderArgs {
-    /// What is asked for: the request that is read, if one is, with what the options say in its place.
+    /// Returns the request: the one read from a file or an image, if any, with the options applied.
     ///
     /// # Errors
-    /// There is no such request, or what is asked for cannot be.
+    /// The request cannot be read, or is invalid.
     pub(crate) fn to_request(&self) -> Result<Request, CliError> {
         let mut request = match self.request.read()? {
             Some(request) => request,
@@ -237,7 +237,7 @@ impl RenderArgs {
         Ok(request)
     }
 
-    /// Has a request say what the options say.
+    /// Applies the options to a request.
     fn apply(&self, request: &mut Request) -> Result<(), CliError> {
         change(&mut request.scene.file, self.scene_file.clone());
         if self.as_in_paper {

@@ -1,4 +1,4 @@
-//! Requests that are read: from a file, from standard input, from a picture.
+//! Requests read from a file, from standard input, or from an image.
 
 use std::{
     fs::File,
@@ -31,7 +31,7 @@ pub(crate) struct RequestArgs {
 }
 
 impl RequestArgs {
-    /// The request that is read, if one is.
+    /// Reads the request, if one is given.
     pub(super) fn read(&self) -> Result<Option<Request>, CliError> {
         match (&self.file, &self.from) {
             (Some(file), _) => read(file).map(Some),
@@ -40,7 +40,7 @@ impl RequestArgs {
         }
     }
 
-    /// The request with the fields that are set.
+    /// Applies `--set` to the request.
     pub(super) fn set(&self, request: Request) -> Result<Request, CliError> {
         let with = |request: Request, (field, value): &(String, String)| {
             let origin = format!("--set {field}={value}");
@@ -50,12 +50,12 @@ impl RequestArgs {
     }
 }
 
-/// Reads a request from a file, or from standard input where the file is `-`.
+/// Reads a request from a file, or from standard input if the file is `-`.
 pub(crate) fn read(file: &Path) -> Result<Request, CliError> {
     let is_input = file == Path::new("-");
     let origin = if is_input { "standard input".to_owned() } else { format!("`{}`", file.display()) };
     let mut text = Vec::new();
-    // One byte more than may be, so that a text that is too long is known without reading all of it.
+    // Read one byte more than allowed, to detect a longer text.
     let most = REQUEST_BYTES_MAX as u64 + 1;
     let read = if is_input {
         io::stdin().lock().take(most).read_to_end(&mut text)

@@ -1,4 +1,4 @@
-//! The options of the scene, its camera and its light: what several commands share.
+//! Options of the scene, its camera and its light, shared by several commands.
 
 use std::path::PathBuf;
 
@@ -16,7 +16,7 @@ use super::{
     },
 };
 
-/// How the scene file is read.
+/// Options for reading the scene file.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Scene file")]
 pub(crate) struct ImportArgs {
@@ -47,7 +47,7 @@ pub(crate) struct ImportArgs {
 }
 
 impl ImportArgs {
-    /// Has a request read its scene as the options say.
+    /// Applies the import options to a request's scene.
     pub(crate) fn apply(&self, scene: &mut SceneOptions) {
         scene.strict |= self.strict;
         scene.allow_outside |= self.allow_outside;
@@ -60,7 +60,7 @@ impl ImportArgs {
     }
 }
 
-/// Which camera, how large, which light: what `render` and `analyze` share.
+/// Options of camera, size and light, shared by `render` and `analyze`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct SceneArgs {
     #[command(flatten)]
@@ -120,7 +120,7 @@ pub(crate) struct SceneArgs {
 }
 
 impl SceneArgs {
-    /// Has a request say what the options say.
+    /// Applies the options to a request.
     pub(crate) fn apply(&self, request: &mut Request) {
         self.import.apply(&mut request.scene);
         set(&mut request.film.size, self.size.map(|Size { width, height }| [width, height]));
@@ -143,14 +143,14 @@ impl SceneArgs {
     }
 }
 
-/// Sets a field that may be nothing, where the option is given.
+/// Sets an optional field if the option is given.
 pub(super) fn set<T>(field: &mut Option<T>, given: Option<T>) {
     if given.is_some() {
         *field = given;
     }
 }
 
-/// Changes a field, where the option is given.
+/// Sets a field if the option is given.
 pub(super) fn change<T>(field: &mut T, given: Option<T>) {
     if let Some(given) = given {
         *field = given;

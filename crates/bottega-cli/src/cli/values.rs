@@ -1,4 +1,4 @@
-//! Values of arguments, and how they are read.
+//! Parsers of option values.
 
 use std::{convert::Infallible, path::PathBuf, str::FromStr, time::Duration};
 
@@ -11,7 +11,7 @@ use bottega_farm::Channel;
 use bottega_image::Rect;
 use bottega_render::ala::Criterion;
 
-/// The names of layers, as `--aov` lists them.
+/// The names of layers, as listed by `--aov`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct LayerNames(pub(crate) Vec<String>);
 
@@ -26,7 +26,7 @@ impl FromStr for LayerNames {
     }
 }
 
-/// Width and height of a picture, both at least 1.
+/// Width and height of an image, both at least 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Size {
     pub(crate) width: u32,
@@ -37,30 +37,30 @@ pub(crate) fn parse_size(text: &str) -> Result<Size, String> {
     let (width, height) = text.split_once(['x', 'X']).ok_or("two numbers with an x between, such as 1280x720")?;
     let side = |text: &str| text.trim().parse::<u32>().map_err(|_| format!("`{text}` is not a number of pixels"));
     let size = Size { width: side(width)?, height: side(height)? };
-    // How many pixels are painted, a crop may say.
+    // A crop may reduce the number of pixels, so only the sides are checked.
     check_sides([size.width, size.height])?;
     Ok(size)
 }
 
-/// A share of something, above 0.
+/// Parses a share above 0 and at most 1.
 pub(super) fn parse_share(text: &str) -> Result<f32, String> {
     let share = text.trim().parse().map_err(|_| format!("`{text}` is not a number"))?;
     if share > 0.0 && share <= 1.0 { Ok(share) } else { Err("it must be above 0 and at most 1".to_owned()) }
 }
 
-/// A share of the picture's complexity.
+/// Parses a share of the image's complexity.
 pub(super) fn parse_complexity(text: &str) -> Result<f64, String> {
     let share = text.trim().parse().ok().filter(|share: &f64| COMPLEXITY_SHARE.contains(share));
     share.ok_or_else(|| "a share from 0.000001 to 1 is needed, such as 0.01".to_owned())
 }
 
-/// A relative difference.
+/// Parses a relative difference.
 pub(super) fn parse_similarity(text: &str) -> Result<f64, String> {
     let share = text.trim().parse().ok().filter(|share: &f64| (0.0..=1.0).contains(share));
     share.ok_or_else(|| "a share from 0 to 1 is needed, such as 0.15".to_owned())
 }
 
-/// The width of the bands between zones.
+/// Parses the width of the bands between zones.
 pub(super) fn parse_bands(text: &str) -> Result<BandChoice, String> {
     match text {
         "off" => Ok(BandChoice::Off),
@@ -122,7 +122,7 @@ pub(super) fn parse_factor(text: &str) -> Result<f32, String> {
     }
 }
 
-/// A number above nothing.
+/// Parses a number above 0.
 pub(super) fn parse_rate(text: &str) -> Result<f32, String> {
     let rate = text.parse().ok().filter(|rate: &f32| rate.is_finite() && *rate > 0.0);
     rate.ok_or_else(|| "a number above 0 is needed".to_owned())
@@ -152,7 +152,7 @@ pub(crate) fn parse_duration(text: &str) -> Result<Duration, String> {
     parse_seconds(text).map(Duration::from_secs_f64)
 }
 
-/// A length of time, in seconds.
+/// Parses a duration, in seconds.
 pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     let units = [("h", 3600.0), ("m", 60.0), ("s", 1.0)];
     let (number, unit) =

@@ -1,4 +1,4 @@
-//! A request as the options that make it.
+//! Conversion of a request to the options that produce it.
 
 use std::path::Path;
 
@@ -13,22 +13,22 @@ use crate::error::CliError;
 struct OptionWords(Vec<String>);
 
 impl OptionWords {
-    /// A switch, where it is on.
+    /// Adds a switch if it is on.
     fn switch(&mut self, option: &str, is_on: bool) {
         if is_on {
             self.0.push(option.to_owned());
         }
     }
 
-    /// An option, where it has a value.
+    /// Adds an option if it has a value.
     fn option(&mut self, option: &str, value: Option<impl ToString>) {
         if let Some(value) = value {
-            // In one word, so that a value which begins with `-` is no option.
+            // Use one word, so that a value that begins with `-` is not taken for an option.
             self.0.push(format!("{option}={}", value.to_string()));
         }
     }
 
-    /// An option, where its value is not the one that it has anyway.
+    /// Adds an option if its value differs from the default.
     fn changed<T: PartialEq + ToString>(&mut self, option: &str, value: &T, usual: &T) {
         self.option(option, (value != usual).then(|| value.to_string()));
     }
@@ -56,10 +56,10 @@ fn no_option(what: &str) -> CliError {
     CliError::usage(format!("there is no option for {what}"), "paint the request itself: bottega render --request FILE")
 }
 
-/// The words after `bottega render` that make a request.
+/// Returns the words after `bottega render` that produce a request.
 ///
 /// # Errors
-/// There are no options for some of it.
+/// The request contains something that no option can express.
 pub(crate) fn words(request: &Request) -> Result<Vec<String>, CliError> {
     let (mut words, usual) = (OptionWords(Vec::new()), Request::new(&request.scene.file));
     words.0.push(request.scene.file.display().to_string());
@@ -211,7 +211,7 @@ fn list<T: WordChoice>(choices: &[T]) -> String {
     choices.iter().map(|choice| choice.word()).collect::<Vec<_>>().join(",")
 }
 
-/// The words as a line for a shell.
+/// Joins words to a line for a shell.
 pub(crate) fn line(words: &[String]) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_=./,:#%+@".contains(c);
     let quoted = |word: &String| {
@@ -237,7 +237,7 @@ mod tests {
     use super::*;
     use crate::cli::{Cli, Command};
 
-    /// The request that words make.
+    /// The request that a command line produces.
     fn made(words: &[String]) -> Request {
         let all = ["bottega", "render"].into_iter().chain(words.iter().map(String::as_str));
         let cli = Cli::try_parse_from(all).unwrap_or_else(|error| panic!("{words:?}: {error}"));

@@ -1,4 +1,4 @@
-//! `bottega config`: where the configuration file is, and what it says.
+//! `bottega config`: prints the location and the contents of the configuration file.
 
 use std::process::ExitCode;
 

@@ -1,8 +1,8 @@
-//! The words that a configuration file adds to a command line.
+//! The words that the configuration file adds to a command line.
 //!
-//! They are those that one would have typed, put before the user's own. So an option of the file is checked by the same rules,
-//! and says the same, as one on the command line. What the user says goes first: an option is left out that
-//! stands on the command line or in the environment, or that excludes one which does.
+//! The file's options are inserted as if typed, before the user's own, so they follow the same rules and give the same errors.
+//! The user's options win: an option of the file is omitted if it is set on the command line or in the environment, or if it
+//! conflicts with one that is.
 
 use std::ffi::OsString;
 
@@ -18,21 +18,21 @@ use crate::{
     suggestions::{command_meant, option_meant},
 };
 
-/// How variables of the environment begin that stand for options: `BOTTEGA_RENDER_SPP`.
+/// The prefix of environment variables that stand for options: `BOTTEGA_RENDER_SPP`.
 pub(crate) const OPTION_VARIABLE: &str = "BOTTEGA";
 
-/// Options of `render` that say what is painted as a whole: what the file says is no part of that.
+/// Options of `render` that give a complete request: the file's options do not apply to it.
 const WHOLE_REQUESTS: [&str; 2] = ["request", "from"];
 
 type NamedValue<'a> = (&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>);
 
-/// The command line with what the configuration file says.
+/// Returns the command line with the options of the configuration file added.
 ///
-/// - `words`: the command line, the program's name first.
+/// - `words`: the command line, with the program's name first.
 /// - `program`: the options of the program.
 pub(crate) fn with_config(words: Vec<OsString>, program: &Command) -> Result<Vec<OsString>, CliError> {
     let typed = Typed::of(&words, program);
-    // It must tell of a file that is wrong, too.
+    // `bottega config` must run with an invalid file, to report its errors.
     if typed.path.first().is_some_and(|command| command == "config") {
         return Ok(words);
     }
@@ -59,7 +59,7 @@ pub(crate) fn with_config(words: Vec<OsString>, program: &Command) -> Result<Vec
         };
         said.extend(typed.options(table(profile)));
     }
-    // What the profile says goes before.
+    // The profile's options win over the file's, and come first.
     said.extend(typed.options(Some(&tables)));
     typed.with(&file, said, words)
 }
@@ -84,9 +84,9 @@ fn table<'a>(value: &'a Spanned<DeValue<'a>>) -> Option<&'a DeTable<'a>> {
     value.get_ref().as_table()
 }
 
-/// The command line as far as it can be read: something may be missing that the file says.
+/// A command line parsed as far as possible: required options may still be missing, because the file provides them.
 struct Typed<'a> {
-    /// The command, from the program's down.
+    /// The path of the command, starting below the program.
     path: Vec<String>,
     command: &'a Command,
     matches: ArgMatches,
@@ -108,13 +108,13 @@ impl<'a> Typed<'a> {
 
     fn profile(&self) -> Option<String> {
         let typed = |matches: &ArgMatches| matches.try_get_one::<String>("profile").ok().flatten().cloned();
-        // Where the command line cannot be read to its end, the variable was not.
+        // If the command line cannot be parsed completely, clap has not read the variable.
         let variable = || std::env::var(PROFILE_VARIABLE).ok();
         let named = typed(&self.matches).or_else(|| typed(&self.program)).or_else(variable);
         named.filter(|name| !name.is_empty())
     }
 
-    /// Whether the profile stands on the command line.
+    /// True if the profile is set on the command line.
     fn names_profile(&self) -> bool {
         [&self.matches, &self.program].into_iter().any(|matches| {
             matches.try_contains_id("profile").is_ok()
@@ -122,7 +122,7 @@ impl<'a> Typed<'a> {
         })
     }
 
-    /// Whether an option stands on the command line or in the environment.
+    /// True if an option is set on the command line or in the environment.
     fn is_said(&self, option: &str) -> bool {
         let known = self.command.get_arguments().any(|known| known.get_id() == option);
         let source = known.then(|| self.matches.value_source(option)).flatten();
@@ -133,7 +133,7 @@ impl<'a> Typed<'a> {
         self.path == ["render"] && WHOLE_REQUESTS.iter().any(|option| self.is_said(option))
     }
 
-    /// The options that some tables have of this command.
+    /// Returns the options for this command in some tables.
     fn options<'t>(&self, tables: Option<&'t DeTable<'t>>) -> Vec<NamedValue<'t>> {
         let mut found = tables;
         for name in &self.path {
@@ -144,7 +144,7 @@ impl<'a> Typed<'a> {
         if self.path.is_empty() { Vec::new() } else { found.into_iter().flatten().filter(is_option).collect() }
     }
 
-    /// The command line with these options before the user's. Of options that exclude each other the first one counts.
+    /// Returns the command line with these options before the user's. Of conflicting options the first one wins.
     fn with(
         &self,
         file: &ConfigFile,
@@ -168,13 +168,13 @@ impl<'a> Typed<'a> {
         Ok(words)
     }
 
-    /// Whether two options cannot stand together: one of them says so.
+    /// True if two options conflict.
     fn exclude(&self, one: &Arg, other: &Arg) -> bool {
         let excludes = |a: &Arg, b: &Arg| self.command.get_arg_conflicts_with(a).contains(&b);
         excludes(one, other) || excludes(other, one)
     }
 
-    /// The index of the last word of the command.
+    /// Returns the index of the last word of the command.
     fn place(&self, words: &[OsString]) -> usize {
         let mut names = self.path.iter().peekable();
         let (mut last, mut is_value) = (0, false);
@@ -183,14 +183,14 @@ impl<'a> Typed<'a> {
                 names.next();
                 last = index;
             }
-            // The only option before a command that has a value.
+            // `--profile` is the only option with a value before a command.
             is_value = word == "--profile";
         }
         last
     }
 }
 
-/// An option of the file as words.
+/// Converts an option of the file to words.
 fn option_words(file: &ConfigFile, (name, value): NamedValue<'_>, is_flag: bool) -> Result<Vec<String>, CliError> {
     let option = name.get_ref();
     let text = |value: &DeValue<'_>| match value {
@@ -219,14 +219,14 @@ fn option_words(file: &ConfigFile, (name, value): NamedValue<'_>, is_flag: bool)
     }
 }
 
-/// Refuses a file that is no TOML, or has tables and options that no command has.
+/// Checks that the file is TOML, and that its tables and options exist.
 pub(super) fn check(file: &ConfigFile, program: &Command) -> Result<(), CliError> {
     let tables = file.tables()?;
     file.take_farm(&tables)?;
     check_names(file, &tables, program)
 }
 
-/// Refuses tables and options that no command has, wherever they stand.
+/// Checks that all tables and options exist.
 fn check_names(file: &ConfigFile, tables: &DeTable<'_>, program: &Command) -> Result<(), CliError> {
     for (name, value) in tables {
         match &**name.get_ref() {
@@ -270,7 +270,7 @@ fn check_entry(file: &ConfigFile, (name, value): NamedValue<'_>, command: &Comma
     let meant = if table(value).is_some() { command_meant(command, key) } else { option_meant(command, key) };
     let near = known.into_iter().map(|known| (distance(known, key), known)).min().filter(|(far, _)| *far <= 2);
     let near = meant.or(near.map(|(_, known)| known)).map(|known| format!("; did you mean `{known}`?"));
-    // Whoever leaves the command out means most often the first one that has such an option.
+    // Suggest the first command that has the option.
     let has_it = |it: &&Command| table(value).is_none() && it.get_arguments().any(|one| one.get_long() == Some(key));
     let elsewhere = || {
         let name = command.get_subcommands().find(has_it)?.get_name();
@@ -281,7 +281,7 @@ fn check_entry(file: &ConfigFile, (name, value): NamedValue<'_>, command: &Comma
     Err(file.wrong(name.span(), &format!("`{}` has no {what} `{key}`{near}", command.get_name())))
 }
 
-/// Letters to change, add or take away until two words are one (Levenshtein 1965).
+/// Returns the edit distance of two words (Levenshtein 1965).
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
@@ -340,7 +340,7 @@ mod tests {
             words_of(config, "bottega render a.glb -o a.png --error 0.1").as_deref(),
             Ok("bottega render a.glb -o a.png --error 0.1")
         );
-        // A request is whole.
+        // The file's options do not apply to a complete request.
         assert_eq!(
             words_of(config, "bottega render --request r.json").as_deref(),
             Ok("bottega render --request r.json")

@@ -1,4 +1,4 @@
-//! Options about engines.
+//! Options of `bottega engines`.
 
 use std::{path::PathBuf, time::Duration};
 

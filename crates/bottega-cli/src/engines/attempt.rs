@@ -1,4 +1,4 @@
-//! `bottega engines try`: a small picture, whole and in windows.
+//! `bottega engines try`: renders a small image as a whole and in windows.
 
 use std::{fs, process::ExitCode, time::Instant};
 
@@ -13,9 +13,9 @@ use bottega_image::{ExrOptions, Metadata, Picture, Rect, rel_mse, seams, write_e
 use super::args::TryArgs;
 use crate::error::CliError;
 
-/// Rows and columns of windows.
+/// The number of rows and columns of windows.
 const WINDOWS: u32 = 3;
-/// A chance so small is none.
+/// Seams with a p-value below this count as visible.
 const SEEN: f64 = 1e-4;
 
 pub(super) fn run(args: &TryArgs) -> Result<ExitCode, CliError> {
@@ -74,7 +74,7 @@ fn cut(frame: Rect) -> Vec<Rect> {
     (0..WINDOWS * WINDOWS).map(cell).filter(|rect| !rect.is_empty()).collect()
 }
 
-/// Tells how far the windows are from the whole, beside how far two seeds are apart.
+/// Prints the difference between the windows and the whole, next to the difference between two seeds.
 fn compare(
     whole: &Picture,
     other: &Picture,
@@ -91,7 +91,7 @@ fn compare(
         sum / (3 * picture.data.len()) as f64
     };
     println!("mean      {:.5} whole, {:.5} windows, {:.5} another seed", mean(whole), mean(windows), mean(other));
-    // Against another seed, so that the edges of the scene itself do not count.
+    // Compare with another seed, so that edges of the scene itself do not count as seams.
     let found = seams(windows, Some(other), parts)?;
     println!("seams     z = {:.2}, p = {:.3} that there are none", found.z, found.p());
     let is_exact = engine.manifest().determinism == Determinism::Frame;

@@ -26,16 +26,16 @@ use crate::{
     output::print_report,
 };
 
-/// After so long is said who is waited for.
+/// The time after which slow engines are named.
 const SAY_AFTER: Duration = Duration::from_millis(500);
 
-/// What is known of an engine.
+/// The answer of an engine.
 enum EngineAnswer {
-    /// It is here, and its worker has not answered yet.
+    /// It is installed; its worker has not answered yet.
     Found(Arc<LocatedEngine>),
-    /// It is usable.
+    /// It can be used.
     Usable(Arc<LocatedEngine>),
-    /// It is not here, or fails.
+    /// It is not installed, or fails.
     Unusable(EngineFault),
 }
 
@@ -62,15 +62,15 @@ pub(super) fn list(args: &ListArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Asks all engines at the same time, and returns what each has answered within `wait`: nothing, where one is still looked for. Who
-/// is waited for is said. Those that have not answered end with this process.
+/// Asks all engines concurrently, and returns the answer of each within `wait`; `None`: the search has not finished. Prints the
+/// names of slow engines. Searches that have not finished end with this process.
 fn answers(entries: &[&ShelfEntry], wait: Duration) -> Vec<Option<EngineAnswer>> {
     let deadline = Instant::now() + wait;
     let (sender, receiver) = mpsc::channel();
     for (index, entry) in entries.iter().enumerate() {
         let (entry, sender) = ((*entry).clone(), sender.clone());
         thread::spawn(move || {
-            // Nobody hears an answer that comes too late.
+            // An answer that comes too late is dropped.
             ask(&entry, |answer| _ = sender.send((index, answer)));
         });
     }
@@ -95,13 +95,13 @@ fn is_awaited(answer: Option<&EngineAnswer>) -> bool {
     matches!(answer, None | Some(EngineAnswer::Found(_)))
 }
 
-/// Looks for an engine. One that paints by a worker is usable when that has answered.
+/// Searches for an engine. A worker engine is usable once its worker has answered.
 fn ask(entry: &ShelfEntry, tell: impl Fn(EngineAnswer)) {
     let found = match LocatedEngine::find(entry) {
         Ok(found) => Arc::new(found),
         Err(fault) => return tell(EngineAnswer::Unusable(fault)),
     };
-    // One that is not used here is not started either.
+    // A quarantined engine is not started.
     if entry.manifest.kind == EngineKind::Worker && quarantine(&found).is_none() {
         tell(EngineAnswer::Found(Arc::clone(&found)));
         if let Err(fault) = Probe::start(&found) {
@@ -111,7 +111,7 @@ fn ask(entry: &ShelfEntry, tell: impl Fn(EngineAnswer)) {
     tell(EngineAnswer::Usable(found));
 }
 
-/// An engine in a row for people, and why it is not used.
+/// Formats an engine as rows for people, with the reason if it cannot be used.
 fn rows(entry: &ShelfEntry, answer: Option<EngineAnswer>, wait: Duration) -> Vec<String> {
     let manifest = &entry.manifest;
     let (name, extensions) = (&manifest.name, manifest.scene.extensions.join(" "));
@@ -124,7 +124,7 @@ fn rows(entry: &ShelfEntry, answer: Option<EngineAnswer>, wait: Duration) -> Vec
         Some(EngineAnswer::Unusable(EngineFault::NotFound { .. } | EngineFault::Version { .. })) => {
             vec![format!("{name:<9} not here   {extensions}   {}", install_hint(manifest))]
         }
-        // It is here, and does not work.
+        // It is installed but does not work.
         Some(EngineAnswer::Unusable(fault)) => vec![format!("{name:<9} not usable   {extensions}   {}", fault.told())],
         None | Some(EngineAnswer::Found(_)) => {
             vec![format!("{name:<9} starting   {extensions}   {}", late(name, answer.is_some(), wait))]
@@ -132,13 +132,13 @@ fn rows(entry: &ShelfEntry, answer: Option<EngineAnswer>, wait: Duration) -> Vec
     }
 }
 
-/// What an engine that has not answered in time was asked for.
+/// Describes the request that an engine has not answered in time.
 fn late(name: &str, is_found: bool, wait: Duration) -> String {
     let what = if is_found { "its worker has not answered" } else { "it has not said its version" };
     format!("{what} within {}; `bottega engines check {name}` waits for it", duration(wait))
 }
 
-/// An engine for programs.
+/// Describes an engine as JSON.
 fn described(entry: &ShelfEntry, answer: Option<&EngineAnswer>, wait: Duration) -> serde_json::Value {
     let manifest = &entry.manifest;
     let (found, problem) = match answer {
@@ -160,7 +160,7 @@ fn described(entry: &ShelfEntry, answer: Option<&EngineAnswer>, wait: Duration) 
     })
 }
 
-/// What the system does not keep from engines, a line each.
+/// Lists the protections against engines that this system lacks, one line each.
 fn unguarded() -> Vec<&'static str> {
     let lines = [
         (is_shut_in(), "Engines have the network of this machine: the system allows no namespaces."),
@@ -169,7 +169,7 @@ fn unguarded() -> Vec<&'static str> {
     lines.into_iter().filter(|(holds, _)| !holds).map(|(_, line)| line).collect()
 }
 
-/// Why an engine is not used, and what to do.
+/// Describes the quarantine of an engine, and the remedy.
 fn told(why: &Quarantine, name: &str) -> String {
     let Quarantine { failures, reason, since, .. } = why;
     let then = UNIX_EPOCH.checked_add(Duration::from_secs(*since)).unwrap_or(UNIX_EPOCH);
@@ -181,7 +181,7 @@ fn told(why: &Quarantine, name: &str) -> String {
     )
 }
 
-/// `bottega engines release`.
+/// `bottega engines release`: ends an engine's quarantine.
 pub(super) fn release(args: &ReleaseArgs) -> Result<ExitCode, CliError> {
     let name = &entry(&args.folders, &args.name)?.manifest.name.clone();
     let was_out = bottega_engines::external::release(name).map_err(|error| {

@@ -1,4 +1,4 @@
-//! Options by which a farm is named, and who one is there.
+//! Options that select a farm, and the credentials for it.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use clap::{Args, ValueHint};
 
 use crate::{config, error::CliError};
 
-/// Who one is to servers of others.
+/// Credentials for a remote server.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "NATS servers of others")]
 pub(crate) struct LoginArgs {
@@ -29,7 +29,7 @@ pub(crate) struct LoginArgs {
 }
 
 impl LoginArgs {
-    /// What the options say; where they say nothing, and no farm is named, what the configuration file says.
+    /// Returns the credentials of the options; by default, if no farm is named, those of the configuration file.
     pub(crate) fn credentials(&self, farm: Option<&FarmAddress>) -> Credentials {
         let said = Credentials {
             creds: self.creds.clone(),
@@ -40,19 +40,19 @@ impl LoginArgs {
         if said == Credentials::default() && farm.is_none() { config::farm_credentials() } else { said }
     }
 
-    /// Links up with a farm: the one that is named, that of the configuration file, or the one of this machine.
+    /// Connects to a farm: the named one, that of the configuration file, or that of this machine.
     pub(crate) fn link(&self, farm: Option<&FarmAddress>) -> Result<FarmLink, CliError> {
         self.link_as(farm, None)
     }
 
-    /// The same as a machine of this name.
+    /// Connects as a machine with this name.
     pub(super) fn link_as(&self, farm: Option<&FarmAddress>, name: Option<&str>) -> Result<FarmLink, CliError> {
         let credentials = self.credentials(farm);
         Ok(link_as(farm.cloned().or_else(config::farm_address).as_ref(), &credentials, name)?)
     }
 }
 
-/// Which farm is looked at.
+/// Options that select a farm.
 #[derive(Debug, Args)]
 pub(crate) struct FarmArgs {
     /// Where the farm is; default: the one that `bottega up` runs on this machine.
@@ -66,18 +66,18 @@ pub(crate) struct FarmArgs {
 }
 
 impl FarmArgs {
-    /// The farm that was named, or that of the configuration file.
+    /// Returns the address of the named farm, or that of the configuration file.
     pub(super) fn address(&self) -> Option<FarmAddress> {
         self.farm.clone().or_else(config::farm_address)
     }
 
-    /// Links up with the farm.
+    /// Connects to the farm.
     pub(crate) fn board(&self) -> Result<JobBoard, CliError> {
         Ok(JobBoard { uplink: self.login.link(self.farm.as_ref())?.uplink })
     }
 }
 
-/// A number of bytes, in gigabytes.
+/// Parses a size in gigabytes; returns bytes.
 pub(super) fn parse_gigabytes(text: &str) -> Result<u64, String> {
     let size = text.parse().ok().filter(|size: &f64| (0.0..=1e6).contains(size));
     size.map(|gigabytes| (gigabytes * 1e9) as u64)

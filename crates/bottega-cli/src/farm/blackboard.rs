@@ -1,4 +1,4 @@
-//! `bottega blackboard`: the rows of a job, as its agents have them.
+//! `bottega blackboard`: the rows of a job's blackboard.
 
 use std::{collections::BTreeMap, process::ExitCode};
 
@@ -55,7 +55,7 @@ fn newest(board: &JobBoard) -> Result<(u32, Job), CliError> {
     })
 }
 
-/// Prints what changes from now on.
+/// Prints changes as they happen.
 fn watch(board: &JobBoard, number: u32, job: &Job, as_json: bool) -> Result<(), CliError> {
     let stop = StopSwitch::new();
     signals::stop_on_signal(&stop)?;
@@ -76,7 +76,7 @@ fn watch(board: &JobBoard, number: u32, job: &Job, as_json: bool) -> Result<(), 
     Ok(())
 }
 
-/// All rows: zones by their numbers, agents by their names.
+/// Formats all rows: zones by number, agents by name.
 fn as_table(number: u32, rows: &[Event]) -> String {
     let (mut zones, mut agents) = (BTreeMap::new(), BTreeMap::new());
     for row in rows {

@@ -1,4 +1,4 @@
-//! Energy and cost of jobs: the options that say what is not measured, and what people are told.
+//! Energy and cost of jobs: options for what is not measured, and the printed summary.
 
 use bottega_cluster::energy::{EnergyPrice, JobEnergy, Tariff};
 use clap::Args;
@@ -9,10 +9,10 @@ use crate::{
     error::CliError,
 };
 
-/// Zones that `bottega jobs show` names: those that took most.
+/// The number of zones that `bottega jobs show` lists: those that took most energy.
 const ZONES_SHOWN: usize = 5;
 
-/// What energy costs in a farm, and what machines draw that know nothing of their own.
+/// The price of energy in a farm, and the assumed power of machines that cannot measure it.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Energy and cost")]
 pub(crate) struct TariffArgs {
@@ -29,7 +29,7 @@ pub(crate) struct TariffArgs {
 }
 
 impl TariffArgs {
-    /// What the options say, or else the configuration file.
+    /// Returns the tariff of the options, or else that of the configuration file.
     pub(super) fn tariff(&self) -> Result<Tariff, CliError> {
         let said = self.price_per_kwh.zip(self.currency.clone());
         let price = said.map(|(per_kwh, currency)| EnergyPrice { per_kwh, currency });
@@ -37,7 +37,7 @@ impl TariffArgs {
     }
 }
 
-/// What is said of the energy of a job, line by line. Nothing where nothing is known.
+/// Returns lines about a job's energy; empty if nothing is known.
 pub(super) fn lines(energy: &JobEnergy) -> Vec<String> {
     if energy.processor_seconds <= 0.0 {
         return Vec::new();
@@ -76,13 +76,13 @@ fn time(seconds: f64) -> String {
     format!("{seconds:.1} s")
 }
 
-/// An energy in a unit that fits, and what it costs.
+/// Formats an energy in a suitable unit, with its cost.
 fn amount(kwh: f64, cost: Option<f64>, currency: &str) -> String {
     let energy = if kwh < 0.1 { format!("{} Wh", digits(1e3 * kwh)) } else { format!("{} kWh", digits(kwh)) };
     cost.map_or(energy.clone(), |cost| format!("{energy} ({} {currency})", digits(cost)))
 }
 
-/// A number with so many decimals that three of its digits are seen, and two at least.
+/// Formats a number with three significant digits, and at least two decimals.
 fn digits(value: f64) -> String {
     let places = if value > 0.0 { (2.0 - value.log10().floor()).clamp(2.0, 12.0) as usize } else { 2 };
     format!("{value:.places$}")

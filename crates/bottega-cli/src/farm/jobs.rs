@@ -1,4 +1,4 @@
-//! `bottega jobs`: what a farm is asked for, and what becomes of it.
+//! `bottega jobs`: lists and controls the jobs of a farm.
 
 use std::{path::PathBuf, process::ExitCode, time::Duration};
 
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &JobsArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Who steers, for the log of the job.
+/// Returns the origin of a command, for the log of the job.
 fn by() -> String {
     format!("`bottega jobs` on {}", host_name())
 }
@@ -137,7 +137,7 @@ fn list(board: &JobBoard, as_json: bool) {
     }
 }
 
-/// What the farm's server keeps, what is on its way there, and what can be done when that is too much.
+/// Prints the storage used by the farm's server and by transfers, and a remedy if it is too full.
 fn tell_room(board: &JobBoard) {
     let transfers = if board.uplink.is_guest() { Vec::new() } else { board.transfers() };
     for (process, sent) in transfers {
@@ -155,7 +155,7 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     let job = known(board, number)?;
     let lead = board.lead(number).unwrap_or_default();
     let all = board.shown_machines(board.presences());
-    // A machine that was killed does not say that it has left.
+    // A machine that was killed cannot announce that it left.
     let seats: Vec<_> = all.iter().filter(|seat| seat.job == Some(number) && !job.state.is_over()).collect();
     let view = JobView::of(number, &job, &lead, seats.len());
     let society = board.society(number).unwrap_or_default();
@@ -207,7 +207,7 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The agents, and what the auction came to.
+/// Prints the agents, and the result of the auction.
 fn tell_society(society: &Society) {
     let auction = &society.auction;
     if auction.rounds > 0 {

@@ -1,4 +1,4 @@
-//! `bottega join`: this machine paints what the farm is asked for.
+//! `bottega join`: makes this machine paint jobs of a farm.
 
 use std::{path::PathBuf, process::ExitCode, time::Duration};
 
@@ -90,7 +90,7 @@ pub(crate) struct JoinArgs {
 pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     let sources: Vec<RulesSource> = args.rules.iter().cloned().map(RulesSource::File).collect();
     let rules = rule_texts(&sources)?;
-    // What is wrong with them is said before anything is painted.
+    // Report problems of the rules before any painting.
     for note in experts(rules.clone())?.1 {
         println!("{note}");
     }
@@ -99,7 +99,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
         return Err(CliError::usage(problem, format!("--tag may be said {TAGS_MAX} times")));
     }
     if let Some(steps) = args.nice {
-        // Before there are threads that paint.
+        // Lower the priority before threads are started.
         bottega_platform::scheduling::step_back(steps).map_err(|error| {
             CliError::failed(format!("cannot go behind others by {steps} steps: {error}"), "leave out --nice")
         })?;
@@ -125,12 +125,12 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A tag, such as `gpu`.
+/// Parses a tag, such as `gpu`.
 fn parse_tag(text: &str) -> Result<String, String> {
     is_tag(text).then(|| text.to_owned()).ok_or_else(|| TAG_FORM.to_owned())
 }
 
-/// The name of a machine, such as `studio-a`.
+/// Parses the name of a machine, such as `studio-a`.
 fn parse_name(text: &str) -> Result<String, String> {
     let fits = text.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
     let wrong =
@@ -138,7 +138,7 @@ fn parse_name(text: &str) -> Result<String, String> {
     (fits && (1..=MACHINE_NAME_MAX).contains(&text.len())).then(|| text.to_owned()).ok_or_else(wrong)
 }
 
-/// A part of the day, such as `20:00-08:00`.
+/// Parses a part of the day, such as `20:00-08:00`.
 fn parse_hours(text: &str) -> Result<DailyHours, String> {
     let minute = |text: &str| {
         let (hours, minutes) = text.trim().split_once(':')?;

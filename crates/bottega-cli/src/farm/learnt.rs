@@ -1,4 +1,4 @@
-//! `bottega machines show` and `forget`: what machines have learnt of how long zones take them.
+//! `bottega machines show` and `forget`: the timing experience of machines.
 
 use std::process::ExitCode;
 
@@ -10,7 +10,7 @@ use serde_json::json;
 use super::args::FarmArgs;
 use crate::error::CliError;
 
-/// Shows what a machine has learnt: at the farm by its name, or this one by itself.
+/// Shows the experience of a machine: one of the farm by name, or this one.
 pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, CliError> {
     let Some(name) = machine else {
         let (experience, warning) = bottega::experience::read();
@@ -21,7 +21,7 @@ pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, C
         tell("this machine", power, None, &experience, farm.json);
         return Ok(ExitCode::SUCCESS);
     };
-    // What a process of it learns is the machine's.
+    // Processes of a machine share its experience.
     let (board, name) = (farm.board()?, machine_of(name));
     let experience = board.experience(name);
     let reliability = board.reliabilities().get(name).copied();
@@ -32,7 +32,7 @@ pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, C
     Ok(ExitCode::SUCCESS)
 }
 
-/// Has a machine begin anew: at the farm by its name, or this one by itself.
+/// Deletes the experience of a machine: one of the farm by name, or this one.
 pub(super) fn forget(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, CliError> {
     let (name, is_forgotten) = match machine {
         Some(name) => {
@@ -69,7 +69,7 @@ fn unknown(board: &JobBoard, name: &str) -> CliError {
 }
 
 /// - `power`: V_cp by the benchmark.
-/// - `reliability`: how far its promises held.
+/// - `reliability`: by the machine's credit, 0 to 1; `None`: unknown.
 fn tell(name: &str, power: Option<f64>, reliability: Option<f64>, experience: &Experience, as_json: bool) {
     let factors = experience.factors();
     if as_json {

@@ -1,4 +1,4 @@
-//! `bottega machines`: who is there, and what they shall do.
+//! `bottega machines`: lists and controls the machines of a farm.
 
 use std::process::ExitCode;
 

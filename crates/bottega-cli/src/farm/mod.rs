@@ -1,4 +1,4 @@
-//! `bottega up`, `web`, `join`, `jobs`, `machines` and `tokens`: farms, as people on a command line see and steer them.
+//! `bottega up`, `web`, `join`, `jobs`, `machines` and `tokens`: the commands for farms.
 
 mod args;
 mod blackboard;

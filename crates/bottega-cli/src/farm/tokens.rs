@@ -1,4 +1,4 @@
-//! `bottega tokens`: who may come in at the page and the HTTP API of a farm.
+//! `bottega tokens`: access tokens for the page and the HTTP API of a farm.
 
 use std::process::ExitCode;
 
@@ -53,7 +53,7 @@ enum TokensCommand {
     },
 }
 
-/// What a token lets its holder do.
+/// The rights that a token grants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum RoleChoice {
     /// Look on.
@@ -83,7 +83,7 @@ pub(crate) fn run(args: &TokensArgs) -> Result<ExitCode, CliError> {
         }
         TokensCommand::Revoke { name } => {
             let own = TokenRole::ALL.into_iter().find(|role| role.word() == name);
-            // Before it is revoked: where there is no other one, it stays.
+            // Read the secrets before revoking: if there are none, the token stays.
             let secrets = own.map(|_| secrets(&args.farm)).transpose()?;
             board.revoke_token(name, &by)?;
             match own.zip(secrets) {
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &TokensArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What `see` and `steer` are derived from.
+/// Returns the secrets that the `see` and `steer` tokens are derived from.
 fn secrets(farm: &FarmArgs) -> Result<WebSecrets, CliError> {
     let address: FarmAddress = farm.address().map_or_else(saved_address, Ok)?;
     let secrets = WebSecrets::of_farm(&address)?;
@@ -130,7 +130,7 @@ fn list(board: &JobBoard, as_json: bool) {
     }
 }
 
-/// Tells a token, and the address that lets one in by it where the page is known.
+/// Prints a token, and the page's address with the token if the page is known.
 fn tell(name: &str, role: TokenRole, token: &str, as_json: bool) {
     let page = LocalAddresses::read().and_then(|addresses| addresses.page);
     let url = page.map(|page| format!("{page}/?token={token}"));

@@ -96,8 +96,8 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Begins a farm and keeps it up until the user wants to stop. All ports are bound before anything is started, and all runs before
-/// anybody is told.
+/// Starts a farm and keeps it up until the user stops it. All ports are bound before anything is started, and everything runs
+/// before addresses are announced.
 fn keep_up(args: &UpArgs, start: FarmStart) -> Result<(), CliError> {
     let (platform, tariff) = (args.platform(), args.tariff.tariff()?);
     let page = (!args.no_web).then(|| args.web.bind()).transpose()?;
@@ -113,7 +113,7 @@ fn keep_up(args: &UpArgs, start: FarmStart) -> Result<(), CliError> {
     watch_farm(&args.notifications, board, &stop)?;
     let address = served.node().address().to_owned();
     host.announce(door.as_ref().map(Door::url), Some(address.clone()))?;
-    // At once: one who reads what is written finds all of it.
+    // Print everything at once, so that a reader of the output gets all of it.
     let page = door.as_ref().map(door_said).unwrap_or_default();
     print!("{page}{}{}", said(&host), platform_said(&address));
     Ok(host.keep_up(&stop, || served.stop())?)
@@ -129,7 +129,7 @@ fn platform_said(address: &str) -> String {
 }
 
 impl UpArgs {
-    /// The farm as a platform.
+    /// Returns the options of the farm's agent platform.
     fn platform(&self) -> PlatformOptions {
         PlatformOptions {
             name: platform::NAME.to_owned(),

@@ -1,4 +1,4 @@
-//! The page and HTTP API of a farm: `bottega up` serves them, and `bottega web` in any other process.
+//! The page and the HTTP API of a farm, served by `bottega up`, or by `bottega web` in any other process.
 
 use std::{
     net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener},
@@ -22,14 +22,14 @@ use clap::Args;
 use super::args::FarmArgs;
 use crate::{error::CliError, signals::stop_on_signal};
 
-/// Where it is where nobody says; or the next port that is free.
+/// The default address; if its port is taken, one of the next free ports.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080);
-/// Ports that are tried after this one.
+/// The number of further ports that are tried.
 const PORTS_TRIED: u16 = 20;
-/// How often is looked whether the user wants to stop.
+/// The interval at which a request to stop is checked.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// How the page is served.
+/// Options for serving the page.
 #[derive(Debug, Args)]
 pub(super) struct WebArgs {
     /// Where the page and the HTTP API are; beyond this machine by TLS alone, with the farm's certificate.
@@ -59,7 +59,7 @@ impl WebArgs {
         self.web.map_or_else(|| bind_near(Port::Page, LISTEN, PORTS_TRIED), |address| bind(Port::Page, address))
     }
 
-    /// Opens a door to a farm, until the process ends.
+    /// Serves the page of a farm until the process ends.
     pub(super) fn open(&self, listener: TcpListener, board: JobBoard, secrets: WebSecrets) -> Result<Door, ServeError> {
         let certificate = secrets.certificate.clone();
         let (names, log) = (self.web_name.clone(), Some(DeedLog::of_user()));
@@ -68,7 +68,7 @@ impl WebArgs {
     }
 }
 
-/// Where a door is, for people.
+/// Formats the address of the page.
 pub(super) fn door_said(door: &Door) -> String {
     format!(
         "See and steer the farm in a browser:\n\n  {}\n\nor, for those who are to look on alone:\n\n  {}\n\n",

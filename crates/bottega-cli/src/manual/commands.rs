@@ -1,4 +1,4 @@
-//! Every command with its options, as a page of the manual.
+//! The manual's page of all commands with their options.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ const HEAD: &str = "<!-- Made by `cargo xtask manual`; do not edit. -->
 variable of the environment, and may stand in the [configuration file](configuration.md).
 ";
 
-/// The page: a section a command, a table a group of options.
+/// Returns the page: a section per command, a table per group of options.
 pub(super) fn reference(program: Command) -> String {
     let mut program = program.disable_help_subcommand(true);
     program.build();
@@ -20,20 +20,20 @@ pub(super) fn reference(program: Command) -> String {
     for command in program.get_subcommands() {
         write_section(&mut page, command, 2);
     }
-    // One empty line at most.
+    // Remove repeated empty lines.
     while page.contains("\n\n\n") {
         page = page.replace("\n\n\n", "\n\n");
     }
     page
 }
 
-/// - `depth`: of the heading.
+/// - `depth`: the level of the heading.
 fn write_section(page: &mut String, command: &Command, depth: usize) {
     let name = command.get_bin_name().unwrap_or_else(|| command.get_name());
     let about = command.get_long_about().or(command.get_about());
     let usage = command.clone().render_usage().to_string();
     let usage = usage.trim_start_matches("Usage:").trim();
-    // `String` takes all that is written.
+    // Writing to a `String` cannot fail.
     _ = write!(page, "\n{} `{name}`\n\n{}\n\n```text\n{usage}\n```\n\n", "#".repeat(depth), text_of(about));
     let shown = |option: &&Arg| !option.is_hide_set() && !is_everywhere(option);
     let mut groups: Vec<(&str, Vec<&Arg>)> = Vec::new();
@@ -62,12 +62,12 @@ fn write_section(page: &mut String, command: &Command, depth: usize) {
     }
 }
 
-/// Whether every command has it.
+/// True if every command has the option.
 fn is_everywhere(option: &Arg) -> bool {
     ["help", "version", "profile"].contains(&option.get_id().as_str())
 }
 
-/// The option as it is typed, with its value.
+/// Returns the option as typed, with its value.
 fn names(option: &Arg) -> String {
     let short = option.get_short().map(|short| format!("-{short}"));
     let long = option.get_long().map(|long| format!("--{long}"));
@@ -85,7 +85,7 @@ fn names(option: &Arg) -> String {
     format!("`{text}`").replace('|', "\\|")
 }
 
-/// The text of an option, with what clap adds to it in the help.
+/// Returns the help of an option, with the additions that clap makes.
 fn description(option: &Arg) -> String {
     let mut text = text_of(option.get_long_help().or(option.get_help()));
     let possible = option.get_possible_values();
@@ -107,13 +107,13 @@ fn text_of(text: Option<&StyledStr>) -> String {
     let text = text.trim();
     let ends = text.is_empty() || text.ends_with(['.', ':', ']', '!', '?']);
     let text = if ends { text.to_owned() } else { format!("{text}.") };
-    // Words of a command line may look like HTML. In code they do not.
+    // Escape `<`, which Markdown may take for HTML, except in code.
     let parts = text.split('`').enumerate();
     let parts = parts.map(|(number, part)| if number % 2 == 0 { part.replace('<', "&lt;") } else { part.to_owned() });
     parts.collect::<Vec<_>>().join("`")
 }
 
-/// A text in one cell of a table.
+/// Formats a text as one cell of a table.
 fn cell(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")
 }

@@ -1,4 +1,4 @@
-//! `bottega manual`: man pages, and the pages of the manual's reference that are made from the program itself.
+//! `bottega manual`: man pages, and the reference pages that are generated from the program.
 
 mod commands;
 mod pages;
@@ -11,14 +11,14 @@ use clap::{Args, Command, Subcommand, ValueHint};
 
 use crate::error::CliError;
 
-/// What `bottega manual` takes.
+/// Options of `bottega manual`.
 #[derive(Debug, Args)]
 pub(crate) struct ManualArgs {
     #[command(subcommand)]
     part: ManualPart,
 }
 
-/// Which part of the manual.
+/// The parts of the manual.
 #[derive(Debug, Subcommand)]
 enum ManualPart {
     /// Write the man pages: `bottega.1`, and one for each command.
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
     use crate::cli::Cli;
 
-    /// The pages of the manual that are made from the program.
+    /// Checks the generated pages of the manual.
     #[test]
     fn the_reference_is_current() {
         let pages = [

@@ -5,19 +5,19 @@ use std::{fs, io, path::Path};
 use clap::Command;
 use clap_mangen::Man;
 
-/// Writes a page for the program and one for each command. Returns how many.
+/// Writes a man page for the program and one per command. Returns their number.
 ///
 /// # Errors
-/// The folder cannot be made, or a page cannot be written.
+/// The folder cannot be created, or a page cannot be written.
 pub(super) fn write(program: Command, folder: &Path) -> io::Result<usize> {
     fs::create_dir_all(folder)?;
-    // The number alone: sources and compiler of a build are no part of a page.
+    // Only the version number: the commit and compiler of a build do not belong in a page.
     let mut program = program.version(env!("CARGO_PKG_VERSION")).disable_help_subcommand(true);
     program.build();
     write_with_inner(&program, "bottega", folder)
 }
 
-/// - `name`: of the page, such as `bottega-jobs-list`.
+/// - `name`: the name of the page, such as `bottega-jobs-list`.
 fn write_with_inner(command: &Command, name: &str, folder: &Path) -> io::Result<usize> {
     let mut text = Vec::new();
     let page = Man::new(command.clone().display_name(name)).title(name.to_ascii_uppercase()).manual("Bottega");

@@ -1,4 +1,4 @@
-//! Every field of a request, from its JSON Schema, as a page of the manual.
+//! The manual's page of all fields of a request, from its JSON Schema.
 
 use std::fmt::Write;
 
@@ -12,10 +12,10 @@ const HEAD: &str = "<!-- Made by `cargo xtask manual`; do not edit. -->
 each field. `null` and a field that is left out mean the same.
 ";
 
-/// The page: a section for the request and each kind of object in it.
+/// Returns the page: a section for the request and for each kind of object in it.
 pub(super) fn reference(schema: &Value) -> String {
     let mut page = HEAD.to_owned();
-    // `String` takes all that is written.
+    // Writing to a `String` cannot fail.
     _ = write!(page, "\n## Request\n\n");
     write_type(&mut page, schema);
     for (name, inner) in schema["$defs"].as_object().into_iter().flatten() {
@@ -45,7 +45,7 @@ fn write_type(page: &mut String, schema: &Value) {
     }
 }
 
-/// What may stand in a field.
+/// Returns the type of a field's value.
 fn kind(field: &Value) -> String {
     if let Some(name) = field["$ref"].as_str() {
         let name = name.rsplit('/').next().unwrap_or(name);
@@ -104,7 +104,7 @@ fn range(field: &Value) -> String {
     if parts.is_empty() { String::new() } else { format!(" {}", parts.join(" ")) }
 }
 
-/// The default; of a section its own fields say it.
+/// Returns the default; for a section, its fields have their own.
 fn default(field: &Value) -> String {
     match field.get("default") {
         None | Some(Value::Null) => "none".to_owned(),
@@ -113,7 +113,7 @@ fn default(field: &Value) -> String {
     }
 }
 
-/// The description in one cell of a table.
+/// Formats the description as one cell of a table.
 fn cell(field: &Value) -> String {
     let text = field["description"].as_str().unwrap_or_default();
     text.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|").replace('<', "&lt;")
@@ -142,7 +142,7 @@ mod tests {
         for name in ["## SceneOptions", "## GoalOptions", "| `samples` |", "[GoalOptions](#goaloptions)"] {
             assert!(page.contains(name), "{name}: {page}");
         }
-        // A case of its own has a kind: nothing is left as it stands in the schema.
+        // Every schema construct is translated; none appears verbatim.
         assert!(!page.contains("anything") && !page.contains("$ref"), "{page}");
     }
 }

@@ -1,4 +1,4 @@
-//! The options of notifications.
+//! Options of notifications.
 
 use std::{env, fs, path::PathBuf, time::Duration};
 
@@ -7,14 +7,14 @@ use clap::{Args, ValueHint};
 use super::{post::Secret, target::EventSubscription};
 use crate::{cli::parse_duration, error::CliError};
 
-/// The variable of the environment that holds the secret itself.
+/// The environment variable that holds the secret.
 pub(super) const SECRET_VARIABLE: &str = "BOTTEGA_ON_SECRET";
-/// A secret has so many bytes.
+/// The allowed length of a secret, in bytes.
 const SECRET_BYTES: std::ops::RangeInclusive<usize> = 8..=4096;
-/// So long no zone is finished where nobody says how long.
+/// The default time without a finished zone after which a job counts as stalled.
 const STALLED_AFTER: Duration = Duration::from_secs(600);
 
-/// Who is told of the work, beside the terminal. No part of what is asked for.
+/// Options of notifications, which are not part of the request.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Notifications")]
 pub(crate) struct NotificationArgs {
@@ -32,7 +32,7 @@ pub(crate) struct NotificationArgs {
 }
 
 impl NotificationArgs {
-    /// Whether anybody is told.
+    /// True if there are no subscriptions.
     pub(crate) fn is_empty(&self) -> bool {
         self.on.is_empty()
     }
@@ -45,10 +45,10 @@ impl NotificationArgs {
         self.stalled_after.unwrap_or(STALLED_AFTER)
     }
 
-    /// The secret, where there is one.
+    /// Returns the secret, if there is one.
     ///
     /// # Errors
-    /// It cannot be read, or is too short or too long.
+    /// The secret cannot be read, or is too short or too long.
     pub(super) fn secret(&self) -> Result<Option<Secret>, CliError> {
         let (origin, text) = match &self.on_secret_file {
             Some(path) => {

@@ -1,4 +1,4 @@
-//! A command that is told: JSON on its standard input, the facts in its environment.
+//! Notification by a command: JSON on its standard input, the facts in its environment.
 
 use std::{
     io::Write,
@@ -9,11 +9,11 @@ use std::{
 
 use super::{args::SECRET_VARIABLE, message::Notification};
 
-/// So long a command may take.
+/// The maximum run time of a command.
 const PATIENCE: Duration = Duration::from_secs(60);
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Runs a command line once. What is told stands in no command line: nothing of it is read by the shell.
+/// Runs a command line once. The facts are not part of the command line, so the shell does not interpret them.
 pub(super) fn run(line: &str, notification: &Notification) -> Result<(), String> {
     let mut command = shell(line);
     for (name, value) in facts(notification) {
@@ -22,7 +22,7 @@ pub(super) fn run(line: &str, notification: &Notification) -> Result<(), String>
     command.env_remove(SECRET_VARIABLE).stdin(Stdio::piped()).stdout(Stdio::null());
     let mut child = command.spawn().map_err(|error| format!("it does not start: {error}"))?;
     if let Some(mut input) = child.stdin.take() {
-        // One that does not read it has its facts from the environment. It fits the pipe.
+        // A command that ignores its input has the environment. The JSON fits into the pipe.
         _ = input.write_all(notification.to_json().as_bytes());
     }
     let begun = Instant::now();
@@ -31,7 +31,7 @@ pub(super) fn run(line: &str, notification: &Notification) -> Result<(), String>
             Ok(Some(status)) if status.success() => return Ok(()),
             Ok(Some(status)) => return Err(format!("it ended with {status}")),
             Ok(None) if begun.elapsed() > PATIENCE => {
-                // It may have ended a moment ago.
+                // The command may have ended just now.
                 _ = child.kill();
                 _ = child.wait();
                 return Err(format!("it did not end in {} s", PATIENCE.as_secs()));
@@ -49,7 +49,7 @@ fn shell(line: &str) -> Command {
     command
 }
 
-/// The facts as variables; one that is not known has none.
+/// Returns the facts as environment variables; unknown facts have none.
 fn facts(Notification { event, at, facts, .. }: &Notification) -> Vec<(&'static str, String)> {
     let text = |name, value: &str| Some((name, value.to_owned()));
     let known = [
@@ -65,6 +65,6 @@ fn facts(Notification { event, at, facts, .. }: &Notification) -> Vec<(&'static 
         text("SECONDS", &format!("{:.1}", facts.seconds)),
         facts.reason.as_deref().and_then(|reason| text("REASON", reason)),
     ];
-    // A variable ends at its first zero byte.
+    // A variable cannot contain a zero byte.
     known.into_iter().flatten().map(|(name, value)| (name, value.replace('\0', ""))).collect()
 }

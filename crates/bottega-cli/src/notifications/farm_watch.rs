@@ -1,4 +1,4 @@
-//! The jobs of a farm, as they end or stall: one look after the other.
+//! A poll of the jobs of a farm that detects their ends and stalls.
 
 use std::{
     collections::BTreeMap,
@@ -18,12 +18,12 @@ use super::{
 };
 use crate::error::CliError;
 
-/// How often is looked how the jobs stand.
+/// The interval between polls of the jobs.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// How often is looked whether the user wants to stop.
+/// The interval at which a request to stop is checked.
 const STOP_EVERY: Duration = Duration::from_millis(100);
 
-/// Since when nothing was finished.
+/// The time since which no zone was finished.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StallClock {
     since: Instant,
@@ -36,7 +36,7 @@ impl StallClock {
         Self { since: now, zones_done: 0, is_told: false }
     }
 
-    /// Whether it is time to tell: once, until something is finished again.
+    /// Returns `true` when a stall must be reported: once, until another zone is finished.
     pub(super) fn look(&mut self, now: Instant, zones_done: usize, after: Duration) -> bool {
         if zones_done != self.zones_done {
             *self = Self { zones_done, ..Self::new(now) };
@@ -46,33 +46,33 @@ impl StallClock {
     }
 }
 
-/// The reason of a stall, for people.
+/// Describes a stall.
 pub(super) fn stall_reason(after: Duration, machines: usize) -> String {
     let whom = if machines == 0 { ", and no machine paints it" } else { "" };
     format!("no zone was finished for {} s{whom}", after.as_secs_f64())
 }
 
-/// What was seen of a job.
+/// The last known state of a job.
 struct SeenJob {
     is_over: bool,
     clock: StallClock,
 }
 
-/// What was seen of all jobs.
+/// The last known state of all jobs.
 pub(super) struct FarmWatch {
     after: Duration,
-    /// `None`: nothing was seen yet.
+    /// `None` before the first poll.
     seen: Option<BTreeMap<u32, SeenJob>>,
 }
 
 impl FarmWatch {
-    /// - `after`: after which time without a finished zone a job is stalled.
+    /// - `after`: the time without a finished zone after which a job counts as stalled.
     pub(super) fn new(after: Duration) -> Self {
         Self { after, seen: None }
     }
 
-    /// Takes in how the jobs stand. Returns what is to be told: not of jobs that were over when they were first seen, at the
-    /// first look.
+    /// Takes the current state of the jobs. Returns the events to report; the first poll does not report jobs that are already
+    /// over.
     pub(super) fn look(&mut self, now: Instant, jobs: &[JobView]) -> Vec<(WorkEvent, u32)> {
         let mut news = Vec::new();
         let before = self.seen.take();
@@ -88,7 +88,7 @@ impl FarmWatch {
                 "active" if known.clock.look(now, job.zones_done, self.after) => {
                     news.push((WorkEvent::Stalled, job.number));
                 }
-                // While it is paused, no time passes for it.
+                // The clock does not run while the job is paused.
                 "paused" => known.clock = StallClock { zones_done: job.zones_done, ..StallClock::new(now) },
                 _ => {}
             }
@@ -99,7 +99,7 @@ impl FarmWatch {
     }
 }
 
-/// What is told of a job.
+/// Returns the facts of a job.
 pub(super) fn facts(job: &JobView, reason: Option<String>) -> JobFacts {
     JobFacts {
         job: Some(job.number),
@@ -114,7 +114,7 @@ pub(super) fn facts(job: &JobView, reason: Option<String>) -> JobFacts {
     }
 }
 
-/// Tells of all jobs of a farm from now on, until the user wants to stop. Nothing where nobody is to be told.
+/// Reports events of all jobs of a farm until the user stops. Returns at once if there are no subscriptions.
 pub(crate) fn watch_farm(args: &NotificationArgs, board: JobBoard, stop: &StopSwitch) -> Result<(), CliError> {
     if args.is_empty() {
         return Ok(());
@@ -125,7 +125,7 @@ pub(crate) fn watch_farm(args: &NotificationArgs, board: JobBoard, stop: &StopSw
     let run = move || {
         let mut watch = FarmWatch::new(after);
         while !stop.is_requested() {
-            // While the server is away nothing is known, and nothing stalls that goes on by itself.
+            // While the server is unreachable the state is unknown, and jobs do not count as stalled.
             if board.uplink.is_connected() {
                 let jobs = JobView::all(&board);
                 for (event, number) in watch.look(Instant::now(), &jobs) {
@@ -185,7 +185,7 @@ mod tests {
         let now = Instant::now();
         assert_eq!(watch.look(now, &[job(1, "done", 9), job(2, "active", 1), job(3, "active", 1)]), []);
         let news = watch.look(now, &[job(1, "done", 9), job(2, "done", 9), job(3, "failed", 1), job(4, "done", 9)]);
-        // One that came and went between two looks is told, too.
+        // A job that started and ended between two polls is reported, too.
         assert_eq!(news, [(WorkEvent::Done, 2), (WorkEvent::Failed, 3), (WorkEvent::Done, 4)]);
         assert_eq!(watch.look(now, &[job(2, "done", 9), job(3, "cancelled", 1), job(4, "done", 9)]), []);
     }

@@ -4,31 +4,31 @@ use serde::Serialize;
 
 use super::target::WorkEvent;
 
-/// The version of the fields: fields may be added, none changes its meaning.
+/// The version of the format: fields may be added, but none changes its meaning.
 const VERSION: u32 = 1;
 
-/// What is known of a job when it is told of.
+/// The facts of a job in a notification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub(super) struct JobFacts {
-    /// Its number in the farm; of an animation the first.
+    /// The job's number in the farm; for an animation that of the first frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) job: Option<u32>,
-    /// The last one of an animation.
+    /// The number of an animation's last frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) last_job: Option<u32>,
-    /// The scene, as its asker calls it.
+    /// The scene, as named in the request.
     pub(super) scene: String,
-    /// The picture, as its asker calls it.
+    /// The output file, as named in the request.
     pub(super) output: String,
-    /// Who asked for it.
+    /// The user who submitted the job.
     pub(super) from: String,
-    /// Zones painted, of the picture that is painted now.
+    /// The number of finished zones of the current image.
     pub(super) zones_done: usize,
-    /// All zones.
+    /// The number of all zones.
     pub(super) zones: usize,
-    /// Seconds since it was asked for.
+    /// Seconds since submission.
     pub(super) seconds: f64,
-    /// Why it failed or is taken to be stalled.
+    /// The reason for a failure or stall.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) reason: Option<String>,
 }
@@ -37,10 +37,10 @@ pub(super) struct JobFacts {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Notification {
     version: u32,
-    /// The same in each try.
+    /// The id, equal in each attempt.
     pub(super) id: String,
     pub(super) event: &'static str,
-    /// Seconds since 1970.
+    /// Time in seconds since 1970.
     pub(super) at: u64,
     #[serde(flatten)]
     pub(super) facts: JobFacts,
@@ -58,11 +58,11 @@ impl Notification {
     }
 
     pub(super) fn to_json(&self) -> String {
-        // It has no maps with odd keys.
+        // Serialization fails only for maps with non-string keys, of which there are none.
         serde_json::to_string(self).unwrap_or_default()
     }
 
-    /// For people, in a line.
+    /// Returns a title for people, one line.
     pub(super) fn title(&self) -> String {
         let name = match (self.facts.job, self.facts.last_job) {
             (Some(job), Some(last)) if last != job => format!("jobs {job} to {last}"),
@@ -72,17 +72,17 @@ impl Notification {
         format!("{name}: {}", self.event)
     }
 
-    /// For people, beneath the title.
+    /// Returns the text below the title, for people.
     pub(super) fn text(&self) -> String {
         self.facts.reason.clone().unwrap_or_else(|| format!("{} → {}", self.facts.scene, self.facts.output))
     }
 }
 
-/// Bytes as lowercase hexadecimal digits.
+/// Formats bytes as lowercase hexadecimal digits.
 pub(super) fn hex(bytes: &[u8]) -> String {
     use std::fmt::Write;
     bytes.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a text does not fail.
+        // Writing to a string cannot fail.
         _ = write!(text, "{byte:02x}");
         text
     })

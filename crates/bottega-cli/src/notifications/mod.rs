@@ -1,12 +1,12 @@
-//! Notifications of the work to other programs: HTTP, a command, the desktop. Sent by the process that asked for a picture or has
-//! the farm; what becomes of them never stops the work.
+//! Notifications to other programs: by HTTP, a command, or the desktop. They are sent by the process that submitted the job or
+//! hosts the farm; their failure never stops the work.
 //!
 //! | what | where |
 //! |---|---|
-//! | `--on` and the options beside it | `args.rs`, `target.rs` |
-//! | what is told | `message.rs` |
-//! | when: of one picture, of all jobs of a farm | `picture_watch.rs`, `farm_watch.rs` |
-//! | how: the queue, HTTP, a command, the desktop | `notifier.rs`, `post.rs`, `command.rs` |
+//! | `--on` and related options | `args.rs`, `target.rs` |
+//! | the message | `message.rs` |
+//! | detection of events: of one image, of all jobs of a farm | `picture_watch.rs`, `farm_watch.rs` |
+//! | delivery: the queue, HTTP, a command, the desktop | `notifier.rs`, `post.rs`, `command.rs` |
 
 mod args;
 mod command;

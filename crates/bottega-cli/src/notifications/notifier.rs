@@ -1,4 +1,4 @@
-//! The queue of notifications: a thread sends them one after the other, and tells what could not be sent.
+//! The queue of notifications: a thread sends them in order, and reports those that fail.
 
 use std::{
     sync::{Arc, mpsc},
@@ -15,13 +15,13 @@ use super::{
 };
 use crate::error::CliError;
 
-/// Notifications that wait at most; more are lost, which is told.
+/// The maximum number of waiting notifications; further ones are dropped and reported.
 const WAITING_MAX: usize = 256;
 
-/// Says why something was not told.
+/// A callback that reports a notification that was not sent, with the reason.
 pub(super) type TellLoss = Arc<dyn Fn(String) + Send + Sync>;
 
-/// Sends notifications.
+/// A queue of notifications and the thread that sends them.
 pub(super) struct Notifier {
     queue: Option<mpsc::SyncSender<Notification>>,
     thread: Option<JoinHandle<()>>,
@@ -29,7 +29,7 @@ pub(super) struct Notifier {
 }
 
 impl Notifier {
-    /// - `tell_loss`: says why something was not told.
+    /// - `tell_loss`: called for each notification that was not sent.
     pub(super) fn start(
         subscriptions: Vec<EventSubscription>,
         secret: Option<Secret>,
@@ -58,7 +58,7 @@ impl Notifier {
         Ok(Self { queue: Some(queue), thread: Some(thread), tell_loss })
     }
 
-    /// Has something sent, soon.
+    /// Queues a notification.
     pub(super) fn send(&self, notification: Notification) {
         let Some(queue) = &self.queue else { return };
         if let Err(error) = queue.try_send(notification) {
@@ -69,11 +69,11 @@ impl Notifier {
 }
 
 impl Drop for Notifier {
-    /// Waits until all is sent: each takes some tries of some seconds at most.
+    /// Waits until all are sent: each takes a few attempts of a few seconds at most.
     fn drop(&mut self) {
         self.queue = None;
         if let Some(thread) = self.thread.take() {
-            // A panic in there was reported by the thread itself.
+            // The thread has already reported its panic.
             _ = thread.join();
         }
     }

@@ -1,4 +1,4 @@
-//! The picture that this process asked for: its events go on to the one who is told them, and who subscribed hears of the end.
+//! A watcher of this process's job: it forwards events, and notifies subscribers of the end or a stall.
 
 use std::{
     collections::BTreeMap,
@@ -25,13 +25,13 @@ use super::{
 };
 use crate::error::CliError;
 
-/// How often is looked whether zones are finished.
+/// The interval at which stalls are checked.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
 
-/// A watcher that tells others of the end, too.
+/// A watcher that also sends notifications.
 pub(crate) struct PictureWatch {
     inner: Arc<dyn Watcher>,
-    /// The farm that paints it, where one does.
+    /// The farm that paints the job, if any.
     board: Option<JobBoard>,
     begun: Instant,
     state: Arc<Mutex<PaintingState>>,
@@ -40,13 +40,13 @@ pub(crate) struct PictureWatch {
     ticker: Option<JoinHandle<()>>,
 }
 
-/// What the events told.
+/// The state known from events.
 #[derive(Default)]
 struct PaintingState {
     facts: JobFacts,
-    /// Zones that were told of, and whether they are done.
+    /// The zones seen in events; `true`: done.
     zones: BTreeMap<u32, bool>,
-    /// Since when it is painted; `None`: not yet.
+    /// The stall clock; `None` before painting starts.
     clock: Option<StallClock>,
 }
 
@@ -64,7 +64,7 @@ impl PaintingState {
                 zones.iter().for_each(|zone| self.take_zone(zone.id, false));
             }
             Event::Zone(zone) => self.take_zone(zone.id, zone.state == "done"),
-            // What follows the painting has no zones.
+            // The steps after painting have no zones.
             Event::Step { .. } | Event::Finished { .. } | Event::Interrupted { .. } => self.clock = None,
             _ => {}
         }
@@ -78,9 +78,9 @@ impl PaintingState {
 }
 
 impl PictureWatch {
-    /// - `inner`: who is told the events.
-    /// - `board`: the farm that paints it, where one does.
-    /// - `names`: scene and picture, as the user calls them.
+    /// - `inner`: the watcher that gets the events.
+    /// - `board`: the farm that paints the job, if any.
+    /// - `names`: scene and output file, as the user named them.
     pub(crate) fn start(
         args: &NotificationArgs,
         inner: Arc<dyn Watcher>,
@@ -110,7 +110,7 @@ impl PictureWatch {
         Ok(Self { inner, board, begun, state, notifier, is_over, ticker: Some(ticker) })
     }
 
-    /// Tells of the end: of one that the user stopped nobody is told, nor of what was asked wrongly.
+    /// Notifies subscribers of the end, except for a stop by the user or a usage error.
     pub(crate) fn end(&self, result: &Result<ExitCode, CliError>) {
         let (event, reason) = match result {
             Ok(code) if *code == ExitCode::SUCCESS => (WorkEvent::Done, None),
@@ -118,7 +118,7 @@ impl PictureWatch {
             _ => return,
         };
         let known = lock(&self.state).facts.clone();
-        // Another machine may have led it to its end, and cut its zones.
+        // Another machine may have finished the job, and divided its zones.
         let zones = self.board.as_ref().and_then(|board| farm_zones(board, &known));
         let (zones_done, zones) = zones.unwrap_or((known.zones_done, known.zones));
         let facts = JobFacts { reason, seconds: self.begun.elapsed().as_secs_f64(), zones_done, zones, ..known };
@@ -130,7 +130,7 @@ impl Drop for PictureWatch {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         if let Some(ticker) = self.ticker.take() {
-            // A panic in there was reported by the thread itself.
+            // The thread has already reported its panic.
             _ = ticker.join();
         }
     }
@@ -160,7 +160,7 @@ fn lock(state: &Mutex<PaintingState>) -> MutexGuard<'_, PaintingState> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Zones that are done, and those in all, of the jobs that a farm paints for this process; `None`: it does not say.
+/// Returns the finished and total zones of this process's jobs in the farm; `None`: unknown.
 fn farm_zones(board: &JobBoard, facts: &JobFacts) -> Option<(usize, usize)> {
     let first = facts.job?;
     let numbers = first..=facts.last_job.unwrap_or(first);
@@ -172,11 +172,11 @@ fn farm_zones(board: &JobBoard, facts: &JobFacts) -> Option<(usize, usize)> {
     (sum.1 > 0).then_some(sum)
 }
 
-/// Looks whether zones are finished.
+/// A periodic check for stalls.
 struct StallTicker {
     begun: Instant,
     after: Duration,
-    /// Where others paint, too, the farm knows more than this process.
+    /// With a farm, its state is used, which includes the work of other machines.
     watch: Option<(JobBoard, FarmWatch)>,
     state: Arc<Mutex<PaintingState>>,
     notifier: Arc<Notifier>,

@@ -1,4 +1,4 @@
-//! Notifications by HTTP: a POST of JSON, signed, in three tries.
+//! Notifications by HTTP: a signed POST of JSON, in up to three attempts.
 
 use std::{io, sync::Arc, time::Duration};
 
@@ -21,16 +21,16 @@ use tokio_rustls::TlsConnector;
 use super::message::{Notification, hex};
 use crate::error::CliError;
 
-/// So long a try may take.
+/// The timeout of an attempt.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// What is waited before the second and the third try.
+/// The delays before the second and the third attempt.
 const BACK_OFF: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(4)];
-/// Redirects to the same server that are followed.
+/// The maximum number of redirects, all to the same server.
 const REDIRECTS_MAX: usize = 3;
-/// The header of the signature.
+/// The header with the signature.
 const SIGNATURE: &str = "bottega-signature";
 
-/// The secret that the one who is told shares with this program.
+/// The secret shared with the receiver.
 pub(super) struct Secret(hmac::Key);
 
 impl Secret {
@@ -38,27 +38,27 @@ impl Secret {
         Self(hmac::Key::new(hmac::HMAC_SHA256, bytes))
     }
 
-    /// The signature of a body, as the header has it.
+    /// Returns the signature of a body, as sent in the header.
     fn signature(&self, body: &[u8]) -> String {
         format!("sha256={}", hex(hmac::sign(&self.0, body).as_ref()))
     }
 }
 
-/// Why a try came to nothing.
+/// The failure of an attempt.
 struct FailedTry {
     why: String,
-    /// Whether another try may do better.
+    /// `true`: another attempt may succeed.
     may_pass: bool,
 }
 
-/// What a server answered.
+/// The answer of a server.
 enum PostAnswer {
     Taken,
-    /// It lies elsewhere on the same server.
+    /// A redirect to another path of the same server.
     Elsewhere(Uri),
 }
 
-/// Sends notifications by HTTP.
+/// A sender of notifications by HTTP.
 pub(super) struct Poster {
     runtime: Runtime,
     tls: TlsConnector,
@@ -73,7 +73,7 @@ impl Poster {
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|it| unexpected(&it))?;
         let mut roots = RootCertStore::empty();
-        // Those that cannot be read are not trusted; a server that needs one is told of by its name.
+        // Unreadable certificates are ignored; if a server needs one, the error names the server.
         roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
         let provider = Arc::new(rustls::crypto::ring::default_provider());
         let config = ClientConfig::builder_with_provider(provider)
@@ -84,7 +84,7 @@ impl Poster {
         Ok(Self { runtime, tls: TlsConnector::from(Arc::new(config)), secret })
     }
 
-    /// Sends a notification; what may pass is tried again.
+    /// Sends a notification; retries failures that may be temporary.
     pub(super) fn post(&self, url: &Uri, notification: &Notification) -> Result<(), String> {
         let body = notification.to_json();
         let mut pauses = BACK_OFF.iter();
@@ -159,7 +159,7 @@ impl Poster {
     }
 }
 
-/// Why there is no secure connection. Who is not trusted now is not trusted in some seconds.
+/// Describes a failed TLS connection. Trust does not change within seconds, so certificate errors are not retried.
 fn insecure(error: &io::Error) -> FailedTry {
     let told = error.get_ref().and_then(|inner| inner.downcast_ref::<rustls::Error>());
     let (reason, may_pass) = match told {
@@ -198,12 +198,12 @@ async fn exchange(
     let (mut sender, connection) = hyper::client::conn::http1::handshake(TokioIo::new(stream)).await?;
     let connection = tokio::spawn(connection);
     let response = sender.send_request(request).await;
-    // Nobody reads the body.
+    // The body is not read.
     connection.abort();
     response
 }
 
-/// Whether an answer is one that the notification was taken by.
+/// Checks that an answer accepts the notification.
 fn judge(url: &Uri, response: &Response<Incoming>) -> Result<PostAnswer, FailedTry> {
     let status = response.status();
     if status.is_success() {
@@ -219,7 +219,7 @@ fn judge(url: &Uri, response: &Response<Incoming>) -> Result<PostAnswer, FailedT
     Err(FailedTry { why: format!("it answered {status}"), may_pass })
 }
 
-/// Where a redirect leads: to the same server, or nowhere.
+/// Returns the target of a redirect; an error if it leads to another server.
 fn redirect(from: &Uri, place: &str) -> Result<Uri, FailedTry> {
     let refused = |why: &str| FailedTry { why: why.to_owned(), may_pass: false };
     let to: Uri = if place.starts_with('/') && !place.starts_with("//") {

@@ -1,22 +1,22 @@
-//! The value of `--on`: some events, and who is told of them.
+//! The value of `--on`: events, and the target of their notifications.
 
 use std::str::FromStr;
 
 use hyper::Uri;
 
-/// An event that can be told of.
+/// An event that can be reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WorkEvent {
-    /// The picture is painted.
+    /// The image is finished.
     Done,
-    /// It cannot be painted.
+    /// The render failed.
     Failed,
     /// No zone was finished for a while.
     Stalled,
 }
 
 impl WorkEvent {
-    /// As it is written.
+    /// Returns the word used in options and messages.
     pub(super) fn word(self) -> &'static str {
         match self {
             Self::Done => "done",
@@ -26,7 +26,7 @@ impl WorkEvent {
     }
 }
 
-/// Who is told.
+/// The target of notifications.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum NotificationTarget {
     /// An HTTP server.
@@ -38,7 +38,7 @@ pub(super) enum NotificationTarget {
 }
 
 impl NotificationTarget {
-    /// The target in messages to the user: without the path of an address, which may hold a secret.
+    /// Returns the target's name for messages, without the path of a URL, which may hold a secret.
     pub(super) fn label(&self) -> String {
         match self {
             Self::Url(url) => {
@@ -50,7 +50,7 @@ impl NotificationTarget {
     }
 }
 
-/// One `--on`: some events, and who is told of them.
+/// One `--on`: events, and the target of their notifications.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct EventSubscription {
     pub(super) events: Vec<WorkEvent>,

@@ -21,7 +21,7 @@ pub(crate) struct PlatformArgs {
 }
 
 impl PlatformArgs {
-    /// What standard output is for.
+    /// Returns the purpose of standard output.
     pub(crate) fn purpose(&self) -> Purpose {
         match self.command {
             PlatformCommand::Serve(_) => Purpose::Log,
@@ -103,7 +103,7 @@ pub(crate) struct ServeArgs {
     pub(crate) json: bool,
 }
 
-/// The representation of the first message to a platform; `None`: to all.
+/// The encoding of the first message to a platform; `None`: to all platforms.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct FirstForm {
     pub(crate) platform: Option<String>,

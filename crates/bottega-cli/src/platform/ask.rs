@@ -1,4 +1,4 @@
-//! `bottega platform agents | services`: what the directories of a platform know, ours or any other.
+//! `bottega platform agents | services`: queries to the directories of any FIPA platform.
 
 use std::{net::SocketAddr, process::ExitCode};
 
@@ -107,7 +107,7 @@ fn strange(at: &Peer) -> CliError {
     CliError::failed(format!("{} answers something else than was asked", at.url), "is it a FIPA platform?")
 }
 
-/// Asks a service. The answer comes as a message of its own, so this is a platform for as long as it takes.
+/// Sends a request to a service. The answer is a separate message, so this process runs a platform meanwhile.
 fn ask(args: &AskArgs, at: &Peer, service: &str, function: Function) -> Result<Outcome, CliError> {
     let to = at.service(service)?;
     let listener = bind(Port::OwnPlatform, SocketAddr::new(at.own_address(), 0))?;

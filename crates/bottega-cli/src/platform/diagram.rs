@@ -1,4 +1,4 @@
-//! Messages as a sequence diagram: a line of time for each agent, an arrow for each message.
+//! A sequence diagram of messages: a lifeline per agent, an arrow per message.
 
 use bottega_image::{Svg, svg_text};
 
@@ -9,10 +9,10 @@ const LEFT: f64 = 110.0;
 const TOP: f64 = 56.0;
 const LANE_WIDTH: f64 = 210.0;
 const ROW_HEIGHT: f64 = 26.0;
-/// Longer texts are cut, in characters.
+/// The maximum length of names, in characters.
 const NAME_MAX: usize = 32;
 
-/// One message as text.
+/// Formats one message as text.
 pub(super) fn row(passed: &PassedMessage, conversation: usize) -> String {
     let arrow = match passed.way.as_str() {
         "dropped" => "x",
@@ -33,7 +33,7 @@ fn cut(text: &str, most: usize) -> String {
     if text.chars().count() <= most { text.to_owned() } else { text.chars().take(most - 1).chain(['…']).collect() }
 }
 
-/// The drawing of all messages: agents in the order in which they speak, conversations told apart by colour.
+/// Draws all messages: agents in order of their first message, one colour per conversation.
 pub(super) fn svg(messages: &[PassedMessage]) -> String {
     let mut agents: Vec<&str> = Vec::new();
     let mut conversations: Vec<&str> = Vec::new();
@@ -71,7 +71,7 @@ pub(super) fn svg(messages: &[PassedMessage]) -> String {
 }
 
 fn arrow(svg: &mut Svg, message: &PassedMessage, conversation: usize, [from, to]: [f64; 2], y: f64) {
-    // Hues a golden angle apart are easily told from each other.
+    // Hues a golden angle apart are easy to distinguish.
     let hue = (conversation as f64 * 137.508).rem_euclid(360.0);
     let reached = matches!(message.way.as_str(), "in" | "out");
     let (color, dash) =

@@ -1,4 +1,4 @@
-//! `bottega platform`: the agent platform that others can talk to, and questions to any such platform.
+//! `bottega platform`: runs a FIPA agent platform, and queries other ones.
 
 mod args;
 mod ask;

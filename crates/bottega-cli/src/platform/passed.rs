@@ -1,17 +1,17 @@
-//! A message that passed a platform, as a line of JSON.
+//! A message of a platform's log, as a line of JSON.
 
 use bottega_agents::{gateway::Passage, wire::Calendar};
 use serde::{Deserialize, Serialize};
 
-/// Longer contents are cut, in characters.
+/// The maximum length of contents, in characters.
 const CONTENT_MAX: usize = 400;
 
-/// A message that passed, as a line of JSON.
+/// A message that passed a platform, serialized as a line of JSON.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct PassedMessage {
-    /// When, as FIPA writes it, UTC.
+    /// The time in FIPA's format, UTC.
     pub(crate) at: String,
-    /// `in`, `out`, `dropped`, `lost`.
+    /// The direction: `in`, `out`, `dropped` or `lost`.
     pub(crate) way: String,
     pub(crate) act: String,
     pub(crate) from: String,
@@ -22,14 +22,14 @@ pub(crate) struct PassedMessage {
 }
 
 impl PassedMessage {
-    /// `hh:mm:ss.mmm` of the moment.
+    /// Returns `hh:mm:ss.mmm` of the time.
     pub(crate) fn clock(&self) -> String {
         let part = |range: std::ops::Range<usize>| self.at.get(range).unwrap_or("");
         format!("{}:{}:{}.{}", part(9..11), part(11..13), part(13..15), part(15..18))
     }
 }
 
-/// What a platform tells of a message that passes.
+/// Formats a message that passes as a line of JSON.
 pub(crate) fn line(passage: &Passage, calendar: Calendar) -> String {
     let message = &passage.message;
     let text = |value: &Option<String>| value.clone().unwrap_or_default();
@@ -43,6 +43,6 @@ pub(crate) fn line(passage: &Passage, calendar: Calendar) -> String {
         protocol: text(&message.protocol),
         content: text(&message.content).chars().take(CONTENT_MAX).collect(),
     };
-    // Text and numbers can always be written.
+    // Serializing strings and numbers cannot fail.
     serde_json::to_string(&passed).unwrap_or_default()
 }

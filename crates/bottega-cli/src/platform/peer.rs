@@ -1,4 +1,4 @@
-//! A platform somewhere else: its name and where it is.
+//! Another platform: its name and its address.
 
 use std::{
     io::{Read, Write},
@@ -12,21 +12,21 @@ use bottega_cluster::{address::LocalAddresses, platform};
 
 use crate::error::CliError;
 
-/// How long a platform may take to say its name.
+/// The timeout for asking a platform's name.
 const NAME_WAIT: Duration = Duration::from_secs(5);
-/// The longest answer that is read for it, in bytes.
+/// The maximum length of the answer, in bytes.
 const NAME_BYTES_MAX: u64 = 1 << 16;
 
-/// A platform as a user names it.
+/// A platform as given by the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Peer {
-    /// Its name, if the user knows it.
+    /// Its name, if given.
     name: Option<String>,
-    /// `http://host:port/path`.
+    /// Its URL: `http://host:port/path`.
     pub(crate) url: String,
 }
 
-/// Reads `URL` or `NAME=URL`; a platform's path is `/acc` where none is given.
+/// Parses `URL` or `NAME=URL`; the default path is `/acc`.
 pub(crate) fn parse_peer(text: &str) -> Result<Peer, String> {
     let (name, url) = match text.split_once("=http") {
         Some((name, rest)) => (Some(name.to_owned()), format!("http{rest}")),
@@ -42,15 +42,15 @@ pub(crate) fn parse_peer(text: &str) -> Result<Peer, String> {
 }
 
 impl Peer {
-    /// The platform of this machine where none was named: that of `bottega up`, if it is there, or else the one at the usual address.
+    /// Returns the platform of this machine: that of `bottega up`, if it runs, or else the one at the default address.
     pub(super) fn here() -> Self {
         let usual = Self { name: None, url: format!("http://{}/acc", platform::LISTEN) };
         let of_farm = LocalAddresses::read().and_then(|addresses| parse_peer(&addresses.platform?).ok());
-        // `bottega up` may have been killed, and its file stays then.
+        // The file stays if `bottega up` was killed.
         of_farm.filter(|peer| peer.get(None).is_ok()).unwrap_or(usual)
     }
 
-    /// One of the platform's services; a platform that was not named is asked for its name.
+    /// Returns the id of one of the platform's services; asks the platform for its name if it was not given.
     pub(crate) fn service(&self, local: &str) -> Result<AgentId, CliError> {
         let name = match &self.name {
             Some(name) => name.clone(),
@@ -59,7 +59,7 @@ impl Peer {
         Ok(AgentId { name: format!("{local}@{name}").into(), addresses: Arc::new([self.url.clone()]) })
     }
 
-    /// Our platforms say their name to a GET.
+    /// Asks the platform for its name by HTTP GET; Bottega's platforms answer it.
     fn ask_name(&self) -> Result<String, CliError> {
         let remedy = "say its name, too: NAME=URL; and look whether it runs there";
         let problem = |what: &str| CliError::failed(format!("{} does not say its name: {what}", self.url), remedy);
@@ -78,7 +78,7 @@ impl Peer {
         name.map(str::to_owned).ok_or_else(|| problem("it is no platform of ours"))
     }
 
-    /// Begins to read a path of the platform; `None`: the one of its messages.
+    /// Starts to read a path of the platform; `None`: the path of its messages.
     pub(crate) fn get(&self, path: Option<&str>) -> std::io::Result<TcpStream> {
         let (host, own) = self.parts();
         let mut stream = TcpStream::connect_timeout(&self.socket()?, NAME_WAIT)?;
@@ -89,7 +89,7 @@ impl Peer {
     }
 
     fn parts(&self) -> (String, String) {
-        // What was read once reads again.
+        // The URL was parsed before, so this succeeds.
         parse_address(&self.url).map(|(host, path)| (host, path.to_owned())).unwrap_or_default()
     }
 
@@ -98,13 +98,13 @@ impl Peer {
         found.ok_or_else(|| std::io::ErrorKind::NotFound.into())
     }
 
-    /// The address of this machine that the platform sees: where it can answer.
+    /// Returns the address of this machine as seen from the platform, for its answers.
     pub(crate) fn own_address(&self) -> IpAddr {
         let seen = || {
             let to = self.socket()?;
             let any = if to.is_ipv6() { "[::]:0" } else { "0.0.0.0:0" };
             let socket = UdpSocket::bind(any)?;
-            // Nothing is sent: this only chooses the way.
+            // Connecting a UDP socket sends nothing; it only selects the route.
             socket.connect(to)?;
             socket.local_addr()
         };

@@ -1,4 +1,4 @@
-//! `bottega platform serve`: a platform until Ctrl-C.
+//! `bottega platform serve`: runs a platform until Ctrl-C.
 
 use std::{net::TcpListener, process::ExitCode, sync::mpsc};
 
@@ -49,10 +49,10 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         }
         None => ServedPages::Alone(alone(listener, options, store(args)?)?),
     };
-    // Whoever wants to end it must be heard from the first line on.
+    // Handle Ctrl-C before the first line is printed.
     let (interrupt, interrupted) = mpsc::channel();
     let handler = ctrlc::set_handler(move || {
-        // A second Ctrl-C finds nobody who listens.
+        // A second Ctrl-C finds no receiver.
         _ = interrupt.send(());
     });
     handler
@@ -67,11 +67,11 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is served.
+/// The platform that is served.
 enum ServedPages {
     /// The platform of a farm.
     Farm(FarmPlatform, JobBoard),
-    /// One of its own.
+    /// A platform without a farm.
     Alone(Node),
 }
 
@@ -84,7 +84,7 @@ impl ServedPages {
     }
 }
 
-/// A platform that shows no farm.
+/// Starts a platform without a farm.
 fn alone(
     listener: TcpListener,
     options: PlatformOptions,
@@ -105,7 +105,7 @@ fn alone(
     Node::start(listener, config).map_err(CliError::Node)
 }
 
-/// What was said for all platforms, and for single ones; of several words for one the last counts.
+/// Collects the encodings for all platforms and for single ones; the last one given wins.
 fn first_forms(said: &[FirstForm]) -> FirstForms {
     let mut forms = FirstForms::default();
     for FirstForm { platform, form } in said {

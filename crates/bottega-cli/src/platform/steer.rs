@@ -1,4 +1,4 @@
-//! `bottega platform suspend | resume | terminate`: what the AMS of a farm wants of an agent.
+//! `bottega platform suspend | resume | terminate`: requests of a farm's AMS to an agent.
 
 use std::process::ExitCode;
 

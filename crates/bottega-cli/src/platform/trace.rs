@@ -1,4 +1,4 @@
-//! `bottega platform trace`: what passes the message transport of a platform, as it passes.
+//! `bottega platform trace`: prints messages as they pass a platform's transport.
 
 use std::{
     collections::BTreeMap,
@@ -13,11 +13,11 @@ use bottega_agents::driver::http::server::TRACE_PATH;
 use super::{args::TraceArgs, diagram, passed::PassedMessage, peer::Peer};
 use crate::error::CliError;
 
-/// The most messages of a diagram; older ones go.
+/// The maximum number of messages in a diagram; older ones are dropped.
 const DIAGRAM_MAX: usize = 2000;
-/// How often the diagram is written.
+/// The interval between writes of the diagram.
 const DRAW_EVERY: Duration = Duration::from_secs(1);
-/// How long to wait for a message before looking at other things.
+/// The maximum wait for a message before other events are checked.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 
 pub(super) fn run(args: &TraceArgs) -> Result<ExitCode, CliError> {
@@ -59,10 +59,10 @@ pub(super) fn run(args: &TraceArgs) -> Result<ExitCode, CliError> {
 
 struct Watch<'a> {
     args: &'a TraceArgs,
-    /// Conversations by name, numbered as they come.
+    /// Conversations by name, numbered in order of appearance.
     numbers: BTreeMap<String, usize>,
     kept: Vec<PassedMessage>,
-    /// When the diagram was last written; the number of messages in it.
+    /// The time of the last diagram, and the number of messages at that time.
     drawn: Option<(Instant, u64)>,
     count: u64,
 }
@@ -70,7 +70,7 @@ struct Watch<'a> {
 impl Watch<'_> {
     fn take(&mut self, line: &str) {
         let Ok(passed) = serde_json::from_str::<PassedMessage>(line) else {
-            // The platform has something to say itself.
+            // The line is a message of the platform itself.
             eprintln!("{line}");
             return;
         };
@@ -111,7 +111,7 @@ enum Next {
     End,
 }
 
-/// Lines of a connection that is waited on for a moment at a time.
+/// A line reader for a connection with a read timeout.
 struct Lines<R> {
     reader: R,
     part: Vec<u8>,

@@ -64,7 +64,7 @@ pub(crate) struct LaidOutArgs {
 }
 
 impl LaidOutArgs {
-    /// The function block, its inputs laid out as the user says.
+    /// Returns the function block, with the input terms placed as the user asked.
     pub(super) fn function_block(&self) -> Result<FunctionBlock, CliError> {
         let source = Source::read(&self.file)?;
         let ranges: Vec<(&str, f64, f64)> =

@@ -1,4 +1,4 @@
-//! Figures as SVG or PNG: one description, drawn by either.
+//! Figures that can be drawn as SVG or PNG.
 
 use std::{path::Path, sync::Once};
 
@@ -11,25 +11,24 @@ use plotters::{
 
 use crate::error::CliError;
 
-/// DejaVu Sans, ASCII and a few more characters: a PNG must not depend on the fonts of a machine. Its licence is beside
-/// it.
+/// DejaVu Sans, ASCII and a few more characters: a PNG must not depend on the machine's fonts. The licence is in the same folder.
 const FONT: &[u8] = include_bytes!("../../assets/DejaVuSans-ASCII.ttf");
 
-/// Text of figures. In an SVG the viewer's own font of that kind is used.
+/// The font of figures. In an SVG the viewer's own font of that family is used.
 pub(super) const FONT_NAME: &str = "sans-serif";
 
-/// A place to draw.
+/// A drawing area.
 pub(super) type Area<B> = DrawingArea<B, Shift>;
 
-/// What drawing can end with.
+/// The result of drawing.
 pub(super) type DrawResult<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
-/// Something that can be drawn.
+/// A figure that can be drawn.
 pub(super) trait Figure {
-    /// Width and height in pixels.
+    /// Returns width and height in pixels.
     fn size(&self) -> (u32, u32);
 
-    /// Draws it on a white area of that size.
+    /// Draws the figure on a white area of that size.
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult<B>;
 }
 
@@ -40,7 +39,7 @@ pub(super) enum FigureFormat {
 }
 
 impl FigureFormat {
-    /// The format that the extension of a file names.
+    /// Returns the format for the extension of a file.
     pub(super) fn of(path: &Path) -> Result<Self, CliError> {
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
         match extension.as_deref() {
@@ -54,11 +53,11 @@ impl FigureFormat {
     }
 }
 
-/// Draws a figure and writes it, whole or not at all.
+/// Draws a figure and writes it atomically.
 pub(super) fn write(figure: &impl Figure, format: FigureFormat, path: &Path) -> Result<(), CliError> {
     static FONT_ONCE: Once = Once::new();
     FONT_ONCE.call_once(|| {
-        // The error would say that the font cannot be read; the tests draw with it.
+        // Registration cannot fail for this font; the tests draw with it.
         _ = register_font(FONT_NAME, FontStyle::Normal, FONT);
     });
     let (width, height) = figure.size();

@@ -1,4 +1,4 @@
-//! `bottega rules check`: mistakes, and what is most likely not meant.
+//! `bottega rules check`: reports errors and likely mistakes.
 
 use std::{path::Path, process::ExitCode};
 
@@ -69,7 +69,7 @@ fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
-/// The techniques that know some output of a block, with what they know of it and what they do not.
+/// Returns the techniques that know any output of a block, each with the known and the unknown outputs.
 fn techniques(block: &FunctionBlock) -> Vec<(&'static str, Vec<&'static str>, Vec<String>)> {
     let sorted = Technique::ALL.map(|technique| (technique, technique.sort_outputs(block)));
     let any = sorted.into_iter().filter(|(_, (known, _))| !known.is_empty());

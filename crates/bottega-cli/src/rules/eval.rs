@@ -1,4 +1,4 @@
-//! `bottega rules eval`: what rules decide, and why.
+//! `bottega rules eval`: evaluates rules and explains the result.
 
 use std::process::ExitCode;
 
@@ -24,7 +24,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Values that do not fit the inputs.
+/// Returns the error for values that do not fit the inputs.
 pub(super) fn unusable(block: &FunctionBlock, error: &EvaluateError) -> CliError {
     CliError::usage(error.to_string(), format!("give a value, as INPUT=VALUE, to each of {}", inputs(block)))
 }

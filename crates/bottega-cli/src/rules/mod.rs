@@ -1,4 +1,4 @@
-//! `bottega rules`: expert knowledge checked, evaluated and drawn.
+//! `bottega rules`: checks, evaluates and draws expert rules.
 
 mod args;
 mod chart;

@@ -1,4 +1,4 @@
-//! `bottega rules plot`: the terms of all variables, or an output over two inputs.
+//! `bottega rules plot`: draws the terms of all variables, or an output over two inputs.
 
 mod axes;
 mod surface;

@@ -1,11 +1,11 @@
-//! A Gantt chart of a simulation as SVG: a row for each agent, or, for many, how busy groups of them were.
+//! A Gantt chart of a simulation as SVG: a row per agent, or for many agents the utilization of groups.
 
 use bottega_farm::simulate::{SimulationOutcome, Span, SpanKind};
 use bottega_image::{Svg, svg_text};
 
-/// More agents than this are drawn in groups.
+/// Above this number, agents are drawn in groups.
 const ROWS_MAX: usize = 64;
-/// Groups and moments of the drawing of many agents.
+/// The number of groups and time bins for many agents.
 const GROUPS: usize = 100;
 const BINS: usize = 300;
 
@@ -16,10 +16,10 @@ const PLOT_WIDTH: f64 = 900.0;
 const ROW_HEIGHT: f64 = 28.0;
 const GROUP_HEIGHT: f64 = 5.0;
 const BOTTOM: f64 = 40.0;
-/// A span's number is written where it has room.
+/// The minimum width of a span that shows its number.
 const NUMBER_WIDTH: f64 = 8.0;
 
-/// The drawing of a run.
+/// Draws a run.
 pub(crate) fn svg(outcome: &SimulationOutcome) -> String {
     let many = outcome.agents.len() > ROWS_MAX;
     let height = if many {
@@ -56,7 +56,7 @@ fn rect(svg: &mut Svg, [x, y, width, height]: [f64; 4], fill: &str, title: &str)
     ));
 }
 
-/// Time, and where the work was whole.
+/// Draws the time axis, and marks the time of completion.
 fn axis(svg: &mut Svg, outcome: &SimulationOutcome, end: f64, scale: f64, height: f64) {
     let bottom = TOP + height;
     let step = nice_step(end / 8.0);
@@ -88,7 +88,7 @@ fn legend(many: bool) -> &'static str {
     }
 }
 
-/// 1, 2 or 5 times a power of ten, at least `wanted`.
+/// Returns the least of 1, 2 or 5 times a power of ten that is at least `wanted`.
 fn nice_step(wanted: f64) -> f64 {
     let power = 10_f64.powf(wanted.max(1e-9).log10().floor());
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|digit| digit * power).find(|step| *step >= wanted).unwrap_or(10.0 * power)
@@ -117,7 +117,7 @@ fn rows(svg: &mut Svg, outcome: &SimulationOutcome, scale: f64) {
     }
 }
 
-/// Which of several lanes each span is drawn in, so that none hides another, and how many there are.
+/// Assigns spans to lanes so that none overlap. Returns the lane of each, and the number of lanes.
 fn lanes(spans: &[&Span]) -> (Vec<usize>, usize) {
     let mut free = Vec::new();
     let lane_of = |span: &&Span| {
@@ -132,7 +132,7 @@ fn lanes(spans: &[&Span]) -> (Vec<usize>, usize) {
     (lanes, free.len().max(1))
 }
 
-/// Zones that follow each other are easily told apart: their hues are a golden angle away from each other.
+/// Returns the color of a span; hues of successive zones are a golden angle apart, so that they are easy to distinguish.
 fn color(span: &Span) -> String {
     let hue = (f64::from(span.zone.0) * 137.508).rem_euclid(360.0);
     match span.kind {
@@ -147,13 +147,12 @@ fn title(span: &Span) -> String {
     format!("{}, {:?}, {:.3} to {:.3} s", span.zone, span.kind, seconds(span.begin), seconds(span.end))
 }
 
-/// How busy groups of agents were in each of many moments.
+/// Draws the utilization of groups of agents over time.
 fn groups(svg: &mut Svg, outcome: &SimulationOutcome, end: f64) {
     let agents = outcome.agents.len();
     let groups = GROUPS.min(agents);
     let group_of = |agent: usize| agent * groups / agents;
-    // Agents with something in hand, by group and moment: of an agent that has two things in hand each counts whole, so
-    // that spans of one agent are joined first.
+    // Sum up busy agents by group and time bin. Overlapping spans of one agent are merged first, so that it counts once.
     let mut busy = vec![0.0_f64; groups * BINS];
     let mut size = vec![0_u32; groups];
     (0..agents).for_each(|agent| size[group_of(agent)] += 1);
@@ -182,7 +181,7 @@ fn groups(svg: &mut Svg, outcome: &SimulationOutcome, end: f64) {
         let y = TOP + GROUP_HEIGHT * group as f64;
         let mut index = 0;
         while index < BINS {
-            // Moments of one shade are one rectangle.
+            // Merge adjacent bins of one shade into a rectangle.
             let shade = |index: usize| (8.0 * (busy[group * BINS + index] / f64::from(*agents)).min(1.0)).round();
             let begin = index;
             while index < BINS && shade(index) == shade(begin) {

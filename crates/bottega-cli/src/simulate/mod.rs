@@ -1,4 +1,4 @@
-//! `bottega simulate`: what other agents would have made of a work, in virtual time.
+//! `bottega simulate`: replays work with other agents in virtual time.
 
 pub(crate) mod args;
 mod gantt;
@@ -27,11 +27,11 @@ use serde_json::{Value, json};
 use self::args::SimulateArgs;
 use crate::error::CliError;
 
-/// The longest file that is read as a record or as a list of agents.
+/// The maximum size of a record or a list of agents, in bytes.
 const FILE_BYTES_MAX: u64 = 1 << 30;
-/// Agents that are listed one by one.
+/// The maximum number of agents that are listed individually.
 const LISTED_MAX: usize = 16;
-/// By how much a replay may differ from what was measured.
+/// The maximum relative difference between a replay and the measurement.
 const VALID_WITHIN: f64 = 0.05;
 
 pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
@@ -75,14 +75,14 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
     Ok(ExitCode::from(u8::from(!valid)))
 }
 
-/// The knowledge of the agents; what is to be told of its rules is told by `bottega rules check`.
+/// Reads the agents' knowledge. Warnings about rules are left to `bottega rules check`.
 fn experts_of(rules: &Path) -> Result<Vec<Expert>, CliError> {
     let (experts, _) = experts(rule_texts(&[RulesSource::File(rules.to_owned())])?)?;
     Ok(experts)
 }
 
 fn faults(args: &SimulateArgs) -> Faults {
-    // Whatever is lost is lost to the end: the farm must come through.
+    // Losses last to the end: the farm must complete the work.
     let until = bottega_agents::Time::since_start(Duration::from_secs(1 << 32));
     Faults { loss: args.loss, until, ..Faults::NONE }
 }
@@ -115,7 +115,7 @@ fn workpiece(args: &SimulateArgs, record: Option<&Record>) -> Result<Workpiece, 
     piece.map_err(|error| CliError::usage(error.to_string(), "give other numbers to --synthetic or --zones-scale"))
 }
 
-/// Who paints: as asked for; else as in the record; else one agent.
+/// Returns the agents: as given in the options; else those of the record; else one.
 fn crew(args: &SimulateArgs, record: Option<&Record>) -> Result<CrewSpec, CliError> {
     if args.agents.is_empty() {
         let crew = record.map(|record| CrewSpec::sharing(record.agents, record.processors as u32));
@@ -137,7 +137,7 @@ fn crew(args: &SimulateArgs, record: Option<&Record>) -> Result<CrewSpec, CliErr
     Ok(crew)
 }
 
-/// By how much of itself a measured time is missed.
+/// Returns the relative difference between the simulated and a measured time.
 fn difference(outcome: &SimulationOutcome, measured: Duration) -> f64 {
     outcome.makespan.as_secs_f64() / measured.as_secs_f64().max(1e-12) - 1.0
 }
@@ -227,7 +227,7 @@ fn as_text(outcome: &SimulationOutcome, took: Duration, measured: Option<Duratio
     text + &format!("simulated in    {:.2} s; all that must hold after a run does\n", took.as_secs_f64())
 }
 
-/// Of each agent the share of its processors' time that it was busy.
+/// Returns the utilization of each agent: busy time over the time of its processors.
 fn busy_shares(outcome: &SimulationOutcome) -> Vec<f64> {
     let all = outcome.makespan.as_secs_f64().max(1e-12);
     outcome.agents.iter().map(|agent| (agent.busy.as_secs_f64() / (all * agent.lanes.max(1e-12))).min(1.0)).collect()

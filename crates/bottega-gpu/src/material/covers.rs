@@ -1,4 +1,4 @@
-//! The curves of rough boundaries over matte bases, as `cover.wgsl` reads them: those that a surface can ask for.
+//! Curves of rough boundaries over matte bases in the layout of `cover.wgsl`, for the roughness that a surface can have.
 
 use bottega_render::bsdf::ggx::SMOOTH_ALPHA;
 use bottega_render::bsdf::precomputed::{COVER_NODES, CoverBoundary, cover_alpha, cover_node};
@@ -7,7 +7,7 @@ use bottega_scene::{Facets, RoughnessScale};
 use super::words::Words;
 use crate::shared::materials::{CoverBlock, FACETS_ALPHA_MAX};
 
-/// Writes the curves for all roughness that these facets can have. Returns the place of the block.
+/// Writes the curves for every roughness that these facets can have. Returns the place of the block.
 pub(super) fn add_cover(words: &mut Words, facets: &Facets, boundaries: &[CoverBoundary], first_step: i32) -> u32 {
     let nodes = match constant_alpha(facets) {
         Some(alpha) => cover_node(alpha)..cover_node(alpha) + 2,
@@ -21,7 +21,7 @@ pub(super) fn add_cover(words: &mut Words, facets: &Facets, boundaries: &[CoverB
     });
     for boundary in boundaries {
         for node in nodes.clone() {
-            // Of two neighbouring curves, the one of the node itself.
+            // Of two neighbouring curves, use the one of the node itself.
             let [this, next] = boundary.curves(cover_alpha(node));
             words.numbers(if cover_node(cover_alpha(node)) == node { &this } else { &next });
         }
@@ -29,7 +29,7 @@ pub(super) fn add_cover(words: &mut Words, facets: &Facets, boundaries: &[CoverB
     place
 }
 
-/// The mean α of facets that are the same everywhere.
+/// Returns the mean α of facets whose roughness is constant; `None`: it is textured.
 fn constant_alpha(facets: &Facets) -> Option<f32> {
     let [x, y] = facets.roughness.each_ref().map(|roughness| {
         let factor = if roughness.factor.is_finite() { roughness.factor } else { 0.0 };
@@ -48,12 +48,12 @@ fn constant_alpha(facets: &Facets) -> Option<f32> {
     Some((x * y).sqrt())
 }
 
-/// Whether their roughness may differ from place to place.
+/// True if the roughness may vary over the surface.
 pub(super) fn is_textured(facets: &Facets) -> bool {
     constant_alpha(facets).is_none()
 }
 
-/// Whether these facets are smooth everywhere.
+/// True if the facets are smooth everywhere.
 pub(super) fn is_smooth(facets: &Facets) -> bool {
     constant_alpha(facets) == Some(0.0)
 }

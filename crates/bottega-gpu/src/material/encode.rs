@@ -1,4 +1,4 @@
-//! The materials of a scene as words.
+//! Encoding of a scene's materials as 32-bit words.
 
 use bottega_render::bsdf::precomputed;
 use bottega_render::flat::Portable as _;
@@ -14,32 +14,34 @@ use super::words::{Words, finite};
 use super::writer::Writer;
 use crate::shared::materials::*;
 
-/// More words than this cannot be told apart by their place.
+/// The maximum number of words: places are 32-bit indices.
 const WORDS_MAX: usize = 1 << 32;
 
-/// A scene's materials and textures for a device.
+/// A scene's materials and textures in the layout of the shaders.
 #[derive(Debug)]
 pub(crate) struct EncodedMaterials {
-    /// What `material_words` is to be.
+    /// The contents of the array `material_words`.
     pub(crate) material_words: Vec<u32>,
-    /// What `texture_words` is to be.
+    /// The contents of the array `texture_words`.
     pub(crate) texture_words: Vec<u32>,
-    /// What shaders must have for them.
+    /// The shader features that the materials use.
     pub(crate) features: Features,
-    /// Handles of the pictures that were asked for beside those of materials.
+    /// Texture handles of the extra maps, in the order of the request.
     pub(crate) extra: Vec<u32>,
 }
 
-/// What of a scene's materials devices do not have.
+/// The parts of a scene's materials that the GPU does not support, one message each.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not for a GPU: {}", .0.join("; "))]
 pub(crate) struct Unsupported(pub(crate) Vec<String>);
 
 impl EncodedMaterials {
-    /// - `extra`: pictures that are wanted beside those of materials.
+    /// Encodes the materials and textures of a scene.
+    ///
+    /// - `extra`: texture maps to add to those of materials.
     ///
     /// # Errors
-    /// Something is not for devices; all such things are told.
+    /// The scene has unsupported parts; the error lists all of them.
     pub(crate) fn new(scene: &Scene, extra: &[TextureMap]) -> Result<Self, Unsupported> {
         let mut textures = EncodedTextures::new(scene, extra);
         let extra = extra.iter().map(|map| textures.color(map)).collect();
@@ -76,7 +78,7 @@ impl EncodedMaterials {
     }
 }
 
-/// The record of a material; its surfaces are written before it.
+/// Returns the record of a material, after writing its surfaces.
 fn material_record(writer: &mut Writer<'_>, material: &Material) -> MaterialRecord {
     let front = add_side(writer, material, true);
     let back = if material.back == Back::Same { front } else { add_side(writer, material, false) };
@@ -115,19 +117,19 @@ fn material_record(writer: &mut Writer<'_>, material: &Material) -> MaterialReco
     }
 }
 
-/// Returns the place of the surface that scatters on a side; 0: none does.
+/// Writes the surface of one side and returns its place; 0: nothing scatters on that side.
 fn add_side(writer: &mut Writer<'_>, material: &Material, front: bool) -> u32 {
     material.surface_of(front).map_or(0, |surface| add_surface(writer, surface))
 }
 
-/// Kind and rule, the handle of its texture, and its scale.
+/// Returns the kind and rule of a relief, the handle of its texture, and its scale.
 fn relief_of(writer: &mut Writer<'_>, relief: Option<&Relief>) -> (u32, u32, f32) {
     let Some(relief) = relief else { return (RELIEF_NONE, 0, 0.0) };
     let (kind, handle, scale) = match &relief.source {
         ReliefSource::Normals(map, scale) => (RELIEF_NORMALS, writer.textures.color(map), *scale),
         ReliefSource::Heights(height) => {
             let map = height.texture.as_ref();
-            // Heights that are the same everywhere lift nothing.
+            // Constant heights have no effect.
             map.map_or((RELIEF_NONE, 0, 0.0), |(map, channel)| {
                 (RELIEF_HEIGHTS, writer.textures.scalar(map, *channel), height.factor)
             })
@@ -146,7 +148,7 @@ fn flag(is_set: bool, flag: u32) -> u32 {
     if is_set { flag } else { 0 }
 }
 
-/// What a material is, as flags.
+/// Returns the flags of a material.
 fn flags(material: &Material) -> u32 {
     let is_null = material.surface == Surface::Null;
     let layered = material.layered();
@@ -173,7 +175,7 @@ fn flags(material: &Material) -> u32 {
     flags.into_iter().fold(0, |all, (is_set, bit)| all | flag(is_set, bit))
 }
 
-/// Whether some part of it is the layered surface.
+/// True if any part of the material is the layered surface.
 fn is_layered(material: &Material) -> bool {
     fn has(surface: &Surface) -> bool {
         match surface {

@@ -1,4 +1,4 @@
-//! The shader features that a scene's surfaces use: what they do not use is not compiled, and takes no registers.
+//! The shader features that a scene's surfaces use. Unused features are not compiled and take no registers.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Features(u32);
 
-/// The constants of the shaders, by bit.
+/// The names of the shaders' constants, by bit.
 const NAMES: [&str; 11] = [
     "HAS_TEXTURES",
     "HAS_BECKMANN",
@@ -33,7 +33,7 @@ impl Features {
     pub(super) const FILM: Self = Self(1 << 8);
     pub(super) const COAT: Self = Self(1 << 9);
     pub(super) const SHEEN: Self = Self(1 << 10);
-    /// Everything that there is.
+    /// All features.
     #[cfg(test)]
     pub(crate) const ALL: Self = Self((1 << NAMES.len()) - 1);
 
@@ -41,22 +41,22 @@ impl Features {
         Self(self.0 | others.0)
     }
 
-    /// `others` where a condition holds.
+    /// Returns the union with `others` if the condition holds.
     pub(crate) fn with_if(self, condition: bool, others: Self) -> Self {
         if condition { self.with(others) } else { self }
     }
 
-    /// Whether some of `others` are among them.
+    /// True if any of `others` is in the set.
     pub(super) fn has_some_of(self, others: Self) -> bool {
         self.0 & others.0 != 0
     }
 
-    /// Names of the constants that say what is not there.
+    /// Returns the names of the constants whose features are absent.
     pub(super) fn missing(self) -> impl Iterator<Item = &'static str> {
         NAMES.iter().enumerate().filter(move |(bit, _)| self.0 >> bit & 1 == 0).map(|(_, name)| *name)
     }
 
-    /// As constants of the shaders.
+    /// Returns the features as constant declarations of WGSL.
     pub(super) fn constants(self) -> String {
         NAMES.iter().enumerate().fold(String::new(), |mut all, (bit, name)| {
             let _ = writeln!(all, "const {name}: bool = {};", self.0 >> bit & 1 == 1);

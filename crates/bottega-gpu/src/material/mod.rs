@@ -1,8 +1,8 @@
-//! Materials and textures of a scene as words that the shaders of `wgsl/` read, and these shaders.
+//! Materials and textures of a scene as words that the shaders of `wgsl/` read, and those shaders.
 //!
-//! All surfaces of `bottega_render::bsdf` are there, function for function, with the same tables; the tests hold the two
-//! together. The library ([`source`]) has no bindings and no entry points: who uses it declares `material_words` and `texture_words`, arrays
-//! of `u32` in storage.
+//! All surfaces of `bottega_render::bsdf` are there, function for function, with the same tables; the tests compare the two. The
+//! library ([`source`]) has no bindings and no entry points: its user declares the storage arrays `material_words` and
+//! `texture_words` of `u32`.
 
 mod covers;
 mod encode;

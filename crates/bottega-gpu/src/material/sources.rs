@@ -1,8 +1,8 @@
-//! The shaders, put together for what a scene's surfaces use.
+//! Assembly of the BSDF shaders for the features that a scene uses.
 
 use super::features::Features;
 
-/// Files by what asks for them; `None`: everything does.
+/// The shader files and the feature that needs each; `None`: always included.
 const FILES: [(Option<Features>, &str); 26] = [
     (None, include_str!("../wgsl/math.wgsl")),
     (None, include_str!("../wgsl/bsdf/warp.wgsl")),
@@ -38,8 +38,8 @@ const LAYERS: &str = concat!(
     include_str!("../wgsl/bsdf/coat.wgsl")
 );
 
-/// The shaders with what `features` asks for: constants and functions alone. Files that nothing asks for are left out, and so
-/// are the lines that call them, which are those with an `if` of their constant that ends where it begins.
+/// Returns the shader source for `features`: constants and functions only. Omits files that no feature needs, and with them the
+/// lines that call them: lines that open and close an `if` of the feature's constant.
 pub(crate) fn source(features: Features) -> String {
     let absent: Vec<_> = features.missing().map(|name| format!("if {name} {{")).collect();
     let calls_nothing = |line: &&str| {
@@ -55,7 +55,7 @@ pub(crate) fn source(features: Features) -> String {
 mod tests {
     use super::*;
 
-    /// Whether naga takes it, behind what its users declare.
+    /// Checks that naga accepts the source together with the declarations that its users add.
     fn check(features: Features) {
         let source = [
             crate::shared::source(),

@@ -1,4 +1,4 @@
-//! Surfaces as words: a head of each kind, then its parameters.
+//! Encoding of surfaces as words: a head per kind, then the parameters.
 
 use bottega_render::bsdf::fresnel::IOR_MAX;
 use bottega_render::bsdf::precomputed::CoverBoundary;
@@ -51,7 +51,7 @@ pub(super) fn add_surface(writer: &mut Writer<'_>, surface: &Surface) -> u32 {
     }
 }
 
-/// The first word of a record with such parameters.
+/// Returns the first word of a record: the kind, and the number of parameters of type `P`.
 fn kind<P: Portable>(kind: u32) -> u32 {
     kind | (P::WORDS / Param::WORDS) << SURFACE_COUNT_SHIFT
 }
@@ -114,7 +114,7 @@ fn add_coated(writer: &mut Writer<'_>, it: &Coated) -> u32 {
     match &it.base {
         CoatedBase::Diffuse(diffuse) => {
             let base = writer.color(&diffuse.reflectance);
-            // Where the layer does not scatter, a matte base has a closed form.
+            // If the layer does not scatter, a matte base has a closed form.
             let may_be_clear = it.albedo.factor.max_element() <= 0.0 || it.albedo.texture.is_some();
             let cover = if may_be_clear { add_coat(writer, it, eta) } else { 0 };
             writer.record(&CoatedHead { cover, ..head }, &OverDiffuse { coat, base })
@@ -128,7 +128,7 @@ fn add_coated(writer: &mut Writer<'_>, it: &Coated) -> u32 {
     }
 }
 
-/// The cover of a clear coat, for all the thickness that it can have.
+/// Writes the cover of a clear coat, for every thickness that it can have.
 fn add_coat(writer: &mut Writer<'_>, it: &Coated, eta: f32) -> u32 {
     let of = |thickness: f32| boundary(&it.facets, eta, thickness, false);
     let Some((map, _)) = &it.thickness.texture else {
@@ -145,7 +145,7 @@ fn add_coat(writer: &mut Writer<'_>, it: &Coated, eta: f32) -> u32 {
     let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let most = texels.fold(0.0_f32, |most, (x, y)| most.max(image.texel(x, y).max_element()));
     let most = (it.thickness.factor * most).clamp(0.0, 100.0);
-    // From where next to nothing is absorbed.
+    // The first step of thickness: absorption is negligible below it.
     const FIRST: i32 = -80;
     let last = if most > 0.0 { (COVER_STEPS_PER_OCTAVE * most.log2()).ceil() as i32 } else { FIRST };
     let nodes = (FIRST..=last.max(FIRST)).map(|step| (step as f32 / COVER_STEPS_PER_OCTAVE).exp2());
@@ -217,7 +217,7 @@ fn conductor_params(writer: &mut Writer<'_>, it: &Conductor) -> ConductorParams 
     }
 }
 
-/// Distribution, shadowing and what roughness means.
+/// Returns the flags of facets: distribution, shadowing and the scale of roughness.
 fn bits(facets: &Facets) -> u32 {
     let scale = match facets.scale {
         RoughnessScale::Alpha => FACETS_ALPHA,
@@ -229,17 +229,17 @@ fn bits(facets: &Facets) -> u32 {
     beckmann | separable | scale << FACETS_SCALE_SHIFT
 }
 
-/// An index of refraction that formulas can bear.
+/// Clamps an index of refraction to a range in which the formulas are finite.
 fn sound_eta(eta: f32) -> f32 {
     if eta > 0.05 { eta.min(20.0) } else { 1.0 }
 }
 
-/// What one surface asks of the shaders, but for its parts.
+/// Returns the features that one surface uses, without those of its parts.
 fn features(surface: &Surface) -> Features {
     let facets = |facets: &Facets| {
         Features::default().with_if(facets.distribution == Distribution::Beckmann, Features::BECKMANN)
     };
-    // Metal may lie below a coat.
+    // A coat may lie on metal.
     let stack = Features::STACK.with(Features::CONDUCTOR);
     match surface {
         Surface::Null | Surface::Unlit(_) | Surface::Blend { .. } => Features::default(),

@@ -1,8 +1,8 @@
-//! Pictures and how they are laid on surfaces, as words.
+//! Encoding of images and texture maps as words.
 //!
-//! - First the 256 linear values of the codes of sRGB.
-//! - A picture: an [`ImageRecord`], and a [`LevelRecord`] of each level. 8-bit colours take a word a texel, 8-bit gray a byte, 16-bit
-//!   ones two words, floats one for each channel.
+//! - First the 256 linear values of the sRGB codes.
+//! - An image: an [`ImageRecord`], and a [`LevelRecord`] per level. 8-bit colours take one word per texel, 8-bit gray one byte,
+//!   16-bit colours two words, floats one word per channel.
 //! - A [`MapRecord`] at a multiple of [`MAP_ALIGNMENT`]. Its place with a [`Channel`] in the lowest bits is its handle.
 
 use bottega_render::flat::Portable as _;
@@ -11,18 +11,18 @@ use bottega_scene::{Channel, Image, LevelTexels, Material, Scene, TextureMap, Wr
 use super::words::{Words, finite};
 use crate::shared::materials::*;
 
-/// The textures of a scene.
+/// The encoded textures of a scene.
 #[derive(Debug)]
 pub(super) struct EncodedTextures {
     pub(super) words: Words,
-    /// Place of each of the scene's pictures; 0: no material uses it.
+    /// The place of each of the scene's images; 0: no material uses it.
     images: Vec<usize>,
-    /// Columns and rows of each.
+    /// The columns and rows of each image.
     sizes: Vec<(u32, u32)>,
 }
 
 impl EncodedTextures {
-    /// The pictures that materials use, and some more.
+    /// Encodes the images that materials and the extra maps use.
     pub(super) fn new(scene: &Scene, extra: &[TextureMap]) -> Self {
         let mut is_used = vec![false; scene.images.len()];
         for map in scene.materials.iter().flat_map(Material::textures).chain(extra) {
@@ -40,12 +40,12 @@ impl EncodedTextures {
         Self { words, images, sizes: scene.images.iter().map(Image::size).collect() }
     }
 
-    /// The handle of a map for one channel.
+    /// Returns the handle of a map for one channel.
     pub(super) fn scalar(&mut self, map: &TextureMap, channel: Channel) -> u32 {
         self.add_map(map) | channel as u32
     }
 
-    /// The handle of a map for all colours.
+    /// Returns the handle of a map for all colour channels.
     pub(super) fn color(&mut self, map: &TextureMap) -> u32 {
         self.add_map(map) | CHANNEL_RGB
     }
@@ -76,7 +76,7 @@ impl EncodedTextures {
     }
 }
 
-/// Returns the place of the picture's record.
+/// Writes an image and returns the place of its record.
 fn add_image(words: &mut Words, image: &Image) -> usize {
     let record = words.place();
     let count = image.level_count();

@@ -1,4 +1,4 @@
-//! Blocks of pixels that are painted together, as the kernels read them.
+//! Blocks of pixels that are rendered together, in the layout of the kernels.
 
 use std::sync::Arc;
 
@@ -10,10 +10,10 @@ use bottega_render::{BlockOutput, BlockWork, DirectLight, PathSettings, Prepared
 use crate::error::GpuError;
 use crate::shared::paths::{BatchParams, DIRECT_BSDF_SAMPLING, DIRECT_COMBINED, DIRECT_LIGHT_SAMPLING, JobRecord};
 
-/// Most paths of a batch: their numbers must fit into words.
+/// The maximum number of paths per batch; path numbers must fit into words.
 pub(super) const PATHS_MAX: u64 = 1 << 31;
 
-/// What blocks must share to be painted together.
+/// The settings that blocks must share to be rendered in one batch.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BatchKind {
     pub(super) data: DataId,
@@ -32,18 +32,18 @@ impl BatchKind {
         }
     }
 
-    /// Floats of a pixel: those of its layout, and the number of samples that were dropped.
+    /// Returns the floats per pixel: those of its layout, and the number of dropped samples.
     pub(super) fn stride(&self) -> usize {
         self.layout.stride() + 1
     }
 }
 
-/// Paths of a block.
+/// Returns the number of paths of a block.
 pub(super) fn path_count(block: &BlockWork) -> u64 {
     block.tile.rect().area() * block.samples.len() as u64
 }
 
-/// Blocks of one kind, put down for the kernels.
+/// A batch of blocks of one kind, encoded for the kernels.
 #[derive(Debug)]
 pub(super) struct BlockBatch {
     pub(super) params: BatchParams,
@@ -53,7 +53,9 @@ pub(super) struct BlockBatch {
 }
 
 impl BlockBatch {
-    /// - `blocks`: all of that kind, with fewer than [`PATHS_MAX`] paths.
+    /// Encodes a batch.
+    ///
+    /// - `blocks`: blocks of that kind, with fewer than [`PATHS_MAX`] paths in all.
     pub(super) fn new(prepared: &PreparedScene, kind: &BatchKind, blocks: &[&BlockWork]) -> Result<Self, GpuError> {
         let picture = FlatPicture::new(prepared, kind.view, kind.settings.filter)
             .map_err(|error| GpuError::Invalid(error.to_string()))?;
@@ -106,12 +108,12 @@ impl BlockBatch {
         Ok(Self { params, words, path_count: paths, stride: kind.stride() })
     }
 
-    /// Floats of the sums of all pixels.
+    /// Returns the number of floats in the sums of all pixels.
     pub(super) fn sums(&self) -> usize {
         self.params.pixel_count as usize * self.stride
     }
 
-    /// Adds sums that came from the device to those of their blocks, which are in the batch's order.
+    /// Adds sums from the device to the tiles of their blocks, which are in the batch's order.
     pub(super) fn add(&self, sums: &[u32], blocks: Vec<BlockWork>) -> Vec<BlockOutput> {
         let mut rest = sums;
         let add = |block: BlockWork| {
@@ -124,7 +126,7 @@ impl BlockBatch {
     }
 }
 
-/// Adds the sums of the pixels of a tile; returns how many samples were dropped.
+/// Adds sums to the pixels of a tile. Returns the number of dropped samples.
 fn add_to(tile: &mut Tile, sums: &[u32], stride: usize) -> u64 {
     let mut dropped = 0;
     for (pixel, added) in tile.sums_mut().chunks_exact_mut(stride - 1).zip(sums.chunks_exact(stride)) {

@@ -1,4 +1,4 @@
-//! The kernels of paths: their sources, layouts and pipelines.
+//! The kernels of path tracing: their sources, layouts and pipelines.
 
 use wgpu::{BindGroupLayout, BufferBindingType, ComputePipeline, PipelineCache, ShaderModule};
 
@@ -6,11 +6,11 @@ use crate::context::{Context, storage};
 use crate::material::{self, Features};
 use crate::{shared, traversal};
 
-/// Arrays that a kernel sees.
+/// The number of storage arrays that a kernel binds.
 pub(super) const STORAGE_BUFFERS: u32 = 10;
 
 const MATH: &str = include_str!("../wgsl/math.wgsl");
-/// What all kernels know but the planner.
+/// The source shared by all kernels except the planner.
 const COMMON: &str = concat!(
     include_str!("../wgsl/words.wgsl"),
     include_str!("../wgsl/functions.wgsl"),
@@ -44,23 +44,23 @@ const SHADING: &str = concat!(
 );
 const PLAN: &str = include_str!("../wgsl/plan.wgsl");
 
-/// What kernels are made for.
+/// The properties that kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Variant {
-    /// Whether some surface may let rays pass.
+    /// `true`: some surface may let rays pass.
     pub(super) has_opacity: bool,
-    /// What the scene's surfaces use.
+    /// The features that the scene's surfaces use.
     pub(super) features: Features,
-    /// Groups of nodes that must fit on a ray's stack.
+    /// The number of node groups on a ray's stack.
     pub(super) stack_size: u32,
 }
 
-/// The source of the kernels that begin and end paths.
+/// Returns the source of the kernels that start and end paths.
 pub(super) fn camera_source() -> String {
     [shared::source(), MATH, COMMON, CAMERA].concat()
 }
 
-/// The source of the kernels that follow rays.
+/// Returns the source of the kernels that trace rays.
 pub(super) fn traversal_source(variant: Variant) -> String {
     let traverse = traversal::source(variant.stack_size);
     if variant.has_opacity {
@@ -73,22 +73,22 @@ pub(super) fn traversal_source(variant: Variant) -> String {
     }
 }
 
-/// The source of the kernels that find light and scatter.
+/// Returns the source of the kernels that sample lights and scatter.
 pub(super) fn shading_source(variant: Variant) -> String {
     [shared::source(), &material::source(variant.features), COMMON, SURFACES, SHADING].concat()
 }
 
-/// The source of the kernels between them.
+/// Returns the source of the kernels that plan dispatches.
 pub(super) fn plan_source() -> String {
     [shared::source(), PLAN].concat()
 }
 
-/// The layouts of what kernels see, whatever they are made for.
+/// The bind group layouts, shared by all variants.
 #[derive(Debug)]
 pub(super) struct Layouts {
-    /// Scene and batch, read only.
+    /// The scene and the batch, read only.
     pub(super) scene: BindGroupLayout,
-    /// What the kernels write.
+    /// The buffers that kernels write.
     pub(super) state: BindGroupLayout,
     pub(super) plan: BindGroupLayout,
 }
@@ -126,7 +126,7 @@ impl Kernels {
         let paths = make.layout("paths", &[&layouts.scene, &layouts.state]);
         let plan = make.layout("plan", &[&layouts.plan]);
         let [generate, accumulate] = make.pipelines(&make.module(&camera_source()), &paths, ["generate", "accumulate"]);
-        // What asks materials and textures, which come from files, stays guarded.
+        // Kernels that read materials and textures, which come from files, keep their bounds checks.
         let source = traversal_source(variant);
         let unguarded = || traversal::module(&context.device, "traversal", &source);
         let traversal = if variant.has_opacity { make.module(&source) } else { unguarded() };

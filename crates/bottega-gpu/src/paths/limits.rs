@@ -1,17 +1,17 @@
-//! Limits of paths on a device: the work that they are not followed for.
+//! Limits of path tracing on a device.
 
 use bottega_image::Aov;
 use bottega_render::BlockWork;
 
 use super::batch::{PATHS_MAX, path_count};
 
-/// Most pixels of a batch, which bounds what comes back at once.
+/// The maximum number of pixels per batch; bounds the size of the readback.
 pub(super) const PIXELS_MAX: u64 = 1 << 20;
 
-/// Why work of scenes that are not on its shelf is given back.
+/// The reason for returning work of scenes that were not admitted.
 pub(super) const UNKNOWN_SCENE: &str = "the device was not told of this scene";
 
-/// Why a block is given back; `None`: it is painted.
+/// Returns the reason why a block is returned; `None`: it is rendered.
 pub(super) fn refusal(block: &BlockWork) -> Option<String> {
     if block.tile.layout().offset(Aov::Cost).is_some() {
         return Some("the cost of a pixel is not known to devices".to_owned());

@@ -1,20 +1,20 @@
-//! Options of paths.
+//! Options of [`GpuPaths`](crate::GpuPaths).
 
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// The options of a GPU that paints.
+/// Options of a GPU that renders.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathOptions {
-    /// Part of the name of the adapter that is wanted. `None`: the best GPU, never a software adapter.
+    /// Part of the name of the adapter to use. `None`: the best GPU, never a software adapter.
     pub adapter: Option<String>,
-    /// Paths under way at a time, at most; some 240 bytes each on the device. 0: as many as suit the kind of adapter.
+    /// The maximum number of paths under way, about 240 bytes each on the device. 0: a default for the kind of adapter.
     pub paths: u64,
-    /// Work without an answer for so long counts as a lost device.
+    /// The timeout of work; after it the device counts as lost.
     pub timeout: Duration,
-    /// Bytes that scenes may take on the device. `None`: nearly all that it has.
+    /// The maximum size of scenes on the device, in bytes. `None`: nearly all of its memory.
     pub memory: Option<u64>,
-    /// A folder in which compiled kernels are kept for the next time. `None`: they are not.
+    /// The folder that keeps compiled kernels for the next run. `None`: they are not kept.
     pub cache: Option<PathBuf>,
 }
 

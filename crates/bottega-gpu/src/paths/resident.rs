@@ -1,5 +1,5 @@
-//! Scenes in the memory of a device. Arrays with the same contents are there once: an animation whose textures do not change
-//! sends them with its first frame alone.
+//! Scenes in the memory of a device. Arrays with equal contents are stored once: an animation whose textures do not change
+//! uploads them with its first frame only.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
@@ -14,19 +14,19 @@ use crate::device::Device;
 use crate::error::GpuError;
 use crate::pipeline_cache::PipelineCache;
 
-/// A scene that is on the device.
+/// A scene in the memory of the device.
 #[derive(Debug)]
 pub(super) struct ResidentScene {
-    /// Nodes, shapes, scene, materials, textures.
+    /// The arrays: nodes, shapes, scene, materials, textures.
     pub(super) arrays: [Arc<Buffer>; 5],
     pub(super) kernels: Arc<Kernels>,
     depth: u32,
-    /// For rays alone, once somebody asks for them.
+    /// The tracer for rays alone; created on first use.
     rays: Option<Device>,
 }
 
 impl ResidentScene {
-    /// What answers rays alone.
+    /// Returns the tracer for rays alone, over the same arrays.
     pub(super) fn rays(&mut self, context: &Arc<Context>) -> &mut Device {
         let [nodes, shapes, ..] = &self.arrays;
         self.rays.get_or_insert_with(|| {
@@ -35,20 +35,20 @@ impl ResidentScene {
     }
 }
 
-/// All scenes on a device.
+/// All scenes in the memory of a device.
 #[derive(Debug, Default)]
 pub(super) struct ResidentScenes {
     scenes: BTreeMap<DataId, ResidentScene>,
-    /// By digest of what is in them.
+    /// The arrays by the digest of their contents.
     arrays: Vec<([u8; 32], Weak<Buffer>)>,
     kernels: Vec<(Variant, Arc<Kernels>)>,
-    /// Bytes that scenes may take; `None`: as many as the device has.
+    /// The maximum size of scenes in bytes; `None`: as much as the device has.
     memory: Option<u64>,
     sent_bytes: u64,
 }
 
 impl ResidentScenes {
-    /// - `memory`: bytes that they may take.
+    /// - `memory`: the maximum size of all scenes, in bytes.
     pub(super) fn new(memory: Option<u64>) -> Self {
         Self { memory, ..Self::default() }
     }
@@ -57,22 +57,22 @@ impl ResidentScenes {
         self.scenes.get_mut(&id)
     }
 
-    /// Throws a scene out. What another one shares with it stays.
+    /// Evicts a scene. Arrays that another scene shares stay.
     pub(super) fn evict(&mut self, id: DataId) {
         self.scenes.remove(&id);
         self.arrays.retain(|(_, array)| array.strong_count() > 0);
     }
 
-    /// Bytes that were sent since this was asked last, and bytes that are there.
+    /// Returns the bytes uploaded since the last call, and the bytes on the device.
     pub(super) fn bytes(&mut self) -> (u64, u64) {
         let there = self.arrays.iter().filter_map(|(_, array)| array.upgrade()).map(|array| array.size()).sum();
         (std::mem::take(&mut self.sent_bytes), there)
     }
 
-    /// Sends a scene, unless it is there.
+    /// Uploads a scene, unless it is on the device.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`]: there is no room for it; the device is as it was before.
+    /// [`GpuError::OutOfMemory`]: the scene does not fit; the device is unchanged.
     pub(super) fn admit(
         &mut self,
         context: &Context,
@@ -97,12 +97,12 @@ impl ResidentScenes {
         Ok(())
     }
 
-    /// Whether the kernels of a variant are compiled.
+    /// True if the kernels of a variant are compiled.
     pub(super) fn has_kernels(&self, variant: Variant) -> bool {
         self.kernels.iter().any(|(known, _)| *known == variant)
     }
 
-    /// The kernels of a variant, compiled unless they are.
+    /// Returns the kernels of a variant; compiles them if needed.
     pub(super) fn kernels(
         &mut self,
         context: &Context,
@@ -120,7 +120,7 @@ impl ResidentScenes {
         Ok(kernels)
     }
 
-    /// An array with these bytes: one that is there, or a new one.
+    /// Returns an array with these bytes: an existing one, or a new one.
     fn array(&mut self, context: &Context, label: &str, bytes: &[u8]) -> Result<Arc<Buffer>, GpuError> {
         let digest = *blake3::hash(bytes).as_bytes();
         let known = self.arrays.iter().find(|(other, _)| *other == digest);

@@ -1,4 +1,4 @@
-//! A scene as the kernels of paths read it.
+//! A scene in the layout of the path tracing kernels.
 
 use bottega_render::flat::FlatScene;
 use bottega_render::{PreparedScene, SceneGeometry};
@@ -9,7 +9,7 @@ use crate::geometry::Geometry;
 use crate::material::{EncodedMaterials, Features};
 use crate::traversal;
 
-/// What is uploaded. Kept, to be uploaded again after the device was lost.
+/// The arrays that are uploaded. Kept to upload them again after the device was lost.
 #[derive(Debug)]
 pub(super) struct PathScene {
     pub(super) geometry: Geometry,
@@ -17,15 +17,17 @@ pub(super) struct PathScene {
     pub(super) materials: Vec<u32>,
     pub(super) textures: Vec<u32>,
     pub(super) has_opacity: bool,
-    /// What its surfaces ask of the kernels.
+    /// The shader features that the surfaces use.
     pub(super) features: Features,
 }
 
 impl PathScene {
-    /// - `limit`: the most bytes that one array may take.
+    /// Encodes a scene.
+    ///
+    /// - `limit`: the maximum size of one array, in bytes.
     ///
     /// # Errors
-    /// The scene has what the kernels have not, or does not fit.
+    /// The scene has unsupported features, or does not fit.
     pub(super) fn new(prepared: &PreparedScene, limit: u64, adapter: &str) -> Result<Self, GpuError> {
         let mut missing = Vec::new();
         let flat =
@@ -60,7 +62,7 @@ impl PathScene {
         Ok(made)
     }
 
-    /// What its kernels are made for.
+    /// Returns the variant of the kernels that this scene needs.
     pub(super) fn variant(&self) -> Variant {
         Variant {
             has_opacity: self.has_opacity,
@@ -69,7 +71,7 @@ impl PathScene {
         }
     }
 
-    /// What is sent, array by array, with a name for each.
+    /// Returns the arrays to upload, with a name for each.
     pub(super) fn arrays(&self) -> [(&'static str, &[u8]); 5] {
         [
             ("nodes", bytemuck::cast_slice(&self.geometry.nodes)),
@@ -80,7 +82,7 @@ impl PathScene {
         ]
     }
 
-    /// Bytes on the device.
+    /// Returns the bytes of the scene on the device.
     pub(super) fn memory_bytes(&self) -> u64 {
         self.arrays().iter().map(|(_, bytes)| bytes.len() as u64).sum()
     }

@@ -1,4 +1,4 @@
-//! The scenes that a device may be asked to paint, as it is sent them.
+//! The scenes that a device can render, encoded for upload.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -9,14 +9,14 @@ use bottega_render::PreparedScene;
 
 use super::scene::PathScene;
 
-/// Scenes put down for one device: which of them are on it is the allocator's business, see
-/// [`Work::data`](bottega_hra::Work::data). A scene is forgotten when nobody has it any more.
+/// The encoded scenes of one device. The allocator decides which of them are in its memory, see
+/// [`Work::data`](bottega_hra::Work::data). A scene is forgotten when its last owner drops it.
 #[derive(Debug, Default)]
 pub(super) struct SceneShelf {
     scenes: Mutex<BTreeMap<DataId, ShelvedScene>>,
     sent_bytes: AtomicU64,
     resident_bytes: AtomicU64,
-    /// Scenes whose kernels are to be compiled.
+    /// The number of scenes whose kernels are not compiled yet.
     uncompiled: AtomicUsize,
 }
 
@@ -26,7 +26,7 @@ struct ShelvedScene {
     owner: Weak<PreparedScene>,
 }
 
-/// A scene as a device is sent it: see [`GpuAdapter::encode`](crate::GpuAdapter::encode).
+/// A scene in the layout of a device: see [`GpuAdapter::encode`](crate::GpuAdapter::encode).
 #[derive(Clone)]
 pub struct EncodedScene {
     pub(super) flat: Arc<PathScene>,
@@ -34,14 +34,14 @@ pub struct EncodedScene {
 }
 
 impl EncodedScene {
-    /// Bytes on the device.
+    /// Returns the bytes of the scene on the device.
     pub fn bytes(&self) -> u64 {
         self.flat.memory_bytes()
     }
 }
 
 impl SceneShelf {
-    /// From now on the device paints this scene, too.
+    /// Adds a scene to those that the device can render.
     pub(super) fn put(&self, encoded: &EncodedScene) {
         let EncodedScene { flat, scene } = encoded;
         scene.note_device_bytes(flat.memory_bytes());
@@ -51,12 +51,12 @@ impl SceneShelf {
         scenes.insert(scene.data_id(), shelved);
     }
 
-    /// Bytes of scenes that were sent to the device so far.
+    /// Returns the bytes of scenes uploaded to the device so far.
     pub(super) fn sent_bytes(&self) -> u64 {
         self.sent_bytes.load(Ordering::Relaxed)
     }
 
-    /// Bytes of scenes that are on the device; what two of them share counts once.
+    /// Returns the bytes of scenes on the device; data that two scenes share counts once.
     pub(super) fn resident_bytes(&self) -> u64 {
         self.resident_bytes.load(Ordering::Relaxed)
     }
@@ -66,17 +66,17 @@ impl SceneShelf {
         self.resident_bytes.store(resident, Ordering::Relaxed);
     }
 
-    /// The kernels of a scene are to be compiled.
+    /// Counts one more scene whose kernels must be compiled.
     pub(super) fn begin_compiling(&self) {
         self.uncompiled.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// They are, or cannot be.
+    /// Counts one scene fewer, after its kernels were compiled or failed to.
     pub(super) fn end_compiling(&self) {
         self.uncompiled.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// Whether the device has kernels to compile before it does anything else.
+    /// True if the device has kernels to compile before it does other work.
     pub(super) fn is_compiling(&self) -> bool {
         self.uncompiled.load(Ordering::SeqCst) > 0
     }

@@ -1,4 +1,4 @@
-//! Pictures by the kernels against those of the processor, path by path: both take the same numbers.
+//! Images by the kernels compared with those of the CPU, path by path: both use the same random numbers.
 
 mod scenes;
 
@@ -21,7 +21,7 @@ use super::worker::PathWorker;
 use crate::adapters;
 use crate::material::Features;
 
-/// A worker on llvmpipe, or on whatever there is.
+/// A worker on llvmpipe, or else on any device.
 fn worker(scene: &Arc<PreparedScene>, paths: u64) -> Option<PathWorker> {
     let there = adapters();
     let software = there.iter().find(|adapter| adapter.name.contains("llvmpipe"));
@@ -50,7 +50,7 @@ fn settings() -> PathSettings {
     PathSettings { guiding: false, max_depth: 6, filter: Filter::Box { radius: 0.5 }, ..PathSettings::default() }
 }
 
-/// What became of the samples of a small picture: those of the device, and those of the processor.
+/// The samples of a small image, by the device and by the CPU.
 struct Compared {
     device: Tile,
     processor: Tile,
@@ -80,7 +80,7 @@ fn paint(
 }
 
 impl Compared {
-    /// Of single samples: the share of pixels in which some value differs by more than a thousandth.
+    /// Of single samples: the share of pixels in which any value differs by more than a thousandth.
     fn differing(&self) -> f64 {
         let stride = self.device.layout().stride();
         let pairs = self.device.sums().chunks_exact(stride).zip(self.processor.sums().chunks_exact(stride));
@@ -93,7 +93,7 @@ impl Compared {
         pairs.filter(different).count() as f64 / all as f64
     }
 
-    /// Mean of the radiance of all pixels.
+    /// The mean radiance of all pixels, by the device and by the CPU.
     fn means(&self) -> [f64; 2] {
         [&self.device, &self.processor].map(|tile| {
             let stride = tile.layout().stride();
@@ -104,7 +104,7 @@ impl Compared {
     }
 }
 
-/// Single paths are the same but for a few that graze an edge, and so is the mean.
+/// Checks that single paths agree except for a few that graze an edge, and that the means agree.
 fn check(scene: Scene, all_settings: &[PathSettings]) {
     let scene = prepare(scene);
     let Some(mut worker) = worker(&scene, 1 << 14) else { return };
@@ -167,7 +167,7 @@ fn skies_instances_and_lenses_are_the_same() {
 
 #[test]
 fn views_all_around_are_the_same() {
-    // Wide enough to ask beyond the edges of the picture.
+    // Wide enough to look up directions beyond the edges of the image.
     let wide = PathSettings { filter: Filter::Gaussian { radius: 1.5, sigma: 0.5 }, ..settings() };
     for panorama in [Panorama::Equirectangular, Panorama::EqualArea] {
         let mut scene = scenes::cornell();

@@ -1,4 +1,4 @@
-//! A device that follows paths in the scenes that are on it.
+//! A device that traces paths through the scenes in its memory.
 
 use std::sync::Arc;
 
@@ -21,23 +21,23 @@ use crate::shared::paths::{
     GROUPS_SHADOW, PATH_SHADOW, QUEUES, SHADOW_FIELDS,
 };
 
-/// A field of a path's state is a vector of four words.
+/// The size of a field of a path's state: a vector of four words.
 const FIELD_BYTES: u64 = 16;
-/// Bytes of a dispatch that is planned on the device.
+/// The size of an indirect dispatch, in bytes.
 const DISPATCH_BYTES: u64 = 4 * DISPATCH_WORDS as u64;
-/// What kernels count in, before the first one.
+/// The initial contents of the counters.
 const CONTROL: [u32; CONTROL_WORDS as usize] = [0; CONTROL_WORDS as usize];
-/// Where in it the paths are counted that are under way.
+/// The index of the counter of active paths.
 const ACTIVE: usize = CONTROL_ACTIVE as usize;
-/// Rays that are handed over at once.
+/// The maximum number of rays per batch of rays.
 const RAYS_AT_ONCE: usize = 1 << 20;
-/// Bounces that are submitted at once; after them the processor asks whether there is any path left.
+/// The number of bounces per submission; after them the CPU checks whether any path is left.
 const BOUNCES: u32 = 32;
 
-/// Batches that can be on the device at once: one under way, one that waits or is read.
+/// The maximum number of batches on the device: one under way, one that waits or is read.
 const SETS: usize = 2;
 
-/// A batch that is on the device.
+/// A batch on the device.
 #[derive(Debug)]
 pub(super) struct Flight {
     set: usize,
@@ -45,18 +45,18 @@ pub(super) struct Flight {
     sum_bytes: u64,
 }
 
-/// Buffers that grow with the batches.
+/// Buffers of a batch, grown as needed.
 #[derive(Debug)]
 struct Buffers {
     words: Buffer,
     sums: Buffer,
     readback: Buffer,
-    /// Which scene is bound to them, and how.
+    /// The bound scene, and its bind group.
     scene: (DataId, BindGroup),
     state: BindGroup,
 }
 
-/// See the [module](self).
+/// A device that traces paths; see the [module](self).
 #[derive(Debug)]
 pub(super) struct Tracer {
     context: Arc<Context>,
@@ -71,16 +71,16 @@ pub(super) struct Tracer {
     left: Buffer,
     plan: BindGroup,
     buffers: [Option<Buffers>; SETS],
-    /// Whose turn it is.
+    /// The index of the buffer set that the next batch uses.
     turn: usize,
     state_bytes: u64,
     queue_paths: u64,
 }
 
 impl Tracer {
-    /// A device without any scene.
+    /// Opens a device without scenes.
     ///
-    /// - `options.paths`: as many of them under way at a time, where the device has the memory.
+    /// - `options.paths`: the number of paths under way, if the device has the memory.
     pub(super) fn new(adapter: &Adapter, info: &AdapterInfo, options: &PathOptions) -> Result<Self, GpuError> {
         let features = pipeline_cache::features(adapter);
         let context = Context::open(adapter, info, STORAGE_BUFFERS, features, options.timeout)?;
@@ -124,17 +124,17 @@ impl Tracer {
         })
     }
 
-    /// Compiles the kernels of a variant, unless they are.
+    /// Compiles the kernels of a variant, unless that is done.
     pub(super) fn compile(&mut self, variant: Variant) -> Result<(), GpuError> {
         self.scenes.kernels(&self.context, &self.layouts, &self.cache, variant).map(|_| ())
     }
 
-    /// Whether the kernels of a variant are compiled.
+    /// True if the kernels of a variant are compiled.
     pub(super) fn has_kernels(&self, variant: Variant) -> bool {
         self.scenes.has_kernels(variant)
     }
 
-    /// Does something that may take the device as long as it likes.
+    /// Runs `work` without timeouts of the device.
     pub(super) fn patiently<R>(&mut self, work: impl FnOnce(&mut Self) -> R) -> R {
         self.context.set_patient(true);
         let done = work(self);
@@ -142,18 +142,18 @@ impl Tracer {
         done
     }
 
-    /// Sends a scene, unless it is there.
+    /// Uploads a scene, unless it is on the device.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`]: there is no room for it; the device is as it was before.
+    /// [`GpuError::OutOfMemory`]: the scene does not fit; the device is unchanged.
     pub(super) fn admit(&mut self, id: DataId, flat: &PathScene) -> Result<(), GpuError> {
         self.scenes.admit(&self.context, &self.layouts, &self.cache, id, flat)
     }
 
-    /// Throws a scene out.
+    /// Evicts a scene.
     pub(super) fn evict(&mut self, id: DataId) {
         for buffers in &mut self.buffers {
-            // What is bound is held.
+            // A bind group keeps its buffers alive.
             if buffers.as_ref().is_some_and(|buffers| buffers.scene.0 == id) {
                 *buffers = None;
             }
@@ -161,28 +161,28 @@ impl Tracer {
         self.scenes.evict(id);
     }
 
-    /// Bytes of scenes that were sent since this was asked last, and bytes that are there.
+    /// Returns the bytes uploaded since the last call, and the bytes on the device.
     pub(super) fn scene_bytes(&mut self) -> (u64, u64) {
         self.scenes.bytes()
     }
 
-    /// The closest hit of each ray in a scene that was admitted.
+    /// Returns the closest hit of each ray in an admitted scene.
     pub(super) fn intersect(&mut self, id: DataId, rays: &[Ray]) -> Result<Vec<Hit>, GpuError> {
         self.scenes.get(id).ok_or_else(not_there)?.rays(&self.context).intersect(rays, RAYS_AT_ONCE)
     }
 
-    /// Whether each ray hits anything in a scene that was admitted.
+    /// Returns `true` for each ray that hits anything in an admitted scene.
     pub(super) fn occluded(&mut self, id: DataId, rays: &[Ray]) -> Result<Vec<bool>, GpuError> {
         self.scenes.get(id).ok_or_else(not_there)?.rays(&self.context).occluded(rays, RAYS_AT_ONCE)
     }
 
-    /// Paths that can be under way at once.
+    /// Returns the maximum number of paths under way.
     pub(super) fn capacity(&self, light_samples: u32) -> u64 {
         let bytes = fields(light_samples) * FIELD_BYTES;
         (self.state_bytes / bytes).min(self.queue_paths)
     }
 
-    /// Puts a batch of a scene that was admitted on the device. At most two at a time, which are finished in their order.
+    /// Starts a batch of an admitted scene. At most two batches are on the device; they finish in order.
     pub(super) fn start(&mut self, id: DataId, batch: &BlockBatch) -> Result<Flight, GpuError> {
         self.context.check()?;
         let kernels = Arc::clone(&self.scenes.get(id).ok_or_else(not_there)?.kernels);
@@ -190,6 +190,7 @@ impl Tracer {
         if capacity == 0 && batch.path_count != 0 {
             return Err(GpuError::Invalid(format!("{} light samples at a vertex", batch.params.light_samples)));
         }
+        // Upload the batch, and clear its sums.
         let sum_bytes = (batch.sums() * size_of::<f32>()) as u64;
         let set = self.turn;
         self.turn = (set + 1) % SETS;
@@ -199,16 +200,18 @@ impl Tracer {
         let mut encoder = self.encoder();
         encoder.clear_buffer(&buffers.sums, 0, Some(sum_bytes));
         self.context.queue.submit([encoder.finish()]);
+        // Trace the paths in passes that fit into memory.
         let mut before = None;
         for first_path in (0..batch.path_count).step_by(capacity.max(1) as usize) {
             let path_count = capacity.min(batch.path_count - first_path);
             let params = BatchParams { capacity, first_path, path_count, ..batch.params };
             let submission = self.pass(&kernels, &params, buffers)?;
-            // One pass is under way while the next is prepared: no wait is longer than two of them.
+            // One pass is under way while the next is prepared, so that a wait covers at most two passes.
             if let Some(before) = before.replace(submission) {
                 self.context.wait(&before)?;
             }
         }
+        // Copy the sums to the readback buffer.
         let mut encoder = self.encoder();
         encoder.copy_buffer_to_buffer(&buffers.sums, 0, &buffers.readback, 0, sum_bytes);
         let submission = self.context.queue.submit([encoder.finish()]);
@@ -226,9 +229,10 @@ impl Tracer {
         self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
-    /// Follows as many paths as there is room for, and adds what they find to the sums.
+    /// Traces as many paths as fit, and adds their results to the sums.
     fn pass(&self, kernels: &Kernels, params: &BatchParams, buffers: &Buffers) -> Result<SubmissionIndex, GpuError> {
         let queue = &self.context.queue;
+        // Upload the parameters, and generate camera rays.
         let mut control = CONTROL;
         control[ACTIVE] = params.path_count;
         queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
@@ -239,6 +243,7 @@ impl Tracer {
             pass.dispatch_workgroups(params.path_count.div_ceil(GROUP_SIZE), 1, 1);
             self.plan(pass, buffers, &kernels.plan_extend);
         });
+        // Trace bounces until no path is left.
         let mut depth = 0;
         loop {
             let bounces = BOUNCES.min(params.max_depth - depth);
@@ -251,6 +256,7 @@ impl Tracer {
                 break;
             }
             depth += bounces + 1;
+            // Check for remaining paths.
             encoder.copy_buffer_to_buffer(&self.control, 4 * ACTIVE as u64, &self.left, 0, 4);
             let submission = queue.submit([encoder.finish()]);
             let mut left = 0;
@@ -260,6 +266,7 @@ impl Tracer {
                 break;
             }
         }
+        // Add the results to the sums.
         self.compute(&mut encoder, buffers, |pass| {
             pass.set_pipeline(&kernels.accumulate);
             pass.dispatch_workgroups(params.pixel_count.div_ceil(GROUP_SIZE), 1, 1);
@@ -273,7 +280,7 @@ impl Tracer {
         record(&mut pass);
     }
 
-    /// All paths under way come to their next surface, and leave it.
+    /// Traces one bounce: all active paths find their next surface and scatter there.
     fn bounce(&self, kernels: &Kernels, pass: &mut ComputePass<'_>, buffers: &Buffers) {
         self.planned(pass, &kernels.extend, GROUPS_EXTEND);
         self.plan(pass, buffers, &kernels.plan_shade);
@@ -283,7 +290,7 @@ impl Tracer {
         self.planned(pass, &kernels.shadow, GROUPS_SHADOW);
     }
 
-    /// A kernel with as many threads as were planned for it.
+    /// Dispatches a kernel with the number of threads planned for it.
     fn planned(&self, pass: &mut ComputePass<'_>, pipeline: &ComputePipeline, place: u32) {
         pass.set_pipeline(pipeline);
         pass.dispatch_workgroups_indirect(&self.groups, DISPATCH_BYTES * u64::from(place));
@@ -296,7 +303,7 @@ impl Tracer {
         set_groups(pass, buffers);
     }
 
-    /// Makes room for a batch, and binds its scene.
+    /// Grows the buffers for a batch, and binds its scene.
     fn grow(&mut self, set: usize, id: DataId, word_bytes: u64, sum_bytes: u64) -> Result<(), GpuError> {
         let old = self.buffers[set].take();
         let is_enough = |it: &Buffers| it.words.size() >= word_bytes && it.sums.size() >= sum_bytes;
@@ -308,7 +315,7 @@ impl Tracer {
             Some(it) if is_enough(&it) => (it.words, it.sums, it.readback, Some(it.state)),
             old => {
                 let (old_words, old_sums) = old.as_ref().map_or((0, 0), |it| (it.words.size(), it.sums.size()));
-                drop(old); // The old ones go first, where memory is short.
+                drop(old); // Free the old buffers first, in case memory is short.
                 let context = &self.context;
                 let size = |wanted: u64, old: u64| wanted.max(old).max(1 << 16).next_power_of_two();
                 let (word_bytes, sum_bytes) = (size(word_bytes, old_words), size(sum_bytes, old_sums));
@@ -334,7 +341,7 @@ impl Tracer {
         Ok(())
     }
 
-    /// Takes the device away, as a driver does that resets it.
+    /// Destroys the device, like a driver that resets it.
     #[cfg(test)]
     pub(super) fn lose(&self) {
         self.context.device.destroy();
@@ -345,7 +352,7 @@ fn not_there() -> GpuError {
     GpuError::Invalid("the scene is not on the device".to_owned())
 }
 
-/// Fields of a path's state, with those of its light samples.
+/// Returns the number of fields of a path's state, including its light samples.
 fn fields(light_samples: u32) -> u64 {
     u64::from(PATH_SHADOW) + u64::from(SHADOW_FIELDS) * u64::from(light_samples)
 }

@@ -1,4 +1,4 @@
-//! The thread that keeps a device busy: two packets are there at a time, one under way and one that waits or is read.
+//! The worker thread that keeps a device busy: it has two packets on the device, one under way and one that waits or is read.
 
 use std::mem;
 use std::sync::Arc;
@@ -16,51 +16,51 @@ use super::tracer::{Flight, Tracer};
 use crate::compiling::Compiling;
 use crate::error::GpuError;
 
-/// What the thread is told.
+/// A message to the worker thread.
 pub(super) enum Message {
-    /// Units to be done, and where the outcomes go.
+    /// Render these units, and reply with the outcomes.
     Paint(Vec<RenderWork>, Reply<RenderWork>),
-    /// Make the device anew if it failed, and say how that went.
+    /// Open the device again if it failed, and reply with the result.
     Recover(Sender<Result<(), String>>),
-    /// Compile what a scene asks of the kernels, and say how that went where somebody waits for it.
+    /// Compile the kernels of a scene, and send the result if a sender is given.
     Compile(EncodedScene, Option<Sender<Result<(), GpuError>>>),
-    /// Throw a scene out.
+    /// Evict a scene.
     Evict(DataId),
-    /// Nobody has work any more.
+    /// End the thread.
     End,
 }
 
 type BlockResult = Result<RenderOutput, Failed<RenderWork>>;
-/// Opens the device.
+/// A function that opens the device.
 type Open = Box<dyn Fn() -> Result<Tracer, GpuError> + Send>;
 
-/// See the [module](self).
+/// The state of the worker thread; see the [module](self).
 pub(super) struct PathWorker {
     shelf: Arc<SceneShelf>,
-    /// Of the device.
+    /// The device's name.
     name: String,
     open: Open,
-    /// None after it failed, until it is made anew.
+    /// The open device. `None`: the last one failed, and it is opened again on the next use.
     tracer: Option<Tracer>,
-    /// Devices so far: what was begun on an earlier one is lost.
+    /// The number of times the device was opened; batches started on an earlier one are lost.
     device_number: u64,
-    /// When the device was last seen to have ended something.
+    /// The last time a batch was seen to finish.
     last_end: Instant,
 }
 
-/// A unit, and its place among all that have come.
+/// A unit of work, and its index in the packet.
 struct Unit {
     place: usize,
     block: BlockWork,
 }
 
-/// Units of one packet: what is known of their outcomes, and what the device has not ended.
+/// The units of a packet: the outcomes known so far, and the batch still on the device.
 struct StartedBatch {
     outcomes: Vec<Option<BlockResult>>,
-    /// Whether the device has not the memory for the scene: then all of it goes back.
+    /// `true`: the device has no memory for the scene, and the whole packet is returned.
     out_of_memory: bool,
     flight: Option<BatchFlight>,
-    /// Of the device for this packet, so far.
+    /// The time that the device has spent on this packet so far.
     busy: Duration,
 }
 
@@ -75,20 +75,20 @@ struct BatchFlight {
 
 impl PathWorker {
     /// # Errors
-    /// The device cannot be had.
+    /// The device cannot be opened.
     pub(super) fn new(shelf: Arc<SceneShelf>, name: String, open: Open) -> Result<Self, GpuError> {
         let tracer = Some(open()?);
         Ok(Self { shelf, name, open, tracer, device_number: 0, last_end: Instant::now() })
     }
 
-    /// Works until nobody sends messages any more. Each packet is a batch, so that the allocator sees what packets of its sizes
-    /// take; and the next one is on the device before the last one is read.
+    /// Runs until all senders are gone. Each packet is a batch, so that the allocator measures packets of its own sizes; the next
+    /// packet is on the device before the last one is read.
     pub(super) fn run(mut self, inbox: &Receiver<Message>) {
         let mut before: Option<(StartedBatch, Reply<RenderWork>)> = None;
         loop {
             let message = if before.is_some() { inbox.try_recv().ok() } else { inbox.recv().ok() };
             let begun = match message {
-                // Given up while the device was behind: dropping the reply says that nothing comes.
+                // Canceled while it waited: dropping the reply reports that nothing comes.
                 Some(Message::Paint(_, reply)) if !reply.is_awaited() => None,
                 Some(Message::Paint(works, reply)) => Some((self.begin(works), reply)),
                 Some(Message::Recover(tell)) => {
@@ -99,7 +99,7 @@ impl PathWorker {
                     let compiled = self.compile(&encoded);
                     self.shelf.end_compiling();
                     match (tell, compiled) {
-                        // Who has gone meanwhile need not know.
+                        // The requester may have gone meanwhile.
                         (Some(tell), compiled) => _ = tell.send(compiled),
                         (None, Err(error)) => tracing::warn!("{} cannot compile its kernels: {error}", self.name),
                         (None, Ok(())) => {}
@@ -139,8 +139,8 @@ impl PathWorker {
         }
     }
 
-    /// Compiles what a scene asks of the kernels, unless it is, and paints a pixel with them: some drivers compile when a kernel is
-    /// first used. No time limit holds meanwhile.
+    /// Compiles the kernels of a scene, unless that is done, and renders a pixel with them: some drivers compile a kernel on its
+    /// first use. Timeouts are off meanwhile.
     fn compile(&mut self, encoded: &EncodedScene) -> Result<(), GpuError> {
         let (variant, id) = (encoded.flat.variant(), encoded.scene.data_id());
         if self.tracer()?.has_kernels(variant) {
@@ -151,7 +151,7 @@ impl PathWorker {
         drop(compiling);
         self.note_bytes();
         match tried {
-            // It has no room for the scene, or that is none to try kernels on. They are compiled when they are used, then.
+            // The scene does not fit, or kernels cannot be tried on it; they are compiled on first use.
             Ok(()) | Err(GpuError::OutOfMemory { .. } | GpuError::Invalid(_)) => Ok(()),
             Err(error) => {
                 tracing::debug!(?id, %error, "kernels do not work");
@@ -161,7 +161,7 @@ impl PathWorker {
         }
     }
 
-    /// Paints one pixel of a scene.
+    /// Renders one pixel of a scene.
     fn try_kernels(&mut self, encoded: &EncodedScene) -> Result<(), GpuError> {
         let EncodedScene { flat, scene } = encoded;
         let settings = PathSettings { guiding: false, ..PathSettings::default() };
@@ -183,30 +183,30 @@ impl PathWorker {
         })
     }
 
-    /// Tells the shelf what is on the device.
+    /// Updates the shelf's counts of bytes.
     fn note_bytes(&mut self) {
         let (sent, there) = self.tracer.as_mut().map_or((0, 0), Tracer::scene_bytes);
         self.shelf.note(sent, there);
     }
 
-    /// Has the scene of a packet on the device.
+    /// Uploads the scene of a packet, unless it is on the device.
     fn admit(&mut self, works: &[RenderWork]) -> Result<(), GpuError> {
         let Some(id) = works.iter().find_map(RenderWork::data) else { return Ok(()) };
-        // What is not on the shelf is refused unit by unit.
+        // Units of scenes that are not on the shelf are refused one by one.
         let Some(flat) = self.shelf.get(id) else { return Ok(()) };
         let admitted = self.tracer().and_then(|tracer| tracer.admit(id, &flat));
         self.note_bytes();
         admitted
     }
 
-    /// The outcome of each unit, in their order.
+    /// Returns the outcome of each unit, in order.
     #[cfg(test)]
     pub(super) fn perform(&mut self, works: Vec<RenderWork>) -> Vec<BlockResult> {
         let begun = self.begin(works);
         self.end(begun).0
     }
 
-    /// Puts the units of a packet on the device. All but the last batch of them, if there is more than one, is waited for.
+    /// Starts the units of a packet on the device. If they take several batches, waits for all but the last.
     fn begin(&mut self, works: Vec<RenderWork>) -> StartedBatch {
         let start = Instant::now();
         let mut begun = StartedBatch { outcomes: Vec::new(), out_of_memory: false, flight: None, busy: Duration::ZERO };
@@ -224,7 +224,7 @@ impl PathWorker {
             begun.outcomes.push(None);
             let block = match work {
                 RenderWork::Block(block) => block,
-                // A look at a few pixels is nothing for a device, nor are photons: they are done here.
+                // Probes of a few pixels and photons are too small for a device; they run on the CPU.
                 RenderWork::Probe(_)
                 | RenderWork::Wave(_)
                 | RenderWork::Photons(_)
@@ -254,6 +254,7 @@ impl PathWorker {
         if groups.is_empty() {
             begun.busy = start.elapsed();
         }
+        // Start a batch per kind; wait for the previous one.
         for (kind, units) in groups {
             for units in batches(units) {
                 self.land(&mut begun);
@@ -272,13 +273,13 @@ impl PathWorker {
         begun
     }
 
-    /// Waits for the rest; also tells how long the device was at work on it.
+    /// Waits for the rest; also returns the time that the device spent on the packet.
     fn end(&mut self, mut begun: StartedBatch) -> (Vec<BlockResult>, Duration) {
         self.land(&mut begun);
         (begun.outcomes.into_iter().flatten().collect(), begun.busy)
     }
 
-    /// Waits for the batch that is on the device.
+    /// Waits for the batch on the device.
     fn land(&mut self, begun: &mut StartedBatch) {
         let Some(BatchFlight { units, batch, flight, device_number, begun: since }) = begun.flight.take() else {
             return;
@@ -303,7 +304,7 @@ impl PathWorker {
         }
     }
 
-    /// Begins a batch of units of one kind.
+    /// Starts a batch of units of one kind.
     fn start(&mut self, kind: &BatchKind, units: &[Unit]) -> Result<(BlockBatch, Flight), GpuError> {
         let Some(first) = units.first() else { return Err(GpuError::Invalid("a batch without units".to_owned())) };
         let scene = Arc::clone(&first.block.scene);
@@ -349,7 +350,7 @@ impl PathWorker {
         })
     }
 
-    /// The device, made anew if the last one failed.
+    /// Returns the device; opens it again if the last one failed.
     fn tracer(&mut self) -> Result<&mut Tracer, GpuError> {
         let tracer = match self.tracer.take() {
             Some(tracer) => tracer,
@@ -364,14 +365,14 @@ impl PathWorker {
     }
 }
 
-/// What was not painted goes back to whoever asked.
+/// Returns the units as failed with this error.
 fn give_back(units: Vec<Unit>, error: &GpuError, outcomes: &mut [Option<BlockResult>]) {
     for Unit { place, block } in units {
         outcomes[place] = Some(Err(Failed { work: RenderWork::Block(block), reason: error.to_string() }));
     }
 }
 
-/// Cuts units into as many as may be painted at once.
+/// Splits units into batches within the limits of paths and pixels.
 fn batches(units: Vec<Unit>) -> Vec<Vec<Unit>> {
     let mut all: Vec<Vec<Unit>> = Vec::new();
     let (mut paths, mut pixels) = (u64::MAX, 0);

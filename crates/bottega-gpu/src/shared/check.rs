@@ -1,8 +1,7 @@
-//! Nothing that is shared is said by hand in a shader.
+//! Tests that shaders do not repeat shared constants by hand.
 //!
-//! What counts as said by hand, by file and line: a constant of a number or a vector of numbers, whatever it is called; a number
-//! that is the value of a shared constant and so particular that it can be nothing else; a place in a record, a code, a
-//! flag or a parameter that is a bare number.
+//! A line is at fault if it has a constant that is a number or a vector of numbers; a number that equals a shared constant and is
+//! distinctive enough to be no coincidence; or a bare number as a place in a record, a code, a flag or a parameter.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,7 +10,7 @@ use std::path::{Path, PathBuf};
 use super::declare::{Layout, Value};
 use super::{constants, layouts};
 
-/// Names under which shaders hold the place of a record.
+/// Variable names by which shaders hold the place of a record.
 const RECORDS: &[&str] = &[
     "block",
     "camera",
@@ -33,7 +32,7 @@ const RECORDS: &[&str] = &[
     "sphere",
     "table",
 ];
-/// Functions that read a word or several at a place.
+/// Functions that read one or more words at a place.
 const READERS: &[&str] = &[
     "batch_number",
     "batch_vec2",
@@ -51,10 +50,10 @@ const READERS: &[&str] = &[
     "vec3_at",
     "vec4_at",
 ];
-/// Names under which they hold codes and flags.
+/// Variable names by which shaders hold codes and flags.
 const CODES: &[&str] = &["flags", "format", "handle", "kind", "shape"];
 
-/// All shaders: path below `wgsl/` without the ending, and text.
+/// Returns all shaders: the path below `wgsl/` without the ending, and the text.
 pub(super) fn shaders() -> BTreeMap<String, String> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("src/wgsl");
     let mut all = BTreeMap::new();
@@ -75,7 +74,7 @@ fn collect(root: &Path, folder: &Path, all: &mut BTreeMap<String, String>) {
     }
 }
 
-/// Words, numbers and signs of a line, without its comment.
+/// Returns the words, numbers and signs of a line, without its comment.
 pub(super) fn tokens(line: &str) -> Vec<&str> {
     let line = line.split("//").next().unwrap_or_default();
     let (mut tokens, mut rest) = (Vec::new(), line.trim_start());
@@ -92,7 +91,7 @@ fn word_length(text: &str) -> usize {
     text.find(|sign: char| !sign.is_alphanumeric() && sign != '_').unwrap_or(text.len())
 }
 
-/// Digits, a point, and a sign behind the `e` of an exponent.
+/// Returns the length of a number: digits, a point, and a sign after the `e` of an exponent.
 fn number_length(text: &str) -> usize {
     let mut before = ' ';
     let is_hexadecimal = text.starts_with("0x");
@@ -106,7 +105,7 @@ fn number_length(text: &str) -> usize {
     text.len()
 }
 
-/// A number of either language.
+/// A number literal of Rust or WGSL.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Number {
     Whole(u64),
@@ -129,7 +128,7 @@ pub(super) fn number(token: &str) -> Option<Number> {
     }
 }
 
-/// Whether a number is so particular that it is no coincidence: three digits that count, or a large power.
+/// True if a number is distinctive: three significant digits, or a large power.
 pub(super) fn is_particular(number: Number) -> bool {
     match number {
         Number::Whole(whole) => whole > 0xffff,
@@ -141,7 +140,7 @@ pub(super) fn is_particular(number: Number) -> bool {
     }
 }
 
-/// The shared constant whose value a literal repeats.
+/// Returns the shared constant whose value a literal repeats.
 fn repeated(token: &str) -> Option<String> {
     let number = number(token).filter(|&number| is_particular(number))?;
     let is_same = |value: &Value| match (value, number) {
@@ -153,7 +152,7 @@ fn repeated(token: &str) -> Option<String> {
     constants().into_iter().find(|constant| is_same(&constant.value)).map(|constant| constant.name.into_owned())
 }
 
-/// Why a line may not stand in a shader.
+/// Returns the reason why a line is not allowed in a shader.
 fn fault(line: &str) -> Option<String> {
     let tokens = tokens(line);
     if let ["const", name, ":", type_name, ..] = tokens[..] {

@@ -1,18 +1,18 @@
-//! The declaration of types and constants that Rust and WGSL share.
+//! Declarations of the types and constants that Rust and WGSL share.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use bottega_render::flat::{FieldPlace, Record};
 
-/// A value of a constant.
+/// The value of a shared constant.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
     U32(u32),
     F32(f32),
-    /// A vector.
+    /// A vector of floats.
     Floats(Cow<'static, [f32]>),
-    /// A vector.
+    /// A vector of words.
     Words(Cow<'static, [u32]>),
 }
 
@@ -25,7 +25,7 @@ pub(crate) struct Constant {
 }
 
 impl Constant {
-    /// Its declaration, with a line for each line of its documentation.
+    /// Returns its WGSL declaration, with its documentation as comments.
     pub(crate) fn wgsl(&self) -> String {
         let docs = self.docs.iter().map(|line| format!("//{line}\n")).collect::<String>();
         let (name, value) = (&self.name, &self.value);
@@ -48,7 +48,7 @@ impl Constant {
     }
 }
 
-/// Declares constants of both languages, and a table of them.
+/// Declares constants for both languages, and a table of them.
 macro_rules! constants {
     (@value u32 $name:ident) => { $crate::shared::declare::Value::U32($name) };
     (@value f32 $name:ident) => { $crate::shared::declare::Value::F32($name) };
@@ -76,24 +76,24 @@ macro_rules! constants {
 }
 pub(super) use constants;
 
-/// Where the fields of a record are: a constant each, `PREFIX_FIELD`.
+/// The places of a record's fields: a constant per field, `PREFIX_FIELD`.
 #[derive(Debug)]
 pub(crate) struct Layout {
     prefix: &'static str,
     fields: &'static [FieldPlace],
-    /// Words by which places are counted.
+    /// The unit of the places, in words.
     unit: u32,
-    /// Words of the whole.
+    /// The size of the record in words; `None`: shaders do not need it.
     words: Option<u32>,
 }
 
 impl Layout {
-    /// Places counted in words, and how many words there are.
+    /// Declares places in words, and the size of the record.
     pub(crate) const fn of<R: Record>(prefix: &'static str) -> Self {
         Self { prefix, fields: R::FIELDS, unit: 1, words: Some(R::WORDS) }
     }
 
-    /// Places counted in multiples of a number of words.
+    /// Declares places in multiples of `unit` words.
     pub(crate) const fn counted<R: Record>(prefix: &'static str, unit: u32) -> Self {
         Self { prefix, fields: R::FIELDS, unit, words: None }
     }
@@ -109,9 +109,9 @@ impl Layout {
     }
 }
 
-/// A type that both languages have.
+/// A type of both languages.
 pub(crate) trait SharedType {
-    /// What shaders call it.
+    /// The name of the type in WGSL.
     const NAME: &'static str;
 }
 
@@ -136,7 +136,7 @@ impl SharedType for glam::Vec3 {
 pub(crate) struct DeclaredType {
     pub(crate) name: &'static str,
     pub(crate) fields: &'static [DeclaredField],
-    /// In bytes.
+    /// The size in bytes.
     #[cfg(test)]
     pub(crate) size: usize,
 }
@@ -146,7 +146,7 @@ pub(crate) struct DeclaredType {
 pub(crate) struct DeclaredField {
     pub(crate) name: &'static str,
     pub(crate) type_name: &'static str,
-    /// In bytes.
+    /// The offset in bytes.
     #[cfg(test)]
     pub(crate) offset: usize,
 }
@@ -161,7 +161,7 @@ impl DeclaredType {
     }
 }
 
-/// Declares a struct that is copied to buffers as it is, for both languages.
+/// Declares a struct for both languages that is copied to buffers byte by byte.
 macro_rules! buffer_struct {
     ($(#[$attribute:meta])* struct $name:ident {
         $( $(#[$field_attribute:meta])* $field:ident: $type:ty ),* $(,)?

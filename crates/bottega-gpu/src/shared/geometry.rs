@@ -1,4 +1,4 @@
-//! Shapes, the tree over them, rays, and answers to rays.
+//! Shapes, the tree over them, rays, and the answers to rays.
 
 use std::mem::offset_of;
 
@@ -10,45 +10,45 @@ use glam::Vec3;
 
 use super::declare::{Layout, buffer_struct, constants};
 
-/// Children of a node.
+/// The number of children of a node.
 pub(crate) const WIDTH: usize = 8;
 
 constants! {
-    /// Of shapes and rays.
+    /// Constants of shapes and rays.
     CONSTANTS;
-    /// Threads in a group.
+    /// Threads per workgroup.
     GROUP_SIZE: u32 = 64;
-    /// Stands for infinity.
+    /// A distance that stands for infinity.
     FAR: f32 = 3e38;
-    /// The bit of an instance's number that tells of a sphere.
+    /// The bit of an instance number that marks a sphere.
     HIT_SPHERE: u32 = Hit::SPHERE;
-    /// The instance of a hit that is none.
+    /// The instance of an answer without a hit.
     HIT_NOTHING: u32 = Hit::NONE.instance;
-    /// Rounding of a slab test, conservatively: 1 + 2 γ₃ (Ize, "Robust BVH Ray Traversal", 2013).
+    /// Conservative bound of the rounding of a slab test: 1 + 2 γ₃ (Ize, "Robust BVH Ray Traversal", 2013).
     SLAB_SLACK: f32 = 1.0000008;
-    /// Tolerance of the edge tests, relative to the sum of the three: rays through a shared edge must not slip between.
+    /// Tolerance of the edge tests, relative to the sum of the three: no ray may slip between two triangles that share an edge.
     EDGE_SLACK: f32 = 0.0000019;
-    /// Vectors of four words of a node.
+    /// Size of a node in vectors of four words.
     NODE_VECTORS: u32 = size_of::<Node>() as u32 / 16;
-    /// A bit for each of four children.
+    /// The lowest bit of each of four bytes.
     NODE_EACH: u32 = 0x0101_0101;
-    /// Bits of a child's kind that tell its place, or how far its first shape is from the node's.
+    /// Width of the field of a child's kind that holds its place, or the offset of its first shape from the node's.
     NODE_PLACE_WIDTH: u32 = 5;
-    /// Those bits of four children.
+    /// That field in four children.
     NODE_PLACE_BITS: u32 = ((1 << NODE_PLACE_WIDTH) - 1) * NODE_EACH;
-    /// Bits of four children that stand for a shape each, above those of the place.
+    /// The bits above it in four children: one per shape.
     NODE_SHAPE_BITS: u32 = ((1 << LEAF_MAX) - 1) * NODE_EACH;
-    /// Added to the place of a child that is a node: these are counted in the upper eight of 32 bits.
+    /// Offset of the places of inner children: they use the upper eight of 32 bits.
     NODE_INNER: u32 = 24;
-    /// The bits below, which stand for shapes.
+    /// The lower 24 bits, which stand for shapes.
     NODE_GROUP_SHAPES: u32 = (1 << NODE_INNER) - 1;
-    /// The root alone.
+    /// A group with the root alone.
     NODE_GROUP_ROOT: u32 = 1 << 31;
-    /// The upper one of the two bits of [`NODE_INNER`], which no shape has both of.
+    /// The upper one of the two bits of [`NODE_INNER`]; no leaf has both.
     NODE_INNER_SHIFT: u32 = 4;
-    /// That bit of four children.
+    /// That bit in four children.
     NODE_INNER_BITS: u32 = NODE_EACH << NODE_INNER_SHIFT;
-    /// Shapes in a leaf at most: their number is kept in bits of which each stands for one.
+    /// The maximum number of shapes per leaf; a leaf has one bit per shape.
     LEAF_MAX: u32 = 3;
 }
 
@@ -66,7 +66,7 @@ record! {
 }
 
 impl AnswerRecord {
-    /// From the words that the shader wrote.
+    /// Decodes the words that the shader wrote.
     pub(crate) fn of(words: &[u32; Self::WORDS as usize]) -> Self {
         let float = |place: u32| f32::from_bits(words[place as usize]);
         Self {
@@ -92,7 +92,7 @@ buffer_struct! {
 }
 
 buffer_struct! {
-    /// A ray: all finite, nothing to be found where `t_min >= t_max`.
+    /// A ray with finite numbers; it hits nothing if `t_min >= t_max`.
     struct Ray {
         origin: Vec3,
         t_min: f32,
@@ -102,7 +102,7 @@ buffer_struct! {
 }
 
 buffer_struct! {
-    /// What is told of a batch of rays.
+    /// The parameters of a batch of rays.
     struct RayParams {
         ray_count: u32,
         padding_0: u32,
@@ -111,31 +111,31 @@ buffer_struct! {
     }
 }
 
-/// A node of the tree; shaders read [`NODE_VECTORS`] vectors of four words.
+/// A node of the tree; shaders read it as [`NODE_VECTORS`] vectors of four words.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct Node {
-    /// The lower corner.
+    /// The lower corner of the node's box.
     pub(crate) corner: [f32; 3],
-    /// Biased exponents of the size of a step on each axis.
+    /// The biased exponents of the step size on each axis.
     pub(crate) exponents: [u8; 3],
-    /// Which children are nodes, a bit each.
+    /// A bit per child: set if the child is an inner node.
     pub(crate) inner: u8,
-    /// The first child that is a node; they follow each other.
+    /// The index of the first inner child; the others follow it.
     pub(crate) children: u32,
-    /// The first shape of the children that are leaves.
+    /// The index of the first shape of the leaf children.
     pub(crate) shapes: u32,
-    /// Of each child: 0 where there is none; a node: 1 << 5 | 24 + its place; a leaf: so many bits from bit 5 on as it has shapes,
-    /// and in the lower five bits how far they are from `shapes`.
+    /// A byte per child. No child: 0. Inner node: 1 << 5 | 24 + its place. Leaf: from bit 5 on one bit per shape, and in the
+    /// lower five bits the offset of its first shape from `shapes`.
     pub(crate) kinds: [u8; WIDTH],
-    /// Boxes by axis, in steps from the corner.
+    /// The children's boxes by axis, in steps from the corner.
     pub(crate) low: [[u8; WIDTH]; 3],
     pub(crate) high: [[u8; WIDTH]; 3],
 }
 
-/// A struct of a node's parts for shaders, and the function that makes it of a node's vectors.
+/// Returns WGSL: a struct of a node's parts, and the function that unpacks it from the node's vectors.
 pub(super) fn node_source() -> String {
-    // A word by the vector and the component that it is in.
+    // The vector and component that hold a byte.
     let word = |byte: usize| format!("{}.{}", ["a", "b", "c", "d", "e"][byte / 16], ["x", "y", "z", "w"][byte / 4 % 4]);
     let byte = |byte: usize| format!("({} >> {}u) & 0xffu", word(byte), 8 * (byte % 4));
     let two = |byte: usize| format!("vec2<u32>({}, {})", word(byte), word(byte + 4));

@@ -37,7 +37,7 @@ pub(super) const LAYOUTS: &[Layout] = &[
 ];
 
 constants! {
-    /// Of materials and surfaces.
+    /// Constants of materials and surfaces.
     SURFACES;
     /// Flags of a material.
     MATERIAL_HAS_OPACITY: u32 = 1;
@@ -55,7 +55,7 @@ constants! {
     MATERIAL_HAS_COAT: u32 = 1 << 12;
     MATERIAL_HAS_ANISOTROPY: u32 = 1 << 13;
     MATERIAL_LAYERED: u32 = 1 << 14;
-    /// How alpha is read; neither: it is not.
+    /// Flags of the alpha mode; neither: opaque.
     MATERIAL_MASKS: u32 = 1 << 15;
     MATERIAL_BLENDS_ALPHA: u32 = 1 << 16;
 
@@ -64,7 +64,7 @@ constants! {
     RELIEF_NORMALS: u32 = 1;
     RELIEF_HEIGHTS: u32 = 2;
     RELIEF_KIND_MASK: u32 = 3;
-    /// Mitsuba's rule, and what it says.
+    /// Flags of Mitsuba's rule for reliefs, and its options.
     RELIEF_MITSUBA: u32 = 1 << 4;
     RELIEF_TURNS: u32 = 1 << 5;
     RELIEF_SHADOWS: u32 = 1 << 6;
@@ -86,14 +86,14 @@ constants! {
     /// Words of a surface's record before its parameters.
     SURFACE_PARAMS: u32 = 8;
     SURFACE_PARAMS_MAX: u32 = 16;
-    /// Most blends within each other.
+    /// The maximum depth of nested blends.
     BLEND_DEPTH_MAX: u32 = 64;
-    /// Records on the way through them.
+    /// The maximum number of records on the way through nested blends.
     SURFACE_DEPTH_MAX: u32 = BLEND_DEPTH_MAX + 1;
-    /// Greatest number of events within a coat that are followed.
+    /// The maximum number of events that are traced within a coat.
     COATED_EVENTS_MAX: u32 = bsdf::COATED_DEPTH_MAX;
 
-    /// Distribution, shadowing and what roughness means, of facets.
+    /// Flags of facets: distribution, shadowing and the scale of roughness.
     FACETS_BECKMANN: u32 = 1;
     FACETS_SEPARABLE: u32 = 2;
     FACETS_MASK: u32 = FACETS_BECKMANN | FACETS_SEPARABLE;
@@ -103,19 +103,19 @@ constants! {
     FACETS_SQUARE: u32 = 2;
     FACETS_ALPHA_MAX: f32 = bsdf::ALPHA_MAX;
 
-    /// What becomes of light that is reflected within a plastic.
+    /// Treatment of light that is reflected within a plastic: linear, nonlinear, or lost.
     PLASTIC_LINEAR: u32 = 0;
     PLASTIC_NONLINEAR: u32 = 1;
     PLASTIC_LOST: u32 = 2;
 
-    /// Nodes of the thickness of a cover in an octave.
+    /// Nodes of a cover's thickness per octave.
     COVER_STEPS_PER_OCTAVE: f32 = 8.0;
 }
 
 constants! {
-    /// Of textures.
+    /// Constants of textures.
     TEXTURES;
-    /// Formats of pictures, in the lowest byte; above it whether codes are sRGB.
+    /// Formats of images, in the lowest byte; above it a bit for sRGB codes.
     TEXTURE_GRAY8: u32 = 0;
     TEXTURE_RGBA8: u32 = 1;
     TEXTURE_RGBA16: u32 = 2;
@@ -123,13 +123,13 @@ constants! {
     TEXTURE_RGBA32: u32 = 4;
     IMAGE_FORMAT_MASK: u32 = 0xff;
     IMAGE_SRGB_SHIFT: u32 = 8;
-    /// Codes of 1.
+    /// The code of the value 1.
     TEXEL_8_MAX: f32 = u8::MAX as f32;
     TEXEL_16_MAX: f32 = u16::MAX as f32;
-    /// Where more texels than this lie within a footprint, the square of their number stays finite.
+    /// Upper bound of the texels within a footprint, so that the square of their number stays finite.
     TEXELS_SQUARED_MAX: f32 = 1e37;
 
-    /// Flags of a map: the second set of coordinates, smooth, and from shifts on how it goes on beyond the picture.
+    /// Flags of a map: the second set of coordinates, interpolation, and from the shifts on the wrap modes.
     MAP_UV_SET: u32 = 1;
     MAP_SMOOTH: u32 = 2;
     MAP_WRAP_U_SHIFT: u32 = 2;
@@ -139,25 +139,25 @@ constants! {
     TEXTURE_WRAP_MIRROR: u32 = 1;
     TEXTURE_WRAP_CLAMP: u32 = 2;
 
-    /// Handles of maps carry a channel in their lowest bits,
+    /// The lowest bits of a map's handle name a channel,
     CHANNEL_R: u32 = Channel::R as u32;
     CHANNEL_G: u32 = Channel::G as u32;
     CHANNEL_B: u32 = Channel::B as u32;
     CHANNEL_A: u32 = Channel::A as u32;
-    /// or that they mean all colours.
+    /// or all colour channels.
     CHANNEL_RGB: u32 = 4;
     CHANNEL_MASK: u32 = MAP_ALIGNMENT - 1;
-    /// The place of the map.
+    /// The bits of a handle that hold the place of the map.
     TEXTURE_HANDLE: u32 = !CHANNEL_MASK;
-    /// Maps are at multiples of it.
+    /// Maps lie at multiples of this many words.
     MAP_ALIGNMENT: u32 = 8;
 }
 
 record! {
-    /// What comes before the first material.
+    /// The header before the first material.
     pub(crate) struct MaterialsRecord in 8 {
         pub(crate) count: u32,
-        /// Place of the albedo curves; 0: there are none.
+        /// The place of the albedo curves; 0: there are none.
         pub(crate) curves: u32,
     }
 }
@@ -165,9 +165,9 @@ record! {
 record! {
     /// A parameter of a surface.
     pub(crate) struct Param {
-        /// A colour, or a number in all channels or the first.
+        /// A colour, or a number in all channels or in the first.
         pub(crate) factor: Vec3,
-        /// Handle of a texture; 0: there is none.
+        /// The handle of a texture that is multiplied by; 0: none.
         pub(crate) texture: u32,
     }
 }
@@ -176,38 +176,38 @@ record! {
     /// A material.
     pub(crate) struct MaterialRecord in 32 {
         pub(crate) flags: u32,
-        /// Places of the surfaces that scatter on both sides; 0: none does.
+        /// The places of the surfaces that scatter on the front and the back; 0: nothing scatters.
         pub(crate) front: u32,
         pub(crate) back: u32,
-        /// Least alpha of what is there.
+        /// The minimum alpha at which a masked surface is present.
         pub(crate) cutoff: f32,
         pub(crate) opacity: Param,
         pub(crate) emission: Param,
-        /// Absorption per unit of distance before the front and behind it.
+        /// Absorption per unit of distance, outside and inside.
         pub(crate) exterior: Vec3,
         pub(crate) interior: Vec3,
-        /// Kind and rule.
+        /// The relief's kind and rule.
         pub(crate) relief: u32,
-        /// Handle of its texture.
+        /// The handle of the relief's texture.
         pub(crate) relief_map: u32,
-        /// Of the x and y of normals, or of heights.
+        /// The scale of the x and y of normals, or of heights.
         pub(crate) relief_scale: f32,
-        /// Handle of the map of the normals of the clear coat; 0: it has the smooth normal of the surface.
+        /// The handle of the clear coat's normal map; 0: the coat has the smooth normal of the surface.
         pub(crate) coat_map: u32,
         pub(crate) coat_scale: f32,
-        /// Handle of a texture of directions of highlights.
+        /// The handle of a texture with the directions of stretched highlights.
         pub(crate) anisotropy_map: u32,
-        /// Cosine and sine by which they are turned.
+        /// The cosine and sine of the angle by which those directions are rotated.
         pub(crate) anisotropy_turn: Vec2,
-        /// What an unlit surface shows.
+        /// The colour of an unlit surface.
         pub(crate) unlit_color: Param,
     }
 }
 
 record! {
-    /// What a surface without anything of its own begins with.
+    /// The head of a surface that has only parameters.
     pub(crate) struct PlainHead in 8 {
-        /// Kind and number of parameters.
+        /// The kind and the number of parameters.
         pub(crate) kind: u32,
     }
 }
@@ -233,9 +233,9 @@ record! {
         pub(crate) kind: u32,
         pub(crate) facets: u32,
         pub(crate) eta: f32,
-        /// What becomes of light that is reflected within.
+        /// The treatment of light that is reflected within: one of `PLASTIC_…`.
         pub(crate) inner: u32,
-        /// Place of its cover; 0: the boundary is smooth everywhere, or the base is seen as if it were.
+        /// The place of its cover; 0: the boundary is smooth everywhere, or the base is shaded as if it were.
         pub(crate) cover: u32,
     }
 }
@@ -246,10 +246,10 @@ record! {
         pub(crate) facets: u32,
         pub(crate) eta: f32,
         pub(crate) max_depth: u32,
-        /// Place of the cover of a coat that only absorbs; 0: it may scatter, or lies on metal.
+        /// The place of the cover of a coat that only absorbs; 0: it may scatter, or lies on metal.
         pub(crate) cover: u32,
         pub(crate) is_metal: bool,
-        /// Of metal.
+        /// The flags of the metal's facets.
         pub(crate) base_facets: u32,
     }
 }
@@ -269,7 +269,7 @@ record! {
         pub(crate) ior: f32,
         pub(crate) dispersion: f32,
         pub(crate) film_ior: f32,
-        /// Of the film's thickness, in nanometres.
+        /// The range of the film's thickness, in nanometres.
         pub(crate) film_least: f32,
         pub(crate) film_most: f32,
     }
@@ -278,7 +278,7 @@ record! {
 record! {
     pub(crate) struct BlendHead in 8 {
         pub(crate) kind: u32,
-        /// Places of both surfaces.
+        /// The places of both surfaces.
         pub(crate) first: u32,
         pub(crate) second: u32,
     }
@@ -327,7 +327,7 @@ record! {
 }
 
 record! {
-    /// Of a coat, before those of its base.
+    /// The parameters of a coat; those of its base follow.
     pub(crate) struct CoatedParams {
         pub(crate) albedo: Param,
         pub(crate) thickness: Param,
@@ -383,9 +383,9 @@ record! {
         pub(crate) coat_roughness: Param,
         pub(crate) sheen_roughness: Param,
         pub(crate) film: Param,
-        /// Where between its least and its most it is.
+        /// The film's thickness, from 0 (minimum) to 1 (maximum).
         pub(crate) film_thickness: Param,
-        /// Its strength.
+        /// The strength of the anisotropy.
         pub(crate) anisotropy: Param,
     }
 }
@@ -405,31 +405,31 @@ const _: () = assert!(
 );
 
 record! {
-    /// What the curves of a cover begin with; they follow, of each slot by node.
+    /// The head of the curves of a cover; the curves follow, ordered by slot of thickness, then by node of α.
     pub(crate) struct CoverBlock {
-        /// The first node of α, and how many there are.
+        /// The first node of α, and the number of nodes.
         pub(crate) first_node: u32,
         pub(crate) node_count: u32,
-        /// Of thickness; below 1.
+        /// The first step of thickness, below 1.
         pub(crate) first_step: i32,
-        /// The first one is thickness 0 where there are more than one.
+        /// The number of slots of thickness. If there is more than one, the first is for thickness 0.
         pub(crate) slot_count: u32,
     }
 }
 
 record! {
-    /// What a picture begins with; its levels follow.
+    /// The head of an image; its levels follow.
     pub(crate) struct ImageRecord {
-        /// Format, and whether codes are sRGB.
+        /// The format, and a bit for sRGB codes.
         pub(crate) format: u32,
         pub(crate) level_count: u32,
     }
 }
 
 record! {
-    /// A level of a picture.
+    /// A mip level of an image.
     pub(crate) struct LevelRecord {
-        /// Place of its texels.
+        /// The place of its texels.
         pub(crate) texels: u32,
         pub(crate) width: u32,
         pub(crate) height: u32,
@@ -437,16 +437,16 @@ record! {
 }
 
 record! {
-    /// How a picture is laid on a surface.
+    /// The mapping of an image to a surface.
     pub(crate) struct MapRecord in 16 {
-        /// Place of the picture.
+        /// The place of the image.
         pub(crate) image: u32,
         pub(crate) flags: u32,
-        /// Columns of the linear part of the transformation, and its translation.
+        /// The columns of the linear part of the transformation of uv, and its translation.
         pub(crate) x_axis: Vec2,
         pub(crate) y_axis: Vec2,
         pub(crate) offset: Vec2,
-        /// The square of the number of texels along a unit of uv.
+        /// The square of the number of texels per unit of uv.
         pub(crate) texels_squared: f32,
     }
 }

@@ -1,8 +1,9 @@
-//! Everything that this crate and its shaders both know: constants, codes, flags, and where the fields of records are.
+//! Constants, codes, flags and record layouts that this crate shares with its shaders.
 //!
 //! Each is declared once, in Rust: a line of [`constants!`](declare::constants) is a constant of both languages, a struct of
-//! [`buffer_struct!`](declare::buffer_struct) is one of both, and the places of the fields of a [`record!`](bottega_render::record)
-//! are constants of the shaders. [`source`] is what shaders begin with; no shader says any of it itself (see `check.rs`).
+//! [`buffer_struct!`](declare::buffer_struct) is a struct of both, and the places of the fields of a
+//! [`record!`](bottega_render::record) are constants of the shaders. [`source`] comes first in every shader; no shader repeats
+//! any of it by hand (see `check.rs`).
 
 mod declare;
 pub(crate) mod geometry;
@@ -20,7 +21,7 @@ use std::sync::LazyLock;
 
 use declare::{Constant, Layout};
 
-/// The beginning of all shaders, the same for all of them.
+/// Returns the common start of all shaders.
 pub(crate) fn source() -> &'static str {
     static SOURCE: LazyLock<String> = LazyLock::new(|| {
         let constants = constants().into_iter().map(|constant| constant.wgsl());
@@ -64,7 +65,7 @@ mod tests {
         naga::front::wgsl::parse_str(source).unwrap_or_else(|error| panic!("{}", error.emit_to_string(source)))
     }
 
-    /// The numbers that a constant has in a module.
+    /// The bits of the numbers of a constant in a module.
     fn bits(module: &naga::Module, of: naga::Handle<naga::Expression>) -> Vec<u32> {
         match &module.global_expressions[of] {
             naga::Expression::Literal(naga::Literal::U32(number)) => vec![*number],

@@ -9,12 +9,12 @@ use bottega_render::bsdf::{LobeFlags, constants as bsdf, fresnel, ggx, precomput
 use super::declare::{Constant, Value, constants};
 
 constants! {
-    /// Of mathematics, and of surfaces but the layered one.
+    /// Constants of mathematics, and of all surfaces except the layered one.
     CONSTANTS;
     PI: f32 = consts::PI;
     TAU: f32 = consts::TAU;
     FRAC_1_PI: f32 = consts::FRAC_1_PI;
-    /// The largest number below 1: what a uniform number is clamped to after it was stretched.
+    /// The largest float below 1: stretched uniform numbers are clamped to it.
     ONE_MINUS_EPSILON: f32 = warp::ONE_MINUS_EPSILON;
     WARP_UNIFORM_PDF: f32 = warp::UNIFORM_HEMISPHERE_PDF;
 
@@ -35,10 +35,10 @@ constants! {
     BSDF_KIND_PRINCIPLED: u32 = 8;
     BSDF_KIND_SHEET: u32 = 9;
     BSDF_KIND_LAYERED: u32 = 10;
-    /// Something, of which nothing is seen from wo.
+    /// A surface that scatters, but nothing towards this wo.
     BSDF_KIND_NOTHING: u32 = 11;
 
-    /// What is known of the lobes.
+    /// Properties of the lobes.
     BSDF_HAS_NON_DELTA: u32 = 1;
     BSDF_IS_TRANSMISSIVE: u32 = 2;
 
@@ -51,9 +51,9 @@ constants! {
     DIELECTRIC_ETA_STEP_MIN: f32 = bsdf::DIELECTRIC_ETA_STEP_MIN;
     PLASTIC_MEAN_THROUGH: f32 = bsdf::PLASTIC_MEAN_THROUGH;
 
-    /// In the words of a stack: the bits of the metal's facets begin here, above those of the boundary.
+    /// In the words of a stack: the first bit of the metal's facets, above those of the boundary.
     STACK_METAL_SHIFT: u32 = 2;
-    /// And whether there is metal.
+    /// Flag: the stack lies on metal.
     STACK_IS_METAL: u32 = 16;
 
     COVER_COSINES: u32 = bsdf::COVER_COSINES as u32;
@@ -62,7 +62,7 @@ constants! {
 }
 
 constants! {
-    /// Of the layered surface.
+    /// Constants of the layered surface.
     LAYERS;
     COAT_IOR: f32 = bsdf::COAT_IOR;
     DISPERSION_SCALE: f32 = bsdf::DISPERSION_SCALE;
@@ -77,13 +77,13 @@ constants! {
     SHEEN_WIDE: [f32; 4] = first_four(bsdf::SHEEN_WIDE);
     SHEEN_WIDE_LAST: f32 = bsdf::SHEEN_WIDE[4];
 
-    /// Numbers of a curve of albedos; the mean over the hemisphere, and the peak, are behind its nodes of √μ.
+    /// Numbers per curve of albedos; after the nodes of √μ come the mean over the hemisphere and the peak.
     TABLE_CURVE: u32 = precomputed::ALBEDO_CURVE as u32;
     TABLE_MU: u32 = bsdf::TABLE_MU as u32;
     TABLE_PEAK: u32 = TABLE_MU + 1;
     TABLE_ROUGH: u32 = bsdf::TABLE_ROUGHNESS as u32;
     TABLE_INDEX: u32 = bsdf::TABLE_INDEX as u32;
-    /// First curves.
+    /// The first curve of each table.
     TABLE_SINGLE: u32 = 0;
     TABLE_SCHLICK: u32 = TABLE_SINGLE + TABLE_ROUGH;
     TABLE_RISE: u32 = TABLE_SCHLICK + TABLE_ROUGH;
@@ -91,12 +91,12 @@ constants! {
     TABLE_INSIDE: u32 = TABLE_OUTSIDE + TABLE_INDEX * TABLE_ROUGH;
     TABLE_SHEEN: u32 = TABLE_INSIDE + TABLE_INDEX * TABLE_ROUGH;
 
-    /// What happens to light that is not reflected.
+    /// Kinds of transmission: none, through a thin sheet, into a solid.
     THROUGH_NOTHING: u32 = 0;
     THROUGH_SHEET: u32 = 1;
     THROUGH_SOLID: u32 = 2;
 
-    /// Which tables the cosine lobes look into.
+    /// The tables that the cosine lobes use.
     LAYERED_USES_SINGLE: u32 = 1;
     LAYERED_USES_RISE: u32 = 2;
     LAYERED_USES_BOUNDARY: u32 = 4;
@@ -115,7 +115,7 @@ const fn first_four([a, b, c, d, _]: [f32; 5]) -> [f32; 4] {
     [a, b, c, d]
 }
 
-/// The Gaussians of a thin film, in nanometres: height, turns per nanometre, variance per square nanometre.
+/// Returns the Gaussians of a thin film: height, frequency in turns per nanometre, variance per square nanometre.
 pub(super) fn film_gaussians() -> impl Iterator<Item = Constant> {
     let names = ["FILM_X0", "FILM_X1", "FILM_Y", "FILM_Z"];
     names.into_iter().zip(bsdf::FILM_GAUSSIANS).map(|(name, [height, position, variance])| {

@@ -1,4 +1,4 @@
-//! A scene and a picture of it, as `bottega_render::flat` writes them.
+//! A scene and a view of it, as `bottega_render::flat` writes them.
 
 use bottega_render::flat::{
     self, CameraRecord, EnvironmentRecord, FilterRecord, InstanceRecord, MeshRecord, ParallelRecord,
@@ -50,9 +50,9 @@ constants! {
 }
 
 constants! {
-    /// Places of the header, and numbers of light transport.
+    /// Places of the header, and constants of light transport.
     CONSTANTS;
-    /// Stands for nothing.
+    /// An index that stands for none.
     NONE: u32 = flat::NONE;
     HEADER_INSTANCES: u32 = header::INSTANCES as u32;
     HEADER_SPHERES: u32 = header::SPHERES as u32;
@@ -67,25 +67,25 @@ constants! {
     HEADER_HAS_FAR: u32 = header::HAS_FAR as u32;
     LIGHT_WORDS: u32 = flat::LIGHT_WORDS;
     FILTER_INTERVALS: u32 = flat_constants::FILTER_INTERVALS as u32;
-    /// Least probability with which light from infinitely far away is asked for, and least with which it is not.
+    /// Minimum probability of sampling the environment and distant lights, and minimum probability of not doing so.
     SHARE_MIN: f32 = flat_constants::SHARE_MIN;
-    /// A light that is seen under a larger solid angle than this is sampled by solid angle, in sr.
+    /// A light seen under a larger solid angle than this, in sr, is sampled by solid angle.
     SOLID_ANGLE_MIN: f32 = flat_constants::SOLID_ANGLE_MIN;
     DISTANCE_SQUARED_MIN: f32 = flat_constants::DISTANCE_SQUARED_MIN;
-    /// Distance that a new ray keeps from the surface, relative to the sizes of the numbers that its place was computed from.
+    /// Offset of a new ray from the surface, relative to the magnitude of the numbers that its origin was computed from.
     CLEARANCE: f32 = flat_constants::CLEARANCE;
     EXTENT_CLEARANCE: f32 = flat_constants::EXTENT_CLEARANCE;
-    /// Least cosine between the direction of who looks and the shading normal.
+    /// Minimum cosine between wo and the shading normal.
     COSINE_MIN: f32 = flat_constants::COSINE_MIN;
     ROULETTE_SURVIVAL_MAX: f32 = flat_constants::ROULETTE_SURVIVAL_MAX;
-    /// How far from its target a shadow ray ends, as a share of its length.
+    /// Gap between a shadow ray's end and its target, relative to its length.
     SHADOW_MARGIN: f32 = flat_constants::SHADOW_MARGIN;
-    /// Growth of the beam after a scattering that spreads over one steradian.
+    /// Growth of the cone after a scattering that spreads over one steradian.
     SCATTERED_SPREAD: f32 = flat_constants::SCATTERED_SPREAD;
-    /// Sets the numbers that choose between blended surfaces apart from those that decide on opacity.
+    /// Separates the random numbers that choose between blended surfaces from those that decide on opacity.
     BLEND: [u32; 2] = [flat_constants::BLEND as u32, (flat_constants::BLEND >> 32) as u32];
-    /// Where the depth of a vertex begins in the upper word of the keys of both.
+    /// The position of the depth in the upper word of the keys of both.
     DEPTH_SHIFT: u32 = flat_constants::DEPTH_SHIFT - 32;
-    /// The bit by which a surface has another number for a shadow ray than for a path.
+    /// The bit by which shadow rays get other opacity numbers than paths.
     ASKS_AS_SHADOW: u32 = flat_constants::ASKS_AS_SHADOW;
 }

@@ -1,15 +1,15 @@
-//! Shaders lie side by side with the Rust that computes the same.
+//! Tests that compare shaders with their twins: the Rust files that compute the same.
 //!
-//! The first line of a shader says of which file it is the twin: the same name in the same folder, below another `src`. Functions
-//! of both that have one name are in one order, where the name of a shader's function is that of the Rust function, behind that of
-//! its type or of the file. And a particular number of a formula stands in both.
+//! The first line of a shader names its twin: the file with the same name in the same folder, below another `src`. Functions with
+//! the same name in both are in the same order; the name of a shader's function is the Rust function's name, prefixed by its type
+//! or file. Distinctive numbers of a formula must occur in both.
 
 use std::fs;
 use std::path::PathBuf;
 
 use super::check::{Number, is_particular, number, shaders, tokens};
 
-/// The path of the twin below `crates/`; `None`: there is none.
+/// Returns the path of the twin below `crates/`; `None`: there is none.
 fn twin_of(name: &str, text: &str) -> Option<String> {
     let first = text.lines().next().unwrap_or_default();
     if first == "// No twin." {
@@ -51,7 +51,7 @@ fn functions(text: &str) -> Vec<Function> {
     functions
 }
 
-/// `Type` of `impl Trait for Type<…> {`, in lower case.
+/// Returns `Type` of `impl Trait for Type<…> {`, in lower case.
 fn self_type(tokens: &[&str]) -> Option<String> {
     let place = tokens.iter().position(|&token| token == "for" || token == "trait");
     let mut rest = match place {
@@ -74,7 +74,7 @@ fn snake(name: &str) -> String {
     })
 }
 
-/// Whether a shader's function has the name of a Rust function; the lower the more exactly.
+/// Ranks how well a shader's function matches a Rust function by name; lower is closer, `None` is no match.
 fn likeness(name: &str, stem: &str, function: &Function) -> Option<u8> {
     let Function { of, name: own } = function;
     let is = |prefix: &str| name.strip_suffix(own.as_str()).and_then(|rest| rest.strip_suffix('_')) == Some(prefix);
@@ -87,7 +87,7 @@ fn likeness(name: &str, stem: &str, function: &Function) -> Option<u8> {
     }
 }
 
-/// The place of the twin of a shader's function.
+/// Returns the index of the Rust function that matches a shader's function best.
 fn place_of(name: &str, stem: &str, rust: &[Function]) -> Option<usize> {
     let like = rust.iter().enumerate().filter_map(|(place, it)| Some((likeness(name, stem, it)?, place)));
     like.min().map(|(_, place)| place)
@@ -116,7 +116,7 @@ fn twins_have_the_same_name_and_the_same_order() {
     assert!(twins > 40 && 3 * paired > 2 * all);
 }
 
-/// Halves of numbers of 64 bits, which shaders have as two words.
+/// Returns a number and the two halves of its 64 bits, which shaders have as two words.
 fn parts(number: Number) -> Vec<u64> {
     match number {
         Number::Whole(whole) => vec![whole, whole & 0xffff_ffff, whole >> 32],
@@ -124,10 +124,10 @@ fn parts(number: Number) -> Vec<u64> {
     }
 }
 
-/// Files whose formulas are others than in Rust, for lack of double precision.
+/// Files whose formulas differ from Rust's, for lack of double precision.
 const OTHER_FORMULAS: &[&str] = &["math"];
 
-/// Formulas that the twins in Rust have in common; a shader has them itself.
+/// Formulas that several Rust twins share; each shader repeats them.
 const SHARED_FORMULAS: &str = "bottega-kernels/src/split_mix.rs";
 
 #[test]

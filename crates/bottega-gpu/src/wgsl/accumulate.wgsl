@@ -1,6 +1,6 @@
 // No twin.
 //
-// Paths end: what they found is added to the sums of their pixels, sample by sample in their order.
+// The last kernel of a pass: adds the radiance of its paths to the sums of their pixels, in the order of the samples.
 
 @compute @workgroup_size(GROUP_SIZE)
 fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -12,12 +12,12 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixels = batch_words[job + JOB_PIXELS];
     let begin = batch_words[job + JOB_FIRST_PATH] + pixel - batch_words[job + JOB_FIRST_PIXEL];
     let end = min(batch_words[job + JOB_FIRST_PATH] + batch_words[job + JOB_PATHS], batch.first_path + batch.path_count);
-    // The first of its samples that is in this pass.
+    // The first sample of the pixel in this pass.
     var number = begin;
     if batch.first_path > begin {
         number += (batch.first_path - begin + pixels - 1u) / pixels * pixels;
     }
-    // Summed here and added at the end: the sums are far away.
+    // Sum in registers and write once: memory is far away.
     var radiance_sum = vec3<f32>(0.0);
     var albedo_sum = vec4<f32>(0.0);
     var normal_sum = vec4<f32>(0.0);
@@ -26,10 +26,11 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     var dropped = 0.0;
     for (; number < end; number += pixels) {
         let path = number - batch.first_path;
-        // Asked of the bits: a compiler may take all numbers to be sound.
+        // Check the bits: a compiler may assume that all floats are finite.
         let found = bits(PATH_RADIANCE, path).xyz;
         let is_sound = all((found & vec3(0x7f800000u)) != vec3(0x7f800000u));
         let factor = field(PATH_RECEIVER_NORMAL, path).w;
+        // Drop invalid samples, and clamp bright ones.
         let whole = bitcast<vec3<f32>>(select(vec3(0u), found, is_sound));
         let greatest = max(max(whole.x, whole.y), whole.z);
         let sample_max = bitcast<f32>(batch.sample_max);
@@ -44,6 +45,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
             normal_sum += field(PATH_NORMAL, path);
         }
     }
+    // Add to the pixel's sums.
     let at = pixel * batch.stride;
     add_sum(at, radiance_sum);
     sums[at + SUM_ALPHA] += albedo_sum.w;

@@ -1,6 +1,6 @@
 // No twin.
 //
-// Of scenes in which nothing is cut out.
+// The opacity test of scenes in which no surface is cut out.
 
 fn is_there(hit: Hit, ray: Ray) -> bool {
     return true;

@@ -1,17 +1,17 @@
 // Twin: `bottega-render/src/camera.rs`.
 //
-// Rays of a camera.
+// Camera rays.
 
-// A ray in world space, of which only a part is looked along.
+// A ray in world space, and the part of it that is traced.
 struct CameraRay {
     origin: vec3<f32>,
-    // How far from the camera it starts, and how far it reaches from there.
+    // Distance from the camera to its start, and its length from there.
     start: f32,
     direction: vec3<f32>,
     reach: f32,
 }
 
-// The ray through a place of the picture, in pixels. `lens`: two uniform numbers.
+// Returns the ray through a position of the image, in pixels. `lens`: two uniform numbers.
 fn camera_ray(camera: u32, place: vec2<f32>, lens: vec2<f32>) -> CameraRay {
     let double_pixel = batch_vec2(camera + CAMERA_DOUBLE_PIXEL);
     let offset = place * double_pixel - 1.0;
@@ -26,7 +26,7 @@ fn camera_ray(camera: u32, place: vec2<f32>, lens: vec2<f32>) -> CameraRay {
     }
     let radius = batch_number(camera + CAMERA_LENS_RADIUS);
     if radius > 0.0 {
-        // All rays of one place meet in the plane in focus.
+        // All rays of one position meet in the plane in focus.
         let focus = origin + direction * batch_number(camera + CAMERA_FOCUS);
         origin += vec3(radius * uniform_disk(lens), 0.0);
         direction = focus - origin;
@@ -36,7 +36,7 @@ fn camera_ray(camera: u32, place: vec2<f32>, lens: vec2<f32>) -> CameraRay {
     let near = batch_number(camera + CAMERA_NEAR);
     let far = batch_number(camera + CAMERA_FAR);
     if !is_panorama && (near > 0.0 || far < FAR) {
-        // The line of sight is -z; a ray that slants comes to a plane later.
+        // The line of sight is -z; an oblique ray travels farther to reach a plane.
         let slant = length(direction) / -direction.z;
         start = near * slant;
         if far < FAR {
@@ -50,7 +50,7 @@ fn camera_ray(camera: u32, place: vec2<f32>, lens: vec2<f32>) -> CameraRay {
     return CameraRay(world_origin, start, normalize(world_from_camera * direction), reach);
 }
 
-// The direction at a place of a panorama, both from 0 to 1; beyond its edges the sphere goes on.
+// Returns the direction at a position of a panorama, both coordinates from 0 to 1; beyond the edges the sphere continues.
 fn around(is_equal_area: bool, place: vec2<f32>) -> vec3<f32> {
     if !is_equal_area {
         let theta = sin_cos(PI * place.y);

@@ -1,12 +1,12 @@
 // No twin.
 //
-// Whether a candidate hit counts where surfaces may let rays pass. It depends on the segment of the path and on the surface
-// alone, so all candidates of one ray may be asked in any order and more than once.
+// The opacity test of candidate hits in scenes with cut-out surfaces. The result depends only on the path's segment and the
+// surface, so candidates of a ray can be tested in any order and repeatedly.
 
 var<private> asking: Sampler;
 var<private> asking_depth: u32;
 
-// The bit by which a surface has another number for a shadow ray than for a path: it must not hear what the path heard.
+// The bit by which shadow rays get other opacity numbers than paths, so that the two are independent.
 var<private> asking_shadow: u32;
 
 fn ask_as(path: u32, depth: u32, is_shadow: bool) {
@@ -22,7 +22,7 @@ fn is_there(hit: Hit, ray: Ray) -> bool {
         let sphere = sphere_at(hit.instance & ~HIT_SPHERE);
         place.material = scene_words[sphere + SPHERE_MATERIAL];
         place.vertex_alpha = 1.0;
-        // A sphere is entered and left: these are two surfaces.
+        // A ray enters and leaves a sphere: these count as two surfaces.
         let from_center = ray.origin + hit.t * ray.direction - vec3_at(sphere + SPHERE_CENTER);
         is_left = select(0u, 1u, dot(from_center, ray.direction) > 0.0);
     } else {

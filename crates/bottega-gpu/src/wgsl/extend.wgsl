@@ -1,6 +1,6 @@
 // No twin.
 //
-// Paths go on to the next surface, and those that meet none find the environment.
+// Finds the next surface of active paths and queues them by hit or miss; traces shadow rays.
 
 @compute @workgroup_size(GROUP_SIZE)
 fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -12,12 +12,14 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
     ask_as(path, depth, false);
     var reach = FAR;
     var start = 0.0;
+    // A camera ray has a limited length.
     if depth == 0u {
         let first = field(PATH_HIT, path);
         reach = first.x;
         start = first.y;
     }
     let hit = traverse(Ray(field(PATH_ORIGIN, path).xyz, 0.0, field(PATH_DIRECTION, path).xyz, reach), false);
+    // Queue the path by hit or miss.
     if hit.shape == HIT_NOTHING {
         push(QUEUE_MISSED, CONTROL_MISSED, path);
     } else {
@@ -29,14 +31,14 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// Shadow rays: what is seen of the lights that were drawn is added.
+// Traces shadow rays, and adds the light samples that are visible.
 @compute @workgroup_size(GROUP_SIZE)
 fn shadow(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= atomicLoad(&control[CONTROL_LIT_NOW]) {
         return;
     }
     let path = queued(QUEUE_LIT, id.x);
-    // The depth counts on before this kernel.
+    // The depth was advanced before this kernel.
     ask_as(path, atomicLoad(&control[CONTROL_DEPTH]) - 1u, true);
     var found = field(PATH_RADIANCE, path);
     for (var part = 0u; part < batch.light_samples; part += 1u) {

@@ -1,8 +1,8 @@
 // Twin: `bottega-render/src/filter.rs`.
 //
-// Places in a pixel by a filter.
+// Sampling of positions in a pixel by a reconstruction filter.
 
-// Offset from the center of the pixel along one axis, and the factor of the sample.
+// Returns an offset from the center of the pixel along one axis, and the weight of the sample.
 fn filter_sample(u: f32) -> vec2<f32> {
     let filter_at = batch.picture_at + PICTURE_FILTER;
     let radius = batch_number(filter_at + FILTER_RADIUS);

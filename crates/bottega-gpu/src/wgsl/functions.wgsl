@@ -1,6 +1,6 @@
 // No twin.
 //
-// Functions that WGSL leaves imprecise, to some units in the last place. Coefficients: Moshier, Cephes (single precision).
+// Functions that WGSL leaves imprecise, to a few units in the last place. Coefficients: Moshier, Cephes (single precision).
 
 fn atan_of(x: f32) -> f32 {
     let size = abs(x);
@@ -46,10 +46,10 @@ fn acos_of(x: f32) -> f32 {
     return 0.5 * PI - with_sign(part, x);
 }
 
-// Sine and cosine, for angles of some turns.
+// Returns sine and cosine, for angles of a few turns.
 fn sin_cos(x: f32) -> vec2<f32> {
     let quadrant = round(x * 0.636619772367581);
-    // π/2 in three parts.
+    // Subtract π/2 in three parts.
     let r = ((x - quadrant * 1.5703125) - quadrant * 4.837512969970703e-4) - quadrant * 7.549789948768648e-8;
     let z = r * r;
     let s = ((-1.9515295891e-4 * z + 8.3321608736e-3) * z - 1.6666654611e-1) * z * r + r;

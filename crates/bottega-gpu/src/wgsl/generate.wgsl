@@ -1,6 +1,6 @@
 // No twin.
 //
-// Paths begin: the camera's rays of all samples of the batch.
+// The first kernel of a pass: camera rays for all samples of the batch.
 
 fn batch_number(at: u32) -> f32 {
     return bitcast<f32>(batch_words[at]);
@@ -14,7 +14,7 @@ fn batch_vec3(at: u32) -> vec3<f32> {
     return vec3(batch_number(at), batch_number(at + 1u), batch_number(at + 2u));
 }
 
-// The last job that begins at or before a number, by the word of the job that tells where it begins.
+// Returns the last job that starts at or before `number`; `begins`: the word of a job that holds its start.
 fn job_of(number: u32, begins: u32) -> u32 {
     var first = 0u;
     var last = batch.job_count;
@@ -29,6 +29,7 @@ fn job_of(number: u32, begins: u32) -> u32 {
     return batch.jobs_at + first * JOB_WORDS;
 }
 
+// Starts a path: finds its pixel and sample, and stores its camera ray.
 fn start_path(path: u32) {
     let number = batch.first_path + path;
     let job = job_of(number, JOB_FIRST_PATH);
@@ -39,12 +40,14 @@ fn start_path(path: u32) {
     let columns = batch_words[job + JOB_COLUMNS];
     let x = batch_words[job + JOB_X] + pixel % columns;
     let y = batch_words[job + JOB_Y] + pixel / columns;
+    // Sample a position in the pixel by the filter.
     let from_pixel = pixel_sampler_new(x, y, sample_index);
     let u = quad(from_pixel, 0u);
     let dx = filter_sample(u.x);
     let dy = filter_sample(u.y);
     let place = vec2(f32(x) + 0.5 + dx.x, f32(y) + 0.5 + dy.x);
 
+    // Generate the camera ray.
     let camera = batch.picture_at + PICTURE_CAMERA;
     let ray = camera_ray(camera, place, u.zw);
     set_field(PATH_ORIGIN, path, vec4(ray.origin, batch_number(camera + CAMERA_CONE_WIDTH)));

@@ -1,9 +1,9 @@
 // No twin.
 //
-// Rays and shapes.
+// Intersection of rays with shapes.
 //
-// WGSL lets an implementation assume that there is no infinity and no NaN: whatever could be either is replaced on the
-// processor's side before it comes here.
+// WGSL lets an implementation assume that no infinity and no NaN occurs; the CPU replaces values that could be either before the
+// upload.
 
 struct Hit {
     t: f32,
@@ -11,7 +11,7 @@ struct Hit {
     v: f32,
     instance: u32,
     primitive: u32,
-    // Where it is among the shapes.
+    // Index among the shapes.
     shape: u32,
 }
 
@@ -62,7 +62,7 @@ fn hit_sphere(index: u32, shape: Shape, ray: Ray, best: ptr<function, Hit>) {
     consider(Hit(max(larger, other), 0.0, 0.0, shape.instance, shape.primitive, index), ray, best);
 }
 
-// Takes a candidate if it is nearer, or as near and of lower numbers.
+// Accepts a candidate if it is nearer, or as near with lower numbers.
 fn consider(hit: Hit, ray: Ray, best: ptr<function, Hit>) {
     if !(hit.t > ray.t_min) || hit.t > (*best).t {
         return;

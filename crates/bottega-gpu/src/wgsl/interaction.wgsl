@@ -1,14 +1,14 @@
 // Twin: `bottega-render/src/interaction.rs`.
 //
-// What a path knows of a point on a surface: from the hit to the shading frame.
+// Surface interactions: from the hit to the shading frame.
 
 struct Interaction {
     p: vec3<f32>,
     clearance: f32,
-    // Where rays start that stay on the side of wo.
+    // Origin of rays that stay on the side of wo.
     p_outside: vec3<f32>,
     footprint: f32,
-    // Geometric normal, on the front side.
+    // Geometric normal, pointing to the front side.
     ng: vec3<f32>,
     material: u32,
     // Shading frame; n is on the side of wo.
@@ -25,12 +25,12 @@ struct Interaction {
     lifted: vec4<f32>,
 }
 
-// How texture coordinates lie on a surface, for both sets of them.
+// The orientation of both sets of texture coordinates on the surface.
 struct Sides {
-    // Tangents of increasing u, and the signs of their bitangents.
+    // Tangents along increasing u, with the signs of their bitangents.
     tangent0: vec4<f32>,
     tangent1: vec4<f32>,
-    // How the point moves with u and with v; not to be asked where they do not tell.
+    // Derivatives of the point along u and v; undefined if the set has no `tells`.
     along_u0: vec3<f32>,
     along_v0: vec3<f32>,
     along_u1: vec3<f32>,
@@ -47,7 +47,7 @@ fn interaction_new(shape_index: u32, t: f32, uv: vec2<f32>, origin: vec3<f32>, d
     return on_triangle(shape, uv, direction, width);
 }
 
-// The normal that a normal map tells of.
+// Returns the normal of a normal map.
 fn mapped_normal(
     point: ptr<function, Interaction>,
     map: u32,
@@ -100,7 +100,7 @@ fn on_sphere(shape: Shape, origin: vec3<f32>, direction: vec3<f32>, t: f32, widt
     if (point.flags & MATERIAL_TEXTURED) != 0u {
         point.uv0 = sphere_uv(sphere, point.ng);
         point.uv1 = point.uv0;
-        // One turn of u around the equator.
+        // u goes once around the equator.
         point.footprint = width / (2.0 * PI * radius);
     }
     if (point.flags & MATERIAL_NEEDS_TANGENTS) == 0u {
@@ -124,7 +124,7 @@ fn on_triangle(shape: Shape, uv: vec2<f32>, direction: vec3<f32>, width: f32) ->
     point.p = shape.p0 + e1 * uv.x + e2 * uv.y;
     point.p_outside = point.p;
     point.ng = direction_or(area_vector, -direction);
-    // Rounding errors of the hit and of the next test are relative to the size of the triangle and to the place.
+    // Rounding errors of this hit and of the next test scale with the triangle's size and position.
     let extent = 3.0 * max(math_max3(abs(e1)), math_max3(abs(e2)));
     point.clearance = CLEARANCE * math_max3(abs(point.p)) + EXTENT_CLEARANCE * extent;
     point.wo = -direction;
@@ -157,7 +157,7 @@ fn on_triangle(shape: Shape, uv: vec2<f32>, direction: vec3<f32>, width: f32) ->
     return point;
 }
 
-// Makes the shading frame of a material that depends on the directions of the texture coordinates.
+// Computes the shading frame of a material that depends on the orientation of texture coordinates.
 fn set_frames(point: ptr<function, Interaction>, ns: vec3<f32>, all_sides: Sides) {
     var sides = all_sides;
     let flags = (*point).flags;
@@ -166,7 +166,7 @@ fn set_frames(point: ptr<function, Interaction>, ns: vec3<f32>, all_sides: Sides
     if relief.kind == RELIEF_NONE {
         set_frame(point, ns);
     } else if relief.mitsuba {
-        // Mitsuba filters no textures, and what a relief does is far from linear in what it is.
+        // Mitsuba does not filter textures, and a relief is far from linear in them.
         without = set_lifted_frame(point, relief, ns, normal_of_relief(point, relief, 0.0, ns, &sides));
     } else {
         set_frame(point, normal_of_relief(point, relief, (*point).footprint, ns, &sides));
@@ -180,7 +180,7 @@ fn set_frames(point: ptr<function, Interaction>, ns: vec3<f32>, all_sides: Sides
     }
     turn_frame(point, along);
     if (flags & MATERIAL_HAS_COAT) != 0u {
-        // The base's normal map is not the coat's.
+        // The base's normal map does not apply to the coat.
         let map = material_coat_map((*point).material);
         var coat = ns;
         if map != 0u {
@@ -194,7 +194,7 @@ fn set_frames(point: ptr<function, Interaction>, ns: vec3<f32>, all_sides: Sides
     }
 }
 
-// Makes the frame around a normal lifted off ns, by Mitsuba's rule. Returns the normal without relief on the side of wo.
+// Computes the frame around a normal tilted from ns by Mitsuba's rule. Returns the normal without relief on the side of wo.
 fn set_lifted_frame(
     point: ptr<function, Interaction>,
     relief: MaterialRelief,
@@ -215,7 +215,7 @@ fn set_lifted_frame(
     return without;
 }
 
-// Turns the frame about its normal until s is as near to a tangent as it can be.
+// Rotates the frame about its normal until s is as close to the tangent as possible.
 fn turn_frame(point: ptr<function, Interaction>, tangent: vec3<f32>) {
     let n = (*point).n;
     let s = direction_or(tangent - n * dot(n, tangent), vec3<f32>(0.0));
@@ -225,7 +225,7 @@ fn turn_frame(point: ptr<function, Interaction>, tangent: vec3<f32>) {
     }
 }
 
-// Makes the shading frame around ns, which may be on either side: turned to that of wo, and bent so that wo sees it.
+// Computes the shading frame around ns, on either side: flips it to the side of wo, and bends it until wo sees it.
 fn set_frame(point: ptr<function, Interaction>, ns: vec3<f32>) {
     let upright = select(ns, -ns, dot(ns, (*point).ng) < 0.0);
     var n = select(-upright, upright, (*point).is_in_front);
@@ -251,7 +251,7 @@ fn to_world(point: ptr<function, Interaction>, w: vec3<f32>) -> vec3<f32> {
     return (*point).s * w.x + (*point).t * w.y + (*point).n * w.z;
 }
 
-// Whether a direction is on the side of wo of the real surface.
+// Checks that a direction is on the side of wo of the geometric surface.
 fn is_reflection(point: ptr<function, Interaction>, wi: vec3<f32>) -> bool {
     return (dot(wi, (*point).ng) > 0.0) == (*point).is_in_front;
 }

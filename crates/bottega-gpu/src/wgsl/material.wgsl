@@ -1,14 +1,14 @@
 // Twin: `bottega-scene/src/material.rs`.
 //
-// What a material is beside its scattering. `material_words`: a head, a record of each material, then surfaces and tables.
+// The properties of a material other than its BSDF. `material_words`: a header, a record per material, then surfaces and tables.
 
 struct MaterialRelief {
     kind: u32,
-    // Handle of its texture, with a channel in the lowest bits; 0: none.
+    // Handle of the texture, with a channel in the lowest bits; 0: none.
     map: u32,
-    // Of the x and y of normals, or of heights.
+    // Scale of the x and y of normals, or of heights.
     scale: f32,
-    // Mitsuba's rule, and what it says; else the normal is bent until it is seen.
+    // `true`: Mitsuba's rule, with the options below; `false`: the normal is bent until it is seen.
     mitsuba: bool,
     turns: bool,
     shadows: bool,
@@ -39,7 +39,7 @@ fn material_flags(material: u32) -> u32 {
     return material_words[material_head(material) + MATERIAL_FLAGS];
 }
 
-// A colour (or in x a number): its factor, times a texture where there is one.
+// Returns a colour (or in x a number): its factor, times a texture if there is one.
 fn color_param_eval(at: u32, uv0: vec2f, uv1: vec2f, footprint: f32) -> vec3f {
     let factor = material_vec3(at + PARAM_FACTOR);
     let handle = material_words[at + PARAM_TEXTURE];
@@ -56,7 +56,7 @@ fn color_param_eval(at: u32, uv0: vec2f, uv1: vec2f, footprint: f32) -> vec3f {
     }
 }
 
-// Probability that the surface is there; see `Material::opacity_at`.
+// Returns the opacity; see `Material::opacity_at`.
 fn material_opacity_at(material: u32, uv0: vec2f, uv1: vec2f, footprint: f32, vertex_alpha: f32) -> f32 {
     let head = material_head(material);
     let flags = material_words[head + MATERIAL_FLAGS];
@@ -70,22 +70,22 @@ fn material_opacity_at(material: u32, uv0: vec2f, uv1: vec2f, footprint: f32, ve
     return clamp(alpha, 0.0, 1.0);
 }
 
-// Radiance that the surface emits, on those sides that its flags tell of.
+// Returns the emitted radiance, on the sides given by the flags.
 fn material_emission(material: u32, uv0: vec2f, uv1: vec2f, footprint: f32) -> vec3f {
     return color_param_eval(material_head(material) + MATERIAL_EMISSION, uv0, uv1, footprint);
 }
 
-// What an unlit surface shows, before vertex colours.
+// Returns the colour of an unlit surface, before vertex colours.
 fn material_unlit(material: u32, uv0: vec2f, uv1: vec2f, footprint: f32) -> vec3f {
     return color_param_eval(material_head(material) + MATERIAL_UNLIT_COLOR, uv0, uv1, footprint);
 }
 
-// Absorption per unit of distance behind the front or before it.
+// Returns the absorption per unit of distance, inside or outside.
 fn material_absorption(material: u32, behind_front: bool) -> vec3f {
     return material_vec3(material_head(material) + select(MATERIAL_EXTERIOR, MATERIAL_INTERIOR, behind_front));
 }
 
-// The record of what scatters on a side; 0: nothing does.
+// Returns the record of the surface on a side; 0: nothing scatters.
 fn material_surface_of(material: u32, front: bool) -> u32 {
     return material_words[material_head(material) + select(MATERIAL_BACK, MATERIAL_FRONT, front)];
 }
@@ -98,7 +98,7 @@ fn material_relief(material: u32) -> MaterialRelief {
         (bits & RELIEF_TURNS) != 0u, (bits & RELIEF_SHADOWS) != 0u, (bits & RELIEF_MIRRORED) != 0u);
 }
 
-// The map of the normals of the clear coat (0: it has the smooth normal of the surface), and its scale.
+// Returns the clear coat's normal map (0: the coat has the smooth normal of the surface), and its scale.
 fn material_coat_map(material: u32) -> u32 {
     return material_words[material_head(material) + MATERIAL_COAT_MAP];
 }
@@ -107,7 +107,7 @@ fn material_coat_scale(material: u32) -> f32 {
     return material_f32(material_head(material) + MATERIAL_COAT_SCALE);
 }
 
-// Where highlights are stretched to, in the tangent frame (x along u, y up the picture).
+// Returns the direction of stretched highlights, in the tangent frame (x along u, y up the image).
 fn material_anisotropy_way(material: u32, uv0: vec2f, uv1: vec2f, footprint: f32) -> vec2f {
     let head = material_head(material);
     let handle = material_words[head + MATERIAL_ANISOTROPY_MAP];

@@ -1,9 +1,9 @@
 // Twin: `bottega-kernels/src/math.rs`.
 //
-// Elementary functions: what WGSL leaves to the driver (a sine within 2⁻¹¹, a power within 16 units in the last place) is
-// made of + − × ÷ here, as on the processor, so that all devices tell the same to some units in the last place.
+// Elementary functions that WGSL leaves to the driver (a sine within 2⁻¹¹, a power within 16 units in the last place), computed
+// by + − × ÷ as on the CPU, so that all devices agree to a few units in the last place.
 
-// Sine and cosine of `turns` full turns, a number in [0, 1].
+// Returns sine and cosine of `turns` full turns, a number in [0, 1].
 fn math_sin_cos_of_turns(turns: f32) -> vec2f {
     let quarters = 4.0 * turns;
     let nearest = i32(quarters + 0.5);
@@ -21,7 +21,7 @@ fn math_exp(x: f32) -> f32 {
     return math_exp2(x * 1.44269504);
 }
 
-// 2^x; 0 below the smallest normal number.
+// Returns 2^x; 0 below the smallest normal number.
 fn math_exp2(x: f32) -> f32 {
     if x < -126.0 {
         return 0.0;
@@ -37,9 +37,9 @@ fn math_ln(x: f32) -> f32 {
     return math_log2(x) * 0.693147181;
 }
 
-// Base-2 logarithm of a positive number.
+// Returns the base-2 logarithm of a positive number.
 fn math_log2(x: f32) -> f32 {
-    // The cut at √½ puts the mantissa around 1.
+    // Cut at √½ so that the mantissa is around 1.
     let bits = bitcast<u32>(max(x, 1.2e-38));
     let above = bits - 0x3f3504f3u;
     let exponent = i32(above) >> 23u;
@@ -50,7 +50,7 @@ fn math_log2(x: f32) -> f32 {
     return f32(exponent) + s * p;
 }
 
-// x^y of a number that is not negative; 0 of 0.
+// Returns x^y of a non-negative number; 0 for x = 0.
 fn math_powf(x: f32, y: f32) -> f32 {
     if x <= 0.0 {
         return 0.0;
@@ -58,14 +58,14 @@ fn math_powf(x: f32, y: f32) -> f32 {
     return math_exp2(y * math_log2(x));
 }
 
-// Arc cosine of a number in [0, 1] (Abramowitz and Stegun 1964, 4.4.46).
+// Returns the arc cosine of a number in [0, 1] (Abramowitz and Stegun 1964, 4.4.46).
 fn math_acos(x: f32) -> f32 {
     let p = 1.570796305 + x * (-0.2145988016 + x * (0.0889789874 + x * (-0.0501743046
         + x * (0.0308918810 + x * (-0.0170881256 + x * (0.0066700901 + x * -0.0012624911))))));
     return sqrt(max(1.0 - x, 0.0)) * p;
 }
 
-// 1 or −1; 1 of 0.
+// Returns 1 or −1; 1 for 0.
 fn math_sign(x: f32) -> f32 {
     return select(1.0, -1.0, x < 0.0);
 }
@@ -82,7 +82,7 @@ fn math_min3(color: vec3f) -> f32 {
     return min(color.x, min(color.y, color.z));
 }
 
-// Unit length; `other` where there is none.
+// Returns the unit vector, or `other` for a zero vector.
 fn math_normalize_or(v: vec3f, other: vec3f) -> vec3f {
     let length2 = dot(v, v);
     if length2 < 1e-30 {

@@ -1,8 +1,8 @@
 // No twin.
 //
-// Places on surfaces, as far as textures and emission are concerned.
+// Surface points, as far as textures and emission need them.
 
-// A place on a surface, as far as textures are concerned.
+// A surface point, as far as textures need it.
 struct SurfacePlace {
     material: u32,
     uv0: vec2<f32>,
@@ -18,7 +18,7 @@ fn sphere_at(sphere: u32) -> u32 {
     return scene_words[HEADER_SPHERES] + sphere * SPHERE_WORDS;
 }
 
-// Turns a vector by a unit quaternion, or back by its conjugate.
+// Rotates a vector by a unit quaternion, or back by its conjugate.
 fn turned(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
     let t = 2.0 * cross(q.xyz, v);
     return v + q.w * t + cross(q.xyz, t);
@@ -28,13 +28,13 @@ fn conjugate(q: vec4<f32>) -> vec4<f32> {
     return vec4(-q.xyz, q.w);
 }
 
-// Texture coordinates on a sphere: u around +y, v from the upper pole down.
+// Returns texture coordinates on a sphere: u around +y, v from the upper pole down.
 fn sphere_uv(sphere: u32, normal: vec3<f32>) -> vec2<f32> {
     let n = turned(conjugate(vec4_at(sphere + SPHERE_WORLD_FROM_OBJECT)), normal);
     return vec2(0.5 + atan2_of(n.x, n.z) / (2.0 * PI), acos_of(n.y) / PI);
 }
 
-// Barycentric weights of a place.
+// Returns barycentric weights.
 fn weights_of(uv: vec2<f32>) -> vec3<f32> {
     return vec3(1.0 - uv.x - uv.y, uv);
 }
@@ -56,7 +56,7 @@ fn corners_of(mesh: u32, primitive: u32) -> vec3<u32> {
     return triple_at(at + 3u * primitive);
 }
 
-// Vertex color at a place of a triangle.
+// Returns the vertex color at a point of a triangle.
 fn color_of(mesh: u32, corners: vec3<u32>, weights: vec3<f32>) -> vec4<f32> {
     let at = scene_words[mesh + MESH_COLORS];
     if at == NONE {
@@ -75,12 +75,12 @@ fn place_of(instance: u32, primitive: u32, uv: vec2<f32>) -> SurfacePlace {
     return SurfacePlace(scene_words[mesh + MESH_MATERIAL], uv0, uv1, color_of(mesh, corners, weights).w);
 }
 
-// What a place of a triangle emits.
+// Returns the emitted radiance at a point of a triangle.
 fn emitted(place: SurfacePlace) -> vec3<f32> {
     return material_emission(place.material, place.uv0, place.uv1, 0.0);
 }
 
-// How opaque a place is.
+// Returns the opacity at a point.
 fn opacity(place: SurfacePlace) -> f32 {
     return material_opacity_at(place.material, place.uv0, place.uv1, 0.0, place.vertex_alpha);
 }

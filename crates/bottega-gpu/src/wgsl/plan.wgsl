@@ -1,10 +1,11 @@
 // No twin.
 //
-// Between the kernels: how many groups of threads the next ones need. One thread.
+// Planning between kernels: computes the number of workgroups of the next ones. One thread.
 
 @group(0) @binding(0) var<storage, read_write> control: array<atomic<u32>>;
 @group(0) @binding(1) var<storage, read_write> groups: array<u32>;
 
+// Writes the workgroups of a dispatch with `count` threads.
 fn plan(kernel: u32, count: u32) {
     groups[DISPATCH_WORDS * kernel] = (count + GROUP_SIZE - 1u) / GROUP_SIZE;
     groups[DISPATCH_WORDS * kernel + 1u] = 1u;
@@ -22,7 +23,7 @@ fn plan_shade() {
     plan(GROUPS_SHADE, atomicLoad(&control[CONTROL_MET]));
 }
 
-// One bounce is done.
+// Ends a bounce.
 @compute @workgroup_size(1)
 fn plan_next() {
     let next = atomicLoad(&control[CONTROL_NEXT]);

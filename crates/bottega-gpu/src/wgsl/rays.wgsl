@@ -1,12 +1,12 @@
 // No twin.
 //
-// Batches of rays, one a thread. After traverse.wgsl.
+// Batches of rays, one per thread. Follows traverse.wgsl.
 
 @group(0) @binding(2) var<storage, read> rays: array<Ray>;
 @group(0) @binding(3) var<storage, read_write> answers: array<u32>;
 @group(0) @binding(4) var<uniform> params: RayParams;
 
-// Nothing is cut out.
+// No surface is cut out.
 fn is_there(hit: Hit, ray: Ray) -> bool {
     return true;
 }

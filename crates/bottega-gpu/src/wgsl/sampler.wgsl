@@ -1,9 +1,8 @@
 // Twin: `bottega-render/src/sampler.rs`.
 //
-// The numbers of a path: those of the processor's sampler bit for bit. 64 bits are a low and a
-// high word.
+// The random numbers of a path, bit-identical to the CPU's sampler. 64-bit numbers are a low and a high word.
 
-// What tells the numbers of one sample of one pixel.
+// The state that determines the numbers of one sample of one pixel.
 struct Sampler {
     pixel_key: vec2<u32>,
     sample_index: u32,
@@ -45,7 +44,7 @@ fn pixel_sampler_new(x: u32, y: u32, sample_index: u32) -> Sampler {
     return Sampler(sampler_mix(batch.mixed_seed ^ vec2(x, y)), sample_index);
 }
 
-// A point of the first four dimensions of the Sobol' sequence, by the table at the front of the batch.
+// Returns a point of the first four dimensions of the Sobol' sequence, by the table at the front of the batch.
 fn sobol_reversed(reversed_index: u32) -> vec4<u32> {
     var point = vec4<u32>(0u);
     for (var group = 0u; group < SOBOL_GROUPS; group += 1u) {

@@ -1,8 +1,8 @@
 // Twin: `bottega-render/src/sampling.rs`.
 //
-// Maps from the unit square to directions and places, each by its density.
+// Maps from the unit square to directions and positions, by density.
 
-// Two unit vectors that make a right-handed frame with n (Duff et al. 2017).
+// Two unit vectors that form a right-handed frame with n (Duff et al. 2017).
 struct Basis {
     s: vec3<f32>,
     t: vec3<f32>,
@@ -28,7 +28,7 @@ fn uniform_sphere(u: vec2<f32>) -> vec3<f32> {
     return vec3(r * turn.y, r * turn.x, z);
 }
 
-// Barycentric coordinates uniform over a triangle (Heitz 2019).
+// Samples a triangle uniformly; returns barycentric coordinates (Heitz 2019).
 fn uniform_triangle(u: vec2<f32>) -> vec2<f32> {
     if u.y > u.x {
         return vec2(0.5 * u.x, u.y - 0.5 * u.x);

@@ -1,6 +1,6 @@
 // No twin.
 //
-// What the kernels of paths share: the batch, the state of every path under way, and the queues between kernels.
+// The state shared by the path kernels: the batch, the fields of every path under way, and the queues between kernels.
 
 @group(0) @binding(3) var<storage, read> batch_words: array<u32>;
 @group(0) @binding(4) var<storage, read> material_words: array<u32>;

@@ -1,14 +1,14 @@
 // No twin.
 //
-// Closest hit and any hit of a ray: an eight-child tree with quantized boxes (Ylitie, Karras and Laine, "Efficient Incoherent Ray
-// Traversal on GPUs Through Compressed Wide BVHs", 2017). STACK_SIZE groups of nodes fit on the stack, as many as the tree is deep.
-// Who uses it says by `is_there` which hits count.
+// Closest hit and any hit of a ray: an eight-wide tree with quantized boxes (Ylitie, Karras and Laine, "Efficient Incoherent Ray
+// Traversal on GPUs Through Compressed Wide BVHs", 2017). The stack holds STACK_SIZE groups of nodes, at least the depth of the
+// tree. The including shader defines `is_there`, which accepts or rejects hits.
 
-// As many a node as `node_of` takes.
+// NODE_VECTORS per node, as `node_of` takes them.
 @group(0) @binding(0) var<storage, read> nodes: array<vec4<u32>>;
 
-// Which of four children of a node a ray enters, as bits: node children in the upper eight, the nearest by its octant highest; shapes of leaf
-// children in the lower 24, counted from the node's first one. (Ylitie et al. 2017, section 4.)
+// Returns which of four children of a node a ray enters, as bits: inner children in the upper eight, the nearest by octant in the
+// highest bit; shapes of leaf children in the lower 24, counted from the node's first one. (Ylitie et al. 2017, section 4.)
 fn enter_four(
     kinds: u32,
     near: vec3<u32>,
@@ -19,11 +19,13 @@ fn enter_four(
     t_min: f32,
     t_max: f32,
 ) -> u32 {
+    // Decode the kinds: bits of inner children, and the place of each child's bits.
     let is_inner = (kinds & (kinds << 1u)) & NODE_INNER_BITS;
     let inner_mask = (is_inner >> NODE_INNER_SHIFT) * 0xffu;
     let places = (kinds ^ (octants & inner_mask)) & NODE_PLACE_BITS;
     let bits = (kinds >> NODE_PLACE_WIDTH) & NODE_SHAPE_BITS;
     var entered = 0u;
+    // Intersect the four boxes (slab test).
     for (var child = 0u; child < 4u; child += 1u) {
         let shift = 8u * child;
         let low = vec3<f32>((near >> vec3(shift)) & vec3(0xffu)) * step + base;
@@ -36,6 +38,7 @@ fn enter_four(
     return entered;
 }
 
+// Returns the closest hit, or with `any` the first hit found.
 fn traverse(ray: Ray, any: bool) -> Hit {
     var best = Hit(ray.t_max, 0.0, 0.0, HIT_NOTHING, HIT_NOTHING, HIT_NOTHING);
     if !(ray.t_min < ray.t_max) {
@@ -43,15 +46,16 @@ fn traverse(ray: Ray, any: bool) -> Hit {
     }
     let inverse = inverse_of(ray.direction);
     let is_negative = inverse < vec3(0.0);
-    // The place of the octant that comes first has the highest number.
+    // The octant entered first gets the highest number.
     let signs = vec3<u32>(is_negative);
     let octant = 7u - (signs.x * 4u + signs.y * 2u + signs.z);
     let octants = octant * NODE_EACH;
     var stack: array<vec2<u32>, STACK_SIZE>;
     var top = 0u;
-    // Nodes that are still to be entered: the first of all that are there, those to enter (upper 8 bits), those that are there (lower 8).
+    // Inner nodes still to enter: index of the first child, children to enter (upper 8 bits), children that exist (lower 8 bits).
     var group = vec2(0u, NODE_GROUP_ROOT);
     loop {
+        // Take the nearest inner child of the group; push the rest.
         let bit = firstLeadingBit(group.y);
         group.y &= ~(1u << bit);
         let slot = (bit - NODE_INNER) ^ octant;
@@ -60,6 +64,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
             stack[top] = group;
             top += 1u;
         }
+        // Load the node, and sort its planes by the ray's direction.
         let node = node_of(nodes[index], nodes[index + 1u], nodes[index + 2u], nodes[index + 3u], nodes[index + 4u]);
         let size = bitcast<vec3<f32>>(node.exponents << vec3(23u));
         let step = size * inverse;
@@ -72,9 +77,11 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         let near_1 = select(low_1, high_1, is_negative);
         let far_0 = select(high_0, low_0, is_negative);
         let far_1 = select(high_1, low_1, is_negative);
+        // Intersect the eight boxes.
         let entered = enter_four(node.kinds.x, near_0, far_0, step, base, octants, ray.t_min, best.t)
             | enter_four(node.kinds.y, near_1, far_1, step, base, octants, ray.t_min, best.t);
         group = vec2(node.children, (entered & ~NODE_GROUP_SHAPES) | node.inner);
+        // Intersect the shapes of the entered leaves.
         var leaves = entered & NODE_GROUP_SHAPES;
         while leaves != 0u {
             let shape_index = node.shapes + firstTrailingBit(leaves);
@@ -89,6 +96,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
                 return best;
             }
         }
+        // Without an inner child to enter, pop a group.
         if group.y <= NODE_GROUP_SHAPES {
             if top == 0u {
                 return best;

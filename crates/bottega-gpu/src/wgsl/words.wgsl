@@ -36,12 +36,12 @@ fn is_black(color: vec3<f32>) -> bool {
     return all(color == vec3<f32>(0.0));
 }
 
-// `x` with the sign of `sign`; 0 counts as positive.
+// Returns `x` with the sign of `sign`; 0 counts as positive.
 fn with_sign(x: f32, sign: f32) -> f32 {
     return select(abs(x), -abs(x), sign < 0.0);
 }
 
-// The direction of a vector of any length, or else `fallback`.
+// Returns the unit vector of a vector of any length, or `fallback`.
 fn direction_or(v: vec3<f32>, fallback: vec3<f32>) -> vec3<f32> {
     let size = math_max3(abs(v));
     if !(size > 0.0) || size > FAR {
@@ -51,7 +51,7 @@ fn direction_or(v: vec3<f32>, fallback: vec3<f32>) -> vec3<f32> {
     return w / sqrt(dot(w, w));
 }
 
-// The length of a vector whose square may not be a number.
+// Returns the length of a vector whose square may overflow.
 fn length_of(v: vec3<f32>) -> f32 {
     let size = math_max3(abs(v));
     if !(size > 0.0) {

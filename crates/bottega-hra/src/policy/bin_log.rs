@@ -25,9 +25,9 @@ pub struct BinReport {
 /// The bin during one time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BinStep {
-    /// Start.
+    /// The start of the step.
     pub from: Time,
-    /// End.
+    /// The end of the step.
     pub to: Time,
     /// Mean number of waiting units.
     pub waiting: f64,

@@ -97,7 +97,7 @@ pub(crate) struct PacketLanding {
     pub(crate) transfers: Option<[Transfer; 2]>,
     /// Number of units done too late.
     pub(crate) expired: u64,
-    /// Whether nothing of it was begun, because the resource has to make itself ready first.
+    /// True if nothing of it was started, because the resource must prepare first.
     pub(crate) is_not_ready: bool,
 }
 

@@ -55,20 +55,20 @@ impl CostModel {
     /// Weight of the newest measurement, after the first few.
     pub const WEIGHT: f64 = 0.1;
 
-    /// A model learned before: number of units, mean items per unit, and the line.
+    /// A model from an earlier run: number of units, mean items per unit, and the line.
     pub(crate) fn known(units: u64, items: u64, fixed_ns: f64, ns_per_item: f64, miss: f64) -> Self {
         let mean_size = if units > 0 { items as f64 / units as f64 } else { 0.0 };
         let mean_ns = fixed_ns + ns_per_item * mean_size;
         Self { units, items, mean_size, mean_ns, fixed_ns, miss, ..Self::default() }
     }
 
-    /// Takes in a measurement: `size` items took `busy`.
+    /// Adds a measurement: `size` items took `busy`.
     pub fn observe(&mut self, size: u64, busy: Duration) {
         self.observe_many(1, size, busy);
     }
 
-    /// Takes in a measurement of `units` units handed over together, with `size` items in all, that took `busy`. The
-    /// fixed part is then that of handing over.
+    /// Adds a measurement of `units` units handed over together, with `size` items in all, that took `busy`. The fixed part is
+    /// then that of handing over.
     pub fn observe_many(&mut self, units: u64, size: u64, busy: Duration) {
         let ns = busy.as_nanos() as f64;
         // Use a plain average of the first measurements, so that the very first has no lasting effect

@@ -25,7 +25,7 @@ impl<T> Core<T> {
     pub(super) fn fail(&mut self, now: Time, id: ResourceId, fault: Fault, reason: &str, out: &mut FollowUps<T>) {
         self.incidents.note(now, id, fault, reason);
         let lane = &mut self.lanes[id.index()];
-        // One that is only late still has what it was sent, if that outlasts it: it is not sent twice.
+        // A resource that is only late keeps its data, if its kind does: the data is not sent again.
         lane.is_lost |= !(lane.keeps_data && matches!(fault, Fault::Hung | Fault::Doubted));
         if let Some(flow) = &mut lane.flow {
             flow.failed();
@@ -46,7 +46,7 @@ impl<T> Core<T> {
         self.wake_all_if_waiting(out);
     }
 
-    /// Asks a resource to recover before it begins what it was sent, and sends it nothing until it has.
+    /// Asks a resource to prepare for packets that it was sent, and sends it nothing until that is done.
     pub(super) fn make_ready(&mut self, now: Time, id: ResourceId, out: &mut FollowUps<T>) {
         let lane = &mut self.lanes[id.index()];
         if lane.health == Health::Up {

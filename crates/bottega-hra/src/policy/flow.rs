@@ -101,8 +101,8 @@ impl Flow {
         self.last_answer
     }
 
-    /// True if so many packets were alone in flight that no pair is expected: the resource answers before the next one
-    /// is sent.
+    /// True if that many packets in a row were alone in flight: the resource answers before the next packet is sent, so no pair
+    /// is expected.
     pub(crate) fn is_one_by_one(&self) -> bool {
         self.alone_in_a_row >= ALONE_MIN
     }

@@ -30,7 +30,7 @@ pub(crate) enum Health {
     Up,
     /// Suspended until this time; then it must recover.
     Paused(Time),
-    /// Recovering.
+    /// Recovering after a suspension.
     Recovering,
     /// Near, and not returning from a call.
     Hung,
@@ -88,9 +88,9 @@ pub(crate) struct LaneState {
     pub(crate) dozes: bool,
     /// True if it was woken and has not asked yet.
     pub(crate) called: bool,
-    /// Whether its data outlasts a time without an answer.
+    /// True if its data survives a time without an answer.
     pub(crate) keeps_data: bool,
-    /// Whether it has failed so that nobody knows what it holds.
+    /// True if it failed in a way that leaves its contents unknown.
     pub(crate) is_lost: bool,
     next_sequence: u64,
     /// `None`: called directly, with one packet at a time.

@@ -153,8 +153,9 @@ impl<T> Core<T> {
             Some(PlannedPacket { plan, valid_until: now.after(valid.max(PLAN_VALID_MIN)), live, rows, owed });
     }
 
-    /// The kinds of resources, those that support the same primitives at about the same speed, and the kind of each. Times that
-    /// are unknown for a resource are taken from the others. `None`: a primitive has not been measured on any.
+    /// Groups resources into kinds that support the same primitives at about the same speed. Returns the kinds, and the kind of
+    /// each resource. Times that are unknown for a resource are taken from the others. `None`: some primitive was not measured on
+    /// any resource.
     fn kinds(&self, live: &ByPrimitive<bool>) -> Option<(Vec<ResourceKind>, Vec<usize>)> {
         let mut typical = [None; Primitive::COUNT];
         for primitive in Primitive::ALL.into_iter().filter(|primitive| live[primitive.index()]) {
@@ -254,8 +255,8 @@ impl<T> Core<T> {
         }
     }
 
-    /// Returns whether others finish everything before `id` finishes this unit; if so, when to ask again, and which
-    /// resource finishes the unit first. Among all that ask about a unit, that one does not decline it.
+    /// Returns `Some` if others finish everything before `id` finishes this unit: the time to ask again, and the resource that
+    /// finishes the unit first. Among all resources that ask about a unit, that one accepts it.
     fn declines(
         &self,
         now: Time,
@@ -273,14 +274,14 @@ impl<T> Core<T> {
         let way_ns = lane.longest_way_ns(needs);
         let (mine, pace) = match pace {
             Some(pace) if lane.knows(needs.primitive) => (lane.finish(now, needs)?, pace),
-            // Lower bound: so much is not sent just to measure the speed
+            // Lower bound: a large unit is not sent only to measure the speed.
             Some(pace) if way_ns > 0.0 => (now.plus_ns(lane.latency_ns() + way_ns), pace),
             // Near resources are soon measured
             None if !lane.knows(needs.primitive) && way_ns > TRIED_WITHIN => {
                 let (_, near) = others().find(|(lane, _)| lane.flow.is_none())?;
                 return Some((now.plus_ns(0.1 * TRIED_WITHIN), near));
             }
-            _ => return None, // How else would it become known?
+            _ => return None, // Not measured yet: try it.
         };
         let at_least = Duration::try_from_secs_f64(pace.worth / pace.rate * 1e-9).unwrap_or(Duration::MAX);
         if mine <= now.after(at_least.max(self.demand.overshoot())) {
@@ -349,7 +350,7 @@ impl<T> Core<T> {
     fn best_of_dozing(&self, now: Time, unit: &UnitNeeds) -> Option<ResourceId> {
         let lanes = self.lanes.iter().zip(0..).map(|(lane, index)| (lane, ResourceId(index)));
         let fit = lanes.filter(|&(lane, id)| lane.dozes && self.roster.can(id, unit.primitive, unit.data));
-        // Of equal ones prefer the least versatile
+        // Prefer the least versatile of equal ones.
         let best = fit.min_by_key(|(lane, id)| (lane.finish(now, unit), self.roster.primitives(*id).iter().count()));
         best.map(|(_, id)| id)
     }

@@ -59,7 +59,7 @@ fn serve(core: &mut Core<u64>, id: ResourceId, now: Time) -> Vec<u64> {
     loads
 }
 
-/// All that `id` does, in its order.
+/// The units that `id` does, in order.
 fn order(core: &mut Core<u64>, id: ResourceId, now: Time) -> Vec<u64> {
     let mut all = Vec::new();
     loop {
@@ -175,7 +175,7 @@ fn dozing(unit_ns: f64) -> Core<u64> {
     core
 }
 
-/// Submits units in one chunk; returns who is woken.
+/// Submits units in one chunk; returns the resources woken.
 fn submit_many(core: &mut Core<u64>, count: u64) -> Vec<ResourceId> {
     let mut chunk = Chunk::new(Unit { meta: meta(Intersect, 0, 60_000), load: 0 }, false);
     (1..count).for_each(|load| chunk.push(Unit { meta: meta(Intersect, 0, 60_000), load }));
@@ -213,14 +213,14 @@ fn who_was_woken_and_takes_something_else_has_others_woken_for_what_it_leaves() 
     assert_eq!(serve(&mut core, B, Time::ZERO), [0]);
 }
 
-/// Most packets under way at once, and round trips, of a board with this way and speed.
+/// The maximum number of packets in flight, and of round trips, for a board with this latency and speed.
 fn window(latency_ms: u64, ns_per_item: f64) -> (f64, f64) {
     let link = Link { latency: Duration::from_millis(latency_ms), bandwidth: f64::INFINITY };
     let model = Model::far("far", ns_per_item, link);
     let load = Load::batch(8_000, 10, &[Intersect]);
     let outcome = simulate(HraConfig::default(), &[model], &load, &CostBook::new(""), 3);
     let ideal = 8_000.0 * 10.0 * ns_per_item * 1e-9;
-    // Little's law the other way round: what is under way is the rate times the time that a unit is under way.
+    // Little's law: the number in flight is the rate times the time in flight.
     let answers = outcome.answers.iter().flatten();
     let away = |answer: &crate::simulate::AnsweredUnit| {
         answer.at.since(answer.submitted.after(answer.waited.unwrap_or_default())).as_secs_f64()
@@ -242,8 +242,8 @@ fn the_window_is_little_more_than_a_round_trip_and_keeps_the_resource_busy() {
     }
 }
 
-/// What passed on the cable of a board of this bandwidth that does 20,000 units of 3,200 bytes, and how many units it did. Computing
-/// takes a thirtieth of what sending does at 100 MB/s; handing over a packet is expensive.
+/// The traffic on the cable of a board of this bandwidth that does 20,000 units of 3,200 bytes, and the number of units it did.
+/// Computing takes a thirtieth of the time of sending at 100 MB/s; handing over a packet is expensive.
 fn cable(bandwidth: f64, beside: Option<Model>, units: usize) -> (crate::CableUse, u64, f64) {
     let link = Link { latency: Duration::from_micros(100), bandwidth };
     let board = Model { time_per_packet: Duration::from_micros(300), ..Model::far("board", 10.0, link) };
@@ -297,7 +297,7 @@ fn what_a_near_resource_had_no_time_for_is_not_carried_a_long_way() {
     assert!(core.give_back(Time::ZERO, A, unit.clone(), false, &mut out).is_none());
     assert!(order(&mut core, B, Time::ZERO).is_empty());
     assert_eq!(order(&mut core, A, Time::ZERO), [7]);
-    // What failed there is.
+    // A unit that failed on the near resource is sent to the far one.
     assert!(core.give_back(Time::ZERO, A, unit, true, &mut out).is_none());
     assert_eq!(order(&mut core, B, Time::ZERO), [7]);
 }

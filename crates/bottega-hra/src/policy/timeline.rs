@@ -10,9 +10,9 @@ use crate::Activity;
 pub struct Span {
     /// The activity.
     pub activity: Activity,
-    /// Start.
+    /// The start of the span.
     pub from: Time,
-    /// End.
+    /// The end of the span.
     pub to: Time,
 }
 

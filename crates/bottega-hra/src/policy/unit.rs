@@ -70,7 +70,7 @@ pub(crate) struct Chunk<T> {
 }
 
 impl<T> Chunk<T> {
-    /// Maximum number of units in a chunk: so many that the cost per chunk is negligible.
+    /// Maximum number of units in a chunk, large enough to make the cost per chunk negligible.
     pub(crate) const UNITS_MAX: usize = 512;
 
     pub(crate) fn new(unit: Unit<T>, announced: bool) -> Self {

@@ -97,7 +97,7 @@ struct VirtualWorld<'a> {
     submitted: Vec<Time>,
     doubled: usize,
     waiting_max: usize,
-    /// By lane and packet: how it will end.
+    /// The planned fault of each packet, by lane and packet; `None`: it succeeds.
     fates: Vec<BTreeMap<u64, Option<Fault>>>,
     /// The traffic that a far device measures on its cable.
     transfers: Vec<BTreeMap<u64, [Transfer; 2]>>,

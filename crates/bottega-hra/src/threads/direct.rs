@@ -19,7 +19,7 @@ const PACKET_TIME_MAX: Duration = Duration::from_micros(500);
 /// so few that slower units are soon noticed.
 const STRETCHED_BELOW: Duration = Duration::from_micros(1);
 const STRETCH_MAX: usize = 16;
-/// Number of packets after which a resource is asked for its free memory again.
+/// Number of packets between queries of a resource's free memory.
 const ASK_MEMORY_EVERY: u64 = 64;
 
 /// Serves `resource` until the allocator is shut down or the resource is retired.

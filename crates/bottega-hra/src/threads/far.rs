@@ -80,9 +80,10 @@ impl<W: Work> Reply<W> {
         self.answer(outcomes, Some(busy), None, Fault::Refused);
     }
 
-    /// Reports that the resource must prepare before it begins this packet, such as compile kernels, and gives all of the packet back:
-    /// others may do it meanwhile. The resource is asked to [recover](WindowedResource::recover), for any length of time, and is sent
-    /// nothing before. This is not a failure, and no time counts before the first answer.
+    /// Reports that the resource must prepare before it starts this packet, for instance compile kernels, and returns all of the
+    /// packet; other resources may do it meanwhile. The resource is asked to [recover](WindowedResource::recover), which may take
+    /// any length of time, and gets nothing until then. This is not a failure, and the time before the first answer is not
+    /// measured.
     pub fn not_ready(mut self, works: Vec<W>) {
         self.answered = true;
         self.deliver(PacketAnswer {

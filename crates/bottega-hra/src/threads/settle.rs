@@ -190,7 +190,7 @@ impl<W: Work> AllocatorState<W> {
         for AbandonedUnit { unit, error } in answers {
             let mut mail = Mail::<W>(Vec::new());
             mail.add(unit.load.client, completed(&unit, Err(error), Some(id), now, Duration::ZERO), 0);
-            drop(unit); // Before its answer is there: it may hold what the client waits for.
+            drop(unit); // Drop it before its answer arrives: it may hold data that the client waits for.
             mail.send(&self.clients);
         }
     }

@@ -36,7 +36,7 @@ impl<W: Work> AllocatorState<W> {
             self.room.wait();
         }
         self.put(from, unit);
-        self.room.let_in(1); // Room that this caller did not need is the next one's.
+        self.room.let_in(1); // Pass unused room on to the next submitter.
         Ok(())
     }
 
@@ -61,7 +61,7 @@ impl<W: Work> AllocatorState<W> {
             }
             is_first = false;
             if units.as_slice().is_empty() {
-                self.room.let_in(1); // Room that this caller did not need is the next one's.
+                self.room.let_in(1); // Pass unused room on to the next submitter.
                 return Ok(());
             }
             if self.room.is_closed() {
@@ -154,7 +154,7 @@ impl<W: Work> AllocatorState<W> {
 
     fn tell_of_arrival(&self, from: &Submitter<'_, W::Output>, first_expiry: Time) {
         if from.results.is_over() {
-            self.expire(from.client); // Whoever ended its life time may have looked before these units were there.
+            self.expire(from.client); // The life time may have ended before these units arrived.
         }
         self.announce_arrival();
         if first_expiry < Time::NEVER {

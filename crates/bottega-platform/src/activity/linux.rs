@@ -1,4 +1,4 @@
-//! The owner of a machine as `/proc`, logind, the X server and terminals show him.
+//! The activity of the owner by `/proc`, logind, the X server and terminals.
 
 use std::{
     fs,
@@ -7,27 +7,27 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
-/// Counts the processors that others keep at work.
+/// A counter of the processors that other programs keep busy.
 #[derive(Default)]
 pub struct BusyClock {
-    /// Processor time of all and of this program, in ticks, and when that was.
+    /// Processor time of all programs and of this one, in ticks, and the time of the measurement.
     before: Option<([u64; 2], Instant)>,
 }
 
 impl BusyClock {
-    /// The processors that others than this program and what it has started have kept at work since the last call; 0 at the
-    /// first.
+    /// Returns the mean number of processors kept busy since the last call by programs other than this one and its descendants; 0
+    /// on the first call.
     pub fn others(&mut self) -> f32 {
         let Some(now) = busy_ticks() else { return 0.0 };
         let before = self.before.replace((now, Instant::now()));
         let Some((before, then)) = before else { return 0.0 };
         let [all, own] = [0, 1].map(|index| now[index].saturating_sub(before[index]) as f32);
-        // A tick is a hundredth of a second to user space, on every Linux.
+        // On every Linux, a tick in user space is a hundredth of a second.
         (all - own).max(0.0) / 100.0 / then.elapsed().as_secs_f32().max(0.01)
     }
 }
 
-/// Processor time of all processes, and of this one with those that it has started: engines paint for the farm, too.
+/// Returns the processor time of all processes, and of this one with its descendants, because engines paint for the farm, too.
 fn busy_ticks() -> Option<[u64; 2]> {
     let all = fs::read_to_string("/proc/stat").ok()?;
     let stats =
@@ -36,22 +36,22 @@ fn busy_ticks() -> Option<[u64; 2]> {
     Some([all_ticks(&all)?, own_ticks(&processes, process::id())])
 }
 
-/// The time of a process.
+/// The processor time of a process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ProcessTime {
     id: u32,
     parent: u32,
-    /// Ticks, with those of its children that have ended.
+    /// Ticks, including those of children that have ended.
     ticks: u64,
 }
 
-/// User, nice, system, interrupts; not idle, nor waiting for a disk.
+/// Returns the sum of user, nice, system and interrupts, without idle and I/O wait.
 fn all_ticks(stat: &str) -> Option<u64> {
     let fields: Vec<u64> = stat.lines().next()?.split_whitespace().skip(1).filter_map(|it| it.parse().ok()).collect();
     Some(*fields.first()? + fields.get(1)? + fields.get(2)? + fields.get(5)? + fields.get(6)?)
 }
 
-/// Fields 1, 4 and 14 to 17; the name in field 2 may hold anything but stands in parentheses.
+/// Parses fields 1, 4 and 14 to 17; the name in field 2 may contain anything, but is in parentheses.
 fn process_time(stat: &str) -> Option<ProcessTime> {
     let (id, rest) = stat.split_once(' ')?;
     let fields: Vec<&str> = rest.rsplit_once(')')?.1.split_whitespace().collect();
@@ -59,7 +59,7 @@ fn process_time(stat: &str) -> Option<ProcessTime> {
     Some(ProcessTime { id: id.parse().ok()?, parent: fields.get(1)?.parse().ok()?, ticks })
 }
 
-/// The ticks of a process and of all that come from it.
+/// Returns the ticks of a process and its descendants.
 fn own_ticks(processes: &[ProcessTime], root: u32) -> u64 {
     let mut family = vec![root];
     let mut at = 0;
@@ -71,12 +71,12 @@ fn own_ticks(processes: &[ProcessTime], root: u32) -> u64 {
     processes.iter().filter(|it| family.contains(&it.id)).map(|it| it.ticks).sum()
 }
 
-/// For how long nobody has touched this machine, by those who see screens and terminals: logind, the X server.
+/// Returns the time since the last input by logind and the X server.
 pub fn idle() -> Option<Duration> {
     [idle_sessions(), idle_x_server()].into_iter().flatten().min()
 }
 
-/// By the time at which a terminal was read last.
+/// Returns the time since the last read from a terminal.
 pub fn idle_terminals() -> Option<Duration> {
     idle_terminals_in(Path::new("/dev"))
 }
@@ -90,7 +90,7 @@ fn idle_terminals_in(devices: &Path) -> Option<Duration> {
     all.filter_map(read).map(|time| now.duration_since(time).unwrap_or_default()).min()
 }
 
-/// By logind: the time since when all sessions say that they are idle.
+/// Returns by logind the time since all sessions are idle.
 fn idle_sessions() -> Option<Duration> {
     if !Path::new("/run/systemd/seats").exists() {
         return None;
@@ -101,7 +101,7 @@ fn idle_sessions() -> Option<Duration> {
     idle_of_sessions(&said, now)
 }
 
-/// - `said`: such as `b true` and `t 1764160000000000`, microseconds of the epoch.
+/// - `said`: for example `b true` and `t 1764160000000000`, in microseconds since 1970.
 fn idle_of_sessions(said: &str, now: Duration) -> Option<Duration> {
     let mut lines = said.lines();
     match lines.next()? {
@@ -114,7 +114,7 @@ fn idle_of_sessions(said: &str, now: Duration) -> Option<Duration> {
     }
 }
 
-/// By the X server, where `xprintidle` is installed.
+/// Returns the idle time of the X server, if `xprintidle` is installed.
 fn idle_x_server() -> Option<Duration> {
     std::env::var_os("DISPLAY")?;
     Some(Duration::from_millis(answer(&mut Command::new("xprintidle"))?.trim().parse().ok()?))
@@ -145,7 +145,7 @@ mod tests {
         let now = Duration::from_secs(1000);
         assert_eq!(idle_of_sessions("b true\nt 400000000\n", now), Some(Duration::from_secs(600)));
         assert_eq!(idle_of_sessions("b false\nt 400000000\n", now), Some(Duration::ZERO));
-        // Nobody has a session.
+        // There are no sessions.
         assert_eq!(idle_of_sessions("b true\nt 0\n", now), None);
     }
 

@@ -1,17 +1,17 @@
-//! The processors that others keep at work, as a library counts them: macOS and Windows.
+//! The processors kept busy by other programs, by the crate `sysinfo`: macOS and Windows.
 
 use sysinfo::{Pid, ProcessRefreshKind, ProcessesToUpdate, System};
 
-/// Counts the processors that others keep at work.
+/// A counter of the processors that other programs keep busy.
 #[derive(Default)]
 pub struct BusyClock {
-    /// As it was at the last call.
+    /// The state at the last call.
     system: Option<System>,
 }
 
 impl BusyClock {
-    /// The processors that others than this program and what it has started have kept at work since the last call; 0 at the
-    /// first.
+    /// Returns the mean number of processors kept busy since the last call by programs other than this one and its descendants; 0
+    /// on the first call.
     pub fn others(&mut self) -> f32 {
         let is_first = self.system.is_none();
         let Some(mut system) = self.system.take().or_else(|| System::new().ok()) else { return 0.0 };
@@ -26,13 +26,13 @@ fn busy_others(system: &System) -> f32 {
     let Ok(own) = sysinfo::get_current_pid() else { return 0.0 };
     let processes = system.processes();
     let others = processes.keys().filter(|id| !comes_from(system, **id, own));
-    // Hundredths of one processor.
+    // Usage is in percent of one processor.
     others.filter_map(|id| processes.get(id)).map(|process| process.cpu_usage().max(0.0) / 100.0).sum()
 }
 
 fn comes_from(system: &System, process: Pid, root: Pid) -> bool {
     let mut at = Some(process);
-    // No family is deeper than that, but for lists that are made while all changes.
+    // Limit the depth, because a list made while processes change may contain cycles.
     for _ in 0..64 {
         match at {
             Some(id) if id == root => return true,

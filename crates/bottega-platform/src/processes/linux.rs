@@ -1,4 +1,4 @@
-//! Processes as `/proc` tells of them.
+//! Processes listed by `/proc`.
 
 use std::{collections::BTreeMap, fs};
 
@@ -19,14 +19,14 @@ fn processes() -> impl Iterator<Item = u32> {
 
 fn stat(process: u32) -> Option<Stat> {
     let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-    // The name of the program stands in brackets and may hold anything.
+    // The program's name is in parentheses and may contain anything.
     let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
     let number = |i: usize| fields.get(i).and_then(|field| field.parse::<u64>().ok());
     // proc(5): the parent is field 4, the resident pages 24; the first of `fields` is 3.
     Some(Stat { parent: number(1)? as u32, pages: number(21)? })
 }
 
-/// What the process `root` and all below it take.
+/// Returns the usage of the process `root` and its descendants.
 pub fn usage(root: u32) -> TreeUsage {
     let all: BTreeMap<u32, Stat> = processes().filter_map(|id| Some((id, stat(id)?))).collect();
     let mut tree = TreeUsage::default();
@@ -35,7 +35,7 @@ pub fn usage(root: u32) -> TreeUsage {
         let Some(found) = all.get(&id) else { continue };
         tree.processes += 1;
         tree.resident_bytes += found.pages * rustix::param::page_size() as u64;
-        // No process is its own grandparent, but for lists that are made while all changes.
+        // Limit the count, because a list made while processes change may contain cycles.
         if tree.processes <= all.len() {
             next.extend(all.iter().filter(|(_, stat)| stat.parent == id).map(|(id, _)| *id));
         }
@@ -43,7 +43,7 @@ pub fn usage(root: u32) -> TreeUsage {
     tree
 }
 
-/// All processes that carry this mark.
+/// Returns all processes with this mark.
 pub fn marked(mark: &str) -> Vec<u32> {
     let wanted = format!("{MARK}={mark}");
     let carries = |id: &u32| {
@@ -53,7 +53,7 @@ pub fn marked(mark: &str) -> Vec<u32> {
     processes().filter(carries).collect()
 }
 
-/// Ends a process at once. Whether it was there.
+/// Kills a process. Returns `true` if it existed.
 pub fn kill(process: u32) -> bool {
     signal(process, rustix::process::Signal::KILL)
 }

@@ -1,4 +1,4 @@
-//! Processes as a library lists them: macOS and Windows.
+//! Processes listed by the crate `sysinfo`: macOS and Windows.
 
 use std::ffi::OsString;
 
@@ -6,14 +6,14 @@ use sysinfo::{Pid, ProcessRefreshKind, ProcessesToUpdate, System, UpdateKind};
 
 use super::tree_usage::{MARK, TreeUsage};
 
-/// All processes; `None`: the system does not tell of them.
+/// Lists all processes; `None`: the system does not report them.
 fn all(what: ProcessRefreshKind) -> Option<System> {
     let mut system = System::new().ok()?;
     system.refresh_processes_specifics(ProcessesToUpdate::All, true, what);
     Some(system)
 }
 
-/// What the process `root` and all below it take.
+/// Returns the usage of the process `root` and its descendants.
 pub fn usage(root: u32) -> TreeUsage {
     let Some(system) = all(ProcessRefreshKind::nothing().with_memory()) else { return TreeUsage::default() };
     let processes = system.processes();
@@ -23,7 +23,7 @@ pub fn usage(root: u32) -> TreeUsage {
         let Some(found) = processes.get(&id) else { continue };
         tree.processes += 1;
         tree.resident_bytes += found.memory();
-        // No process is its own grandparent, but for lists that are made while all changes.
+        // Limit the count, because a list made while processes change may contain cycles.
         if tree.processes <= processes.len() {
             let is_child = |(other, process): &(&Pid, &sysinfo::Process)| process.parent() == Some(id) && **other != id;
             next.extend(processes.iter().filter(is_child).map(|(id, _)| *id));
@@ -32,7 +32,7 @@ pub fn usage(root: u32) -> TreeUsage {
     tree
 }
 
-/// All processes that carry this mark, as far as the system shows their environments.
+/// Returns all processes with this mark, as far as the system shows their environments.
 pub fn marked(mark: &str) -> Vec<u32> {
     let wanted = OsString::from(format!("{MARK}={mark}"));
     let Some(system) = all(ProcessRefreshKind::nothing().with_environ(UpdateKind::Always)) else { return Vec::new() };
@@ -40,7 +40,7 @@ pub fn marked(mark: &str) -> Vec<u32> {
     carries.map(|(id, _)| id.as_u32()).collect()
 }
 
-/// Ends a process at once. Whether it was there.
+/// Kills a process. Returns `true` if it existed.
 pub fn kill(process: u32) -> bool {
     let id = Pid::from_u32(process);
     let Ok(mut system) = System::new() else { return false };

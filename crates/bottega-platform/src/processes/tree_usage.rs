@@ -1,13 +1,13 @@
-//! The usage of a tree of processes, and the mark by which they are known.
+//! The usage of a process tree, and the mark of its processes.
 
-/// The variable that marks whatever a child has started, so that it is found even when it left the group.
+/// The environment variable that marks all descendants of a child, to find them even if they leave the group.
 pub(super) const MARK: &str = "BOTTEGA_ENGINE_CHILD";
 
-/// What a child and all that it has started take.
+/// The usage of a child process and its descendants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TreeUsage {
-    /// How many processes they are; 0: none is left.
+    /// Number of processes; 0: all have ended.
     pub processes: usize,
-    /// Memory that they keep, bytes.
+    /// Resident memory, in bytes.
     pub resident_bytes: u64,
 }

@@ -1,11 +1,11 @@
-//! Sizes of text, and numbers at axes.
+//! Text sizes and numbers of axes.
 
-/// Height of the text at axes, in pixels.
+/// The height of text at axes, in pixels.
 pub(super) const TEXT: u32 = 15;
-/// Height of the title of a chart, in pixels.
+/// The height of a chart's title, in pixels.
 pub(super) const TITLE: u32 = 18;
 
-/// An interval that has a width.
+/// Returns the interval, widened if it is empty.
 pub(super) fn padded((low, high): (f64, f64)) -> (f64, f64) {
     if low < high {
         return (low, high);
@@ -14,12 +14,12 @@ pub(super) fn padded((low, high): (f64, f64)) -> (f64, f64) {
     (low - half, low + half)
 }
 
-/// A tenth of a width: what numbers at an axis must tell apart.
+/// Returns a tenth of the width: the precision of an axis's numbers.
 pub(super) fn tick_step(width: f64) -> f64 {
     width / 10.0
 }
 
-/// A number with as many places as a step asks for.
+/// Formats a number with the precision of a step.
 pub(super) fn number(value: f64, step: f64) -> String {
     if value != 0.0 && !(1e-4..1e6).contains(&value.abs().max(step)) {
         return format!("{value:.2e}");

@@ -15,7 +15,7 @@ use bottega::rules::inputs;
 
 use crate::error::CliError;
 
-/// Nothing is known there: no rule fires and there is no default.
+/// The color where no rule fires and there is no default.
 const NO_VALUE: RGBColor = RGBColor(200, 200, 200);
 
 /// An output over two inputs, the others fixed.
@@ -23,9 +23,9 @@ pub(super) struct Surface {
     title: String,
     fixed: String,
     axes: [Axis; 2],
-    /// [`Surface::STEPS`] squared, row by row from the bottom.
+    /// [`Surface::STEPS`] squared values, row by row from the bottom.
     values: Vec<Option<f64>>,
-    /// The least and the greatest value.
+    /// The minimum and the maximum value.
     range: (f64, f64),
 }
 
@@ -36,7 +36,7 @@ struct Axis {
 
 impl Surface {
     const SIZE: (u32, u32) = (860, 640);
-    /// Cells along each axis.
+    /// The number of cells along each axis.
     const STEPS: usize = 160;
 
     pub(super) fn new(
@@ -91,7 +91,7 @@ impl Surface {
         RGBColor(r, g, b)
     }
 
-    /// The cells as rectangles, those of one color in a row as one.
+    /// Returns the cells as rectangles; adjacent cells of one color in a row are merged.
     fn rectangles(&self) -> Vec<Rectangle<(f64, f64)>> {
         let mut rectangles = Vec::new();
         for row in 0..Self::STEPS {
@@ -108,7 +108,7 @@ impl Surface {
         rectangles
     }
 
-    /// What colors mean.
+    /// Draws the color scale.
     fn draw_scale<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult<B> {
         let (low, high) = if self.range.0 <= self.range.1 { padded(self.range) } else { return Ok(()) };
         let mut chart = ChartBuilder::on(area)
@@ -138,12 +138,12 @@ impl Surface {
 }
 
 impl Axis {
-    /// The place between two cells.
+    /// Returns the position of the border before a cell.
     fn at(&self, cell: usize) -> f64 {
         self.range.0 + (self.range.1 - self.range.0) * cell as f64 / Surface::STEPS as f64
     }
 
-    /// The middle of a cell.
+    /// Returns the center of a cell.
     fn middle(&self, cell: usize) -> f64 {
         self.range.0 + (self.range.1 - self.range.0) * (cell as f64 + 0.5) / Surface::STEPS as f64
     }

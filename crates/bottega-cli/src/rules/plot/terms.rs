@@ -11,7 +11,7 @@ use super::{
     axes::{TEXT, TITLE, number, padded, tick_step},
 };
 
-/// Colors that stay apart for most eyes (M. Okabe and K. Ito, 2008), without the yellow, which white swallows.
+/// Colors that most people can distinguish (M. Okabe and K. Ito, 2008), without yellow, which is invisible on white.
 const TERM_COLORS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
@@ -58,7 +58,7 @@ impl Terms {
     }
 }
 
-/// A membership function as a line over an interval.
+/// Returns a membership function as a polyline over an interval.
 fn corners(membership: &Membership, (low, high): (f64, f64)) -> Vec<(f64, f64)> {
     match membership {
         Membership::Singleton(at) => vec![(*at, 0.0), (*at, 1.0)],
@@ -119,7 +119,7 @@ impl Panel {
     }
 }
 
-/// The part of a line that is not flat on the axis: others lie there, too.
+/// Returns the part of a polyline above the axis, where polylines overlap.
 fn raised(corners: &[(f64, f64)]) -> &[(f64, f64)] {
     let is_up = |corner: &(f64, f64)| corner.1 > 0.0;
     let first = corners.iter().position(is_up).unwrap_or(corners.len()).saturating_sub(1);
@@ -127,7 +127,7 @@ fn raised(corners: &[(f64, f64)]) -> &[(f64, f64)] {
     &corners[first..last]
 }
 
-/// The middle of where a line is highest.
+/// Returns the center of the highest part of a polyline.
 fn top(corners: &[(f64, f64)]) -> (f64, f64) {
     let y = corners.iter().map(|corner| corner.1).fold(0.0, f64::max);
     let at = || corners.iter().filter(|corner| corner.1 == y).map(|corner| corner.0);

@@ -1,22 +1,22 @@
-//! A comparison of numbers that are the same but for rounding.
+//! Comparison of numbers up to rounding.
 
-/// Relative difference that is always allowed.
+/// The relative difference that is always allowed.
 const TOLERANCE: f32 = 1e-4;
-/// How far an input is moved, to see by how much the answer depends on its last places: some units in the last place, as
-/// many as the formulas lose on the way.
+/// The relative change of an input that tests how strongly an answer depends on its last digits: a few units in the last place,
+/// as many as the formulas lose.
 pub(super) const NUDGE: f32 = 4e-7;
 
-/// How two numbers compare.
+/// The result of comparing two numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Match {
-    /// The same within [`TOLERANCE`].
+    /// Equal within [`TOLERANCE`].
     Close,
-    /// As near as the last places of the inputs tell.
+    /// As close as the precision of the inputs allows.
     Conditioned,
     Off,
 }
 
-/// Whether `b` is `a` but for rounding; `nudged`: what `a` becomes when its inputs are moved by [`NUDGE`].
+/// Compares `a` and `b`; `nudged`: the result `a` for inputs changed by [`NUDGE`].
 pub(super) fn agree(a: &[f32], b: &[f32], nudged: impl FnOnce() -> Vec<Vec<f32>>) -> Match {
     let size = a.iter().fold(1e-6, |size: f32, x| size.max(x.abs()));
     let near =
@@ -28,11 +28,11 @@ pub(super) fn agree(a: &[f32], b: &[f32], nudged: impl FnOnce() -> Vec<Vec<f32>>
     if near(2.0 * nudged().iter().map(spread).fold(0.0, f32::max)) { Match::Conditioned } else { Match::Off }
 }
 
-/// How many of many cases agree.
+/// Counts of cases by their result.
 #[derive(Debug, Default)]
 pub(super) struct CaseTally {
     pub(super) all: usize,
-    /// Close only in view of how much depends on the last places.
+    /// Close only in view of their condition.
     pub(super) conditioned: usize,
     pub(super) off: usize,
 }
@@ -44,8 +44,8 @@ impl CaseTally {
         self.off += usize::from(agrees == Match::Off);
     }
 
-    /// Whether less than `share` is off (a choice between two ways fell the other way), and no more than one in ten, or that
-    /// share, close only in view of its condition.
+    /// True if at most `share` of the cases differ (a random choice fell the other way), and fewer than a tenth, or than `share`
+    /// if that is larger, are close only in view of their condition.
     pub(super) fn is_sound(&self, share: f32) -> bool {
         self.all > 0
             && self.off as f32 <= share * self.all as f32
@@ -53,5 +53,5 @@ impl CaseTally {
     }
 }
 
-/// What may be off where nothing else is said.
+/// The default share of cases that may differ.
 pub(super) const RARELY: f32 = 1e-3;

@@ -7,7 +7,7 @@ use wgpu::util::DeviceExt as _;
 
 use crate::material::{EncodedMaterials, Features, source};
 
-/// What every test shader is put behind.
+/// The declarations that precede every test shader.
 const BINDINGS: &str = "
 @group(0) @binding(0) var<storage, read> material_words: array<u32>;
 @group(0) @binding(1) var<storage, read> texture_words: array<u32>;
@@ -15,9 +15,9 @@ const BINDINGS: &str = "
 @group(0) @binding(3) var<storage, read_write> answers: array<f32>;
 ";
 
-/// A device that runs one shader of the library.
+/// A device with one test shader.
 pub(super) struct Bench {
-    /// Whether it rounds as little as the processor on which it runs.
+    /// True if it rounds like the CPU on which it runs.
     pub(super) is_software: bool,
     device: wgpu::Device,
     queue: wgpu::Queue,
@@ -25,7 +25,7 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    /// With the entry point `main` of `shader`, of 64 threads a group, one for each case. `None` where there is no device.
+    /// Compiles the entry point `main` of `shader`, with 64 threads per group and one per case. `None`: there is no device.
     pub(super) fn new(shader: &str, features: Features) -> Option<Self> {
         let wanted = std::env::var("BOTTEGA_GPU").unwrap_or_else(|_| "llvmpipe".into());
         let Ok((adapter, info)) = crate::adapter::choose(Some(&wanted)) else {
@@ -61,7 +61,7 @@ impl Bench {
         Some(Self { is_software: info.kind == crate::AdapterKind::Software, device, queue, pipeline })
     }
 
-    /// Runs all cases of `stride` words each; each answers `answer` numbers.
+    /// Runs all cases of `stride` words each; each returns `answer` numbers.
     pub(super) fn run(&self, scene: &EncodedMaterials, cases: &[u32], stride: usize, answer: usize) -> Vec<f32> {
         let count = cases.len() / stride;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
@@ -78,7 +78,7 @@ impl Bench {
         };
         let (answers, back) = (make(usage), make(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST));
         let bound = [upload(&scene.material_words), upload(&scene.texture_words), upload(cases), answers];
-        // A shader that does not use all of them has no place for the others.
+        // A shader that does not use all arrays has no bindings for the others.
         let entries: Vec<_> = bound
             .iter()
             .zip(0..)

@@ -1,4 +1,4 @@
-//! Frames that are turned, and what a material says beside its scattering.
+//! Tests of rotated frames, and of a material's properties other than its BSDF.
 
 use bottega_render::bsdf::{LiftedNormal, SurfacePoint, scattering};
 use bottega_scene::{
@@ -74,7 +74,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 }
 ";
 
-/// Where the surface is and how its coordinates lie.
+/// The position, and the orientation of its coordinates.
 struct Case {
     material: usize,
     uvs: [Vec2; 2],
@@ -122,7 +122,7 @@ fn material(n: &mut Numbers, images: u32) -> Material {
     }
 }
 
-/// As `bottega_render` has it (`interaction/relief.rs`), which cannot be asked for one normal.
+/// The formula of `bottega_render` (`interaction/relief.rs`), which has no function for a single normal.
 fn mapped(scene: &Scene, (map, scale): (&bottega_scene::TextureMap, f32), case: &Case) -> Vec3 {
     let (uv, ns) = (case.uvs[usize::from(map.uv_set & 1)], case.ns);
     let texel = scene.images[map.image.0 as usize].eval(map, uv, case.footprint).truncate();

@@ -8,7 +8,7 @@ use bottega_scene::{
 
 use super::numbers::Numbers;
 
-/// A kind: its name, and one of it, whose textures are among so many pictures.
+/// A kind: its name, and a function that makes one with textures among so many images.
 pub(super) type SurfaceKind = (&'static str, fn(&mut Numbers, u32) -> Surface);
 
 /// The kind whose values and samples are random walks.
@@ -94,11 +94,11 @@ pub(super) const KINDS: &[SurfaceKind] = &[
     ("blend", |n, images| blend(n, images, 3)),
 ];
 
-/// As [`facets`], but of a handful of boundaries, whose curves take long.
+/// Like [`facets`], but with few boundaries, because their curves take long to compute.
 fn few_facets(n: &mut Numbers, images: u32) -> Facets {
     let mut facets = facets(n, images);
     for roughness in &mut facets.roughness {
-        // Textures ask for all curves of a boundary.
+        // Textures need all curves of a boundary.
         if facets.distribution == Distribution::Beckmann || facets.shadowing == Shadowing::Separable {
             roughness.texture = None;
         }

@@ -1,4 +1,4 @@
-//! Materials that devices have only in part, or not at all, and encodings at their edges.
+//! Tests of unsupported materials, and of encodings at their limits.
 
 use bottega_render::bsdf::{SurfacePoint, scattering};
 use bottega_scene::{
@@ -10,7 +10,7 @@ use glam::{Affine3A, Vec2, Vec3};
 use super::device::Bench;
 use crate::material::{EncodedMaterials, Features};
 
-/// A clear coat over a matte base, its thickness by the red of a picture.
+/// A clear coat over a matte base, its thickness by the red of an image.
 fn coat(facets: Facets, most: f32) -> Surface {
     let map = TextureMap { smooth: false, ..TextureMap::new(ImageId(0)) };
     Surface::Coated(Box::new(Coated {
@@ -59,7 +59,7 @@ fn clear_coats_may_differ_in_thickness_from_place_to_place() {
         for (u, found) in places.into_iter().zip(answers.chunks(4)) {
             let point = SurfacePoint { uvs: [Vec2::new(u, 0.5); 2], ..SurfacePoint::plain(true) };
             let (value, pdf) = scattering(&scene, &scene.materials[0], &point).eval_pdf(wo, wi);
-            // The processor knows thickness in steps of a 64th of an octave, and its logarithm cannot be told better.
+            // The CPU has thickness in steps of a 64th of an octave, which bounds the precision of its logarithm.
             let near = |a: f32, b: f32| (a - b).abs() < 0.02 * a.max(b) + 1e-5;
             let is_near = (0..3).all(|i| near(value[i], found[i])) && near(pdf, found[3]);
             assert!(is_near, "{most} at {u}: {value} {pdf}, on the device {found:?}");

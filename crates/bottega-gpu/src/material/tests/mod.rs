@@ -1,4 +1,4 @@
-//! The shaders against the processor: the same function of the same thousands of random inputs.
+//! Tests that compare shaders with the CPU: the same functions of the same thousands of random inputs.
 
 mod compare;
 mod device;

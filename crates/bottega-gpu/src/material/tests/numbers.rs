@@ -4,7 +4,7 @@ use bottega_render::bsdf::{LiftedNormal, Spot, SurfacePoint};
 use bottega_scene::{Channel, ColorParam, Image, ImageId, ScalarParam, Spectrum, TextureMap, Wrap};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
-/// Numbers that are the same each time.
+/// Random numbers from a seed.
 pub(super) struct Numbers(pub(super) u64);
 
 impl Numbers {
@@ -43,7 +43,7 @@ impl Numbers {
         Spectrum::new(self.unit(), self.next(), self.next())
     }
 
-    /// Evenly spread over the sphere.
+    /// Uniform over the sphere.
     pub(super) fn direction(&mut self) -> Vec3 {
         loop {
             let v = Vec3::new(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0));
@@ -74,20 +74,20 @@ impl Numbers {
         }
     }
 
-    /// A factor, and now and then a texture.
+    /// A factor, sometimes with a texture.
     pub(super) fn color_param(&mut self, images: u32) -> ColorParam {
         let texture = self.chance(0.2).then(|| self.map(images));
         ColorParam { factor: self.color(), texture }
     }
 
-    /// A factor in that range, and now and then a texture.
+    /// A factor in that range, sometimes with a texture.
     pub(super) fn scalar_param(&mut self, images: u32, low: f32, high: f32) -> ScalarParam {
         let channel = self.pick(&[Channel::R, Channel::G, Channel::B, Channel::A]);
         let texture = self.chance(0.2).then(|| (self.map(images), channel));
         ScalarParam { factor: low + (high - low) * self.unit(), texture }
     }
 
-    /// A point, and by what its `lifted` was made.
+    /// A point, and the arguments of its `lifted`.
     pub(super) fn point(&mut self) -> (SurfacePoint, Option<(Vec3, bool)>) {
         let uv = |numbers: &mut Self| Vec2::new(numbers.within(-3.0, 3.0), numbers.within(-3.0, 3.0));
         let lifted = self.chance(0.1).then(|| ((Vec3::Z + 0.7 * self.direction()).normalize(), self.chance(0.5)));
@@ -105,7 +105,7 @@ impl Numbers {
     }
 }
 
-/// One picture of each format, of odd sizes.
+/// One image of each format, of odd sizes.
 pub(super) fn images(numbers: &mut Numbers) -> Vec<Image> {
     let sizes = [(16, 16), (7, 5), (13, 1), (1, 9), (32, 8), (6, 6), (5, 3)];
     let byte = |numbers: &mut Numbers| (numbers.next() * 256.0) as u8;

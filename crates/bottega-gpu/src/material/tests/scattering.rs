@@ -1,4 +1,4 @@
-//! Every kind of surface: values, densities, samples and what is asked beside.
+//! Tests of every kind of surface: values, densities, samples and properties.
 
 use bottega_render::bsdf::{BsdfAt, SurfacePoint, scattering};
 use bottega_scene::{AlphaMode, Back, Material, Scene, Sides, Spectrum};
@@ -13,7 +13,7 @@ use crate::material::{EncodedMaterials, Features};
 const MATERIALS: usize = 120;
 const POINTS: usize = 60;
 
-/// What the shader is asked.
+/// The query to the shader.
 struct Case {
     material: u32,
     point: SurfacePoint,
@@ -36,7 +36,7 @@ impl Case {
             u: [n.next(), n.next(), n.next()],
             carried: if n.chance(0.5) { Spectrum::ONE } else { n.color() + 0.01 },
         };
-        // Half of them where the surface itself sends light: where narrow lobes are.
+        // Half of them where the surface itself scatters to, to hit narrow lobes.
         let bsdf = scattering(scene, &scene.materials[material as usize], &case.point);
         if let Some(sample) = bsdf.at_carrying(case.wo, case.carried).sample(n.next(), [n.next(), n.next()])
             && n.chance(0.5)
@@ -62,7 +62,7 @@ impl Case {
         words
     }
 
-    /// The same with its directions and numbers moved by next to nothing.
+    /// The same query with slightly changed directions and numbers.
     fn nudged(&self, n: &mut Numbers) -> Self {
         let mut turned = |v: Vec3| (v + NUDGE * n.direction()).normalize();
         let (wo, wi) = (turned(self.wo), turned(self.wi));
@@ -71,11 +71,11 @@ impl Case {
     }
 }
 
-/// What is known of one case, in the order of the shader's answers.
+/// The answers to one case, in the order of the shader.
 struct KnownCase {
     /// f and density.
     value: Vec<f32>,
-    /// Where a sample goes; empty: nowhere.
+    /// The sampled direction; empty: none.
     way: Vec<f32>,
     /// Its weight and its density.
     weight: Vec<f32>,
@@ -153,7 +153,7 @@ fn material(n: &mut Numbers, make: fn(&mut Numbers, u32) -> bottega_scene::Surfa
 /// many times as often that a last bit decides. (On an H100 0.6 % of blends and an eighth of walks, instead of 0.1 and 3 %.)
 const GPU_SLACK: f32 = 8.0;
 
-/// What is off; `None` without a device. The shader has what this kind asks for and no more.
+/// Returns the differences; `None` without a device. The shader has exactly the features of this kind.
 fn compare((name, make): SurfaceKind, seed: u64) -> Option<Vec<String>> {
     let mut n = Numbers(seed);
     let images = images(&mut n);

@@ -1,4 +1,4 @@
-//! Lookups of pictures of all formats: values and slopes.
+//! Tests of lookups in images of all formats: values and derivatives.
 
 use bottega_scene::{ColorParam, Material, Scene};
 use glam::Vec2;
@@ -59,7 +59,7 @@ fn pictures_are_looked_up_as_on_the_processor() {
     for (&(map, uv, footprint), found) in cases.iter().zip(answers.chunks(12)) {
         let map = &maps[map];
         let image = &scene.images[map.image.0 as usize];
-        // A unit in the last place of the place in the picture.
+        // One unit in the last place of the image coordinate.
         let step = 4e-7 * (1.0 + map.picture_from_uv.transform_point2(uv).abs().max_element());
         let near = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]].map(|[x, y]| uv + step * Vec2::new(x, y));
         let value = |uv: Vec2| image.eval(map, uv, footprint).to_array().to_vec();

@@ -1,4 +1,4 @@
-//! Small scenes.
+//! Small test scenes.
 
 use bottega_scene::{
     AlphaMode, Camera, Channel, ColorParam, Conductor, Dielectric, Environment, EnvironmentMapping, Facets, Image,
@@ -20,7 +20,7 @@ fn wall(scene: &mut Scene, corner: Vec3, x: Vec3, y: Vec3, material: Material) {
     scene.push_surface(Mesh { material, ..Mesh::quad(corner, x, y) });
 }
 
-/// A room of coloured walls, open to who looks, with a lamp in its ceiling and two spheres, one of which shines.
+/// A room of coloured walls, open to the camera, with a lamp in its ceiling and two spheres, one of which emits light.
 pub(super) fn cornell() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 4.2), Vec3::ZERO)], ..Scene::default() };
     let (x, y, z) = (2.0 * Vec3::X, 2.0 * Vec3::Y, 2.0 * Vec3::Z);
@@ -101,7 +101,7 @@ fn ball(rows: u32) -> Mesh {
     mesh
 }
 
-/// A picture of some waves, of which the last channel is alpha.
+/// An image of waves, with alpha as the last channel.
 fn waves(scene: &mut Scene, width: u32, height: u32) -> ImageId {
     let texel = |i: u32| {
         let (x, y) = ((i % width) as f32, (i / width) as f32);
@@ -121,7 +121,7 @@ fn lamp(scene: &mut Scene) {
     wall(scene, Vec3::new(-1.0, 3.0, -1.0), 2.0 * Vec3::X, 2.0 * Vec3::Z, Material::lamp(radiance));
 }
 
-/// Instances of a mesh, one of them stretched and one mirrored, below a picture of the sky, through a lens.
+/// Instances of a mesh, one of them stretched and one mirrored, below an image of the sky, through a lens.
 pub(super) fn placed() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 1.0, 5.0), Vec3::ZERO)], ..Scene::default() };
     scene.cameras[0].lens_radius = 0.1;
@@ -143,7 +143,7 @@ pub(super) fn placed() -> Scene {
     scene
 }
 
-/// Lamps that throw pictures or shine by them, below a sky of equal areas.
+/// Lamps that project images, and lamps textured by them, below an equal-area sky.
 pub(super) fn pictures() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 5.0), Vec3::ZERO)], ..Scene::default() };
     scene.cameras[0].projection = Projection::Orthographic { height: 5.0 };
@@ -183,7 +183,7 @@ pub(super) fn pictures() -> Scene {
     scene
 }
 
-/// Surfaces with holes, half-transparent ones, and one that is not there at all, before lamps that have them, too.
+/// Surfaces with holes, half-transparent ones, and an invisible one, before lamps that have them, too.
 pub(super) fn cut_outs() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.5, 5.0), Vec3::ZERO)], ..Scene::default() };
     floor(&mut scene, Material::matte(Vec3::splat(0.6)));
@@ -212,7 +212,7 @@ pub(super) fn cut_outs() -> Scene {
     scene
 }
 
-/// A clear solid that absorbs, a sheet, mirrors, and a surface that shows its own colour.
+/// A clear solid that absorbs, a sheet, mirrors, and an unlit surface.
 pub(super) fn glass() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.5, 5.0), Vec3::ZERO)], ..Scene::default() };
     floor(&mut scene, Material::matte(Vec3::splat(0.6)));
@@ -255,7 +255,7 @@ pub(super) fn glass() -> Scene {
     scene
 }
 
-/// Maps of normals and of heights, by both rules, on a wall, a sphere and a mesh.
+/// Normal and height maps, by both rules, on a wall, a sphere and a mesh.
 pub(super) fn reliefs() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.5, 5.0), Vec3::ZERO)], ..Scene::default() };
     floor(&mut scene, Material::matte(Vec3::splat(0.6)));
@@ -287,7 +287,7 @@ pub(super) fn reliefs() -> Scene {
     scene
 }
 
-/// Lamps of all shapes, so that the tree is some nodes deep.
+/// Lamps of all shapes, so many that the tree has several levels.
 pub(super) fn many_lights() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), Vec3::ZERO)], ..Scene::default() };
     floor(&mut scene, Material::matte(Vec3::splat(0.7)));

@@ -1,26 +1,26 @@
 // Twin: `bottega-render/src/bsdf/base.rs`.
 //
-// The books of the layered material: what each lobe scatters, so that all of them balance.
+// The energy balance of the layered material: lobe weights that reflect what single scattering loses.
 
-// One term colour · g(μo) g(μi) / (π (1 − E̅)).
+// A lobe colour · g(μo) g(μi) / (π (1 − E̅)).
 struct LayeredLobe {
     color: vec3f,
     // 1 / (π (1 − E̅)).
     scale: f32,
-    // Whether what E leaves over is mostly near the horizon.
+    // `true`: the missing energy 1 − E is mostly near the horizon.
     is_grazing: bool,
 }
 
 fn base_coupled(color: vec3f, mean: f32) -> LayeredLobe {
     let rest = 1.0 - mean;
-    // A layer that loses next to nothing has nothing to give back.
+    // Almost no energy is lost, so the lobe is empty.
     if rest <= 1e-4 {
         return LayeredLobe(vec3f(0.0), 0.0, false);
     }
     return LayeredLobe(color, 1.0 / (PI * rest), rest < 0.1);
 }
 
-// Colour of the light that was reflected more than once, as a share of what single scattering loses.
+// Returns the colour of multiply scattered light, relative to the energy that single scattering loses.
 fn base_multiply_scattered(fresnel: vec3f, single: f32) -> vec3f {
     return fresnel * fresnel * single / (1.0 - fresnel * (1.0 - single));
 }
@@ -48,7 +48,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
     if p.anisotropy > 0.0 {
         let along = narrow_alpha + (1.0 - narrow_alpha) * p.anisotropy * p.anisotropy;
         alpha = vec2f(along, select(narrow_alpha, max(narrow_alpha, GGX_SMOOTH_ALPHA), along >= GGX_SMOOTH_ALPHA));
-        // The tables know no direction: they see facets whose slopes are as large on average.
+        // The tables are isotropic: use the α whose slopes are as large on average.
         position = sqrt(sqrt(sqrt(0.5 * dot(alpha, alpha))));
     }
     let is_smooth = max(alpha.x, alpha.y) < GGX_SMOOTH_ALPHA;
@@ -61,7 +61,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
     let f0 = min(p.specular_color * f0_exact, vec3f(1.0));
     var dielectric = 1.0 - p.metallic;
     if inside {
-        // From within, the opaque share is bare: its dielectric is on the other side.
+        // From inside, the opaque part has no dielectric: that is on the other side.
         dielectric = transmitting;
     } else if through == THROUGH_NOTHING && p.specular == 0.0 {
         dielectric = 0.0;
@@ -70,7 +70,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
     let it = Interface(alpha, p.metallic, p.base_color, dielectric, select(inner_eta, 1.0 / inner_eta, inside), f0, p.specular,
         f0_exact, through, p.base_color * transmitting, p.film, spread);
 
-    // Reflectances at normal incidence whose means are those under the film.
+    // Find reflectances at normal incidence with the same means as under the film.
     var mean_metal = p.base_color;
     var mean_f0 = f0;
     if HAS_FILM && p.film.factor > 0.0 {
@@ -82,7 +82,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
         }
     }
 
-    // What the facets lose, and the diffuse base.
+    // Compute the energy lost by the facets, and the diffuse base.
     let rough = tables_rough_at(position);
     let sharp = tables_rough_at(0.0);
     let index_ior = max(ior, 1.0);
@@ -94,17 +94,17 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
     let fresnel_mean = interface_of_rise(mean_f0, p.specular, sharp_rise_mean);
     let lost_metal = base_multiply_scattered(mean_metal * (20.0 / 21.0) + 1.0 / 21.0, single_mean);
     let lost_dielectric = base_multiply_scattered(fresnel_mean, single_mean);
-    // A solid's other side is not matte.
+    // The far side of a solid is not matte.
     let beyond_share = select(p.diffuse_transmission, 0.0, is_solid);
     let beyond = opaque * beyond_share;
     var multiple_color = p.metallic * lost_metal;
     var cover = LayeredCover(0.0, 0.0, 0.0);
     if !inside {
-        // `opaque` is split between both sides, and both lie below the dielectric.
+        // Both parts of `opaque` lie below the dielectric.
         multiple_color += (opaque * (1.0 - beyond_share) + beyond) * lost_dielectric;
         var cover_f0 = mean_f0;
         if HAS_FILM && p.film.factor > 0.0 {
-            // Where the film is brightest the base still must not reflect what the film already has.
+            // Keep the base from reflecting where the film is brightest.
             var peak = 0.0;
             for (var step = 1u; step <= FILM_PEAK_STEPS; step++) {
                 let cosine = f32(step) / f32(FILM_PEAK_STEPS);
@@ -114,7 +114,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
             cover_f0 = film_mix(p.film, f0, max(f0, vec3f(peak)));
         }
         let multiple = math_max3(lost_dielectric);
-        // The strongest channel counts for all, lest the base take on the complementary colour.
+        // Use the strongest channel for all, so that the base does not take on the complementary colour.
         let strongest = p.specular * math_max3(cover_f0);
         cover = LayeredCover(strongest - multiple, p.specular - strongest, multiple);
     }
@@ -125,20 +125,20 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
         diffuse_through = base_coupled(p.through_color * beyond, cover_mean);
     }
     var boundary = base_coupled(vec3f(0.0), 1.0);
-    // Of the facets of a sheet, or of a solid's boundary.
+    // Transmission lobes of a sheet's facets, or of a solid's boundary.
     var other_through = base_coupled(vec3f(0.0), 1.0);
     if through == THROUGH_SHEET {
         multiple_color += transmitting * fresnel_mean;
         other_through = base_coupled(transmitting * (1.0 - math_max3(fresnel_mean)) * p.base_color, single_mean);
     } else if is_solid {
-        // The shares are such that f(wo, wi) / η_i² is symmetric.
+        // These weights make f(wo, wi) / η_i² symmetric.
         let near = tables_by_index(select(TABLE_OUTSIDE, TABLE_INSIDE, inside), index, rough, TABLE_MEAN);
         let far = tables_by_index(select(TABLE_INSIDE, TABLE_OUTSIDE, inside), index, rough, TABLE_MEAN);
         let outside = f0_exact + (1.0 - f0_exact) * sharp_rise_mean;
-        // Hemispherical transmittance: from within it is smaller by n².
+        // Hemispherical transmittance; from inside it is smaller by n².
         let passed = (1.0 - outside) * select(1.0, it.eta * it.eta, inside);
         let crossed = passed * (1.0 - far) / max(max(1.0 - near, 1.0 - far), 1e-9);
-        // The tables hold for full strength and a white tint; elsewhere less is given back.
+        // The tables hold for full strength and a white tint; otherwise reduce the compensation.
         let tint = min(math_min3(f0 / max(f0_exact, 1e-9)), 1.0);
         let weight = transmitting * p.specular * tint;
         boundary = base_coupled(vec3f(weight * (1.0 - crossed)), near);
@@ -146,7 +146,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
     }
     let multiple = base_coupled(multiple_color, single_mean);
 
-    // Which tables the cosine lobes look into, and what there is.
+    // Record which tables the cosine lobes use, and which lobes exist.
     let has_diffuse = base_is_some(diffuse.color) || base_is_some(diffuse_through.color);
     let is_covered = has_diffuse && !(cover.single == 0.0 && cover.rise == 0.0);
     let sheet_through = through == THROUGH_SHEET && base_is_some(other_through.color);
@@ -160,12 +160,12 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
     if is_black {
         return b;
     }
-    // From within, coat and sheen only weaken what goes through.
+    // From inside, coat and sheen only attenuate transmitted light.
     let above = !inside && (has_sheen || (has_coat && !coat_is_smooth(p.coat)));
     let has_non_delta = (!is_smooth && !interface_black) || has_cosine || above;
     let is_boundary_alone = !has_coat && !has_sheen && !has_non_delta;
 
-    // What is seen from wo.
+    // Evaluate the weights for wo.
     let mu = tables_mu_new(wo.z);
     var single = 1.0;
     var all = 1.0;
@@ -244,7 +244,7 @@ fn layered_of(wo: vec3f, carried: vec3f, p: LayeredParams) -> Bsdf {
     b.words.x = select(0u, LAYERED_USES_SINGLE, uses_single) | select(0u, LAYERED_USES_RISE, is_covered)
         | select(0u, LAYERED_USES_BOUNDARY, is_solid) | select(0u, LAYERED_INSIDE, inside) | (through << LAYERED_THROUGH_SHIFT);
     if is_boundary_alone {
-        // Nothing is there that needs the tables.
+        // No lobe needs the tables.
         b.words.x &= ~(LAYERED_USES_SINGLE | LAYERED_USES_RISE | LAYERED_USES_BOUNDARY);
     }
     b.d[0] = vec4f(alpha, p.metallic, dielectric);

@@ -2,7 +2,7 @@
 //
 // The Beckmann distribution of microfacet normals.
 
-// A direction in the space where α is 1, how much longer it got, and its sine.
+// A direction in the space where α is 1, the factor by which it grew, and its sine.
 struct BeckmannStretched {
     direction: vec3f,
     size: f32,
@@ -40,7 +40,7 @@ fn beckmann_stretched(alpha: vec2f, w: vec3f) -> BeckmannStretched {
     return BeckmannStretched(direction, size, length(direction.xy));
 }
 
-// A facet's normal, as likely as `wo` sees it.
+// Samples a visible normal of the facets.
 fn beckmann_sample_visible_normal(alpha: vec2f, wo: vec3f, u: vec2f) -> vec3f {
     let s = beckmann_stretched(alpha, wo);
     var slope = vec2f(0.0);
@@ -62,7 +62,7 @@ fn beckmann_area_below(s: BeckmannStretched, x: f32) -> f32 {
     return 0.5 * s.direction.z * (1.0 + beckmann_erf(near)) + s.sine * BECKMANN_HALF_RSQRT_PI * math_exp(-near * near);
 }
 
-// The slope along the direction, visible with the probability `u` or less: by Newton's method between brackets.
+// Samples the visible slope along the direction, by Newton's method in a shrinking bracket.
 fn beckmann_visible_slope(s: BeckmannStretched, u: f32) -> f32 {
     let cot = s.direction.z / s.sine;
     let wanted = u * beckmann_area_below(s, cot);

@@ -1,13 +1,13 @@
 // Twin: `bottega-render/src/bsdf/coat.rs`.
 //
-// The clear coat.
+// The clear coat of the layered material.
 
 struct Coat {
-    // Strength; 0: there is none.
+    // Strength in [0, 1]; 0: no coat.
     weight: f32,
-    // Perceptual; α is its square.
+    // Perceptual roughness; α is its square.
     roughness: f32,
-    // In the local frame; +z: that of the base.
+    // Normal in the local frame; +z is the base's normal.
     normal: vec3f,
 }
 
@@ -19,7 +19,7 @@ fn coat_is_smooth(coat: Coat) -> bool {
     return coat.roughness * coat.roughness < GGX_SMOOTH_ALPHA;
 }
 
-// A direction in the coat's frame.
+// Transforms a direction to the coat's frame.
 fn coat_in_coat(coat: Coat, w: vec3f) -> vec3f {
     if !coat_is_tilted(coat) {
         return w;
@@ -27,7 +27,7 @@ fn coat_in_coat(coat: Coat, w: vec3f) -> vec3f {
     return w * frame_from_normal(coat.normal);
 }
 
-// f and density of a rough coat; both directions above the surface.
+// Returns f and pdf of a rough coat; both directions above the surface.
 fn coat_eval_pdf(coat: Coat, wo: vec3f, wi: vec3f) -> vec2f {
     let o = coat_in_coat(coat, wo);
     let i = coat_in_coat(coat, wi);
@@ -42,7 +42,7 @@ fn coat_eval_pdf(coat: Coat, wo: vec3f, wi: vec3f) -> vec2f {
     return vec2f(coat_reflectance(coat, dot(o, h)) * facets, 0.25 * density / ggx_visible_area(alpha, o));
 }
 
-// What a facet reflects.
+// Returns the reflectance of a facet.
 fn coat_reflectance(coat: Coat, cosine: f32) -> f32 {
     return coat.weight * fresnel_dielectric(cosine, COAT_IOR);
 }
@@ -68,12 +68,12 @@ fn coat_sample(coat: Coat, wo: vec3f, u: vec2f) -> BsdfDrawn {
     if !is_smooth {
         return bsdf_spread(wi, BSDF_REFLECTION | BSDF_GLOSSY, 1.0);
     }
-    // f |cos θi|: a mirror's f has one over its own cosine.
+    // f |cos θi|; the f of a mirror contains the reciprocal of its own cosine.
     let weight = coat_reflectance(coat, o.z) * coat_tilt(wo.z, o.z) * coat_tilt(wi.z, i.z) * (wi.z / i.z);
     return bsdf_delta(wi, vec3f(weight), 1.0, BSDF_REFLECTION, 1.0);
 }
 
-// Share of the light along a direction on either side that is not reflected.
+// Returns the fraction of light along a direction, on either side, that the coat does not reflect.
 fn coat_passed(coat: Coat, w: vec3f) -> f32 {
     let cosine = select(abs(w.z), dot(coat.normal, w) * math_sign(w.z), coat_is_tilted(coat));
     if !HAS_COAT || coat.weight <= 0.0 || cosine <= 0.0 {

@@ -1,25 +1,25 @@
 // Twin: `bottega-render/src/bsdf/coated.rs`.
 //
-// A base below a dielectric boundary and a layer that may scatter, with all reflections between them: random walks whose
-// numbers are made from the bits of the directions, at most `max_depth` events long.
+// A base below a dielectric boundary and a layer that may scatter, with all interreflections: random walks of at most `max_depth`
+// events, with random numbers hashed from the directions.
 
 struct Stack {
     eta: f32,
     facets: Microfacets,
-    // Of the layer: in mean free paths, single-scattering albedo, asymmetry, greatest number of events within.
+    // The layer: thickness in mean free paths, single-scattering albedo, asymmetry, maximum number of events.
     thickness: f32,
     albedo: vec3f,
     g: f32,
     max_depth: u32,
-    // What lies below: metal, or matte of this colour.
+    // The base: metal, or matte of this colour.
     is_metal: bool,
     color: vec3f,
     metal: Conductor,
-    // Microfacets on the outside whose reflections are about those of the base.
+    // α of facets at the outside that approximate the base's reflection, for sampling.
     proxy: vec2f,
 }
 
-// A direction that goes on from the base; density below 0: it is the only one.
+// A direction sampled from the base; pdf below 0: a Dirac lobe.
 struct StackBounce {
     exists: bool,
     w: vec3f,
@@ -33,7 +33,7 @@ struct StackExit {
     carried: vec3f,
 }
 
-// 64-bit numbers as low and high words.
+// Multiplies 64-bit numbers given as low and high words.
 fn coated_product(a: vec2u, b: vec2u) -> vec2u {
     let a0 = a.x & 0xffffu;
     let a1 = a.x >> 16u;
@@ -50,7 +50,7 @@ fn coated_product(a: vec2u, b: vec2u) -> vec2u {
 fn stack_new(wo: vec3f, given: Stack) -> Bsdf {
     var it = given;
     let below = select(vec2f(1.0), it.metal.facets.alpha, it.is_metal);
-    // Slopes below look η times as steep from outside, and each crossing of a rough boundary adds its own bend.
+    // From outside, slopes of the base look η times as steep, and each crossing of a rough boundary adds its own.
     let a = it.eta * below;
     let c = (it.eta - 1.0) * it.facets.alpha;
     it.proxy = microfacets_new(0u, min(sqrt(a * a + c * c), vec2f(1.0))).alpha;
@@ -91,7 +91,7 @@ fn stack_from(b: ptr<function, Bsdf>) -> Stack {
     return Stack(d0.x, facets, d0.y, (*b).d[1].xyz, d0.z, (*b).words.y, is_metal, color, metal, d2.zw);
 }
 
-// Share of the light that is mirrored without having been scattered, where boundary and base are smooth.
+// Returns the reflectance without scattering, of smooth boundary and smooth base.
 fn stack_mirrored_unscattered(it: Stack, cosine: f32) -> vec3f {
     let surface = fresnel_dielectric(cosine, it.eta);
     if !it.is_metal || !microfacets_is_smooth(it.metal.facets) {
@@ -116,7 +116,7 @@ fn stack_is_smooth(it: Stack) -> bool {
     return it.is_metal && microfacets_is_smooth(it.metal.facets) && microfacets_is_smooth(it.facets) && math_max3(it.albedo) <= 0.0;
 }
 
-// Probabilities of the boundary's lobe and of the proxy's.
+// Returns the probabilities of sampling the boundary's lobe and the proxy's.
 fn stack_chances(it: Stack, cosine: f32) -> vec2f {
     if stack_is_smooth(it) {
         return vec2f(1.0, 0.0);
@@ -140,7 +140,7 @@ fn stack_chances(it: Stack, cosine: f32) -> vec2f {
     return vec2f(surface, sharp) / (surface + sharp + even);
 }
 
-// A direction within that is reached from `w` above, and in w its share of the light; z = 0: none.
+// Samples a direction inside that `w` refracts to; w component: its weight; z = 0: none.
 fn stack_enter(it: Stack, w: vec3f, u: vec2f) -> vec4f {
     let h = microfacets_sample_visible_normal(it.facets, w, u);
     let below = fresnel_refract(w, h, it.eta).xyz;
@@ -151,7 +151,7 @@ fn stack_enter(it: Stack, w: vec3f, u: vec2f) -> vec4f {
     return vec4f(below, weight * (1.0 - fresnel_dielectric(dot(w, h), it.eta)));
 }
 
-// f of the boundary from `below` to `above` in importance mode, and the density with which `stack_enter` finds `below`.
+// Returns f of the boundary from `below` to `above` in importance mode, and the pdf with which `stack_enter` samples `below`.
 fn stack_crossing(it: Stack, above: vec3f, below: vec3f) -> vec2f {
     let bounce = microfacets_bounce(it.facets, above, below, it.eta);
     return vec2f(bounce.value * (1.0 - fresnel_dielectric(bounce.cosine, it.eta)), bounce.pdf);
@@ -161,7 +161,7 @@ fn stack_passed(depth: f32, w: vec3f) -> f32 {
     return math_exp(-depth / max(abs(w.z), 1e-6));
 }
 
-// f and density of the base for directions above it.
+// Returns f and pdf of the base, for directions above it.
 fn stack_base(it: Stack, wo: vec3f, wi: vec3f) -> BsdfValue {
     if !it.is_metal {
         return BsdfValue(it.color * FRAC_1_PI, warp_cosine_hemisphere_pdf(wi.z));
@@ -188,7 +188,7 @@ fn stack_sample_base(it: Stack, wo: vec3f, u: vec2f) -> StackBounce {
     return StackBounce(exists, w, value.value * (abs(w.z) / select(1.0, value.pdf, exists)), value.pdf);
 }
 
-// An estimate of f of all light that entered the layer and left it, but for light that was mirrored alone.
+// Estimates f of all light that enters the layer and leaves it, without purely specular paths.
 fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
     let scatters = math_max3(it.albedo) > 0.0;
     let rough_top = !microfacets_is_smooth(it.facets);
@@ -197,7 +197,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
     if entered.z == 0.0 {
         return vec3f(0.0);
     }
-    // The light's way in, walked backwards: `way` points down, the light comes from there up.
+    // Follow the light in from wi: `way` points down, and light arrives from its opposite.
     let exit = stack_enter(it, wi, chances_pair(&state));
     let way = exit.xyz;
     let left = exit.w / max(-way.z, 1e-30);
@@ -205,9 +205,10 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
     var w = entered.xyz;
     var carried = vec3f(entered.w);
     var sum = vec3f(0.0);
-    // Below the boundary.
+    // Walk below the boundary.
     var depth = 0.0;
     for (var event = 0u; event < it.max_depth; event++) {
+        // Terminate with Russian roulette.
         if event > 3u {
             let survival = min(math_max3(carried), 1.0);
             if survival < 0.25 {
@@ -217,10 +218,11 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
                 carried /= survival;
             }
         }
-        // Up from below, drawn with this density; 0: not by what the boundary lets out.
+        // Set if the path goes up: the pdf of its direction, below 0 for a Dirac lobe.
         var goes_up = false;
         var density = 0.0;
         var is_within = false;
+        // Sample the distance to the next scattering, or attenuate.
         if scatters {
             let step = -math_ln(1.0 - chances_next(&state)) * abs(w.z);
             let next = depth + select(step, -step, w.z > 0.0);
@@ -230,13 +232,14 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
             carried *= stack_passed(it.thickness, w);
         }
         if is_within {
+            // Scatter in the layer: connect to wi, then sample the phase function.
             carried *= it.albedo;
             if exit.z < 0.0 {
                 let phase = coated_henyey_greenstein(it.g, dot(w, -way));
                 let weight = select(1.0, coated_balance(way_density, phase), rough_top);
                 sum += carried * (phase * weight * left * stack_passed(depth, way));
                 if !rough_top && it.is_metal && microfacets_is_smooth(it.metal.facets) {
-                    // By way of the mirror below, which no other way finds.
+                    // Connect by way of the mirror below, which no other strategy finds.
                     let mirrored = coated_henyey_greenstein(it.g, dot(w, vec3f(-way.xy, way.z)));
                     let passed = stack_passed(2.0 * it.thickness - depth, way);
                     sum += carried * conductor_reflectance(it.metal, -way.z) * (mirrored * left * passed);
@@ -247,7 +250,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
             w = next;
             goes_up = w.z > 0.0;
         } else if w.z > 0.0 {
-            // From below at the boundary: what is reflected goes on.
+            // Reflect at the boundary from below and continue.
             depth = 0.0;
             let down = stack_reflected_within(it, w, chances_pair(&state));
             if down.z == 0.0 {
@@ -256,6 +259,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
             carried *= down.w;
             w = down.xyz;
         } else {
+            // Scatter at the base: connect to wi, then sample the base.
             depth = it.thickness;
             let up = -w;
             if exit.z < 0.0 {
@@ -272,6 +276,7 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
             density = next.density;
             goes_up = true;
         }
+        // Add what a rough boundary refracts to wi.
         if goes_up && rough_top {
             sum += carried * stack_left(it, w, wi, density, depth);
         }
@@ -279,7 +284,8 @@ fn stack_walk(it: Stack, wo: vec3f, wi: vec3f) -> vec3f {
     return sum / (it.eta * it.eta);
 }
 
-// What of light going up along `w` from `depth`, drawn with `density` (below 0: the only way), a rough boundary sends to `wi`.
+// Returns the light going up along `w` from `depth`, sampled with `density` (below 0: the only direction), that a rough boundary
+// refracts to `wi`.
 fn stack_left(it: Stack, w: vec3f, wi: vec3f, density: f32, depth: f32) -> f32 {
     let crossing = stack_crossing(it, wi, -w);
     if crossing.x == 0.0 {
@@ -288,7 +294,7 @@ fn stack_left(it: Stack, w: vec3f, wi: vec3f, density: f32, depth: f32) -> f32 {
     return crossing.x * select(coated_balance(density, crossing.y), 1.0, density < 0.0) * stack_passed(depth, w);
 }
 
-// Where light going up along `w` is mirrored to by the boundary, and its share in w; z = 0: nowhere.
+// Samples the reflection within of light going up along `w`; w component: its weight; z = 0: none.
 fn stack_reflected_within(it: Stack, w: vec3f, u: vec2f) -> vec4f {
     let o = vec3f(-w.xy, w.z);
     let h = microfacets_sample_visible_normal(it.facets, o, u);
@@ -300,15 +306,15 @@ fn stack_reflected_within(it: Stack, w: vec3f, u: vec2f) -> vec4f {
     return vec4f(i.xy, -i.z, weight * fresnel_dielectric(dot(o, h), 1.0 / it.eta));
 }
 
-// About the density with which `stack_sample` draws `wi`.
+// Approximates the pdf with which `stack_sample` samples `wi`.
 fn stack_likeness(it: Stack, chances: vec2f, wo: vec3f, wi: vec3f) -> f32 {
     let pdf = max(1.0 - chances.x - chances.y, 0.0) * warp_cosine_hemisphere_pdf(wi.z);
     return pdf + chances.x * microfacets_bounce(it.facets, wo, wi, 1.0).pdf
         + chances.y * microfacets_bounce(Microfacets(it.proxy, 0u), wo, wi, 1.0).pdf;
 }
 
-// Follows light that enters the layer until it leaves. Light that was mirrored by smooth things alone is not found here.
-// `u`: decides on the first facet, or below a smooth boundary on the first direction from the base.
+// Traces light that enters the layer until it leaves, without purely specular paths. `u` samples the first facet, or below a
+// smooth boundary the first direction from the base.
 fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
     let nothing = StackExit(false, vec3f(0.0), vec3f(0.0));
     let scatters = math_max3(it.albedo) > 0.0;
@@ -328,6 +334,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
     var is_spread = rough_top;
     var depth = 0.0;
     for (var events = 0u; events <= it.max_depth; events++) {
+        // Terminate with Russian roulette.
         if events > 3u {
             let survival = min(math_max3(carried), 1.0);
             if survival < 0.25 {
@@ -337,6 +344,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
                 carried /= survival;
             }
         }
+        // Sample the distance to the next scattering, or attenuate.
         var is_within = false;
         if scatters {
             let step = -math_ln(1.0 - chances_next(&state)) * abs(w.z);
@@ -351,7 +359,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
             w = coated_sample_henyey_greenstein(it.g, w, chances_pair(&state));
             is_spread = true;
         } else if w.z > 0.0 {
-            // Seen from within, the boundary's normal points down.
+            // Reflect or refract at the boundary; seen from inside, its normal points down.
             let o = vec3f(-w.xy, w.z);
             let h = microfacets_sample_visible_normal(it.facets, o, chances_pair(&state));
             let mirrors = chances_next(&state) < fresnel_dielectric(dot(o, h), 1.0 / it.eta);
@@ -369,6 +377,7 @@ fn stack_walk_out(it: Stack, wo: vec3f, u: vec2f, seed: vec2u) -> StackExit {
             }
             depth = 0.0;
         } else {
+            // Scatter at the base.
             var at_base = u;
             if !has_first {
                 at_base = chances_pair(&state);
@@ -441,7 +450,7 @@ fn stack_surface(record: u32, point: ptr<function, SurfacePoint>, p: ptr<functio
     it.is_metal = material_words[record + COATED_IS_METAL] != 0u;
     if it.is_metal {
         it.metal = conductor_param(p, COATED_PARAM_BASE, material_words[record + COATED_BASE_FACETS], it.eta);
-        // Black metal is black.
+        // Tint 0 makes metal black.
         it.is_metal = math_max3(it.metal.tint) > 0.0;
         it.color = vec3f(0.0);
     } else {
@@ -450,7 +459,7 @@ fn stack_surface(record: u32, point: ptr<function, SurfacePoint>, p: ptr<functio
     return stack_new(wo, it);
 }
 
-// Weight of the strategy with density `chosen` against the one with density `other`.
+// Returns the MIS weight of the strategy with pdf `chosen` against the one with pdf `other`.
 fn coated_balance(chosen: f32, other: f32) -> f32 {
     if chosen <= 0.0 {
         return 0.0;
@@ -458,7 +467,7 @@ fn coated_balance(chosen: f32, other: f32) -> f32 {
     return 1.0 / (1.0 + other / chosen);
 }
 
-// Density with which light goes on at an angle of that cosine to where it went.
+// Returns the Henyey-Greenstein phase function for the cosine between the directions before and after.
 fn coated_henyey_greenstein(g: f32, cosine: f32) -> f32 {
     let t = max(1.0 + g * g - 2.0 * g * cosine, 1e-6);
     return (1.0 - g * g) / (2.0 * TAU * t * sqrt(t));
@@ -475,7 +484,7 @@ fn coated_sample_henyey_greenstein(g: f32, w: vec3f, u: vec2f) -> vec3f {
     return normalize(frame_from_normal(w) * vec3f(sine * turn.y, sine * turn.x, cosine));
 }
 
-// A walk's random numbers.
+// Seeds a walk's random numbers.
 fn chances_new(wo: vec3f, wi: vec3f) -> vec2u {
     var state = vec2u(0x7f4a7c15u, 0x9e3779b9u);
     state = coated_mixed(state ^ vec2u(bitcast<u32>(wo.x), 0u));

@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/bsdf/conductor.rs`.
 //
-// Metal.
+// Rough and smooth metals.
 
 struct Conductor {
     // Complex index of refraction; both 0: a perfect mirror.
@@ -57,7 +57,7 @@ fn conductor_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
     return bsdf_spread(wi, BSDF_REFLECTION | BSDF_GLOSSY, 1.0);
 }
 
-// `first`: of its parameters; `outside`: index of refraction of what the metal lies in.
+// `first`: the first of its parameters; `outside`: index of refraction of the surrounding medium.
 fn conductor_param(p: ptr<function, SurfaceParams>, first: u32, bits: u32, outside: f32) -> Conductor {
     let eta = clamp((*p)[first + CONDUCTOR_PARAM_ETA] / outside, vec3f(0.0), vec3f(1e3));
     let k = clamp((*p)[first + CONDUCTOR_PARAM_K] / outside, vec3f(0.0), vec3f(1e3));

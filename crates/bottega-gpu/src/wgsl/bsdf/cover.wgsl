@@ -1,12 +1,12 @@
 // Twin: `bottega-render/src/bsdf/cover.rs`.
 //
-// What a rough dielectric boundary lets through to a matte base, and keeps in: curves that `material/covers.rs` wrote down.
+// The transmittance of a rough dielectric boundary to a matte base, from curves that `material/covers.rs` wrote.
 
 struct Cover {
-    // The curve of the node below, and how near the next one is.
+    // The curve of the lower node of α, and the weight of the next node.
     at: u32,
     fraction: f32,
-    // Words to the next thickness, and how near that is.
+    // Words to the curve of the next thickness, and its weight.
     stride: u32,
     deeper: f32,
 }
@@ -45,7 +45,7 @@ fn cover_value(cover: Cover, index: u32) -> f32 {
     return value + (deep - value) * cover.deeper;
 }
 
-// Share of the light at a cosine that reaches the base.
+// Returns the transmittance to the base at a cosine.
 fn cover_through(cover: Cover, cosine: f32) -> f32 {
     let position = clamp(cosine, 0.0, 1.0) * f32(COVER_COSINES - 1u);
     let index = min(u32(position), COVER_COSINES - 2u);
@@ -53,7 +53,7 @@ fn cover_through(cover: Cover, cosine: f32) -> f32 {
     return a + (cover_value(cover, index + 1u) - a) * (position - f32(index));
 }
 
-// Share of the light that leaves the base evenly and comes back to it.
+// Returns the fraction of diffuse light from the base that is reflected back to it.
 fn cover_back(cover: Cover) -> f32 {
     return cover_value(cover, COVER_COSINES);
 }

@@ -1,9 +1,9 @@
 // Twin: `bottega-render/src/bsdf/dielectric.rs`.
 //
-// Clear solids and sheets.
+// Clear solids and thin sheets.
 
 struct Dielectric {
-    // Index of refraction beyond the boundary (of a sheet: within it) over that on the side of wo.
+    // Index of refraction beyond the boundary (of a sheet: inside it), relative to the side of wo.
     eta: f32,
     reflectance: vec3f,
     transmittance: vec3f,
@@ -11,21 +11,21 @@ struct Dielectric {
     thin: bool,
 }
 
-// What a facet reflects and lets through, and the probability that a sample is reflected.
+// Reflectance and transmittance of a facet, and the probability of sampling reflection.
 struct DielectricSplit {
     reflected: vec3f,
     transmitted: vec3f,
     chance: f32,
 }
 
-// d[0]: reflectance, α of x; d[1]: transmittance, α of y; d[2]: η, bits of the facets, whether it is a sheet.
+// d[0]: reflectance, α of x; d[1]: transmittance, α of y; d[2]: η, bits of the facets, 1 for a sheet.
 fn dielectric_new(wo: vec3f, given: Dielectric) -> Bsdf {
     var b = bsdf_black(wo);
     var glass = given;
     if max(math_max3(glass.reflectance), math_max3(glass.transmittance)) <= 0.0 {
         return b;
     }
-    // A rough boundary bends light by so little there that it counts as smooth.
+    // With so small a refraction, a rough boundary counts as smooth.
     if abs(glass.eta - 1.0) < DIELECTRIC_ETA_STEP_MIN && !glass.thin {
         glass.facets = Microfacets(vec2f(0.0), 0u);
     }
@@ -48,7 +48,7 @@ fn dielectric_from(b: ptr<function, Bsdf>) -> Dielectric {
 
 fn dielectric_split(glass: Dielectric, cosine: f32) -> DielectricSplit {
     let single = fresnel_dielectric(cosine, glass.eta);
-    // Between two boundaries: R + T² R / (1 − R²), with T = 1 − R.
+    // Reflectance of two boundaries with all interreflections: R + T² R / (1 − R²), T = 1 − R.
     let share = select(single, 2.0 * single / (1.0 + single), glass.thin);
     let reflected = glass.reflectance * share;
     let transmitted = glass.transmittance * (1.0 - share);

@@ -1,12 +1,12 @@
 // Twin: `bottega-render/src/bsdf/film.rs`.
 //
-// A thin film whose interference colours a reflection.
+// A thin film whose interference colours the reflection.
 
 struct Film {
-    // Strength; 0: there is none.
+    // Strength in [0, 1]; 0: no film.
     factor: f32,
     ior: f32,
-    // In nanometres.
+    // Thickness in nanometres.
     thickness: f32,
 }
 
@@ -14,7 +14,7 @@ fn film_new(factor: f32, ior: f32, thickness: f32) -> Film {
     if factor <= 0.0 || thickness <= 0.0 {
         return Film(0.0, 1.0, 0.0);
     }
-    // A film that is too thin to be one fades into the outside.
+    // Fade out a film whose thickness goes to 0.
     let t = min(thickness / FILM_FADING, 1.0);
     return Film(factor, 1.0 + (ior - 1.0) * t * t * (3.0 - 2.0 * t), thickness);
 }
@@ -23,7 +23,7 @@ fn film_schlick(f0: vec3f, cosine: f32) -> vec3f {
     return f0 + (1.0 - f0) * fresnel_schlick_weight(cosine);
 }
 
-// Reflectance for a direction at a cosine outside, `f0` that of the bare base at normal incidence.
+// Returns the reflectance at a cosine outside; `f0`: the reflectance of the bare base at normal incidence.
 fn film_reflectance(film: Film, cosine: f32, f0: vec3f) -> vec3f {
     let cos2 = 1.0 - max(1.0 - cosine * cosine, 0.0) / (film.ior * film.ior);
     if cos2 <= 0.0 {
@@ -40,7 +40,7 @@ fn film_reflectance(film: Film, cosine: f32, f0: vec3f) -> vec3f {
     let product = clamp(outer * inner, vec3f(1e-5), vec3f(0.9999));
     let repeated = passed * passed * inner / (1.0 - product);
     let ratio = sqrt(product);
-    // Light turns by half a turn where it is reflected by something denser.
+    // Reflection at a denser medium shifts the phase by half a turn.
     let turn = 0.5 + select(vec3f(0.0), vec3f(0.5), base < vec3f(film.ior));
     var sum = outer + repeated;
     var term = repeated - passed;
@@ -51,7 +51,7 @@ fn film_reflectance(film: Film, cosine: f32, f0: vec3f) -> vec3f {
     return clamp(sum, vec3f(0.0), vec3f(1.0));
 }
 
-// The f₀ with which Schlick's term reflects as much of evenly spread light as the film does.
+// Returns the f₀ for which Schlick's term has the film's mean reflectance over the hemisphere.
 fn film_mean_f0(film: Film, f0: vec3f) -> vec3f {
     var sum = vec3f(0.0);
     for (var step = 0u; step < FILM_MEAN_STEPS; step++) {
@@ -60,13 +60,13 @@ fn film_mean_f0(film: Film, f0: vec3f) -> vec3f {
     return clamp((sum / f32(FILM_MEAN_STEPS) - 1.0 / 21.0) * (21.0 / 20.0), vec3f(0.0), vec3f(1.0));
 }
 
-// Between the bare reflectance and that of the film, by its strength.
+// Interpolates between the bare reflectance and the film's, by the film's strength.
 fn film_mix(film: Film, bare: vec3f, coloured: vec3f) -> vec3f {
     return bare + (coloured - bare) * film.factor;
 }
 
-// How the observer's three colours see light whose spectrum is a cosine, fitted by Gaussians. `path` in nanometres; `turn` in
-// turns, by channel.
+// Returns the response of the three colour channels to a spectrum that is a cosine, fitted by Gaussians. `path` in nanometres;
+// `turn` per channel, in turns.
 fn film_sensitivity(path: f32, turn: vec3f) -> vec3f {
     let x = film_gauss(FILM_X0, path, turn.x) + film_gauss(FILM_X1, path, turn.x);
     let y = film_gauss(FILM_Y, path, turn.y);

@@ -2,7 +2,7 @@
 //
 // Local frames.
 
-// Any frame around a unit normal, its columns x, y, z (Duff et al. 2017, listing 3).
+// Returns a frame around a unit normal as columns x, y, z (Duff et al. 2017, listing 3).
 fn frame_from_normal(n: vec3f) -> mat3x3f {
     let sign = math_sign(n.z);
     let a = -1.0 / (sign + n.z);

@@ -1,8 +1,8 @@
 // Twin: `bottega-render/src/bsdf/fresnel.rs`.
 //
-// How much of the light a boundary reflects, and where it goes.
+// Reflectance of boundaries, and the direction of refraction.
 
-// Of a dielectric; `eta`: index of refraction beyond the boundary over that on the side of the direction.
+// Returns the reflectance of a dielectric; `eta`: index of refraction beyond the boundary, relative to the side of the direction.
 fn fresnel_dielectric(cosine: f32, eta: f32) -> f32 {
     let cos_o = clamp(cosine, 0.0, 1.0);
     let sin2_i = (1.0 - cos_o * cos_o) / (eta * eta);
@@ -15,7 +15,7 @@ fn fresnel_dielectric(cosine: f32, eta: f32) -> f32 {
     return 0.5 * (parallel * parallel + perpendicular * perpendicular);
 }
 
-// Of a metal, by channel.
+// Returns the reflectance of a metal, per channel.
 fn fresnel_conductor(cosine: f32, n: vec3f, k: vec3f) -> vec3f {
     let c = clamp(cosine, 0.0, 1.0);
     let cos2 = c * c;
@@ -26,7 +26,7 @@ fn fresnel_conductor(cosine: f32, n: vec3f, k: vec3f) -> vec3f {
     let p = cos2 * size + sin2 * sin2;
     let q = twice * sin2;
     let below = size + cos2 + twice;
-    // 0 / 0 where an index of 1 meets the horizon.
+    // Avoid 0 / 0 for an index of 1 at the horizon.
     if math_min3(below) <= 0.0 || math_min3(p + q) <= 0.0 {
         return vec3f(1.0);
     }
@@ -34,7 +34,7 @@ fn fresnel_conductor(cosine: f32, n: vec3f, k: vec3f) -> vec3f {
     return 0.5 * perpendicular * (1.0 + (p - q) / (p + q));
 }
 
-// The direction in which `wo` goes on beyond a boundary with normal `h`; w: 1, or 0 where everything is reflected.
+// Refracts `wo` at a boundary with normal `h`; w: 1, or 0 for total reflection.
 fn fresnel_refract(wo: vec3f, h: vec3f, eta: f32) -> vec4f {
     let cos_o = dot(wo, h);
     let sin2_i = max(1.0 - cos_o * cos_o, 0.0) / (eta * eta);
@@ -55,7 +55,7 @@ fn fresnel_schlick_weight(cosine: f32) -> f32 {
     return m2 * m2 * m;
 }
 
-// At normal incidence.
+// Returns the reflectance at normal incidence.
 fn fresnel_at_normal_incidence(ior: f32) -> f32 {
     let r = (ior - 1.0) / (ior + 1.0);
     return r * r;

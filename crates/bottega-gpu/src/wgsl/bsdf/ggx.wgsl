@@ -13,13 +13,13 @@ fn ggx_stretch(alpha: vec2f, w: vec3f) -> f32 {
     return length(vec3f(alpha * w.xy, w.z));
 }
 
-// G₁, on either side.
+// Returns G₁, on either side.
 fn ggx_masking(alpha: vec2f, w: vec3f) -> f32 {
     let cosine = abs(w.z);
     return 2.0 * cosine / (cosine + ggx_stretch(alpha, w));
 }
 
-// G₂ / (4 cos cos).
+// Returns G₂ / (4 cos cos).
 fn ggx_visibility(alpha: vec2f, wo: vec3f, wi: vec3f) -> f32 {
     return 0.5 / (wi.z * ggx_stretch(alpha, wo) + wo.z * ggx_stretch(alpha, wi));
 }
@@ -32,7 +32,7 @@ fn ggx_reflection_pdf(alpha: vec2f, wo: vec3f, h: vec3f) -> f32 {
     return 0.25 * ggx_density(alpha, h) / ggx_visible_area(alpha, wo);
 }
 
-// A facet's normal, as likely as `wo` sees it (Dupuy and Benyoub 2023).
+// Samples a visible normal of the facets (Dupuy and Benyoub 2023).
 fn ggx_sample_visible_normal(alpha: vec2f, wo: vec3f, u: vec2f) -> vec3f {
     let w = normalize(vec3f(alpha * wo.xy, wo.z));
     let turn = math_sin_cos_of_turns(u.x);

@@ -1,29 +1,29 @@
 // Twin: `bottega-render/src/bsdf/interface.rs`.
 //
-// The layered material's GGX facets: metal and dielectric, mirrored light and light that goes through.
+// GGX facets of the layered material: metal and dielectric, reflection and transmission.
 
 struct Interface {
     alpha: vec2f,
-    // Share of the surface that is metal, and its reflectance at normal incidence.
+    // Fraction of metal, and its reflectance at normal incidence.
     metal: f32,
     metal_f0: vec3f,
-    // Share of the surface that reflects as a dielectric.
+    // Fraction that reflects as a dielectric.
     dielectric: f32,
-    // Index beyond the boundary over that on the side of wo.
+    // Index of refraction beyond the boundary, relative to the side of wo.
     eta: f32,
-    // Tinted reflectance at normal incidence, strength, and the untinted reflectance; 1 stands for total reflection.
+    // Tinted reflectance at normal incidence, strength, and untinted reflectance (1: total reflection).
     f0: vec3f,
     specular: f32,
     f0_exact: f32,
     through: u32,
-    // Share of the surface that lets light through, times its colour.
+    // Fraction that transmits, times its colour.
     tint: vec3f,
     film: Film,
-    // Half of how much the index of a solid differs between red and blue.
+    // Half of the difference in a solid's index of refraction between red and blue.
     spread: f32,
 }
 
-// What one facet does with the light, and with which probability a sample is reflected.
+// Reflectance and transmittance of a facet, and the probability of sampling reflection.
 struct InterfaceSplit {
     reflected: vec3f,
     transmitted: vec3f,
@@ -34,37 +34,37 @@ fn interface_is_smooth(it: Interface) -> bool {
     return max(it.alpha.x, it.alpha.y) < GGX_SMOOTH_ALPHA;
 }
 
-// For the directions.
+// Returns the index of refraction for the directions.
 fn interface_eta(it: Interface) -> f32 {
     return select(1.0, it.eta, it.through == THROUGH_SOLID);
 }
 
-// Of each channel.
+// Returns the index of refraction of each channel.
 fn interface_etas(it: Interface) -> vec3f {
     let inside = it.eta < 1.0;
     let ior = max(select(it.eta, 1.0 / it.eta, inside) + vec3f(-1.0, 0.0, 1.0) * it.spread, vec3f(1.0));
     return select(ior, 1.0 / ior, inside);
 }
 
-// F for a share s of the rise from normal incidence to the horizon.
+// Returns F for a fraction `rise` of the rise from normal incidence to the horizon.
 fn interface_of_rise(f0: vec3f, specular: f32, rise: f32) -> vec3f {
     return specular * max(f0 + (1.0 - f0) * rise, vec3f(0.0));
 }
 
-// The dielectric's reflectance, with one index for all colours.
+// Returns the dielectric's reflectance, with one index for all channels.
 fn interface_fresnel(specular: f32, eta: f32, f0: vec3f, f0_exact: f32, cosine: f32) -> vec3f {
     if f0_exact >= 1.0 {
         return interface_of_rise(f0, specular, fresnel_schlick_weight(cosine));
     }
     let exact = fresnel_dielectric(cosine, eta);
     if exact >= 1.0 && eta < 1.0 {
-        // There is nowhere else for the light to go, however weak `specular` is.
+        // Total reflection: all light is reflected, however small `specular` is.
         return vec3f(1.0);
     }
     return interface_of_rise(f0, specular, (exact - f0_exact) / (1.0 - f0_exact));
 }
 
-// How far the exact reflectance has risen, seen from outside.
+// Returns the fraction by which the exact reflectance has risen, seen from outside.
 fn interface_rise(it: Interface, cosine: f32) -> f32 {
     if it.f0_exact >= 1.0 {
         return fresnel_schlick_weight(cosine);
@@ -72,7 +72,7 @@ fn interface_rise(it: Interface, cosine: f32) -> f32 {
     return (fresnel_dielectric(cosine, max(it.eta, 1.0 / it.eta)) - it.f0_exact) / (1.0 - it.f0_exact);
 }
 
-// Of one channel with an index of its own.
+// Returns the reflectance of one channel with its own index.
 fn interface_dispersed(it: Interface, eta: f32, f0: f32, cosine: f32) -> f32 {
     let f0_exact = fresnel_at_normal_incidence(eta);
     let own = min(f0 * (f0_exact / max(it.f0_exact, 1e-9)), 1.0);
@@ -91,7 +91,7 @@ fn interface_split(it: Interface, cosine: f32, carried: vec3f) -> InterfaceSplit
     }
     var metal = it.metal_f0 + (1.0 - it.metal_f0) * fresnel_schlick_weight(cosine);
     if HAS_FILM && it.film.factor > 0.0 {
-        // The film is outside, and light from within that does not get there does not see it.
+        // The film is outside, so light from inside sees it only where it gets out.
         let eta = select(1.0, it.eta, it.through == THROUGH_SOLID && it.eta < 1.0);
         let cos2 = 1.0 - max(1.0 - cosine * cosine, 0.0) / (eta * eta);
         if cos2 > 0.0 {
@@ -107,7 +107,7 @@ fn interface_split(it: Interface, cosine: f32, carried: vec3f) -> InterfaceSplit
     }
     let passed = select(vec3f(1.0 - math_max3(dielectric)), 1.0 - dielectric, disperses);
     let transmitted = it.tint * passed;
-    // Where colours go apart, what the path carries decides which way it goes.
+    // With dispersion, the path's throughput decides between reflection and transmission.
     let r = select(math_mean(reflected), dot(carried, reflected), disperses);
     let t = select(math_mean(transmitted), dot(carried, transmitted), disperses);
     var reflection = 1.0;
@@ -117,7 +117,7 @@ fn interface_split(it: Interface, cosine: f32, carried: vec3f) -> InterfaceSplit
     return InterfaceSplit(reflected, transmitted, reflection);
 }
 
-// Probabilities of the channels among the light that goes through.
+// Returns the probabilities of the channels among transmitted light.
 fn interface_channels(split: InterfaceSplit, carried: vec3f) -> vec3f {
     let weights = split.transmitted * carried;
     let sum = weights.x + weights.y + weights.z;
@@ -131,7 +131,7 @@ fn interface_is_black(it: Interface) -> bool {
     return it.metal <= 0.0 && it.dielectric * it.specular <= 0.0 && math_max3(it.tint) <= 0.0;
 }
 
-// f and density of a rough boundary; nothing of a smooth one.
+// Returns f and pdf of a rough boundary; 0 of a smooth one.
 fn interface_eval_pdf(it: Interface, wo: vec3f, wi: vec3f, carried: vec3f) -> BsdfValue {
     var all = BsdfValue(vec3f(0.0), 0.0);
     let crosses = wi.z < 0.0;
@@ -139,7 +139,7 @@ fn interface_eval_pdf(it: Interface, wo: vec3f, wi: vec3f, carried: vec3f) -> Bs
         return all;
     }
     let refracts = crosses && it.through == THROUGH_SOLID;
-    // Each channel by its own index, and with its own facet.
+    // With dispersion each channel has its own index and its own facet.
     let goes_apart = refracts && it.spread > 0.0;
     let etas = interface_etas(it);
     for (var channel = 0u; channel < 3u; channel++) {
@@ -149,7 +149,7 @@ fn interface_eval_pdf(it: Interface, wo: vec3f, wi: vec3f, carried: vec3f) -> Bs
             only = vec3f(vec3u(0u, 1u, 2u) == vec3u(channel));
             eta = dot(etas, only);
         }
-        // A sheet mirrors downwards.
+        // A sheet mirrors transmitted light downwards.
         let sum = wo + select(vec3f(wi.xy, abs(wi.z)), eta * wi, refracts);
         let length2 = dot(sum, sum);
         if length2 > 1e-30 {
@@ -167,7 +167,7 @@ fn interface_eval_pdf(it: Interface, wo: vec3f, wi: vec3f, carried: vec3f) -> Bs
                     chance *= dot(interface_channels(split, carried), only);
                 }
                 if refracts {
-                    // Walter et al. 2007, eq. 16 to 21, with separable shadowing; radiance gets less by η².
+                    // Walter et al. 2007, eq. 16 to 21, with separable shadowing; radiance scales with η².
                     let jacobian = eta * eta * -cos_i / length2;
                     let facets = density * ggx_masking(it.alpha, wo) * ggx_masking(it.alpha, wi);
                     all.value += color * (facets * cos_o * jacobian / (wo.z * -wi.z) / (eta * eta));
@@ -186,7 +186,7 @@ fn interface_eval_pdf(it: Interface, wo: vec3f, wi: vec3f, carried: vec3f) -> Bs
     return all;
 }
 
-// Draws a facet, then one of its two ways.
+// Samples a facet, then reflection or transmission.
 fn interface_sample(it: Interface, wo: vec3f, u_way: f32, u: vec2f, carried: vec3f) -> BsdfDrawn {
     let is_smooth = interface_is_smooth(it);
     var h = vec3f(0.0, 0.0, 1.0);

@@ -1,8 +1,8 @@
 // Twin: `bottega-render/src/bsdf/layered.rs`.
 //
-// The layered material seen from one direction: base, coat and sheen put together.
+// The layered material seen from one direction: base, coat and sheen combined.
 
-// What is left over of the light along one direction, and what coat and sheen let pass.
+// The energy left over along one direction, and the transmittance of coat and sheen.
 struct LayeredProfile {
     multiple: f32,
     diffuse: f32,
@@ -11,26 +11,26 @@ struct LayeredProfile {
     sheen: f32,
 }
 
-// What is left over of the light that lobes have among them.
+// The energy left over by the lobes.
 struct LayeredCover {
     single: f32,
     rise: f32,
     constant: f32,
 }
 
-// The lobe that `u` falls to (LAYERED_LOBES: none), its chance, and where in its share.
+// The lobe that `u` selects (LAYERED_LOBES: none), its probability, and `u` rescaled to [0, 1).
 struct LayeredChoice {
     lobe: u32,
     chance: f32,
     rest: f32,
 }
 
-// d[0]: α, shares of metal and dielectric; d[1]: metal's f₀, η; d[2]: f₀, specular; d[3]: tint, exact F₀; d[4]: film, spread;
-// d[5]: √roughness and index for the tables, what coat and sheen let pass from wo; d[6]: cover, chance of the uniform lobe;
-// d[7..10]: colours of the cosine lobes times what wo leaves them (diffuse, multiple, boundary on the side of wo), with the
-// strength, the roughness of the coat, and α of the sheen in w; d[10]: the diffuse one on the far side, position of the sheen;
-// d[11]: the others there; d[12]: chances of the other lobes; d[13]: normal of the coat; d[14]: colour of the sheen; words.x:
-// LAYERED_USES_SINGLE and the like.
+// d[0]: α, fractions of metal and dielectric; d[1]: metal's f₀, η; d[2]: f₀, specular; d[3]: tint, exact F₀; d[4]: film, spread;
+// d[5]: √roughness and index for the tables, transmittance of coat and sheen for wo; d[6]: cover, probability of the uniform
+// lobe; d[7..10]: colours of the cosine lobes times their weights for wo (diffuse, multiple, boundary on the side of wo), with
+// strength of the coat, roughness of the coat, and α of the sheen in w; d[10]: the diffuse lobe on the far side, position of the
+// sheen; d[11]: the other lobes there; d[12]: probabilities of the other lobes; d[13]: normal of the coat; d[14]: colour of the
+// sheen; words.x: LAYERED_USES_….
 fn layered_interface(b: ptr<function, Bsdf>) -> Interface {
     let d0 = (*b).d[0];
     let d1 = (*b).d[1];
@@ -54,7 +54,7 @@ fn layered_cover_at(cover: LayeredCover, single: f32, rise: f32) -> f32 {
     return clamp(cover.single * single + cover.rise * rise + cover.constant, 0.0, 1.0);
 }
 
-// Looks up how far the reflectance rises, for an index or for total reflection.
+// Looks up the rise of the reflectance, for an index or for total reflection.
 fn layered_rise(is_total: bool, index: TablePlace, rough: TablePlace, mu: TablePlace) -> f32 {
     if is_total {
         return tables_by_rough(TABLE_SCHLICK, rough, mu);
@@ -62,7 +62,7 @@ fn layered_rise(is_total: bool, index: TablePlace, rough: TablePlace, mu: TableP
     return tables_by_index(TABLE_RISE, index, rough, mu);
 }
 
-// The profile of wi, on whichever side it is.
+// Returns the profile of wi, on either side.
 fn layered_profile(b: ptr<function, Bsdf>, wi: vec3f) -> LayeredProfile {
     let bits = (*b).words.x;
     let crosses = wi.z < 0.0 && (bits >> LAYERED_THROUGH_SHIFT) == THROUGH_SOLID;

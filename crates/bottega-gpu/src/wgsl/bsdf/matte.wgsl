@@ -21,7 +21,7 @@ fn lambert_eval_pdf(b: ptr<function, Bsdf>, wi: vec3f) -> BsdfValue {
     return BsdfValue((*b).d[0].xyz * FRAC_1_PI, warp_cosine_hemisphere_pdf(wi.z));
 }
 
-// d[0]: colour, r; d[1]: of light that goes on between the facets, and the share that wo sees reflected once.
+// d[0]: colour, r; d[1]: colour of light scattered again between facets, and the single-scattering albedo for wo.
 fn rough_matte_new(wo: vec3f, color: vec3f, deviation: f32) -> Bsdf {
     let s2 = deviation * deviation;
     let rough = min(0.45 * s2 / (s2 + 0.09) / (1.0 - 0.5 * s2 / (s2 + 0.33)), 1.0);
@@ -37,7 +37,7 @@ fn rough_matte_new(wo: vec3f, color: vec3f, deviation: f32) -> Bsdf {
     return b;
 }
 
-// Share of the light at a cosine that is reflected once by a white surface.
+// Returns the single-scattering albedo of a white surface at a cosine.
 fn rough_matte_single(rough: f32, cosine: f32) -> f32 {
     let sine = sqrt(max(1.0 - cosine * cosine, 0.0));
     let tail = sine * cosine * (1.0 + sine + sine * sine) / (1.0 + sine);
@@ -59,7 +59,7 @@ fn rough_matte_eval_pdf(b: ptr<function, Bsdf>, wi: vec3f) -> BsdfValue {
     return BsdfValue(value, warp_cosine_hemisphere_pdf(wi.z));
 }
 
-// d[0]: reflectance, and the probability that a sample stays on its side; d[1]: transmittance.
+// d[0]: reflectance, and the probability of sampling reflection; d[1]: transmittance.
 fn translucent_new(wo: vec3f, reflectance: vec3f, transmittance: vec3f) -> Bsdf {
     var b = bsdf_black(wo);
     let r = math_mean(reflectance);
@@ -101,7 +101,7 @@ fn matte_surface(point: ptr<function, SurfacePoint>, p: ptr<function, SurfacePar
 fn translucent_surface(point: ptr<function, SurfacePoint>, p: ptr<function, SurfaceParams>, wo: vec3f) -> Bsdf {
     let reflectance = surface_share((*p)[TRANSLUCENT_PARAM_REFLECTANCE] * (*point).vertex_color.xyz);
     let transmittance = surface_share((*p)[TRANSLUCENT_PARAM_TRANSMITTANCE] * (*point).vertex_color.xyz);
-    // What is reflected cannot also go through.
+    // Conserve energy.
     let scale = 1.0 / max(reflectance + transmittance, vec3f(1.0));
     return translucent_new(wo, reflectance * scale, transmittance * scale);
 }

@@ -1,22 +1,22 @@
 // Twin: `bottega-render/src/bsdf/microfacet.rs`.
 //
-// The facets of a boundary, by either distribution: light that they mirror or refract once.
+// The facets of a boundary, GGX or Beckmann: light that they reflect or refract once.
 
 struct Microfacets {
-    // Along x and y; both 0: smooth.
+    // α along x and y; both 0: smooth.
     alpha: vec2f,
     bits: u32,
 }
 
-// What facets make of light between two directions, if they mirrored or refracted all of it.
+// The scattering between two directions by facets that reflect or refract all light.
 struct FacetBounce {
-    // Of wo to the facet; 0: there is none.
+    // Cosine between wo and the facet's normal; 0: no such facet.
     cosine: f32,
     value: f32,
     pdf: f32,
 }
 
-// `bits` as encoded, with what roughness means in the upper ones.
+// `bits` as encoded, with the scale of roughness in the upper bits.
 fn microfacets_new(bits: u32, roughness: vec2f) -> Microfacets {
     var alpha = roughness;
     switch bits >> FACETS_SCALE_SHIFT {
@@ -47,13 +47,13 @@ fn microfacets_density(facets: Microfacets, h: vec3f) -> f32 {
     return ggx_density(facets.alpha, h);
 }
 
-// G₁; 1 of smooth ones.
+// Returns G₁; 1 for smooth facets.
 fn microfacets_masking(facets: Microfacets, w: vec3f) -> f32 {
     if HAS_BECKMANN { if microfacets_is_beckmann(facets) { return beckmann_masking(facets.alpha, w); } }
     return ggx_masking(facets.alpha, w);
 }
 
-// G₂; the directions may be on different sides.
+// Returns G₂; the directions may be on different sides.
 fn microfacets_shadowing(facets: Microfacets, wo: vec3f, wi: vec3f) -> f32 {
     let o = microfacets_masking(facets, wo);
     let i = microfacets_masking(facets, wi);
@@ -68,7 +68,7 @@ fn microfacets_visible_area(facets: Microfacets, wo: vec3f) -> f32 {
     return ggx_visible_area(facets.alpha, wo);
 }
 
-// A facet's normal, as likely as `wo` sees it; that of the surface where it is smooth.
+// Samples a visible normal; the surface's normal if smooth.
 fn microfacets_sample_visible_normal(facets: Microfacets, wo: vec3f, u: vec2f) -> vec3f {
     if microfacets_is_smooth(facets) {
         return vec3f(0.0, 0.0, 1.0);
@@ -77,8 +77,8 @@ fn microfacets_sample_visible_normal(facets: Microfacets, wo: vec3f, u: vec2f) -
     return ggx_sample_visible_normal(facets.alpha, wo, u);
 }
 
-// Light between wo above the surface and wi above it (mirrored) or below it (refracted by `eta`: index below over that
-// above; in importance mode). Nothing of smooth ones.
+// Scatters between wo above the surface and wi above it (reflected) or below it (refracted; `eta`: index below relative to
+// above), in importance mode. Returns 0 for smooth facets.
 fn microfacets_bounce(facets: Microfacets, wo: vec3f, wi: vec3f, eta: f32) -> FacetBounce {
     let mirrors = wi.z > 0.0;
     let sum = wo + select(eta, 1.0, mirrors) * wi;

@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/bsdf/params.rs`.
 //
-// The layered material's parameters at a point, in their ranges.
+// The layered material's parameters at a point, clamped to their ranges.
 
 struct LayeredParams {
     base_color: vec3f,

@@ -6,16 +6,16 @@ struct Plastic {
     eta: f32,
     facets: Microfacets,
     specular: vec3f,
-    // The series of reflections within, over η².
+    // The base with all interreflections, over η².
     base: vec3f,
-    // Of a layer below a smooth boundary, in mean free paths.
+    // Thickness of an absorbing layer below a smooth boundary, in mean free paths.
     thickness: f32,
-    // Of a rough boundary; at 0: the base is seen through a smooth one.
+    // Curves of a rough boundary; place 0: the base is seen through a smooth one.
     cover: Cover,
 }
 
-// d[0]: what the boundary's reflection is multiplied by, α of x; d[1]: base, α of y; d[2]: η, thickness, the cover's
-// fractions; d[3]: what wo lets through, probability of the boundary; words: the cover's place and stride, the facets' bits.
+// d[0]: tint of the boundary's reflection, α of x; d[1]: base, α of y; d[2]: η, thickness, the cover's fractions; d[3]:
+// transmittance for wo, probability of the boundary; words: the cover's place and stride, the facets' bits.
 fn plastic_new(wo: vec3f, plastic: Plastic) -> Bsdf {
     var b = bsdf_black(wo);
     let through = plastic_through(plastic, wo.z);
@@ -47,7 +47,7 @@ fn plastic_from(b: ptr<function, Bsdf>) -> Plastic {
     return Plastic(d2.x, facets, (*b).d[0].xyz, (*b).d[1].xyz, d2.y, cover);
 }
 
-// Share of light at a cosine that reaches the base.
+// Returns the transmittance to the base at a cosine.
 fn plastic_through(plastic: Plastic, cosine: f32) -> f32 {
     if !microfacets_is_smooth(plastic.facets) && plastic.cover.at != 0u {
         return cover_through(plastic.cover, cosine);
@@ -60,7 +60,7 @@ fn plastic_through(plastic: Plastic, cosine: f32) -> f32 {
     return through * math_exp(-plastic.thickness / sqrt(max(1.0 - sin2, 1e-12)));
 }
 
-// Mean of the reflectance over the hemisphere, seen from within a solid of index `eta` (Egan and Hilgeman 1979).
+// Returns the mean internal reflectance over the hemisphere of a solid of index `eta` (Egan and Hilgeman 1979).
 fn plastic_mean_internal_reflectance(eta: f32) -> f32 {
     let beyond = 1.0 / eta;
     if beyond < 1.0 {
@@ -102,7 +102,7 @@ fn plastic_surface(record: u32, point: ptr<function, SurfacePoint>, p: ptr<funct
     let facets = microfacets_new(material_words[record + PLASTIC_FACETS], roughness);
     let eta = material_f32(record + PLASTIC_ETA);
     let inner = material_words[record + PLASTIC_INNER];
-    // 0: the boundary is smooth everywhere, or the base is seen as if it were.
+    // 0: the boundary is smooth everywhere, or the base is shaded as if it were.
     let block = material_words[record + PLASTIC_COVER];
     let diffuse = surface_share((*p)[PLASTIC_PARAM_DIFFUSE] * (*point).vertex_color.xyz);
     var cover = Cover(0u, 0.0, 0u, 0.0);
@@ -130,7 +130,7 @@ fn plastic_coat_surface(
     let thickness = clamp((*p)[COATED_PARAM_THICKNESS].x, 0.0, 100.0);
     let color = surface_share((*p)[COATED_PARAM_BASE] * (*point).vertex_color.xyz);
     let cover = cover_new(material_words[record + COATED_COVER], facets.alpha, thickness);
-    // Of the events within, every other one is at the base.
+    // Every other event within is at the base.
     let bounces = f32((material_words[record + COATED_MAX_DEPTH] + 1u) / 2u);
     let round = color * cover_back(cover);
     var rest = vec3f(1.0);

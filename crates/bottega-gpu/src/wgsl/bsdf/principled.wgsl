@@ -1,14 +1,14 @@
 // Twin: `bottega-render/src/bsdf/principled.rs`.
 //
-// Disney's material, as a solid and as a sheet.
+// Disney's material, as a solid and as a thin sheet.
 
 struct Principled {
     base: vec3f,
     roughness: f32,
-    // The base colour at luminance 1.
+    // The base colour scaled to luminance 1.
     tint: vec3f,
     metallic: f32,
-    // α of the main lobes; of a sheet: of those that reflect.
+    // α of the main lobes; of a sheet: of the reflecting lobes.
     alpha: vec2f,
     spec_trans: f32,
     eta: f32,
@@ -18,14 +18,14 @@ struct Principled {
     flatness: f32,
     clearcoat: f32,
     coat_alpha: f32,
-    // Whether wo is within the solid.
+    // `true`: wo is inside the solid.
     inside: bool,
     diff_trans: f32,
-    // α of a sheet's lobes that transmit.
+    // α of a sheet's transmitting lobes.
     through_alpha: vec2f,
 }
 
-// In the order above; d[5]: of a solid, chances of the main lobes and of the coat.
+// In the order above; d[5]: of a solid, probabilities of the main lobes and of the coat.
 fn principled_from(b: ptr<function, Bsdf>) -> Principled {
     let d0 = (*b).d[0];
     let d1 = (*b).d[1];
@@ -58,7 +58,7 @@ fn principled_alpha(roughness: f32, anisotropic: f32) -> vec2f {
     return clamp(vec2f(alpha / aspect, alpha * aspect), vec2f(GGX_SMOOTH_ALPHA), vec2f(FACETS_ALPHA_MAX));
 }
 
-// A colour at luminance 1; white for black.
+// Scales a colour to luminance 1; white for black.
 fn principled_tint_of(color: vec3f) -> vec3f {
     let luminance = dot(color, vec3f(0.212671, 0.715160, 0.072169));
     if luminance <= 0.0 {
@@ -71,21 +71,21 @@ fn principled_mix(a: f32, b: f32, share: f32) -> f32 {
     return a * (1.0 - share) + b * share;
 }
 
-// Schlick's term in terms of the angle on the thinner side.
+// Returns Schlick's term for the angle on the side of the lower index.
 fn principled_schlick(f0: vec3f, cosine: f32, eta: f32) -> vec3f {
     let thin = sqrt(max(1.0 - (1.0 - cosine * cosine) / (eta * eta), 0.0));
     let weight = fresnel_schlick_weight(select(thin, cosine, eta > 1.0));
     return f0 * (1.0 - weight) + weight;
 }
 
-// The sheen, and in w the diffuse light without the colour of the base. Both directions above the surface.
+// Returns the sheen, and in w the diffuse term without the base colour. Both directions above the surface.
 fn principled_diffuse(p: Principled, wo: vec3f, wi: vec3f) -> vec4f {
     let fo = fresnel_schlick_weight(wo.z);
     let fi = fresnel_schlick_weight(wi.z);
     let cosine = dot(math_normalize_or(wo + wi, vec3f(0.0, 0.0, 1.0)), wi);
     let retro = 2.0 * p.roughness * cosine * cosine;
     let lambert = (1.0 - 0.5 * fo) * (1.0 - 0.5 * fi) + retro * (fo + fi + fo * fi * (retro - 1.0));
-    // Hanrahan and Krueger's subsurface scattering, in Burley's flat approximation.
+    // Approximate Hanrahan and Krueger's subsurface scattering by Burley's flat term.
     let at_horizon = 0.5 * retro;
     let once = principled_mix(1.0, at_horizon, fo) * principled_mix(1.0, at_horizon, fi);
     let subsurface = 1.25 * (once * (1.0 / (wo.z + wi.z) - 0.5) + 0.5);
@@ -117,12 +117,12 @@ fn principled_coat_masking(cosine: f32) -> f32 {
     return 2.0 / (1.0 + sqrt(1.0 + 0.25 * 0.25 * tan2));
 }
 
-// Share of the surface that is a clear solid.
+// Returns the fraction of the surface that is a clear solid.
 fn principled_clear(p: Principled) -> f32 {
     return (1.0 - p.metallic) * p.spec_trans;
 }
 
-// Share that is matte below.
+// Returns the fraction of the surface that is matte.
 fn principled_matte(p: Principled) -> f32 {
     return (1.0 - p.metallic) * (1.0 - p.spec_trans);
 }
@@ -136,7 +136,7 @@ fn principled_tinted(p: Principled, exact: f32, cosine: f32) -> vec3f {
     return exact * (1.0 - p.spec_tint) + principled_schlick(f0, cosine, p.eta) * p.spec_tint;
 }
 
-// What a facet reflects, and in w the share that it lets through.
+// Returns the reflectance of a facet, and in w its transmittance.
 fn principled_split(p: Principled, cosine: f32) -> vec4f {
     let exact = fresnel_dielectric(cosine, principled_eta(p));
     let through = principled_clear(p) * (1.0 - exact);
@@ -147,15 +147,15 @@ fn principled_split(p: Principled, cosine: f32) -> vec4f {
     return vec4f(metal + principled_tinted(p, exact, cosine) * (1.0 - p.metallic), through);
 }
 
-// Probability that a facet reflects a sample.
+// Returns the probability of sampling reflection at a facet.
 fn principled_reflection(p: Principled, split: vec4f) -> f32 {
     let r = math_mean(split.xyz);
     let t = split.w * math_mean(p.base);
-    // Neither is ever left out, lest a weight grow without bound.
+    // Keep both probabilities above 0, so that weights stay bounded.
     return select(1.0, (r + 0.05) / (r + t + 0.1), split.w > 0.0);
 }
 
-// f of the clear coat and the density of its samples. Its facets are Burley's generalized Trowbridge-Reitz with γ = 1.
+// Returns f and pdf of the clear coat: Burley's generalized Trowbridge-Reitz facets with γ = 1.
 fn principled_coat(p: Principled, wo: vec3f, wi: vec3f) -> vec2f {
     let h = math_normalize_or(wo + wi, vec3f(0.0));
     let cosine = dot(wo, h);
@@ -228,7 +228,7 @@ fn principled_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
     return bsdf_spread(wi, select(0u, BSDF_REFLECTION | BSDF_GLOSSY, wi.z > 0.0), 1.0);
 }
 
-// A sheet: diffuse light and sharp light on both sides.
+// Creates a sheet: diffuse and sharp lobes on both sides.
 fn principled_sheet_new(wo: vec3f, p: Principled) -> Bsdf {
     var b = principled_bsdf(wo, p, vec2f(0.0));
     b.kind = BSDF_KIND_SHEET;
@@ -242,7 +242,7 @@ fn principled_sheet_new(wo: vec3f, p: Principled) -> Bsdf {
     return b;
 }
 
-// Whether `wi`, below the surface, is also below the facet that would have mirrored `wo` to its image above.
+// Checks that `wi`, below the surface, is also below the facet that mirrors `wo` to the image of `wi` above.
 fn principled_is_beyond(wo: vec3f, wi: vec3f) -> bool {
     return dot(wi, wo + vec3f(wi.xy, -wi.z)) < 0.0;
 }
@@ -288,7 +288,7 @@ fn principled_sheet_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
         above = warp_cosine_hemisphere(u.yz);
     }
     let wi = select(vec3f(above.xy, -above.z), above, reflects);
-    // What is sharp and not beyond its facet has no density but that of diffuse light, which did not draw it.
+    // A sharp direction that is not beyond its facet has only the diffuse lobe's pdf, which did not sample it.
     if above.z <= 0.0 || (is_sharp && !reflects && !principled_is_beyond(wo, wi)) {
         return BSDF_NONE;
     }

@@ -1,30 +1,30 @@
 // Twin: `bottega-render/src/bsdf/scattering.rs`.
 //
-// The scattering at one point seen from one direction: one of a closed set of kinds, in a block of numbers that each kind
-// reads in its own way. Directions are in the frame whose +z is the shading normal on the side of wo.
+// The BSDF at one point seen from one direction: one of a closed set of kinds, with a block of numbers that each kind reads in
+// its own way. Directions are in the frame whose +z is the shading normal on the side of wo.
 
 struct Bsdf {
     kind: u32,
     lobes: u32,
-    // Above the surface.
+    // Direction to the viewer, above the surface.
     wo: vec3f,
-    // By which ratios the path carries the channels.
+    // Ratios of the path's throughput in the channels.
     carried: vec3f,
-    // See `lifted_factor`; w below 0: no relief.
+    // The relief's normal, see `lifted_factor`; w below 0: no relief.
     lifted: vec4f,
     albedo: vec3f,
-    // Perceptual, of the sharpest lobe.
+    // Perceptual roughness of the sharpest lobe.
     roughness: f32,
-    // What is no number.
+    // Integers of the kind.
     words: vec3u,
-    // Always indexed by constants, so that it lies in registers.
+    // Always indexed by constants, so that it stays in registers.
     d: array<vec4f, 15>,
 }
 
 struct BsdfValue {
     // f in sr⁻¹, without the cosine.
     value: vec3f,
-    // In sr⁻¹.
+    // Density in sr⁻¹.
     pdf: f32,
 }
 
@@ -32,21 +32,21 @@ struct BsdfSample {
     wi: vec3f,
     // f |cos θi| / pdf.
     weight: vec3f,
-    // Of a Dirac lobe: the probability that it was chosen.
+    // Density in sr⁻¹; of a Dirac lobe its probability.
     pdf: f32,
-    // Of the lobe; 0: nothing is scattered, and the path ends.
+    // Flags of the lobe; 0: nothing is scattered, and the path ends.
     flags: u32,
-    // Index of refraction on the side of wi over that on the side of wo.
+    // Index of refraction on the side of wi, relative to the side of wo.
     eta: f32,
 }
 
-// A direction that was drawn, and for a Dirac lobe (or where `chance` is not 0) all there is to say.
+// A sampled direction; for a Dirac lobe (or if `chance` is not 0) also its energy and probability.
 struct BsdfDrawn {
     wi: vec3f,
-    // 0: none.
+    // Flags of the lobe; 0: no direction.
     flags: u32,
     eta: f32,
-    // f |cos θi|, and the probability or density.
+    // f |cos θi|, and the probability or pdf.
     energy: vec3f,
     chance: f32,
 }
@@ -71,7 +71,7 @@ fn bsdf_delta(wi: vec3f, energy: vec3f, chance: f32, side: u32, eta: f32) -> Bsd
     return BsdfDrawn(wi, side | BSDF_DELTA, eta, energy, chance);
 }
 
-// f and the density with which `bsdf_sample` draws `wi`, Dirac lobes left out.
+// Returns f and the pdf with which `bsdf_sample` samples `wi`, without Dirac lobes.
 fn bsdf_eval_pdf(b: ptr<function, Bsdf>, wi: vec3f) -> BsdfValue {
     if (*b).kind == BSDF_KIND_BLACK || wi.z == 0.0 {
         return BsdfValue(vec3f(0.0), 0.0);
@@ -87,7 +87,7 @@ fn bsdf_eval_pdf(b: ptr<function, Bsdf>, wi: vec3f) -> BsdfValue {
     return BsdfValue(all.value * factor, all.pdf);
 }
 
-// Draws a direction, from three numbers in [0, 1): the lobe, and the place in it.
+// Samples a direction. `u`: the lobe, and the position in it, each in [0, 1).
 fn bsdf_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfSample {
     let drawn = bsdf_sample_kind(b, u);
     var value = BsdfValue(drawn.energy, drawn.chance);
@@ -108,22 +108,22 @@ fn bsdf_sample(b: ptr<function, Bsdf>, u: vec3f) -> BsdfSample {
     return BsdfSample(drawn.wi, value.value / value.pdf, value.pdf, drawn.flags, drawn.eta);
 }
 
-// Share of the light arriving along wo that is scattered anywhere: an estimate.
+// Estimates the albedo for wo.
 fn bsdf_albedo(b: ptr<function, Bsdf>) -> vec3f {
     return (*b).albedo;
 }
 
-// Whether nothing is scattered at all.
+// Checks for a BSDF that scatters nothing.
 fn bsdf_is_black(b: ptr<function, Bsdf>) -> bool {
     return (*b).kind == BSDF_KIND_BLACK;
 }
 
-// Whether light can go to the other side.
+// Checks for transmission to the other side.
 fn bsdf_is_transmissive(b: ptr<function, Bsdf>) -> bool {
     return ((*b).lobes & BSDF_IS_TRANSMISSIVE) != 0u;
 }
 
-// Whether all light goes into single directions.
+// Checks for a BSDF with Dirac lobes only.
 fn bsdf_is_delta_only(b: ptr<function, Bsdf>) -> bool {
     return (*b).kind != BSDF_KIND_BLACK && ((*b).lobes & BSDF_HAS_NON_DELTA) == 0u;
 }
@@ -132,7 +132,7 @@ fn bsdf_roughness(b: ptr<function, Bsdf>) -> f32 {
     return (*b).roughness;
 }
 
-// Of the kind alone, without relief. wi is not in the surface.
+// Evaluates the kind alone, without relief. wi is not in the plane of the surface.
 fn bsdf_eval_pdf_of_kind(b: ptr<function, Bsdf>, wi: vec3f) -> BsdfValue {
     switch (*b).kind {
         case BSDF_KIND_LAMBERT: { return lambert_eval_pdf(b, wi); }
@@ -150,7 +150,7 @@ fn bsdf_eval_pdf_of_kind(b: ptr<function, Bsdf>, wi: vec3f) -> BsdfValue {
     return BsdfValue(vec3f(0.0), 0.0);
 }
 
-// Of the kind alone: a direction, and the whole of a Dirac lobe.
+// Samples the kind alone: a direction, and for a Dirac lobe its energy.
 fn bsdf_sample_kind(b: ptr<function, Bsdf>, u: vec3f) -> BsdfDrawn {
     switch (*b).kind {
         case BSDF_KIND_LAMBERT, BSDF_KIND_ROUGH_MATTE: {

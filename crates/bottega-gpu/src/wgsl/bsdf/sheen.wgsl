@@ -3,10 +3,10 @@
 // Sheen: the soft rim light of cloth.
 
 struct Sheen {
-    // Black: there is none.
+    // Colour; black: no sheen.
     color: vec3f,
     alpha: f32,
-    // Along the axis of its table.
+    // Position along the table's axis of roughness.
     position: f32,
 }
 
@@ -19,7 +19,7 @@ fn sheen_new(color: vec3f, roughness: f32) -> Sheen {
     return Sheen(color / max(tables_sheen_peak(tables_rough_at(position)), 1.0), r * r, position);
 }
 
-// f(wo, wi), both above the horizon.
+// Returns f(wo, wi), both above the horizon.
 fn sheen_eval(sheen: Sheen, wo: vec3f, wi: vec3f) -> vec3f {
     let h = math_normalize_or(wo + wi, vec3f(0.0, 0.0, 1.0));
     let sine = min(length(h.xy), 1.0);
@@ -32,7 +32,7 @@ fn sheen_eval(sheen: Sheen, wo: vec3f, wi: vec3f) -> vec3f {
     return sheen.color * (density / (4.0 * o * i * (1.0 + sheen_lambda(sheen.alpha, o) + sheen_lambda(sheen.alpha, i))));
 }
 
-// Share of the light at a cosine that reaches what lies below.
+// Returns the transmittance to the layers below at a cosine.
 fn sheen_passed(sheen: Sheen, mu: TablePlace) -> f32 {
     return 1.0 - math_max3(sheen.color) * tables_by_rough(TABLE_SHEEN, tables_rough_at(sheen.position), mu);
 }

@@ -1,23 +1,23 @@
 // Twin: `bottega-render/src/bsdf/surface.rs`.
 //
-// From a material to the scattering at one point of it.
+// The BSDF of a material at one point.
 
 alias SurfaceParams = array<vec3f, SURFACE_PARAMS_MAX>;
 
-// What the lookup of a material needs to know of a point on a surface.
+// The properties of a surface point that material lookups need.
 struct SurfacePoint {
     uv0: vec2f,
     uv1: vec2f,
-    // Width of texture lookups in texture coordinates, 0 for sharp ones.
+    // Width of texture lookups in texture coordinates; 0: unfiltered.
     footprint: f32,
-    // Whether wo is on the front side.
+    // 1: wo is on the front side.
     front: u32,
     vertex_color: vec4f,
-    // A number in [0, 1) that chooses between blended surfaces.
+    // A uniform number that selects between blended surfaces.
     chance: f32,
-    // Normal of the coat in the local frame, above the surface; +z: that of the base.
+    // The coat's normal in the local frame, above the surface; +z is the base's.
     coat_normal: vec3f,
-    // See `lifted_new`; w below 0: none.
+    // The relief's normal, see `lifted_new`; w below 0: none.
     lifted: vec4f,
 }
 
@@ -29,7 +29,7 @@ fn surface_share(color: vec3f) -> vec3f {
     return clamp(color, vec3f(0.0), vec3f(1.0));
 }
 
-// The scattering of a material at a point, seen from `wo` by a path that carries `carried`.
+// Returns the BSDF of a material at a point, seen from `wo` by a path with throughput `carried`.
 fn surface_scattering(material: u32, given: SurfacePoint, wo: vec3f, carried: vec3f) -> Bsdf {
     var point = given;
     var record = material_surface_of(material, point.front != 0u);
@@ -42,7 +42,7 @@ fn surface_scattering(material: u32, given: SurfacePoint, wo: vec3f, carried: ve
         }
         kind = material_words[record + SURFACE_KIND] & SURFACE_KIND_MASK;
         let count = min(material_words[record + SURFACE_KIND] >> SURFACE_COUNT_SHIFT, SURFACE_PARAMS_MAX);
-        // The one place where textures are looked up: it is long.
+        // Look up all textures in one place: the code is long.
         for (var i = 0u; i < count; i++) {
             p[i] = color_param_eval(record + SURFACE_PARAMS + PARAM_WORDS * i, point.uv0, point.uv1, point.footprint);
         }
@@ -59,7 +59,7 @@ fn surface_scattering(material: u32, given: SurfacePoint, wo: vec3f, carried: ve
     return b;
 }
 
-// Cases stand in a line each: what a scene does not use is left out with its line.
+// One line per case: a line of a feature that the scene does not use is removed.
 fn surface_of_surface(
     kind: u32, record: u32, point: ptr<function, SurfacePoint>, p: ptr<function, SurfaceParams>, wo: vec3f, carried: vec3f,
 ) -> Bsdf {
@@ -80,7 +80,7 @@ fn surface_of_surface(
     return bsdf_black(wo);
 }
 
-// A matte base below a layer that only absorbs has a closed form; all other coats are walked through.
+// A matte base below a layer that only absorbs has a closed form; all other coats need random walks.
 fn surface_is_stack(record: u32, p: ptr<function, SurfaceParams>) -> bool {
     return material_words[record + COATED_COVER] == 0u || math_max3(surface_share((*p)[COATED_PARAM_ALBEDO])) > 0.0;
 }

@@ -1,14 +1,14 @@
 // Twin: `bottega-render/src/bsdf/tables.rs`.
 //
-// How much of the light a rough layer sends on: lookups of the curves that the processor integrated.
+// Directional albedos of rough layers: lookups in the tables that the CPU integrated.
 
-// Two neighbouring nodes, and how near the second one is.
+// Two neighbouring nodes, and the weight of the second.
 struct TablePlace {
     index: u32,
     fraction: f32,
 }
 
-// Stands for a cosine: the mean over the cosine-weighted hemisphere.
+// In place of a cosine: the mean over the cosine-weighted hemisphere.
 const TABLE_MEAN: TablePlace = TablePlace(TABLE_MU, 0.0);
 
 fn tables_place_new(position: f32, nodes: u32) -> TablePlace {
@@ -21,7 +21,7 @@ fn tables_mu_new(cosine: f32) -> TablePlace {
     return tables_place_new(sqrt(max(cosine, 0.0)) * f32(TABLE_MU - 1u), TABLE_MU);
 }
 
-// `position`: √roughness, or the position along the axis of sheen.
+// `position`: √roughness, or the position on the sheen's axis.
 fn tables_rough_at(position: f32) -> TablePlace {
     return tables_place_new(position * f32(TABLE_ROUGH - 1u), TABLE_ROUGH);
 }
@@ -49,7 +49,7 @@ fn tables_pick(curve: u32, mu: TablePlace) -> f32 {
     return a + (material_f32(at + 1u) - a) * mu.fraction;
 }
 
-// The largest albedo that sheen has at any cosine.
+// Returns the sheen's maximum albedo over all cosines.
 fn tables_sheen_peak(rough: TablePlace) -> f32 {
     let at = material_words[MATERIALS_CURVES] + TABLE_CURVE * (TABLE_SHEEN + rough.index) + TABLE_PEAK;
     let a = material_f32(at);

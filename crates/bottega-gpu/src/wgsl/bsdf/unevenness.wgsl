@@ -1,14 +1,14 @@
 // Twin: `bottega-render/src/bsdf/unevenness.rs`.
 //
-// What a relief's normal sees otherwise than the surface without it.
+// The correction for a normal that a relief turned away from the surface's own.
 
-// How a relief of Mitsuba's turned the frame: for `SurfacePoint.lifted`. `normal`: of the surface without relief, in the local
-// frame of the lifted one.
+// Returns `SurfacePoint.lifted` for a frame turned by Mitsuba's rule. `normal`: the surface's normal without relief, in the
+// turned frame.
 fn lifted_new(normal: vec3f, shadows: bool) -> vec4f {
     return vec4f(normal, select(0.0, min(0.125 * unevenness_slope_squared(normal.z), 1.0), shadows));
 }
 
-// What scattering towards `wi` is multiplied by.
+// Returns the factor on scattering towards `wi`.
 fn lifted_factor(lifted: vec4f, wi: vec3f) -> f32 {
     let cosine = dot(lifted.xyz, wi);
     if cosine * wi.z <= 0.0 {

@@ -2,7 +2,7 @@
 //
 // Maps from the unit square to directions, and local frames.
 
-// A direction of the upper hemisphere with density cos θ / π.
+// Samples the upper hemisphere with pdf cos θ / π.
 fn warp_cosine_hemisphere(u: vec2f) -> vec3f {
     let turn = math_sin_cos_of_turns(u.x);
     let radius = sqrt(u.y);
@@ -13,7 +13,7 @@ fn warp_cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
     return max(cos_theta, 0.0) * FRAC_1_PI;
 }
 
-// A direction of the upper hemisphere with constant density.
+// Samples the upper hemisphere uniformly.
 fn warp_uniform_hemisphere(u: vec2f) -> vec3f {
     let turn = math_sin_cos_of_turns(u.x);
     let z = 1.0 - u.y;
@@ -21,7 +21,7 @@ fn warp_uniform_hemisphere(u: vec2f) -> vec3f {
     return vec3f(radius * turn.y, radius * turn.x, z);
 }
 
-// Splits a number in [0, 1) at `chance`: where in its part it lies.
+// Rescales `u` to [0, 1) within its part, below or above `chance`.
 fn warp_rest(u: f32, chance: f32) -> f32 {
     var rest = 0.0;
     if u < chance {

@@ -1,10 +1,10 @@
 // Twin: `bottega-scene/src/image/lookup.rs`.
 //
-// Looking a picture up: wrapping, bilinear within a mip level, linear between levels; as `bottega_scene::Image::eval`.
+// Image lookups: wrapping, bilinear within a mip level, linear between levels; as `bottega_scene::Image::eval`.
 //
-// `texture_words`: the linear values of the 256 codes of sRGB; then maps and pictures as `material/textures.rs` writes them.
+// `texture_words`: the linear values of the 256 sRGB codes; then maps and images as `material/textures.rs` writes them.
 
-// By how much a lookup grows with u and with v.
+// Derivatives of a lookup along u and v.
 struct TextureSlopes {
     u: vec4f,
     v: vec4f,
@@ -13,7 +13,7 @@ struct TextureSlopes {
 struct TexturePlace {
     first: u32,
     second: u32,
-    // Of the second.
+    // Weight of the second level.
     weight: f32,
 }
 
@@ -39,7 +39,7 @@ fn lookup_uv_set(map: u32) -> u32 {
     return texture_words[(map & TEXTURE_HANDLE) + MAP_FLAGS] & MAP_UV_SET;
 }
 
-// One texel of a level whose texels begin at `at`, linear.
+// Returns one texel, linear; the texels of its level begin at `at`.
 fn lookup_texel(format: u32, at: u32, index: u32) -> vec4f {
     let kind = format & IMAGE_FORMAT_MASK;
     if kind == TEXTURE_GRAY8 || kind == TEXTURE_RGBA8 {
@@ -68,7 +68,7 @@ fn lookup_texel(format: u32, at: u32, index: u32) -> vec4f {
     return bitcast<vec4f>(words);
 }
 
-// The texels that a lookup takes of one level: one, or the four around a point, upper row first.
+// The texels that a lookup reads from one level: one, or the four around a point, upper row first.
 struct TextureTaps {
     start: u32,
     texels: vec4u,
@@ -78,13 +78,13 @@ struct TextureTaps {
     v: f32,
 }
 
-// One texel.
+// Returns a lookup of a single texel.
 fn lookup_one(start: u32, texel: u32) -> TextureTaps {
     return TextureTaps(start, vec4u(texel), 1u, 0.0, 0.0);
 }
 
-// The values of all taps, by the same code: it is long, and what compiles a shader writes it out wherever it is called. Of one tap the
-// others are 0, and have no weight.
+// Reads all texels of a lookup in one piece of code: it is long, and compilers inline it at each call. A single texel has three
+// more of value 0, which have no weight.
 fn lookup_quad(format: u32, taps: TextureTaps) -> TextureQuad {
     var quad = TextureQuad(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0), taps.u, taps.v);
     var texels = taps.texels;
@@ -99,7 +99,7 @@ fn lookup_quad(format: u32, taps: TextureTaps) -> TextureQuad {
     return quad;
 }
 
-// Linear RGBA of the picture as a map lays it on a surface; `footprint`: width of the lookup in units of `uv`.
+// Returns the linear RGBA of a map; `footprint`: width of the lookup in units of `uv`.
 fn image_eval(handle: u32, uv: vec2f, footprint: f32) -> vec4f {
     let map = handle & TEXTURE_HANDLE;
     let image = texture_words[map + MAP_IMAGE];
@@ -136,7 +136,7 @@ fn image_eval(handle: u32, uv: vec2f, footprint: f32) -> vec4f {
     return value;
 }
 
-// By how much `image_eval` grows with u and with v.
+// Returns the derivatives of `image_eval` along u and v.
 fn image_slopes(handle: u32, uv: vec2f, footprint: f32) -> TextureSlopes {
     let map = handle & TEXTURE_HANDLE;
     let image = texture_words[map + MAP_IMAGE];
@@ -151,7 +151,7 @@ fn image_slopes(handle: u32, uv: vec2f, footprint: f32) -> TextureSlopes {
     if ((flags & MAP_SMOOTH) == 0u && detail == 0.0) || (level >= last && detail > 0.0) {
         return TextureSlopes(vec4f(0.0), vec4f(0.0));
     }
-    // Every other copy of a mirrored picture is turned round.
+    // Every other copy of a mirrored image is reversed.
     let turned_u = ((flags >> MAP_WRAP_U_SHIFT) & MAP_WRAP_MASK) == TEXTURE_WRAP_MIRROR && lookup_fraction(0.5 * at.x) > 0.5;
     let turned_v = ((flags >> MAP_WRAP_V_SHIFT) & MAP_WRAP_MASK) == TEXTURE_WRAP_MIRROR && lookup_fraction(0.5 * at.y) > 0.5;
     var along_x = vec4f(0.0);
@@ -174,7 +174,7 @@ fn image_slopes(handle: u32, uv: vec2f, footprint: f32) -> TextureSlopes {
     return TextureSlopes(along_x * x_axis.x + along_y * x_axis.y, along_x * y_axis.x + along_y * y_axis.y);
 }
 
-// log₂ of the footprint in texels of the finest level, linear between powers of two as on the processor.
+// Returns log₂ of the footprint in texels of the finest level, linear between powers of two as on the CPU.
 fn lookup_level_of_detail(map: u32, footprint: f32) -> f32 {
     if !(footprint > 0.0) {
         return 0.0;
@@ -190,7 +190,7 @@ fn lookup_place(map: u32, uv: vec2f) -> vec2f {
     return x_axis * uv.x + y_axis * uv.y + lookup_vec2(map + MAP_OFFSET);
 }
 
-// A texture coordinate brought into [0, 1].
+// Wraps a texture coordinate to [0, 1].
 fn lookup_wrapped(x: f32, wrap: u32) -> f32 {
     switch wrap {
         case TEXTURE_WRAP_REPEAT: {
@@ -206,7 +206,7 @@ fn lookup_wrapped(x: f32, wrap: u32) -> f32 {
     }
 }
 
-// x − ⌊x⌋, or 0 where a float has no fraction any more.
+// Returns x − ⌊x⌋, or 0 for floats without a fraction.
 fn lookup_fraction(x: f32) -> f32 {
     if abs(x) < 8388608.0 {
         let rest = x - trunc(x);
@@ -227,7 +227,7 @@ fn lookup_neighbors(x: f32, wrap: u32, size: u32) -> TexturePlace {
     return TexturePlace(u32(max(first, 0)), u32(min(second, last)), weight);
 }
 
-// The four texels around a point. `level`: the place of its record.
+// Returns the four texels around a point. `level`: the place of its record.
 fn lookup_around(level: u32, flags: u32, at: vec2f) -> TextureTaps {
     let width = texture_words[level + LEVEL_WIDTH];
     let x = lookup_neighbors(at.x, (flags >> MAP_WRAP_U_SHIFT) & MAP_WRAP_MASK, width);
@@ -238,7 +238,7 @@ fn lookup_around(level: u32, flags: u32, at: vec2f) -> TextureTaps {
     return TextureTaps(texture_words[level + LEVEL_TEXELS], texels, 4u, x.weight, y.weight);
 }
 
-// The texel at a point.
+// Returns the nearest texel.
 fn lookup_nearest(level: u32, flags: u32, at: vec2f) -> TextureTaps {
     let size = vec2u(texture_words[level + LEVEL_WIDTH], texture_words[level + LEVEL_HEIGHT]);
     let inside = vec2f(lookup_wrapped(at.x, (flags >> MAP_WRAP_U_SHIFT) & MAP_WRAP_MASK), lookup_wrapped(at.y, (flags >> MAP_WRAP_V_SHIFT) & MAP_WRAP_MASK));

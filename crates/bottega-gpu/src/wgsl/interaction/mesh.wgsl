@@ -1,8 +1,8 @@
 // Twin: `bottega-render/src/interaction/mesh.rs`.
 //
-// Points of meshes: how texture coordinates and vertex normals lie there.
+// Points on meshes: orientation of texture coordinates, and vertex normals.
 
-// Of one set of coordinates.
+// The orientation of one set of coordinates.
 struct Side {
     tangent: vec4<f32>,
     along_u: vec3<f32>,
@@ -10,7 +10,7 @@ struct Side {
     tells: bool,
 }
 
-// How far a point of a facet lies below the curved surface that its vertex normals tell of (Hanika 2021).
+// Returns the distance from a facet up to the curved surface of its vertex normals (Hanika 2021).
 fn lift_off_facets(mesh: u32, corners: vec3<u32>, weights: vec3<f32>, is_in_front: bool) -> vec3<f32> {
     let positions = scene_words[mesh + MESH_POSITIONS];
     let normals = scene_words[mesh + MESH_NORMALS];
@@ -27,7 +27,7 @@ fn lift_off_facets(mesh: u32, corners: vec3<u32>, weights: vec3<f32>, is_in_fron
         + n2 * (weights.z * min(side * dot(p - p2, n2), 0.0)));
 }
 
-// Width of a beam in texture coordinates.
+// Returns the width of a ray cone in texture coordinates.
 fn mesh_footprint(mesh: u32, corners: vec3<u32>, double_area: f32, width: f32, cosine: f32) -> f32 {
     let at = scene_words[mesh + MESH_UVS];
     if at == NONE || !(double_area > 0.0) {
@@ -47,7 +47,7 @@ fn sphere_sides(sphere: u32, radius: f32, ng: vec3<f32>) -> Sides {
     var sides: Sides;
     sides.tangent0 = vec4(direction_or(along, equator), 1.0);
     sides.tangent1 = sides.tangent0;
-    // u goes once around the axis, v from pole to pole; at these nothing goes along u.
+    // u goes once around the axis, v from pole to pole; at the poles u has no direction.
     let sine = length(along);
     sides.tells0 = sine > 1e-6;
     sides.tells1 = sides.tells0;

@@ -1,9 +1,9 @@
 // Twin: `bottega-render/src/interaction/relief.rs`.
 //
-// Normals by maps of normals and of heights.
+// Normals from normal maps and height maps.
 
-// The normal of the surface lifted by heights along `ns`; outward like `ns`. `along_u`, `along_v`: how the point moves with the
-// coordinates of the map's set.
+// Returns the normal of a surface raised by heights along `ns`; on the side of `ns`. `along_u`, `along_v`: derivatives of the
+// point along the map's coordinates.
 fn relief_bumped_normal(
     map: u32, scale: f32, uv: vec2f, footprint: f32, ns: vec3f, along_u: vec3f, along_v: vec3f,
 ) -> vec3f {
@@ -15,8 +15,8 @@ fn relief_bumped_normal(
     return select(normal, -normal, dot(normal, ns) < 0.0);
 }
 
-// The normal that a normal map tells of; outward like `ns`. `tangent`: of increasing u of the map's set of coordinates, with
-// the sign of its bitangent.
+// Returns the normal of a normal map; on the side of `ns`. `tangent`: along increasing u of the map's coordinates, with the sign
+// of its bitangent.
 fn relief_mapped_normal(map: u32, scale: f32, uv: vec2f, footprint: f32, ns: vec3f, tangent: vec4f) -> vec3f {
     let bent = (image_eval(map, uv, footprint).xyz * 2.0 - 1.0) * vec3f(scale, scale, 1.0);
     let along = tangent.xyz - ns * dot(ns, tangent.xyz);

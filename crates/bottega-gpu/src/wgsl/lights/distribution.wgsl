@@ -1,8 +1,8 @@
 // Twin: `bottega-render/src/lights/distribution.rs`.
 //
-// Directions drawn by a table of densities.
+// Sampling of directions by a table of densities.
 
-// Rows above and below a place of the bilinear table, and the share of the lower one.
+// The rows above and below a position of the bilinear table, and the weight of the lower one.
 struct RowsAt {
     above: u32,
     below: u32,
@@ -20,7 +20,7 @@ fn cells_density(table: u32, place: vec2<f32>) -> f32 {
         * (number_at(conditional + 1u) - number_at(conditional)) * f32(columns);
 }
 
-// A place in cumulative sums of cells, and the density there; the cell in z.
+// Inverts cumulative sums of cells: returns the position, the density there, and in z the cell.
 fn distribution_invert(at: u32, cells: u32, u: f32) -> vec3<f32> {
     let cell = last_at_or_below(at, cells + 1u, u);
     let start = number_at(at + cell);
@@ -45,7 +45,7 @@ fn bilinear_sample(table: u32, u: vec2<f32>) -> vec2<f32> {
     let sums = scene_words[table + DENSITY_SUMS];
     let marginal = scene_words[table + DENSITY_MARGINAL];
     let width = columns + 1u;
-    // Interval k goes from the centre of row k − 1 to that of row k.
+    // Interval k goes from the center of row k − 1 to that of row k.
     let interval = last_at_or_below(marginal, rows + 2u, u.y);
     let start = number_at(marginal + interval);
     let share = number_at(marginal + interval + 1u) - start;
@@ -64,7 +64,7 @@ fn bilinear_sample(table: u32, u: vec2<f32>) -> vec2<f32> {
     y = min(y / f32(rows), ONE_MINUS_EPSILON);
     let between = bilinear_rows_at(rows, y);
     let goal = u.x * sum_between(sums, width, between, columns);
-    // The last centre whose sum is at or below the goal.
+    // Find the last center whose sum is at or below the target.
     var first = 0u;
     var last = columns;
     while last - first > 1u {
@@ -106,7 +106,7 @@ fn bilinear_density(table: u32, at: vec2<f32>) -> f32 {
     return mix(above, below, between.lower);
 }
 
-// A place in [0, 1] by a density that goes linearly from a to b.
+// Samples [0, 1] by a density that is linear from a to b.
 fn sample_linear(a: f32, b: f32, u: f32) -> f32 {
     let root = sqrt(max(a * a + (b * b - a * a) * u, 0.0));
     if a + root > 0.0 {
@@ -115,7 +115,7 @@ fn sample_linear(a: f32, b: f32, u: f32) -> f32 {
     return sqrt(u);
 }
 
-// The last of `count` sums from `at` on that is at or below u, but not the last of all.
+// Returns the last of `count` sums from `at` on that is at or below u, excluding the final one.
 fn last_at_or_below(at: u32, count: u32, u: f32) -> u32 {
     var first = 0u;
     var last = count - 1u;
@@ -130,7 +130,7 @@ fn last_at_or_below(at: u32, count: u32, u: f32) -> u32 {
     return first;
 }
 
-// The sum of the bilinear table up to the centre of a column, between two rows.
+// Returns the sum of the bilinear table up to a column's center, interpolated between two rows.
 fn sum_between(sums: u32, width: u32, between: RowsAt, column: u32) -> f32 {
     let above = number_at(sums + between.above * width + column);
     return above + (number_at(sums + between.below * width + column) - above) * between.lower;

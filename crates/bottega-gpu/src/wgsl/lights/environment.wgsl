@@ -1,8 +1,8 @@
 // Twin: `bottega-render/src/lights/environment.rs`.
 //
-// Light from infinitely far away, all around.
+// The environment light.
 
-// An estimate of the illuminance that sampled directions bring to a surface.
+// Estimates the illuminance by sampled directions at a surface.
 fn environment_light_illuminance() -> f32 {
     let environment = scene_words[HEADER_ENVIRONMENT];
     if environment == NONE {
@@ -12,7 +12,7 @@ fn environment_light_illuminance() -> f32 {
     return select(0.0, 0.25 * number_at(environment + ENVIRONMENT_INTEGRAL), is_sampled);
 }
 
-// The radiance that comes from a direction.
+// Returns the radiance from a direction.
 fn environment_light_radiance(direction: vec3<f32>) -> vec3<f32> {
     let environment = scene_words[HEADER_ENVIRONMENT];
     if environment == NONE {
@@ -39,7 +39,7 @@ fn environment_light_lookup(environment: u32, uv: vec2<f32>) -> vec3<f32> {
     return image_eval(picture, uv, 0.0).xyz * factor;
 }
 
-// Draws a direction of the whole sphere.
+// Samples a direction of the whole sphere.
 fn environment_light_sample(u: vec2<f32>) -> LightSample {
     let environment = scene_words[HEADER_ENVIRONMENT];
     let turn = mat3_at(environment + ENVIRONMENT_WORLD_FROM_ENVIRONMENT);
@@ -85,7 +85,7 @@ fn environment_light_sample(u: vec2<f32>) -> LightSample {
     return LightSample(turn * local, -1.0, environment_light_lookup(environment, uv), pdf, false);
 }
 
-// The density per solid angle with which `environment_light_sample` draws a direction.
+// Returns the pdf per solid angle with which `environment_light_sample` samples a direction.
 fn environment_light_pdf(direction: vec3<f32>) -> f32 {
     let environment = scene_words[HEADER_ENVIRONMENT];
     let local = transpose(mat3_at(environment + ENVIRONMENT_WORLD_FROM_ENVIRONMENT)) * direction;
@@ -110,12 +110,12 @@ fn environment_light_pdf(direction: vec3<f32>) -> f32 {
     }
 }
 
-// Texture coordinates of a direction in environment space: the upper edge is +y, the center column −z.
+// Returns texture coordinates of a direction in environment space: the upper edge is +y, the center column −z.
 fn latitude_longitude(direction: vec3<f32>) -> vec2<f32> {
     return vec2(0.5 + atan2_of(direction.x, -direction.z) / (2.0 * PI), acos_of(direction.y) / PI);
 }
 
-// The place of a direction on a picture of equal areas (Clarberg 2008).
+// Returns the position of a direction on an equal-area image (Clarberg 2008).
 fn square_of(direction: vec3<f32>) -> vec2<f32> {
     let flat = abs(direction.xy);
     let radius = sqrt(max(1.0 - abs(direction.z), 0.0));
@@ -129,7 +129,7 @@ fn square_of(direction: vec3<f32>) -> vec2<f32> {
 fn direction_of_square(place: vec2<f32>) -> vec3<f32> {
     let centered = place * 2.0 - 1.0;
     let flat = abs(centered);
-    // Above 0 in the upper hemisphere, and as far from the edge of its diamond.
+    // Positive in the upper hemisphere; the distance from the edge of its diamond.
     let from_edge = 1.0 - (flat.x + flat.y);
     let radius = 1.0 - abs(from_edge);
     var angle = 0.0;

@@ -1,21 +1,22 @@
 // Twin: `bottega-render/src/lights/mod.rs`.
 //
-// Everything that shines, and the choice of one light for a point.
+// All lights, and the selection of one for a point.
 
-// A place on a light, drawn for a point.
+// A sampled point on a light.
 struct LightSample {
     wi: vec3<f32>,
-    // −1: infinitely far.
+    // Distance to the point; −1: infinitely far.
     distance: f32,
     radiance: vec3<f32>,
-    // Per solid angle; of a light without extent the probability alone. 0: these numbers give no light.
+    // Density per solid angle; for a light without extent its probability. 0: no sample.
     pdf: f32,
     is_delta: bool,
 }
 
-// Draws one light and a place on it.
+// Samples a light, and a point on it.
 fn lights_sample(receiver: Receiver, u: vec4<f32>) -> LightSample {
     let share = far_share(receiver);
+    // Select the environment and distant lights, or the light tree.
     if u.x < share {
         return sample_far(receiver, u.x / share, share, u.yz);
     }
@@ -24,6 +25,7 @@ fn lights_sample(receiver: Receiver, u: vec4<f32>) -> LightSample {
     if choice.probability <= 0.0 {
         return no_light();
     }
+    // Sample a point on the light.
     let record = scene_words[HEADER_LIGHTS] + LIGHT_WORDS * choice.light;
     var light: LightSample;
     switch scene_words[record + POINT_LIGHT_KIND] {
@@ -37,11 +39,12 @@ fn lights_sample(receiver: Receiver, u: vec4<f32>) -> LightSample {
             light = punctual_sample(record, receiver.p);
         }
     }
+    // Multiply by the probability of the selection.
     light.pdf *= choice.probability * (1.0 - share);
     return light;
 }
 
-// The probability of asking for light from infinitely far away.
+// Returns the probability of sampling the environment and distant lights.
 fn far_share(receiver: Receiver) -> f32 {
     if scene_words[HEADER_HAS_FAR] == 0u {
         return 0.0;
@@ -86,7 +89,7 @@ fn sample_far(receiver: Receiver, number: f32, share: f32, place: vec2<f32>) -> 
     return light;
 }
 
-// What light from infinitely far away does to a point, as far as it is sampled.
+// Estimates the illuminance by the environment and distant lights, as far as they are sampled.
 fn far_total(receiver: Receiver) -> f32 {
     var total = environment_light_illuminance();
     for (var i = 0u; i < scene_words[HEADER_PARALLEL_COUNT]; i += 1u) {
@@ -95,7 +98,7 @@ fn far_total(receiver: Receiver) -> f32 {
     return total;
 }
 
-// Density per solid angle with which `lights_sample` draws a direction that meets no surface.
+// Returns the pdf per solid angle with which `lights_sample` samples a direction that hits no surface.
 fn environment_pdf(receiver: Receiver, direction: vec3<f32>) -> f32 {
     let illuminance = environment_light_illuminance();
     if !(illuminance > 0.0) {
@@ -104,7 +107,7 @@ fn environment_pdf(receiver: Receiver, direction: vec3<f32>) -> f32 {
     return environment_light_pdf(direction) * far_share(receiver) * illuminance / far_total(receiver);
 }
 
-// The number of the light that was hit; NONE where light sampling never finds it.
+// Returns the index of the light that was hit; NONE if light sampling never selects it.
 fn light_of(shape: Shape, uv: vec2<f32>) -> u32 {
     if (shape.instance & HIT_SPHERE) != 0u {
         return scene_words[sphere_at(shape.instance & ~HIT_SPHERE) + SPHERE_LIGHT];
@@ -119,7 +122,7 @@ fn light_of(shape: Shape, uv: vec2<f32>) -> u32 {
     return scene_words[scene_words[record + SHINING_PARTS] + grid_part_at(panel, scene_words[record + SHINING_SIDE], place)];
 }
 
-// Density per solid angle with which `lights_sample` draws the place that was hit on a surface that shines.
+// Returns the pdf per solid angle with which `lights_sample` samples the point that was hit on an emitter.
 fn hit_pdf(shape: Shape, uv: vec2<f32>, receiver: Receiver, p: vec3<f32>) -> f32 {
     let light = light_of(shape, uv);
     if light == NONE {

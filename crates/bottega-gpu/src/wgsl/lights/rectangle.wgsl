@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/lights/rectangle.rs`.
 //
-// Rectangles seen from a point, as parts of the sphere of directions.
+// Rectangles projected to the sphere of directions around a point.
 
 // The projection of a rectangle to the unit sphere around a point (Ureña, Fajardo and King 2013).
 struct SphericalRectangle {
@@ -48,7 +48,7 @@ fn spherical_rectangle_new(corner: vec3<f32>, x: vec3<f32>, y: vec3<f32>, origin
     return seen;
 }
 
-// Coordinates along both sides of a place whose direction is uniform over the projection.
+// Samples the projection uniformly; returns coordinates along both sides.
 fn spherical_rectangle_sample(seen: SphericalRectangle, u: vec2<f32>) -> vec2<f32> {
     let turn = sin_cos(u.x * seen.area + seen.far_angles);
     let sine_floor = with_sign(max(abs(turn.x), 1e-18), turn.x);

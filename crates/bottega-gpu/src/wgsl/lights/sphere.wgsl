@@ -1,9 +1,9 @@
 // Twin: `bottega-render/src/lights/sphere.rs`.
 //
-// Spheres as lights.
+// Spherical lights.
 
-// The part of the sphere of directions that a sphere covers, seen from outside: its axis, and 1 − cos of its half angle; that
-// is 0 at or below the surface, and a hair's breadth above it.
+// Returns the cone of directions that a sphere covers, seen from outside: its axis, and 1 − cos of its half angle; that is 0 at,
+// below, or extremely close above the surface.
 fn cone_new(center: vec3<f32>, radius: f32, origin: vec3<f32>) -> vec4<f32> {
     let to_center = center - origin;
     let distance = length(to_center);

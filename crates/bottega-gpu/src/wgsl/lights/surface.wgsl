@@ -1,8 +1,8 @@
 // Twin: `bottega-render/src/lights/surface.rs`.
 //
-// Surfaces that shine, as lights.
+// Emissive surfaces.
 
-// A surface that shines, or a part of it: its record, corner and sides.
+// An emissive surface, or a part of it: its record, corner and sides.
 struct Panel {
     record: u32,
     is_rectangle: bool,
@@ -13,7 +13,7 @@ struct Panel {
     double_area: f32,
 }
 
-// The place along the sides of a panel at barycentric coordinates of one of its triangles.
+// Returns the position along the sides of a panel, for barycentric coordinates of one of its triangles.
 fn shape_place_of(shape: u32, is_second: bool, uv: vec2<f32>) -> vec2<f32> {
     if shape == PANEL_TRIANGLE {
         return uv;
@@ -24,7 +24,7 @@ fn shape_place_of(shape: u32, is_second: bool, uv: vec2<f32>) -> vec2<f32> {
     return select(along, 1.0 - along, is_second);
 }
 
-// The place of a triangle at a place along the sides: barycentric coordinates, and whether it is the second of a rectangle.
+// Returns the barycentric coordinates of a position along the sides, and 1 if it is in the second triangle of a rectangle.
 fn panel_triangle_at(shape: u32, place: vec2<f32>) -> vec3<f32> {
     if shape == PANEL_TRIANGLE {
         return vec3(place, 0.0);
@@ -43,7 +43,7 @@ fn panel_triangle_at(shape: u32, place: vec2<f32>) -> vec3<f32> {
     return vec3(b, select(0.0, 1.0, is_second));
 }
 
-// The part of a panel at a place, of a grid of `side` cells a side.
+// Returns the part of a panel at a position, in a grid of `side` × `side` cells.
 fn grid_part_at(shape: u32, side: u32, place: vec2<f32>) -> u32 {
     let scaled = place * f32(side);
     let row = min(u32(max(scaled.y, 0.0)), side - 1u);
@@ -54,7 +54,7 @@ fn grid_part_at(shape: u32, side: u32, place: vec2<f32>) -> u32 {
     let columns = side - row;
     let column = min(cell, columns - 1u);
     let within = scaled.x - f32(column) + scaled.y - f32(row);
-    // Rows above have 2n − 1 parts, n of them shrinking by one a row.
+    // Rows above have 2n − 1 parts, with n shrinking by one per row.
     let above = side * side - columns * columns;
     return above + 2u * column + select(0u, 1u, within > 1.0 && column + 1u < columns);
 }
@@ -75,7 +75,7 @@ fn panel_of(record: u32) -> Panel {
     return panel;
 }
 
-// Whether it is seen under so large an angle that it is sampled by that: an upper bound, good enough from afar.
+// Checks that the solid angle is large enough to sample by it, by an upper bound that is tight from afar.
 fn surface_light_is_near(panel: ptr<function, Panel>, origin: vec3<f32>) -> bool {
     let share = select(1.0 / 3.0, 0.5, (*panel).is_rectangle);
     let middle = (*panel).corner + ((*panel).x + (*panel).y) * share - origin;
@@ -113,7 +113,7 @@ fn surface_light_sample(record: u32, origin: vec3<f32>, u: vec2<f32>) -> LightSa
     }
     let to_light = panel.corner + panel.x * place.x + panel.y * place.y - origin;
     let distance = length_of(to_light);
-    // The projected area times the distance, above 0 where the front is seen.
+    // Projected area times distance; positive if the front is seen.
     let facing = -dot(panel.normal, to_light);
     let material = scene_words[record + SURFACE_LIGHT_MATERIAL];
     let flags = material_flags(material);

@@ -1,20 +1,20 @@
 // Twin: `bottega-render/src/lights/tree.rs`.
 //
-// Choice of one light among many. A node has numbers of four children.
+// Selection of one light by a light tree. A node holds values of four children.
 
-// A point that asks for light; n is 0 where light counts from everywhere.
+// A point that receives light; n is 0 if light arrives from all sides.
 struct Receiver {
     p: vec3<f32>,
     n: vec3<f32>,
 }
 
-// A light and its probability; 0: these numbers give none.
+// A light and its probability; 0: no light.
 struct Choice {
     light: u32,
     probability: f32,
 }
 
-// Intensity over squared distance with bounds of both cosines, of all children of a node.
+// Returns the importance of all children of a node: intensity over squared distance, times bounds of both cosines.
 fn receiver_of(node: u32, receiver: Receiver) -> vec4<f32> {
     let x = vec4_at(node + TREE_NODE_CENTER_X) - receiver.p.x;
     let y = vec4_at(node + TREE_NODE_CENTER_Y) - receiver.p.y;
@@ -27,7 +27,7 @@ fn receiver_of(node: u32, receiver: Receiver) -> vec4<f32> {
     let cos_emission = vec4_at(node + TREE_NODE_COS_EMISSION);
     let two_sided = vec4_at(node + TREE_NODE_TWO_SIDED);
     let intensity = vec4_at(node + TREE_NODE_INTENSITY);
-    // The ball around the box, as an angle; the whole sphere from within.
+    // Bounding sphere of the box as an angle; from inside, the whole sphere.
     let is_inside = radius * radius >= squared;
     let sin_box = radius * inverse;
     let cos_box = co(sin_box);
@@ -55,22 +55,22 @@ fn sum_of(parts: vec4<f32>) -> f32 {
     return parts.x + parts.y + parts.z + parts.w;
 }
 
-// cos max(0, a − b) for two angles in [0, π].
+// Returns cos max(0, a − b) for two angles in [0, π].
 fn cos_difference(cos_a: vec4<f32>, sin_a: vec4<f32>, cos_b: vec4<f32>, sin_b: vec4<f32>) -> vec4<f32> {
     return select(cos_a * cos_b + sin_a * sin_b, vec4<f32>(1.0), cos_a > cos_b);
 }
 
-// sin max(0, a − b).
+// Returns sin max(0, a − b).
 fn sin_difference(cos_a: vec4<f32>, sin_a: vec4<f32>, cos_b: vec4<f32>, sin_b: vec4<f32>) -> vec4<f32> {
     return select(sin_a * cos_b - cos_a * sin_b, vec4<f32>(0.0), cos_a > cos_b);
 }
 
-// √(1 − x²).
+// Returns √(1 − x²).
 fn co(x: vec4<f32>) -> vec4<f32> {
     return sqrt(max(1.0 - x * x, vec4<f32>(0.0)));
 }
 
-// An estimate of the illuminance that all lights of the tree together make.
+// Estimates the illuminance by all lights of the tree.
 fn light_tree_total(receiver: Receiver) -> f32 {
     if scene_words[HEADER_LIGHT_COUNT] == 0u {
         return 0.0;
@@ -78,6 +78,7 @@ fn light_tree_total(receiver: Receiver) -> f32 {
     return sum_of(receiver_of(scene_words[HEADER_TREE], receiver)) * number_at(HEADER_TREE_INTENSITY);
 }
 
+// Samples a light in proportion to the importance of the nodes on its path.
 fn light_tree_sample(receiver: Receiver, number: f32) -> Choice {
     if scene_words[HEADER_LIGHT_COUNT] <= 1u {
         return Choice(0u, select(0.0, 1.0, scene_words[HEADER_LIGHT_COUNT] == 1u));
@@ -92,9 +93,10 @@ fn light_tree_sample(receiver: Receiver, number: f32) -> Choice {
         if !(total > 0.0) || !(total < FAR) {
             return Choice(0u, 0.0);
         }
+        // Select a child in proportion to its importance.
         var rest = u * total;
         var chosen = 0u;
-        // Rounding may leave a rest beyond the last child: it belongs to that one.
+        // Rounding may leave a remainder beyond the last child: give it to that one.
         for (var i = 0u; i < 4u; i += 1u) {
             let part = parts[i];
             if part > 0.0 {
@@ -109,6 +111,7 @@ fn light_tree_sample(receiver: Receiver, number: f32) -> Choice {
                 rest -= part;
             }
         }
+        // Rescale the random number, and descend.
         let part = parts[chosen];
         probability *= part / total;
         u = min(rest / part, ONE_MINUS_EPSILON);
@@ -123,7 +126,7 @@ fn light_tree_sample(receiver: Receiver, number: f32) -> Choice {
     return Choice(0u, 0.0);
 }
 
-// The probability with which `light_tree_sample` draws a light.
+// Returns the probability with which `light_tree_sample` selects a light.
 fn light_tree_pmf(receiver: Receiver, light: u32) -> f32 {
     if scene_words[HEADER_LIGHT_COUNT] <= 1u {
         return 1.0;
@@ -132,6 +135,7 @@ fn light_tree_pmf(receiver: Receiver, light: u32) -> f32 {
     var node = scene_words[HEADER_TREE];
     loop {
         let parts = receiver_of(node, receiver);
+        // Find the child that contains the light.
         var chosen = 3u;
         for (var i = 0u; i < 3u; i += 1u) {
             if light < scene_words[node + TREE_NODE_END + i] {

@@ -1,6 +1,6 @@
 // Twin: `bottega-render/src/lights/triangle.rs`.
 //
-// Triangles seen from a point, as parts of the sphere of directions.
+// Triangles projected to the sphere of directions around a point.
 
 // The projection of a triangle to the unit sphere around a point (Arvo 1995).
 struct SphericalTriangle {
@@ -9,7 +9,7 @@ struct SphericalTriangle {
     c: vec3<f32>,
     cos_alpha: f32,
     sin_alpha: f32,
-    // Solid angle; 0: seen edge-on, or too small, or too large.
+    // Solid angle; 0: seen edge-on, too small, or too large.
     area: f32,
 }
 
@@ -35,7 +35,7 @@ fn spherical_triangle_new(corner: vec3<f32>, x: vec3<f32>, y: vec3<f32>, origin:
     return seen;
 }
 
-// Barycentric coordinates of a place whose direction is uniform over the projection; x below 0: none.
+// Samples the projection uniformly; returns barycentric coordinates, x below 0 for no sample.
 fn spherical_triangle_sample(
     seen: SphericalTriangle,
     corner: vec3<f32>,
@@ -56,7 +56,7 @@ fn spherical_triangle_sample(
 }
 
 fn spherical_triangle_direction(seen: SphericalTriangle, u: vec2<f32>) -> vec3<f32> {
-    // The area of the part that the great circle through b and the new corner cuts off.
+    // Sample the area that the great circle through b and the new corner cuts off.
     let part = sin_cos(u.x * seen.area + PI);
     let sin_phi = part.x * seen.cos_alpha - part.y * seen.sin_alpha;
     let cos_phi = part.y * seen.cos_alpha + part.x * seen.sin_alpha;
@@ -70,7 +70,7 @@ fn spherical_triangle_direction(seen: SphericalTriangle, u: vec2<f32>) -> vec3<f
     }
     let sin_side = sqrt(max(1.0 - cos_side * cos_side, 0.0));
     let corner = cos_side * seen.a + sin_side * orthogonal_part(seen.c, seen.a);
-    // Uniform by area along the arc from b to the new corner.
+    // Sample uniformly by area along the arc from b to the new corner.
     let cos_theta = 1.0 - u.y * (1.0 - dot(corner, seen.b));
     let sin_theta = sqrt(max(1.0 - cos_theta * cos_theta, 0.0));
     return direction_or(cos_theta * seen.b + sin_theta * orthogonal_part(corner, seen.b), vec3<f32>(0.0));

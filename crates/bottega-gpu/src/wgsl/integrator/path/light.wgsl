@@ -1,8 +1,8 @@
 // Twin: `bottega-render/src/integrator/path/light.rs`.
 //
-// Light that a path finds by scattering, and light that is sampled.
+// MIS of light found by BSDF sampling and by light sampling.
 
-// The weight of light that the path ran into with density `pdf`, which light sampling would have found with `light_pdf`.
+// Returns the MIS weight of light found by BSDF sampling with `pdf`; `light_pdf`: the pdf of light sampling.
 fn found_by_bsdf(pdf: f32, light_pdf: f32) -> f32 {
     if pdf < 0.0 || batch.direct_light == DIRECT_BSDF_SAMPLING {
         return 1.0;
@@ -13,7 +13,7 @@ fn found_by_bsdf(pdf: f32, light_pdf: f32) -> f32 {
     return power_heuristic(pdf, f32(batch.light_samples) * light_pdf);
 }
 
-// What one light sample adds if nothing is between, and the ray that asks whether that is so.
+// Computes the contribution of a light sample, and its shadow ray.
 fn light_contribution(
     path: u32,
     slot: u32,
@@ -29,7 +29,7 @@ fn light_contribution(
         return false;
     }
     let wi = to_local(point, light.wi);
-    // A shading normal must not let light through the real surface.
+    // Prevent light leaks through shading normals.
     if (wi.z > 0.0) != is_reflection(point, light.wi) {
         return false;
     }
