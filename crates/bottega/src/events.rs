@@ -1,6 +1,5 @@
 //! The events of a rendering job, as they cross the process boundary. Version 1: later versions may add fields and kinds of
-//! events;
-//! existing ones keep their meaning.
+//! events; existing ones keep their meaning.
 
 mod society;
 
@@ -116,8 +115,7 @@ pub enum Event {
     /// The progress of rendering.
     Progress(Progress),
     /// A new preview is available, with a color for every pixel: in the file of `--preview`, and at `/api/jobs/1/preview.png`
-    /// of the
-    /// dashboard.
+    /// of the dashboard.
     Preview {
         /// Number of the preview, from 1. The first is coarse: it shows the survey, made before zones are painted.
         number: u32,
@@ -127,8 +125,7 @@ pub enum Event {
     /// Properties, cost and answers of the lighting agents of a picture.
     LightingAgents(LightingAgents),
     /// A device is compiling its kernels for the scene; repeated twice a second. The device renders nothing until it ends;
-    /// other devices
-    /// do.
+    /// other devices do.
     Compiling {
         /// The name of the device.
         device: String,
