@@ -1,4 +1,4 @@
-//! The layers that our own engine makes beside the color.
+//! The layers that the built-in engine makes besides the color.
 
 use bottega_image::{Aov, AovSet};
 
@@ -7,13 +7,13 @@ use crate::error::Error;
 /// The layers that help a denoiser.
 pub const GUIDES: [Aov; 2] = [Aov::Albedo, Aov::Normal];
 
-/// The word for all layers.
+/// The word that requests all layers.
 pub(crate) const ALL: &str = "all";
 
-/// Which of our own engine's layers are asked for.
+/// Returns the requested layers of the built-in engine.
 ///
-/// - `asked`: their names; `all` alone is all of them.
-/// - `denoise`: a denoiser will look at the picture, whom some of them help. Who wants none of them has none.
+/// - `asked`: names of layers; `all` alone means all of them, an empty list none at all.
+/// - `denoise`: true if the picture will be denoised; adds the layers that help the denoiser, unless `asked` is empty.
 ///
 /// # Errors
 /// There is no layer of that name.
