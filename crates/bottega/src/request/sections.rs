@@ -1,4 +1,4 @@
-//! The parts of a request, each a plain value with defaults.
+//! The sections of a request: plain structs with defaults.
 
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -17,7 +17,7 @@ use super::{
 };
 use crate::frames::Frames;
 
-/// Declares sections: structs that are objects in JSON, whose members may all be left out.
+/// Declares sections: structs that are JSON objects, with all members optional.
 macro_rules! sections {
     ($($(#[$attribute:meta])* $name:ident { $($(#[$field_attribute:meta])* $field:ident: $type:ty = $default:expr,)* })*) => {
         $(
