@@ -1,4 +1,4 @@
-//! Arrays of NumPy that look into memory of ours.
+//! NumPy arrays that are views of the library's memory.
 #![allow(unsafe_code, reason = "an array of NumPy borrows the values of a film; see `film_values`")]
 
 use std::sync::Arc;
@@ -7,16 +7,17 @@ use bottega::Picture;
 use numpy::{PyArray3, PyArrayMethods, ndarray::ArrayView3};
 use pyo3::{exceptions::PyValueError, prelude::*};
 
-/// Keeps a picture for the arrays that look into it.
+/// Keeps a picture alive for the arrays that view it.
 #[pyclass(name = "PictureKeeper", module = "bottega._native", frozen)]
 struct PictureKeeper {
     picture: Arc<Picture>,
 }
 
-/// All values of a picture's film, `[height × width × (stride + 1)]`, without a copy and read-only. The array keeps the picture alive.
+/// Returns all values of a picture's film, `[height × width × (stride + 1)]`, as a read-only view. The array keeps the picture
+/// alive.
 ///
 /// # Errors
-/// The film is not of its own size, which is a bug.
+/// The film has the wrong number of values, which is a bug.
 pub(crate) fn film_values<'py>(py: Python<'py>, picture: &Arc<Picture>) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let keeper = Bound::new(py, PictureKeeper { picture: Arc::clone(picture) })?;
     let film = keeper.get().picture.film();
