@@ -16,7 +16,7 @@ pub enum DenoiseError {
     /// A file was found that is not the library, or is too old.
     #[error("`{}` is no Open Image Denoise of version 1.4 or newer: {problem}", .path.display())]
     Unfit {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
         /// The problem, in one clause.
         problem: String,

@@ -46,7 +46,7 @@ mod tests {
 
     #[test]
     fn the_mean_is_geometric_and_the_black_and_the_broken_have_no_say() {
-        // Squares of 1 and 16, one without light, and one of which nothing can be said.
+        // Luminance 1 and 16, one black square, and one that is not finite.
         let picture = Picture::from_fn(64, 16, |x, _| [[1.0, 16.0, 0.0, f32::NAN][x as usize / 16]; 3]);
         assert!((exposure(&picture) - 0.18 / 4.0).abs() < 1e-6);
         assert!((exposure(&Picture::from_fn(20, 20, |_, _| [0.0; 3])) - 1.0).abs() < f32::EPSILON);

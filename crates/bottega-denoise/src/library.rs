@@ -17,13 +17,13 @@ use bottega_image::Picture;
 
 use crate::{DenoiseError, exposure::exposure};
 
-/// `OIDN_DEVICE_TYPE_CPU`.
+/// The device type `OIDN_DEVICE_TYPE_CPU`.
 const DEVICE_CPU: c_int = 1;
-/// `OIDN_FORMAT_FLOAT3`.
+/// The pixel format `OIDN_FORMAT_FLOAT3`.
 const FORMAT_FLOAT3: c_int = 3;
-/// `OIDN_ERROR_NONE`.
+/// The error code `OIDN_ERROR_NONE`.
 const ERROR_NONE: c_int = 0;
-/// `OIDN_ERROR_CANCELLED`.
+/// The error code `OIDN_ERROR_CANCELLED`.
 const ERROR_CANCELLED: c_int = 6;
 /// The oldest supported version: the first with `cleanAux` and `inputScale`.
 const OLDEST: c_int = 10_400;
@@ -61,12 +61,12 @@ impl Library {
     /// Loads the library from a file, or by a name from the system's search path.
     pub(crate) fn open(path: &Path) -> Result<Self, DenoiseError> {
         let unfit = |problem: String| DenoiseError::Unfit { path: path.to_owned(), problem };
-        // SAFETY: the user, or the system, says that this is the library; its initializers are what it is trusted with.
+        // SAFETY: the user or the system names this file as the library, and is trusted that its initializers are sound.
         let library = unsafe { libloading::Library::new(path) }.map_err(|error| {
             if path.is_file() { unfit(error.to_string()) } else { DenoiseError::NotFound { tried: error.to_string() } }
         })?;
         let functions = OidnFunctions::of(&library).map_err(|error| unfit(error.to_string()))?;
-        // Never unloaded: `functions` stay valid, and so do threads that it has started.
+        // The library is never unloaded, so `functions` stay valid, and so do its threads.
         std::mem::forget(library);
         let mut loaded = Self { functions, version: 0 };
         // Only a device knows the version.
@@ -104,8 +104,8 @@ impl Library {
 
 impl OidnFunctions {
     fn of(library: &libloading::Library) -> Result<Self, libloading::Error> {
-        // SAFETY: each symbol has the type that the header gives to the function of its name. Where 2.0 has given another
-        // name to a function, the older one is of the same type.
+        // SAFETY: each symbol has the type that the header declares for its name. Functions renamed in 2.0 have the same type
+        // under both names.
         unsafe {
             Ok(Self {
                 new_device: *library.get(b"oidnNewDevice\0")?,
@@ -233,14 +233,14 @@ impl OidnDevice {
     /// Returns the last error on this thread, if any.
     fn error(&self) -> Option<DenoiseError> {
         let mut message: *const c_char = ptr::null();
-        // SAFETY: the handle is that of a device, or null, which asks for errors of no device.
+        // SAFETY: the handle is that of a device, or null, which the library accepts for errors without a device.
         let code = unsafe { (self.functions.get_device_error)(self.handle, &raw mut message) };
         match code {
             ERROR_NONE => None,
             ERROR_CANCELLED => Some(DenoiseError::Cancelled),
             code if message.is_null() => Some(DenoiseError::Failed(format!("error {code}"))),
             _ => {
-                // SAFETY: a text of the library's that ends with a zero, and lives until its next call.
+                // SAFETY: the library gives a text that ends with a zero and lives until the next call.
                 let message = unsafe { CStr::from_ptr(message) };
                 Some(DenoiseError::Failed(message.to_string_lossy().into_owned()))
             }
@@ -279,8 +279,8 @@ struct ProgressSink<'a> {
 
 /// Receives progress from the library; returning false cancels denoising.
 extern "C" fn told(user: *mut c_void, share: f64) -> bool {
-    // SAFETY: `OidnDevice::filter` has given the address of a `ProgressSink` that lives while the filter works, and the library calls
-    // from one thread at a time. A panic in there ends the process, as no unwinding may cross the library.
+    // SAFETY: `user` is the address of a `ProgressSink` given by `OidnDevice::filter`, which lives while the filter runs; the
+    // library calls from one thread at a time. A panic here ends the process, since unwinding must not cross the library.
     let progress = unsafe { &mut *user.cast::<ProgressSink<'_>>() };
     (progress.tell)(share).is_continue()
 }

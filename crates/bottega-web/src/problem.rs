@@ -22,7 +22,7 @@ pub struct Problem {
     pub title: String,
     /// The problem of this request.
     pub detail: String,
-    /// What the client can do about it.
+    /// Advice for the client; missing: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }

@@ -151,6 +151,7 @@ fn engine_for(
     job: &JobSettings,
     urgency: Urgency,
 ) -> Result<(BuiltinEngine, DeviceSet), Error> {
+    // Collect the settings of the integrator
     let depth = max_depth(request, subject);
     let photons = Method::of(request, subject, depth).photons;
     let settings = PathSettings {
@@ -165,6 +166,7 @@ fn engine_for(
         photons,
         ..PathSettings::default()
     };
+    // Gather the devices
     let choice = DeviceChoice::of(&request.devices.names)
         .map_err(|allowed| Error::usage("these devices cannot be chosen", allowed))?
         .exactly(request.devices.exact)?;
@@ -175,6 +177,7 @@ fn engine_for(
         crew.notes.push(left_alone(&crew.boards, crew.threads, &crew.gpus));
         crew.boards.clear();
     }
+    // Make the engine
     let wavefront =
         wants_waves(request, &crew) && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
     let options =

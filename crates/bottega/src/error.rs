@@ -44,7 +44,7 @@ pub enum Error {
     External {
         /// The name of the engine, as in its manifest.
         engine: String,
-        /// What the engine or its process did wrong.
+        /// The fault of the engine or its process.
         source: EngineFault,
     },
     /// The manifest of an external engine is invalid; the error holds file, line and column.
@@ -124,7 +124,7 @@ pub enum Error {
     /// A file cannot be written.
     #[error("cannot write `{}`", printable_path(.path))]
     Write {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
         /// The error of the operating system.
         source: std::io::Error,
@@ -132,7 +132,7 @@ pub enum Error {
     /// A file cannot be read.
     #[error("cannot read `{}`", printable_path(.path))]
     Read {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
         /// The error of the operating system.
         source: std::io::Error,
@@ -142,7 +142,7 @@ pub enum Error {
     Usage {
         /// The problem, in one sentence.
         problem: String,
-        /// What the user can do about it.
+        /// Advice for the user.
         remedy: String,
     },
     /// An operation failed although the request was valid; see [`Error::failed`].
@@ -150,7 +150,7 @@ pub enum Error {
     Failed {
         /// The problem, in one sentence.
         problem: String,
-        /// What the user can do about it.
+        /// Advice for the user.
         remedy: String,
     },
 }
@@ -185,7 +185,7 @@ impl Error {
         )
     }
 
-    /// Returns what the user can do about the error; `None`: nothing specific.
+    /// Returns advice for the user about the error; `None`: nothing specific.
     pub fn remedy(&self) -> Option<String> {
         match self {
             Self::Usage { remedy, .. } | Self::Failed { remedy, .. } => Some(remedy.clone()),

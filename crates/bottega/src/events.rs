@@ -17,7 +17,7 @@ pub enum Event {
     Started {
         /// Version of the event format: 1.
         version: u32,
-        /// The scene file.
+        /// Path of the scene file.
         scene: String,
         /// The output file; empty if no file is written.
         output: String,
@@ -139,9 +139,9 @@ pub enum Event {
         /// The share that is done, 0 to 1.
         share: f64,
     },
-    /// Two engines have painted the picture together.
+    /// Two engines have rendered the picture together.
     Mixed {
-        /// The number of zones that each engine painted.
+        /// The number of zones that each engine rendered.
         engines: Vec<EngineShare>,
         /// Visibility of zone edges: by how many standard deviations the differences at edges exceed those elsewhere.
         seams_z: f64,
@@ -264,7 +264,7 @@ pub struct CableTraffic {
 pub struct EngineShare {
     /// The name of the engine.
     pub engine: String,
-    /// Number of passes over zones that the engine painted.
+    /// Number of passes over zones that the engine rendered.
     pub zones: u64,
 }
 

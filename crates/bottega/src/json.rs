@@ -24,7 +24,7 @@ pub enum JsonError {
         /// The problem, in one clause.
         problem: String,
     },
-    /// A field has a value of the wrong kind, or one that its kind cannot hold.
+    /// A field has a value of the wrong kind, or one out of range.
     Value {
         /// Path of the field, such as `film.size`; empty: the whole value.
         field: String,

@@ -154,7 +154,7 @@ pub fn engine_choice(text: RulesText) -> Result<EngineChoice, Error> {
     Source::of(text)?.understood(EngineChoice::new)
 }
 
-/// The names of the inputs of a block, as in a sentence.
+/// Returns the names of a block's inputs as a phrase for messages.
 pub fn inputs(block: &FunctionBlock) -> String {
     block.inputs().iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(", ")
 }
@@ -170,7 +170,7 @@ fn read_text(path: &Path) -> Result<String, Error> {
     }
     let read = |source| Error::Read { path: path.to_owned(), source };
     let mut bytes = Vec::new();
-    // One byte more than may be, so that a file that is too long is known without reading all of it.
+    // Read one byte above the limit, which shows that a file is too long without reading all of it
     let most = Limits::TEXT_BYTES_MAX as u64 + 1;
     File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(read)?;
     if bytes.len() > Limits::TEXT_BYTES_MAX {
@@ -179,13 +179,13 @@ fn read_text(path: &Path) -> Result<String, Error> {
     String::from_utf8(bytes).map_err(|_| unusable("it is no text in UTF-8"))
 }
 
-/// A function block with the terms of some inputs laid out over the intervals that a scene was found to have.
+/// Returns a function block with the terms of some inputs laid out over intervals of values, such as those found in a scene.
 ///
-/// - `name`: which block, where the source has several.
-/// - `ranges`: inputs, each with the ends of its interval.
+/// - `name`: name of the block, if the source has several.
+/// - `ranges`: name, minimum and maximum of each input.
 ///
 /// # Errors
-/// There is no such block or input, or an interval that is none.
+/// There is no such block or input, or an interval is invalid.
 pub fn laid_out(source: &Source, name: Option<&str>, ranges: &[(&str, f64, f64)]) -> Result<FunctionBlock, Error> {
     let mut block = source.block(name)?.clone();
     let inputs = inputs(&block);

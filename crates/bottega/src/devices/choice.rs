@@ -17,7 +17,7 @@ use crate::{
     request::DeviceChoice,
 };
 
-/// Wishes for the devices, besides the names in the request.
+/// Settings for the choice of devices, in addition to their names in the request.
 #[derive(Clone, Copy, Debug)]
 pub struct PainterWish {
     /// Number of CPU threads.
@@ -59,6 +59,7 @@ impl DeviceSet {
         layout: &Layout,
         photons: bool,
     ) -> Result<Self, Error> {
+        // Choose the devices that support the picture
         let lacks = lacks(layout, photons);
         let mut wanted = WantedDevices { threads, gpus: Vec::new(), boards: Vec::new(), notes: Vec::new() };
         match choice {
@@ -83,6 +84,7 @@ impl DeviceSet {
             });
             painting = if gpus.is_empty() { threads } else { 0 };
         }
+        // Open the devices, or take those of an earlier picture
         let mut threads = painting;
         if !gpus.is_empty() {
             threads = beside_gpus(threads, gpus.len());

@@ -120,7 +120,7 @@ impl ExternalPainter {
             let (ours, others): (Arc<dyn RenderEngine>, Arc<dyn RenderEngine>) =
                 (Arc::clone(&own) as _, Arc::clone(&engine) as _);
             let mut both = vec![(ours, 1), (others, engine.lanes())];
-            // In the order in which the user names them.
+            // Order the engines as the user names them: the first one takes simple zones
             let is_first = asked.engine.names.first().is_some_and(|first| first == BUILTIN);
             if !is_first {
                 both.reverse();

@@ -43,7 +43,7 @@ pub struct ZoneEvent {
     /// T_real: measured time for the zone, in seconds on the reference machine.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds_measured: Option<f64>,
-    /// How many times the zone was taken from an agent that failed or stopped responding.
+    /// Number of times the zone was taken from an agent that failed or stopped responding.
     pub attempt: u32,
     /// The settings that the zone is painted with, once chosen.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -63,7 +63,7 @@ pub struct ZoneEvent {
 pub struct ZoneChoice {
     /// Recursion level: maximum number of bounces of light.
     pub max_depth: u32,
-    /// Light samples at each bounce.
+    /// Light samples per bounce.
     pub light_samples: u32,
     /// Samples per pixel.
     pub samples: u32,

@@ -129,7 +129,7 @@ mod tests {
             ("%03d.png", 1234, "1234.png"),
             ("100%%-%02d.png", 7, "100%-07.png"),
             ("%04d/p.%04d.exr", 7, "%04d/p.0007.exr"),
-            // No field, so nothing of it is changed.
+            // A name without a field stays unchanged.
             ("50%.exr", 7, "50%.0007.exr"),
             ("50%%.exr", 7, "50%%.0007.exr"),
             ("50%.####.exr", 7, "50%.0007.exr"),

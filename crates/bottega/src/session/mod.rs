@@ -345,15 +345,18 @@ impl Session {
     /// # Errors
     /// The job failed, zones failed, or the picture cannot be written. The journal beside the output keeps the finished zones.
     pub fn render(mut self, watcher: Arc<dyn Watcher>, stop: &StopSwitch) -> Result<Picture, Error> {
+        // Read the times that earlier jobs have learned
         let reporter = Arc::new(Reporter::new(watcher));
         let (learnt, warning) = experience::read();
         if let Some(warning) = warning {
             reporter.warn(warning);
         }
         self.settings.experience = Arc::new(learnt);
+        // Run the job
         let (painting, tools) = self.begin(reporter)?;
         let PaintingTools { settings, engine, observer, store, kept } = tools;
         let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
+        // Keep what this job has learned
         for lesson in report.lessons.values() {
             if let Err(reason) = experience::keep(lesson) {
                 painting.reporter().warn(format!("what was learnt in this job is not kept: {reason}"));
@@ -368,18 +371,22 @@ impl Session {
     /// # Errors
     /// The preview cannot be started, or the time limit has passed already.
     pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(ActiveSession, PaintingTools), Error> {
+        // Report warnings and the start
         self.notes.iter().for_each(|note| reporter.warn(note.clone()));
         reporter.tell(self.painter.started(&self.request, &self.settings));
         let (journal, store, kept) = match self.journal.take() {
             Some(PictureJournal { path, store, kept }) => (Some(path), Some(store), kept),
             None => (None, None, None),
         };
+        // Start previews and progress events
         let tev = self.show(&reporter, kept.as_ref())?;
         reporter.watch(self.painter.counter());
+        // Subtract loading and finishing from the time limit
         if self.settings.goal != shared_goal(&self.request) {
             let finishing = finishing(&self.request, &self.settings, self.denoiser.is_some());
             self.settings.goal = goal(&self.request, self.begun, finishing)?;
         }
+        // Record the times of zones
         let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
             (self.painter.engine(), Arc::clone(&reporter) as _);
         let record = |_: &PathBuf| Arc::new(Recorder::new(Arc::clone(&engine), Arc::clone(&observer)));

@@ -42,8 +42,8 @@ impl Painter {
         }
     }
 
-    /// Returns a key of what decides the time per path besides the scene: engine, integrator, devices. Times are learned per
-    /// key.
+    /// Returns a key of everything but the scene that decides the time per path: engine, integrator, devices. Times are learned
+    /// per key.
     pub(super) fn technique(&self, settings: &JobSettings) -> String {
         let mut technique = match self {
             Self::Own(own) => {

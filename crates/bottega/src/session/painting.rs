@@ -68,6 +68,7 @@ impl ActiveSession {
             occupation::tell(own, timeline.as_deref(), &reporter);
         }
         let is_whole = !report.stopped && report.failed.is_empty();
+        // Write the record of a complete picture
         if let (Some((path, recorder)), true) = (&recorder, is_whole) {
             let record = recorder.record(&shown(&request.scene.file), &settings, &report);
             let record = record.map_err(|source| Error::Record { path: path.clone(), source })?;
@@ -77,6 +78,7 @@ impl ActiveSession {
                 Err(error) => reporter.warn(format!("the record {} is lost: {error}", path.display())),
             }
         }
+        // Denoise the picture
         let mut report = report;
         let mut metadata = painter.metadata(&asked, &report);
         denoise::finish(denoiser.as_ref(), &request, &mut report, &mut metadata, &reporter, stop)?;
@@ -88,6 +90,7 @@ impl ActiveSession {
         if let Some(Err(problem)) = tev.map(|tev| tev.finish(&report.film)) {
             reporter.warn(format!("tev does not show the picture: {problem}"));
         }
+        // Write the picture
         let alpha = painter.hints().is_some_and(|hints| hints.alpha);
         let picture = Picture { request, metadata, settings, report, alpha, reporter, journal };
         picture.write()?;

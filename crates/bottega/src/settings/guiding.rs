@@ -4,7 +4,7 @@ use bottega_render::AgentUse;
 
 use crate::request::{GuideChoice, GuideOptions, GuideUse};
 
-/// Returns true if paths learn directions: where light comes from.
+/// Returns true if paths learn the directions that light comes from.
 pub fn directions(guide: &GuideOptions) -> bool {
     match choice(guide) {
         GuideChoice::None => false,
@@ -13,7 +13,7 @@ pub fn directions(guide: &GuideOptions) -> bool {
     }
 }
 
-/// Returns what else lighting agents are used for: shadows, choice of lights, Russian roulette.
+/// Returns the other uses of lighting agents: shadows, choice of lights, Russian roulette.
 pub fn guide_agents(guide: &GuideOptions) -> AgentUse {
     if choice(guide) != GuideChoice::Ala {
         return AgentUse::default();

@@ -1,10 +1,10 @@
-//! The layers that the built-in engine makes besides the color.
+//! The layers of the built-in engine, in addition to the color.
 
 use bottega_image::{Aov, AovSet};
 
 use crate::error::Error;
 
-/// The layers that help a denoiser.
+/// The auxiliary layers of denoisers.
 pub const GUIDES: [Aov; 2] = [Aov::Albedo, Aov::Normal];
 
 /// The word that requests all layers.
