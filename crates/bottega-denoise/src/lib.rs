@@ -106,7 +106,7 @@ impl Denoiser {
         if let Some(normal) = normal.as_mut().filter(|_| are_clean) {
             run(Images::normal(normal), &mut passes_done)?;
         }
-        // Denoise the color
+        // Denoise the color, guided by the auxiliary layers
         let guides = [(Aov::Albedo, albedo.is_some()), (Aov::Normal, normal.is_some())];
         run(Images::color(&mut color, albedo.as_ref(), normal.as_ref(), are_clean), &mut passes_done)?;
         let guides = guides.into_iter().filter_map(|(aov, is_there)| is_there.then_some(aov)).collect();

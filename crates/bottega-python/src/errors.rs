@@ -49,7 +49,7 @@ pub(crate) fn raised_by_farm(error: &bottega_cluster::Error) -> PyErr {
     }
 }
 
-/// Makes a `FarmError`.
+/// Makes the exception `FarmError` from a problem and its remedy.
 pub(crate) fn farm(text: String, remedy: Option<String>) -> PyErr {
     python::FarmError::new_err((text, remedy))
 }
@@ -81,12 +81,12 @@ pub(crate) fn failed(problem: &str, remedy: &str) -> PyErr {
     python::Error::new_err((problem.to_owned(), remedy.to_owned()))
 }
 
-/// Makes a `RulesError`.
+/// Makes the exception `RulesError` from a problem and its remedy.
 pub(crate) fn rules(problem: String, remedy: String) -> PyErr {
     python::RulesError::new_err((problem, remedy))
 }
 
-/// Makes a `ForkError`.
+/// Makes the exception `ForkError`, raised in forked processes.
 pub(crate) fn forked() -> PyErr {
     python::ForkError::new_err((
         "this process was forked from one that has used bottega, whose threads do not exist here",

@@ -1,4 +1,4 @@
-//! Requests as JSON.
+//! The Python functions for requests as JSON.
 
 use bottega::Request;
 use pyo3::prelude::*;

@@ -213,7 +213,7 @@ impl PyScene {
         Ok(())
     }
 
-    /// Adds a sphere.
+    /// Adds a sphere; `center` and `radius` are in scene units.
     fn sphere(&self, center: [f32; 3], radius: f32, material: &Bound<'_, PyMaterial>) -> PyResult<()> {
         let (center, radius) = (point("center", center)?, above_zero("radius", radius)?);
         let mut scene = self.scene();

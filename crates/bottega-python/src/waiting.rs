@@ -57,9 +57,9 @@ pub(crate) struct Caller<'py> {
     pub(crate) py: Python<'py>,
     /// Called with each event, as a dictionary.
     pub(crate) on_event: Option<Bound<'py, PyAny>>,
-    /// Stops the work.
+    /// The switch that stops the work.
     pub(crate) stop: StopSwitch,
-    /// Receives previews.
+    /// The function that receives previews; `None`: previews are not needed.
     pub(crate) shown: Option<ShowPreview>,
     /// Stack level at which a warning is reported; 1: the Python code that calls this module.
     pub(crate) warn_level: u8,

@@ -61,7 +61,7 @@ struct TempoLimit {
 /// The kind of event that is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum TempoKind {
-    /// A request.
+    /// A request with a valid token, or to an open route.
     Question,
     /// A request with a wrong token.
     WrongToken,

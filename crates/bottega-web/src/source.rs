@@ -50,7 +50,7 @@ pub struct JobAgents {
 /// Totals over all rounds of an auction and all thefts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct AuctionSum {
-    /// Number of rounds.
+    /// Total number of rounds.
     pub rounds: u64,
     /// Number of rounds with several bidders.
     pub contested: u64,
@@ -106,7 +106,7 @@ pub struct MachineStatus {
 pub struct MachineRefusal {
     /// Number of the job.
     pub job: u32,
-    /// The reason.
+    /// The reason for the refusal, as text.
     pub reason: String,
 }
 

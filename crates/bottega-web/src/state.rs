@@ -33,7 +33,7 @@ pub(crate) struct DoorState {
     questions: Arc<Semaphore>,
     /// Limits the number of submissions examined at the same time.
     pub(crate) submissions: Arc<Semaphore>,
-    /// The open viewports.
+    /// The viewports that are open at this door.
     pub(crate) viewports: Arc<Viewports>,
     /// The sent pictures and the last comparison.
     pub(crate) comparisons: Arc<Comparisons>,

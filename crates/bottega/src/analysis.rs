@@ -37,7 +37,7 @@ pub struct ZoneAnalysis {
     pub id: u32,
     /// Corners of the zone in pixels: x0, y0, x1, y1.
     pub rect: [u32; 4],
-    /// Number of pixels.
+    /// Size of the zone: number of pixels.
     pub size: u64,
     /// Predicted cost of all its pixels; unit: one average pixel of the picture.
     pub complexity: f64,
@@ -69,9 +69,9 @@ pub fn zones(analysis: &Analysis) -> Vec<ZoneAnalysis> {
 
 /// A scene with its survey.
 pub struct AnalyzedScene {
-    /// The request.
+    /// The request that names the scene.
     pub request: Request,
-    /// The loaded scene.
+    /// The loaded scene, with camera and picture size.
     pub subject: LoadedScene,
     /// The engine that made the survey.
     pub engine: BuiltinEngine,

@@ -166,7 +166,7 @@ fn engine_for(
         photons,
         ..PathSettings::default()
     };
-    // Gather the devices
+    // Gather the devices that support the scene
     let choice = DeviceChoice::of(&request.devices.names)
         .map_err(|allowed| Error::usage("these devices cannot be chosen", allowed))?
         .exactly(request.devices.exact)?;
@@ -177,7 +177,7 @@ fn engine_for(
         crew.notes.push(left_alone(&crew.boards, crew.threads, &crew.gpus));
         crew.boards.clear();
     }
-    // Make the engine
+    // Make the engine, with rays as work units if that pays off
     let wavefront =
         wants_waves(request, &crew) && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
     let options =

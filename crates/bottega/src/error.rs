@@ -75,7 +75,7 @@ pub enum Error {
     /// A rule file is invalid as a whole.
     #[error("cannot use the rules in `{}`: {problem}", printable_path(.path))]
     Rules {
-        /// The rule file.
+        /// The path of the rule file.
         path: PathBuf,
         /// The problem, in one sentence.
         problem: String,
@@ -83,7 +83,7 @@ pub enum Error {
     /// A rule file is invalid at one position.
     #[error("cannot use the rules in `{}`, {place}: {problem}", printable_path(.path))]
     RulesText {
-        /// The rule file.
+        /// The path of the rule file.
         path: PathBuf,
         /// The line and column of the problem.
         place: Position,
@@ -97,17 +97,17 @@ pub enum Error {
     /// The journal of an interrupted picture cannot be used.
     #[error("cannot go on with `{}`", printable_path(.path))]
     Journal {
-        /// The journal file.
+        /// The path of the journal.
         path: PathBuf,
-        /// The reason.
+        /// The reason why the journal is unusable.
         source: JournalError,
     },
     /// The record for the simulator cannot be made.
     #[error("cannot use the record `{}`", printable_path(.path))]
     Record {
-        /// The record file.
+        /// The path of the record.
         path: PathBuf,
-        /// The reason.
+        /// The reason why there is no record.
         source: RecordError,
     },
     /// A text is not a valid request.
@@ -115,7 +115,7 @@ pub enum Error {
     Request {
         /// The origin of the text for messages, such as a file name.
         origin: String,
-        /// The reason.
+        /// The reason why the text is not a request.
         source: RequestError,
     },
     /// A field of the request has a value that is not allowed.

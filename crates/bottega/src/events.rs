@@ -83,19 +83,19 @@ pub enum Event {
         /// Frames requested in total.
         all: usize,
     },
-    /// An informative message.
+    /// An informative message for the user.
     Note {
-        /// The message.
+        /// The text of the message.
         message: String,
     },
     /// A warning; rendering continues.
     Warning {
-        /// The message.
+        /// The text of the warning.
         message: String,
     },
     /// The Analyst has divided the picture into zones.
     Analyzed {
-        /// All zones.
+        /// All zones of the picture, in the order of their numbers.
         zones: Vec<Zone>,
         /// Seconds from the start of the job until the zones were known.
         seconds: f64,
@@ -150,7 +150,7 @@ pub enum Event {
     },
     /// The record of zone times for `bottega simulate` is written.
     Recorded {
-        /// The record file.
+        /// Path of the record file.
         file: String,
     },
     /// Utilization of the processors and devices of this machine.
@@ -171,12 +171,12 @@ pub enum Event {
     },
     /// The timeline of processors and devices is written, as SVG or JSON.
     Timeline {
-        /// The timeline file.
+        /// Path of the timeline file.
         file: String,
     },
     /// The picture, completed under the lead of another machine, is written here.
     Fetched {
-        /// The output file.
+        /// Path of the output file.
         output: String,
     },
     /// The picture is denoised.

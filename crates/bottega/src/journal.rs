@@ -19,7 +19,7 @@ use crate::{
 
 /// The journal of a picture, opened for writing, with the zones it already holds.
 pub struct PictureJournal {
-    /// The journal file.
+    /// The path of the journal.
     pub path: PathBuf,
     /// The writer of the journal.
     pub store: Box<dyn ZoneStore>,

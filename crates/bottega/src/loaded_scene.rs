@@ -105,7 +105,7 @@ impl LoadedScene {
         &self.cameras
     }
 
-    /// Returns the scene.
+    /// Returns the scene, as it was prepared.
     pub fn scene(&self) -> &Scene {
         self.prepared.scene()
     }

@@ -12,7 +12,7 @@ use crate::{
 /// The integrator with its settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
-    /// The integrator.
+    /// The integrator: path tracing, photon mapping or lighting agents.
     pub integrator: IntegratorChoice,
     /// Settings of photons; `None` for path tracing.
     pub photons: Option<PhotonSettings>,

@@ -1,4 +1,4 @@
-//! A rendered picture.
+//! Rendered pictures: pixels, metadata, report, and their files.
 
 use std::{
     fs,

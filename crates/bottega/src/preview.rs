@@ -26,7 +26,7 @@ pub(crate) struct PreviewView {
     pub(crate) crop: Rect,
     /// Exposure in stops; 0: as rendered.
     pub(crate) exposure: f32,
-    /// The tone curve.
+    /// The tone curve that maps radiance to the range of a screen.
     pub(crate) tone: ToneMap,
 }
 
@@ -72,7 +72,7 @@ impl LivePreview {
         self.changed();
     }
 
-    /// Adds rendered pixels.
+    /// Adds the pixels of a rendered tile to the preview.
     pub(crate) fn painted(&self, tile: &Tile) {
         self.preview.show(tile);
         self.changed();

@@ -55,7 +55,7 @@ pub struct VariableView {
     pub name: String,
     /// The interval over which its terms lie: minimum, maximum.
     pub range: [f64; 2],
-    /// The terms.
+    /// The terms of the variable.
     pub terms: Vec<TermView>,
 }
 
@@ -73,11 +73,11 @@ pub struct RuleView {
 pub struct RuleSetView {
     /// Name of the rule set.
     pub name: String,
-    /// The inputs.
+    /// The input variables of the rules.
     pub inputs: Vec<VariableView>,
-    /// The outputs.
+    /// The output variables of the rules.
     pub outputs: Vec<VariableView>,
-    /// The rules.
+    /// The rules, in the order of the text.
     pub rules: Vec<RuleView>,
 }
 
@@ -86,7 +86,7 @@ pub struct RuleSetView {
 pub struct InputValue {
     /// Name of the input.
     pub name: String,
-    /// The value.
+    /// The crisp value of the input.
     pub value: f64,
     /// The terms with a degree of membership above 0, and that degree.
     pub terms: Vec<(String, f64)>,

@@ -20,9 +20,9 @@ use crate::{
 pub struct Source {
     /// The file, or the name of built-in rules, as given by the user.
     pub path: PathBuf,
-    /// The whole text.
+    /// The whole text of the rules.
     pub text: String,
-    /// The parsed text.
+    /// The parsed form of the text.
     pub document: Document,
 }
 

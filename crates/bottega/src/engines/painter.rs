@@ -55,7 +55,7 @@ pub struct ExternalPainter {
 
 /// The built-in engine together with an external one.
 pub struct Mix {
-    /// The built-in engine.
+    /// The built-in engine of the pair.
     pub own: Arc<BuiltinEngine>,
     /// Both engines as one.
     pub mixed: Arc<MixedEngine>,

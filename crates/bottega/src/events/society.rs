@@ -65,7 +65,7 @@ pub struct ZoneChoice {
     pub max_depth: u32,
     /// Light samples per bounce.
     pub light_samples: u32,
-    /// Samples per pixel.
+    /// Samples per pixel of the zone.
     pub samples: u32,
     /// Widths of the interpolation bands beyond the edges of the zone, in pixels: left, top, right, bottom.
     pub bands: [u32; 4],
@@ -131,7 +131,7 @@ pub struct TheftEvent {
 /// Totals over all rounds of an auction and all thefts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AuctionEvent {
-    /// Number of rounds.
+    /// Total number of rounds.
     pub rounds: u64,
     /// Number of rounds with several bidders.
     pub contested: u64,
@@ -145,7 +145,7 @@ pub struct AuctionEvent {
     pub bids: u64,
     /// Number of zones, or parts of zones, awarded.
     pub awards: u64,
-    /// Number of thefts.
+    /// Total number of thefts.
     pub thefts: u64,
     /// Number of zones taken in all thefts.
     pub stolen: u64,

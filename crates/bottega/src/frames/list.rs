@@ -43,21 +43,21 @@ pub enum FramesError {
     /// A step of 0.
     #[error("`{found}` has a step of 0, and would never come to its end; leave it out for every frame")]
     NoStep {
-        /// The range.
+        /// The range as written in the list.
         found: String,
     },
     /// A step whose sign leads away from the last frame.
     #[error("`{found}` goes from {first} {there} to {last} in steps that lead away from it; write {right}")]
     WrongWay {
-        /// The range.
+        /// The range as written in the list.
         found: String,
-        /// The first frame.
+        /// Number of the first frame.
         first: i32,
-        /// The last frame.
+        /// Number of the last frame.
         last: i32,
         /// The direction from the first to the last frame: `up` or `down`.
         there: &'static str,
-        /// The corrected range.
+        /// The range with the correct sign of the step.
         right: String,
     },
     /// More frames than one request may have.

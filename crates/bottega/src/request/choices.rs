@@ -9,7 +9,7 @@ pub const BUILTIN: &str = "builtin";
 
 /// A choice among a few words.
 pub trait WordChoice: Copy + PartialEq + Send + Sync + VariantArray + EnumMessage + 'static {
-    /// Returns the word.
+    /// Returns the word of this choice, as in JSON and on the command line.
     fn word(self) -> &'static str;
 
     /// Returns the meaning of the word, in a sentence or two.

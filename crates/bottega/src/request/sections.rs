@@ -70,7 +70,7 @@ pub struct SceneOptions {
 }
 
 impl SceneOptions {
-    /// A scene file, read as usual.
+    /// Makes the options for a scene file, with defaults in all other fields.
     pub fn new(file: impl Into<PathBuf>) -> Self {
         Self {
             file: file.into(),
@@ -161,7 +161,7 @@ pub struct FrameOptions {
     pub fps: f32,
 }
 
-/// Frames a second where nobody says.
+/// Default number of frames per second.
 const FPS: f32 = 24.0;
 
 fn fps() -> f32 {
@@ -169,7 +169,7 @@ fn fps() -> f32 {
 }
 
 impl FrameOptions {
-    /// Frames at the usual 24 a second.
+    /// Makes the options for a list of frames, at 24 frames per second.
     pub fn new(list: Frames) -> Self {
         Self { list, fps: FPS }
     }

@@ -302,7 +302,7 @@ impl Session {
         Ok(())
     }
 
-    /// Returns the request.
+    /// Returns the request that the session renders.
     pub fn request(&self) -> &Request {
         &self.request
     }
@@ -352,7 +352,7 @@ impl Session {
             reporter.warn(warning);
         }
         self.settings.experience = Arc::new(learnt);
-        // Run the job
+        // Run the job on this machine
         let (painting, tools) = self.begin(reporter)?;
         let PaintingTools { settings, engine, observer, store, kept } = tools;
         let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;

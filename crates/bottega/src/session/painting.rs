@@ -78,7 +78,7 @@ impl ActiveSession {
                 Err(error) => reporter.warn(format!("the record {} is lost: {error}", path.display())),
             }
         }
-        // Denoise the picture
+        // Denoise the picture if requested
         let mut report = report;
         let mut metadata = painter.metadata(&asked, &report);
         denoise::finish(denoiser.as_ref(), &request, &mut report, &mut metadata, &reporter, stop)?;
@@ -90,7 +90,7 @@ impl ActiveSession {
         if let Some(Err(problem)) = tev.map(|tev| tev.finish(&report.film)) {
             reporter.warn(format!("tev does not show the picture: {problem}"));
         }
-        // Write the picture
+        // Write the picture to its output
         let alpha = painter.hints().is_some_and(|hints| hints.alpha);
         let picture = Picture { request, metadata, settings, report, alpha, reporter, journal };
         picture.write()?;

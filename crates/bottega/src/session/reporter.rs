@@ -88,7 +88,7 @@ impl Reporter {
         }
     }
 
-    /// Returns the watcher.
+    /// Returns the watcher that receives the events.
     pub fn watcher(&self) -> &Arc<dyn Watcher> {
         &self.watcher
     }
@@ -98,7 +98,7 @@ impl Reporter {
         self.tell(Event::Note { message: message.to_owned() });
     }
 
-    /// Reports a warning.
+    /// Reports a warning to the user.
     pub fn warn(&self, message: String) {
         self.tell(Event::Warning { message });
     }

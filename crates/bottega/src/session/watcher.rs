@@ -7,7 +7,7 @@ use crate::events::Event;
 
 /// Receives the events of a job. The methods are called from rendering threads and must return quickly.
 pub trait Watcher: Send + Sync {
-    /// Receives an event.
+    /// Receives an event of the job.
     fn told(&self, event: Event);
 
     /// Receives a message that an agent sends; `_now`: time of the job.

@@ -66,7 +66,7 @@ impl ViewportPainter {
         let Some(engine) = session.own_engine() else { return Ok(()) };
         let settings = session.settings();
         let frame = Rect::of_size(settings.width, settings.height);
-        // Render coarse frames
+        // Render coarse frames first
         let Some(coarse) = self.paint_coarse(session, engine, look)? else { return Ok(()) };
         let preview = fresh(session, frame);
         preview.show_coarse(&coarse, frame);
