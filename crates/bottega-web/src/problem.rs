@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::redact::redacted_json;
 
-/// Value of `Retry-After`, in seconds, if the door is overloaded.
+/// Value of `Retry-After` in answers 429 and 503, in seconds.
 const RETRY_SECONDS: u32 = 2;
 
 /// The reason why a request failed.

@@ -43,9 +43,9 @@ pub struct ZoneAnalysis {
     pub complexity: f64,
     /// `complexity` as a share of the sum over all zones, 0 to 1.
     pub share_of_cost: f64,
-    /// Mean difference of the cost per pixel from the adjacent zones.
+    /// Absolute difference of the cost per pixel from the zones that share an edge, averaged by the length of the edges.
     pub neighbor_difference: f64,
-    /// Difference of the cost per pixel from the zones beyond each edge: left, top, right, bottom.
+    /// The same average per side: left, top, right, bottom.
     pub edge_differences: [f64; 4],
     /// Mean visual importance of its pixels, 0 to 1.
     pub visual_importance: f64,

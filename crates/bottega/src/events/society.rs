@@ -29,7 +29,8 @@ pub struct ZoneEvent {
     pub size: u64,
     /// Complexity: predicted cost of all its pixels; unit: one average pixel of the picture.
     pub complexity: f64,
-    /// Neighbor Difference: mean difference of the cost per pixel from that of the adjacent zones.
+    /// Neighbor Difference: absolute difference of the cost per pixel from the zones that share an edge, averaged by the length
+    /// of the edges.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub neighbor_difference: Option<f64>,
     /// The state: `open`, `profiling`, `profiled`, `awarded`, `done` or `failed`.
