@@ -24,8 +24,8 @@ pub(crate) fn film_values<'py>(py: Python<'py>, picture: &Arc<Picture>) -> PyRes
     let shape = (film.rect().height() as usize, film.rect().width() as usize, film.layout().stride() + 1);
     let view =
         ArrayView3::from_shape(shape, film.values()).map_err(|error| PyValueError::new_err(error.to_string()))?;
-    // SAFETY: the array's base is `keeper`, which holds the picture and is frozen, so the picture outlives the array. It is shared, so
-    // nobody has it mutably, and a film has no inner mutability: nothing writes to its values or moves them.
+    // SAFETY: the array's base is `keeper`, which holds the picture and is frozen, so the picture outlives the array. The
+    // picture is shared and a film has no inner mutability, so nothing writes to its values or moves them.
     let array = unsafe { PyArray3::borrow_from_array(&view, keeper.clone().into_any()) };
     array.readwrite().make_nonwriteable();
     Ok(array)

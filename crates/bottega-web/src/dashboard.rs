@@ -69,7 +69,7 @@ struct PaintedState {
     log: Vec<LogLine>,
     preview: Option<Vec<u8>>,
     threads: usize,
-    /// Names of the devices besides the CPU threads.
+    /// Names of the devices that render together with the CPU threads.
     devices: Vec<String>,
     /// The output file, once it is written.
     written: Option<String>,

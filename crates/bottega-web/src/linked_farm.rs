@@ -47,7 +47,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 const PREVIEWS_MAX: usize = 8;
 /// Largest number of jobs whose messages are kept.
 const MESSAGES_OF_MAX: usize = 4;
-/// Interval at which the farm is asked to keep collecting a job's messages.
+/// Interval of the requests to the farm to collect a job's messages.
 const WATCH_EVERY: Duration = Duration::from_secs(2);
 /// Shortest interval between two renewals of a preview.
 const PREVIEW_EVERY: Duration = Duration::from_millis(700);
@@ -142,6 +142,7 @@ fn view(board: &JobBoard, number: u32, job: &Job, seats: &[Presence]) -> JobView
 /// Publishes the changes of a job until it is over, removed, or no client watches it.
 fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn() -> bool) {
     let mut said: Option<LogLine> = None;
+    // Publishes the view and the new log lines of the job
     let mut look = || {
         let job = board.get(number)?;
         if live.begin_painting(job.work) {
@@ -158,6 +159,7 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
     let Some(mut job) = look() else { return live.tell_removed() };
     loop {
         let (mut looked, mut now) = (Instant::now(), Some(job.clone()));
+        // Publish rows of zones and agents as they change, and the job now and then
         let told = board.watch_rows(&job, |news| {
             if let RowNews::Row(row) = news {
                 live.tell(&row);

@@ -46,7 +46,7 @@ pub struct DoorOptions {
     pub listener: TcpListener,
     /// Certificate and key for TLS, in PEM.
     pub certificate: (String, String),
-    /// Host names besides its addresses, such as `farm.example:8443`.
+    /// Host names in addition to the addresses, such as `farm.example:8443`.
     pub names: Vec<String>,
     /// The log of changes and their authors; `None`: no log.
     pub log: Option<DeedLog>,

@@ -79,7 +79,7 @@ pub struct MachineStatus {
     pub activity: &'static str,
     /// Number of CPU threads.
     pub threads: usize,
-    /// Devices besides the processors, used if a job allows it: names of GPUs, addresses of boards.
+    /// Devices other than the processors, used if a job allows it: names of GPUs, addresses of boards.
     pub devices: Vec<String>,
     /// Number of the job that it works on; `null`: none.
     pub job: Option<u32>,

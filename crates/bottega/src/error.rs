@@ -137,7 +137,7 @@ pub enum Error {
         /// The error of the operating system.
         source: std::io::Error,
     },
-    /// The request cannot be fulfilled as it stands; see [`Error::usage`].
+    /// The request cannot be fulfilled; see [`Error::usage`].
     #[error("{problem}")]
     Usage {
         /// The problem, in one sentence.
@@ -167,7 +167,7 @@ pub struct Excerpt {
 }
 
 impl Error {
-    /// Makes a usage error: the request cannot be fulfilled as it stands.
+    /// Makes a usage error: the request must be changed to succeed.
     pub fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), remedy: remedy.into() }
     }

@@ -219,7 +219,7 @@ pub enum Event {
 pub struct ResourceUse {
     /// The name of the processor or device.
     pub name: String,
-    /// Share of the time during which it had work, 0 to 1.
+    /// Share of the time spent working, 0 to 1.
     pub occupation: f64,
     /// Number of work units done.
     pub units: u64,

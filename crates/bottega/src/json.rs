@@ -110,10 +110,12 @@ impl JsonError {
             Self::Value { field: field.to_owned(), value: found, needed, number }
         };
         let wrong = |problem: String| Self::Field { field: field.to_owned(), problem };
+        // A value of the wrong type, or out of range
         let expected = message.rsplit_once(", expected ");
         if let (Some(_), Some((found, expected))) = (starts("invalid type: ").or(starts("invalid value: ")), expected) {
             return value(found_value(found.split_once(": ").map_or(found, |(_, found)| found)), expected);
         }
+        // A list of the wrong length
         if let (Some(rest), Some((_, expected))) = (starts("invalid length "), expected) {
             let count = rest.split(',').next().unwrap_or_default();
             return match expected {
@@ -121,10 +123,12 @@ impl JsonError {
                 expected => value(format!("a list of {count}"), expected),
             };
         }
+        // An unknown word
         if let Some(rest) = starts("unknown variant ") {
             let (found, list) = rest.split_once(", expected ").unwrap_or((rest, ""));
             return value(found.to_owned(), list);
         }
+        // A field that is unknown, missing or repeated
         if let Some(rest) = starts("unknown field ") {
             let (found, list) = rest.split_once(", expected ").unwrap_or((rest, ""));
             let known = list.strip_prefix("one of ").unwrap_or(list);

@@ -26,6 +26,7 @@ impl Method {
     /// - `bounces`: maximum number of bounces of light.
     pub fn of(request: &Request, subject: &LoadedScene, bounces: u32) -> Self {
         let hint = subject.hints.integrator.as_ref();
+        // Choose the integrator: the requested one, or the counterpart of the scene file's
         let (integrator, hints, reason) = match (request.integrator.method, hint) {
             (Some(asked), hint) => {
                 let hints = hint.and_then(photon_hints).filter(|_| asked == IntegratorChoice::Photon);
@@ -36,12 +37,14 @@ impl Method {
             (None, None) => (IntegratorChoice::Path, None, None),
             (None, Some(hint)) => chosen(hint, subject),
         };
+        // Collect its settings
         let photons = photon_settings(&request.photons, bounces, hints);
         let photons = match integrator {
             IntegratorChoice::Path => None,
             IntegratorChoice::Photon => Some(photons),
             IntegratorChoice::Ala => Some(agent_photons(&request.lighting_agents, photons)),
         };
+        // Explain the replacement of the scene file's integrator
         let name = name(integrator, photons.as_ref());
         let note = hint.filter(|hint| is_replaced(hint)).map(|hint| {
             let at = if hint.place.is_empty() { String::new() } else { format!("{}: ", hint.place) };

@@ -159,8 +159,8 @@ fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
     cost.into_iter().chain(photons).collect()
 }
 
-/// Returns the devices besides the processors that a choice selects here: names of GPUs, addresses of boards. Missing ones are
-/// left out.
+/// Returns the devices, without the processors, that a choice selects on this machine: names of GPUs, addresses of boards.
+/// Missing ones are left out.
 pub fn beside_processors(choice: &DeviceChoice) -> Vec<String> {
     match choice {
         DeviceChoice::Auto if may_have_gpu() => gpu::name_of(None).into_iter().collect(),

@@ -1,7 +1,7 @@
 //! A generated scene for measuring devices: a furnished room under a uniform sky.
 //!
-//! The room is closed and has some 75,000 triangles, most of them long and thin: pipes, slats and boards at all angles, besides
-//! a finely tessellated carpet and a few huge walls.
+//! The room is closed and has some 75,000 triangles, most of them long and thin: pipes, slats and boards at all angles,
+//! together with a finely tessellated carpet and a few huge walls.
 
 use std::f32::consts::TAU;
 

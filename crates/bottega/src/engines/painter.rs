@@ -69,6 +69,7 @@ impl ExternalPainter {
     /// # Errors
     /// The engine is not installed, does not read the scene, or does not support what the request asks for.
     pub fn open(asked: &Request, experts: Vec<Expert>, sent: Option<&Path>) -> Result<Self, Error> {
+        // Find the engine, and check that it reads the scene
         check(asked)?;
         let (name, is_mixed) = asked.engine.other()?;
         let located = located(&asked.engine.manifests, name)?;
@@ -81,6 +82,7 @@ impl ExternalPainter {
             ));
         }
         let failed = |source| Error::External { engine: name.to_owned(), source };
+        // Open the scene; without a camera, again with that of the built-in engine
         let mut opening = opening(asked, &located, sent)?;
         if is_mixed {
             // Each engine gets half of the processors.
@@ -93,6 +95,7 @@ impl ExternalPainter {
         }
         let opened = session.opened().clone();
         opening.size = Some((opened.width, opened.height));
+        // Choose layers and settings, shared with the built-in engine if both render
         let layout = layers::layout(asked, &opened, &manifest.title, is_mixed)?;
         let own =
             is_mixed.then(|| own(asked, &opened, &manifest.title, experts.clone(), layout.clone())).transpose()?;
@@ -103,6 +106,7 @@ impl ExternalPainter {
         let depth = asked.integrator.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
         // If the scene gives no number of bounces, both engines must use the same one.
         let depth = depth.or(own.as_ref().filter(|own| !own.has_depth).map(|own| own.settings.tunables.max_depth));
+        // Make the engine, alone or mixed with the built-in one
         let options = ExternalOptions {
             request: opening.clone(),
             seed: asked.seed,
@@ -235,8 +239,8 @@ fn opening(asked: &Request, located: &LocatedEngine, sent: Option<&Path>) -> Res
     })
 }
 
-/// Returns the paths that the engine may read besides the folder of the scene. For a scene sent by another machine: the folder
-/// of its files. For the user's own: what the user allows, and paths in options.
+/// Returns the paths that the engine may read in addition to the folder of the scene. For a scene sent by another machine: the
+/// folder of its files. For the user's own: what the user allows, and paths in options.
 fn outside(asked: &Request, parameters: &BTreeMap<String, serde_json::Value>, sent: Option<&Path>) -> Vec<PathBuf> {
     if let Some(sent) = sent {
         return vec![sent.to_owned()];

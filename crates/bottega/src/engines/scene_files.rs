@@ -38,6 +38,7 @@ impl SceneFiles {
         if request.engine.is_builtin() {
             return Ok(Self::of(request, &LoadedScene::load(request)?));
         }
+        // Ask the engine for the files of the scene
         let (name, _) = request.engine.other()?;
         let engine = located(&request.engine.manifests, name)?;
         let scene = absolute(&request.scene.file)?;
@@ -45,6 +46,7 @@ impl SceneFiles {
         let outside = if allow_outside { vec![PathBuf::from("/")] } else { request.scene.asset_roots.clone() };
         let found = engine.scene_files(&scene, &outside);
         let Files { files, missing } = found.map_err(|source| Error::External { engine: name.to_owned(), source })?;
+        // Keep files in the folder of the scene, and in folders that the user allows
         let folder = scene.parent().unwrap_or(Path::new("/"));
         let own = scene.file_name().map(PathBuf::from);
         let files: BTreeSet<PathBuf> = files.into_iter().filter_map(|file| file.canonicalize().ok()).collect();

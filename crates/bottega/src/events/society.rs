@@ -35,7 +35,7 @@ pub struct ZoneEvent {
     pub neighbor_difference: Option<f64>,
     /// The state: `open`, `profiling`, `profiled`, `awarded`, `done` or `failed`.
     pub state: String,
-    /// Name of the agent that has or had the zone; missing before the first award.
+    /// Name of the agent to which the zone was awarded last; missing before the first award.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub agent: Option<String>,
     /// T_est: estimated time for the zone, in seconds on the reference machine.
