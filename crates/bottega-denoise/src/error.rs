@@ -1,33 +1,33 @@
-//! Why a picture is not denoised.
+//! The errors of denoising.
 
 use std::path::PathBuf;
 
 use bottega_image::LayersError;
 
-/// Why a picture is not denoised.
+/// The reason why a picture is not denoised.
 #[derive(Debug, thiserror::Error)]
 pub enum DenoiseError {
-    /// There is no library.
+    /// The library was not found.
     #[error("Open Image Denoise is not installed here ({tried})")]
     NotFound {
-        /// What was tried.
+        /// The places that were searched, as text.
         tried: String,
     },
-    /// What was found is not the library.
+    /// A file was found that is not the library, or is too old.
     #[error("`{}` is no Open Image Denoise of version 1.4 or newer: {problem}", .path.display())]
     Unfit {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem, in one clause.
         problem: String,
     },
-    /// The library says why.
+    /// The library reports an error; the text is its message.
     #[error("Open Image Denoise says: {0}")]
     Failed(String),
-    /// Whoever asked does not want it any more.
+    /// The caller cancelled denoising.
     #[error("nobody wants it any more")]
     Cancelled,
-    /// The picture has no room for the color as it was.
+    /// The film cannot take the layer [`NOISY`](crate::NOISY).
     #[error("the noisy color cannot be kept")]
     Layers(#[from] LayersError),
 }

@@ -1,19 +1,18 @@
-//! The brightness of a picture as a whole, which the denoiser's networks need.
+//! The exposure of a picture, an input of the denoiser's networks.
 
 use bottega_image::{Picture, luminance};
 
-/// Pixels on a side of the squares of which means are taken, so that noise has no say.
+/// Side in pixels of the squares over which luminance is averaged, to remove the influence of noise.
 const SIDE: u32 = 16;
-/// What middle grey becomes (Reinhard et al. 2002, equation 2).
+/// Luminance of middle grey (Reinhard et al. 2002, equation 2).
 const KEY: f64 = 0.18;
-/// Squares that are darker have no say: they are black.
+/// Mean luminance below which a square counts as black and is ignored.
 const BLACK: f64 = 1e-8;
 
-/// The factor by which the picture gets the brightness of a usual one: the geometric mean of its luminance becomes middle
-/// grey. One for a picture without light.
+/// Returns the factor that scales the geometric mean of the luminance to middle grey; 1 for a picture without light.
 ///
-/// The library would find one like it by itself, but adds up in whatever order its threads end, so that the same picture would
-/// come out with other bits now and then.
+/// The library can compute such a factor itself, but sums in the order in which its threads end, so that results are not always
+/// bit-identical.
 pub(crate) fn exposure(picture: &Picture) -> f32 {
     let (width, height) = picture.size();
     let (mut sum, mut count) = (0.0, 0_u32);
@@ -47,7 +46,7 @@ mod tests {
 
     #[test]
     fn the_mean_is_geometric_and_the_black_and_the_broken_have_no_say() {
-        // Squares of 1 and 16, one without light, and one of which nothing can be said.
+        // Luminance 1 and 16, one black square, and one that is not finite.
         let picture = Picture::from_fn(64, 16, |x, _| [[1.0, 16.0, 0.0, f32::NAN][x as usize / 16]; 3]);
         assert!((exposure(&picture) - 0.18 / 4.0).abs() < 1e-6);
         assert!((exposure(&Picture::from_fn(20, 20, |_, _| [0.0; 3])) - 1.0).abs() < f32::EPSILON);

@@ -7,10 +7,10 @@ use std::{
 
 use crate::{DenoiseError, library::Library};
 
-/// Names the library's file, or a folder that it is in.
+/// Environment variable with the library's file, or a folder that contains it.
 pub const VARIABLE: &str = "BOTTEGA_OIDN";
 
-/// What the library's file is called, the newest first.
+/// File names of the library, newest first.
 const NAMES: &[&str] = if cfg!(target_os = "macos") {
     &["libOpenImageDenoise.2.dylib", "libOpenImageDenoise.dylib", "libOpenImageDenoise.1.dylib"]
 } else if cfg!(windows) {
@@ -18,10 +18,10 @@ const NAMES: &[&str] = if cfg!(target_os = "macos") {
 } else {
     &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so", "libOpenImageDenoise.so.1"]
 };
-/// Where archives and package managers put it below a folder.
+/// Subfolders in which archives and package managers put the library.
 const FOLDERS: [&str; 4] = ["", "lib", "lib64", "bin"];
 
-/// How it is installed on this system.
+/// Returns advice on installing the library on this system.
 pub fn install_hint() -> String {
     let way = if cfg!(target_os = "macos") {
         "brew install open-image-denoise"
@@ -34,7 +34,7 @@ pub fn install_hint() -> String {
     format!("{way}; where it is not found by itself, {VARIABLE} names its file or folder")
 }
 
-/// The library of this machine.
+/// Loads the library: from the place in [`VARIABLE`], else from the system's.
 pub(crate) fn library() -> Result<Library, DenoiseError> {
     match env::var_os(VARIABLE).filter(|value| !value.is_empty()) {
         Some(place) => named(Path::new(&place)),
@@ -42,7 +42,7 @@ pub(crate) fn library() -> Result<Library, DenoiseError> {
     }
 }
 
-/// The library in a place that the user names.
+/// Loads the library from a file or folder given by the user.
 fn named(place: &Path) -> Result<Library, DenoiseError> {
     if place.is_file() {
         return Library::open(place);
@@ -56,9 +56,9 @@ fn named(place: &Path) -> Result<Library, DenoiseError> {
     }
 }
 
-/// The library where the system looks for such.
+/// Loads the library from the search path of the system.
 fn usual() -> Result<Library, DenoiseError> {
-    // Of a library that is there and is of no use the system says why; of one that is not there, what all systems say.
+    // An unusable library that was found is reported in preference to a missing one.
     let mut homebrew = Vec::new();
     if cfg!(target_os = "macos") {
         let lib = ["/opt/homebrew/lib", "/usr/local/lib"];

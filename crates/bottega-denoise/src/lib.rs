@@ -1,18 +1,18 @@
-//! Removes what noise is left in a picture, by Intel's Open Image Denoise.
+//! Denoising of pictures by Intel's Open Image Denoise.
 //!
-//! For whole pictures alone: a zone that is denoised by itself knows nothing of its neighbours, and its edges would show.
-//! The decision that shaped it: the library is no part of the program but found where it is installed and loaded when it is
-//! wanted, so whoever wants none needs none. It runs on the processors, and is told how bright the picture is, so that a picture does not depend on whose they are.
+//! Denoises whole pictures only: zones denoised separately show seams at their edges. The decision that shaped the crate: the
+//! library is not linked, but found and loaded at run time, so that the program runs without it. It runs on the CPU and gets
+//! the exposure from this crate, so that the result does not depend on the machine.
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | where |
 //! |---|---|
-//! | pictures in, pictures out | `src/lib.rs` |
-//! | where the library is found | `src/find.rs` |
+//! | denoising of films | `src/lib.rs` |
+//! | search for the library | `src/find.rs` |
 //! | its C interface | `src/library.rs` |
-//! | how bright a picture is as a whole | `src/exposure.rs` |
-//! | why a picture is not denoised | `src/error.rs` |
+//! | exposure of a picture | `src/exposure.rs` |
+//! | errors | `src/error.rs` |
 
 mod error;
 mod exposure;
@@ -27,56 +27,56 @@ pub use error::DenoiseError;
 pub use find::{VARIABLE, install_hint};
 use library::{Images, Library};
 
-/// The layer that keeps the color as it was.
+/// Name of the layer that keeps the noisy color.
 pub const NOISY: &str = "noisy";
 
-/// A denoiser, ready for pictures. Clones use the same library.
+/// A denoiser, ready for pictures. Clones share the library.
 #[derive(Clone, Debug)]
 pub struct Denoiser {
     library: Library,
 }
 
-/// How a denoiser takes the layers that help it: these have noise themselves, of lenses and edges.
+/// The use of the auxiliary layers (albedo, normals), which are noisy themselves because of lenses and edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GuideUse {
-    /// Each is denoised first, and then taken as clean: for a picture that is finished.
+    /// Each layer is denoised first and then used as clean: for finished pictures.
     Denoised,
-    /// As they were painted, in a third of the time: for a picture that is painted on.
+    /// The noisy layers are used directly, in a third of the time: for previews.
     AsPainted,
 }
 
-/// A picture without noise.
+/// A denoised picture.
 #[derive(Debug)]
 pub struct Denoised {
-    /// The film with the new color, and the one that it had as the layer [`NOISY`].
+    /// The film with the denoised color; its noisy color is the layer [`NOISY`].
     pub film: Film,
-    /// What helped to tell noise from texture.
+    /// The auxiliary layers that were used.
     pub guides: Vec<Aov>,
 }
 
 impl Denoiser {
-    /// Finds the library: where the variable [`VARIABLE`] says, else where the system has its libraries.
+    /// Loads the library: from the place in the environment variable [`VARIABLE`], else from the system's search path.
     ///
     /// # Errors
-    /// It is not there, or is something else.
+    /// The library is not found, or is unusable.
     pub fn load() -> Result<Self, DenoiseError> {
         find::library().map(|library| Self { library })
     }
 
-    /// The library's version.
+    /// Returns the version of the library, as `major.minor.patch`.
     pub fn version(&self) -> String {
         let version = self.library.version();
         format!("{}.{}.{}", version / 10_000, version / 100 % 100, version % 100)
     }
 
-    /// Denoises the color of a film, with the help of its albedo and its normals where it has them.
+    /// Denoises the color of a film, using its albedo and normals if it has them.
     ///
-    /// - `use_guides`: how these are taken.
-    /// - `threads`: processors to use.
-    /// - `progress`: is told the share that is done, now and then; may end it.
+    /// - `use_guides`: use of albedo and normals.
+    /// - `threads`: number of CPU threads.
+    /// - `progress`: called now and then with the share done, 0 to 1; can cancel denoising.
     ///
     /// # Errors
-    /// The library fails, or `progress` has ended it.
+    /// The library fails, or `progress` has cancelled.
     pub fn denoise(
         &self,
         film: &Film,
@@ -88,7 +88,7 @@ impl Denoiser {
         let size = film.to_picture().size();
         let mut color = film.to_picture();
         let mut albedo = layer(film, Aov::Albedo);
-        // The library knows normals only as a help beside albedo.
+        // The library uses normals only together with albedo
         let mut normal = layer(film, Aov::Normal).filter(|_| albedo.is_some());
         let are_clean = use_guides == GuideUse::Denoised;
         let passes = 1 + usize::from(are_clean && albedo.is_some()) + usize::from(are_clean && normal.is_some());
@@ -99,12 +99,14 @@ impl Denoiser {
             *done += 1;
             Ok::<(), DenoiseError>(())
         };
+        // Denoise the auxiliary layers
         if let Some(albedo) = albedo.as_mut().filter(|_| are_clean) {
             run(Images::albedo(albedo), &mut passes_done)?;
         }
         if let Some(normal) = normal.as_mut().filter(|_| are_clean) {
             run(Images::normal(normal), &mut passes_done)?;
         }
+        // Denoise the color, guided by the auxiliary layers
         let guides = [(Aov::Albedo, albedo.is_some()), (Aov::Normal, normal.is_some())];
         run(Images::color(&mut color, albedo.as_ref(), normal.as_ref(), are_clean), &mut passes_done)?;
         let guides = guides.into_iter().filter_map(|(aov, is_there)| is_there.then_some(aov)).collect();
@@ -112,7 +114,7 @@ impl Denoiser {
     }
 }
 
-/// A layer as a picture, if the film keeps it.
+/// Returns a layer as a picture; `None`: the film does not have it.
 fn layer(film: &Film, aov: Aov) -> Option<Picture> {
     let rect = film.rect();
     film.layout().offset(aov)?;

@@ -1,9 +1,9 @@
-//! The C interface of Open Image Denoise, and a safe one over it.
+//! The C interface of Open Image Denoise, and a safe wrapper.
 //!
-//! Unsafe: functions of a library that is found at run time are called by the types that its header declares
-//! (`OpenImageDenoise/oidn.h`, 1.4 and 2.x). What makes this sound: the symbols are looked up once and kept beside the library
-//! that they are of, which is never unloaded (its threads may outlive its last call); a device and a filter are released by
-//! who made them; and images are borrowed as long as the filter that was given their addresses exists.
+//! Unsafe: functions of a library found at run time are called with the types that its header declares
+//! (`OpenImageDenoise/oidn.h`, 1.4 and 2.x). Soundness: symbols are looked up once and kept as long as the library, which is
+//! never unloaded (its threads may outlive its last call); each device and filter is released by its owner; images are borrowed
+//! as long as the filter with their addresses exists.
 #![allow(unsafe_code)]
 
 use std::{
@@ -17,21 +17,21 @@ use bottega_image::Picture;
 
 use crate::{DenoiseError, exposure::exposure};
 
-/// `OIDN_DEVICE_TYPE_CPU`.
+/// The device type `OIDN_DEVICE_TYPE_CPU`.
 const DEVICE_CPU: c_int = 1;
-/// `OIDN_FORMAT_FLOAT3`.
+/// The pixel format `OIDN_FORMAT_FLOAT3`.
 const FORMAT_FLOAT3: c_int = 3;
-/// `OIDN_ERROR_NONE`.
+/// The error code `OIDN_ERROR_NONE`.
 const ERROR_NONE: c_int = 0;
-/// `OIDN_ERROR_CANCELLED`.
+/// The error code `OIDN_ERROR_CANCELLED`.
 const ERROR_CANCELLED: c_int = 6;
-/// The oldest version that knows `cleanAux` and `inputScale`.
+/// The oldest supported version: the first with `cleanAux` and `inputScale`.
 const OLDEST: c_int = 10_400;
 
 type Handle = *mut c_void;
 type Monitor = extern "C" fn(*mut c_void, f64) -> bool;
 
-/// The functions that are called.
+/// The functions of the library that are called.
 #[derive(Clone, Copy, Debug)]
 struct OidnFunctions {
     new_device: unsafe extern "C" fn(c_int) -> Handle,
@@ -50,7 +50,7 @@ struct OidnFunctions {
     release_filter: unsafe extern "C" fn(Handle),
 }
 
-/// The library, loaded.
+/// The loaded library.
 #[derive(Clone, Debug)]
 pub(crate) struct Library {
     functions: OidnFunctions,
@@ -58,18 +58,18 @@ pub(crate) struct Library {
 }
 
 impl Library {
-    /// Loads the library: a file, or a name that the system looks for.
+    /// Loads the library from a file, or by a name from the system's search path.
     pub(crate) fn open(path: &Path) -> Result<Self, DenoiseError> {
         let unfit = |problem: String| DenoiseError::Unfit { path: path.to_owned(), problem };
-        // SAFETY: the user, or the system, says that this is the library; its initializers are what it is trusted with.
+        // SAFETY: the user or the system names this file as the library, and is trusted that its initializers are sound.
         let library = unsafe { libloading::Library::new(path) }.map_err(|error| {
             if path.is_file() { unfit(error.to_string()) } else { DenoiseError::NotFound { tried: error.to_string() } }
         })?;
         let functions = OidnFunctions::of(&library).map_err(|error| unfit(error.to_string()))?;
-        // Never unloaded: `functions` stay valid, and so do threads that it has started.
+        // The library is never unloaded, so `functions` stay valid, and so do its threads.
         std::mem::forget(library);
         let mut loaded = Self { functions, version: 0 };
-        // Its version is known to a device alone.
+        // Only a device knows the version.
         let version = loaded.device(1)?.int(c"version");
         if version < OLDEST {
             return Err(unfit(format!("it says that its version is {version}")));
@@ -78,12 +78,12 @@ impl Library {
         Ok(loaded)
     }
 
-    /// Its version, as 10000 · major + 100 · minor + patch.
+    /// Returns the version as 10000 · major + 100 · minor + patch.
     pub(crate) fn version(&self) -> c_int {
         self.version
     }
 
-    /// A device that computes on so many processors.
+    /// Makes a device that computes with `threads` CPU threads.
     pub(crate) fn device(&self, threads: usize) -> Result<OidnDevice, DenoiseError> {
         let functions = self.functions;
         // SAFETY: called as declared; the handle is checked before it is used.
@@ -104,8 +104,8 @@ impl Library {
 
 impl OidnFunctions {
     fn of(library: &libloading::Library) -> Result<Self, libloading::Error> {
-        // SAFETY: each symbol has the type that the header gives to the function of its name. Where 2.0 has given another
-        // name to a function, the older one is of the same type.
+        // SAFETY: each symbol has the type that the header declares for its name. Functions renamed in 2.0 have the same type
+        // under both names.
         unsafe {
             Ok(Self {
                 new_device: *library.get(b"oidnNewDevice\0")?,
@@ -127,20 +127,20 @@ impl OidnFunctions {
     }
 }
 
-/// What a filter reads and writes.
+/// The images that a filter reads and writes.
 pub(crate) struct Images<'a> {
-    /// Read and written in place.
+    /// The image that is denoised in place.
     main: &'a mut Picture,
-    /// What `main` is to the library.
+    /// The library's name for `main`.
     name: &'static CStr,
-    /// Pictures that help.
+    /// The auxiliary images, with the library's names for them.
     guides: Vec<(&'static CStr, &'a Picture)>,
-    /// Whether these have no noise.
+    /// True if the auxiliary images are free of noise.
     are_clean: bool,
 }
 
 impl<'a> Images<'a> {
-    /// Light, and what helps if it is there.
+    /// Makes the images for denoising the color, with the auxiliary images that exist.
     pub(crate) fn color(
         color: &'a mut Picture,
         albedo: Option<&'a Picture>,
@@ -153,18 +153,18 @@ impl<'a> Images<'a> {
         Self { main: color, name: c"color", guides, are_clean }
     }
 
-    /// Albedo by itself.
+    /// Makes the images for denoising the albedo alone.
     pub(crate) fn albedo(albedo: &'a mut Picture) -> Self {
         Self { main: albedo, name: c"albedo", guides: Vec::new(), are_clean: false }
     }
 
-    /// Normals by themselves.
+    /// Makes the images for denoising the normals alone.
     pub(crate) fn normal(normal: &'a mut Picture) -> Self {
         Self { main: normal, name: c"normal", guides: Vec::new(), are_clean: false }
     }
 }
 
-/// A device of the library's.
+/// A device of the library.
 #[derive(Debug)]
 pub(crate) struct OidnDevice {
     functions: OidnFunctions,
@@ -172,7 +172,7 @@ pub(crate) struct OidnDevice {
 }
 
 impl OidnDevice {
-    /// Denoises `images.main` in place. Panics when a picture is of another size.
+    /// Denoises `images.main` in place. Panics if the images differ in size.
     pub(crate) fn filter(
         &self,
         size: (u32, u32),
@@ -196,12 +196,12 @@ impl OidnDevice {
         };
         let is_color = name == c"color";
         let scale = if is_color { exposure(main) } else { 1.0 };
-        // One address for both: the library may work in place.
+        // Input and output share one address: the library can work in place.
         let data = main.data.as_mut_ptr().cast::<c_void>();
         image(name, data);
         image(c"output", data);
         for (name, guide) in &guides {
-            // The library only reads what is not its output.
+            // The library only reads images that are not the output.
             image(name, guide.data.as_ptr().cast_mut().cast());
         }
         let mut monitor = ProgressSink { tell: progress };
@@ -230,17 +230,17 @@ impl OidnDevice {
         self.error().map_or(Ok(()), Err)
     }
 
-    /// What went wrong last on this thread, if anything.
+    /// Returns the last error on this thread, if any.
     fn error(&self) -> Option<DenoiseError> {
         let mut message: *const c_char = ptr::null();
-        // SAFETY: the handle is that of a device, or null, which asks for errors of no device.
+        // SAFETY: the handle is that of a device, or null, which the library accepts for errors without a device.
         let code = unsafe { (self.functions.get_device_error)(self.handle, &raw mut message) };
         match code {
             ERROR_NONE => None,
             ERROR_CANCELLED => Some(DenoiseError::Cancelled),
             code if message.is_null() => Some(DenoiseError::Failed(format!("error {code}"))),
             _ => {
-                // SAFETY: a text of the library's that ends with a zero, and lives until its next call.
+                // SAFETY: the library gives a text that ends with a zero and lives until the next call.
                 let message = unsafe { CStr::from_ptr(message) };
                 Some(DenoiseError::Failed(message.to_string_lossy().into_owned()))
             }
@@ -257,7 +257,7 @@ impl Drop for OidnDevice {
     }
 }
 
-/// A filter of a device's.
+/// A filter of a device.
 struct Filter {
     functions: OidnFunctions,
     handle: Handle,
@@ -272,15 +272,15 @@ impl Drop for Filter {
     }
 }
 
-/// Who is told of progress.
+/// The receiver of progress.
 struct ProgressSink<'a> {
     tell: &'a mut dyn FnMut(f64) -> ControlFlow<()>,
 }
 
-/// Called by the library while it works; false ends it.
+/// Receives progress from the library; returning false cancels denoising.
 extern "C" fn told(user: *mut c_void, share: f64) -> bool {
-    // SAFETY: `OidnDevice::filter` has given the address of a `ProgressSink` that lives while the filter works, and the library calls
-    // from one thread at a time. A panic in there ends the process, as no unwinding may cross the library.
+    // SAFETY: `user` is the address of a `ProgressSink` given by `OidnDevice::filter`, which lives while the filter runs; the
+    // library calls from one thread at a time. A panic here ends the process, since unwinding must not cross the library.
     let progress = unsafe { &mut *user.cast::<ProgressSink<'_>>() };
     (progress.tell)(share).is_continue()
 }

@@ -11,12 +11,12 @@ use pyo3::{exceptions::PyValueError, prelude::*};
 
 use crate::{errors, process::refuse_forked, request::request_of, scene::PyScene, values::to_python, waiting::Caller};
 
-/// What the Analyst makes of a scene before anything is painted.
+/// The Analyst's view of a scene: importance map and zones.
 #[pyclass(name = "Analysis", module = "bottega", frozen, get_all)]
 pub(crate) struct PyAnalysis {
-    /// Predicted cost a pixel, by cell: float32, (rows, columns); 1 is the mean of the picture.
+    /// Predicted cost per pixel, by cell: float32, (rows, columns); 1 is the mean of the picture.
     cost: Py<PyArray2<f32>>,
-    /// Visual importance, by cell: float32, (rows, columns), 0 to 1: how much an error would be seen.
+    /// Visual importance, by cell: float32, (rows, columns), 0 to 1: how visible an error is.
     importance: Py<PyArray2<f32>>,
     /// The zones: uint32, (count, 4): x0, y0, x1, y1; x1 and y1 are one past the zone.
     rects: Py<PyArray2<u32>>,
@@ -25,7 +25,7 @@ pub(crate) struct PyAnalysis {
     zones: Py<PyAny>,
     /// Width and height of the picture in pixels.
     size: (u32, u32),
-    /// Render Agents for which it is cut.
+    /// Number of Render Agents for which the picture is divided.
     agents: usize,
 }
 
@@ -37,7 +37,7 @@ impl PyAnalysis {
     }
 }
 
-/// What is handed from the thread that analyzes.
+/// The result of the analyzing thread.
 struct AnalysisArrays {
     cost: Vec<f32>,
     importance: Vec<f32>,
@@ -64,7 +64,7 @@ fn find(request: Request, scene: Option<Scene>) -> Result<AnalysisArrays, Error>
     })
 }
 
-/// The importance map of a scene, and its zones as `work` of the request asks for them.
+/// Returns the importance map of a scene, and its zones by the settings in `work` of the request.
 #[pyfunction]
 #[pyo3(signature = (request, scene=None))]
 pub(crate) fn analyze(py: Python<'_>, request: &str, scene: Option<&Bound<'_, PyScene>>) -> PyResult<PyAnalysis> {

@@ -8,7 +8,7 @@ use crate::{errors, image_file::picture_of, values::to_python};
 
 /// Compares two pictures, as `bottega diff` does.
 ///
-/// - `picture`, `reference`: arrays of linear light, (height, width, 3), or what `numpy.asarray` makes one of.
+/// - `picture`, `reference`: arrays of linear light, (height, width, 3), or values that `numpy.asarray` converts to such.
 ///
 /// Returns a dictionary: `rmse`, `mae`, `rel_mse`, `rel_mse_trimmed`, `flip`, `flip_visible_share`, `mean_ratio`, and `flip_map`, float32,
 /// (height, width).

@@ -1,4 +1,4 @@
-//! Errors as exceptions of Python.
+//! Errors as Python exceptions.
 
 use bottega::{
     Error,
@@ -7,7 +7,7 @@ use bottega::{
 };
 use pyo3::{PyErr, import_exception, prelude::*};
 
-/// The exceptions, which Python code declares.
+/// The exception classes, which Python code declares.
 mod python {
     use super::import_exception;
 
@@ -22,7 +22,7 @@ mod python {
     import_exception!(bottega._errors, Interrupted);
 }
 
-/// The exception of an error of the library.
+/// Returns the exception of an error of the library.
 pub(crate) fn raised(error: &Error) -> PyErr {
     let (text, remedy) = (error.error_chain(), error.remedy());
     match error {
@@ -41,7 +41,7 @@ pub(crate) fn raised(error: &Error) -> PyErr {
     }
 }
 
-/// The exception of an error of a farm.
+/// Returns the exception of an error of a farm.
 pub(crate) fn raised_by_farm(error: &bottega_cluster::Error) -> PyErr {
     match error {
         bottega_cluster::Error::Bottega(error) if !matches!(error, Error::Failed { .. }) => raised(error),
@@ -49,12 +49,12 @@ pub(crate) fn raised_by_farm(error: &bottega_cluster::Error) -> PyErr {
     }
 }
 
-/// The exception of a farm that cannot do what it is asked for.
+/// Makes the exception `FarmError` from a problem and its remedy.
 pub(crate) fn farm(text: String, remedy: Option<String>) -> PyErr {
     python::FarmError::new_err((text, remedy))
 }
 
-/// The exception of a text that is no request.
+/// Returns the exception of an invalid request.
 pub(crate) fn raised_by_request(error: &RequestError) -> PyErr {
     match error {
         RequestError::Invalid(invalid) => invalid_field(invalid),
@@ -71,22 +71,22 @@ fn invalid_field(invalid: &InvalidField) -> PyErr {
     python::RequestError::new_err((invalid.to_string(), None::<String>, field.clone(), value.clone(), allowed.clone()))
 }
 
-/// The exception of a value that is part of no request: an argument, an array.
+/// Makes a `SceneError` for an invalid argument or array.
 pub(crate) fn wrong(argument: &str, problem: &str) -> PyErr {
     python::SceneError::new_err((format!("`{argument}`: {problem}"), None::<String>))
 }
 
-/// The exception of anything else that cannot be.
+/// Makes an `Error` for any other failure.
 pub(crate) fn failed(problem: &str, remedy: &str) -> PyErr {
     python::Error::new_err((problem.to_owned(), remedy.to_owned()))
 }
 
-/// The exception of rules that cannot be evaluated.
+/// Makes the exception `RulesError` from a problem and its remedy.
 pub(crate) fn rules(problem: String, remedy: String) -> PyErr {
     python::RulesError::new_err((problem, remedy))
 }
 
-/// The exception of a process that was forked after another had begun to paint.
+/// Makes the exception `ForkError`, raised in forked processes.
 pub(crate) fn forked() -> PyErr {
     python::ForkError::new_err((
         "this process was forked from one that has used bottega, whose threads do not exist here",
@@ -94,12 +94,12 @@ pub(crate) fn forked() -> PyErr {
     ))
 }
 
-/// The exception of Ctrl-C, with what is painted.
+/// Makes an `Interrupted` exception for Ctrl-C, with the picture painted so far.
 pub(crate) fn interrupted(picture: Option<Py<PyAny>>) -> PyErr {
     python::Interrupted::new_err((picture,))
 }
 
-/// What an error says, with what can be done about it.
+/// Returns the text of an error with its remedy.
 pub(crate) fn text(error: &Error) -> String {
     let remedy = error.remedy().map(|remedy| format!("; {remedy}")).unwrap_or_default();
     format!("{}{remedy}", error.error_chain())

@@ -1,4 +1,4 @@
-//! A farm: jobs, machines, pictures.
+//! The Python class of a farm: jobs, machines, pictures.
 
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ use crate::{
     waiting::Caller,
 };
 
-/// Who steers, for the log of a job.
+/// Returns the author of orders, for the log of a job.
 fn by() -> String {
     format!("Python on {}", host_name())
 }
@@ -34,7 +34,7 @@ pub(crate) struct PyFarm {
 }
 
 impl PyFarm {
-    /// Asks the farm, without the interpreter's lock.
+    /// Calls the farm without the interpreter's lock.
     fn ask<T: Send>(&self, py: Python<'_>, ask: impl FnOnce(&JobBoard) -> Result<T, Error> + Send) -> PyResult<T> {
         refuse_forked()?;
         py.detach(|| ask(&self.board)).map_err(|error| errors::raised_by_farm(&error))
@@ -65,7 +65,7 @@ impl PyFarm {
         Ok(Self { address, credentials, board: JobBoard { uplink } })
     }
 
-    /// Asks for a picture and does not wait for it. Returns the number of the job.
+    /// Submits a picture and does not wait for it. Returns the number of the job.
     #[pyo3(signature = (request, on_event=None))]
     fn submit(&self, py: Python<'_>, request: &str, on_event: Option<Bound<'_, PyAny>>) -> PyResult<u32> {
         refuse_forked()?;
@@ -80,7 +80,7 @@ impl PyFarm {
         Ok(number)
     }
 
-    /// Asks for a picture and paints with the others. Returns the file that it is written to.
+    /// Submits a picture and takes part in rendering it. Returns the file that it is written to.
     #[pyo3(signature = (request, on_event=None))]
     fn render(&self, py: Python<'_>, request: &str, on_event: Option<Bound<'_, PyAny>>) -> PyResult<PathBuf> {
         refuse_forked()?;
@@ -102,47 +102,47 @@ impl PyFarm {
         }
     }
 
-    /// All jobs, as dictionaries.
+    /// Returns all jobs, as dictionaries.
     fn jobs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let all = self.ask(py, |board| Ok(JobView::all(board)))?;
         to_python(py, &all)
     }
 
-    /// The machines that are there, as dictionaries.
+    /// Returns the machines that are present, as dictionaries.
     fn machines<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let all = self.ask(py, |board| Ok(MachineView::all(board)))?;
         to_python(py, &all.iter().map(MachineView::to_value).collect::<Vec<_>>())
     }
 
-    /// What has happened to a job: a list of `{"at", "text"}`.
+    /// Returns the log of a job: a list of `{"at", "text"}`.
     fn log<'py>(&self, py: Python<'py>, number: u32) -> PyResult<Bound<'py, PyAny>> {
         let job = self.ask(py, |board| jobs::known(board, number))?;
         to_python(py, &job.log)
     }
 
-    /// Writes the picture of a job that the farm has finished.
+    /// Writes the picture of a finished job to a file. Returns the file.
     #[pyo3(signature = (number, path=None))]
     fn fetch(&self, py: Python<'_>, number: u32, path: Option<&Bound<'_, PyAny>>) -> PyResult<PathBuf> {
         let path = path.map(path_of).transpose()?;
         self.ask(py, |board| jobs::fetch(board, number, path))
     }
 
-    /// Has nobody paint a job until it is resumed.
+    /// Pauses a job until it is resumed.
     fn pause(&self, py: Python<'_>, number: u32) -> PyResult<()> {
         self.ask(py, |board| jobs::steer(board, number, &JobState::Paused, &by()))
     }
 
-    /// Goes on with a job that was paused.
+    /// Resumes a paused job.
     fn resume(&self, py: Python<'_>, number: u32) -> PyResult<()> {
         self.ask(py, |board| jobs::steer(board, number, &JobState::Active, &by()))
     }
 
-    /// Calls a job off.
+    /// Cancels a job.
     fn cancel(&self, py: Python<'_>, number: u32) -> PyResult<()> {
         self.ask(py, |board| jobs::steer(board, number, &JobState::Cancelled, &by()))
     }
 
-    /// Forgets a job that is over.
+    /// Removes a job that is over.
     fn remove(&self, py: Python<'_>, number: u32) -> PyResult<()> {
         self.ask(py, |board| jobs::remove(board, number))
     }

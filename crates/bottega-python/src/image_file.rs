@@ -1,4 +1,4 @@
-//! Pictures in files.
+//! Pictures read from files.
 
 use bottega::{Error, request::PIXELS_MAX};
 use bottega_image::{Picture, ReadLimits, read_image};
@@ -7,22 +7,22 @@ use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 
 use crate::{errors, values::path_of};
 
-/// A picture that was read from a file: its color, and what the file says of it.
+/// A picture read from a file: its color and metadata.
 #[pyclass(name = "ImageFile", module = "bottega", frozen, get_all)]
 pub(crate) struct PyImageFile {
     /// Radiance R G B: float32, (height, width, 3), linear light.
     color: Py<PyArray3<f32>>,
-    /// Text that the file carries, by name.
+    /// Metadata of the file: text by name.
     metadata: Py<PyDict>,
-    /// Where the upper left pixel lies in the whole picture: x, y; other than (0, 0) of a crop.
+    /// Position of the upper left pixel in the whole picture: x, y; (0, 0) unless the file is a crop.
     offset: (i32, i32),
     /// Width and height of the whole picture.
     full_size: (u32, u32),
 }
 
-/// Reads the color of a picture: .exr, .png or .hdr. PNG values become linear light.
+/// Reads the color of a picture: .exr, .png or .hdr. PNG values are converted to linear light.
 ///
-/// Raises `PictureError` where it cannot be read.
+/// Raises `PictureError` if the file cannot be read.
 #[pyfunction]
 pub(crate) fn read(py: Python<'_>, path: &Bound<'_, PyAny>) -> PyResult<PyImageFile> {
     let path = path_of(path)?;
@@ -34,14 +34,14 @@ pub(crate) fn read(py: Python<'_>, path: &Bound<'_, PyAny>) -> PyResult<PyImageF
     Ok(PyImageFile { color: array_of(py, file.picture)?.unbind(), metadata: metadata.unbind(), offset, full_size })
 }
 
-/// The pixels of a picture as an array, (height, width, 3), without a copy.
+/// Returns the pixels of a picture as an array, (height, width, 3), without a copy.
 pub(crate) fn array_of(py: Python<'_>, picture: Picture) -> PyResult<Bound<'_, PyArray3<f32>>> {
     let (width, height) = picture.size();
     let array = Array3::from_shape_vec((height as usize, width as usize, 3), picture.data.into_flattened());
     Ok(array.map_err(|error| PyValueError::new_err(error.to_string()))?.into_pyarray(py))
 }
 
-/// A picture of an array, (height, width, 3), or what `numpy.asarray` makes one of.
+/// Converts an array, (height, width, 3), or a value that `numpy.asarray` accepts, to a picture.
 pub(crate) fn picture_of(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Picture> {
     let numpy = value.py().import("numpy")?;
     let array = numpy.call_method1("ascontiguousarray", (value, "float32"))?;

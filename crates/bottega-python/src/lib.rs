@@ -1,25 +1,26 @@
-//! The Python module `bottega._native`: the library and the farm, as Python calls them.
+//! The Python module `bottega._native`: bindings of the library and the farm.
 //!
-//! No logic of its own: requests come in as JSON, which [`bottega::Request`] reads and checks; pictures go out as arrays that look into
-//! the film. What Python needs beyond that is in the crates below, so that Rust has it, too. The decision that shaped it: *the thread
-//! that calls never paints*. It waits without the interpreter's lock, runs callbacks, and sees Ctrl-C, while other threads paint and
-//! hold no Python object. So a callback cannot stop a painter, and whatever a callback raises comes out of the call.
+//! It has no logic of its own: requests come in as JSON, which [`bottega::Request`] reads and checks; pictures go out as arrays
+//! that are views of the film. Functions that Python needs are in the crates below, so that Rust has them too. The decision
+//! that shaped it: *the calling thread never renders*. It waits without the interpreter's lock, runs callbacks and sees Ctrl-C,
+//! while other threads render and hold no Python object. So a callback cannot block a rendering thread, and an exception of a
+//! callback is raised by the call.
 //!
-//! The files of Python are in `python/bottega`: `__init__.py` says what is public, `_requests.py` is made from the schema of requests
-//! by `cargo xtask python-stubs`, and `_native.pyi` has the types of what is here.
+//! The Python files are in `python/bottega`: `__init__.py` lists the public names, `_requests.py` is generated from the schema
+//! of requests by `cargo xtask python-stubs`, and `_native.pyi` has the types of this module.
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | where |
 //! |---|---|
 //! | waiting for work on another thread: callbacks, Ctrl-C | `src/waiting.rs` |
-//! | sessions; what is shown meanwhile | `src/session.rs` |
-//! | pictures; arrays that look into the film; files | `src/picture.rs`, `src/arrays.rs`, `src/image_file.rs` |
+//! | sessions; previews | `src/session.rs` |
+//! | pictures; arrays as views of the film; files | `src/picture.rs`, `src/arrays.rs`, `src/image_file.rs` |
 //! | scenes made of arrays | `src/scene.rs`, `src/material.rs` |
 //! | importance maps, zones, rules, differences | `src/analysis.rs`, `src/rules.rs`, `src/difference.rs` |
 //! | farms | `src/farm.rs` |
 //! | errors as exceptions | `src/errors.rs` |
-//! | processes that were forked, interpreters that end | `src/process.rs` |
+//! | forked processes, the end of the interpreter | `src/process.rs` |
 
 mod analysis;
 mod arrays;
@@ -37,7 +38,7 @@ mod session;
 mod values;
 mod waiting;
 
-/// What `bottega._native` holds.
+/// The contents of `bottega._native`.
 #[pyo3::pymodule]
 mod _native {
     #[pymodule_export]

@@ -1,4 +1,4 @@
-//! Materials.
+//! The Python class of materials.
 
 use bottega::{
     glam::Vec3,
@@ -8,13 +8,13 @@ use pyo3::prelude::*;
 
 use crate::errors::wrong;
 
-/// How a surface scatters light, or shines. Colors are linear R G B: of reflectances 0 to 1; of radiance in W·sr⁻¹·m⁻².
+/// A material: scattering or emission of a surface. Colors are linear R G B: reflectances from 0 to 1; radiance in W·sr⁻¹·m⁻².
 #[pyclass(name = "Material", module = "bottega", frozen)]
 pub(crate) struct PyMaterial {
     pub(crate) material: Material,
 }
 
-/// Three finite numbers, from 0.
+/// Checks a color: three finite numbers, at least 0.
 pub(crate) fn color(argument: &str, value: [f32; 3]) -> PyResult<Vec3> {
     let color = Vec3::from_array(value);
     if color.is_finite() && color.min_element() >= 0.0 {
@@ -23,7 +23,7 @@ pub(crate) fn color(argument: &str, value: [f32; 3]) -> PyResult<Vec3> {
     Err(wrong(argument, &format!("{value:?} is no color: three finite numbers from 0 are needed")))
 }
 
-/// A number from 0 to 1.
+/// Checks a number from 0 to 1.
 fn share(argument: &str, value: f32) -> PyResult<f32> {
     if (0.0..=1.0).contains(&value) {
         return Ok(value);
@@ -33,24 +33,24 @@ fn share(argument: &str, value: f32) -> PyResult<f32> {
 
 #[pymethods]
 impl PyMaterial {
-    /// A matte surface, as of chalk (Lambert).
+    /// Makes a matte surface, such as chalk (Lambert).
     #[staticmethod]
     #[pyo3(signature = (color=[0.8; 3]))]
     fn matte(color: [f32; 3]) -> PyResult<Self> {
         Ok(Self { material: Material::matte(self::color("color", color)?) })
     }
 
-    /// A black surface that shines from its front, with the same radiance everywhere.
+    /// Makes a black surface that emits the same radiance in all directions from its front.
     #[staticmethod]
     fn lamp(radiance: [f32; 3]) -> PyResult<Self> {
         Ok(Self { material: Material::lamp(color("radiance", radiance)?) })
     }
 
-    /// A surface of a base and what lies on it, as in glTF: a plastic as it is, a metal with `metallic=1`, a glass with
-    /// `transmission=1`, a lacquer with `coat=1`.
+    /// Makes a layered surface as in glTF: plastic by default, metal with `metallic=1`, glass with `transmission=1`, lacquer
+    /// with `coat=1`.
     ///
-    /// `roughness` and `coat_roughness` are perceptual: 0 a mirror, 1 matte. `ior` is the index of refraction, from 1. `thin`: a sheet
-    /// without volume, as a window; else the mesh bounds a solid.
+    /// `roughness` and `coat_roughness` are perceptual: 0 a mirror, 1 matte. `ior` is the index of refraction, from 1 to 100.
+    /// With `thin` the surface is a sheet without volume, such as a window; otherwise the mesh bounds a solid.
     #[staticmethod]
     #[pyo3(signature = (
         color=[0.8; 3], *, metallic=0.0, roughness=0.5, transmission=0.0, ior=1.5, coat=0.0, coat_roughness=0.0, thin=false

@@ -1,4 +1,4 @@
-//! Pictures.
+//! The Python class of pictures.
 
 use std::sync::Arc;
 
@@ -17,16 +17,16 @@ use crate::{
     values::{path_of, to_python},
 };
 
-/// A picture that is painted, whole or as far as it was: arrays by layer, and what is known of how it was made.
+/// A rendered picture, complete or partial: arrays by layer, metadata, and the report of its job.
 ///
-/// Arrays are float32, of linear light (Rec. 709), row 0 on top. They look into the picture's memory: nothing is copied, and nothing can
-/// be written. `picture.color.copy()` gives an array of your own.
+/// Arrays are float32, linear light (Rec. 709), row 0 on top. They are read-only views of the picture's memory.
+/// `picture.color.copy()` gives a writable copy.
 #[pyclass(name = "Picture", module = "bottega", frozen)]
 pub(crate) struct PyPicture {
     picture: Arc<Picture>,
 }
 
-/// How the agents painted a picture.
+/// The report of a picture's job.
 #[derive(Serialize)]
 struct PictureReport {
     is_whole: bool,
@@ -52,8 +52,8 @@ impl PyPicture {
         self.picture.film().layout().parts().into_iter().map(|(name, _)| name.to_owned()).collect()
     }
 
-    /// A layer by its name: float32, (height, width, channels), or (height, width) where it has one channel. A look into the picture,
-    /// read-only.
+    /// Returns a layer by its name: float32, (height, width, channels), or (height, width) if it has one channel. A read-only
+    /// view.
     fn __getitem__<'py>(slf: &Bound<'py, Self>, layer: &str) -> PyResult<Bound<'py, PyAny>> {
         let parts = slf.get().picture.film().layout().parts();
         let Some((_, range)) = parts.iter().find(|(name, _)| *name == layer) else {
@@ -73,40 +73,39 @@ impl PyPicture {
         self.picture.film().layout().parts().iter().any(|(name, _)| *name == layer)
     }
 
-    /// Radiance R G B: float32, (height, width, 3), linear light. A look into the picture, read-only.
+    /// Radiance R G B: float32, (height, width, 3), linear light. A read-only view.
     #[getter]
     fn color<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         Self::__getitem__(slf, "color")
     }
 
-    /// All that a pixel holds, layer after layer, and last its weight: float32, (height, width, values). A look into the picture,
-    /// read-only.
+    /// All values of each pixel, layer after layer, and last its weight: float32, (height, width, values). A read-only view.
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
         film_values(py, &self.picture)
     }
 
-    /// Rows and columns: those of the part that was painted.
+    /// Rows and columns of the rendered part.
     #[getter]
     fn shape(&self) -> (u32, u32) {
         let rect = self.picture.film().rect();
         (rect.height(), rect.width())
     }
 
-    /// The part of the whole picture that was painted: x0, y0, x1, y1; x1 and y1 are one past it.
+    /// The rendered part of the whole picture: x0, y0, x1, y1; x1 and y1 are one past it.
     #[getter]
     fn crop(&self) -> (u32, u32, u32, u32) {
         let rect = self.picture.film().rect();
         (rect.x0, rect.y0, rect.x1, rect.y1)
     }
 
-    /// Whether all of it is painted: it was not stopped, and no zone has failed.
+    /// True if all zones are painted: rendering was not stopped, and no zone has failed.
     #[getter]
     fn is_whole(&self) -> bool {
         self.picture.is_whole()
     }
 
-    /// What the picture says of how it was made, as its files do: text by name.
+    /// Metadata of the picture, as in its files: text by name.
     #[getter]
     fn metadata<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
@@ -114,8 +113,8 @@ impl PyPicture {
         Ok(all)
     }
 
-    /// How the agents painted it: `zones` (a row of the Blackboard each), `seconds`, `painting_seconds` (all processors together),
-    /// `composition_seconds`, `messages`, `failed_zones`, `is_whole`.
+    /// The report of the job: `zones` (a row of the Blackboard each), `seconds`, `painting_seconds` (summed over all
+    /// processors), `composition_seconds`, `messages`, `failed_zones`, `is_whole`.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let report = self.picture.report();
@@ -131,22 +130,23 @@ impl PyPicture {
         to_python(py, &told)
     }
 
-    /// The request that it is of, as a `Request`.
+    /// The request of the picture, as a `Request`.
     #[getter]
     fn request<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let text = self.picture.request().to_line().map_err(|error| errors::raised_by_request(&error))?;
         py.import("bottega._requests")?.getattr("Request")?.call_method1("from_json", (text,))
     }
 
-    /// Writes it to a file, .exr (linear light, all layers) or .png (tone-mapped), with the `output` settings of its request.
+    /// Writes the picture to a file, .exr (linear light, all layers) or .png (tone-mapped), with the `output` settings of its
+    /// request.
     ///
-    /// Raises `PictureError` where it cannot be written.
+    /// Raises `PictureError` if it cannot be written.
     fn save(&self, py: Python<'_>, path: &Bound<'_, PyAny>) -> PyResult<()> {
         let path = path_of(path)?;
         py.detach(|| self.picture.save(path)).map_err(|error| errors::raised(&error))
     }
 
-    /// The bytes of a PNG file of it: what a notebook shows.
+    /// Returns the picture as the bytes of a PNG file, as notebooks show it.
     fn to_png<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let bytes = py.detach(|| self.picture.to_png()).map_err(|error| errors::raised(&error))?;
         Ok(PyBytes::new(py, &bytes))
@@ -156,7 +156,7 @@ impl PyPicture {
         self.to_png(py)
     }
 
-    /// The color, for `numpy.asarray(picture)`.
+    /// Returns the color, for `numpy.asarray(picture)`.
     #[pyo3(signature = (dtype=None, copy=None))]
     fn __array__<'py>(
         slf: &Bound<'py, Self>,

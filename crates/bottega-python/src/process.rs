@@ -1,4 +1,4 @@
-//! Processes that were forked, and interpreters that end.
+//! Forked processes, and the end of the interpreter.
 
 use std::{
     collections::BTreeMap,
@@ -14,17 +14,17 @@ use pyo3::prelude::*;
 
 use crate::errors;
 
-/// The process that has started threads of the library; 0: none has.
+/// Id of the process that has started threads of the library; 0: none has.
 static USED_BY: AtomicU32 = AtomicU32::new(0);
 
-/// How that is stopped which is under way, by a number.
+/// The stop switches of all running work, by number.
 static UNDER_WAY: Mutex<BTreeMap<u64, StopSwitch>> = Mutex::new(BTreeMap::new());
 
-/// The next such number.
+/// The number of the next work.
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
-/// Refuses to go on in a process that was forked from one in which the library has started threads: they do not exist here, and
-/// whoever waits for them waits forever.
+/// Returns an error in a process that was forked from one in which the library has started threads: they do not exist here, and
+/// waiting for them never ends.
 pub(crate) fn refuse_forked() -> PyResult<()> {
     let me = process::id();
     match USED_BY.compare_exchange(0, me, Ordering::Relaxed, Ordering::Relaxed) {
@@ -33,7 +33,7 @@ pub(crate) fn refuse_forked() -> PyResult<()> {
     }
 }
 
-/// Work that is stopped when the interpreter ends.
+/// Registers work that must be stopped when the interpreter ends.
 pub(crate) struct UnderWay(u64);
 
 impl UnderWay {
@@ -50,10 +50,10 @@ impl Drop for UnderWay {
     }
 }
 
-/// Stops whatever is painted in this process. For the end of the interpreter.
+/// Stops all rendering in this process. Called at the end of the interpreter.
 #[pyfunction]
 pub(crate) fn stop_all() {
-    // What is stopped may take itself out of the list.
+    // Work that stops may remove itself from the list.
     let all: Vec<StopSwitch> = under_way().values().cloned().collect();
     all.iter().for_each(StopSwitch::request);
 }

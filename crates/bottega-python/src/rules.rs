@@ -1,4 +1,4 @@
-//! Rules of agents: checked, evaluated, explained.
+//! The Python functions of expert rules: checking, evaluating, explaining.
 #![allow(clippy::needless_pass_by_value, reason = "functions of Python are handed maps that were made for them")]
 
 use std::collections::BTreeMap;
@@ -12,9 +12,9 @@ use crate::{
     values::{path_of, to_python},
 };
 
-/// What rules decide.
+/// Evaluates rules.
 ///
-/// - `file`: a file of FCL, or the name of rules that come with the program.
+/// - `file`: an FCL file, or the name of built-in rules.
 fn decided<'py>(
     file: &Bound<'py, PyAny>,
     block: Option<&str>,
@@ -32,7 +32,7 @@ fn decided<'py>(
     to_python(file.py(), &explained(&block, &why, explain))
 }
 
-/// What rules decide for some values of their inputs: `{"outputs": {name: value}}`.
+/// Evaluates rules for values of their inputs: `{"outputs": {name: value}}`.
 #[pyfunction]
 pub(crate) fn evaluate_rules<'py>(
     file: &Bound<'py, PyAny>,
@@ -43,7 +43,7 @@ pub(crate) fn evaluate_rules<'py>(
     decided(file, block, &ranges, &values, false)
 }
 
-/// The same with `inputs`, `rules` and `aggregates`: why.
+/// Evaluates rules, and also returns the reasons: `inputs`, `rules` and `aggregates`.
 #[pyfunction]
 pub(crate) fn explain_rules<'py>(
     file: &Bound<'py, PyAny>,
@@ -54,7 +54,7 @@ pub(crate) fn explain_rules<'py>(
     decided(file, block, &ranges, &values, true)
 }
 
-/// What is most likely not meant in rules: a list of `{"line", "column", "code", "message"}`.
+/// Returns warnings about likely mistakes in rules: a list of `{"line", "column", "code", "message"}`.
 #[pyfunction]
 pub(crate) fn check_rules<'py>(file: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let source = Source::read(&path_of(file)?).map_err(|error| errors::raised(&error))?;

@@ -1,4 +1,4 @@
-//! Scenes made of arrays.
+//! The Python class of scenes made of arrays.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -16,22 +16,22 @@ use crate::{
 
 /// A scene in memory: meshes of arrays, materials, lights, a camera.
 ///
-/// Coordinates are right-handed, +y up; a face is seen from where its vertices run counter-clockwise. Every method checks what it is
-/// given, and raises `SceneError`, which names the argument.
+/// Coordinates are right-handed, +y up; the front of a face is the side from which its vertices run counter-clockwise. Every
+/// method checks its arguments, and raises `SceneError`, which names the argument.
 #[pyclass(name = "Scene", module = "bottega", frozen)]
 #[derive(Default)]
 pub(crate) struct PyScene {
     scene: Mutex<Scene>,
 }
 
-/// A kind of number that arrays may have.
+/// The kind of numbers in an array.
 #[derive(Clone, Copy, PartialEq)]
 enum NumberKind {
     Real,
     Whole,
 }
 
-/// An array of this many columns, as numbers of 64 bits: of any contiguity, in rows. What is no array is made one, as NumPy does.
+/// Converts a value to a contiguous float64 array with `COLUMNS` columns; checks the dtype and the shape.
 fn table<'py, const COLUMNS: usize>(
     argument: &str,
     value: &Bound<'py, PyAny>,
@@ -57,7 +57,7 @@ fn table<'py, const COLUMNS: usize>(
     Ok(array.cast_into::<PyArray2<f64>>().map_err(|error| PyTypeError::new_err(error.to_string()))?.readonly())
 }
 
-/// Rows of finite numbers.
+/// Converts a value to rows of finite numbers.
 fn rows<const COLUMNS: usize>(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f32; COLUMNS]>> {
     let array = table::<COLUMNS>(argument, value, NumberKind::Real)?;
     let rows = array.as_array();
@@ -71,7 +71,7 @@ fn rows<const COLUMNS: usize>(argument: &str, value: &Bound<'_, PyAny>) -> PyRes
     rows.rows().into_iter().enumerate().map(row).collect()
 }
 
-/// Triangles of vertices that exist.
+/// Converts a value to triangles whose vertices exist.
 fn triangles_of(value: &Bound<'_, PyAny>, vertex_count: usize) -> PyResult<Vec<[u32; 3]>> {
     let array = table::<3>("triangles", value, NumberKind::Whole)?;
     let rows = array.as_array();
@@ -85,7 +85,7 @@ fn triangles_of(value: &Bound<'_, PyAny>, vertex_count: usize) -> PyResult<Vec<[
     rows.rows().into_iter().enumerate().map(row).collect()
 }
 
-/// Rows for each vertex, where there are any.
+/// Converts an optional value to one row per vertex; empty if there is none.
 fn per_vertex<const COLUMNS: usize>(
     argument: &str,
     value: Option<&Bound<'_, PyAny>>,
@@ -98,7 +98,7 @@ fn per_vertex<const COLUMNS: usize>(
     Err(wrong(argument, &format!("it has {} rows, and there are {vertex_count} vertices", rows.len())))
 }
 
-/// Object space to world space, of a matrix of four rows and columns.
+/// Converts a (4, 4) matrix to the transform from object to world space.
 fn placed(value: Option<&Bound<'_, PyAny>>) -> PyResult<Affine3A> {
     let Some(value) = value else { return Ok(Affine3A::IDENTITY) };
     let rows: Vec<[f32; 4]> = rows("transform", value)?;
@@ -141,7 +141,7 @@ impl PyScene {
         self.scene.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The scene as it is now.
+    /// Returns a copy of the scene, after checking that it has a camera.
     pub(crate) fn finished(&self) -> PyResult<Scene> {
         let scene = self.scene().clone();
         if scene.cameras.is_empty() {
@@ -162,10 +162,10 @@ impl PyScene {
     ///
     /// - `vertices`: (N, 3), real numbers; float64 is rounded to float32.
     /// - `triangles`: (M, 3), whole numbers below N, counter-clockwise seen from the front.
-    /// - `normals`: (N, 3), one a vertex; made unit length. Without them faces are flat.
+    /// - `normals`: (N, 3), one per vertex; normalized. Without them faces are flat.
     /// - `uvs`: (N, 2), texture coordinates.
     /// - `colors`: (N, 4), linear R G B A that multiply the color of a layered material.
-    /// - `transform`: (4, 4), mesh to world, which multiplies columns; its determinant must be above 0.
+    /// - `transform`: (4, 4), from mesh to world space, for column vectors; its determinant must be above 0.
     #[pyo3(signature = (vertices, triangles, material, *, normals=None, uvs=None, colors=None, transform=None, name=String::new()))]
     fn mesh(
         &self,
@@ -202,7 +202,7 @@ impl PyScene {
         Ok(number)
     }
 
-    /// Places a mesh once more.
+    /// Adds another instance of a mesh, by its number.
     fn instance(&self, mesh: u32, transform: &Bound<'_, PyAny>) -> PyResult<()> {
         let world_from_object = placed(Some(transform))?;
         let mut scene = self.scene();
@@ -213,7 +213,7 @@ impl PyScene {
         Ok(())
     }
 
-    /// Adds a sphere.
+    /// Adds a sphere; `center` and `radius` are in scene units.
     fn sphere(&self, center: [f32; 3], radius: f32, material: &Bound<'_, PyMaterial>) -> PyResult<()> {
         let (center, radius) = (point("center", center)?, above_zero("radius", radius)?);
         let mut scene = self.scene();
@@ -223,10 +223,11 @@ impl PyScene {
         Ok(())
     }
 
-    /// Adds a camera that stands at `eye` and looks at `target`. The first is used where the request names none.
+    /// Adds a camera at `eye` that looks at `target`. The first camera is the default.
     ///
-    /// - `fov`: full angle between the upper and the lower edge, in degrees.
-    /// - `lens_radius`: in scene units; 0: all is sharp. `focus_distance`: where it is sharp; none: at `target`.
+    /// - `fov`: full vertical field of view, in degrees.
+    /// - `lens_radius`: in scene units; 0: everything is sharp. `focus_distance`: distance of the sharp plane; `None`: that of
+    ///   `target`.
     #[pyo3(signature = (eye, target, *, up=[0.0, 1.0, 0.0], fov=40.0, lens_radius=0.0, focus_distance=None, name=String::new()))]
     fn camera(
         &self,
@@ -258,7 +259,7 @@ impl PyScene {
         Ok(())
     }
 
-    /// Adds a light without extent. `intensity`: R G B in W·sr⁻¹.
+    /// Adds a point light. `intensity`: R G B in W·sr⁻¹.
     fn point_light(&self, position: [f32; 3], intensity: [f32; 3]) -> PyResult<()> {
         let kind =
             LightKind::Point { position: point("position", position)?, intensity: color("intensity", intensity)? };
@@ -266,7 +267,7 @@ impl PyScene {
         Ok(())
     }
 
-    /// Adds parallel light. `direction`: in which it travels. `irradiance`: R G B on a surface that faces it, in W·m⁻².
+    /// Adds a directional light. `direction`: direction of travel. `irradiance`: R G B on a perpendicular surface, in W·m⁻².
     fn sun(&self, direction: [f32; 3], irradiance: [f32; 3]) -> PyResult<()> {
         let direction = self::direction("direction", direction)?;
         let kind = LightKind::Directional { direction, irradiance: color("irradiance", irradiance)? };
@@ -274,7 +275,7 @@ impl PyScene {
         Ok(())
     }
 
-    /// Lights the scene from all around with the same radiance, R G B in W·sr⁻¹·m⁻².
+    /// Adds a uniform environment light. `radiance`: R G B in W·sr⁻¹·m⁻².
     fn environment(&self, radiance: [f32; 3]) -> PyResult<()> {
         let radiance = color("radiance", radiance)?;
         self.scene().environment = Some(Environment::uniform(radiance));

@@ -1,4 +1,4 @@
-//! Sessions: a scene that is loaded, painted once.
+//! The Python class of sessions.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -16,14 +16,14 @@ use crate::{
     waiting::{Caller, Ending, ShowPreview},
 };
 
-/// What is open of a session.
+/// The stage of a session.
 enum Stage {
     Open(Box<Session>),
-    /// It is being painted, or was.
+    /// Rendering has begun, and may have ended.
     Used,
 }
 
-/// A scene that is loaded, with everything checked before the first sample.
+/// A session: a loaded scene with its request checked, to be rendered once.
 #[pyclass(name = "Session", module = "bottega._native", frozen)]
 pub(crate) struct PySession {
     stage: Mutex<Stage>,
@@ -33,7 +33,7 @@ pub(crate) struct PySession {
     shows: bool,
 }
 
-/// What a session paints.
+/// Opens a session of the library, for a scene in memory if one is given.
 fn open(request: &Request, scene: Option<Scene>, options: SessionOptions) -> Result<Session, Error> {
     match scene {
         None => Session::open_with(request, options),
@@ -72,7 +72,7 @@ impl PySession {
         Ok(Self { stage, stop, shown: Arc::default(), shows: live })
     }
 
-    /// Paints the picture and waits for it.
+    /// Renders the picture and waits for it.
     #[pyo3(signature = (on_event=None, warn_level=2))]
     fn render(&self, py: Python<'_>, on_event: Option<Bound<'_, PyAny>>, warn_level: u8) -> PyResult<PyPicture> {
         refuse_forked()?;
@@ -88,17 +88,17 @@ impl PySession {
         ended(py, ending)
     }
 
-    /// Asks the painting to stop.
+    /// Requests that rendering stops.
     fn stop(&self) {
         self.stop.request();
     }
 
-    /// The latest preview as a file of PNG, or nothing.
+    /// Returns the latest preview as the bytes of a PNG file; `None`: there is none.
     fn preview_png<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyBytes>> {
         locked(&self.shown).as_deref().map(|bytes| PyBytes::new(py, bytes))
     }
 
-    /// The latest preview, uint8, (height, width, 3), sRGB, or nothing.
+    /// Returns the latest preview: uint8, (height, width, 3), sRGB; `None`: there is none.
     fn preview<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
         let Some(png) = locked(&self.shown).clone() else { return Ok(None) };
         let array = py.detach(|| decoded(&png)).map_err(PyValueError::new_err)?;
@@ -106,7 +106,7 @@ impl PySession {
     }
 }
 
-/// A picture, or an exception: with the picture as far as it is painted where it was interrupted.
+/// Returns the picture, or its exception; after Ctrl-C, an exception with the picture painted so far.
 pub(crate) fn ended(py: Python<'_>, ending: Ending<Result<Picture, Error>>) -> PyResult<PyPicture> {
     match ending {
         Ending::Whole(picture) => picture.map(PyPicture::new).map_err(|error| errors::raised(&error)),
@@ -117,7 +117,7 @@ pub(crate) fn ended(py: Python<'_>, ending: Ending<Result<Picture, Error>>) -> P
     }
 }
 
-/// The pixels of a PNG file of 8-bit RGB.
+/// Decodes a PNG file of 8-bit RGB.
 fn decoded(file: &[u8]) -> Result<Array3<u8>, String> {
     let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().map_err(|error| error.to_string())?;
     let mut pixels = vec![0; reader.output_buffer_size().unwrap_or_default()];

@@ -1,4 +1,4 @@
-//! Work on another thread, for which the calling thread waits: it runs callbacks, and sees Ctrl-C.
+//! Work on another thread. The calling thread waits for it, runs callbacks, and sees Ctrl-C.
 
 use std::{
     sync::{
@@ -14,33 +14,33 @@ use pyo3::{exceptions::PyKeyboardInterrupt, prelude::*};
 
 use crate::{errors, process::UnderWay, values::to_python};
 
-/// How often the calling thread looks for Ctrl-C.
+/// Interval between checks for Ctrl-C.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// Events that wait for a callback, at most; painters wait where there are more.
+/// Largest number of events queued for a callback; rendering threads block if there are more.
 const EVENTS_MAX: usize = 4096;
 
-/// What the working thread says.
+/// A message of the working thread.
 enum News<T> {
     Told(Box<Event>),
     Over(T),
 }
 
-/// Who is told on the working threads. It passes on what Python wants to hear.
+/// The watcher on the working threads. It forwards the events that Python needs.
 struct Teller<T> {
     news: SyncSender<News<T>>,
-    /// Whether there is a callback; without it only warnings are heard.
+    /// True if there is a callback; otherwise only warnings are forwarded.
     hears_all: bool,
     shown: Option<ShowPreview>,
 }
 
-/// Takes the bytes of a PNG file.
+/// A function that receives a preview, the bytes of a PNG file.
 pub(crate) type ShowPreview = Arc<dyn Fn(Vec<u8>) + Send + Sync>;
 
 impl<T: Send> Watcher for Teller<T> {
     fn told(&self, event: Event) {
         if self.hears_all || matches!(event, Event::Warning { .. }) {
-            // Nobody hears it any more where the calling thread has given up.
+            // The receiver is gone if the calling thread has given up.
             _ = self.news.send(News::Told(Box::new(event)));
         }
     }
@@ -52,26 +52,26 @@ impl<T: Send> Watcher for Teller<T> {
     }
 }
 
-/// How the calling thread takes part.
+/// The settings of a call that waits for work.
 pub(crate) struct Caller<'py> {
     pub(crate) py: Python<'py>,
     /// Called with each event, as a dictionary.
     pub(crate) on_event: Option<Bound<'py, PyAny>>,
-    /// How the work is stopped.
+    /// The switch that stops the work.
     pub(crate) stop: StopSwitch,
-    /// Who is shown previews.
+    /// The function that receives previews; `None`: previews are not needed.
     pub(crate) shown: Option<ShowPreview>,
-    /// How many calls up the stack a warning is shown at: 1 is the Python code that calls this module.
+    /// Stack level at which a warning is reported; 1: the Python code that calls this module.
     pub(crate) warn_level: u8,
-    /// Whether work that is to stop is waited for: it hands over what it has, or takes back what it has sent.
+    /// True if the end of stopped work is awaited, because it returns a partial result or takes back what it has sent.
     pub(crate) waits_for_end: bool,
 }
 
-/// How work came to its end.
+/// The result of work, by the way it ended.
 pub(crate) enum Ending<T> {
-    /// By itself, or stopped by its switch.
+    /// The work ended by itself, or was stopped by its switch.
     Whole(T),
-    /// Stopped by Ctrl-C.
+    /// The work was stopped by Ctrl-C.
     Interrupted(T),
 }
 
@@ -80,11 +80,11 @@ impl<'py> Caller<'py> {
         Self { py, on_event: None, stop: StopSwitch::new(), shown: None, warn_level: 2, waits_for_end: false }
     }
 
-    /// Does `work` on a thread of its own and waits for it, without the interpreter's lock.
+    /// Runs `work` on its own thread and waits for it, without the interpreter's lock.
     ///
     /// # Errors
-    /// What a callback or a handler of a signal raises: the work is stopped then, and its end waited for where the caller says so. A
-    /// second Ctrl-C does not wait.
+    /// The exception of a callback or a signal handler. The work is then stopped, and its end awaited if `waits_for_end` is
+    /// set; a second Ctrl-C does not wait.
     pub(crate) fn wait_for<T: Send + 'static>(
         self,
         work: impl FnOnce(Arc<dyn Watcher>, &StopSwitch) -> T + Send + 'static,
@@ -96,7 +96,7 @@ impl<'py> Caller<'py> {
         thread::spawn(move || {
             let over = work(Arc::new(teller), &stop);
             drop(under_way);
-            // Nobody waits any more where the calling thread has given up.
+            // The receiver is gone if the calling thread has given up.
             _ = news.send(News::Over(over));
         });
         self.listen(told)
@@ -145,7 +145,7 @@ impl<'py> Caller<'py> {
 }
 
 impl<T> Ending<T> {
-    /// What there is where nothing was painted: Ctrl-C leaves nothing then.
+    /// Returns the value; after Ctrl-C an exception without a picture.
     pub(crate) fn whole(self) -> PyResult<T> {
         match self {
             Self::Whole(value) => Ok(value),

@@ -1,4 +1,4 @@
-//! Pictures held side by side: those of jobs, and those that a client has sent for that.
+//! Comparisons of pictures: of jobs, and of files that clients send.
 
 use std::{
     collections::VecDeque,
@@ -16,10 +16,10 @@ use crate::{
     source::{PictureFile, ShownFarm},
 };
 
-/// The pictures that were sent to a door, and what was compared last.
+/// The pictures that clients have sent, and the last comparison.
 pub(crate) struct Comparisons {
     state: Mutex<ComparedState>,
-    /// Comparing takes memory: one at a time.
+    /// Allows one comparison at a time, since comparing takes much memory.
     pub(crate) alone: Arc<Semaphore>,
 }
 
@@ -27,11 +27,11 @@ pub(crate) struct Comparisons {
 struct ComparedState {
     last: u32,
     sent: VecDeque<(u32, Arc<PictureFile>)>,
-    /// What differed last, with the digests of both files: figures and map are asked for one after the other.
+    /// The last comparison, with the digests of both files: clients ask for figures and map one after the other.
     compared: Option<([blake3::Hash; 2], Arc<ComparedPictures>)>,
 }
 
-/// How two pictures differ.
+/// The difference of two pictures.
 pub(crate) struct ComparedPictures {
     size: (u32, u32),
     pub(crate) difference: Difference,
@@ -44,7 +44,8 @@ impl Default for Comparisons {
 }
 
 impl Comparisons {
-    /// Keeps a picture that a client has sent; the oldest one goes. Returns its number and its size.
+    /// Keeps a picture that a client has sent, in place of the oldest one if there are too many. Returns its number and its
+    /// size in pixels.
     pub(crate) fn keep(&self, bytes: Vec<u8>) -> Result<(u32, (u32, u32)), Problem> {
         let size = read("the picture", &bytes)?.size();
         let mut state = self.state();
@@ -57,7 +58,7 @@ impl Comparisons {
         Ok((number, size))
     }
 
-    /// A picture that was sent, as a display shows it: a PNG file.
+    /// Returns a sent picture as a PNG file for display.
     pub(crate) fn shown(&self, number: u32) -> Result<Vec<u8>, Problem> {
         let file = self.sent(number)?;
         if file.bytes.starts_with(b"\x89PNG") {
@@ -67,9 +68,9 @@ impl Comparisons {
         Canvas::of_picture(&picture, 0.0, ToneMap::Agx).to_png().map_err(|error| unread(&file.name, &error))
     }
 
-    /// How the picture of a job differs from another one.
+    /// Compares the picture of a job with another one.
     ///
-    /// - `other`: `job-2`, or `picture-1` for one that was sent.
+    /// - `other`: `job-2`, or `picture-1` for a sent picture.
     pub(crate) fn compare(
         &self,
         farm: &dyn ShownFarm,
@@ -108,7 +109,7 @@ impl Comparisons {
 }
 
 impl ComparedPictures {
-    /// FLIP of each pixel in false colors, as a PNG file.
+    /// Returns FLIP of each pixel in false colors, as a PNG file.
     pub(crate) fn flip_map(&self) -> Result<Vec<u8>, Problem> {
         let (width, height) = self.size;
         let map = Canvas::heat_map(width, height, &self.difference.flip_map, 1.0, ColorMap::Inferno);

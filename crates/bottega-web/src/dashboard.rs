@@ -1,4 +1,4 @@
-//! The picture of one process, shown as a farm of one job would be: `bottega render --dashboard`.
+//! The dashboard of one process, which appears as a farm with one job: `bottega render --dashboard`.
 
 use std::{
     net::SocketAddr,
@@ -36,21 +36,21 @@ use crate::{
     source::{JobAgents, JobOrder, MachineStatus, PictureFile, ShownFarm, ShownKind},
 };
 
-/// The number of the only job.
+/// Number of the only job.
 const NUMBER: u32 = 1;
-/// The number of its work.
+/// Number of the only work.
 const WORK: u64 = 1;
-/// Lines of its log that are kept.
+/// Largest number of log lines kept.
 const LOG_LINES_MAX: usize = 200;
 
-/// Shows the picture of this process to whoever connects.
+/// Serves the picture of this process to clients.
 #[derive(Clone)]
 pub struct Dashboard {
     painted: Arc<PaintedJob>,
     door: Arc<Door>,
 }
 
-/// The picture of one process.
+/// The job of this process.
 struct PaintedJob {
     state: Mutex<PaintedState>,
     live: Arc<LiveJob>,
@@ -58,7 +58,7 @@ struct PaintedJob {
     stop: StopSwitch,
     meter: UsageMeter,
     messages: Mutex<MessageLog>,
-    /// What is painted.
+    /// The request that is being rendered.
     request: OnceLock<Request>,
 }
 
@@ -69,16 +69,16 @@ struct PaintedState {
     log: Vec<LogLine>,
     preview: Option<Vec<u8>>,
     threads: usize,
-    /// What paints beside them.
+    /// Names of the devices that render together with the CPU threads.
     devices: Vec<String>,
-    /// Where the picture is, once it is.
+    /// The output file, once it is written.
     written: Option<String>,
 }
 
 impl Dashboard {
     /// Listens on `address` (port 0: any free one) and serves until the process ends.
     ///
-    /// - `stop`: what ends the picture; a client may do that.
+    /// - `stop`: stops rendering; clients can request it.
     ///
     /// # Errors
     /// The address cannot be listened on.
@@ -94,17 +94,17 @@ impl Dashboard {
         Ok(Self { painted, door: Arc::new(door) })
     }
 
-    /// Where it is seen, with the token that lets one in.
+    /// Returns the URL of the dashboard, with a token that allows steering.
     pub fn url(&self) -> String {
         self.door.steering_url()
     }
 
-    /// What is painted is this: one may look around in its scene meanwhile.
+    /// Sets the request that is being rendered, which viewports of its scene need.
     pub fn show_request(&self, request: &Request) {
         _ = self.painted.request.set(request.clone());
     }
 
-    /// Shows an event to all who look, and to those who come later.
+    /// Publishes an event to connected clients, and keeps its state for later ones.
     pub fn publish(&self, event: &Event) {
         self.painted.live.tell(event);
         let mut state = self.painted.state();
@@ -113,12 +113,12 @@ impl Dashboard {
         self.painted.live.tell_job(&state.view);
     }
 
-    /// Shows a message between agents.
+    /// Publishes a message between agents.
     pub fn show_message(&self, message: MessageEvent) {
         self.painted.messages.lock().unwrap_or_else(PoisonError::into_inner).push(message);
     }
 
-    /// From now on `png`, a PNG file, is what is painted. Whoever looks is told by [`Event::Preview`].
+    /// Sets the preview, the bytes of a PNG file. Clients learn of it by [`Event::Preview`].
     pub fn set_preview(&self, png: Vec<u8>) {
         let mut state = self.painted.state();
         (state.preview, state.view.seen) = (Some(png), true);
@@ -153,7 +153,7 @@ impl PaintedState {
         Self { view, zones, agents, log: Vec::new(), preview: None, threads: 0, devices: Vec::new(), written: None }
     }
 
-    /// Takes an event in. What it replaces is forgotten.
+    /// Updates the state by an event.
     fn take(&mut self, event: &Event) {
         match event {
             Event::Started { scene, output, threads, gpus, .. } => {
@@ -209,7 +209,7 @@ impl PaintedJob {
     }
 }
 
-/// What only a farm can do.
+/// Returns the problem of a request that only a farm can fulfil.
 fn no_farm() -> Problem {
     Problem::conflict("this is the picture of one process, no farm", "ask `bottega up`")
 }
@@ -359,7 +359,8 @@ impl ShownFarm for PaintedJob {
         Err(no_farm())
     }
 
-    /// The picture itself, of the size and seen as `film.size` and `view` of the request say: nothing else can be looked at here.
+    /// Returns the request of this process's picture, with `film.size` and `view` of `asked`; other scenes cannot be viewed
+    /// here.
     fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem> {
         let painted = self.request.get().filter(|_| asked.files.is_empty() && asked.files_of_job == Some(NUMBER));
         let mut request = painted.cloned().ok_or_else(no_farm)?;

@@ -1,15 +1,15 @@
-//! Why a door could not be opened.
+//! The errors of opening a door.
 
-/// Why a door could not be opened.
+/// The reason why a door could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     /// The address cannot be listened on.
     #[error(transparent)]
     Listen(#[from] bottega_cluster::Error),
-    /// The operating system gives no thread, or does not let it listen.
+    /// The operating system refuses a thread or a socket.
     #[error("the system does not let it listen")]
     System(#[from] std::io::Error),
-    /// There are no tokens or no certificate.
+    /// Tokens or the certificate cannot be made or used.
     #[error("no way to tell who may come in: {0}")]
     Secrets(String),
 }

@@ -1,5 +1,4 @@
-//! The guard that every request passes before it is answered: whom it names, where it comes from, what its token lets it do, how
-//! often it asks.
+//! The guard before all routes: checks host name, origin, token and request rate.
 
 use std::{sync::Arc, time::Instant};
 
@@ -20,7 +19,7 @@ use crate::{
     tokens::TokenBearer,
 };
 
-/// What browsers are told of every answer: scripts, styles and pictures of this door alone, in no frame of others.
+/// Security headers of all answers: scripts, styles and images of this door alone, and no framing by other pages.
 const HEADERS: &[(&str, &str)] = &[
     (
         "content-security-policy",
@@ -33,10 +32,10 @@ const HEADERS: &[(&str, &str)] = &[
     ("cross-origin-opener-policy", "same-origin"),
 ];
 
-/// In answers of the API: what the token lets its client do, `see` or `steer`.
+/// Header of API answers with the role of the token: `see` or `steer`.
 const ROLE: HeaderName = HeaderName::from_static("bottega-role");
 
-/// Turns away what is not from this door's own pages or from a program, and marks what browsers may do with the answer.
+/// Refuses requests that come from pages of other sites, and adds the security headers to answers.
 pub(crate) async fn guard(State(door): State<Arc<DoorState>>, request: Request, next: Next) -> Response {
     let mut response = match check_place(&door, request.headers()) {
         Ok(()) => next.run(request).await,
@@ -71,14 +70,14 @@ fn check_place(door: &DoorState, headers: &HeaderMap) -> Result<(), Problem> {
     }
     let site = one(HeaderName::from_static("sec-fetch-site")).0;
     let mode = one(HeaderName::from_static("sec-fetch-mode")).0;
-    // One may come here by a link.
+    // Links from other sites to this door are allowed.
     if matches!(site, Some("cross-site" | "same-site")) && mode != Some("navigate") {
         return foreign("a page of another site asks".to_owned());
     }
     Ok(())
 }
 
-/// Lets those pass who show a token, and tells what follows what it lets them do.
+/// Admits requests with a valid token, and passes its holder on to the handlers.
 pub(crate) async fn admit(
     State(door): State<Arc<DoorState>>,
     Extension(Client(address)): Extension<Client>,
@@ -95,7 +94,7 @@ pub(crate) async fn admit(
         let remedy = "open the address that was printed with its ?token=…, or send `Authorization: Bearer TOKEN`";
         return Err(Problem::new(StatusCode::UNAUTHORIZED, detail, remedy));
     };
-    // Streams of events are counted while they last.
+    // Event streams have a limit of their own.
     let is_stream = request.uri().path().ends_with("/events");
     if !is_stream && !door.tempo.take(address, TempoKind::Question, Instant::now()) {
         return Err(too_many());
@@ -107,7 +106,7 @@ pub(crate) async fn admit(
     Ok(response)
 }
 
-/// Lets all pass who do not ask too often.
+/// Admits requests of all clients within the rate limit.
 pub(crate) async fn pace(
     State(door): State<Arc<DoorState>>,
     Extension(Client(address)): Extension<Client>,
@@ -125,7 +124,7 @@ fn too_many() -> Problem {
     Problem::new(StatusCode::TOO_MANY_REQUESTS, detail, "ask again in a moment, and less often")
 }
 
-/// Lets those pass who may steer, and notes what they do.
+/// Admits requests whose token allows steering, and logs them.
 pub(crate) async fn steering(
     State(door): State<Arc<DoorState>>,
     Extension(bearer): Extension<TokenBearer>,
@@ -141,7 +140,7 @@ pub(crate) async fn steering(
     } else {
         next.run(request).await
     };
-    // Pieces of files and frames of viewports are many, and the job that they are for is noted.
+    // Pieces of files and frames of viewports are too many to log; their job is logged.
     let is_deed = method != Method::GET && !path.starts_with("/api/uploads") && !path.starts_with("/api/viewports");
     if let Some(deeds) = door.deeds.as_ref().filter(|_| is_deed) {
         let TokenBearer { holder, address } = &bearer;

@@ -1,9 +1,9 @@
-//! By which names a door is called. A page of somebody else may resolve its own name to this machine's address (DNS rebinding);
-//! what it asks then has its name as `Host`, and is refused.
+//! The host names of a door. They protect against DNS rebinding: a page of another site may resolve its own name to this
+//! machine's address, but its requests then have that name as `Host`, and are refused.
 
 use std::{collections::BTreeSet, net::SocketAddr};
 
-/// The names of a door, with its port.
+/// The allowed host names of a door, with their ports.
 #[derive(Debug)]
 pub(crate) struct HostNames {
     allowed: BTreeSet<String>,
@@ -11,8 +11,11 @@ pub(crate) struct HostNames {
 }
 
 impl HostNames {
-    /// - `bound`: where it listens.
-    /// - `more`: other names that it is called by, such as that of a proxy before it; with a port, or for any.
+    /// Collects the host names of a door.
+    ///
+    /// - `bound`: address on which the door listens.
+    /// - `more`: further host names, such as that of a proxy, with port if it is part of the `Host` header.
+    /// - `is_secure`: true for https.
     pub(crate) fn new(bound: SocketAddr, more: &[String], is_secure: bool) -> Self {
         let (scheme, default_port) = if is_secure { ("https", 443) } else { ("http", 80) };
         let mut hosts = Vec::new();
@@ -35,20 +38,20 @@ impl HostNames {
         Self { allowed, scheme }
     }
 
-    /// Whether a `Host` header names this door.
+    /// Returns true if a `Host` header names this door.
     pub(crate) fn has(&self, host: &str) -> bool {
         self.allowed.contains(&host.to_ascii_lowercase())
     }
 
-    /// Whether an `Origin` header is of a page of this door.
+    /// Returns true if an `Origin` header is that of this door's pages.
     pub(crate) fn is_origin(&self, origin: &str) -> bool {
         let (scheme, host) = origin.split_once("://").unwrap_or_default();
-        // A proxy may take the encryption off.
+        // A proxy may terminate TLS.
         (scheme == self.scheme || scheme == "https") && self.has(host)
     }
 }
 
-/// The host of an address as URLs have it.
+/// Returns the host of an address in the form of URLs.
 pub(crate) fn host_of(address: SocketAddr) -> String {
     match address {
         SocketAddr::V4(address) => address.ip().to_string(),

@@ -1,20 +1,21 @@
-//! The door for browsers and other programs: one HTTP API and one page, for a farm and for the picture of one process.
+//! The HTTP server ("door") for browsers and other programs: one API and one web page, for a farm or for the picture of one
+//! process.
 //!
-//! No logic of its own: it asks a [`ShownFarm`], which is a farm ([`LinkedFarm`]) or this process's picture ([`Dashboard`]). The
-//! events are those of `bottega render --json`. What a client may do, and how much, is in `docs/api.md`.
+//! It has no logic of its own: it asks a [`ShownFarm`], which is a farm ([`LinkedFarm`]) or this process's picture
+//! ([`Dashboard`]). The events are those of `bottega render --json`. `docs/api.md` describes the routes and their limits.
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | where |
 //! |---|---|
 //! | the server: connections, TLS, timeouts | `src/server.rs`, `src/timed_io.rs` |
-//! | who may come in, and how often | `src/guard.rs`, `src/hosts.rs`, `src/tokens.rs`, `src/limits.rs`; tokens made and revoked: `src/routes/tokens.rs` |
-//! | the routes, and what each answers | `src/route.rs`, `src/routes/`; as OpenAPI: `src/openapi.rs` |
-//! | what is shown: a farm, one picture | `src/source.rs`; `src/linked_farm.rs`, `src/dashboard.rs` |
-//! | a job as it changes; its messages | `src/live.rs`; `src/message_log.rs` |
-//! | scenes that are looked around in | `src/viewports.rs`, `src/routes/viewports.rs` |
-//! | pictures compared | `src/comparisons.rs`, `src/routes/comparisons.rs` |
-//! | errors; paths that nobody is told | `src/problem.rs`, `src/redact.rs` |
+//! | access control and rate limits | `src/guard.rs`, `src/hosts.rs`, `src/tokens.rs`, `src/limits.rs`; making and revoking tokens: `src/routes/tokens.rs` |
+//! | the routes and their answers | `src/route.rs`, `src/routes/`; as OpenAPI: `src/openapi.rs` |
+//! | the source of the data: a farm, one picture | `src/source.rs`; `src/linked_farm.rs`, `src/dashboard.rs` |
+//! | live state of a job; its messages | `src/live.rs`; `src/message_log.rs` |
+//! | interactive views of scenes | `src/viewports.rs`, `src/routes/viewports.rs` |
+//! | comparison of pictures | `src/comparisons.rs`, `src/routes/comparisons.rs` |
+//! | errors; removal of file paths from answers | `src/problem.rs`, `src/redact.rs` |
 //! | the page; the manual | `src/page.rs`, `assets/`; `src/manual.rs` |
 
 mod comparisons;

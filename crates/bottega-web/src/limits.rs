@@ -1,4 +1,4 @@
-//! Limits of requests: how many, how large, and how long they may take.
+//! The limits of requests: number, size and time.
 
 use std::{
     collections::HashMap,
@@ -7,72 +7,74 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Connections at once; more are closed as they come.
+/// Largest number of connections; further ones are closed.
 pub(crate) const CONNECTIONS_MAX: usize = 512;
-/// Streams of events at once; more are answered 503.
+/// Largest number of event streams; further ones get status 503.
 pub const EVENT_STREAMS_MAX: usize = 64;
-/// Questions to the farm under way at once.
+/// Largest number of concurrent calls to the farm.
 pub(crate) const QUESTIONS_MAX: usize = 16;
-/// Jobs that are looked through at once, before they are asked for.
+/// Largest number of submissions examined at the same time.
 pub(crate) const SUBMISSIONS_MAX: usize = 1;
-/// Pictures that were sent to be compared; the oldest one goes.
+/// Number of sent pictures kept for comparison; the oldest one is dropped.
 pub(crate) const SENT_PICTURES_MAX: usize = 2;
-/// Bytes of each.
+/// Largest size of a sent picture, in bytes.
 pub(crate) const SENT_PICTURE_BYTES_MAX: usize = 64 << 20;
-/// So long for comparing two pictures.
+/// Time limit for comparing two pictures.
 pub(crate) const COMPARISON_TIME: Duration = Duration::from_secs(120);
-/// Scenes that are looked around in at once; more are answered 503.
+/// Largest number of viewports; further ones get status 503.
 pub(crate) const VIEWPORTS_MAX: usize = 4;
-/// A viewport of which nobody asks for so long is closed.
+/// Time without requests after which a viewport is closed.
 pub(crate) const VIEWPORT_IDLE: Duration = Duration::from_secs(20);
-/// So long one waits for something new of a viewport.
+/// Longest time that a request waits for a new frame of a viewport.
 pub(crate) const FRAME_TIME: Duration = Duration::from_secs(5);
-/// Bytes of a body of JSON.
+/// Largest JSON body, in bytes.
 pub const JSON_BYTES_MAX: usize = 1 << 20;
-/// Bytes of all headers of a request.
+/// Largest size of all headers of a request, in bytes.
 pub(crate) const HEADER_BYTES_MAX: usize = 16 << 10;
-/// So long a client may take for the headers of a request; so long it may say nothing between two.
+/// Time limit for the headers of a request, and for idle connections between requests.
 pub(crate) const HEADERS_TIME: Duration = Duration::from_secs(10);
-/// So long for a body of JSON, and for a piece of a file.
+/// Time limit for a JSON body.
 pub(crate) const JSON_TIME: Duration = Duration::from_secs(15);
+/// Time limit for a piece of a file.
 pub(crate) const PIECE_TIME: Duration = Duration::from_secs(120);
-/// So long one may not take any byte that is told it.
+/// Longest time that a write may block because the client does not read.
 pub(crate) const WRITE_TIME: Duration = Duration::from_secs(20);
-/// So long is waited for the farm.
+/// Time limit for an answer of the farm.
 pub(crate) const ANSWER_TIME: Duration = Duration::from_secs(30);
-/// So long for looking through a scene.
+/// Time limit for examining a submission.
 pub(crate) const SUBMISSION_TIME: Duration = Duration::from_secs(300);
 
-/// Questions a second of one address, and how many at once after a pause.
+/// Rate limit of requests per address: per second, and in a burst.
 const QUESTIONS: TempoLimit = TempoLimit { per_second: 200.0, burst: 600.0 };
-/// Tokens that are none.
+/// Rate limit of wrong tokens per address.
 const WRONG_TOKENS: TempoLimit = TempoLimit { per_second: 5.0, burst: 40.0 };
-/// Addresses that are remembered.
+/// Largest number of addresses remembered.
 const ADDRESSES_MAX: usize = 4096;
 
+/// A rate limit: sustained rate per second, and size of a burst.
 #[derive(Clone, Copy, Debug)]
 struct TempoLimit {
     per_second: f64,
     burst: f64,
 }
 
-/// What kind of thing is counted.
+/// The kind of event that is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum TempoKind {
-    /// A question.
+    /// A request with a valid token, or to an open route.
     Question,
-    /// A token that is none.
+    /// A request with a wrong token.
     WrongToken,
 }
 
-/// Counts what each address asks: a bucket that drains.
+/// Rate limiters of all addresses (leaky buckets).
 #[derive(Debug, Default)]
 pub(crate) struct Tempo {
     buckets: Mutex<HashMap<(IpAddr, TempoKind), (f64, Instant)>>,
 }
 
 impl Tempo {
-    /// Counts one more. `false`: it is too many.
+    /// Counts an event. Returns false if the limit is exceeded.
     pub(crate) fn take(&self, address: IpAddr, what: TempoKind, now: Instant) -> bool {
         let pace = match what {
             TempoKind::Question => QUESTIONS,

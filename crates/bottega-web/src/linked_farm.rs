@@ -1,5 +1,5 @@
-//! A farm as its notices, rows and blobs tell of it: nothing is kept here but what was read a moment ago, so any process of the farm
-//! serves the same.
+//! A farm seen through its notices, rows and blobs. Only recently read data is kept, so any process of the farm serves the
+//! same.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -41,18 +41,18 @@ use crate::{
     source::{AuctionSum, JobAgents, JobOrder, MachineRefusal, MachineStatus, PictureFile, ShownFarm, ShownKind},
 };
 
-/// How often is looked how a job stands that somebody watches.
+/// Interval between checks of a watched job.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
-/// Pictures under way that are kept ready to be shown.
+/// Largest number of previews kept.
 const PREVIEWS_MAX: usize = 8;
-/// Jobs whose messages are kept ready.
+/// Largest number of jobs whose messages are kept.
 const MESSAGES_OF_MAX: usize = 4;
-/// The farm is told so often that somebody looks at the messages of a job.
+/// Interval of the requests to the farm to collect a job's messages.
 const WATCH_EVERY: Duration = Duration::from_secs(2);
-/// A preview is made anew so often at most.
+/// Shortest interval between two renewals of a preview.
 const PREVIEW_EVERY: Duration = Duration::from_millis(700);
 
-/// A farm that this process is linked with.
+/// A farm to which this process is linked.
 pub struct LinkedFarm {
     board: JobBoard,
     secrets: WebSecrets,
@@ -62,25 +62,25 @@ pub struct LinkedFarm {
     messages: Mutex<HashMap<u64, Arc<Mutex<ReadMessages>>>>,
 }
 
-/// The messages of a job, as far as they were read.
+/// The messages of a job read so far.
 #[derive(Default)]
 struct ReadMessages {
     log: MessageLog,
     pieces: usize,
-    /// When the farm was told last that somebody looks on.
+    /// Time of the last request to the farm to collect messages; `None`: there was none.
     told: Option<Instant>,
 }
 
-/// A job that somebody watches.
+/// A job that clients watch.
 struct FollowedJob {
-    /// The number of the job, whichever painting of it is under way.
+    /// Identity of the job, the same for all repetitions of its rendering.
     origin: u64,
     live: Arc<LiveJob>,
-    /// Nothing more is told of it: it was over.
+    /// True once the thread that follows the job has ended.
     has_ended: Arc<AtomicBool>,
 }
 
-/// A preview and when it was made.
+/// A preview, with its last PNG file and the time it was made.
 struct FreshPreview {
     preview: JobPreview,
     png: Option<Vec<u8>>,
@@ -89,9 +89,9 @@ struct FreshPreview {
 }
 
 impl LinkedFarm {
-    /// The farm of a board.
+    /// Makes a source from the board of a farm.
     ///
-    /// - `secrets`: what its own tokens are derived from.
+    /// - `secrets`: the secrets from which its own tokens are derived.
     pub fn new(board: JobBoard, secrets: WebSecrets) -> Self {
         Self {
             board,
@@ -139,9 +139,10 @@ fn view(board: &JobBoard, number: u32, job: &Job, seats: &[Presence]) -> JobView
     JobView::of(number, job, &board.lead(number).unwrap_or_default(), machines)
 }
 
-/// Tells of a job until it is over and all is told, or nobody watches any more.
+/// Publishes the changes of a job until it is over, removed, or no client watches it.
 fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn() -> bool) {
     let mut said: Option<LogLine> = None;
+    // Publishes the view and the new log lines of the job
     let mut look = || {
         let job = board.get(number)?;
         if live.begin_painting(job.work) {
@@ -158,6 +159,7 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
     let Some(mut job) = look() else { return live.tell_removed() };
     loop {
         let (mut looked, mut now) = (Instant::now(), Some(job.clone()));
+        // Publish rows of zones and agents as they change, and the job now and then
         let told = board.watch_rows(&job, |news| {
             if let RowNews::Row(row) = news {
                 live.tell(&row);
@@ -178,7 +180,7 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
         }
         match now {
             None => return live.tell_removed(),
-            // It is over: once more, what its rows said last. Else it is painted again, or the server went away: from the beginning.
+            // If the job is over, publish its last rows. Else it is rendered again or the connection was lost: start again.
             Some(now) => job = now,
         }
         thread::sleep(LOOK_EVERY);
@@ -298,10 +300,10 @@ impl ShownFarm for LinkedFarm {
     fn live(&self, number: u32) -> Result<Arc<LiveJob>, Problem> {
         let Job { origin, state, .. } = self.known(number)?;
         let mut followed = lock(&self.live);
-        // Whose thread has ended, and whom nobody watches.
+        // Drop jobs that no client watches and whose thread has ended
         followed.retain(|_, job| Arc::strong_count(&job.live) > 1);
         let known = followed.get(&number).filter(|job| job.origin == origin);
-        // One that was over may be painted again.
+        // A job that was over may be rendered again
         let goes_on = |job: &&FollowedJob| state.is_over() || !job.has_ended.load(Ordering::Relaxed);
         if let Some(job) = known.filter(goes_on) {
             return Ok(Arc::clone(&job.live));
@@ -310,7 +312,7 @@ impl ShownFarm for LinkedFarm {
         let has_ended = Arc::new(AtomicBool::new(false));
         followed.insert(number, FollowedJob { origin, live: Arc::clone(&live), has_ended: Arc::clone(&has_ended) });
         let (board, told, all) = (self.board.clone(), Arc::clone(&live), Arc::clone(&self.live));
-        // This thread and the table have it.
+        // The job's thread and the table hold the other two references.
         let is_wanted = move |live: &Arc<LiveJob>| {
             let mut all = lock(&all);
             let is_wanted = Arc::strong_count(live) > 2;
@@ -321,7 +323,7 @@ impl ShownFarm for LinkedFarm {
         };
         let begun = thread::Builder::new().name(format!("job-{number}")).spawn(move || {
             let since = Instant::now();
-            // The one who asked for it may not have begun to listen.
+            // The first client may not have subscribed yet.
             let is_wanted = || since.elapsed() < LOOK_EVERY || is_wanted(&told);
             follow(&board, number, &told, &is_wanted);
             has_ended.store(true, Ordering::Relaxed);
@@ -393,7 +395,7 @@ impl ShownFarm for LinkedFarm {
     fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Problem> {
         self.known(number)?;
         self.board.requeue(number, zone, &of_page(by))?;
-        // Those who watch a job that was over are told how it goes on.
+        // Resume publishing to clients that watch a job which was over.
         let is_watched = lock(&self.live).contains_key(&number);
         if is_watched {
             self.live(number)?;
@@ -463,7 +465,7 @@ impl ShownFarm for LinkedFarm {
     }
 }
 
-/// Who wants something of the farm, as its logs say it.
+/// Returns the author of an order, for the farm's logs.
 fn of_page(by: &str) -> String {
     format!("{by}, by the page that {} serves", host_name())
 }

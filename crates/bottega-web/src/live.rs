@@ -1,5 +1,5 @@
-//! A job as it changes, for any number of clients. What is kept is the present state, not its history: each client is told what has
-//! changed since it was told the last time, so one that reads slowly misses steps and never the end.
+//! The live state of a job, for any number of clients. It keeps the present state, not the history: each client gets what has
+//! changed since its last update, so a slow client misses intermediate steps but never the final state.
 
 use std::{
     collections::{BTreeMap, HashMap, VecDeque},
@@ -11,27 +11,27 @@ use bottega_cluster::view::JobView;
 
 use crate::redact::{redacted_json, without_paths};
 
-/// Notes and rounds of the auction that one is told who comes late.
+/// Largest number of notes and auction rounds kept for new clients.
 const NOTES_MAX: usize = 200;
 
-/// A job as it changes.
+/// The live state of a job.
 #[derive(Default)]
 pub struct LiveJob {
     state: Mutex<LiveState>,
 }
 
-/// How much of a job a client was told.
+/// The state up to which a client is up to date.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Cursor {
-    /// How often the job had begun anew.
+    /// Number of restarts of the job.
     epoch: u64,
     version: u64,
 }
 
-/// What a client is told.
+/// An update for a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct News {
-    /// All that is known: what was told before counts no more.
+    /// True if the update holds the whole state and replaces all earlier ones.
     pub(crate) is_whole: bool,
     /// A JSON array of events.
     pub(crate) text: String,
@@ -43,25 +43,25 @@ enum RowKey {
     Job,
     Zone(u32),
     Agent(String),
-    /// Of which only the last one counts.
+    /// An event of which only the last one counts, by its kind.
     Last(&'static str),
     Note(u64),
 }
 
 #[derive(Default)]
 struct LiveState {
-    /// The painting that is told, where there may be several.
+    /// The work number of the current rendering; `None`: unknown.
     painting: Option<u64>,
     epoch: u64,
     version: u64,
     rows: HashMap<RowKey, (u64, Arc<str>)>,
-    /// Which row has which version.
+    /// The row that each version has changed.
     changed: BTreeMap<u64, RowKey>,
     notes: VecDeque<u64>,
 }
 
 impl LiveJob {
-    /// Tells an event. A picture that begins anew makes what was told before void.
+    /// Publishes an event. A start of rendering discards all earlier state.
     pub fn tell(&self, event: &Event) {
         let mut state = self.state();
         if matches!(event, Event::Started { .. }) {
@@ -94,7 +94,7 @@ impl LiveJob {
         state.put(key, without_paths(event.to_json()).into());
     }
 
-    /// A painting of the job is told from now on. What was told of another one is void. Returns whether something was.
+    /// Notes the work number of the current rendering. Discards the state of another one, and returns true if there was one.
     pub(crate) fn begin_painting(&self, work: u64) -> bool {
         let mut state = self.state();
         let is_another = state.painting.is_some_and(|before| before != work);
@@ -105,21 +105,21 @@ impl LiveJob {
         is_another
     }
 
-    /// Tells how the job stands: an event `job`.
+    /// Publishes the view of the job, as an event `job`.
     pub fn tell_job(&self, job: &JobView) {
         let mut text = redacted_json(job);
         text.replace_range(..1, "{\"event\":\"job\",");
         self.state().put(RowKey::Job, text.into());
     }
 
-    /// Whether nothing is known.
+    /// Returns true if nothing was published yet.
     pub(crate) fn is_empty(&self) -> bool {
         self.state().rows.is_empty()
     }
 
-    /// What has changed since a client was told; `None`: nothing.
+    /// Returns what has changed since the last update of a client; `None`: nothing.
     ///
-    /// - `cursor`: none: it was told nothing yet.
+    /// - `cursor`: cursor of that update; `None` for a new client, which gets the whole state.
     pub(crate) fn since(&self, cursor: Option<Cursor>) -> Option<News> {
         let state = self.state();
         let told = cursor.filter(|cursor| cursor.epoch == state.epoch);
@@ -139,7 +139,7 @@ impl LiveJob {
         Some(News { is_whole: told.is_none(), text, cursor })
     }
 
-    /// Tells that the job is no more.
+    /// Publishes that the job was removed.
     pub(crate) fn tell_removed(&self) {
         self.state().put(RowKey::Last("end"), r#"{"event":"removed"}"#.into());
     }
@@ -162,7 +162,7 @@ impl LiveState {
         self.rows.insert(key, (self.version, text));
     }
 
-    /// The key of a new note; the oldest goes when there are too many.
+    /// Returns the key of a new note; drops the oldest one if there are too many.
     fn next_note(&mut self) -> RowKey {
         if self.notes.len() >= NOTES_MAX
             && let Some(oldest) = self.notes.pop_front()

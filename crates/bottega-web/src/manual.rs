@@ -1,4 +1,4 @@
-//! The manual as pages below `/manual/`: the Markdown of `docs/`, which is part of the program, so that it is that of its version.
+//! The manual as web pages below `/manual/`, from the Markdown files of `docs/` built into the program.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -25,7 +25,7 @@ macro_rules! pictures {
     };
 }
 
-/// The pages, by their names from `docs/`.
+/// The pages: name relative to `docs/`, and text.
 const PAGES: &[(&str, &str)] = pages! {
     "ala" "api" "decisions" "devices" "engines" "explanation/agents" "explanation/exact" "farm" "guides/quality" "guides/scenes"
     "guides/security" "guides/studio" "guides/systems" "guides/trouble" "hra" "index" "magarro" "python" "reference/commands"
@@ -35,16 +35,16 @@ const PAGES: &[(&str, &str)] = pages! {
 };
 /// The table of contents.
 const CONTENTS: &str = include_str!("../../../docs/SUMMARY.md");
-/// The pictures of the pages.
+/// The pictures of the pages: file name, and bytes.
 const PICTURES: &[(&str, &[u8])] = pictures! {
     "bands.png" "clear-coat.jpg" "cornell-box.jpg" "cube.png" "flight-helmet.jpg" "goblets.jpg" "ludd.png" "page-compare.webp"
     "page-importance.webp" "page-job.webp" "page-jobs.webp" "page-look-around.webp" "page-machines.webp" "page-messages.webp"
     "page-new-picture.webp" "page-picture.webp" "page-rules.webp" "zones.png"
 };
-/// Where the pages are.
+/// The URL path of the manual.
 const ROOT: &str = "/manual/";
 
-/// The routes of the manual, which is open to all: it needs no token.
+/// Returns the routes of the manual, which need no token.
 pub(crate) fn routes() -> Router<Arc<DoorState>> {
     Router::new()
         .route("/manual", get(async || Redirect::permanent(ROOT)))
@@ -52,7 +52,7 @@ pub(crate) fn routes() -> Router<Arc<DoorState>> {
         .route("/manual/{*name}", get(async |Path(name): Path<String>| file(&name)))
 }
 
-/// A picture, or a page, whose name may end with `.md`, as links in the pages do.
+/// Returns a picture or a page. The name of a page may end with `.md`, as links in the pages do.
 fn file(name: &str) -> Response {
     let picture = name.strip_prefix("pictures/").and_then(|name| PICTURES.iter().find(|(known, _)| *known == name));
     let Some((name, bytes)) = picture else { return page(name.strip_suffix(".md").unwrap_or(name)) };
@@ -75,7 +75,7 @@ fn page(name: &str) -> Response {
     }
 }
 
-/// A page with the contents beside it.
+/// Returns the HTML of a page, with the table of contents.
 fn whole(name: &str, text: &str) -> String {
     let title =
         text.lines().find_map(|line| line.strip_prefix("# ")).unwrap_or("The manual").replace(['`', '<', '&'], "");
@@ -92,14 +92,14 @@ fn whole(name: &str, text: &str) -> String {
     )
 }
 
-/// Markdown as HTML: links lead to pages of the manual. What they lead to beside is not part of the program: their text is left.
+/// Converts Markdown to HTML. Links to files outside of the manual are replaced by their text.
 ///
-/// - `is_linked`: headings have the names by which they are linked to.
+/// - `is_linked`: true to give headings the ids that links use.
 fn html_of(name: &str, text: &str, is_linked: bool) -> String {
     let mut events: Vec<Event<'_>> = Vec::new();
     let mut heading = None;
     let mut names: HashMap<String, usize> = HashMap::new();
-    // Links and pictures that are under way: whether each is left out.
+    // For each open link or picture: true if it is left out
     let mut left_out: Vec<bool> = Vec::new();
     for mut event in Parser::new_ext(text, Options::ENABLE_TABLES) {
         match &mut event {
@@ -134,7 +134,7 @@ fn html_of(name: &str, text: &str, is_linked: bool) -> String {
     out
 }
 
-/// The name of a heading, as GitHub makes it; the second of a name gets a number.
+/// Returns the id of a heading as GitHub makes it; repeated ones get a number.
 fn heading_name(words: &str, names: &mut HashMap<String, usize>) -> String {
     let kept = words.trim().to_lowercase();
     let kept = kept.chars().filter(|c| c.is_alphanumeric() || [' ', '-', '_'].contains(c));
@@ -144,7 +144,7 @@ fn heading_name(words: &str, names: &mut HashMap<String, usize>) -> String {
     if *count == 1 { name } else { format!("{name}-{}", *count - 1) }
 }
 
-/// Where a link of a page leads, from the root of this door. `None`: out of the manual.
+/// Returns the URL of a link in a page; `None`: it leads out of the manual.
 fn place<'a>(page: &str, link: &CowStr<'a>) -> Option<CowStr<'a>> {
     if link.contains("://") || link.starts_with('#') {
         return Some(link.clone());

@@ -1,12 +1,12 @@
-//! The messages of a job as a door keeps them ready: the last ones, by number.
+//! The last messages of a job, numbered, ready for clients.
 
 use std::collections::VecDeque;
 
 use bottega_cluster::messages::{MessageEvent, SeenMessages};
 
-/// Messages that are kept ready of one job.
+/// Largest number of messages kept per job.
 const KEPT_MAX: usize = 50_000;
-/// Messages of one answer.
+/// Largest number of messages in an answer.
 const ANSWER_MAX: usize = 2000;
 
 /// The last messages of a job.
@@ -26,7 +26,7 @@ impl MessageLog {
         self.messages.push_back(message);
     }
 
-    /// The messages from a number on, as many as one answer has.
+    /// Returns the messages from number `from` on, up to the limit of an answer.
     pub(crate) fn since(&self, from: u64) -> SeenMessages {
         let first = from.max(self.first);
         let skipped = usize::try_from(first - self.first).unwrap_or(usize::MAX);

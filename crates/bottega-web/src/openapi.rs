@@ -1,4 +1,4 @@
-//! The API as an OpenAPI document, made from the table of routes and the types that they take and answer.
+//! The OpenAPI document of the API, made from the table of routes and their types.
 
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
@@ -8,7 +8,7 @@ use crate::{
     route::{Route, RouteAnswer, RouteBody},
 };
 
-/// Routes as OpenAPI 3.1.
+/// Returns the routes as an OpenAPI 3.1 document.
 pub(crate) fn document(routes: &[Route]) -> Value {
     let settings = SchemaSettings::draft2020_12().with(|settings| {
         settings.definitions_path = "/components/schemas".into();
@@ -90,7 +90,7 @@ fn parameters(path: &str) -> impl Iterator<Item = &str> {
     path.split('/').filter_map(|part| part.strip_prefix('{')?.strip_suffix('}'))
 }
 
-/// A name that no other route has: `get_jobs_zones`.
+/// Returns the unique name of a route, such as `get_jobs_zones`.
 fn name(route: &Route) -> String {
     let parts = route.path.split('/').filter(|part| !part.is_empty() && *part != "api");
     let words = parts.map(|part| match part.strip_prefix('{').and_then(|part| part.strip_suffix('}')) {

@@ -1,4 +1,4 @@
-//! The page: files that are part of the program.
+//! The web page, from files built into the program.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use serde::Deserialize;
 
 use crate::state::DoorState;
 
-/// The files below `/`, with their kinds.
+/// The files below `/`: path, media type, text.
 const FILES: &[(&str, &str, &str)] = &[
     ("/icon.svg", "image/svg+xml", include_str!("../assets/icon.svg")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../assets/style.css")),
@@ -59,7 +59,7 @@ struct Arrival {
     token: Option<String>,
 }
 
-/// The routes of the page. Nothing in it is a secret: what it shows it asks the API for.
+/// Returns the routes of the page. They need no token: the page gets all data from the API.
 pub(crate) fn routes() -> Router<Arc<DoorState>> {
     let mut router = Router::new().route("/", get(arrive));
     for (path, kind, text) in FILES {
@@ -68,7 +68,7 @@ pub(crate) fn routes() -> Router<Arc<DoorState>> {
     router
 }
 
-/// The page; a token in its address becomes a cookie, and is seen no more.
+/// Returns the page. A token in the URL becomes a cookie and is removed from the URL by a redirect.
 async fn arrive(State(door): State<Arc<DoorState>>, arrival: Result<Query<Arrival>, QueryRejection>) -> Response {
     let token = arrival.ok().and_then(|Query(arrival)| arrival.token);
     match token {

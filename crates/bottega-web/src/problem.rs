@@ -1,4 +1,4 @@
-//! Problems as clients are told: RFC 9457, `application/problem+json`.
+//! Errors of the API as RFC 9457 problems, `application/problem+json`.
 
 use axum::{
     http::{HeaderValue, StatusCode, header},
@@ -10,44 +10,44 @@ use serde::Serialize;
 
 use crate::redact::redacted_json;
 
-/// After how many seconds one may try again whom the door turned away for its own sake.
+/// Value of `Retry-After` in answers 429 and 503, in seconds.
 const RETRY_SECONDS: u32 = 2;
 
-/// Why a request was not answered.
+/// The reason why a request failed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Problem {
-    /// The HTTP status.
+    /// The HTTP status code.
     pub status: u16,
-    /// What the status means.
+    /// The meaning of the status code.
     pub title: String,
-    /// What went wrong this time.
+    /// The problem of this request.
     pub detail: String,
-    /// What can be done about it.
+    /// Advice for the client; missing: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }
 
 impl Problem {
-    /// A problem with its remedy; an empty one is none.
+    /// Makes a problem with its remedy; an empty text means none.
     pub fn new(status: StatusCode, detail: impl Into<String>, remedy: impl Into<String>) -> Self {
         let title = status.canonical_reason().unwrap_or_default().to_owned();
         let remedy = Some(remedy.into()).filter(|remedy: &String| !remedy.is_empty());
         Self { status: status.as_u16(), title, detail: detail.into(), remedy }
     }
 
-    /// There is no such thing.
+    /// Makes the problem of something that does not exist (404).
     pub fn unknown(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, what, remedy)
     }
 
-    /// What is asked for cannot be now.
+    /// Makes the problem of a request that conflicts with the current state (409).
     pub fn conflict(detail: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::new(StatusCode::CONFLICT, detail, remedy)
     }
 }
 
 impl From<Error> for Problem {
-    /// What was asked wrongly is 422, what the farm does not do now 503, and what it refuses 409.
+    /// Maps usage errors to 422, temporary failures of the farm to 503, and refusals to 409.
     fn from(error: Error) -> Self {
         let status = match &error {
             error if error.is_usage() => StatusCode::UNPROCESSABLE_ENTITY,
@@ -76,7 +76,7 @@ impl IntoResponse for Problem {
             }
             StatusCode::SERVICE_UNAVAILABLE | StatusCode::TOO_MANY_REQUESTS => {
                 headers.insert(header::RETRY_AFTER, HeaderValue::from(RETRY_SECONDS));
-                // One who is turned away holds no connection.
+                // Close the connection of a refused client.
                 headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
             }
             _ => {}

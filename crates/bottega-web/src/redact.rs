@@ -1,27 +1,28 @@
-//! No client is told where files lie on a machine: of an absolute path its last part is left.
+//! Removal of file paths from answers: only the last part of an absolute path is kept.
 
 use serde::Serialize;
 use serde_json::Value;
 
-/// What stands where folders were.
+/// The replacement for the folders of a path.
 const GONE: &str = "…/";
-/// What the routes of the API begin with: remedies name them.
+/// The prefix of API routes, which remedies name and which must stay.
 const API: &str = "/api/";
-/// Parts of a route after that at most, and characters of one.
+/// Largest number of parts of a route after the prefix.
 const PARTS_MAX: usize = 6;
+/// Largest number of characters in a part of a route.
 const PART_MAX: usize = 80;
-/// What follows then.
+/// The first parts of API routes after the prefix.
 const COLLECTIONS: [&str; 8] =
     ["jobs", "machines", "openapi.json", "pictures", "schema", "tokens", "uploads", "viewports"];
 
-/// Something as JSON, without absolute paths in any of its texts.
+/// Returns a value as JSON, without absolute paths in its texts.
 pub(crate) fn redacted_json(what: &impl Serialize) -> String {
-    // Nothing that is told fails to be written: it has no maps with odd keys.
+    // Values of the API cannot fail to serialize: they have no maps with non-string keys.
     let text = serde_json::to_string(what).unwrap_or_default();
     without_paths(text)
 }
 
-/// The same of text that is JSON already.
+/// Removes absolute paths from the texts in a JSON text.
 pub(crate) fn without_paths(text: String) -> String {
     if !text.contains(['/', '\\']) {
         return text;
@@ -48,7 +49,7 @@ fn redact(value: &mut Value) {
     }
 }
 
-/// A text without absolute paths; `None`: it has none.
+/// Returns a text without absolute paths; `None`: there are none.
 fn redacted(text: &str) -> Option<String> {
     if is_absolute(text) && !is_route(text) && !text.contains('\n') && !text.contains(": ") {
         return Some(last(text).to_owned());
@@ -85,12 +86,12 @@ pub(crate) fn is_absolute(text: &str) -> bool {
     text.starts_with('/') || text.starts_with("\\\\") || has_drive
 }
 
-/// Whether a path is one of the API and no file: its parts have the signs alone of which parts of routes are made.
+/// Returns true if a path is an API route, not a file: its parts have only characters that occur in routes.
 fn is_route(path: &str) -> bool {
     let Some(rest) = path.strip_prefix(API) else { return false };
     let mut parts = rest.split('/');
     let is_known = parts.next().is_some_and(|first| COLLECTIONS.contains(&first));
-    // A file has an ending that no route has.
+    // Files have extensions that routes do not have
     let is_part = |part: &str| match part.rsplit_once('.') {
         Some((_, ending)) => ["png", "exr", "json"].contains(&ending) && part.len() <= PART_MAX,
         None => part.len() <= PART_MAX && part.chars().all(|c| c.is_ascii_alphanumeric() || "_-{}".contains(c)),
@@ -102,7 +103,7 @@ fn begins_path(before: Option<char>) -> bool {
     before.is_none_or(|c| c.is_whitespace() || "`'\"([{<=,;|>".contains(c))
 }
 
-/// Where a path ends: at the quote that it began with, else where a word does.
+/// Returns the end of a path: at the closing quote if it is quoted, else at the end of the word.
 fn end_of_path(text: &str, before: Option<char>) -> usize {
     let quote = before.filter(|c| "`'\"".contains(*c));
     let ends = |c: char| match quote {
@@ -110,7 +111,7 @@ fn end_of_path(text: &str, before: Option<char>) -> usize {
         None => c.is_whitespace() || "`'\")]}>,;|".contains(c),
     };
     let end = text.find(ends).unwrap_or(text.len());
-    // What follows a path in a sentence is none of it.
+    // Punctuation after a path is not part of it
     text[..end].trim_end_matches([':', '.']).len()
 }
 

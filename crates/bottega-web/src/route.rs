@@ -1,4 +1,4 @@
-//! A route of the API, and what all routes need: bodies that are read, answers that are written.
+//! The type of API routes, and helpers of their handlers: reading bodies, writing answers.
 
 use std::{sync::Arc, time::Duration};
 
@@ -20,15 +20,15 @@ use crate::{
     state::DoorState,
 };
 
-/// What a route comes to.
+/// The result of a handler.
 pub(crate) type RouteResult = Result<Response, Problem>;
-/// What all requests share, as routes are given it.
+/// The shared state of the door, as handlers receive it.
 pub(crate) type AtDoor = State<Arc<DoorState>>;
 
-/// The schema of a type, as a generator has it.
+/// A function that adds the schema of a type to a generator.
 pub(crate) type SchemaOf = fn(&mut SchemaGenerator) -> Schema;
 
-/// What a route takes in its body.
+/// The body of a route's requests.
 #[derive(Clone, Copy)]
 pub(crate) enum RouteBody {
     Nothing,
@@ -36,25 +36,25 @@ pub(crate) enum RouteBody {
     Bytes,
 }
 
-/// What a route answers.
+/// The body of a route's answers.
 #[derive(Clone, Copy)]
 pub(crate) enum RouteAnswer {
     Json(SchemaOf),
-    /// Bytes of this kind.
+    /// Bytes of this media type.
     Media(&'static str),
     Nothing,
 }
 
-/// A route.
+/// A route of the API.
 pub(crate) struct Route {
     pub(crate) method: &'static str,
-    /// Parts in braces are parameters.
+    /// The path; parts in braces are parameters.
     pub(crate) path: &'static str,
-    /// Who may ask.
+    /// The role that a token needs.
     pub(crate) role: TokenRole,
-    /// Whether those may ask, too, who show no token.
+    /// True if no token is needed.
     pub(crate) is_open: bool,
-    /// What it is for.
+    /// The summary for the OpenAPI document.
     pub(crate) summary: &'static str,
     pub(crate) taken: RouteBody,
     pub(crate) status: StatusCode,
@@ -63,7 +63,7 @@ pub(crate) struct Route {
 }
 
 impl Route {
-    /// One that tells something to all who may look on.
+    /// Makes a route that returns data to holders of any token.
     pub(crate) fn told(
         path: &'static str,
         summary: &'static str,
@@ -74,7 +74,7 @@ impl Route {
         Self { method, path, role, is_open: false, summary, taken, status, answer, handler }
     }
 
-    /// One that changes something.
+    /// Makes a route that changes something.
     pub(crate) fn done(
         method: &'static str,
         path: &'static str,
@@ -87,7 +87,7 @@ impl Route {
         Self { method, path, role: TokenRole::Steer, is_open: false, summary, taken, status, answer, handler }
     }
 
-    /// The same for all, whether they show a token or not.
+    /// Returns the route with access without a token.
     pub(crate) fn for_all(self) -> Self {
         Self { is_open: true, ..self }
     }
@@ -101,7 +101,7 @@ pub(crate) fn schema<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
     generator.subschema_for::<T>()
 }
 
-/// An answer of JSON, without paths of this machine.
+/// Returns a JSON answer, without paths of this machine.
 pub(crate) fn json(what: &impl Serialize) -> Response {
     json_text(StatusCode::OK, redacted_json(what))
 }
@@ -111,7 +111,7 @@ pub(crate) fn json_text(status: StatusCode, text: String) -> Response {
     (status, headers, text).into_response()
 }
 
-/// The body of a request, all of it.
+/// Reads the whole body of a request.
 pub(crate) async fn body(request: Request, bytes_max: usize, patience: Duration) -> Result<Vec<u8>, Problem> {
     let too_large = || {
         let detail = format!("the body has more than {bytes_max} bytes");
@@ -144,7 +144,7 @@ fn is_length_limit(error: &axum::Error) -> bool {
     false
 }
 
-/// The body of a request, as JSON.
+/// Reads the body of a request as JSON.
 pub(crate) async fn json_body<T: DeserializeOwned>(request: Request<Body>) -> Result<T, Problem> {
     let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     if kind.split(';').next().unwrap_or_default().trim() != "application/json" {
@@ -159,7 +159,7 @@ pub(crate) async fn json_body<T: DeserializeOwned>(request: Request<Body>) -> Re
     })
 }
 
-/// A parameter of the path. What is none is no such thing.
+/// A parameter of the path. A value of the wrong type is answered with 404.
 pub(crate) struct Param<T>(pub(crate) T);
 
 impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for Param<T> {
@@ -173,7 +173,7 @@ impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for Param<T
     }
 }
 
-/// Which part of a path is not what the route needs.
+/// Returns the readable reason why the path's parameters are invalid.
 fn wrong_part(rejection: &PathRejection) -> String {
     let PathRejection::FailedToDeserializePathParams(failed) = rejection else {
         return "its parts are missing".to_owned();

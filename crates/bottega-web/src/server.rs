@@ -1,4 +1,4 @@
-//! A door: an HTTP server on a thread of its own, which never holds up the work.
+//! The door: an HTTP server on its own thread, which never blocks rendering.
 
 use std::{
     net::{SocketAddr, TcpListener},
@@ -35,24 +35,24 @@ use crate::{
     tokens::TokenCookie,
 };
 
-/// After a connection could not be taken.
+/// Pause after a failed accept.
 const PAUSE: Duration = Duration::from_millis(50);
-/// Threads that ask the farm.
+/// Largest number of threads that call the farm.
 const THREADS_MAX: usize = 32;
 
 /// The options of a door.
 pub struct DoorOptions {
-    /// Where it is reached. Beyond this machine it speaks TLS alone.
+    /// The listening socket. Other than on loopback addresses the door speaks TLS only.
     pub listener: TcpListener,
-    /// How it is known beyond this machine: a certificate and its key (PEM).
+    /// Certificate and key for TLS, in PEM.
     pub certificate: (String, String),
-    /// Names that it is called by beside its addresses: `farm.example:8443`.
+    /// Host names in addition to the addresses, such as `farm.example:8443`.
     pub names: Vec<String>,
-    /// Where it notes who did what; none: it does not.
+    /// The log of changes and their authors; `None`: no log.
     pub log: Option<DeedLog>,
 }
 
-/// A door that is open until the process ends.
+/// An HTTP server that runs until the process ends.
 pub struct Door {
     address: SocketAddr,
     is_secure: bool,
@@ -60,10 +60,10 @@ pub struct Door {
 }
 
 impl Door {
-    /// Listens, and serves from now on.
+    /// Starts serving on a thread.
     ///
     /// # Errors
-    /// The certificate is none, or the operating system gives no thread.
+    /// The certificate is invalid, or the operating system refuses a thread.
     pub fn open(farm: Arc<dyn ShownFarm>, options: DoorOptions) -> Result<Self, ServeError> {
         let DoorOptions { listener, certificate, names, log } = options;
         listener.set_nonblocking(true)?;
@@ -84,24 +84,24 @@ impl Door {
         Ok(Self { address: bound, is_secure, state })
     }
 
-    /// Where it listens.
+    /// Returns the address of the listening socket.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Where it is, without a token.
+    /// Returns the URL without a token.
     pub fn url(&self) -> String {
         let scheme = if self.is_secure { "https" } else { "http" };
         let host = if self.address.ip().is_unspecified() { "127.0.0.1".to_owned() } else { host_of(self.address) };
         format!("{scheme}://{host}:{}", self.address.port())
     }
 
-    /// Where one steers from.
+    /// Returns the URL with the token that allows steering.
     pub fn steering_url(&self) -> String {
         self.url_of(TokenRole::Steer)
     }
 
-    /// Where one looks on.
+    /// Returns the URL with the token that only allows seeing.
     pub fn seeing_url(&self) -> String {
         self.url_of(TokenRole::See)
     }
@@ -124,7 +124,7 @@ fn acceptor((certificate, key): &(String, String)) -> Result<TlsAcceptor, ServeE
     Ok(TlsAcceptor::from(Arc::new(config)))
 }
 
-/// Takes connections until the process ends; one that fails is its client's affair.
+/// Accepts connections until the process ends. Errors of a connection only end that connection.
 async fn serve(listener: TcpListener, tls: Option<TlsAcceptor>, router: &Router) {
     let listener = match tokio::net::TcpListener::from_std(listener) {
         Ok(listener) => listener,
@@ -156,7 +156,7 @@ async fn serve(listener: TcpListener, tls: Option<TlsAcceptor>, router: &Router)
     }
 }
 
-/// Answers the requests of one connection.
+/// Serves the requests of one connection.
 async fn speak<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(stream: S, client: SocketAddr, router: Router) {
     let service = TowerToHyperService::new(router.layer(Extension(Client(client.ip()))));
     let answer =

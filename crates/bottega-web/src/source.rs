@@ -1,4 +1,4 @@
-//! The source behind a door: a farm, or the picture of one process. Both answer the same questions.
+//! The source of a door's data: a farm, or the picture of one process, behind one trait.
 
 use std::sync::Arc;
 
@@ -26,100 +26,100 @@ use crate::{live::LiveJob, problem::Problem};
 /// An order to a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JobOrder {
-    /// Nobody paints it until it is resumed.
+    /// Suspends the job until it is resumed.
     Pause,
-    /// It goes on.
+    /// Resumes the job.
     Resume,
-    /// It is called off.
+    /// Cancels the job.
     Cancel,
-    /// It is so urgent.
+    /// Sets the priority, 1 to 1000.
     Priority(u32),
-    /// It is forgotten, with its picture.
+    /// Removes the job with its picture.
     Remove,
 }
 
-/// The agents of a job, and what its auction came to.
+/// The agents of a job, and the totals of its auction.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct JobAgents {
-    /// The agents: V_cp, credit, how far their promises held.
+    /// The agents: V_cp, credit, reliability.
     pub agents: Vec<AgentEvent>,
-    /// What all rounds of the auction came to.
+    /// The totals of the auction.
     pub auction: AuctionSum,
 }
 
-/// The sum of all rounds of an auction.
+/// Totals over all rounds of an auction and all thefts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct AuctionSum {
-    /// How many there were.
+    /// Total number of rounds.
     pub rounds: u64,
-    /// Of them those with several bidders.
+    /// Number of rounds with several bidders.
     pub contested: u64,
-    /// Of them those that would have been otherwise if all had been believed alike.
+    /// Number of rounds whose outcome was changed by credit.
     pub credit_decided: u64,
-    /// Bids for single zones, all rounds together.
+    /// Number of bids for single zones, over all rounds.
     pub bids: u64,
-    /// Zones, or parts of zones, that were given away.
+    /// Number of zones, or parts of zones, awarded.
     pub awards: u64,
-    /// How often an agent took zones from another.
+    /// Number of thefts: an agent takes zones that wait at another agent.
     pub thefts: u64,
-    /// Zones that changed hands so.
+    /// Number of zones taken in all thefts.
     pub stolen: u64,
 }
 
-/// A machine that is there.
+/// A machine that is present in the farm.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct MachineStatus {
-    /// The process.
+    /// Name of the process.
     pub name: String,
-    /// `active`, `suspended` or `terminated`.
+    /// The state: `active`, `suspended` or `terminated`.
     pub state: &'static str,
-    /// What it is told to be.
+    /// The state that it was ordered to take.
     pub ordered: &'static str,
-    /// `busy`: at work for its job; `waiting`: it has none, or there is nothing for it to do in it just now.
+    /// `busy`: working for its job; `waiting`: without a job, or without work in it at present.
     pub activity: &'static str,
-    /// Its processors.
+    /// Number of CPU threads.
     pub threads: usize,
-    /// What paints beside them, where a job lets it: names of GPUs, addresses of boards.
+    /// Devices other than the processors, used if a job allows it: names of GPUs, addresses of boards.
     pub devices: Vec<String>,
-    /// The job that it paints.
+    /// Number of the job that it works on; `null`: none.
     pub job: Option<u32>,
     /// The identity of its build.
     pub version: String,
-    /// Whether it can be suspended, resumed and terminated; not the process that asked for a job.
+    /// True if it can be suspended, resumed and terminated; false for the process that submitted a job.
     pub takes_orders: bool,
-    /// Whether it may paint and no more.
+    /// True if it may only paint zones.
     pub is_guest: bool,
-    /// What it says that it is, by which jobs ask for it.
+    /// Its tags, which jobs can require.
     pub tags: Vec<String>,
-    /// How far its promises held in the jobs so far: 1, when what it promised took as long as it said. `null`: not known.
+    /// Its reliability in the jobs so far: estimated over measured time, 1 if zones took as long as promised. `null`: unknown.
     pub reliability: Option<f64>,
-    /// V_cp, credit and failures in the job that it paints; there may be several agents.
+    /// V_cp, credit and failures of its agents in its current job.
     pub agents: Vec<AgentEvent>,
-    /// The last jobs that it does not paint, and why.
+    /// The last jobs that it has refused, with reasons.
     pub refusals: Vec<MachineRefusal>,
-    /// What it has used for the job that it paints, as its leader tells.
+    /// The energy it has used for its current job, as reported by the job's leader.
     pub energy: Option<MachineEnergy>,
 }
 
-/// A job that a machine does not paint.
+/// A job that a machine has refused.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct MachineRefusal {
-    /// The job.
+    /// Number of the job.
     pub job: u32,
-    /// Why.
+    /// The reason for the refusal, as text.
     pub reason: String,
 }
 
 /// The file of a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PictureFile {
-    /// What it is called.
+    /// Name of the file.
     pub name: String,
-    /// What is in it.
+    /// Bytes of the file.
     pub bytes: Vec<u8>,
 }
 
-/// What a door shows.
+/// The kind of source that a door shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ShownKind {
@@ -129,152 +129,154 @@ pub enum ShownKind {
     Picture,
 }
 
-/// A farm, or the picture of one process. Its methods may take some seconds.
+/// A source of a door's data: a farm, or the picture of one process. Its methods may take some seconds.
 pub trait ShownFarm: Send + Sync + 'static {
-    /// Which of the two it is.
+    /// Returns the kind of source.
     fn kind(&self) -> ShownKind;
 
-    /// All jobs, by number.
+    /// Returns all jobs, in the order of their numbers.
     ///
     /// # Errors
-    /// The farm does not answer; so of all others.
+    /// The farm does not answer; the same holds for all other methods.
     fn jobs(&self) -> Result<Vec<JobView>, Problem>;
 
-    /// A job.
+    /// Returns a job.
     ///
     /// # Errors
-    /// There is none of that number; so of all others that take a number.
+    /// There is no job of that number; the same holds for all other methods with a job number.
     fn job(&self, number: u32) -> Result<JobView, Problem>;
 
-    /// The request of a job, as [`Self::submit`] takes it with the files of that job: fields that differ from their defaults.
+    /// Returns the request of a job for submitting it again by [`Self::submit`] with the files of that job: the fields that
+    /// differ from their defaults.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::job`].
     fn request(&self, number: u32) -> Result<Value, Problem>;
 
-    /// The rows of a job's Blackboard: zones and agents.
+    /// Returns the rows of a job's Blackboard: zones and agents.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::job`].
     fn rows(&self, number: u32) -> Result<Vec<Event>, Problem>;
 
-    /// The agents of a job.
+    /// Returns the agents of a job.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::job`].
     fn agents(&self, number: u32) -> Result<JobAgents, Problem>;
 
-    /// The energy of a job, and what it costs.
+    /// Returns the energy of a job, and its cost.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::job`].
     fn energy(&self, number: u32) -> Result<JobEnergy, Problem>;
 
-    /// Messages between the agents of a job from a number on, some at once; of a farm those since somebody has asked for them.
+    /// Returns messages between the agents of a job from number `from` on, a limited number at a time. A farm collects them
+    /// from the first call on.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::job`].
     fn messages(&self, number: u32, from: u64) -> Result<SeenMessages, Problem>;
 
-    /// The rules by which zones of a job are painted.
+    /// Returns the rules that choose the settings of a job's zones.
     ///
     /// # Errors
-    /// As above, or they cannot be read.
+    /// Those of [`Self::job`]; or the rules cannot be read.
     fn rules(&self, number: u32) -> Result<JobRules, Problem>;
 
-    /// What the rules say of a zone.
+    /// Returns the result of the rules for a zone.
     ///
     /// # Errors
-    /// As above, or there is no such zone.
+    /// Those of [`Self::job`]; or there is no such zone.
     fn zone_rules(&self, number: u32, zone: u32) -> Result<ZoneRules, Problem>;
 
-    /// What has happened to a job.
+    /// Returns the log of a job, oldest line first.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::job`].
     fn log(&self, number: u32) -> Result<Vec<LogLine>, Problem>;
 
-    /// What is painted by now, as a PNG file; `None`: nothing.
+    /// Returns the preview of a job as a PNG file; `None`: nothing is painted yet.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::job`].
     fn preview(&self, number: u32) -> Result<Option<Vec<u8>>, Problem>;
 
-    /// The importance map as a PNG file, if it is known.
+    /// Returns the importance map as a PNG file; `None`: it is unknown.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::job`].
     fn importance(&self, number: u32) -> Result<Option<Vec<u8>>, Problem>;
 
-    /// The picture that is done.
+    /// Returns the finished picture.
     ///
     /// # Errors
-    /// There is none, or not here.
+    /// The picture is not finished, or not available here.
     fn picture(&self, number: u32) -> Result<PictureFile, Problem>;
 
-    /// A job as it changes.
+    /// Returns the live state of a job.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::job`].
     fn live(&self, number: u32) -> Result<Arc<LiveJob>, Problem>;
 
-    /// The machines that are there.
+    /// Returns the machines that are present.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::jobs`].
     fn machines(&self) -> Result<Vec<MachineStatus>, Problem>;
 
-    /// Steers a job.
+    /// Executes an order to a job.
     ///
-    /// - `by`: who wants it, for logs; so of all others that change something.
+    /// - `by`: author of the order, for logs; the same holds for all other methods that change something.
     ///
     /// # Errors
-    /// It cannot be done to this job, now or ever.
+    /// The state of the job does not allow the order.
     fn steer(&self, number: u32, order: JobOrder, by: &str) -> Result<(), Problem>;
 
-    /// Has a zone of a job painted again.
+    /// Requeues a finished or failed zone of a job.
     ///
     /// # Errors
-    /// There is none of that number, or it is not done.
+    /// There is no such zone, or it is not finished.
     fn requeue(&self, number: u32, zone: u32, by: &str) -> Result<(), Problem>;
 
-    /// Tells a machine what to do.
+    /// Orders a machine to take a state.
     ///
     /// # Errors
-    /// It is not there, or takes no orders.
+    /// The machine is absent, or takes no orders.
     fn tell(&self, machine: &str, standing: PresenceState, by: &str) -> Result<(), Problem>;
 
-    /// Takes note of a file that a client is about to send.
+    /// Registers a file that a client is about to upload. Returns the missing pieces.
     ///
     /// # Errors
-    /// The offer contradicts itself, is too large, or there is no room.
+    /// The offer is inconsistent or too large, or there is no room.
     fn offer(&self, offer: &UploadOffer) -> Result<UploadState, Problem>;
 
-    /// Takes a piece of a file.
+    /// Stores a piece of a file.
     ///
     /// # Errors
-    /// It is not what its digest says, or is not kept.
+    /// The piece does not match its digest, or cannot be stored.
     fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Problem>;
 
-    /// Asks for a picture, or for the frames of an animation. Returns the numbers of the jobs.
+    /// Submits a picture, or the frames of an animation. Returns the numbers of the jobs.
     ///
     /// # Errors
-    /// It cannot be painted.
+    /// The request cannot be rendered.
     fn submit(&self, asked: Submission, by: &str) -> Result<Vec<u32>, Problem>;
 
-    /// A request with its files on this machine, so that its scene can be looked at.
+    /// Returns the request of a submission with its files on this machine, so that its scene can be viewed.
     ///
     /// # Errors
-    /// There is no such file, or this is no farm.
+    /// A file is missing, or the source is not a farm.
     fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem>;
 
-    /// Whose token is shown. `None`: it is nobody's, or was revoked. Answered at once.
+    /// Returns the holder of a token; `None`: the token is unknown or revoked. Returns at once.
     fn holder(&self, token: &str) -> Option<TokenHolder>;
 
-    /// The token of a role that whoever opened the door is told.
+    /// Returns the token of a role that is printed when the door opens.
     fn own_token(&self, role: TokenRole) -> String;
 
-    /// All tokens, by name.
+    /// Returns all tokens, sorted by name, without their secrets.
     ///
     /// # Errors
     /// The farm does not answer.
@@ -283,12 +285,12 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// Makes a token.
     ///
     /// # Errors
-    /// The name is none or is taken.
+    /// The name is invalid or taken.
     fn make_token(&self, name: &str, role: TokenRole, by: &str) -> Result<String, Problem>;
 
     /// Revokes a token.
     ///
     /// # Errors
-    /// There is none of that name.
+    /// There is no token of that name.
     fn revoke_token(&self, name: &str, by: &str) -> Result<(), Problem>;
 }

@@ -1,4 +1,4 @@
-//! The state that all requests to a door share.
+//! The shared state of all requests to a door.
 
 use std::{net::IpAddr, sync::Arc, time::Duration};
 
@@ -16,26 +16,26 @@ use crate::{
     viewports::Viewports,
 };
 
-/// From where a request comes.
+/// The address of a request's client.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Client(pub(crate) IpAddr);
 
-/// What all requests to a door share.
+/// The shared state of all requests to a door.
 pub(crate) struct DoorState {
     pub(crate) farm: Arc<dyn ShownFarm>,
     pub(crate) cookie: TokenCookie,
-    /// What was done here, where it is noted.
+    /// The log of changes; `None`: no log.
     pub(crate) deeds: Option<DeedLog>,
     pub(crate) hosts: HostNames,
     pub(crate) tempo: Tempo,
-    /// Streams of events.
+    /// Limits the number of event streams.
     pub(crate) streams: Arc<Semaphore>,
     questions: Arc<Semaphore>,
-    /// Jobs that are looked through.
+    /// Limits the number of submissions examined at the same time.
     pub(crate) submissions: Arc<Semaphore>,
-    /// Scenes that are looked around in.
+    /// The viewports that are open at this door.
     pub(crate) viewports: Arc<Viewports>,
-    /// Pictures that are compared.
+    /// The sent pictures and the last comparison.
     pub(crate) comparisons: Arc<Comparisons>,
 }
 
@@ -56,8 +56,8 @@ impl DoorState {
         }
     }
 
-    /// Asks the farm, which may take a while, and no longer than `patience`. What takes longer ends by itself; its place is taken
-    /// until then.
+    /// Calls the farm on another thread, and waits at most `patience`. A call that takes longer continues in the background and
+    /// occupies its place until it ends.
     pub(crate) async fn ask<T: Send + 'static>(
         &self,
         patience: Duration,

@@ -1,4 +1,4 @@
-//! A connection whose other end must take what it is told: one that does not for long is closed.
+//! Connections with a write timeout: closed if the peer does not read for too long.
 
 use std::{
     io,
@@ -12,11 +12,11 @@ use tokio::{
     time::{Instant, Sleep, sleep},
 };
 
-/// A connection whose writes are waited for only so long.
+/// A connection with a limit on the time that a write may block.
 pub(crate) struct TimedIo<S> {
     inner: S,
     patience: Duration,
-    /// Runs while something waits to be taken.
+    /// The timer; it runs while a write is blocked.
     deadline: Pin<Box<Sleep>>,
     is_waiting: bool,
 }

@@ -1,11 +1,12 @@
-//! Tokens as clients show them: in the URL that was printed, which becomes a cookie, or as a bearer. Whose they are the farm knows.
+//! Tokens as clients present them: in the printed URL, which becomes a cookie, or as a bearer token. The farm knows their
+//! holders.
 
 use std::net::IpAddr;
 
 use axum::http::{HeaderMap, header};
 use bottega_cluster::{web_secrets::TokenRole, web_tokens::TokenHolder};
 
-/// One who has shown a token.
+/// The holder of a valid token, and the address of the client.
 #[derive(Clone, Debug)]
 pub(crate) struct TokenBearer {
     pub(crate) holder: TokenHolder,
@@ -17,15 +18,15 @@ impl TokenBearer {
         self.holder.role
     }
 
-    /// Who it is, for logs.
+    /// Returns the bearer as text for logs.
     pub(crate) fn said(&self) -> String {
         format!("the token `{}` at {}", self.holder.name, self.address)
     }
 }
 
-/// The cookie of a door.
+/// The cookie with a door's token.
 pub(crate) struct TokenCookie {
-    /// Cookies know no port: doors of one machine have cookies of different names.
+    /// Name of the cookie; it contains the port, since cookies of one host are shared by all ports.
     name: String,
     is_secure: bool,
 }
@@ -35,7 +36,7 @@ impl TokenCookie {
         Self { name: format!("bottega_{port}"), is_secure }
     }
 
-    /// The token that a client shows: `Authorization: Bearer …`, or the cookie.
+    /// Returns the token of a request: from `Authorization: Bearer …`, or from the cookie.
     pub(crate) fn shown<'a>(&self, headers: &'a HeaderMap) -> Option<&'a str> {
         let bearer = headers.get(header::AUTHORIZATION).and_then(|value| value.to_str().ok());
         if let Some(bearer) = bearer.and_then(|value| value.split_once(' ')) {
@@ -46,7 +47,7 @@ impl TokenCookie {
         pairs.find(|(name, _)| *name == self.name).map(|(_, value)| value)
     }
 
-    /// The cookie that a token becomes.
+    /// Returns the `Set-Cookie` header of a token.
     pub(crate) fn of(&self, token: &str) -> String {
         let secure = if self.is_secure { "; Secure" } else { "" };
         format!("{}={token}; Path=/; HttpOnly; SameSite=Strict{secure}", self.name)

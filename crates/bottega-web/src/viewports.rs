@@ -1,4 +1,5 @@
-//! The viewports of a door: scenes that somebody looks around in. Few at once, and each closed when nobody asks for it any more.
+//! The viewports of a door: interactive views of scenes. Their number is limited, and each is closed when no client uses it any
+//! more.
 
 use std::{
     collections::BTreeMap,
@@ -15,7 +16,7 @@ use crate::{
     problem::Problem,
 };
 
-/// How often is looked whether anybody asks for a viewport.
+/// Interval between checks for unused viewports.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// All viewports of a door, by number.
@@ -27,25 +28,25 @@ pub(crate) struct Viewports {
 #[derive(Default)]
 struct ViewportTable {
     last: u32,
-    /// Those that are being opened, too.
+    /// Number of places in use, viewports being opened included.
     taken: usize,
     open: BTreeMap<u32, WatchedViewport>,
 }
 
 struct WatchedViewport {
     viewport: Arc<Viewport>,
-    /// Changes when there may be a new frame.
+    /// Signals that there may be a new frame.
     news: watch::Receiver<()>,
     asked: Instant,
 }
 
-/// The right to open a viewport. Dropped without being used it is given back.
+/// A place for a viewport. Dropping it unused frees the place.
 pub(crate) struct ViewportPlace {
     all: Arc<Viewports>,
 }
 
 impl Viewports {
-    /// Takes a place for one more.
+    /// Reserves a place for a viewport.
     pub(crate) fn place(self: &Arc<Self>) -> Result<ViewportPlace, Problem> {
         let mut state = self.state();
         if state.taken >= VIEWPORTS_MAX {
@@ -56,12 +57,12 @@ impl Viewports {
         Ok(ViewportPlace { all: Arc::clone(self) })
     }
 
-    /// The viewport of a number, for which somebody has asked now.
+    /// Returns a viewport, and marks it as used now.
     pub(crate) fn get(&self, number: u32) -> Result<Arc<Viewport>, Problem> {
         self.watched(number).map(|(viewport, _)| viewport)
     }
 
-    /// The same with what changes when there may be a new frame, and ends when it is closed.
+    /// Like [`Self::get`], with a receiver that is notified of possible new frames and ends when the viewport is closed.
     pub(crate) fn watched(&self, number: u32) -> Result<(Arc<Viewport>, watch::Receiver<()>), Problem> {
         let mut state = self.state();
         let known = state.open.get_mut(&number).map(|known| {
@@ -71,7 +72,7 @@ impl Viewports {
         known.ok_or_else(|| Problem::unknown(format!("there is no viewport {number}"), "open one: POST /api/viewports"))
     }
 
-    /// Closes one. Who paints it ends within a moment, on the caller's time.
+    /// Closes a viewport; waits for its rendering thread, which ends within a moment.
     pub(crate) fn close(&self, number: u32) {
         let closed = {
             let mut state = self.state();
@@ -79,7 +80,7 @@ impl Viewports {
             state.taken -= usize::from(closed.is_some());
             closed
         };
-        // Outside the lock: others need not wait for its thread.
+        // Outside the lock, so that others need not wait for the thread.
         drop(closed);
     }
 
@@ -93,13 +94,13 @@ impl Viewports {
 }
 
 impl ViewportPlace {
-    /// Puts a viewport there. Returns its number. It is closed when nobody asks for it any more.
+    /// Fills the place with a viewport, which is closed when no client uses it any more. Returns its number.
     pub(crate) fn fill(self, viewport: Viewport) -> u32 {
         let (tell, news) = watch::channel(());
         viewport.watch(move || tell.send_replace(()));
         let number = {
             let mut state = self.all.state();
-            // This place goes on as that of the viewport.
+            // The viewport keeps the place when `self` is dropped
             state.taken += 1;
             state.last += 1;
             let number = state.last;

@@ -1,4 +1,4 @@
-//! A scene that was surveyed, and what the Analyst makes of it before anything is painted.
+//! The Analyst's view of a scene: survey, importance map and zones, without rendering.
 
 use std::sync::Arc;
 
@@ -21,37 +21,37 @@ use crate::{
     settings::{agents, zone_limits},
 };
 
-/// Bounces where the scene does not say.
+/// Maximum number of bounces if the scene gives none.
 const DEFAULT_DEPTH: u32 = 16;
 
-/// Samples a pixel for which costs are predicted, where the request does not say.
+/// Samples per pixel for which costs are predicted, if the request gives none.
 const DEFAULT_SAMPLES: u32 = 64;
 
-/// The levels that cut a picture, from 1.
+/// The levels that divide a picture into zones, level 1 first.
 pub const LEVELS: [Level; 3] = [Level::Divided, Level::Joined, Level::Balanced];
 
-/// A zone as the Analyst sees it.
+/// A zone with the measures of the Analyst.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ZoneAnalysis {
-    /// Its number.
+    /// Number of the zone, from 0.
     pub id: u32,
-    /// Its pixels: x0, y0, x1, y1.
+    /// Corners of the zone in pixels: x0, y0, x1, y1.
     pub rect: [u32; 4],
-    /// Pixels.
+    /// Size of the zone: number of pixels.
     pub size: u64,
-    /// Predicted cost of all its pixels, in average pixels of the picture.
+    /// Predicted cost of all its pixels; unit: one average pixel of the picture.
     pub complexity: f64,
-    /// The same as a share of that of all zones.
+    /// `complexity` as a share of the sum over all zones, 0 to 1.
     pub share_of_cost: f64,
-    /// How much it differs from its neighbors.
+    /// Absolute difference of the cost per pixel from the zones that share an edge, averaged by the length of the edges.
     pub neighbor_difference: f64,
-    /// How much it differs from those beyond its edges: left, top, right, bottom.
+    /// The same average per side: left, top, right, bottom.
     pub edge_differences: [f64; 4],
     /// Mean visual importance of its pixels, 0 to 1.
     pub visual_importance: f64,
 }
 
-/// The zones of an analysis, by id.
+/// Returns the zones of an analysis, in the order of their numbers.
 pub fn zones(analysis: &Analysis) -> Vec<ZoneAnalysis> {
     let total: f64 = analysis.rows.iter().map(|row| row.complexity).sum();
     let zone = |row: &ZoneRow| ZoneAnalysis {
@@ -67,19 +67,19 @@ pub fn zones(analysis: &Analysis) -> Vec<ZoneAnalysis> {
     analysis.rows.iter().map(zone).collect()
 }
 
-/// A scene that was surveyed.
+/// A scene with its survey.
 pub struct AnalyzedScene {
-    /// What was asked for.
+    /// The request that names the scene.
     pub request: Request,
-    /// The scene, ready to be painted.
+    /// The loaded scene, with camera and picture size.
     pub subject: LoadedScene,
-    /// Who surveyed it.
+    /// The engine that made the survey.
     pub engine: BuiltinEngine,
-    /// A look at the whole picture: what each cell costs and shows.
+    /// The survey: cost and color of each cell of the picture.
     pub survey: Survey,
-    /// The work that zones would be parts of.
+    /// The settings of the work that is divided into zones.
     pub settings: WorkSettings,
-    /// Render Agents for which it is cut.
+    /// Number of Render Agents for which the picture is divided.
     pub agents: usize,
 }
 
@@ -95,10 +95,10 @@ impl AnalyzedScene {
         Self::of(request, subject, painters)
     }
 
-    /// The same of a scene that was made in memory.
+    /// Surveys a scene made in memory.
     ///
     /// # Errors
-    /// As of [`Self::open`].
+    /// Those of [`Self::open`].
     pub fn of_scene(request: Request, scene: Scene) -> Result<Self, Error> {
         request.validate()?;
         let subject = LoadedScene::of_scene(scene, &request)?;
@@ -106,12 +106,12 @@ impl AnalyzedScene {
         Self::of(request, subject, painters)
     }
 
-    /// A scene that was read.
+    /// Surveys a loaded scene.
     ///
-    /// - `painters`: threads of the engine that surveys.
+    /// - `painters`: number of CPU threads for the survey.
     ///
     /// # Errors
-    /// It cannot be surveyed.
+    /// The survey fails.
     pub fn of(request: Request, subject: LoadedScene, painters: usize) -> Result<Self, Error> {
         let samples = request.goal.samples.unwrap_or(DEFAULT_SAMPLES);
         let max_depth = subject.hints.max_depth.unwrap_or(DEFAULT_DEPTH);
@@ -146,15 +146,15 @@ impl AnalyzedScene {
         Ok(Self { request, subject, engine, survey, settings, agents })
     }
 
-    /// All pixels of the picture.
+    /// Returns the rectangle of all pixels of the picture.
     pub fn frame(&self) -> Rect {
         self.settings.frame
     }
 
-    /// The importance map, and the zones of a level.
+    /// Returns the importance map, and the zones of a level.
     ///
     /// # Errors
-    /// The picture cannot be cut.
+    /// The picture cannot be divided.
     pub fn analyze(&self, function: ImportanceFunction, level: Level) -> Result<Analysis, Error> {
         let partition = PartitionSettings::for_agents(level, self.agents, self.frame());
         let partition = partition.within(None, zone_limits(&self.request.work));

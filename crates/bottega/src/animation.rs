@@ -1,4 +1,4 @@
-//! Animations: the same scene at several times, a picture each.
+//! Animations: one picture per frame of a scene.
 
 use std::path::Path;
 
@@ -10,10 +10,10 @@ use crate::{
 };
 
 impl Request {
-    /// The request of one frame of an animation: its time, and where its picture goes.
+    /// Returns the request of one frame of an animation: its time, and its output file.
     ///
     /// # Errors
-    /// The name of the output has no place for the number of a frame, or several.
+    /// The name of the output has an invalid place for the number of a frame, or several.
     pub fn at_frame(&self, frame: i32) -> Result<Self, Error> {
         let Some(frames) = &self.frames else { return Ok(self.clone()) };
         let mut request = self.clone();
@@ -28,10 +28,10 @@ impl Request {
         Ok(request)
     }
 
-    /// The frames that are to be painted; of an animation that is gone on with those of which not all is there.
+    /// Returns the frames to render, in order. With `resume` those whose picture is missing or unfinished.
     ///
     /// # Errors
-    /// As of [`Self::at_frame`].
+    /// Those of [`Self::at_frame`].
     pub fn missing_frames(&self, resume: bool) -> Result<Vec<i32>, Error> {
         let Some(frames) = &self.frames else { return Ok(Vec::new()) };
         let Some(file) = &self.output.file else { return Ok(frames.list.iter().collect()) };

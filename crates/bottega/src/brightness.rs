@@ -1,21 +1,22 @@
-//! The brightness of a picture beside what a screen can show.
+//! A check of a picture's brightness for screens.
 
 use bottega_image::{Film, luminance};
 
-/// What a screen shows as the middle between black and white: a grey card.
+/// Luminance of middle grey, a grey card.
 const MIDDLE_GREY: f32 = 0.18;
-/// So far from it nothing is left to be seen, whatever the curve.
+/// Distance from middle grey, in stops, beyond which nothing is visible with any tone curve.
 const STOPS_MAX: f32 = 6.0;
-/// The share of the lit pixels that are not brighter: what is brighter than these is lamps and noise.
+/// Quantile of the lit pixels that stands for the bright ones; pixels above it are lamps and noise.
 const BRIGHT: f32 = 0.99;
-/// Pixels that are looked at.
+/// Largest number of pixels examined.
 const PIXELS: usize = 1 << 20;
 
-/// What is wrong with the brightness of a picture that a screen is to show, and what would mend it.
+/// Returns a warning if a picture appears nearly black or white on a screen, with the exposure that corrects it; `None`: it is
+/// fine.
 ///
-/// Lamps are often in other units than they seem: Blender writes watts into glTF 683 times as bright as what glows.
+/// A frequent cause is a wrong unit: Blender writes watts into glTF 683 times as bright as emissive surfaces.
 ///
-/// - `exposure`: in stops, as it is shown with.
+/// - `exposure`: exposure of the picture in stops.
 pub(crate) fn told_brightness(film: &Film, exposure: f32) -> Option<String> {
     let step = (film.rect().area() as usize).div_ceil(PIXELS).max(1);
     let shown = |(x, y)| {
@@ -25,7 +26,8 @@ pub(crate) fn told_brightness(film: &Film, exposure: f32) -> Option<String> {
     told(film.rect().pixels().step_by(step).map(shown), exposure)
 }
 
-/// White is where half of what is lit is too bright, black where all of it is too dark: a dark background is none.
+/// Judges luminances: white if half of the lit pixels are too bright, black if all of them are too dark. Unlit pixels, such as
+/// a dark background, do not count.
 fn told(luminances: impl Iterator<Item = f32>, exposure: f32) -> Option<String> {
     let mut lit: Vec<f32> = luminances.filter(|&it| it > 0.0 && it.is_finite()).collect();
     if lit.is_empty() {
@@ -53,7 +55,7 @@ fn told(luminances: impl Iterator<Item = f32>, exposure: f32) -> Option<String> 
 mod tests {
     use super::*;
 
-    /// Of a hundred pixels one is dark, and so many of the others have a value; the rest is faintly lit.
+    /// Judges 100 pixels: one black, `count` of luminance `value`, the others faintly lit.
     fn told_of(value: f32, count: usize, exposure: f32) -> Option<String> {
         let faint = std::iter::repeat_n(1e-6, 99 - count);
         told([0.0].into_iter().chain(std::iter::repeat_n(value, count)).chain(faint), exposure)

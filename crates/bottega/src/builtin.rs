@@ -1,4 +1,4 @@
-//! A picture made ready for our own engine.
+//! The built-in engine, prepared for the picture of a request.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ use crate::{
     text::shown,
 };
 
-/// Our own engine with the picture that it is to paint.
+/// The built-in engine with scene, devices, method and job settings of a picture.
 pub(crate) struct BuiltinPainter {
     pub(crate) subject: LoadedScene,
     pub(crate) engine: Arc<BuiltinEngine>,
@@ -31,9 +31,11 @@ pub(crate) struct BuiltinPainter {
 }
 
 impl BuiltinPainter {
+    /// Chooses method, settings and devices, and makes the engine.
+    ///
     /// - `subject`: the scene of the request.
-    /// - `goal`: when a zone is finished.
-    /// - `urgency`: at least that of a part of a picture, where a part is asked for.
+    /// - `goal`: condition under which a zone is finished.
+    /// - `urgency`: raised to [`Urgency::Crop`] if the request has a crop.
     pub(crate) fn open(
         request: &Request,
         subject: LoadedScene,
@@ -48,12 +50,12 @@ impl BuiltinPainter {
         Ok(Self { subject, engine: Arc::new(engine), crew, method, settings })
     }
 
-    /// What makes the picture what it is: see [`name_of`].
+    /// Returns a text with everything that determines the pixels; see [`name_of`].
     pub(crate) fn name(&self, request: &Request) -> String {
         name_of(request, &self.subject, &self.settings)
     }
 
-    /// What the user should know before anything is painted.
+    /// Returns the warnings to report before rendering begins.
     pub(crate) fn notes(&self, request: &Request) -> Vec<String> {
         let mut notes: Vec<String> = self.subject.warnings.iter().map(ToString::to_string).collect();
         notes.extend(self.method.note.clone());
@@ -74,7 +76,7 @@ impl BuiltinPainter {
         notes
     }
 
-    /// Tells what went wrong with devices, and keeps what was learnt of them.
+    /// Reports the faults of devices, and stores the measured costs of work on them.
     pub(crate) fn tell_of_devices(&self, reporter: &Reporter) {
         if self.crew.gpus.is_empty() && self.crew.boards.is_empty() {
             return;
@@ -83,13 +85,13 @@ impl BuiltinPainter {
         for incident in &report.incidents {
             reporter.warn(format!("{}; its work was done elsewhere", incident_line(&report, incident)));
         }
-        // Whoever has the same address tomorrow may be another board.
+        // Costs of boards are not stored: another board may get the same address.
         if !self.crew.gpus.is_empty() {
             costs::keep(&report);
         }
     }
 
-    /// What the picture says of how it was made.
+    /// Returns the metadata of the picture: how it was made.
     pub(crate) fn metadata(&self, request: &Request, report: &JobReport) -> Metadata {
         let Self { subject, crew, method, settings, .. } = self;
         let mut metadata = Metadata::new();
@@ -126,15 +128,15 @@ impl BuiltinPainter {
     }
 }
 
-/// Whether rays are to be units of their own: boards do nothing else, and a GPU paints whole paths far faster than it follows rays.
+/// Returns true if rays are work units of their own. Boards trace only such rays; a GPU renders whole paths much faster.
 fn wants_waves(request: &Request, crew: &DeviceSet) -> bool {
     request.integrator.wavefront || (crew.gpus.is_empty() && are_worth_waves(&crew.boards, crew.threads))
 }
 
-/// Our own engine for a scene, and who paints for it.
+/// Makes the built-in engine for a scene, and gathers the devices that render for it.
 ///
 /// # Errors
-/// A device that was asked for by name is not there or cannot paint this.
+/// A device requested by name is missing or does not support this picture.
 pub fn own_engine(
     request: &Request,
     subject: &LoadedScene,
@@ -149,6 +151,7 @@ fn engine_for(
     job: &JobSettings,
     urgency: Urgency,
 ) -> Result<(BuiltinEngine, DeviceSet), Error> {
+    // Collect the settings of the integrator
     let depth = max_depth(request, subject);
     let photons = Method::of(request, subject, depth).photons;
     let settings = PathSettings {
@@ -163,6 +166,7 @@ fn engine_for(
         photons,
         ..PathSettings::default()
     };
+    // Gather the devices that support the scene
     let choice = DeviceChoice::of(&request.devices.names)
         .map_err(|allowed| Error::usage("these devices cannot be chosen", allowed))?
         .exactly(request.devices.exact)?;
@@ -173,6 +177,7 @@ fn engine_for(
         crew.notes.push(left_alone(&crew.boards, crew.threads, &crew.gpus));
         crew.boards.clear();
     }
+    // Make the engine, with rays as work units if that pays off
     let wavefront =
         wants_waves(request, &crew) && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
     let options =
@@ -182,7 +187,7 @@ fn engine_for(
         BuiltinEngine::on(scene, prepass, options, Arc::clone(&crew.resources)).with_urgency(urgency)
     };
     let first = engine(options.clone());
-    // Devices do not learn, so nothing need be known of their speed.
+    // Only CPU threads learn guides, for a number of samples that must be estimated if the goal is a time.
     if !matches!(job.goal, Goal::Time(_)) || crew.threads == 0 {
         return Ok((first, crew));
     }

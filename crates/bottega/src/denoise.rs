@@ -12,16 +12,16 @@ use bottega_image::{Aov, Metadata, ReadLimits, read_image_bytes};
 
 use crate::{devices::threads, error::Error, events::Event, request::Request, session::Reporter};
 
-/// Under which name a picture says by what it was denoised.
+/// Name of the metadata entry that names the denoiser of a picture.
 pub const KEY: &str = "denoised";
 
-/// The denoiser, where one is asked for: found before anything is painted.
+/// Loads the denoiser if the request asks for one. Called before rendering, so that a missing library is found early.
 pub fn ready(request: &Request) -> Result<Option<Denoiser>, Error> {
     Ok(request.film.denoise.then(Denoiser::load).transpose()?)
 }
 
-/// Denoises a finished picture, and tells how far it is. One that is not finished stays as it is; one that the user stops
-/// meanwhile, too.
+/// Denoises a finished picture and reports progress. An unfinished picture stays as it is; so does one whose denoising the user
+/// stops.
 pub(crate) fn finish(
     denoiser: Option<&Denoiser>,
     request: &Request,
@@ -54,7 +54,7 @@ pub(crate) fn finish(
     }
 }
 
-/// Denoises a picture, and has its metadata say so. How long it took.
+/// Denoises a picture and notes it in the metadata. Returns the time it took.
 pub fn denoise(
     denoiser: &Denoiser,
     request: &Request,
@@ -70,17 +70,17 @@ pub fn denoise(
     Ok(begun.elapsed())
 }
 
-/// Denoises a picture that this machine has led for others, if they have asked for that.
+/// Denoises a complete picture whose job this machine has led for others, if the request asks for it.
 pub fn here(request: &Request, report: &mut JobReport, metadata: &mut Metadata) -> Result<(), Error> {
     let Some(denoiser) = ready(request)?.filter(|_| !report.stopped && report.failed.is_empty()) else { return Ok(()) };
     denoise(&denoiser, request, report, metadata, &mut |_| ControlFlow::Continue(()))?;
     Ok(())
 }
 
-/// What is to be told of a picture that another machine has led to its end, and that should be denoised and is not.
+/// Returns a warning if a picture completed by another machine should be denoised and is not.
 ///
 /// - `picture`: the file's bytes.
-/// - `output`: its name.
+/// - `output`: file name of the picture; its extension gives the format.
 pub fn lacking(request: &Request, output: &Path, picture: &[u8]) -> Option<String> {
     let is_denoised = || {
         let file = read_image_bytes(output, picture, ReadLimits { max_pixels: u64::MAX }).ok()?;

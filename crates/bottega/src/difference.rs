@@ -6,28 +6,28 @@ use serde::Serialize;
 
 use crate::error::Error;
 
-/// Share of the worst pixels that the trimmed relMSE leaves out, so that one firefly does not hide everything else.
+/// Share of the worst pixels excluded from the trimmed relMSE, so that a few fireflies do not dominate it.
 const TRIMMED: f64 = 1e-3;
 
-/// FLIP above which a pixel is seen to be wrong.
+/// FLIP value above which a pixel counts as visibly different.
 const VISIBLE: f32 = 0.1;
 
 /// The difference of a picture from a reference.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Difference {
-    /// Root of the mean squared error.
+    /// Root mean squared error.
     pub rmse: f64,
     /// Mean absolute error.
     pub mae: f64,
-    /// Mean squared error relative to the reference.
+    /// Mean squared error relative to the reference (relMSE).
     pub rel_mse: f64,
-    /// The same without the worst 0.1 % of the pixels.
+    /// relMSE without the worst 0.1 % of the pixels.
     pub rel_mse_trimmed: f64,
-    /// Mean of FLIP: 0 equal to the eye, above 0.05 plainly different.
+    /// Mean FLIP over all pixels: 0 no visible difference, above 0.05 clearly different.
     pub flip: f64,
-    /// Share of the pixels whose FLIP is above 0.1.
+    /// Share of the pixels with FLIP above 0.1, 0 to 1.
     pub flip_visible_share: f64,
-    /// Mean of the picture over mean of the reference, by channel; none where the reference is black.
+    /// Mean of the picture divided by mean of the reference, per channel; `null`: the reference is black.
     pub mean_ratio: [Option<f64>; 3],
     /// FLIP of each pixel, `[height × width]`, 0 to 1.
     #[serde(skip)]
@@ -38,7 +38,7 @@ impl Difference {
     /// Compares two pictures of linear light.
     ///
     /// # Errors
-    /// They differ in size.
+    /// The pictures differ in size.
     pub fn between(picture: &Picture, reference: &Picture) -> Result<Self, Error> {
         if picture.size() != reference.size() {
             let (a, b) = (picture.size(), reference.size());
@@ -62,7 +62,7 @@ impl Difference {
     }
 }
 
-/// Mean of the one over mean of the other, by channel.
+/// Returns the mean of the picture divided by that of the reference, per channel; `None`: the reference is black.
 fn mean_ratio(picture: &Picture, reference: &Picture) -> [Option<f64>; 3] {
     let sum =
         |picture: &Picture, channel: usize| picture.data.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>();

@@ -23,161 +23,161 @@ use crate::{
     request::{InvalidField, RequestError},
 };
 
-/// The errors of the library, each with its causes behind it.
+/// The error type of the library. `source()` gives the cause; [`Error::error_chain`] gives all causes in one line.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The scene cannot be read.
+    /// The scene cannot be read or is invalid.
     #[error("cannot use the scene")]
     Scene(#[from] SceneError),
-    /// A picture cannot be read or written.
+    /// An image file cannot be read or written.
     #[error("cannot use the picture")]
     Image(#[from] ImageError),
-    /// The scene cannot be prepared.
+    /// The acceleration structures of the scene cannot be built, or the settings are invalid.
     #[error("cannot prepare the scene for rendering")]
     Prepare(#[from] RenderError),
-    /// The engine failed.
+    /// The built-in engine failed while rendering.
     #[error("the engine failed")]
     Engine(#[from] EngineError),
-    /// Another renderer failed.
+    /// An external engine cannot be started, or failed.
     #[error("the engine `{engine}` cannot paint")]
     External {
-        /// Its name.
+        /// The name of the engine, as in its manifest.
         engine: String,
-        /// Why.
+        /// The fault of the engine or its process.
         source: EngineFault,
     },
-    /// The manifest of another renderer is wrong.
+    /// The manifest of an external engine is invalid; the error holds file, line and column.
     #[error("the manifest `{}` cannot be used, line {}, column {}: {}", printable_path(&.0.path), .0.line, .0.column, .0.problem)]
     Manifest(Box<ManifestError>),
-    /// The agents came to no picture.
+    /// The agents did not complete the picture.
     #[error("the work failed")]
     Job(#[source] JobError),
-    /// A device was asked for that this build of the library leaves out.
+    /// The request names a kind of device that this build of the library does not support.
     #[error("cannot use {device}: this program was built without such devices")]
     NotBuiltIn {
-        /// The device, as it was asked for.
+        /// The name of the device, as in the request.
         device: String,
-        /// The feature of the library that has it.
+        /// The Cargo feature of the crate that adds support for it.
         feature: &'static str,
     },
-    /// A GPU that was asked for cannot be used.
+    /// A requested GPU cannot be used.
     #[cfg(feature = "gpu")]
     #[error("cannot use the GPU")]
     Gpu(#[from] GpuError),
-    /// A board that was asked for cannot be used.
+    /// A requested board cannot be used.
     #[cfg(feature = "board")]
     #[error("cannot use the board")]
     Board(#[from] BoardError),
-    /// The picture cannot be denoised.
+    /// The denoiser cannot be loaded, or denoising failed.
     #[error("cannot denoise the picture")]
     Denoise(#[from] DenoiseError),
-    /// Rules are wrong as a whole.
+    /// A rule file is invalid as a whole.
     #[error("cannot use the rules in `{}`: {problem}", printable_path(.path))]
     Rules {
-        /// Their file.
+        /// The path of the rule file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem, in one sentence.
         problem: String,
     },
-    /// Rules are wrong at a place.
+    /// A rule file is invalid at one position.
     #[error("cannot use the rules in `{}`, {place}: {problem}", printable_path(.path))]
     RulesText {
-        /// Their file.
+        /// The path of the rule file.
         path: PathBuf,
-        /// Line and column.
+        /// The line and column of the problem.
         place: Position,
-        /// What is wrong.
+        /// The problem, in one sentence.
         problem: String,
-        /// The text.
+        /// The whole text of the file.
         text: Arc<str>,
-        /// The bytes of the text that are meant.
+        /// The byte range of `text` that the problem is about.
         span: Range<usize>,
     },
-    /// What is kept of an interrupted picture cannot be used.
+    /// The journal of an interrupted picture cannot be used.
     #[error("cannot go on with `{}`", printable_path(.path))]
     Journal {
-        /// The journal.
+        /// The path of the journal.
         path: PathBuf,
-        /// Why.
+        /// The reason why the journal is unusable.
         source: JournalError,
     },
-    /// A record for the simulator is wrong.
+    /// The record for the simulator cannot be made.
     #[error("cannot use the record `{}`", printable_path(.path))]
     Record {
-        /// The record.
+        /// The path of the record.
         path: PathBuf,
-        /// Why.
+        /// The reason why there is no record.
         source: RecordError,
     },
-    /// A text is no request.
+    /// A text is not a valid request.
     #[error("cannot use the request in {origin}")]
     Request {
-        /// Where it came from, as people call it.
+        /// The origin of the text for messages, such as a file name.
         origin: String,
-        /// Why.
+        /// The reason why the text is not a request.
         source: RequestError,
     },
-    /// A field of the request is wrong.
+    /// A field of the request has a value that is not allowed.
     #[error("the request cannot be painted")]
     Invalid(#[from] InvalidField),
     /// A file cannot be written.
     #[error("cannot write `{}`", printable_path(.path))]
     Write {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
-        /// Why.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// A file cannot be read.
     #[error("cannot read `{}`", printable_path(.path))]
     Read {
-        /// The file.
+        /// The path of the file.
         path: PathBuf,
-        /// Why.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// What was asked for cannot be.
+    /// The request cannot be fulfilled; see [`Error::usage`].
     #[error("{problem}")]
     Usage {
-        /// What is wrong.
+        /// The problem, in one sentence.
         problem: String,
-        /// What can be done.
+        /// Advice for the user.
         remedy: String,
     },
-    /// It was tried, and failed.
+    /// An operation failed although the request was valid; see [`Error::failed`].
     #[error("{problem}")]
     Failed {
-        /// What is wrong.
+        /// The problem, in one sentence.
         problem: String,
-        /// What can be done.
+        /// Advice for the user.
         remedy: String,
     },
 }
 
-/// The place in a text where something is wrong.
+/// An excerpt: a text and the byte range in it that an error is about.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Excerpt {
-    /// The name of the file.
+    /// The name of the file, for messages.
     pub name: String,
-    /// All of its text.
+    /// The whole text of the file.
     pub text: String,
-    /// The bytes that are meant.
+    /// The byte range of `text` that the error is about.
     pub span: Range<usize>,
 }
 
 impl Error {
-    /// What was asked for cannot be.
+    /// Makes a usage error: the request must be changed to succeed.
     pub fn usage(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// It was tried, and failed.
+    /// Makes an error of an operation that failed although the request was valid.
     pub fn failed(problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Failed { problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// Whether what was asked for cannot be; as opposed to: it was tried and failed.
+    /// Returns true if the request itself is wrong (exit code 2 of the command line), false if an operation failed.
     pub fn is_usage(&self) -> bool {
         matches!(
             self,
@@ -185,7 +185,7 @@ impl Error {
         )
     }
 
-    /// What can be done about it.
+    /// Returns advice for the user about the error; `None`: nothing specific.
     pub fn remedy(&self) -> Option<String> {
         match self {
             Self::Usage { remedy, .. } | Self::Failed { remedy, .. } => Some(remedy.clone()),
@@ -200,7 +200,7 @@ impl Error {
         }
     }
 
-    /// The place in a text that it is about.
+    /// Returns the text and the byte range in it that the error is about; `None`: the error is not about a text.
     pub fn excerpt(&self) -> Option<Excerpt> {
         match self {
             Self::Manifest(error) => {
@@ -213,13 +213,13 @@ impl Error {
         }
     }
 
-    /// With all that it is due to, in one line.
+    /// Returns the error and all its causes in one line: `error: cause: cause`.
     pub fn error_chain(&self) -> String {
         error_chain(self)
     }
 }
 
-/// An error with all that it is due to, in one line.
+/// Returns an error and all its causes in one line: `error: cause: cause`.
 pub fn error_chain(error: &dyn std::error::Error) -> String {
     let causes = std::iter::successors(error.source(), |error| error.source());
     causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}"))

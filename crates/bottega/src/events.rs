@@ -1,5 +1,5 @@
-//! The events of a picture while it is painted, as they cross the process boundary. Version 1: fields and kinds may be added,
-//! none changes its meaning.
+//! The events of a rendering job, as they cross the process boundary. Version 1: later versions may add fields and kinds of
+//! events; existing ones keep their meaning.
 
 mod society;
 
@@ -9,231 +9,232 @@ use serde::{Deserialize, Serialize};
 pub(crate) use self::society::corners;
 pub use self::society::{AgentEvent, AuctionEvent, ForecastEvent, RoundEvent, TheftEvent, Zone, ZoneChoice, ZoneEvent};
 
-/// Something that happened in a job; one JSON object, told apart by its field `event`.
+/// Something that happened in a job. In JSON one object; its field `event` names the kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// The scene is loaded and the work begins.
+    /// The scene is loaded and rendering begins.
     Started {
-        /// Version of this vocabulary.
+        /// Version of the event format: 1.
         version: u32,
-        /// The scene file.
+        /// Path of the scene file.
         scene: String,
-        /// The file that the picture goes to.
+        /// The output file; empty if no file is written.
         output: String,
-        /// Pixels.
+        /// Width of the picture, in pixels.
         width: u32,
-        /// Pixels.
+        /// Height of the picture, in pixels.
         height: u32,
-        /// The part that is painted: x0, y0, x1, y1.
+        /// The part that is rendered, in pixels: x0, y0, x1, y1.
         crop: [u32; 4],
-        /// Samples per pixel; with `error` or `time` the most that a pixel gets.
+        /// Samples per pixel; with `error` or `time` the maximum per pixel.
         samples_per_pixel: u32,
-        /// The estimated relative error at which a place is finished, where one was asked for.
+        /// The requested relative error at which a cell of the picture stops; missing if none was requested.
         #[serde(skip_serializing_if = "Option::is_none")]
         error: Option<f64>,
-        /// The time for all of it in seconds, where one was asked for.
+        /// The requested time limit in seconds, loading included; missing if none was requested.
         #[serde(skip_serializing_if = "Option::is_none")]
         time: Option<f64>,
-        /// How light is followed: path, photon or ala.
+        /// The integrator: `path`, `photon` or `ala`; with an external engine, its title.
         integrator: String,
-        /// Whether by progressive photons.
+        /// True if the integrator is progressive photon mapping.
         progressive: bool,
-        /// Render Agents.
+        /// Number of Render Agents.
         agents: usize,
-        /// Processors.
+        /// Number of CPU threads.
         threads: usize,
-        /// GPUs that paint beside them, by name.
+        /// Names of the GPUs that render together with the CPU threads.
         gpus: Vec<String>,
-        /// Triangles of the scene, where our own engine has read it.
+        /// Number of triangles in the scene; missing with an external engine.
         #[serde(skip_serializing_if = "Option::is_none")]
         triangles: Option<u64>,
-        /// How the picture is painted, in words.
+        /// The integrator as a readable name, such as `path tracing (--integrator path)`.
         method: String,
-        /// Who paints, in words.
+        /// The devices as readable text, such as `8 processors and H200`; with an external engine, its title.
         painters: String,
-        /// Seed of the picture.
+        /// Seed of the random numbers.
         seed: u64,
     },
-    /// The scene is on its way to a farm.
+    /// The scene is being uploaded to a farm.
     Sending {
-        /// What is there.
+        /// Bytes uploaded so far.
         bytes_sent: u64,
-        /// What is to be sent in all.
+        /// Bytes to upload in total.
         bytes: u64,
-        /// Since it began.
+        /// Seconds since the upload began.
         seconds: f64,
-        /// Until it is there, at this pace.
+        /// Seconds until the upload ends at the current rate; `null`: unknown.
         seconds_left: Option<f64>,
     },
-    /// A farm has the job.
+    /// A farm has accepted the job.
     Asked {
-        /// Its number there; of an animation, that of the first frame.
+        /// The job number on the farm; for an animation, that of the first frame.
         job: u32,
-        /// Of an animation, the number of the last frame's job.
+        /// For an animation, the job number of the last frame.
         #[serde(skip_serializing_if = "Option::is_none")]
         last_job: Option<u32>,
     },
     /// A frame of an animation is written.
     Frame {
-        /// The file.
+        /// The output file of the frame.
         output: String,
-        /// Frames that are.
+        /// Frames written so far.
         done: usize,
-        /// All frames that were asked for.
+        /// Frames requested in total.
         all: usize,
     },
-    /// Something that people may want to know.
+    /// An informative message for the user.
     Note {
-        /// What.
+        /// The text of the message.
         message: String,
     },
-    /// Something that the user should know; the work goes on.
+    /// A warning; rendering continues.
     Warning {
-        /// What.
+        /// The text of the warning.
         message: String,
     },
-    /// The Analyst has cut the picture into zones.
+    /// The Analyst has divided the picture into zones.
     Analyzed {
-        /// The zones.
+        /// All zones of the picture, in the order of their numbers.
         zones: Vec<Zone>,
-        /// How long it took.
+        /// Seconds from the start of the job until the zones were known.
         seconds: f64,
     },
-    /// A zone has a new state: its row on the Blackboard.
+    /// The state of a zone has changed: its row on the Blackboard.
     Zone(Box<ZoneEvent>),
     /// An agent's row on the Blackboard has changed.
     Agent(AgentEvent),
     /// A round of the auction has ended.
     Round(RoundEvent),
-    /// An agent has taken zones that waited in another's hand.
+    /// An agent has taken zones that were waiting in another agent's queue.
     Theft(TheftEvent),
-    /// What all rounds of the auction came to.
+    /// Totals over all rounds of the auction.
     Auction(AuctionEvent),
-    /// How well the times of zones were known before anybody had seen them.
+    /// The accuracy of the estimated zone times, compared with the measured ones.
     Forecast(ForecastEvent),
-    /// How far the work is.
+    /// The progress of rendering.
     Progress(Progress),
-    /// There is a new preview, with a colour for every pixel: in the file of `--preview`, and as `/api/jobs/1/preview.png`
-    /// where the dashboard is.
+    /// A new preview is available, with a color for every pixel: in the file of `--preview`, and at `/api/jobs/1/preview.png`
+    /// of the dashboard.
     Preview {
-        /// How many there were, with this one. The first is coarse: a look at the whole picture before it is painted.
+        /// Number of the preview, from 1. The first is coarse: it shows the survey, made before zones are painted.
         number: u32,
-        /// Seconds since the scene was loaded: its file read and its acceleration structures built.
+        /// Seconds since the scene was loaded (file read and acceleration structures built).
         seconds: f64,
     },
-    /// What the lighting agents of a picture were like, what they cost and what they were asked.
+    /// Properties, cost and answers of the lighting agents of a picture.
     LightingAgents(LightingAgents),
-    /// A device compiles its kernels for the scene: told twice a second while it does. It paints nothing before; others do.
+    /// A device is compiling its kernels for the scene; repeated twice a second. The device renders nothing until it ends;
+    /// other devices do.
     Compiling {
-        /// The device.
+        /// The name of the device.
         device: String,
-        /// For how long it has.
+        /// Seconds since compiling began.
         seconds: f64,
     },
-    /// How far a step is that comes after the painting.
+    /// The progress of a step after rendering.
     Step {
-        /// Which, such as `denoising`.
+        /// The name of the step, such as `denoising`.
         name: String,
-        /// From 0 to 1.
+        /// The share that is done, 0 to 1.
         share: f64,
     },
-    /// Two engines have painted the picture.
+    /// Two engines have rendered the picture together.
     Mixed {
-        /// How often each of them painted a zone.
+        /// The number of zones that each engine rendered.
         engines: Vec<EngineShare>,
-        /// Whether one sees the edges of the zones: how many standard deviations what differs there lies above the rest.
+        /// Visibility of zone edges: by how many standard deviations the differences at edges exceed those elsewhere.
         seams_z: f64,
-        /// How probable that is where there are no seams.
+        /// The p-value of `seams_z`: its probability if there were no seams.
         seams_p: f64,
     },
-    /// What each zone took is written down, for `bottega simulate`.
+    /// The record of zone times for `bottega simulate` is written.
     Recorded {
-        /// The file.
+        /// Path of the record file.
         file: String,
     },
-    /// What the processors and devices of this machine did while the picture was painted.
+    /// Utilization of the processors and devices of this machine.
     Resources {
-        /// One after the other.
+        /// One entry per processor or device.
         resources: Vec<ResourceUse>,
-        /// Since the scene was loaded.
+        /// Seconds since the scene was loaded.
         seconds: f64,
-        /// Units that waited in the work bin, in the mean.
+        /// Mean number of units waiting in the work bin.
         bin_waiting: f64,
-        /// Share of the time in which the work bin was full.
+        /// Share of the time during which the work bin was full, 0 to 1.
         bin_full: f64,
-        /// Share of the time in which it was empty.
+        /// Share of the time during which the work bin was empty, 0 to 1.
         bin_empty: f64,
-        /// Units past their life time: of a view that nobody looks at any more.
+        /// Number of units that expired before they were done, because their view was no longer needed.
         #[serde(default)]
         expired: u64,
     },
-    /// The same is written as a drawing or as data.
+    /// The timeline of processors and devices is written, as SVG or JSON.
     Timeline {
-        /// The file.
+        /// Path of the timeline file.
         file: String,
     },
-    /// The picture was led to its end by another machine, and is written here.
+    /// The picture, completed under the lead of another machine, is written here.
     Fetched {
-        /// The file.
+        /// Path of the output file.
         output: String,
     },
-    /// What noise was left in the picture is removed.
+    /// The picture is denoised.
     Denoised {
-        /// By what, of which layers.
+        /// The denoiser and the layers that it used, such as `Open Image Denoise 2.3.0 of color, albedo`.
         by: String,
-        /// How long it took.
+        /// Seconds that denoising took.
         seconds: f64,
     },
-    /// The picture is written.
+    /// The picture is complete and written.
     Finished {
-        /// The file.
+        /// The output file; empty if no file is written.
         output: String,
-        /// Wall-clock time of rendering, without loading.
+        /// Wall-clock seconds of rendering, without loading.
         seconds: f64,
-        /// Samples taken, all pixels together.
+        /// Samples taken over all pixels.
         samples: u64,
-        /// Share of processors × time that was spent painting.
+        /// Share of processors × time spent rendering, 0 to 1.
         utilization: f64,
-        /// Share of the wall-clock time in which no sample was under way: analysis, auction, composition.
+        /// Share of processors × time not spent rendering (analysis, auction, composition), 0 to 1.
         overhead: f64,
-        /// Share of all painted pixels that lie in bands beyond their zones.
+        /// Share of all painted pixels that lie in interpolation bands beyond their zones.
         bands: f64,
-        /// Share of the wall-clock time that composing the picture took.
+        /// Share of the wall-clock time spent on composing the picture.
         composition: f64,
     },
-    /// The work was stopped; what is painted is written.
+    /// Rendering was stopped; the pixels painted so far are written.
     Interrupted {
-        /// The file.
+        /// The output file; empty if no file is written.
         output: String,
-        /// Wall-clock time of rendering so far.
+        /// Wall-clock seconds of rendering so far.
         seconds: f64,
-        /// Share of the samples that are taken.
+        /// Share of the requested samples that are taken, 0 to 1.
         done: f64,
     },
 }
 
-/// A processor or a device, and what it did.
+/// The utilization of one processor or device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ResourceUse {
-    /// Its name.
+    /// The name of the processor or device.
     pub name: String,
-    /// Share of its time with work, from 0 to 1.
+    /// Share of the time spent working, 0 to 1.
     pub occupation: f64,
-    /// Units of work done.
+    /// Number of work units done.
     pub units: u64,
-    /// Attempts that failed.
+    /// Number of attempts that failed.
     pub failures: u64,
-    /// Memory of its own for scenes, where it tells.
+    /// Total device memory in bytes; missing if the device does not report it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory_bytes: Option<u64>,
-    /// Bytes of scenes that are in it.
+    /// Bytes of scenes in the device memory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resident_bytes: Option<u64>,
-    /// Bytes of scenes that it was sent since this program opened it.
+    /// Bytes of scenes sent to the device since this program opened it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sent_bytes: Option<u64>,
-    /// What passed on its cable, if it is a board behind one.
+    /// The traffic on the cable; missing if the device is not a board.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cable: Option<CableTraffic>,
 }
@@ -241,95 +242,95 @@ pub struct ResourceUse {
 /// The traffic on a board's cable.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CableTraffic {
-    /// Bytes sent, scenes included.
+    /// Bytes sent to the board, scenes included.
     pub sent_bytes: u64,
-    /// Bytes of answers.
+    /// Bytes received from the board.
     pub received_bytes: u64,
-    /// Bytes a second that pass there, as measured last.
+    /// Bandwidth to the board in bytes per second, as last measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bandwidth_there: Option<f64>,
-    /// The same on the way back.
+    /// Bandwidth from the board in bytes per second, as last measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bandwidth_back: Option<f64>,
-    /// Packets that were answered.
+    /// Number of packets that were answered.
     pub packets: u64,
-    /// Seconds between the sending of a packet and its answer, in the mean.
+    /// Mean seconds between sending a packet and receiving its answer.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub packet_seconds: Option<f64>,
 }
 
-/// How often an engine painted a zone.
+/// The share of one engine in a picture by two engines.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct EngineShare {
-    /// The engine.
+    /// The name of the engine.
     pub engine: String,
-    /// Passes over zones.
+    /// Number of passes over zones that the engine rendered.
     pub zones: u64,
 }
 
-/// The lighting agents of a picture: their properties, their cost, and the questions they were asked on this machine.
+/// Statistics of the lighting agents of a picture on this machine: their properties, cost and answers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LightingAgents {
-    /// Agents that the lights cast.
+    /// Number of agents cast from the lights.
     pub cast: u32,
-    /// Agents that are stored, clones and scouts among them.
+    /// Number of stored agents, clones and scouts included.
     pub agents: u64,
-    /// Those behind the first surface.
+    /// Number of clones: agents behind the first surface.
     pub clones: u64,
-    /// Sensors of geometry, proximity, penumbra and irradiance.
+    /// Number of sensors: geometry, proximity, penumbra, irradiance.
     pub sensors: [u64; 4],
-    /// Links of the proximity network.
+    /// Number of links in the proximity network.
     pub links: u64,
-    /// Agents that answer "lit", "shaded" and "trace a ray".
+    /// Number of agents that answer "lit", "shaded" and "trace a ray".
     pub answers: [u64; 3],
     /// Mean distance between objects, in scene units.
     pub object_distance: f32,
-    /// Of the photons that come to mirrors and glass, the shares whose light the camera sees: sent without asking lookouts, and sent
-    /// by them. Missing where nobody was asked, or none comes there.
+    /// Of the photons that reach mirrors and glass, the share whose light the camera sees: of those sent without lookouts, and
+    /// of those sent by them. Missing if lookouts were not used or no photon reaches such surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub caustics_seen: Option<[f64; 2]>,
-    /// Bytes of their maps.
+    /// Memory of the agent maps, in bytes.
     pub map_bytes: u64,
     /// Seconds that casting took.
     pub casting_seconds: f64,
     /// Seconds that sensing took.
     pub sensing_seconds: f64,
-    /// Shadow rays that were traced.
+    /// Number of shadow rays traced.
     pub shadow_rays_traced: u64,
-    /// Shadow rays that were not.
+    /// Number of shadow rays that the agents' answers made unnecessary.
     pub shadow_rays_spared: u64,
-    /// Times that indirect light was gathered.
+    /// Number of points where indirect light was gathered.
     pub irradiance_computed: u64,
-    /// Times that it was interpolated.
+    /// Number of points where indirect light was interpolated.
     pub irradiance_interpolated: u64,
 }
 
 /// The progress of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Progress {
-    /// Zones painted.
+    /// Number of finished zones.
     pub zones_done: usize,
-    /// All zones.
+    /// Number of zones in total.
     pub zones: usize,
-    /// Samples taken, all pixels together.
+    /// Samples taken so far, over all pixels.
     pub samples_done: u64,
-    /// Samples that the picture will have.
+    /// Samples of the complete picture, over all pixels.
     pub samples: u64,
-    /// Samples a second, lately.
+    /// Samples per second over the last few seconds.
     pub samples_per_second: f64,
-    /// Share of the predicted cost that is done.
+    /// Share of the predicted cost that is done, 0 to 1.
     pub share: f64,
     /// Seconds since rendering began.
     pub seconds: f64,
-    /// Seconds still to go, by the predicted cost of what is left.
+    /// Estimated seconds left, from the predicted cost of the remaining work; missing if unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds_left: Option<f64>,
 }
 
 impl Event {
-    /// The event as one line of JSON.
+    /// Returns the event as one line of JSON.
     pub fn to_json(&self) -> String {
-        // Nothing in here can fail to serialize: no maps with odd keys, no foreign types.
+        // Events cannot fail to serialize: they hold no maps with non-string keys and no foreign types.
         serde_json::to_string(self).unwrap_or_default()
     }
 }

@@ -1,7 +1,7 @@
-//! The experience of this machine: how long zones take it, and how fast it is, kept from one run to the next.
+//! The experience of this machine, stored between runs: times of zones, and its computing power.
 //!
-//! Two files of [`state_folder`]: `experience.json` and `benchmark.json`. Several processes may read and write them at the same time: they
-//! are written whole or not at all, and who adds to the first holds `experience.lock`.
+//! Two files in [`state_folder`]: `experience.json` and `benchmark.json`. Several processes may read and write them at the same
+//! time: they are written atomically, and additions to the first are made under the lock `experience.lock`.
 
 use std::{
     fs::{self, File},
@@ -17,23 +17,23 @@ use bottega_platform::folders::state_folder;
 
 use crate::{error::error_chain, identity::identity};
 
-/// Longest file that is read.
+/// Largest file that is read, in bytes.
 const BYTES_MAX: u64 = 1 << 20;
 
-/// V_cp of this machine by its benchmark.
+/// V_cp (relative computing power) of this machine, by its benchmark.
 #[derive(Serialize, Deserialize)]
 struct KeptBenchmark {
-    /// The build that was measured: another one may be faster.
+    /// The build that was measured; another build may be faster.
     build: String,
     power: f64,
 }
 
-/// The file of what this machine has learnt.
+/// Returns the path of the file with the experience of this machine.
 pub fn path() -> PathBuf {
     state_folder().join("experience.json")
 }
 
-/// What this machine has learnt in the jobs before, and what is wrong with the file, for the user: it counts as empty then.
+/// Reads the experience from earlier jobs. If the file is unusable, returns an empty one and a warning for the user.
 pub fn read() -> (Experience, Option<String>) {
     let path = path();
     match read_file(&path) {
@@ -56,15 +56,15 @@ fn read_file(path: &Path) -> Result<Option<Experience>, String> {
         Err(error) => return Err(error.to_string()),
     };
     let mut text = String::new();
-    // One byte more tells that there are more.
+    // One byte above the limit shows that the file is too long.
     file.take(BYTES_MAX + 1).read_to_string(&mut text).map_err(|error| error.to_string())?;
     Experience::from_json(&text).map(Some).map_err(|error| error_chain(&error))
 }
 
-/// Adds what was learnt in a job. A file that cannot be used is left as it is, for the user to look at.
+/// Adds the lesson of a job to the file. An unusable file is left as it is, for the user to inspect.
 ///
 /// # Errors
-/// The file cannot be used or written.
+/// The file cannot be read, is invalid, or cannot be written.
 pub fn keep(lesson: &JobLesson) -> Result<(), String> {
     let path = path();
     let folder = state_folder();
@@ -78,7 +78,7 @@ pub fn keep(lesson: &JobLesson) -> Result<(), String> {
     bottega_image::write_whole(&path, experience.to_json().as_bytes()).map_err(|error| error_chain(&error))
 }
 
-/// Forgets all that this machine has learnt, the benchmark too. Returns whether there was anything.
+/// Removes the experience and the benchmark of this machine. Returns true if there was anything to remove.
 ///
 /// # Errors
 /// A file cannot be removed.
@@ -98,14 +98,14 @@ fn benchmark_path() -> PathBuf {
     state_folder().join("benchmark.json")
 }
 
-/// V_cp of this machine as its benchmark found it before; `None`: this build was not measured yet.
+/// Returns the stored V_cp of this machine; `None`: this build was not measured yet.
 pub fn kept_benchmark() -> Option<RelativePower> {
     let kept: KeptBenchmark = serde_json::from_slice(&fs::read(benchmark_path()).ok()?).ok()?;
     let is_sound = kept.build == identity() && kept.power.is_finite() && kept.power > 0.0;
     is_sound.then(|| RelativePower::new(kept.power))
 }
 
-/// V_cp of this machine. The first time it is measured, in a quarter of a second, and kept.
+/// Returns V_cp of this machine. The first call measures it, in a quarter of a second, and stores it.
 pub fn power() -> RelativePower {
     kept_benchmark().unwrap_or_else(|| {
         let begun = Instant::now();
@@ -122,7 +122,7 @@ pub fn power() -> RelativePower {
     })
 }
 
-/// The job with what this machine knows of itself.
+/// Returns the settings of a job with the V_cp of this machine.
 pub(crate) fn measured(settings: JobSettings) -> JobSettings {
     JobSettings { benchmark: power(), ..settings }
 }

@@ -1,11 +1,11 @@
-//! Formats of scenes that our own engine does not read, and what to export instead.
+//! Scene formats that the built-in engine does not read, and the format to export instead.
 
 use std::path::Path;
 
-/// Ends of file names that our own engine reads.
+/// Extensions of the scene files that the built-in engine reads.
 pub(crate) const READ: [&str; 7] = ["gltf", "glb", "xml", "pbrt", "obj", "ply", "serialized"];
 
-/// Ends of file names of scenes of other programs, and what these files are called.
+/// Extensions of the scene files of other programs, with the name of the format or program.
 const OTHERS: &[(&[&str], &str)] = &[
     (&["usd", "usda", "usdc", "usdz"], "USD"),
     (&["fbx"], "FBX"),
@@ -26,12 +26,12 @@ const OTHERS: &[(&[&str], &str)] = &[
     (&["rib"], "RenderMan"),
 ];
 
-/// The end of a file's name in lower case, without its dot.
+/// Returns the extension of a file in lower case, without the dot.
 pub(crate) fn end_of(scene: &Path) -> Option<String> {
     Some(scene.extension()?.to_str()?.to_ascii_lowercase())
 }
 
-/// What to do with a scene file that our own engine does not read.
+/// Returns advice for a scene file that the built-in engine does not read; `None`: its format is unknown.
 pub(crate) fn remedy(scene: &Path) -> Option<String> {
     let end = end_of(scene)?;
     let (_, program) = OTHERS.iter().find(|(ends, _)| ends.contains(&end.as_str()))?;

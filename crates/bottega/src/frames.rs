@@ -6,7 +6,7 @@ mod name;
 pub use self::list::{Frames, FramesError};
 pub(crate) use self::name::{FrameName, NameError};
 
-/// What can be done about a name that has no place for a number.
+/// Returns advice for a file name without a valid place for the number of a frame.
 pub(crate) fn frame_name_help(error: &NameError) -> &'static str {
     match error {
         NameError::SeveralPlaces { .. } => "leave one place for it: film.####.exr or film.%04d.exr",

@@ -1,25 +1,25 @@
-//! The identity of this build. Pictures are the same bits for the same sources, compiled in the same way, alone: a
-//! version's number says too little.
+//! The identity of this build. Pictures are bit-identical only for the same sources compiled in the same way, so a version
+//! number is not enough.
 //!
-//! What is compared is `NUMBER+SOURCES.SETTINGS`: the digest of the sources, and that of what of the settings of a build may change
-//! a bit. How much a compiler optimizes does not, nor does the kind of processor.
+//! An identity is `NUMBER+SOURCES.SETTINGS`: version number, digest of the sources, and digest of the build settings that can
+//! change a bit. The optimization level and the kind of processor cannot.
 
 use std::sync::LazyLock;
 
-/// Hexadecimal digits of the digest of settings.
+/// Number of hexadecimal digits of the settings' digest.
 const SETTINGS_DIGITS: usize = 8;
 
-/// From which sources something is built, as [`bottega_build::provenance`] tells it: commit, whether they differ from it, their
-/// digest, and the compiler.
+/// The provenance of a build, from [`bottega_build::provenance`]: commit, true if the sources differ from it, digest of the
+/// sources, compiler.
 pub type Provenance = (&'static str, bool, &'static str, &'static str);
 
-/// The crates that know this one change no picture; they are no part of its identity.
+/// The listed crates depend on this one and cannot change a picture, so they are not part of its identity.
 const PROVENANCE: Provenance =
     bottega_build::provenance!("bottega-cluster", "bottega-web", "bottega-python", "bottega-bench", "bottega-cli");
 
 static BUILD: LazyLock<Build> = LazyLock::new(|| Build::new(PROVENANCE));
 
-/// A build of a crate with all that it is made of.
+/// A build of a crate with all its dependencies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Build {
     identity: String,
@@ -28,7 +28,7 @@ pub struct Build {
 }
 
 impl Build {
-    /// The build of these sources.
+    /// Makes the build of a provenance.
     pub fn new((commit, is_changed, sources, compiler): Provenance) -> Self {
         let (number, settings) = (env!("CARGO_PKG_VERSION"), settings(compiler));
         let commit = match (commit, is_changed) {
@@ -41,33 +41,33 @@ impl Build {
         Self { identity, commit, description }
     }
 
-    /// Its identity: two that have the same give the same bits.
+    /// Returns the identity: builds with the same identity give the same bits.
     pub fn identity(&self) -> &str {
         &self.identity
     }
 
-    /// The commit of the sources; empty where it is not known.
+    /// Returns the commit of the sources, with a note if they differ from it; empty: unknown.
     pub fn commit(&self) -> &str {
         &self.commit
     }
 
-    /// The identity, and for people where the sources come from.
+    /// Returns the identity with the commit, for people.
     pub fn description(&self) -> &str {
         &self.description
     }
 }
 
-/// The identity of this library: two that have the same give the same bits.
+/// Returns the identity of this library: builds with the same identity give the same bits.
 pub fn identity() -> &'static str {
     BUILD.identity()
 }
 
-/// An identity and a commit, as people are told of a build.
+/// Returns an identity with its commit as readable text.
 pub fn with_commit(identity: &str, commit: &str) -> String {
     if commit.is_empty() { identity.to_owned() } else { format!("{identity} (commit {commit})") }
 }
 
-/// In what two builds differ that are not the same.
+/// Returns the difference of two builds with different identities, as a clause.
 pub fn difference(one: &str, other: &str) -> &'static str {
     let parts = |identity: &str| {
         let (number, build) = identity.split_once('+').unwrap_or((identity, ""));
@@ -81,7 +81,7 @@ pub fn difference(one: &str, other: &str) -> &'static str {
     }
 }
 
-/// The digest of what of the build's settings may change a bit.
+/// Returns the digest of the build settings that can change a bit: compiler and SIMD features.
 fn settings(compiler: &str) -> String {
     let wide = [
         ("fma", cfg!(target_feature = "fma")),

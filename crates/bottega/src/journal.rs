@@ -1,4 +1,4 @@
-//! The journal beside a picture: what is painted survives an interruption, and `--resume` goes on from it.
+//! The journal beside a picture: it keeps finished zones through an interruption, for `--resume`.
 
 use std::{
     fs::{File, OpenOptions},
@@ -17,39 +17,39 @@ use crate::{
     settings::{directions, filter, guide_agents},
 };
 
-/// The journal of a work: its place, and what it holds already.
+/// The journal of a picture, opened for writing, with the zones it already holds.
 pub struct PictureJournal {
-    /// The journal.
+    /// The path of the journal.
     pub path: PathBuf,
-    /// Writes into it.
+    /// The writer of the journal.
     pub store: Box<dyn ZoneStore>,
-    /// What was in it.
+    /// The contents that were read on resuming; `None`: a new journal.
     pub kept: Option<JournalContents>,
 }
 
-/// The journal of a picture: it is there while the picture is unfinished.
+/// Returns the path of a picture's journal; the file exists while the picture is unfinished.
 pub fn journal_of(output: &Path) -> PathBuf {
     let mut path = output.as_os_str().to_owned();
     path.push(".bottega-journal");
     PathBuf::from(path)
 }
 
-/// Whether a journal is there, and of the picture that is called so.
+/// Returns true if the file is a journal of the picture with this name; see [`name_of`].
 pub fn is_journal_of(path: &Path, name: &str) -> bool {
     let journal = File::open(path).ok().and_then(|file| Journal::read(BufReader::new(file)).ok());
     journal.is_some_and(|journal| journal.name == name)
 }
 
 impl PictureJournal {
-    /// The journal beside the output of a request, if it is written to a file.
+    /// Opens the journal beside the output of a request; `None`: the request has no output file.
     ///
     /// # Errors
-    /// The journal cannot be written; or there is nothing to go on with.
+    /// The journal cannot be written; or `resume` is set and there is no journal of this picture.
     pub fn of_request(request: &Request, name: &str, resume: bool) -> Result<Option<Self>, Error> {
         request.output.file.as_deref().map(|file| Self::begin(file, name, resume)).transpose()
     }
 
-    /// Begins the journal of `output`, or goes on with the one that is there.
+    /// Creates the journal of `output`, or with `resume` opens the existing one.
     pub fn begin(output: &Path, name: &str, resume: bool) -> Result<Self, Error> {
         let path = journal_of(output);
         if resume { Self::resume(path, name) } else { Self::create(path, name) }
@@ -82,7 +82,7 @@ impl PictureJournal {
             ));
         }
         let write = |source| Error::Write { path: path.clone(), source };
-        // What an interrupted write left at the end is cut off.
+        // Cut off what an interrupted write has left at the end
         file.set_len(journal.sound_bytes).map_err(write)?;
         let mut file = file;
         file.seek(SeekFrom::End(0)).map_err(write)?;
@@ -90,8 +90,8 @@ impl PictureJournal {
     }
 }
 
-/// What makes the picture what it is: two works with the same name give the same bits. How many agents and threads take
-/// part is not in it, so that another machine may go on.
+/// Returns a text with everything that determines the pixels: two works with the same name give the same bits. It does not hold
+/// the number of agents and threads, so that another machine can resume the work.
 pub fn name_of(request: &Request, subject: &LoadedScene, settings: &JobSettings) -> String {
     let method = Method::of(request, subject, settings.tunables.max_depth);
     [
@@ -122,7 +122,7 @@ pub fn name_of(request: &Request, subject: &LoadedScene, settings: &JobSettings)
     .join("; ")
 }
 
-/// The first thing in which two names differ.
+/// Returns the first difference of two names, as a clause.
 fn difference(kept: &str, wanted: &str) -> String {
     let differing = kept.split("; ").zip(wanted.split("; ")).find(|(kept, wanted)| kept != wanted);
     differing.map_or_else(|| "it differs".to_owned(), |(kept, wanted)| format!("it has {kept}, not {wanted}"))

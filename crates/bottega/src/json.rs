@@ -1,7 +1,8 @@
-//! JSON that people and other programs write for us, read with errors that say which field is wrong, what it is and what is needed there.
+//! JSON from users and other programs, read with errors that name the field, its value and what is needed there.
 //!
-//! Requests, bodies of the HTTP API and values from Python are read here, so that all of them are told the same. What serde says of a
-//! value (`invalid value: integer `-1`, expected u32 at line 1 column 479`) is put into words that need no knowledge of Rust.
+//! Requests, bodies of the HTTP API and values from Python are read here, so all of them get the same messages. Messages of
+//! serde (`invalid value: integer `-1`, expected u32 at line 1 column 479`) are reworded so that they need no knowledge of
+//! Rust.
 
 use std::fmt;
 
@@ -9,36 +10,36 @@ use bottega_scene::objects_only::ObjectsOnly;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// Why a JSON text is not what is needed.
+/// The reason why a JSON text is not what is needed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum JsonError {
-    /// It is not JSON.
+    /// The text is not JSON.
     Syntax {
-        /// The field in which it goes wrong, such as `film.size`; empty: the whole.
+        /// Path of the field with the syntax error, such as `film.size`; empty: the whole text.
         field: String,
-        /// Counted from 1.
+        /// Line of the error, from 1.
         line: usize,
-        /// Counted from 1.
+        /// Column of the error, from 1.
         column: usize,
-        /// What is wrong.
+        /// The problem, in one clause.
         problem: String,
     },
-    /// A field has a value of the wrong kind, or one that its kind cannot hold.
+    /// A field has a value of the wrong kind, or one out of range.
     Value {
-        /// The path of the field; empty: the whole.
+        /// Path of the field, such as `film.size`; empty: the whole value.
         field: String,
-        /// The value, as people read it.
+        /// The value that was found, as readable text.
         value: String,
-        /// What is needed in its place.
+        /// The kind of value that is needed.
         needed: String,
-        /// The kind of number, where one is needed: `a whole number` or `a number`.
+        /// The kind of number, if one is needed: `a whole number` or `a number`.
         number: Option<&'static str>,
     },
     /// A field is missing, unknown or wrong in another way.
     Field {
-        /// The path of the field; empty: the whole.
+        /// Path of the field, such as `film.size`; empty: the whole value.
         field: String,
-        /// What is wrong.
+        /// The problem, in one clause.
         problem: String,
     },
 }
@@ -62,19 +63,19 @@ impl fmt::Display for JsonError {
 impl std::error::Error for JsonError {}
 
 impl JsonError {
-    /// Whether it is JSON, and its fields are wrong.
+    /// Returns true if the text is valid JSON with wrong fields.
     pub fn is_data(&self) -> bool {
         !matches!(self, Self::Syntax { .. })
     }
 
-    /// The path of the field where it goes wrong, such as `film.size`; empty: the whole.
+    /// Returns the path of the wrong field, such as `film.size`; empty: the whole.
     pub fn field(&self) -> &str {
         match self {
             Self::Syntax { field, .. } | Self::Value { field, .. } | Self::Field { field, .. } => field,
         }
     }
 
-    /// The same in a part of something larger.
+    /// Returns the error with the path of its field below `section`.
     #[must_use]
     pub fn within(mut self, section: &str) -> Self {
         let (Self::Syntax { field, .. } | Self::Value { field, .. } | Self::Field { field, .. }) = &mut self;
@@ -84,7 +85,7 @@ impl JsonError {
 
     fn of_path(error: &serde_path_to_error::Error<serde_json::Error>) -> Self {
         let path = error.path().to_string();
-        // A question mark stands for a field whose name was not read.
+        // The path ends in a question mark if the name of the field was not read yet.
         let known = path.trim_end_matches('?').trim_end_matches('.');
         Self::of(known.to_owned(), error.inner())
     }
@@ -109,10 +110,12 @@ impl JsonError {
             Self::Value { field: field.to_owned(), value: found, needed, number }
         };
         let wrong = |problem: String| Self::Field { field: field.to_owned(), problem };
+        // A value of the wrong type, or out of range
         let expected = message.rsplit_once(", expected ");
         if let (Some(_), Some((found, expected))) = (starts("invalid type: ").or(starts("invalid value: ")), expected) {
             return value(found_value(found.split_once(": ").map_or(found, |(_, found)| found)), expected);
         }
+        // A list of the wrong length
         if let (Some(rest), Some((_, expected))) = (starts("invalid length "), expected) {
             let count = rest.split(',').next().unwrap_or_default();
             return match expected {
@@ -120,10 +123,12 @@ impl JsonError {
                 expected => value(format!("a list of {count}"), expected),
             };
         }
+        // An unknown word
         if let Some(rest) = starts("unknown variant ") {
             let (found, list) = rest.split_once(", expected ").unwrap_or((rest, ""));
             return value(found.to_owned(), list);
         }
+        // A field that is unknown, missing or repeated
         if let Some(rest) = starts("unknown field ") {
             let (found, list) = rest.split_once(", expected ").unwrap_or((rest, ""));
             let known = list.strip_prefix("one of ").unwrap_or(list);
@@ -142,7 +147,7 @@ impl JsonError {
     }
 }
 
-/// Reads a value of a text, all of it. Lists are not taken for objects.
+/// Reads a value from a JSON text, which must end after it. Lists are not accepted for objects.
 ///
 /// # Errors
 /// The text is not JSON, or a field is wrong.
@@ -154,7 +159,7 @@ pub fn from_slice<T: DeserializeOwned>(text: &[u8]) -> Result<T, JsonError> {
             Err(error) => Err(JsonError::of(String::new(), &error)),
         },
         Err(error) if !error.inner().is_data() => {
-            // A list with too many members looks like a wrong text to one who reads it member by member.
+            // Reading member by member reports a list with too many members as a syntax error; the tree gives the real problem.
             let tree = serde_json::from_slice::<Value>(text).ok();
             let of_tree = tree.and_then(|tree| from_value::<T>(tree).err());
             Err(of_tree.unwrap_or_else(|| JsonError::of_path(&error)))
@@ -163,7 +168,7 @@ pub fn from_slice<T: DeserializeOwned>(text: &[u8]) -> Result<T, JsonError> {
     }
 }
 
-/// Reads a value of a tree of JSON values. Lists are not taken for objects.
+/// Reads a value from a tree of JSON values. Lists are not accepted for objects.
 ///
 /// # Errors
 /// A field is wrong.
@@ -171,7 +176,7 @@ pub fn from_value<T: DeserializeOwned>(tree: Value) -> Result<T, JsonError> {
     serde_path_to_error::deserialize(ObjectsOnly(tree)).map_err(|error| JsonError::of_path(&error))
 }
 
-/// A value that was found, as serde calls it.
+/// Returns the readable text of a value in a message of serde.
 fn found_value(found: &str) -> String {
     for kind in ["integer ", "floating point ", "boolean "] {
         if let Some(value) = found.strip_prefix(kind) {
@@ -186,7 +191,7 @@ fn found_value(found: &str) -> String {
     }
 }
 
-/// What serde expects, and which kind of number that is.
+/// Returns the readable text of what serde expects, and the kind of number if it is one.
 fn needed(expected: &str) -> (String, Option<&'static str>) {
     const WHOLE: &str = "a whole number";
     let whole = |from: i128, to: i128| (format!("{WHOLE} from {from} to {to}"), Some(WHOLE));
@@ -220,7 +225,7 @@ fn needed(expected: &str) -> (String, Option<&'static str>) {
     (plain.to_owned(), None)
 }
 
-/// What is wrong with a text that is not JSON.
+/// Returns a readable message of a syntax error.
 fn syntax(message: &str) -> String {
     if let Some(part) = message.strip_prefix("EOF while parsing ") {
         return format!("the text ends in the middle of {part}");

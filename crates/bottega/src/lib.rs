@@ -1,7 +1,8 @@
-//! A physically based renderer whose work is shared out by agents, as a library.
+//! A physically based renderer as a library; agents share out the work of a picture.
 //!
-//! A picture asked for is a [`Request`]: plain data, the same through every door. A [`Session`] loads its scene, prepares it and
-//! chooses who paints; what it paints is a [`Picture`]. While it paints it tells a [`Watcher`] what happens, in [`Event`]s.
+//! A [`Request`] describes a picture as plain data; the command line, the HTTP API and Python make the same requests. A
+//! [`Session`] loads the scene, prepares it, chooses the devices and renders a [`Picture`]. During rendering a [`Watcher`]
+//! receives [`Event`]s.
 //!
 //! ```no_run
 //! use std::sync::Arc;
@@ -16,27 +17,27 @@
 //!
 //! # Modules
 //!
-//! | what | where |
+//! | subject | where |
 //! |---|---|
-//! | what may be asked for: sections, words, limits, checks | [`request`]: `src/request/sections.rs`, `src/request/choices.rs`, `src/request/limits.rs`, `src/request/validate.rs` |
-//! | requests as JSON; one field set by its path; what is wrong with JSON, in plain words | `src/request/json.rs`, `src/request/set.rs`; [`json`] |
-//! | the way from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs`, `src/session/painter.rs`, `src/session/looking.rs` |
-//! | what is told meanwhile, and to whom | [`events`]; `src/session/reporter.rs`, `src/session/watcher.rs` |
+//! | requests: sections, choices, limits, validation | [`request`]: `src/request/sections.rs`, `src/request/choices.rs`, `src/request/limits.rs`, `src/request/validate.rs` |
+//! | requests as JSON; setting one field by its path; readable errors of JSON | `src/request/json.rs`, `src/request/set.rs`; [`json`] |
+//! | from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs`, `src/session/painter.rs`, `src/session/looking.rs` |
+//! | events of a job, and their receivers | [`events`]; `src/session/reporter.rs`, `src/session/watcher.rs` |
 //! | the picture, its files and its metadata | [`picture`] |
-//! | what a request means to engines and farm | [`settings`]; its scene: [`loaded_scene`]; which integrator paints it: [`method`] |
-//! | our own engine made ready | `src/builtin.rs` |
-//! | other renderers; which layers their pictures have; what a farm is sent | [`engines`]: `src/engines/painter.rs`, `src/engines/layers.rs`, `src/engines/scene_files.rs` |
-//! | scenes that our own engine does not read: who does, what to export | `src/engines/of_scene.rs`, `src/formats.rs` |
-//! | processors and GPUs, what each costs, how that is measured | [`devices`]: `src/devices/choice.rs`, `src/devices/costs.rs`, `src/devices/measure.rs`; those kept from picture to picture: `src/devices/kept.rs` |
-//! | what they were at while a picture was painted | `src/session/occupation.rs` |
-//! | expert knowledge, from files or with the program; as pages show it | [`rules`]; [`rule_view`] |
-//! | animations: the request of a frame; which frames, under which names | `src/animation.rs`; [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
+//! | settings of engines and farm from a request | [`settings`]; its scene: [`loaded_scene`]; its integrator: [`method`] |
+//! | the built-in engine, prepared for a picture | `src/builtin.rs` |
+//! | external engines; the layers of their pictures; the files that a farm needs | [`engines`]: `src/engines/painter.rs`, `src/engines/layers.rs`, `src/engines/scene_files.rs` |
+//! | scenes that the built-in engine does not read: the engine that does, the format to export | `src/engines/of_scene.rs`, `src/formats.rs` |
+//! | processors and GPUs; the cost of work on each, and its measurement | [`devices`]: `src/devices/choice.rs`, `src/devices/costs.rs`, `src/devices/measure.rs`; devices kept open between pictures: `src/devices/kept.rs` |
+//! | utilization of processors and devices | `src/session/occupation.rs` |
+//! | expert rules, from files or built in; their view for web pages | [`rules`]; [`rule_view`] |
+//! | animations: the request of one frame; lists of frames and file names | `src/animation.rs`; [`frames`]: `src/frames/list.rs`, `src/frames/name.rs` |
 //! | the journal beside a picture | [`journal`] |
-//! | what the Analyst makes of a scene; how two pictures differ | [`analysis`], [`difference`] |
-//! | a scene looked around in | [`viewport`] |
+//! | the Analyst's view of a scene; the difference of two pictures | [`analysis`], [`difference`] |
+//! | interactive view of a scene | [`viewport`] |
 //! | previews, denoising | `src/preview.rs`, [`denoise`] |
-//! | which build this is | [`identity`] |
-//! | ten lines; a scene made in memory | `examples/ten_lines.rs`, `examples/in_memory.rs` |
+//! | identity of the build | [`identity`] |
+//! | examples: ten lines; a scene made in memory | `examples/ten_lines.rs`, `examples/in_memory.rs` |
 
 pub mod analysis;
 mod animation;
@@ -70,7 +71,7 @@ pub mod viewport;
 pub use bottega_farm::StopSwitch;
 pub use bottega_scene as scene;
 
-/// Vectors and transformations, as scenes have them.
+/// The crate of the vectors and transformations of scenes.
 pub use glam;
 
 pub use self::{

@@ -1,4 +1,4 @@
-//! Scene, camera and size, as a request says.
+//! A loaded scene with the camera and the picture size of a request.
 
 use std::{sync::Arc, time::Instant};
 
@@ -16,28 +16,28 @@ use crate::{
     request::{EnvironmentLight, Request, SceneOptions, ViewOptions, check_size},
 };
 
-/// Height of a picture of which only the shape is known.
+/// Height in pixels of a picture for which neither request nor file gives a size.
 const DEFAULT_HEIGHT: u32 = 720;
 
-/// A scene ready to be painted.
+/// A scene ready for rendering.
 pub struct LoadedScene {
     /// The scene with its acceleration structures.
     pub prepared: Arc<PreparedScene>,
-    /// What is found out of it before pictures.
+    /// Results of prepasses over the scene, shared by its pictures.
     pub prepass: Arc<Prepass>,
-    /// Camera and size.
+    /// The camera, as an index into the prepared scene, and the size of the picture in pixels.
     pub view: View,
-    /// The number of the camera in the file; it may stand elsewhere.
+    /// Index of the camera in the file; the request may give it another pose.
     pub camera: usize,
-    /// The cameras as the file has them.
+    /// The cameras of the file, unchanged.
     cameras: Vec<Camera>,
-    /// What of the file is not as its author meant it.
+    /// Warnings about unsupported features of the file.
     pub warnings: Vec<Warning>,
-    /// What the file asks for. Its part of the picture is left out where the request says how large the picture is.
+    /// Render hints of the file. The crop is removed if the request sets the size of the picture.
     pub hints: RenderHints,
-    /// Files that the scene refers to.
+    /// The files that the scene refers to.
     pub files: Vec<SceneFile>,
-    /// When loading ended: the file was read and its acceleration structures were built.
+    /// The time when loading ended: file read and acceleration structures built.
     pub loaded: Instant,
 }
 
@@ -50,10 +50,10 @@ impl LoadedScene {
         Self::of(load(request)?, request)
     }
 
-    /// A scene that was made in memory, with what a request says of camera, size and environment.
+    /// Prepares a scene made in memory, with the camera, size and environment of a request.
     ///
     /// # Errors
-    /// The scene has no such camera, or cannot be painted.
+    /// The scene is invalid, has no camera or not the requested one.
     pub fn of_scene(scene: Scene, request: &Request) -> Result<Self, Error> {
         let mut scene = scene;
         scene.validate()?;
@@ -80,44 +80,44 @@ impl LoadedScene {
         Ok(Self { prepared, prepass: Arc::default(), view, camera, cameras, warnings, hints, files, loaded })
     }
 
-    /// The same scene as another request sees it that differs in its view alone: nothing is read or prepared anew.
+    /// Changes camera and size to those of a request that differs in its view alone. Nothing is read or prepared again.
     ///
     /// # Errors
-    /// The scene has no such camera, or the camera cannot look so.
+    /// The scene has no such camera, or the pose is invalid.
     pub fn seen_as(self, request: &Request) -> Result<Self, Error> {
         let (camera, aimed) = aimed(&self.cameras, self.scene().origin, &request.view)?;
         let [width, height] = size(request, &self.hints, &aimed)?;
         let view = View { camera: self.prepared.add_camera(aimed), width, height };
-        // Whoever looks around for hours leaves no cameras behind.
+        // Remove the old camera, so that a long interactive session does not collect them.
         self.prepared.remove_camera(self.view.camera);
         let mut hints = self.hints;
         hints.crop = hints.crop.filter(|_| request.film.size.is_none());
         Ok(Self { view, camera, prepass: Arc::default(), hints, ..self })
     }
 
-    /// The camera of the picture.
+    /// Returns the camera of the picture.
     pub fn camera(&self) -> Arc<Camera> {
         self.prepared.camera(self.view.camera).expect("a view has a camera of its scene")
     }
 
-    /// The cameras as the file has them.
+    /// Returns the cameras of the file, unchanged.
     pub fn cameras(&self) -> &[Camera] {
         &self.cameras
     }
 
-    /// The scene as it was read.
+    /// Returns the scene, as it was prepared.
     pub fn scene(&self) -> &Scene {
         self.prepared.scene()
     }
 
-    /// All pixels of the picture.
+    /// Returns the rectangle of all pixels of the picture.
     pub fn frame(&self) -> Rect {
         Rect::of_size(self.view.width, self.view.height)
     }
 }
 
 impl SceneOptions {
-    /// How the file is read.
+    /// Returns the options for reading the scene file.
     pub fn load_options(&self) -> LoadOptions {
         LoadOptions {
             strict: self.strict,
@@ -152,7 +152,7 @@ fn load(request: &Request) -> Result<Loaded, Error> {
     Ok(loaded)
 }
 
-/// Has the scene lit from all around as the request says, where that is by no picture.
+/// Sets the environment light of a scene from the request, unless it is an image file.
 fn turn_environment(scene: &mut Scene, request: &Request) {
     let asked = &request.environment;
     match &asked.light {
@@ -170,9 +170,9 @@ fn turn_environment(scene: &mut Scene, request: &Request) {
     }
 }
 
-/// The camera that is asked for, as it is to stand, and its number.
+/// Returns the index of the requested camera, and the camera with the requested lens and pose.
 ///
-/// - `origin`: where the origin of the scene lies in the coordinates of the file.
+/// - `origin`: origin of the scene, in the coordinates of the file.
 fn aimed(cameras: &[Camera], origin: DVec3, view: &ViewOptions) -> Result<(usize, Camera), Error> {
     let number = check_view(view, cameras.iter().map(|camera| (&*camera.name, has_angle(camera))))?;
     let mut camera = cameras[number].clone();
@@ -193,12 +193,12 @@ fn has_angle(camera: &Camera) -> bool {
     matches!(camera.projection, Projection::Perspective { .. })
 }
 
-/// The number of the camera that a view asks for, if the scene can be seen so.
+/// Returns the index of the camera of a view, after checking that the view suits it.
 ///
-/// - `cameras`: the name of each, and whether it has an angle.
+/// - `cameras`: name of each camera, and true if it has a field of view (perspective).
 ///
 /// # Errors
-/// There is no such camera, or it has no angle that could be another one.
+/// There is no such camera, or the view sets a field of view for a camera without perspective.
 pub(crate) fn check_view<'a>(
     view: &ViewOptions,
     cameras: impl Iterator<Item = (&'a str, bool)>,
@@ -226,10 +226,10 @@ fn camera_index(cameras: &[(&str, bool)], asked: Option<&str>) -> Result<usize, 
     })
 }
 
-/// The size of the picture: what the request says, or the file, or the camera.
+/// Returns the size of the picture in pixels: from the request, else from the file, else from the camera's aspect ratio.
 ///
 /// # Errors
-/// The file asks for a picture that is too large, of which the part that is painted is too large, too.
+/// The picture, or its crop, is too large.
 fn size(request: &Request, hints: &RenderHints, camera: &Camera) -> Result<[u32; 2], Error> {
     let given = request.film.size.or(hints.resolution);
     let Some([width, height]) = given else { return Ok(default_size(camera)) };

@@ -1,5 +1,4 @@
-//! The integrator of a picture: the one that the user asks for, else one that finds the light which the integrator
-//! of the scene file finds.
+//! The integrator of a picture: the requested one, or else one that finds the same light as the integrator of the scene file.
 
 use bottega_render::PhotonSettings;
 use bottega_scene::{Follows, IntegratorHint, PhotonHints, Scene};
@@ -10,38 +9,42 @@ use crate::{
     settings::{agent_photons, photon_settings},
 };
 
-/// The method that paints a picture.
+/// The integrator with its settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
-    /// Which integrator.
+    /// The integrator: path tracing, photon mapping or lighting agents.
     pub integrator: IntegratorChoice,
-    /// How photons are used, if the picture is one of photons or of lighting agents.
+    /// Settings of photons; `None` for path tracing.
     pub photons: Option<PhotonSettings>,
-    /// What the user should know, where the file's integrator is replaced.
+    /// A note for the user if the integrator of the scene file is replaced.
     pub note: Option<String>,
 }
 
 impl Method {
-    /// The method of a request for a scene.
+    /// Chooses the method of a request for a scene.
     ///
-    /// - `bounces`: surfaces that light may come to.
+    /// - `bounces`: maximum number of bounces of light.
     pub fn of(request: &Request, subject: &LoadedScene, bounces: u32) -> Self {
         let hint = subject.hints.integrator.as_ref();
+        // Choose the integrator: the requested one, or the counterpart of the scene file's
         let (integrator, hints, reason) = match (request.integrator.method, hint) {
             (Some(asked), hint) => {
                 let hints = hint.and_then(photon_hints).filter(|_| asked == IntegratorChoice::Photon);
-                // What the user asks for is not to be made progressive by the file; what the file says of photons counts.
+                // The file does not make a requested integrator progressive; its settings of photons count if the request is
+                // progressive.
                 (asked, hints.filter(|_| request.photons.progressive), None)
             }
             (None, None) => (IntegratorChoice::Path, None, None),
             (None, Some(hint)) => chosen(hint, subject),
         };
+        // Collect its settings
         let photons = photon_settings(&request.photons, bounces, hints);
         let photons = match integrator {
             IntegratorChoice::Path => None,
             IntegratorChoice::Photon => Some(photons),
             IntegratorChoice::Ala => Some(agent_photons(&request.lighting_agents, photons)),
         };
+        // Explain the replacement of the scene file's integrator
         let name = name(integrator, photons.as_ref());
         let note = hint.filter(|hint| is_replaced(hint)).map(|hint| {
             let at = if hint.place.is_empty() { String::new() } else { format!("{}: ", hint.place) };
@@ -55,12 +58,12 @@ impl Method {
         Self { integrator, photons, note }
     }
 
-    /// The word of its integrator.
+    /// Returns the word of the integrator: `path`, `photon` or `ala`.
     pub fn word(&self) -> &'static str {
         self.integrator.word()
     }
 
-    /// In words.
+    /// Returns the readable name, with the options that select the method.
     pub fn name(&self) -> &'static str {
         name(self.integrator, self.photons.as_ref())
     }
@@ -77,7 +80,7 @@ fn name(integrator: IntegratorChoice, photons: Option<&PhotonSettings>) -> &'sta
     }
 }
 
-/// The counterpart of an integrator, and why it is not another one.
+/// Returns the integrator that replaces one of a scene file, its photon hints, and the reason if another one is expected.
 fn chosen(
     hint: &IntegratorHint,
     subject: &LoadedScene,
@@ -103,7 +106,7 @@ fn is_replaced(hint: &IntegratorHint) -> bool {
     hint.follows != Follows::Paths { is_ours: true }
 }
 
-/// Whether there is light that paths from the camera cannot find: of lamps without extent, over mirrors and through glass.
+/// Returns true if there is light that camera paths cannot find: that of point lights over mirrors and through glass.
 fn hides_light(scene: &Scene) -> bool {
     !scene.lights.is_empty() && scene.materials.iter().any(|material| material.surface.has_mirror())
 }

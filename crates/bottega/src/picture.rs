@@ -1,4 +1,4 @@
-//! A picture that is painted.
+//! Rendered pictures: pixels, metadata, report, and their files.
 
 use std::{
     fs,
@@ -24,76 +24,76 @@ use crate::{
     text::shown,
 };
 
-/// Under which name a picture holds the request that it is of.
+/// Name of the metadata entry that holds the request of a picture.
 pub const REQUEST_KEY: &str = "request";
 
-/// A picture, whole or as far as it was painted, and what is known of it.
+/// A picture, complete or partial, with its metadata and the report of its job.
 pub struct Picture {
     pub(crate) request: Request,
     pub(crate) metadata: Metadata,
     pub(crate) settings: JobSettings,
     pub(crate) report: JobReport,
-    /// Whether the scene file asks for alpha in a PNG.
+    /// True if the scene file asks for alpha in a PNG.
     pub(crate) alpha: bool,
     pub(crate) reporter: Arc<Reporter>,
     pub(crate) journal: Option<PathBuf>,
 }
 
 impl Picture {
-    /// The request that it is of.
+    /// Returns the request of the picture.
     pub fn request(&self) -> &Request {
         &self.request
     }
 
-    /// Its pixels, with all layers; linear light.
+    /// Returns the pixels with all layers, in linear light.
     pub fn film(&self) -> &Film {
         &self.report.film
     }
 
-    /// What it says of how it was made.
+    /// Returns the metadata: how the picture was made.
     pub fn metadata(&self) -> &Metadata {
         &self.metadata
     }
 
-    /// How the agents painted it: rows of all zones, times, messages.
+    /// Returns the report of the job: rows of all zones, times, messages.
     pub fn report(&self) -> &JobReport {
         &self.report
     }
 
-    /// The settings of its job.
+    /// Returns the settings of the job.
     pub fn settings(&self) -> &JobSettings {
         &self.settings
     }
 
-    /// Whether all of it is painted.
+    /// Returns true if all zones are painted.
     pub fn is_whole(&self) -> bool {
         !self.report.stopped && self.report.failed.is_empty()
     }
 
-    /// Writes it to a file, .exr or .png, with the output settings of its request.
+    /// Writes the picture to a file, .exr or .png, with the output settings of its request.
     ///
     /// # Errors
-    /// It cannot be written there.
+    /// The extension is another one, or the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let hints = RenderHints { alpha: self.alpha, ..RenderHints::default() };
         write(&self.request, Some(&hints), path.as_ref(), &self.report.film, &self.metadata)
     }
 
-    /// The bytes of a PNG file of it, with the output settings of its request.
+    /// Returns the picture as the bytes of a PNG file, with the output settings of its request.
     ///
     /// # Errors
-    /// It has no pixels.
+    /// The picture has no pixels.
     pub fn to_png(&self) -> Result<Vec<u8>, Error> {
         let options = png_options(&self.request, self.alpha);
         Ok(bottega_image::png_bytes(&self.report.film, &options, &self.metadata)?)
     }
 
-    /// Writes it where the request says, if it does.
+    /// Writes the picture to the output of its request, if any.
     pub(crate) fn write(&self) -> Result<(), Error> {
         self.request.output.file.as_deref().map_or(Ok(()), |file| self.save(file))
     }
 
-    /// Tells how it ended. The journal goes only when the picture is complete.
+    /// Reports the end of the job, and removes the journal if the picture is complete.
     ///
     /// # Errors
     /// Zones could not be painted.
@@ -114,7 +114,7 @@ impl Picture {
                 "see the messages above; --resume tries them again",
             ));
         }
-        // Left over it would only mislead; that it cannot be removed does not spoil the picture.
+        // Remove the journal; if that fails, the picture is still good.
         if let Some(journal) = &self.journal
             && let Err(error) = fs::remove_file(journal)
         {
@@ -136,7 +136,7 @@ impl Picture {
         Ok(self)
     }
 
-    /// Warns of a picture for a screen on which nothing can be seen.
+    /// Warns of a PNG that appears nearly black or white.
     fn warn_of_brightness(&self) {
         let Some(file) = &self.request.output.file else { return };
         if let Some(told) = wrong_brightness(&self.request, file, self.film()) {
@@ -145,13 +145,13 @@ impl Picture {
     }
 }
 
-/// What is wrong with the brightness of a picture, if its file is one for screens.
+/// Returns a warning about the brightness of a picture if its file is a PNG; `None`: it is fine.
 pub(crate) fn wrong_brightness(request: &Request, file: &Path, film: &Film) -> Option<String> {
     let is_for_screens = matches!(OutputFormat::of(file), Ok(OutputFormat::Png));
     if is_for_screens { told_brightness(film, request.output.exposure) } else { None }
 }
 
-/// Samples of all pixels. Where cells stop by their error, or the time cuts a pass, only the film knows them.
+/// Returns the number of samples over all pixels. With a goal of error or time only the film knows the number per pixel.
 fn samples_taken(report: &JobReport, settings: &JobSettings) -> u64 {
     if settings.goal != Goal::Samples {
         let film = &report.film;
@@ -160,36 +160,36 @@ fn samples_taken(report: &JobReport, settings: &JobSettings) -> u64 {
     report.rows.iter().map(|row| row.size() * u64::from(row.samples_done())).sum()
 }
 
-/// How long it takes to make a file of what is painted: measured on a small picture, with all that runs on this machine now.
+/// Estimates the time for denoising and encoding the picture, from the measured time for a small one under the present load.
 ///
-/// - `denoises`: whether it is denoised before, which is guessed.
+/// - `denoises`: true if the picture will be denoised; the time for that is a constant per pixel.
 pub(crate) fn finishing(request: &Request, settings: &JobSettings, denoises: bool) -> Duration {
-    /// Of the small picture.
+    /// Side of the small picture, in pixels.
     const SIDE: u32 = 64;
-    /// To denoise a pixel on one processor.
+    /// Time to denoise one pixel on one processor.
     const DENOISING: Duration = Duration::from_nanos(4_000);
-    /// Of each picture: threads end, files are opened.
+    /// Fixed time per picture: joining threads, opening files.
     const LEAST: Duration = Duration::from_millis(30);
     let begun = Instant::now();
     let small = Rect::of_size(SIDE, SIDE);
     let mut tile = Tile::new(small, settings.layout.clone());
     for (x, y) in small.pixels() {
-        // Neighbors differ, as in a picture with noise.
+        // Neighbors differ, as in a noisy picture.
         let radiance = [x, y, x ^ y].map(|place| (place.wrapping_mul(0x9e37_79b9) >> 16) as f32 / 65536.0);
         tile.add(x, y, &SampleValues { radiance, alpha: 1.0, ..SampleValues::default() });
     }
     let mut film = Film::new(small, settings.layout.clone());
     film.add_tile(&tile, |_, _| 1.0);
-    // One that cannot be encoded fails when it is written.
+    // An error of encoding is reported when the picture is written.
     let _ = bottega_image::png_bytes(&film, &png_options(request, false), &Metadata::new());
     let measured = begun.elapsed().as_secs_f64() / small.area() as f64;
     let denoising = if denoises { DENOISING.as_secs_f64() / settings.processors.max(1) as f64 } else { 0.0 };
     LEAST + Duration::from_secs_f64((measured + denoising) * settings.crop.area() as f64)
 }
 
-/// Writes a picture.
+/// Writes a picture as .exr or .png, by the extension of `path`.
 ///
-/// - `hints`: what the scene file asks for, where our own engine has read it.
+/// - `hints`: render hints of the scene file; `None` with an external engine.
 pub(crate) fn write(
     request: &Request,
     hints: Option<&RenderHints>,
@@ -210,9 +210,9 @@ pub(crate) fn write(
     Ok(())
 }
 
-/// How a request wants its PNG.
+/// Returns the PNG options of a request.
 ///
-/// - `alpha`: whether the scene file asks for alpha.
+/// - `alpha`: true if the scene file asks for alpha.
 fn png_options(request: &Request, alpha: bool) -> PngOptions {
     let output = &request.output;
     PngOptions {
@@ -224,7 +224,7 @@ fn png_options(request: &Request, alpha: bool) -> PngOptions {
     }
 }
 
-/// Whether the output of a request is there, whole, and a picture of this very request: then nothing is left to paint.
+/// Returns true if the output file exists, is complete and was made from an equal request, so that nothing is left to render.
 pub fn is_done(request: &Request) -> bool {
     let Some(file) = request.output.file.as_deref().filter(|file| file.is_file()) else { return false };
     let Ok(picture) = bottega_image::read_image(file, ReadLimits { max_pixels: PIXELS_MAX }) else { return false };
@@ -233,10 +233,10 @@ pub fn is_done(request: &Request) -> bool {
     is_whole && held.as_ref() == Some(request)
 }
 
-/// The request that a picture holds in its metadata.
+/// Reads the request from the metadata of a picture file.
 ///
 /// # Errors
-/// The file is no picture, holds no request, or a damaged one.
+/// The file is not a picture, or holds no valid request.
 pub fn request_of(path: &Path) -> Result<Request, Error> {
     let file = bottega_image::read_image(path, ReadLimits { max_pixels: PIXELS_MAX })?;
     let Some(line) = file.metadata.get(REQUEST_KEY) else {

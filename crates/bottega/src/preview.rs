@@ -1,4 +1,4 @@
-//! The picture while it is painted: a file that is made anew again and again, and what a watcher is shown.
+//! Previews during rendering: a PNG file that is updated, and PNG bytes for the watcher.
 
 use std::{
     path::{Path, PathBuf},
@@ -11,26 +11,26 @@ use bottega_image::{ImageError, OutputFormat, Picture, Preview, Rect, Tile, Tone
 
 use crate::{error::Error, session::Watcher};
 
-/// How often the preview is made anew, at most.
+/// Shortest interval between two previews.
 const RENEW_EVERY: Duration = Duration::from_secs(1);
 
-/// Making it takes at most one part in so many of the time.
+/// Making previews takes at most 1/`SHARE` of the time.
 const SHARE: u32 = 100;
 
-/// What of the picture is shown.
+/// The part of the picture that a preview shows, and its tone mapping.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PreviewView {
     /// All pixels of the picture.
     pub(crate) frame: Rect,
-    /// Those that are painted.
+    /// The pixels that are rendered.
     pub(crate) crop: Rect,
-    /// Stops by which it is brighter.
+    /// Exposure in stops; 0: as rendered.
     pub(crate) exposure: f32,
-    /// How highlights are brought into range.
+    /// The tone curve that maps radiance to the range of a screen.
     pub(crate) tone: ToneMap,
 }
 
-/// Shows the picture while it is painted.
+/// A preview of the picture during rendering.
 pub(crate) struct LivePreview {
     frame: Rect,
     preview: Preview,
@@ -47,7 +47,7 @@ struct PreviewState {
     has_ended: bool,
 }
 
-/// The file of a preview, if it can be written.
+/// Checks that a preview file is a .png and can be written.
 pub(crate) fn check_preview(path: &Path) -> Result<(), Error> {
     if check_writable(path)? == OutputFormat::Png {
         return Ok(());
@@ -64,7 +64,7 @@ impl LivePreview {
         Self { frame: look.frame, preview, file, watcher, state: Mutex::default(), woken: Condvar::new() }
     }
 
-    /// The first look at the whole picture: from now on there is a color for every pixel.
+    /// Fills the preview with the survey, so that every pixel has a color.
     pub(crate) fn begin(&self, survey: &Survey) {
         let data = survey.pixels.iter().map(|pixel| pixel.color).collect();
         self.preview.show_coarse(&Picture { width: survey.width, height: survey.height, data }, self.frame);
@@ -72,7 +72,7 @@ impl LivePreview {
         self.changed();
     }
 
-    /// Some pixels are painted.
+    /// Adds the pixels of a rendered tile to the preview.
     pub(crate) fn painted(&self, tile: &Tile) {
         self.preview.show(tile);
         self.changed();
@@ -86,14 +86,14 @@ impl LivePreview {
         }
     }
 
-    /// Nothing more will be painted.
+    /// Ends the preview; [`Self::keep_fresh`] makes a last one and returns.
     pub(crate) fn end(&self) {
         self.state().has_ended = true;
         self.woken.notify_all();
     }
 
-    /// Makes the preview anew whenever something was painted, but with pauses, until the end and once more then. After
-    /// each tells `renewed` how many there were.
+    /// Makes a new preview after changes, with pauses in between, until [`Self::end`]; then a last one if pixels have changed.
+    /// Calls `renewed` with the number of previews after each.
     pub(crate) fn keep_fresh(&self, mut renewed: impl FnMut(u32)) -> Result<(), ImageError> {
         let mut number = 0;
         loop {

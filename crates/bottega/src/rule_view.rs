@@ -1,4 +1,4 @@
-//! Expert rules as pages and programs show them: terms as points, rules as text; and what they say of a zone, and why.
+//! Expert rules as data for web pages and programs: terms as points, rules as text, and the result for a zone with its reasons.
 
 use bottega_farm::{InputRanges, Optimization};
 use bottega_fuzzy::{FunctionBlock, Membership, Term};
@@ -7,27 +7,27 @@ use serde::{Deserialize, Serialize};
 
 use crate::{error::Error, events::ZoneEvent, request::RulesText, rules::Source};
 
-/// What the rules may ask of a zone.
+/// Names of the inputs that rules can use.
 const COMPLEXITY: &str = "complexity";
 const NEIGHBOR_DIFFERENCE: &str = "neighbor_difference";
 const SIZE: &str = "size";
 const OPTIMIZATION_LEVEL: &str = "optimization_level";
 
-/// Over what the inputs of the rules are laid out in a picture, and the level that they are asked with.
+/// The intervals of the rule inputs in a picture, and the optimization level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RuleInputs {
-    /// Complexity of a pixel: from, to.
+    /// Interval of the complexity per pixel: minimum, maximum.
     pub complexity: [f64; 2],
-    /// Neighbor difference: from, to.
+    /// Interval of the neighbor difference: minimum, maximum.
     pub neighbor_difference: [f64; 2],
-    /// Size in pixels: from, to.
+    /// Interval of the size in pixels: minimum, maximum.
     pub size: [f64; 2],
-    /// Optimization level, 1 to 5. `null`: optimization is off, and no rules are asked.
+    /// Optimization level, 1 to 5. `null`: optimization is off, and rules are not evaluated.
     pub level: Option<f64>,
 }
 
 impl RuleInputs {
-    /// Those of a work.
+    /// Makes the inputs of a work.
     pub fn new(ranges: &InputRanges, optimization: Optimization) -> Self {
         let InputRanges { complexity_density, neighbor_difference, size } = *ranges;
         Self {
@@ -39,84 +39,84 @@ impl RuleInputs {
     }
 }
 
-/// A term of a variable: `big`.
+/// A term of a linguistic variable, such as `big`.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct TermView {
-    /// Its name.
+    /// Name of the term.
     pub name: String,
-    /// How much a value belongs to it: points of value and degree, level outside of them. One point is a single value.
+    /// The membership function as points (value, degree), linear in between and constant outside. One point: a singleton.
     pub points: Vec<[f64; 2]>,
 }
 
 /// An input or output of a set of rules.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct VariableView {
-    /// Its name.
+    /// Name of the variable.
     pub name: String,
-    /// The interval over which its terms lie.
+    /// The interval over which its terms lie: minimum, maximum.
     pub range: [f64; 2],
-    /// Its terms.
+    /// The terms of the variable.
     pub terms: Vec<TermView>,
 }
 
 /// A rule as text.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct RuleView {
-    /// Its number or name.
+    /// Number or name of the rule.
     pub label: String,
-    /// `IF … THEN …`.
+    /// The text of the rule: `IF … THEN …`.
     pub text: String,
 }
 
-/// A set of rules.
+/// A rule set with its variables.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct RuleSetView {
-    /// What it is called.
+    /// Name of the rule set.
     pub name: String,
-    /// What it asks of a zone.
+    /// The input variables of the rules.
     pub inputs: Vec<VariableView>,
-    /// What it decides.
+    /// The output variables of the rules.
     pub outputs: Vec<VariableView>,
-    /// The rules.
+    /// The rules, in the order of the text.
     pub rules: Vec<RuleView>,
 }
 
 /// The value of an input for a zone.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct InputValue {
-    /// Which input.
+    /// Name of the input.
     pub name: String,
-    /// Its value.
+    /// The crisp value of the input.
     pub value: f64,
-    /// Terms that hold, and how much.
+    /// The terms with a degree of membership above 0, and that degree.
     pub terms: Vec<(String, f64)>,
 }
 
 /// A rule that fires for a zone.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct FiringRule {
-    /// Its number or name.
+    /// Number or name of the rule.
     pub label: String,
-    /// How strongly, 0..=1.
+    /// Degree of firing, 0 to 1.
     pub degree: f64,
-    /// `IF … THEN …`.
+    /// The text of the rule: `IF … THEN …`.
     pub text: String,
 }
 
-/// What a set of rules says of a zone, and why.
+/// The result of a rule set for a zone, with its reasons.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct RuleVerdict {
-    /// The set.
+    /// Name of the rule set.
     pub set: String,
-    /// The inputs.
+    /// The inputs with their values.
     pub inputs: Vec<InputValue>,
-    /// The rules that fire, the strongest first.
+    /// The rules that fire, strongest first.
     pub rules: Vec<FiringRule>,
-    /// Each output, and its value; `null`: no rule speaks of it.
+    /// Each output with its value; `null`: no rule concludes about it.
     pub outputs: Vec<(String, Option<f64>)>,
 }
 
-/// The block of a set of rules, with its inputs laid out over a picture.
+/// Returns the function block of a rule set, with its inputs scaled to the intervals of a picture if given.
 fn block(text: &RulesText, inputs: Option<&RuleInputs>) -> Result<FunctionBlock, Error> {
     let mut block = Source::of(text.clone())?.block(None)?.clone();
     let Some(inputs) = inputs else { return Ok(block) };
@@ -130,7 +130,7 @@ fn block(text: &RulesText, inputs: Option<&RuleInputs>) -> Result<FunctionBlock,
     Ok(block)
 }
 
-/// The rules of a block as they are written, in their order: label and text.
+/// Returns the rules of a block in their order: label and text.
 fn rule_texts(block: &FunctionBlock) -> Vec<RuleView> {
     let all = block.to_string();
     let lines = all.lines().filter_map(|line| line.trim().strip_prefix("RULE "));
@@ -150,10 +150,10 @@ fn terms(terms: &[Term], place: impl Fn(f64) -> f64) -> Vec<TermView> {
 }
 
 impl RuleSetView {
-    /// A set of rules, its inputs laid out over a picture where one is known.
+    /// Makes the view of a rule set, its inputs scaled to the intervals of a picture if given.
     ///
     /// # Errors
-    /// The text is none of rules.
+    /// The text is not a valid rule set.
     pub fn new(text: &RulesText, inputs: Option<&RuleInputs>) -> Result<Self, Error> {
         let block = block(text, inputs)?;
         let pair = |(low, high): (f64, f64)| [low, high];
@@ -173,10 +173,10 @@ impl RuleSetView {
 }
 
 impl RuleVerdict {
-    /// What a set of rules says of a zone as its row is now. `None`: optimization is off, or too little is known of the zone.
+    /// Evaluates a rule set for a zone. `None`: optimization is off, or the zone's neighbor difference is unknown.
     ///
     /// # Errors
-    /// The text is none of rules, or these cannot be evaluated.
+    /// The text is not a valid rule set, or the rules cannot be evaluated.
     pub fn new(text: &RulesText, inputs: &RuleInputs, zone: &ZoneEvent) -> Result<Option<Self>, Error> {
         let Some((level, difference)) = inputs.level.zip(zone.neighbor_difference) else { return Ok(None) };
         let block = block(text, Some(inputs))?;

@@ -1,4 +1,4 @@
-//! Rules from files or from the program. What is wrong in a text is shown in it.
+//! Expert rules, from files or built in. Errors point at the place in the text.
 
 use std::{
     fs::File,
@@ -16,18 +16,18 @@ use crate::{
     request::{RulesSource, RulesText},
 };
 
-/// A text that is FCL.
+/// An FCL text, parsed.
 pub struct Source {
-    /// How the user named it.
+    /// The file, or the name of built-in rules, as given by the user.
     pub path: PathBuf,
-    /// All of it.
+    /// The whole text of the rules.
     pub text: String,
-    /// What it says.
+    /// The parsed form of the text.
     pub document: Document,
 }
 
 impl Source {
-    /// Reads a file; a name of rules that come with the program stands for these where there is no such file.
+    /// Reads a rule file. If there is no such file, the name of built-in rules stands for those.
     pub fn read(path: &Path) -> Result<Self, Error> {
         Self::of(RulesText::read(path)?)
     }
@@ -39,7 +39,7 @@ impl Source {
         }
     }
 
-    /// The only function block, or the one of a name.
+    /// Returns the function block with this name (letter case ignored); `None`: the only block.
     pub fn block(&self, name: Option<&str>) -> Result<&FunctionBlock, Error> {
         let blocks = &self.document.blocks;
         let names: Vec<&str> = blocks.iter().map(FunctionBlock::name).collect();
@@ -57,7 +57,7 @@ impl Source {
         }
     }
 
-    /// What the only function block says, as it is understood.
+    /// Converts the only function block by `read`, and locates its errors in the text.
     fn understood<T>(&self, read: impl FnOnce(FunctionBlock) -> Result<T, ExpertError>) -> Result<T, Error> {
         if self.document.blocks.len() != 1 {
             return Err(self.whole(FclErrorKind::BlockCount(self.document.blocks.len()).to_string()));
@@ -71,7 +71,7 @@ impl Source {
         })
     }
 
-    /// What is wrong with all of it.
+    /// Makes an error about the whole text.
     fn whole(&self, problem: String) -> Error {
         Error::Rules { path: self.path.clone(), problem }
     }
@@ -90,7 +90,7 @@ impl RulesText {
         Ok(Self { name: path.to_owned(), text })
     }
 
-    /// The rules of an engine of other people; `None`: it has none of its own.
+    /// Returns the rules of an external engine; `None`: it has none.
     pub fn of_engine(entry: &ShelfEntry) -> Result<Option<Self>, Error> {
         match entry.rules() {
             None => Ok(None),
@@ -99,7 +99,7 @@ impl RulesText {
         }
     }
 
-    /// Rules that choose an engine: those of a file, or what comes with the program.
+    /// Returns the rules that choose the engine of a zone: those of `source`, else the built-in ones.
     pub fn of_choice(source: Option<&RulesSource>) -> Result<Self, Error> {
         match source {
             Some(source) => source.read(),
@@ -109,7 +109,7 @@ impl RulesText {
 }
 
 impl RulesSource {
-    /// The rules, with their text.
+    /// Reads the text of the rules.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -121,7 +121,7 @@ impl RulesSource {
     }
 }
 
-/// Reads rules.
+/// Reads the texts of all rule sources.
 ///
 /// # Errors
 /// A file cannot be read.
@@ -129,7 +129,7 @@ pub fn rule_texts(sources: &[RulesSource]) -> Result<Vec<RulesText>, Error> {
     sources.iter().map(RulesSource::read).collect()
 }
 
-/// The knowledge of the agents, with what is to be told of each text; of none, what comes with the program.
+/// Returns the experts of these rule texts, and warnings about them; without texts the built-in expert for path tracing.
 pub fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>), Error> {
     if texts.is_empty() {
         return Ok((vec![Expert::path_tracing()], Vec::new()));
@@ -149,12 +149,12 @@ pub fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>), Erro
     Ok((experts, notes))
 }
 
-/// The knowledge of who paints a zone.
+/// Returns the rules that choose the engine of a zone.
 pub fn engine_choice(text: RulesText) -> Result<EngineChoice, Error> {
     Source::of(text)?.understood(EngineChoice::new)
 }
 
-/// The names of the inputs of a block, as in a sentence.
+/// Returns the names of a block's inputs as a phrase for messages.
 pub fn inputs(block: &FunctionBlock) -> String {
     block.inputs().iter().map(|input| input.name.as_str()).collect::<Vec<_>>().join(", ")
 }
@@ -170,7 +170,7 @@ fn read_text(path: &Path) -> Result<String, Error> {
     }
     let read = |source| Error::Read { path: path.to_owned(), source };
     let mut bytes = Vec::new();
-    // One byte more than may be, so that a file that is too long is known without reading all of it.
+    // Read one byte above the limit, which shows that a file is too long without reading all of it
     let most = Limits::TEXT_BYTES_MAX as u64 + 1;
     File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(read)?;
     if bytes.len() > Limits::TEXT_BYTES_MAX {
@@ -179,13 +179,13 @@ fn read_text(path: &Path) -> Result<String, Error> {
     String::from_utf8(bytes).map_err(|_| unusable("it is no text in UTF-8"))
 }
 
-/// A function block with the terms of some inputs laid out over the intervals that a scene was found to have.
+/// Returns a function block with the terms of some inputs laid out over intervals of values, such as those found in a scene.
 ///
-/// - `name`: which block, where the source has several.
-/// - `ranges`: inputs, each with the ends of its interval.
+/// - `name`: name of the block, if the source has several.
+/// - `ranges`: name, minimum and maximum of each input.
 ///
 /// # Errors
-/// There is no such block or input, or an interval that is none.
+/// There is no such block or input, or an interval is invalid.
 pub fn laid_out(source: &Source, name: Option<&str>, ranges: &[(&str, f64, f64)]) -> Result<FunctionBlock, Error> {
     let mut block = source.block(name)?.clone();
     let inputs = inputs(&block);
@@ -197,8 +197,8 @@ pub fn laid_out(source: &Source, name: Option<&str>, ranges: &[(&str, f64, f64)]
     Ok(block)
 }
 
-/// What rules decide, as JSON: `outputs` by name; with `explain` also to which degree each term of the inputs holds, which rules fire,
-/// and what they say together of each output.
+/// Returns the result of rules as JSON: `outputs` by name; with `explain` also the degrees of the inputs' terms, the rules that
+/// fire, and the aggregated result per output.
 pub fn explained(block: &FunctionBlock, why: &Explanation, explain: bool) -> Value {
     let names = || block.outputs().iter().map(|output| output.name.clone());
     let outputs: Map<String, Value> = names().zip(why.outputs.values().iter().map(|value| json!(value))).collect();

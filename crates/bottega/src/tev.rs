@@ -1,5 +1,5 @@
-//! The picture in tev (Müller, <https://github.com/Tom94/tev>), a viewer of linear light, while it is painted: all layers, block by
-//! block, and in the end once more as the file has them.
+//! A mirror of the picture in tev (Müller, <https://github.com/Tom94/tev>), a viewer for linear light: sends all layers, block
+//! by block during rendering, and the whole picture at the end.
 
 use std::{
     io,
@@ -17,31 +17,31 @@ use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 
 use crate::error::Error;
 
-/// The port that tev listens at, if none is named.
+/// The default port of tev.
 const PORT: u16 = 14158;
-/// How long tev may take to answer, and to take a packet.
+/// Timeout for connecting to tev and for sending a packet.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Blocks that wait to be sent. More are left out: the end sends all.
+/// Largest number of blocks queued for sending. Further ones are dropped; the whole picture follows at the end.
 const WAITING_MAX: usize = 256;
-/// Values of a packet at most.
+/// Largest number of values in a packet.
 const VALUES_MAX: usize = 1 << 20;
 
-/// A picture that tev shows.
+/// A connection to tev that shows a picture.
 pub(crate) struct TevMirror {
     sender: Mutex<Option<SyncSender<Film>>>,
     thread: Mutex<Option<JoinHandle<io::Result<TevImage>>>>,
 }
 
-/// An image of tev's.
+/// An image in tev.
 struct TevImage {
     client: TevClient,
     name: String,
-    /// The channels by name, each with its place in a pixel of a film.
+    /// The channels: name, and offset in the values of a pixel.
     channels: Vec<(String, usize)>,
 }
 
 impl TevMirror {
-    /// Links up with tev and makes an image there.
+    /// Connects to tev and creates an image there.
     ///
     /// - `host`: `HOST` or `HOST:PORT`.
     /// - `frame`: width and height of the whole picture.
@@ -66,7 +66,7 @@ impl TevMirror {
         })
     }
 
-    /// A block was painted. It is left out where tev is slow.
+    /// Queues a rendered block for sending. Drops it if tev is too slow.
     pub(crate) fn painted(&self, tile: &Tile) {
         let mut block = Film::new(tile.rect(), tile.layout().clone());
         block.add_tile(tile, |_, _| 1.0);
@@ -78,7 +78,7 @@ impl TevMirror {
         }
     }
 
-    /// Sends the whole picture as it is in the end.
+    /// Sends the finished picture.
     pub(crate) fn finish(&self, film: &Film) -> Result<(), String> {
         self.sender.lock().unwrap_or_else(PoisonError::into_inner).take();
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();

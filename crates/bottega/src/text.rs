@@ -1,13 +1,13 @@
-//! Values as people read them.
+//! Readable text of values.
 
 use std::{path::Path, time::Duration};
 
-/// The name of a file as people write it.
+/// Returns the readable text of a path.
 pub fn shown(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// A length of time as people say it.
+/// Returns the readable text of a duration, such as `4.2 s` or `1:30 min`.
 pub fn duration(time: Duration) -> String {
     let seconds = time.as_secs_f64();
     match seconds {

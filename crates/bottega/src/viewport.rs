@@ -1,8 +1,8 @@
-//! A scene looked around in: painted over and over, finer and finer, from wherever one wants to see it.
+//! An interactive view of a scene: rendered progressively from a camera that can be moved.
 //!
-//! One thread paints. A new look ends the life time of all units of the one before; the first thing to be seen of it is as coarse
-//! as it must be to be painted in a moment, and each pass over the whole picture takes as many samples as all before. What else this
-//! process paints waits meanwhile.
+//! One thread renders. A new look expires all work units of the previous one. Its first frame is coarse enough to render in a
+//! moment; each later pass over the whole picture takes as many samples as all before. Other pictures of this process wait in
+//! the meantime.
 
 mod cameras;
 mod painter;
@@ -26,16 +26,16 @@ use crate::{
     session::{Session, SessionOptions, Urgency},
 };
 
-/// Pixels of a viewport at most; a larger picture is shown smaller.
+/// Largest number of pixels of a viewport; a larger picture is scaled down.
 pub const VIEWPORT_PIXELS_MAX: u64 = 1 << 20;
-/// The same where nobody says a size: soon painted.
+/// Largest number of pixels if the request gives no size.
 const PIXELS: u64 = 1 << 18;
-/// Samples of a pixel after which nothing more is painted, where nobody says.
+/// Samples per pixel after which rendering stops, if the request gives none.
 const SAMPLES: u32 = 64;
-/// The most samples of a pixel.
+/// Largest number of samples per pixel.
 const SAMPLES_MAX: u32 = 1024;
 
-/// A scene looked around in. It ends when it is dropped.
+/// An interactive view of a scene. Dropping it ends rendering.
 pub struct Viewport {
     shared: Arc<ViewportShared>,
     request: Request,
@@ -45,8 +45,8 @@ pub struct Viewport {
     painter: Option<JoinHandle<()>>,
 }
 
-/// A request as a viewport paints it: without anything that delays the first pixels, of a size that is soon painted, without noise
-/// where a denoiser is there.
+/// Returns the request as a viewport renders it: without features that delay the first pixels, of limited size, and denoised if
+/// a denoiser is installed.
 fn as_viewed(request: &Request, has_denoiser: bool) -> Request {
     let mut request = request.clone();
     (request.frames, request.output.file) = (None, None);
@@ -61,17 +61,17 @@ fn as_viewed(request: &Request, has_denoiser: bool) -> Request {
     request
 }
 
-/// A size of the same shape that is not too large.
+/// Scales a size down to at most `pixels_max` pixels, keeping its aspect ratio.
 fn fitted((width, height): (u32, u32), pixels_max: u64) -> [u32; 2] {
     let scale = (pixels_max as f64 / (f64::from(width) * f64::from(height))).sqrt().min(1.0);
     [width, height].map(|side| ((f64::from(side) * scale) as u32).max(1))
 }
 
 impl Viewport {
-    /// Reads the scene of a request, and begins to paint it.
+    /// Loads the scene of a request, and starts rendering.
     ///
     /// # Errors
-    /// The request or its scene cannot be used, or another engine is asked for.
+    /// The request or its scene cannot be used, or the request names an external engine.
     pub fn open(request: &Request) -> Result<Self, Error> {
         if !request.engine.is_builtin() {
             return Err(Error::usage("only our own engine shows a scene from elsewhere", "leave out the engine"));
@@ -94,51 +94,51 @@ impl Viewport {
         Ok(Self { shared, request, cameras, settings, denoises, painter: Some(painter) })
     }
 
-    /// Columns and rows.
+    /// Returns width and height in pixels.
     pub fn size(&self) -> (u32, u32) {
         (self.settings.width, self.settings.height)
     }
 
-    /// Samples of a pixel after which nothing more is painted.
+    /// Returns the samples per pixel after which rendering stops.
     pub fn samples(&self) -> u32 {
         self.settings.samples
     }
 
-    /// The cameras of the scene, by number.
+    /// Returns the cameras of the scene, in the order of the file.
     pub fn cameras(&self) -> &[ViewportCamera] {
         &self.cameras
     }
 
-    /// Whether noise is removed.
+    /// Returns true if frames are denoised.
     pub fn denoises(&self) -> bool {
         self.denoises
     }
 
-    /// From now on shows the scene so. Returns the number of the look.
+    /// Changes the view. Returns the number of the new look.
     ///
     /// # Errors
-    /// The scene cannot be seen so; what was shown before is.
+    /// The view is invalid; the previous one stays.
     pub fn look(&self, view: &ViewOptions) -> Result<u64, Error> {
         Request { view: view.clone(), ..self.request.clone() }.validate()?;
         check_view(view, self.cameras.iter().map(|camera| (&*camera.name, camera.pose.fov.is_some())))?;
         Ok(self.shared.look(view))
     }
 
-    /// Has `watcher` told whenever there may be a new frame, by whoever paints: it must return soon. There is one watcher: a
-    /// second call does nothing.
+    /// Registers a function that is called when there may be a new frame. It is called from rendering threads and must return
+    /// quickly. Only the first call of `watch` has an effect.
     pub fn watch(&self, watcher: impl Fn() + Send + Sync + 'static) {
         self.shared.watch(watcher);
     }
 
-    /// In how long [`Self::frame`] gives a frame newer than `after`: zero, now. `None`: nothing newer is painted yet.
+    /// Returns the time until [`Self::frame`] gives a frame newer than `after`; zero: now. `None`: there is none yet.
     pub fn due(&self, after: u64) -> Option<Duration> {
         self.shared.due(after)
     }
 
-    /// What is to be seen, if it is newer than the frame `after`; each look has its first one at once.
+    /// Returns the current frame if it is newer than the frame `after` and due; the first frame of each look is due at once.
     ///
     /// # Errors
-    /// The scene could not be seen as it was asked for.
+    /// The requested view failed.
     pub fn frame(&self, after: u64) -> Result<Option<ViewportFrame>, Error> {
         self.shared.frame(after)
     }
@@ -148,7 +148,7 @@ impl Drop for Viewport {
     fn drop(&mut self) {
         self.shared.close();
         if let Some(painter) = self.painter.take() {
-            // A panic in there was already reported by the thread itself; there is nothing left to lose.
+            // The thread has reported its panic itself; there is nothing left to lose.
             let _ = painter.join();
         }
     }

@@ -1,4 +1,4 @@
-"""Bottega: a physically based renderer whose work is shared out by agents.
+"""Bottega: a physically based renderer; agents share out the work of a picture.
 
 >>> import bottega
 >>> picture = bottega.render("scene.glb", spp=64, size=(640, 480))
@@ -90,5 +90,5 @@ __all__ = [
     "rules",
 ]
 
-# Threads of Python that wait for a picture when the interpreter ends would be cut off in the middle of it.
+# Stop rendering at the end of the interpreter: Python threads that wait for a picture are otherwise cut off.
 atexit.register(stop_all)

@@ -1,4 +1,4 @@
-"""Sessions, and what is done with one call."""
+"""Sessions, and functions for a single call: `render`, `analyze`, `diff`."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ PictureLike = Union[Picture, ImageFile, "ArrayLike", str, "os.PathLike[str]"]
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a picture is. For tqdm: `bar.update(progress.fraction - bar.n)` of a bar with `total=1`."""
+    """The progress of a picture. For tqdm: `bar.update(progress.fraction - bar.n)` of a bar with `total=1`."""
 
     fraction: float
     """Share of the predicted work that is done, 0 to 1."""
     done: int
-    """Samples taken, all pixels together."""
+    """Samples taken so far, over all pixels."""
     total: int
-    """Samples that the picture will have; with an error or a time the most that it may have."""
+    """Samples of the complete picture, over all pixels; with an error or a time the maximum."""
     seconds: float
-    """Since rendering began."""
+    """Seconds since rendering began."""
     seconds_left: float | None
-    """Still to go; `None` where nothing is known yet."""
+    """Estimated seconds left; `None`: unknown."""
 
 
 class Session:
-    """A scene that is loaded, and painted once.
+    """A loaded scene, to be rendered once.
 
-    Opening it reads the scene and finds out everything that can be wrong, before the first sample. `render` may run in another thread;
-    `stop` and `preview` are called from any.
+    Opening a session reads the scene and checks the request, so errors are raised before the first sample. `render` may run in another
+    thread; `stop` and `preview` may be called from any thread.
 
-    - `live`: make previews while it is painted, for `preview`; at most one part in a hundred of the time.
-    - `resume`: go on with what an earlier session has left beside `output`.
-    - `preview`: a PNG file that shows the picture while it is painted.
-    - `record`: a file for what each zone took, for `bottega simulate`.
-    - `timeline`: an SVG or JSON file for what processors and devices were at.
+    - `live`: make previews during rendering, for `preview`; takes at most 1 % of the time.
+    - `resume`: resume from the journal that an earlier session has left beside `output`.
+    - `preview`: a PNG file that is updated with a preview during rendering.
+    - `record`: a file for the times of zones, for `bottega simulate`.
+    - `timeline`: an SVG or JSON file for the timeline of processors and devices.
     """
 
     def __init__(
@@ -65,32 +65,33 @@ class Session:
         **fields: Unpack[Fields],
     ) -> None:
         self.request = request_of(scene, fields)
-        """What is painted."""
+        """The request of the picture."""
         made = scene if isinstance(scene, Scene) else None
         options = {"live": live, "resume": resume, "preview": preview, "record": record, "timeline": timeline}
         self._native = _native.Session(self.request.to_json(), made, **options)  # type: ignore[arg-type]
 
     def render(self, on_event: OnEvent | None = None, on_progress: OnProgress | None = None) -> Picture:
-        """Paints the picture and waits for it, without the interpreter's lock.
+        """Renders the picture and waits for it, without the interpreter's lock.
 
-        Callbacks run in the thread that calls. What they raise stops the painting and comes out of here. `on_event` has every event as a
-        dictionary, as `bottega render --json` prints them; `on_progress` has progress twice a second, and last with `fraction` 1.
+        Callbacks run in the calling thread. An exception of a callback stops rendering and is raised by this call. `on_event` gets every
+        event as a dictionary, as `bottega render --json` prints them; `on_progress` gets the progress twice a second, and last with
+        `fraction` 1.
 
-        Raises `Interrupted` (a `KeyboardInterrupt`) at Ctrl-C, with what is painted as its `picture`; a second Ctrl-C does not wait
-        for it. After `stop` it returns what is painted; `picture.is_whole` tells.
+        Raises `Interrupted` (a `KeyboardInterrupt`) at Ctrl-C; its `picture` is the picture painted so far. A second Ctrl-C does not
+        wait for that. After `stop` the partial picture is returned; `picture.is_whole` is then false.
         """
         return self._native.render(_both(on_event, on_progress))
 
     def stop(self) -> None:
-        """Asks the painting to stop; it ends within some hundredths of a second."""
+        """Requests that rendering stops; it ends within some hundredths of a second."""
         self._native.stop()
 
     def preview(self) -> NDArray[np.uint8] | None:
-        """The picture as it is now: uint8, (height, width, 3), sRGB. `None` before the first look; only with `live`."""
+        """Returns the latest preview: uint8, (height, width, 3), sRGB; `None`: there is none yet. Needs `live`."""
         return self._native.preview()
 
     def preview_png(self) -> bytes | None:
-        """The same as the bytes of a PNG file."""
+        """Returns the latest preview as the bytes of a PNG file; `None`: there is none yet. Needs `live`."""
         return self._native.preview_png()
 
 
@@ -101,39 +102,39 @@ def render(
     on_progress: OnProgress | None = None,
     **fields: Unpack[Fields],
 ) -> Picture:
-    """Paints a picture.
+    """Renders a picture.
 
     - `scene`: a file, a `Scene` of arrays, or a `Request`.
     - `fields`: fields of the request, such as `spp=64`, `size=(640, 480)`, `denoise=True`, `output="picture.exr"`, or a section:
       `goal={"error": 0.02}`.
     - `on_event`, `on_progress`: see `Session.render`.
 
-    Raises `RequestError`, `SceneError` and the other errors of this module; `Interrupted` at Ctrl-C, with what is painted.
+    Raises `RequestError`, `SceneError` and the other errors of this module; `Interrupted` at Ctrl-C, with the picture painted so far.
     """
-    # A warning is shown where this was called.
+    # Warnings are reported for the caller of this function.
     return Session(scene, **fields)._native.render(_both(on_event, on_progress), 3)
 
 
 def analyze(scene: SceneLike, **fields: Unpack[Fields]) -> Analysis:
-    """What the Analyst makes of a scene before anything is painted: the importance map, and the zones.
+    """Returns the Analyst's view of a scene, without rendering it: the importance map and the zones.
 
-    How it is cut is asked for by `work`: `analyze("scene.glb", work={"level": 2, "importance": "visual"}, agents=8)`.
+    The section `work` sets the division into zones: `analyze("scene.glb", work={"level": 2, "importance": "visual"}, agents=8)`.
     """
     made = scene if isinstance(scene, Scene) else None
     return _native.analyze(request_of(scene, fields).to_json(), made)
 
 
 def diff(picture: PictureLike, reference: PictureLike) -> dict[str, Any]:
-    """How two pictures differ, as `bottega diff` tells: `rmse`, `mae`, `rel_mse`, `rel_mse_trimmed`, `flip`, `flip_visible_share`,
-    `mean_ratio`, and `flip_map`, float32, (height, width).
+    """Compares two pictures, as `bottega diff` does. Returns a dictionary: `rmse`, `mae`, `rel_mse`, `rel_mse_trimmed`, `flip`,
+    `flip_visible_share`, `mean_ratio`, and `flip_map`, float32, (height, width).
 
-    Each is a `Picture`, a file, or an array of linear light, (height, width, 3). Raises `ValueError` where they differ in size.
+    Each picture is a `Picture`, a file, or an array of linear light, (height, width, 3). Raises `ValueError` if they differ in size.
     """
     return _native.diff(_pixels(picture), _pixels(reference))
 
 
 def request_of(scene: SceneLike, fields: Fields) -> Request:
-    """The request of what `render` takes."""
+    """Returns the request for the arguments of `render`."""
     if isinstance(scene, Request):
         return scene.changed(**fields)
     return Request.of("a scene in memory" if isinstance(scene, Scene) else scene, **fields)
@@ -146,7 +147,7 @@ def _pixels(picture: PictureLike) -> ArrayLike:
 
 
 def _both(on_event: OnEvent | None, on_progress: OnProgress | None) -> OnEvent | None:
-    """One callback for events and progress."""
+    """Combines the callbacks for events and progress into one for events."""
     if on_progress is None:
         return on_event
     last = Progress(0.0, 0, 0, 0.0, None)

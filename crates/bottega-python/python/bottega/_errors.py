@@ -1,4 +1,4 @@
-"""What can go wrong."""
+"""The exceptions and warnings of the package."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class Error(Exception):
-    """An error of Bottega. `remedy` says what can be done, where that is known."""
+    """An error of Bottega. `remedy` says what the user can do about it; `None`: nothing specific."""
 
     def __init__(self, problem: str, remedy: str | None = None) -> None:
         super().__init__(problem)
@@ -21,10 +21,10 @@ class Error(Exception):
 
 
 class RequestError(Error, ValueError):
-    """A request, or what was asked for, cannot be.
+    """A request is invalid, or cannot be fulfilled as it stands.
 
-    `field` is the path of the field that is wrong, such as `film.size`, `value` what it is, and `allowed` what it may be; each `None`
-    where the error is not about one field.
+    `field` is the path of the wrong field, such as `film.size`, `value` its value, and `allowed` the allowed values; each is `None`
+    if the error is not about a single field.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class RequestError(Error, ValueError):
 
 
 class SceneError(Error, ValueError):
-    """A scene cannot be read or painted, or an array is of the wrong shape, kind or values."""
+    """A scene cannot be read or prepared, or an array has a wrong shape, dtype or value."""
 
 
 class PictureError(Error, OSError):
@@ -50,7 +50,7 @@ class PictureError(Error, OSError):
 
 
 class EngineError(Error):
-    """An engine or a GPU cannot paint."""
+    """An engine or a GPU cannot be used, or failed."""
 
 
 class RulesError(Error, ValueError):
@@ -58,15 +58,15 @@ class RulesError(Error, ValueError):
 
 
 class FarmError(Error):
-    """A farm is not there, or cannot do what it is asked for."""
+    """A farm is not reachable, or cannot do what was requested."""
 
 
 class ForkError(Error, RuntimeError):
-    """The process was forked from one that has used bottega."""
+    """The process was forked from one that has used `bottega`, whose threads do not exist here."""
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C while a picture was painted. `picture` is what is painted; `None` where nothing is."""
+    """Ctrl-C during rendering. `picture` is the picture painted so far; `None`: nothing is painted."""
 
     def __init__(self, picture: Picture | None = None) -> None:
         super().__init__("the painting was interrupted")
@@ -74,4 +74,4 @@ class Interrupted(KeyboardInterrupt):
 
 
 class RenderWarning(UserWarning):
-    """Something that you should know of a picture; the work goes on."""
+    """A warning about a picture; rendering continues."""

@@ -1,4 +1,4 @@
-"""A farm of machines."""
+"""Farms of machines, and their jobs."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Farm:
     """A farm to which this process is linked.
 
     - `address`: as `bottega up` prints it, `bottega://WORD@HOST:PORT`; `None`: the farm that runs on this machine.
-    - `creds`, `nkey`, `tls_ca`, `tls_own` (certificate, key): files, for NATS servers that others run.
+    - `creds`, `nkey`, `tls_ca`, `tls_own` (certificate, key): files with credentials, for NATS servers run by others.
 
-    Raises `FarmError` where there is no such farm.
+    Raises `FarmError` if the farm cannot be reached.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Farm:
         self._native = _native.Farm(address, creds=creds, nkey=nkey, tls_ca=tls_ca, tls_own=tls_own)
 
     def submit(self, scene: SceneLike, *, on_event: OnEvent | None = None, **fields: Unpack[Fields]) -> Job:
-        """Asks for a picture, and does not wait for it. `output` names the file that the picture is called by."""
+        """Submits a picture, and does not wait for it. `output` gives the file name of the picture. Returns the job."""
         return Job(self, self._native.submit(_asked(scene, fields), on_event))
 
     def render(
@@ -51,21 +51,21 @@ class Farm:
         on_progress: OnProgress | None = None,
         **fields: Unpack[Fields],
     ) -> Path:
-        """Asks for a picture and paints with the others. Returns the file that it is written to, which `output` names."""
+        """Submits a picture, takes part in rendering it, and waits for it. Returns the file that `output` names."""
         return self._native.render(_asked(scene, fields), _both(on_event, on_progress))
 
     def jobs(self) -> list[Job]:
-        """All jobs, by number."""
+        """Returns all jobs, in the order of their numbers."""
         return [Job(self, view["job"]) for view in self._native.jobs()]
 
     def job(self, number: int) -> Job:
-        """A job by its number. Raises `FarmError` where there is none."""
+        """Returns a job by its number. Raises `FarmError` if there is none."""
         job = Job(self, number)
         job.view()
         return job
 
     def machines(self) -> list[dict[str, Any]]:
-        """The machines that are there: `machine`, `state`, `ordered`, `activity`, `threads`, `job`, `version`, `takes_orders`."""
+        """Returns the machines that are present: `machine`, `state`, `ordered`, `activity`, `threads`, `job`, `version`, `takes_orders`."""
         return self._native.machines()
 
 
@@ -75,11 +75,11 @@ class Job:
     def __init__(self, farm: Farm, number: int) -> None:
         self._native = farm._native
         self.number = number
-        """Its number at the farm."""
+        """Number of the job on the farm."""
 
     def view(self) -> dict[str, Any]:
-        """How it stands: `job`, `state` (active, paused, done, failed, cancelled), `reason`, `done` (0 to 1), `zones_done`, `zones`,
-        `priority`, `machines`, `leader`, `from`, `submitted`, `scene`, `output`, `kept`.
+        """Returns the state of the job: `job`, `state` (active, paused, done, failed, cancelled), `reason`, `done` (0 to 1), `zones_done`,
+        `zones`, `priority`, `machines`, `leader`, `from`, `submitted`, `scene`, `output`, `kept`.
         """
         for view in self._native.jobs():
             if view["job"] == self.number:
@@ -87,7 +87,7 @@ class Job:
         raise FarmError(f"there is no job {self.number}", "farm.jobs() has those that are there")
 
     def watch(self) -> Iterator[dict[str, Any]]:
-        """How it stands, again whenever that has changed, until it is over."""
+        """Yields the state of the job (see `view`) now and after each change, until the job is over."""
         last: dict[str, Any] | None = None
         while True:
             view = self.view()
@@ -99,7 +99,7 @@ class Job:
             time.sleep(_LOOK_EVERY)
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
-        """Waits until it is over, and says how it stands. Raises `TimeoutError` after so many seconds."""
+        """Waits until the job is over, and returns its state (see `view`). Raises `TimeoutError` after `timeout` seconds."""
         end = None if timeout is None else time.monotonic() + timeout
         while True:
             view = self.view()
@@ -110,27 +110,27 @@ class Job:
             time.sleep(_LOOK_EVERY)
 
     def fetch(self, path: str | os.PathLike[str] | None = None) -> Path:
-        """Writes its picture; `None`: to the file that `output` named. Raises `FarmError` where the farm has none."""
+        """Writes the picture to `path`; `None`: to the file that `output` named. Returns the file. Raises `FarmError` if there is none."""
         return self._native.fetch(self.number, path)
 
     def log(self) -> list[dict[str, Any]]:
-        """What has happened to it: `at` (seconds since 1970) and `text`."""
+        """Returns the log of the job, oldest line first: `at` (seconds since 1970) and `text`."""
         return self._native.log(self.number)
 
     def pause(self) -> None:
-        """Has nobody paint it until it is resumed. What is painted is kept."""
+        """Pauses the job until it is resumed. Finished zones are kept."""
         self._native.pause(self.number)
 
     def resume(self) -> None:
-        """Goes on with it."""
+        """Resumes the paused job."""
         self._native.resume(self.number)
 
     def cancel(self) -> None:
-        """Calls it off."""
+        """Cancels the job."""
         self._native.cancel(self.number)
 
     def remove(self) -> None:
-        """Forgets it, once it is over."""
+        """Removes the job and its picture from the farm. The job must be over."""
         self._native.remove(self.number)
 
     def __repr__(self) -> str:

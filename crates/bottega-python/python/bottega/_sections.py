@@ -1,4 +1,4 @@
-"""What the parts of a request have in common: the way to JSON and back, and checks."""
+"""The base classes of requests and their sections: conversion to and from JSON, and checks."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ R = TypeVar("R", bound="BaseRequest")
 
 
 class Section:
-    """Fields of a request. Unknown fields are refused: `AttributeError` where one is set, `TypeError` where one is given."""
+    """A section of a request. Unknown fields raise `AttributeError` if set, and `TypeError` if given to the constructor."""
 
     __slots__ = ()
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset()
 
     def to_value(self) -> dict[str, Any]:
-        """The fields as plain values, as JSON has them.
+        """Returns the fields as plain values of JSON.
 
         Raises `RequestError` for a value that JSON cannot hold.
         """
@@ -33,7 +33,7 @@ class Section:
 
     @classmethod
     def from_value(cls: type[S], value: Mapping[str, Any]) -> S:
-        """Fields of plain values; what is left out has its default."""
+        """Makes a section from plain values; missing fields get their defaults."""
         known = _names(cls)
         for name in value:
             if name not in known:
@@ -42,33 +42,33 @@ class Section:
 
 
 class BaseRequest(Section):
-    """What requests can do. See `Request`."""
+    """The methods of requests. See `Request`."""
 
     __slots__ = ()
 
     def to_json(self) -> str:
-        """The request as one line of JSON, checked, with every default.
+        """Checks the request and returns it as one line of JSON, with all defaults.
 
-        Raises `RequestError`, whose `field` is the path of the field that is wrong.
+        Raises `RequestError`, whose `field` is the path of the wrong field.
         """
         return _native.check_request(json.dumps(self.to_value()))
 
     @classmethod
     def from_json(cls: type[R], text: str) -> R:
-        """Reads a request of JSON and checks it.
+        """Reads a request from JSON and checks it.
 
-        Raises `RequestError`, whose `field` is the path of the field that is wrong.
+        Raises `RequestError`, whose `field` is the path of the wrong field.
         """
         return cls.from_value(json.loads(_native.check_request(text)))
 
     def check(self) -> None:
-        """Checks all fields, and what excludes what. Raises `RequestError`."""
+        """Checks all fields, and combinations that exclude each other. Raises `RequestError`."""
         self.to_json()
 
     def _with(self: R, keywords: Mapping[str, str], changes: Mapping[str, Any]) -> R:
         known = _names(type(self))
         tree = self.to_value()
-        # Sections first, so that a short name that is given beside its section counts.
+        # Apply sections first, so that a short name given together with its section wins.
         for name, value in sorted(changes.items(), key=lambda change: change[0] in keywords):
             if name in keywords:
                 section, member = keywords[name].split(".")
@@ -105,7 +105,7 @@ def _plain_fields(section: Section, path: str) -> dict[str, Any]:
 
 
 def _plain(value: Any, path: str) -> Any:
-    """A value as JSON has it."""
+    """Converts a value to a plain value of JSON. `path` names the field in errors."""
     if isinstance(value, Section):
         return _plain_fields(value, f"{path}.")
     if value is None or isinstance(value, (str, bool)):

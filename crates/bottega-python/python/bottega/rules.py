@@ -1,6 +1,6 @@
-"""Expert rules of agents: what they decide, and why.
+"""Expert rules of agents: evaluating, explaining, checking.
 
-`file` is a file of FCL, or the name of rules that come with the program: `path-tracing`, `paper`, `photon-mapping`, `engine-choice`, or
+`file` is an FCL file, or the name of built-in rules: `path-tracing`, `paper`, `photon-mapping`, `engine-choice`, or
 the name of an engine.
 
 >>> from bottega import rules
@@ -21,26 +21,26 @@ Ranges = Mapping[str, tuple[float, float]]
 
 
 def evaluate(file: File, /, *, block: str | None = None, ranges: Ranges | None = None, **inputs: float) -> dict[str, float | None]:
-    """What rules decide for some values of their inputs: a value for each output; `None` where no rule says anything.
+    """Evaluates rules for values of their inputs. Returns the value of each output; `None`: no rule concludes about it.
 
-    - `block`: which function block, where the file has several.
-    - `ranges`: inputs whose terms are laid out over the interval that a scene was found to have, instead of the declared RANGE.
+    - `block`: name of the function block, if the file has several.
+    - `ranges`: intervals (minimum, maximum) over which the terms of inputs are laid out, instead of their declared RANGE.
 
-    Raises `RulesError` where the text is wrong, or an input is missing, unknown or no number.
+    Raises `RulesError` if the text is invalid, or an input is missing, unknown or not a number.
     """
     outputs: dict[str, float | None] = _native.evaluate_rules(file, block, dict(ranges or {}), inputs)["outputs"]
     return outputs
 
 
 def explain(file: File, /, *, block: str | None = None, ranges: Ranges | None = None, **inputs: float) -> dict[str, Any]:
-    """The same with the reasons: `outputs`, `inputs` (the degree to which each term holds), `rules` (those that fire, the strongest
-    first: `label`, `degree`, `conclusions`), and `aggregates` (what they say together of each output).
+    """Evaluates rules like `evaluate`, and returns the reasons too: `outputs`, `inputs` (degree of membership of each term), `rules`
+    (those that fire, strongest first: `label`, `degree`, `conclusions`), and `aggregates` (aggregated result per output).
     """
     return _native.explain_rules(file, block, dict(ranges or {}), inputs)
 
 
 def check(file: File, /) -> list[dict[str, Any]]:
-    """What is most likely not meant in rules: contradictions, dead rules, cases without a rule. Each has `line`, `column`, `code`,
-    `message`. Raises `RulesError` where the text is no FCL.
+    """Returns warnings about likely mistakes in rules: contradictions, dead rules, cases without a rule. Each has `line`, `column`,
+    `code`, `message`. Raises `RulesError` if the text is not FCL.
     """
     return _native.check_rules(file)

@@ -1,4 +1,4 @@
-//! The program behind a door: its version, and what it shows.
+//! The route about the program: its version, and the kind of source it shows.
 
 use axum::{extract::State, routing::get};
 use schemars::JsonSchema;
@@ -9,14 +9,14 @@ use crate::{
     source::ShownKind,
 };
 
-/// The program that answers.
+/// The program behind the API.
 #[derive(Debug, Serialize, JsonSchema)]
 struct About {
-    /// Its version.
+    /// The version of the program.
     version: &'static str,
-    /// The identity of its build: pictures are the same bits for the same one alone.
+    /// The identity of its build; only builds with the same identity give the same bits.
     build: &'static str,
-    /// What is shown: `farm`, or `picture`: that of one process, which is job 1.
+    /// The source: `farm`, or `picture` (the picture of one process, which is job 1).
     shows: ShownKind,
 }
 

@@ -1,4 +1,4 @@
-//! Pictures compared: figures, and where they differ to the eye.
+//! The routes for comparing pictures: figures, and a map of visible differences.
 
 use std::sync::Arc;
 
@@ -21,14 +21,14 @@ use crate::{
     state::DoorState,
 };
 
-/// A picture that was sent to be compared.
+/// A picture that was sent for comparison.
 #[derive(Debug, Serialize, JsonSchema)]
 struct SentPicture {
-    /// Its number.
+    /// Number of the picture.
     picture: u32,
-    /// Columns.
+    /// Width in pixels.
     width: u32,
-    /// Rows.
+    /// Height in pixels.
     height: u32,
 }
 
@@ -88,7 +88,7 @@ async fn flip(State(door): AtDoor, Param((id, other)): Param<(u32, String)>, hea
     Ok(tagged(png, "image/png", &headers))
 }
 
-/// What two pictures differ in. One comparison at a time: the next one waits.
+/// Compares two pictures. Comparisons run one at a time; others wait.
 async fn compared(door: &DoorState, id: u32, other: String) -> Result<Arc<ComparedPictures>, Problem> {
     let comparisons = Arc::clone(&door.comparisons);
     let permit = Arc::clone(&comparisons.alone).acquire_owned().await;

@@ -1,5 +1,5 @@
-//! The events of a job, as server-sent events: first all that is known, then what changes. A client that comes again, here or at
-//! another process of the farm, begins with all that is known.
+//! The events of a job, as server-sent events: first the whole state, then changes. A client that reconnects, here or at
+//! another process of the farm, gets the whole state again.
 
 use std::{convert::Infallible, sync::Arc, time::Duration};
 
@@ -21,13 +21,13 @@ use crate::{
     state::DoorState,
 };
 
-/// How often what has changed is told: many changes at once.
+/// Interval between updates; changes within it are sent together.
 const TELL_EVERY: Duration = Duration::from_millis(200);
-/// So long the first state waits for something to be known.
+/// Longest time to wait for the first state of a job.
 const FIRST_WAITS: Duration = Duration::from_secs(2);
-/// A client is told that the stream is alive so often.
+/// Interval between keep-alive comments.
 const ALIVE_EVERY: Duration = Duration::from_secs(10);
-/// After so many milliseconds a client comes again whose stream has ended.
+/// Delay in milliseconds after which clients reconnect.
 const RETRY: &str = "retry: 1000\n\n";
 
 pub(super) fn route() -> Route {
@@ -46,7 +46,7 @@ async fn events(State(door): State<Arc<DoorState>>, Param(id): Param<u32>) -> Re
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "close one, or ask for the state now and then")
     })?;
     let live = door.ask(ANSWER_TIME, move |farm| farm.live(id)).await?;
-    // One piece is under way: one who does not take it holds up himself alone.
+    // The channel holds one update, so a slow client holds up only itself.
     let (told, taken) = mpsc::channel(1);
     tokio::spawn(async move {
         let _permit = permit;
@@ -57,7 +57,7 @@ async fn events(State(door): State<Arc<DoorState>>, Param(id): Param<u32>) -> Re
     Ok((headers, body).into_response())
 }
 
-/// Tells of a job until the client has gone.
+/// Sends the updates of a job until the client disconnects.
 async fn tell(live: &LiveJob, client: &mpsc::Sender<Bytes>) {
     let (mut cursor, mut last) = (None, Instant::now());
     if client.send(Bytes::from_static(RETRY.as_bytes())).await.is_err() {
@@ -65,7 +65,7 @@ async fn tell(live: &LiveJob, client: &mpsc::Sender<Bytes>) {
     }
     let begun = Instant::now();
     while !client.is_closed() {
-        // What is known of a job that nobody watched is on its way.
+        // The state of a job that was not watched yet arrives in a moment.
         if cursor.is_none() && begun.elapsed() < FIRST_WAITS && live.is_empty() {
             tokio::time::sleep(TELL_EVERY).await;
             continue;

@@ -1,4 +1,4 @@
-//! Jobs: asked for, looked at, steered.
+//! The routes of jobs: submitting, viewing, steering.
 
 use std::sync::Arc;
 
@@ -32,24 +32,24 @@ use crate::{
     tokens::TokenBearer,
 };
 
-/// Who asks.
+/// The holder of the request's token.
 type By = Extension<TokenBearer>;
 
-/// How urgent a job shall be.
+/// A new priority of a job.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct PriorityChange {
-    /// 1 to 1000: machines are shared out in proportion.
+    /// The priority, 1 to 1000; jobs get machines in proportion to it.
     #[schemars(with = "u32", range(min = 1, max = 1000))]
     priority: serde_json::Number,
 }
 
-/// A job that was asked for.
+/// A submitted job.
 #[derive(Debug, Serialize, JsonSchema)]
 struct AskedJob {
-    /// Its number; of an animation that of its first frame.
+    /// Number of the job; for an animation, that of the first frame.
     job: u32,
-    /// Of an animation: the jobs of all frames, in their order.
+    /// For an animation: the job numbers of all frames, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     jobs: Vec<u32>,
 }
@@ -59,7 +59,7 @@ pub(super) fn routes() -> Vec<Route> {
     vec![
         Route::told("/api/jobs", "All jobs, by number.", RouteAnswer::Json(schema::<Vec<JobView>>), get(list)),
         Route::told("/api/jobs/{id}", "A job.", shown, get(show)),
-        // Parameters of a scene may name folders, which visitors that only look on may not see.
+        // Scene parameters may name folders, which clients that only see must not learn.
         Route {
             role: TokenRole::Steer,
             ..Route::told(
@@ -168,7 +168,7 @@ async fn show(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
 
 async fn request(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
     let request = door.ask(ANSWER_TIME, move |farm| farm.request(id)).await?;
-    // Its files have no folders; texts such as rules stay as they are.
+    // Not redacted: the request's files have no folders, and texts such as rules must stay as they are.
     Ok(json_text(StatusCode::OK, request.to_string()))
 }
 
@@ -269,7 +269,7 @@ async fn remove(State(door): AtDoor, Extension(by): By, Param(id): Param<u32>) -
     Ok(StatusCode::NO_CONTENT.into_response())
 }
 
-/// Steers a job, and shows it as it is then.
+/// Executes an order to a job, and returns the job.
 async fn steer(door: &DoorState, id: u32, order: JobOrder, by: &TokenBearer) -> RouteResult {
     let by = by.said();
     let job = door.ask(ANSWER_TIME, move |farm| {

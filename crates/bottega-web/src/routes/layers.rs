@@ -1,4 +1,4 @@
-//! The layers of a picture that is done, each as a picture of its own.
+//! The routes of a finished picture's layers, each as a picture of its own.
 
 use axum::{
     extract::State,
@@ -21,9 +21,9 @@ use crate::{
 /// A layer of a picture.
 #[derive(Debug, Serialize, JsonSchema)]
 struct PictureLayer {
-    /// Its name.
+    /// Name of the layer.
     name: String,
-    /// What its values are: `color`, `direction` or `number`.
+    /// The kind of its values: `color`, `direction` or `number`.
     kind: &'static str,
 }
 
@@ -62,9 +62,9 @@ async fn layer(
     Ok(tagged(bytes, kind, &headers).into_response())
 }
 
-/// The file of a layer, and its kind.
+/// Returns a layer as a file, and its media type.
 ///
-/// - `wanted`: the layer's name with `.png` or `.exr` behind it.
+/// - `wanted`: name of the layer, followed by `.png` or `.exr`.
 fn file_of(PictureFile { name, bytes }: PictureFile, wanted: &str) -> Result<(Vec<u8>, &'static str), Problem> {
     let (wanted, format) = wanted.rsplit_once('.').unwrap_or((wanted, "png"));
     let layers = FileLayer::all(&name, &bytes).map_err(|error| unread(&error))?;

@@ -1,4 +1,4 @@
-//! Machines: who is there, and what they shall do.
+//! The routes of machines: listing, and orders to them.
 
 use axum::{
     Extension,

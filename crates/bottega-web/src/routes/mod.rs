@@ -1,4 +1,4 @@
-//! The routes of the API: a table, from which the server and its OpenAPI document are made.
+//! The table of API routes, from which the server and its OpenAPI document are made.
 
 mod about;
 mod comparisons;
@@ -31,12 +31,12 @@ use crate::{
     state::DoorState,
 };
 
-/// The API of all doors, as OpenAPI 3.1.
+/// Returns the API as an OpenAPI 3.1 document.
 pub fn openapi_document() -> Value {
     openapi::document(&all())
 }
 
-/// All routes of the API.
+/// Returns all routes of the API.
 fn all() -> Vec<Route> {
     let mut all = vec![
         Route::told(
@@ -67,7 +67,7 @@ fn all() -> Vec<Route> {
     all
 }
 
-/// The page and the API of a door.
+/// Returns the router of a door: page, manual and API.
 pub(crate) fn router(state: &Arc<DoorState>) -> Router {
     let (mut api, mut open) = (Router::new(), Router::new());
     for Route { path, role, is_open, handler, .. } in all() {

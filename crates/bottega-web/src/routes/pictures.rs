@@ -1,4 +1,4 @@
-//! Pictures of a job: as it is painted, its importance map, the file.
+//! The routes of a job's pictures: preview, importance map, finished file.
 
 use axum::{
     Extension,
@@ -44,7 +44,7 @@ pub(super) fn routes() -> Vec<Route> {
 
 async fn preview(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderMap) -> RouteResult {
     let png = door.ask(ANSWER_TIME, move |farm| farm.preview(id)).await?;
-    // Who asks before there is anything is not in the wrong.
+    // An early request is not an error.
     Ok(png.map_or_else(|| StatusCode::NO_CONTENT.into_response(), |png| shown(png, &headers)))
 }
 
@@ -55,12 +55,12 @@ async fn importance(State(door): AtDoor, Param(id): Param<u32>, headers: HeaderM
     Ok(shown(png.ok_or_else(lacking)?, &headers))
 }
 
-/// A PNG file, unless the client has it.
+/// Answers with a PNG file, or 304 if the client has it.
 fn shown(png: Vec<u8>, asked: &HeaderMap) -> Response {
     tagged(png, "image/png", asked)
 }
 
-/// A file of a kind, unless the client has it.
+/// Answers with a file of a media type, or 304 if the client has it.
 pub(super) fn tagged(bytes: Vec<u8>, kind: &'static str, asked: &HeaderMap) -> Response {
     let digest = blake3::hash(&bytes).to_hex();
     let tag = format!("\"{}\"", &digest[..32]);
@@ -73,7 +73,8 @@ pub(super) fn tagged(bytes: Vec<u8>, kind: &'static str, asked: &HeaderMap) -> R
     (headers, [(header::CONTENT_TYPE, kind)], bytes).into_response()
 }
 
-/// The file holds the request as it was asked, with its paths: those who look on get none that is absolute.
+/// Answers with the picture file. It holds the request with its paths, so clients that only see get it only if these are
+/// relative.
 async fn picture(State(door): AtDoor, Extension(bearer): Extension<TokenBearer>, Param(id): Param<u32>) -> RouteResult {
     let asked = door.ask(ANSWER_TIME, move |farm| {
         let job = farm.job(id)?;

@@ -1,4 +1,4 @@
-//! Tokens: listed, made and revoked by those who may steer.
+//! The routes of tokens: listing, making and revoking, for clients that may steer.
 
 use axum::{
     Extension,
@@ -19,24 +19,24 @@ use crate::{
     tokens::TokenBearer,
 };
 
-/// A token that somebody wants.
+/// A token to be made.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct NewToken {
-    /// What it is called, for lists and logs: letters, digits, `-`, `_` and `.`, 32 at most.
+    /// Name of the token, for lists and logs: letters, digits, `-`, `_` and `.`, 32 at most.
     name: String,
-    /// What it lets its holder do.
+    /// The role that it gives its holder.
     role: TokenRole,
 }
 
-/// A token that was made.
+/// A new token.
 #[derive(Debug, Serialize, JsonSchema)]
 struct MadeToken {
-    /// What it is called.
+    /// Name of the token.
     name: String,
-    /// What it lets its holder do.
+    /// The role that it gives its holder.
     role: TokenRole,
-    /// The token, which is told this once: `Authorization: Bearer TOKEN`, or `/?token=TOKEN` in a browser.
+    /// The token itself, shown only once: `Authorization: Bearer TOKEN`, or `/?token=TOKEN` in a browser.
     token: String,
 }
 

@@ -1,5 +1,5 @@
-//! Files that a client sends: offered with the digests of their pieces, then each piece that is missing. What has come stays when
-//! the rest does not.
+//! The routes of uploads: a client offers a file with the digests of its pieces, then sends the missing pieces. Received pieces
+//! are kept if an upload is interrupted.
 
 use std::sync::Arc;
 

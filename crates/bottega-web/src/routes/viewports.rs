@@ -1,4 +1,4 @@
-//! Viewports: a scene that is looked around in before its picture is asked for.
+//! The routes of viewports: interactive views of a scene before its picture is submitted.
 
 use std::{sync::Arc, time::Duration};
 
@@ -26,36 +26,36 @@ use crate::{
     route::{AtDoor, Param, Route, RouteAnswer, RouteBody, RouteResult, json, json_body, json_text, schema},
 };
 
-/// Of which look a frame is.
+/// Header with the number of a frame's look.
 const LOOK: HeaderName = HeaderName::from_static("bottega-look");
-/// Samples that each pixel of a frame has.
+/// Header with the samples per pixel of a frame.
 const SAMPLES: HeaderName = HeaderName::from_static("bottega-samples");
-/// Whether noise was removed of a frame.
+/// Header that is `true` if a frame is denoised.
 const DENOISED: HeaderName = HeaderName::from_static("bottega-denoised");
 
-/// A viewport that was opened.
+/// An opened viewport.
 #[derive(Debug, Serialize, JsonSchema)]
 struct OpenViewport {
-    /// Its number.
+    /// Number of the viewport.
     viewport: u32,
-    /// Columns.
+    /// Width in pixels.
     width: u32,
-    /// Rows.
+    /// Height in pixels.
     height: u32,
-    /// Samples of a pixel after which nothing more is painted.
+    /// Samples per pixel after which rendering stops.
     samples: u32,
-    /// Whether noise is removed.
+    /// True if frames are denoised.
     denoises: bool,
-    /// The cameras of the scene, as `view.camera` numbers them.
+    /// The cameras of the scene, in the order of their numbers in `view.camera`.
     cameras: Vec<ViewportCamera>,
-    /// What loading the scene has taken.
+    /// Seconds that loading the scene took.
     seconds: f64,
 }
 
-/// The number of a look: frames of it say so.
+/// The number of a look, which its frames have in a header.
 #[derive(Debug, Serialize, JsonSchema)]
 struct LookNumber {
-    /// The number.
+    /// Number of the look.
     look: u64,
 }
 
@@ -132,7 +132,7 @@ async fn look(State(door): AtDoor, Param(number): Param<u32>, request: Request) 
 
 async fn frame(State(door): AtDoor, Param(number): Param<u32>, headers: HeaderMap) -> RouteResult {
     let known = headers.get(header::IF_NONE_MATCH).and_then(|known| known.to_str().ok());
-    // A tag of another viewport, or none: whatever there is.
+    // Without a tag of this viewport any frame is new
     let after = known.and_then(|known| known.trim_matches('"').strip_prefix(&format!("{number}-"))?.parse().ok());
     let after: u64 = after.unwrap_or(0);
     let begun = Instant::now();
@@ -141,7 +141,7 @@ async fn frame(State(door): AtDoor, Param(number): Param<u32>, headers: HeaderMa
         news.borrow_and_update();
         let due = viewport.due(after);
         if due == Some(Duration::ZERO) {
-            // Making the file takes a while.
+            // Encoding the PNG file takes a while
             let shown = tokio::task::spawn_blocking(move || viewport.frame(after)).await;
             let shown = shown.map_err(|_| Problem::conflict("the viewport cannot be shown", "open it anew"))?;
             if let Some(frame) = shown.map_err(|error| refused(&error))? {
@@ -149,13 +149,13 @@ async fn frame(State(door): AtDoor, Param(number): Param<u32>, headers: HeaderMa
             }
             continue;
         }
-        // Nobody who waits keeps a viewport that is closed.
+        // Waiting requests must not keep a closed viewport alive
         drop(viewport);
         let left = FRAME_TIME.saturating_sub(begun.elapsed());
         if left.is_zero() {
             return Ok(StatusCode::NOT_MODIFIED.into_response());
         }
-        // Late, closed or changed: the next turn finds out.
+        // On timeout, closing or change the next iteration decides
         _ = tokio::time::timeout(due.unwrap_or(left).min(left), news.changed()).await;
     }
 }
@@ -176,12 +176,12 @@ fn shown_frame(viewport: u32, frame: ViewportFrame) -> Response {
 async fn close(State(door): AtDoor, Param(number): Param<u32>) -> RouteResult {
     door.viewports.get(number)?;
     let viewports = Arc::clone(&door.viewports);
-    // Who paints it ends within a moment, for which nobody waits.
+    // The rendering thread ends within a moment; do not wait for it.
     tokio::task::spawn_blocking(move || viewports.close(number));
     Ok(StatusCode::NO_CONTENT.into_response())
 }
 
-/// Why a scene cannot be looked at.
+/// Returns the problem of a scene that cannot be viewed.
 fn refused(error: &Error) -> Problem {
     Problem::new(StatusCode::UNPROCESSABLE_ENTITY, error_chain(error), error.remedy().unwrap_or_default())
 }

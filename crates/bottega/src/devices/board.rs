@@ -9,18 +9,18 @@ use bottega_render::{PreparedScene, RenderWork};
 use super::board_worth::ConnectedBoard;
 use crate::{error::Error, identity::identity};
 
-/// A board that does not answer for this long is gone.
+/// Time without an answer after which a board counts as lost.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Counts the bytes that boards are sent of a scene.
+/// Registers a scene so that the bytes of it sent to boards are counted.
 pub(super) fn count_bytes(scene: &PreparedScene) {
     RemoteBoard::tell_bytes(scene);
 }
 
-/// Connects the board of an address.
+/// Connects the board at an address.
 ///
 /// # Errors
-/// It cannot be reached, or is of another build.
+/// The board cannot be reached, or runs another build.
 pub(super) fn open(address: &str) -> Result<(Lane<RenderWork>, ConnectedBoard), Error> {
     let board = RemoteBoard::connect(BoardAddress::of(address)?, identity())?;
     let connected =

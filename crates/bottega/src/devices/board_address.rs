@@ -3,13 +3,13 @@
 /// Checks the address of a board.
 ///
 /// # Errors
-/// What is wrong with it.
+/// The problem with the address, as text.
 #[cfg(feature = "board")]
 pub(crate) fn check(address: &str) -> Result<(), String> {
     bottega_board::BoardAddress::of(address).map(drop).map_err(|error| error.to_string())
 }
 
-/// Refuses the address of a board: this build of the library has no boards.
+/// Refuses every address: this build of the library does not support boards.
 ///
 /// # Errors
 /// Always.

@@ -1,42 +1,42 @@
-//! Boards as they were found when they were connected, and whether waves are worth painting for them.
+//! The speed of connected boards, and the choice between waves and blocks.
 
-/// Bytes a second that a cable must let through for each processor that only shades: its three to four million rays of 32 bytes, and as much
-/// again, for they come in bursts. At three quarters of it a picture was as fast as in blocks.
+/// Bandwidth in bytes per second needed per processor that only shades: 3 to 4 million rays of 32 bytes, times 2 because they
+/// come in bursts. Measured: with three quarters of it a picture took as long as in blocks.
 const BYTES_OF_PROCESSOR: f64 = 200e6;
 
-/// Boards must be worth so many of the processors that paint: waves take these 1.3 times as long as blocks, and 0.9 times where others
-/// follow all of their rays, as was measured.
+/// Smallest worth of all boards, as a share of the rendering processors, for which waves pay off. Measured: waves take 1.3
+/// times as long as blocks without boards, and 0.9 times if boards trace all rays.
 const SHARE_MIN: f64 = 0.75;
 
-/// A board that is connected.
+/// A board that is connected, with its measured speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConnectedBoard {
-    /// Its address.
+    /// Address of the board.
     pub name: String,
-    /// Threads that follow rays there.
+    /// Number of threads that trace rays on the board.
     pub threads: u64,
-    /// Bytes a second that pass on its cable each way, as measured.
+    /// Measured bandwidth of the cable in each direction, in bytes per second.
     pub bandwidth: f64,
 }
 
 impl ConnectedBoard {
-    /// Processors whose rays it can follow.
+    /// Returns the number of processors whose rays the board can trace.
     fn worth(&self) -> f64 {
         (self.threads as f64).min(self.bandwidth / BYTES_OF_PROCESSOR)
     }
 }
 
-/// Whether a picture is done sooner in waves, whose rays boards follow, than in blocks without them.
+/// Returns true if a picture is faster in waves, whose rays the boards trace, than in blocks without boards.
 ///
-/// - `processors`: those that paint.
+/// - `processors`: number of CPU threads that render.
 pub(crate) fn are_worth_waves(boards: &[ConnectedBoard], processors: usize) -> bool {
     let worth: f64 = boards.iter().map(ConnectedBoard::worth).sum();
     !boards.is_empty() && worth >= SHARE_MIN * processors as f64
 }
 
-/// Why boards are left alone, for the user.
+/// Returns the message that boards are not used, with the reason.
 ///
-/// - `gpus`: names of those that paint.
+/// - `gpus`: names of the GPUs that render.
 pub(crate) fn left_alone(boards: &[ConnectedBoard], processors: usize, gpus: &[String]) -> String {
     let one = |board: &ConnectedBoard| {
         let threads = counted(board.threads, "thread");

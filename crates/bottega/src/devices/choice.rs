@@ -1,4 +1,4 @@
-//! The choice of devices on this machine: what the user asks for, and what comes of it.
+//! The choice of devices on this machine, from the devices that a request names.
 
 use std::sync::Arc;
 
@@ -17,41 +17,41 @@ use crate::{
     request::DeviceChoice,
 };
 
-/// Who is wanted to paint.
+/// Settings for the choice of devices, in addition to their names in the request.
 #[derive(Clone, Copy, Debug)]
 pub struct PainterWish {
-    /// Processors.
+    /// Number of CPU threads.
     pub threads: usize,
-    /// Bytes that scenes may take on a GPU; `None`: nearly all that it has.
+    /// Memory limit for scenes on each GPU, in bytes; `None`: nearly all free memory.
     pub memory: Option<u64>,
-    /// Whether those that paint something else in this process do, however many processors they are: then what is more urgent goes
-    /// first, which it cannot where each picture has threads of its own.
+    /// True if devices that already render another picture in this process are shared, even with another number of CPU threads.
+    /// The more urgent picture then goes first.
     pub joins: bool,
 }
 
-/// The devices that will paint.
+/// The devices that render a picture.
 pub struct DeviceSet {
-    /// Processors; 0: none.
+    /// Number of CPU threads; 0: CPUs do not render.
     pub threads: usize,
-    /// They and the devices beside them, which others may be using, too.
+    /// The allocator's resources for all of them; other pictures may share these.
     pub resources: Arc<Resources>,
     /// Names of the GPUs.
     pub gpus: Vec<String>,
-    /// The boards that follow rays; none where they are left alone.
+    /// The boards that trace rays; empty if they are not used.
     pub boards: Vec<ConnectedBoard>,
-    /// The GPUs' memory, in the same order.
+    /// The scenes in GPU memory, one entry per GPU in the same order.
     pub scenes: Vec<GpuScenes>,
-    /// Why others do not, for the user.
+    /// Warnings about devices that do not take part.
     pub notes: Vec<String>,
 }
 
 impl DeviceSet {
-    /// Finds those who can paint this scene with these values a pixel.
+    /// Opens the devices that support this scene and these layers.
     ///
-    /// - `photons`: whether it is painted by photons.
+    /// - `photons`: true if the integrator uses photons.
     ///
     /// # Errors
-    /// A device that was asked for by name is not there, or cannot, and no processor may instead.
+    /// A device requested by name is missing or does not support the picture, and CPU threads are not allowed in its place.
     pub fn gather(
         choice: &DeviceChoice,
         &PainterWish { threads, memory, joins }: &PainterWish,
@@ -59,6 +59,7 @@ impl DeviceSet {
         layout: &Layout,
         photons: bool,
     ) -> Result<Self, Error> {
+        // Choose the devices that support the picture
         let lacks = lacks(layout, photons);
         let mut wanted = WantedDevices { threads, gpus: Vec::new(), boards: Vec::new(), notes: Vec::new() };
         match choice {
@@ -74,7 +75,7 @@ impl DeviceSet {
             }
         }
         let WantedDevices { threads: mut painting, mut gpus, boards, mut notes } = wanted;
-        // A lone device without room leaves the picture to the processors.
+        // If the only devices are GPUs without enough memory, render on the CPU
         if painting == 0 && boards.is_empty() {
             gpus.retain(|gpu| {
                 let lack = gpu.lacks_room(memory);
@@ -83,6 +84,7 @@ impl DeviceSet {
             });
             painting = if gpus.is_empty() { threads } else { 0 };
         }
+        // Open the devices, or take those of an earlier picture
         let mut threads = painting;
         if !gpus.is_empty() {
             threads = beside_gpus(threads, gpus.len());
@@ -96,7 +98,7 @@ impl DeviceSet {
         let (opened, gpus) = match opened {
             Ok(opened) => (opened, names),
             Err(error) if threads == 0 || !boards.is_empty() => return Err(error),
-            // Refused to that device, not to the picture.
+            // Only that device is left out; the picture is rendered without it.
             Err(error) => {
                 notes.push(format!("{} does not take part: {}", names.join(", "), error_chain(&error)));
                 (kept::resources(key(&[], &[]), joins, &[])?, Vec::new())
@@ -106,14 +108,14 @@ impl DeviceSet {
         Ok(Self { threads: opened.key.threads(), resources, gpus, boards, scenes, notes })
     }
 
-    /// Who paints, in words.
+    /// Returns the devices as readable text, such as `8 processors and H200`.
     pub fn names(&self) -> String {
         let boards = self.boards.iter().map(|board| board.name.clone());
         names(self.threads, &self.gpus.iter().cloned().chain(boards).collect::<Vec<_>>())
     }
 }
 
-/// Who is asked to paint, while it is found out who can.
+/// The devices collected so far while their support for the scene is checked.
 struct WantedDevices {
     threads: usize,
     gpus: Vec<ChosenGpu>,
@@ -133,7 +135,7 @@ impl WantedDevices {
                 Ok(())
             }
             Err(error) if self.threads == 0 || name.is_some() && gpu::is_absence(&error) => Err(error),
-            // Refused to that device, not to the picture.
+            // Only that device is left out; the picture is rendered without it.
             Err(error) => {
                 let name = name.map_or("the GPU", String::as_str);
                 self.notes.push(format!("{name} does not take part: {}", error_chain(&error)));
@@ -143,21 +145,22 @@ impl WantedDevices {
     }
 }
 
-/// Processors that paint beside so many GPUs. Where there are many, one for each GPU is left to those who hand out work to it: it
-/// does far more than that one would.
+/// Returns the number of CPU threads that render together with `gpus` GPUs. On machines with many processors one per GPU stays
+/// free to feed it, which is worth more than its own rendering.
 pub fn beside_gpus(processors: usize, gpus: usize) -> usize {
     const MANY: usize = 8;
     if processors < MANY { processors } else { processors.saturating_sub(gpus).max(MANY / 2) }
 }
 
-/// What is asked for that no GPU does, whatever the scene.
+/// Returns the requested features that no GPU supports.
 fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
     let cost = layout.offset(Aov::Cost).map(|_| "the cost of pixels (layer `cost`)".to_owned());
     let photons = photons.then(|| "photon mapping".to_owned());
     cost.into_iter().chain(photons).collect()
 }
 
-/// What of this machine a choice means beside the processors: names of GPUs, addresses of boards. What is not there is left out.
+/// Returns the devices, without the processors, that a choice selects on this machine: names of GPUs, addresses of boards.
+/// Missing ones are left out.
 pub fn beside_processors(choice: &DeviceChoice) -> Vec<String> {
     match choice {
         DeviceChoice::Auto if may_have_gpu() => gpu::name_of(None).into_iter().collect(),
@@ -169,9 +172,9 @@ pub fn beside_processors(choice: &DeviceChoice) -> Vec<String> {
     }
 }
 
-/// Whether it is worth asking the drivers, which takes a while and lets some of them talk.
+/// Returns false if there is certainly no GPU, which saves loading drivers: that is slow, and some of them print messages.
 fn may_have_gpu() -> bool {
-    // Without a node for a device there is none that is no software.
+    // On Linux every hardware GPU has a device node.
     let is_node = |entry: std::fs::DirEntry| {
         let name = entry.file_name();
         let name = name.to_string_lossy();

@@ -1,4 +1,4 @@
-//! The cost of work on the devices of this machine, kept from one run to the next.
+//! The measured cost of work on the devices of this machine, stored between runs.
 
 use std::{fs, path::PathBuf};
 
@@ -6,20 +6,20 @@ use bottega_hra::{CostBook, HraReport};
 
 use bottega_platform::folders::state_folder;
 
-/// What another version has learnt may be of other units.
+/// Costs of another version are ignored: their units may differ.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 fn path() -> PathBuf {
     state_folder().join("costs.json")
 }
 
-/// What earlier runs have learnt; `None`: nothing that could be used.
+/// Reads the costs that earlier runs have learned; `None`: there is no usable file.
 pub(crate) fn read() -> Option<CostBook> {
     let text = fs::read_to_string(path()).ok()?;
     CostBook::from_json(&text, VERSION).inspect_err(|error| tracing::debug!(%error, "costs are learnt anew")).ok()
 }
 
-/// Keeps what a run has learnt, for all devices that took part in it.
+/// Stores the costs that a run has learned for its devices.
 pub fn keep(report: &HraReport) {
     let mut book = read().unwrap_or_else(|| CostBook::new(VERSION));
     for resource in &report.resources {

@@ -10,14 +10,14 @@ use bottega_render::{PreparedScene, RenderWork};
 
 use crate::error::Error;
 
-/// A device that does not answer for this long hangs, whatever it was expected to take: a slow one may be the only one.
+/// Time without an answer after which a GPU counts as hanging. Generous, because a slow GPU may be the only device.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Most units of work in one packet to a device: each unit is thousands of paths, and a fast device does millions in the time that
-/// a packet takes to be handed over.
+/// Largest number of work units in one packet: a unit is thousands of paths, and a fast GPU traces millions in the time that it
+/// takes to hand over a packet.
 const UNITS_PER_PACKET: usize = 4096;
 
-/// A GPU that was chosen for a scene, and the scene in its form.
+/// A GPU chosen for a scene, and the scene in the encoding of the GPU.
 pub(super) struct ChosenGpu {
     adapter: GpuAdapter,
     encoded: EncodedScene,
@@ -27,7 +27,7 @@ impl ChosenGpu {
     /// Chooses the GPU whose name contains `name`, or the best one.
     ///
     /// # Errors
-    /// There is none, or it cannot render the scene.
+    /// There is no such GPU, or it does not support the scene.
     pub(super) fn choose(name: Option<&str>, scene: &Arc<PreparedScene>) -> Result<Self, Error> {
         let adapter = GpuAdapter::choose(name)?;
         let encoded = adapter.encode(scene)?;
@@ -38,26 +38,26 @@ impl ChosenGpu {
         &self.adapter.info().name
     }
 
-    /// Opens it as a lane of the allocator, with the place of scenes in its memory.
+    /// Opens the GPU as a lane of the allocator, and returns the lane and the scenes in its memory.
     ///
-    /// - `memory`: bytes that scenes may take there; `None`: nearly all that it has.
+    /// - `memory`: memory limit for scenes on the GPU, in bytes; `None`: nearly all free memory.
     pub(super) fn open(&self, memory: Option<u64>) -> Result<(Lane<RenderWork>, GpuScenes), Error> {
         let gpu = GpuPaths::open(self.adapter.clone(), &path_options(Some(self.name().to_owned()), memory))?;
         let scenes = gpu.scenes();
         Ok((lane_of(gpu), scenes))
     }
 
-    /// Compiles its kernels for the scene, which it may be sent afterwards.
+    /// Compiles the kernels for the scene, so that it can be sent to the GPU.
     ///
-    /// - `waits`: whether that is waited for. Others paint meanwhile where it is not.
+    /// - `waits`: true to wait for the compilation; if false, other devices render in the meantime.
     pub(super) fn admit(&self, scenes: &GpuScenes, waits: bool) -> Result<(), Error> {
         let admitted = if waits { scenes.admit(&self.encoded) } else { scenes.admit_later(&self.encoded) };
         admitted.map_err(Error::from)
     }
 
-    /// Why it has no room for the scene; `None`: it has, or does not tell.
+    /// Returns the reason why the scene does not fit into GPU memory; `None`: it fits, or the free memory is unknown.
     ///
-    /// - `memory`: bytes that scenes may take there; `None`: nearly all that it has.
+    /// - `memory`: memory limit for scenes on the GPU, in bytes; `None`: nearly all free memory.
     pub(super) fn lacks_room(&self, memory: Option<u64>) -> Option<String> {
         let room = memory.or_else(|| self.adapter.memory().map(|memory| memory.free.unwrap_or(memory.total)))?;
         let bytes = self.encoded.bytes();
@@ -66,7 +66,7 @@ impl ChosenGpu {
     }
 }
 
-/// Whether this machine has a GPU that is not software.
+/// Returns true if this machine has a GPU that is not a software renderer.
 pub(super) fn has_hardware() -> bool {
     adapters().iter().any(|adapter| adapter.kind != AdapterKind::Software)
 }
@@ -78,7 +78,7 @@ pub(super) fn name_of(wanted: Option<&str>) -> Option<String> {
     (wanted.is_some() || info.kind != AdapterKind::Software).then(|| info.name.clone())
 }
 
-/// Whether an error says that there is no such GPU, not that it cannot render a scene.
+/// Returns true if an error means that there is no such GPU, not that it does not support the scene.
 pub(super) fn is_absence(error: &Error) -> bool {
     matches!(error, Error::Gpu(GpuError::UnknownAdapter { .. } | GpuError::NoAdapter))
 }
@@ -88,10 +88,10 @@ pub(super) fn unsupported(reasons: &[String]) -> Error {
     GpuError::Unsupported(reasons.to_vec()).into()
 }
 
-/// Opens the GPU whose name contains `name` with a scene on it: it renders blocks of pixels.
+/// Opens the GPU whose name contains `name` for a scene, to render blocks of pixels.
 ///
 /// # Errors
-/// There is none of that name, or it cannot render the scene.
+/// There is no such GPU, or it does not support the scene.
 pub fn painter(name: &str, scene: &Arc<PreparedScene>) -> Result<Lane<RenderWork>, Error> {
     Ok(lane_of(GpuPaths::new(scene, &path_options(Some(name.to_owned()), None))?))
 }

@@ -1,5 +1,5 @@
-//! Resources that are kept between pictures: the second picture of a process finds its devices open, its kernels compiled,
-//! and what has not changed of its scene in their memory.
+//! Devices that stay open between pictures: for the second picture of a process the devices are open, the kernels compiled, and
+//! unchanged parts of the scene in device memory.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -13,12 +13,12 @@ use super::{
 };
 use crate::error::Error;
 
-/// Sets of resources that are kept; the one that was not asked for longest goes first.
+/// Largest number of resource sets kept open; the least recently used one is closed first.
 const KEPT_MAX: usize = 2;
 
 static KEPT: Mutex<Vec<KeptResources>> = Mutex::new(Vec::new());
 
-/// What two pictures must have in common to share resources.
+/// The settings that two pictures must have in common to share resources.
 #[derive(Clone, PartialEq, Eq)]
 pub(super) struct ResourceKey {
     threads: usize,
@@ -28,25 +28,26 @@ pub(super) struct ResourceKey {
 }
 
 impl ResourceKey {
-    /// - `memory`: bytes that scenes may take on a GPU.
-    /// - `boards`: addresses of boards that follow rays.
+    /// - `boards`: addresses of the boards that trace rays.
+    /// - `memory`: memory limit for scenes on each GPU, in bytes.
     pub(super) fn new(threads: usize, gpus: &[ChosenGpu], boards: &[String], memory: Option<u64>) -> Self {
         let gpus = gpus.iter().map(|gpu| gpu.name().to_owned()).collect();
         Self { threads, gpus, boards: boards.to_vec(), memory }
     }
 
-    /// Processors; 0: none.
+    /// Returns the number of CPU threads; 0: CPUs do not render.
     pub(super) fn threads(&self) -> usize {
         self.threads
     }
 
-    /// Whether these are the same devices, beside whatever number of processors.
+    /// Returns true if both keys have CPU threads, in different numbers, and are otherwise equal.
     fn differs_in_threads(&self, other: &Self) -> bool {
         let have_threads = self.threads > 0 && other.threads > 0;
         have_threads && Self { threads: other.threads, ..self.clone() } == *other
     }
 }
 
+/// Resources with the boards and GPU scenes behind them.
 #[derive(Clone)]
 pub(super) struct KeptResources {
     pub(super) key: ResourceKey,
@@ -60,16 +61,18 @@ impl KeptResources {
         Arc::strong_count(&self.resources) > 1
     }
 
-    /// Whether boards were too slow for these processors when they were connected. They may be faster now.
+    /// Returns true if the boards were too slow for this number of CPU threads when they were connected. They may be faster
+    /// now.
     fn are_boards_slow(&self) -> bool {
         !self.boards.is_empty() && !are_worth_waves(&self.boards, self.key.threads)
     }
 }
 
-/// Processors and GPUs behind one allocator: those that an earlier picture has left, or new ones. The GPUs are told of the
-/// picture's scene, and compile its kernels while processors paint, if there are any.
+/// Returns processors, GPUs and boards behind one allocator: those of an earlier picture, or new ones. The GPUs compile the
+/// kernels of the scene while CPU threads render, if there are any.
 ///
-/// - `joins`: whether those are as good that paint now, whatever the number of processors; the key that is returned says how many.
+/// - `joins`: true if resources that are rendering now may be shared although their number of CPU threads differs; the returned
+///   key holds that number.
 ///
 /// # Errors
 /// A GPU cannot be opened, its kernels cannot be compiled, or a board cannot be reached.
@@ -86,10 +89,10 @@ pub(super) fn resources(key: ResourceKey, joins: bool, gpus: &[ChosenGpu]) -> Re
             open(key, gpus)?
         }
     };
-    // Where nobody else paints, it is waited for; else others do meanwhile.
+    // Without CPU threads wait for the kernels; otherwise those render in the meantime.
     let waits = found.key.threads == 0;
     let admitted = found.scenes.iter().zip(gpus).try_for_each(|(scenes, gpu)| gpu.admit(scenes, waits));
-    // A device that failed is not kept: the next picture opens it anew.
+    // A device that failed is not kept: the next picture opens it again.
     admitted?;
     kept.push(found.clone());
     Ok(found)
@@ -112,7 +115,7 @@ fn open(key: ResourceKey, gpus: &[ChosenGpu]) -> Result<KeptResources, Error> {
     Ok(KeptResources { key, resources, boards, scenes })
 }
 
-/// Lets go of what nobody uses: where there are too many, and where a GPU that is wanted is held by other resources.
+/// Closes idle resources: those that hold a GPU needed by `key`, and further ones until there is room for one more.
 fn make_room(kept: &mut Vec<KeptResources>, key: &ResourceKey) {
     let is_idle = |known: &KeptResources| !known.is_painting();
     kept.retain(|known| !(is_idle(known) && known.key.gpus.iter().any(|gpu| key.gpus.contains(gpu))));
@@ -122,7 +125,7 @@ fn make_room(kept: &mut Vec<KeptResources>, key: &ResourceKey) {
     }
 }
 
-/// Lets go of all that no picture uses.
+/// Closes all devices that no picture uses.
 pub fn release() {
     let idle: Vec<_> = {
         let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);

@@ -20,52 +20,52 @@ use serde::Serialize;
 use super::{costs, painter, processors, room::room};
 use crate::error::{Error, error_chain};
 
-/// How long each primitive of a device is measured, after a first unit that does not count.
+/// Duration of the measurement per primitive and device, after one warm-up unit.
 const MEASURED: Duration = Duration::from_secs(2);
-/// Side of the picture of which blocks are painted.
+/// Side of the picture that blocks are taken from, in pixels.
 const SIDE: u32 = 512;
-/// Side of a block.
+/// Side of a block, in pixels.
 const BLOCK: u32 = 16;
-/// Side of the blocks in which rays follow each other.
+/// Side of the pixel blocks that order the rays.
 const RAY_BLOCK: u32 = 8;
-/// Units that wait for a device: as many as a far one takes at once.
+/// Number of units queued for a device: as many as a remote one takes at once.
 const WAITING: usize = 64;
-/// Work that is split to show which device would do how much of it.
+/// Number of items in the example work that is split among all devices.
 const SHARED_ITEMS: u64 = 100_000_000;
-/// The work that is measured.
+/// The primitives that are measured.
 const PRIMITIVES: [Primitive; 3] = [Primitive::Intersect, Primitive::Occluded, Primitive::PixelBlock];
 
-/// A kind of device of this machine, and the cost of work on it.
+/// The measured cost of work on one kind of device of this machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeviceCosts {
-    /// The device.
+    /// Name of the device.
     pub name: String,
-    /// How many there are of it.
+    /// Number of devices of this kind.
     pub count: usize,
-    /// By primitive.
+    /// One entry per measured primitive.
     pub primitives: Vec<PrimitiveCost>,
-    /// Why a primitive was not measured.
+    /// Reasons for primitives that could not be measured.
     pub notes: Vec<String>,
 }
 
 /// The cost of one primitive on a device.
 #[derive(Clone, Debug, Serialize)]
 pub struct PrimitiveCost {
-    /// The primitive.
+    /// Name of the primitive.
     pub primitive: &'static str,
-    /// Items a second of one device, which has as much work as it wants: rays, or samples.
+    /// Items (rays or samples) per second of one device under full load.
     pub items_per_second: f64,
-    /// What a unit of work costs beside its items, in nanoseconds.
+    /// Fixed cost per work unit, in nanoseconds.
     pub unit_ns: f64,
-    /// What an item costs, in nanoseconds.
+    /// Cost per item, in nanoseconds.
     pub item_ns: f64,
-    /// How far predictions by both are off, as a share of the time measured; `None`: too little was measured.
+    /// Relative error of predictions with both costs, 0 to 1; `None`: too few measurements.
     pub uncertainty: Option<f64>,
-    /// The share of a large work that all devices of this kind would do if all of the machine took part.
+    /// Share of a large work that all devices of this kind take if the whole machine takes part, 0 to 1.
     pub share: f64,
 }
 
-/// Why a primitive cannot be measured on a device.
+/// The reason why a primitive cannot be measured on a device.
 #[derive(Debug, thiserror::Error)]
 enum LaneError {
     #[error(transparent)]
@@ -82,17 +82,17 @@ impl From<GpuError> for LaneError {
     }
 }
 
-/// A kind of device, as it was measured.
+/// The measurements of one kind of device.
 struct MeasuredDevice {
     name: String,
     count: usize,
-    /// Items a second, and the cost model, by primitive.
+    /// Per primitive: items per second, and the cost model.
     rates: Vec<(Primitive, f64, CostModel)>,
     notes: Vec<String>,
 }
 
-/// Measures one processor, and these GPUs, in a furnished room of some 75,000 triangles. Keeps what is found for later pictures. A GPU that
-/// fails says so in its notes.
+/// Measures one processor and these GPUs in a furnished room of some 75,000 triangles. Stores the results for later pictures.
+/// Failures of a GPU are in its notes.
 ///
 /// # Errors
 /// The room cannot be prepared.
@@ -131,9 +131,9 @@ impl MeasuredDevice {
     }
 }
 
-/// The share of each kind of device in a work of one primitive, if all took part.
+/// Returns the share of each kind of device in a work of one primitive if all devices take part.
 fn shares(all: &[MeasuredDevice], primitive: Primitive) -> Vec<f64> {
-    // Every processor takes part on its own.
+    // Each processor counts as a device of its own.
     let each: Vec<(usize, Option<CostModel>)> = all
         .iter()
         .enumerate()
@@ -147,10 +147,10 @@ fn shares(all: &[MeasuredDevice], primitive: Primitive) -> Vec<f64> {
     shares
 }
 
-/// The scene that is measured on, and work in it.
+/// The scene for the measurements, with rays in it.
 struct Subject {
     prepared: Arc<PreparedScene>,
-    /// From the camera, in blocks of 8 × 8.
+    /// Camera rays, in blocks of 8 × 8 pixels.
     rays: Vec<Ray>,
     settings: Arc<PathSettings>,
 }
@@ -172,7 +172,7 @@ impl Subject {
 
     /// Measures all primitives on a device.
     ///
-    /// - `lane`: opens it for one primitive.
+    /// - `lane`: opens the device for one primitive.
     fn measure(
         &self,
         name: &str,
@@ -189,7 +189,7 @@ impl Subject {
         measured
     }
 
-    /// Items a second while the device has as much work as it wants, and the cost that its allocator learns. Keeps the latter.
+    /// Returns the items per second under full load, and the cost model that the allocator has learned, which is also stored.
     fn rate(&self, primitive: Primitive, lane: Lane<RenderWork>) -> Result<(f64, CostModel), LaneError> {
         let hra = Hra::with_lanes(HraConfig::default(), vec![lane]);
         let client = hra.client();
@@ -201,10 +201,11 @@ impl Subject {
             });
             client.submit_group(units.collect())
         };
-        // One unit warms the device up.
+        // Warm up the device with one unit
         let mut waiting = 1;
         submit(waiting)?;
         let (mut begun, mut items) = (None::<Instant>, 0);
+        // Keep the queue full for the duration of the measurement, then drain it
         while let Some(answer) = client.take() {
             answer.output?;
             waiting -= 1;
@@ -225,7 +226,7 @@ impl Subject {
         Ok((items as f64 / seconds, cost.map(|(_, cost)| *cost).unwrap_or_default()))
     }
 
-    /// The `n`-th unit: sizes differ, so that what a unit costs is told from what its items cost.
+    /// Returns the `n`-th unit. Sizes differ, so that the cost per unit can be separated from the cost per item.
     fn work(&self, primitive: Primitive, n: u64) -> RenderWork {
         let scene = Arc::clone(&self.prepared);
         let count = 1 << (10 + 2 * (n % 3));
@@ -251,7 +252,7 @@ impl Subject {
         }
     }
 
-    /// A GPU, for one primitive.
+    /// Opens a GPU for one primitive.
     fn on_gpu(&self, primitive: Primitive, name: &str) -> Result<Lane<RenderWork>, LaneError> {
         if primitive == Primitive::PixelBlock {
             return Ok(painter(name, &self.prepared)?);
@@ -265,7 +266,7 @@ impl Subject {
 mod tests {
     use super::*;
 
-    /// A device on which an item of `Intersect` costs so many nanoseconds.
+    /// Makes a device on which an item of `Intersect` costs `ns_per_item` nanoseconds.
     fn device(name: &str, count: usize, ns_per_item: f64) -> MeasuredDevice {
         let mut cost = CostModel::default();
         for items in [1000, 4000, 16_000, 4000, 1000, 16_000] {

@@ -41,17 +41,17 @@ pub use self::{
 pub use crate::request::DeviceChoice;
 use crate::request::Request;
 
-/// Processors that this process may use.
+/// Returns the number of processors that this process may use.
 pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Processors that a request allows.
+/// Returns the number of CPU threads of a request; by default all processors.
 pub fn threads(request: &Request) -> usize {
     request.devices.threads.map_or_else(processors, usize::from)
 }
 
-/// What went wrong with a device, for its user.
+/// Returns a fault of a device as one line of text.
 pub fn incident_line(report: &HraReport, incident: &Incident) -> String {
     let named = report.resources.iter().find(|resource| resource.id == incident.resource);
     let name = named.map_or_else(|| incident.resource.to_string(), |resource| resource.descriptor.name.clone());

@@ -1,23 +1,23 @@
-//! A furnished room under an even sky, generated: what the devices of a machine are measured on.
+//! A generated scene for measuring devices: a furnished room under a uniform sky.
 //!
-//! It is closed, and has some 75,000 triangles, most of them long and thin: pipes, slats and boards at all angles, beside a
-//! finely tessellated carpet and a few huge walls.
+//! The room is closed and has some 75,000 triangles, most of them long and thin: pipes, slats and boards at all angles,
+//! together with a finely tessellated carpet and a few huge walls.
 
 use std::f32::consts::TAU;
 
 use bottega_scene::{Camera, Environment, Material, Mesh, Projection, Scene, Spectrum};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
-/// Share of the light that its surfaces give back.
+/// Albedo of all surfaces.
 const ALBEDO: f32 = 0.7;
-/// Squares along a side of the carpet.
+/// Number of squares along each side of the carpet.
 const CARPET: u32 = 150;
 const SLATS: u32 = 120;
 const PIPES: u32 = 220;
 const PIPE_SIDES: u32 = 48;
 const BOARDS: u32 = 700;
 
-/// The room with a camera that sees most of it.
+/// Returns the room, with a camera that sees most of it.
 pub(super) fn room() -> Scene {
     let mut scene = Scene {
         environment: Some(Environment::uniform(Spectrum::ONE)),
@@ -34,7 +34,7 @@ pub(super) fn room() -> Scene {
     scene
 }
 
-/// All of it, as one mesh.
+/// Returns walls and furniture as one mesh.
 fn furniture() -> Mesh {
     let (cube, pipe) = (cube(), pipe());
     let mut mesh = Mesh { name: "room".to_owned(), ..Mesh::default() };
@@ -47,7 +47,7 @@ fn furniture() -> Mesh {
         add(&mut mesh, &cube, Affine3A::from_scale_rotation_translation(size, turn, at));
     }
     for n in 0..PIPES {
-        // Half of the way from one place in the room to another.
+        // A pipe spans half of the way between two points in the room.
         let place = |n| Vec3::splat(0.2) + evenly(n) * Vec3::new(9.6, 3.7, 9.6);
         let (from, way) = (place(n), 0.5 * (place(n + 5 * PIPES) - place(n)));
         let radius = 0.004 + 0.02 * evenly(n + 9 * PIPES).x;
@@ -65,7 +65,7 @@ fn furniture() -> Mesh {
     mesh
 }
 
-/// Corners and triangles, to be placed in the room.
+/// Vertices and triangles of a part, to be placed in the room.
 struct RoomPart {
     positions: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
@@ -77,7 +77,7 @@ fn add(mesh: &mut Mesh, part: &RoomPart, place: Affine3A) {
     mesh.triangles.extend(part.triangles.iter().map(|corners| corners.map(|corner| first + corner)));
 }
 
-/// The cube from −1 to 1.
+/// Returns the cube from −1 to 1 on each axis.
 fn cube() -> RoomPart {
     const SIDES: [[u32; 4]; 6] = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
     let corner = |i: u32| 2.0 * Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) - 1.0;
@@ -85,7 +85,7 @@ fn cube() -> RoomPart {
     RoomPart { positions: (0..8).map(corner).collect(), triangles: triangles.collect() }
 }
 
-/// The open cylinder of radius 1 from z = 0 to 1.
+/// Returns the open cylinder of radius 1 from z = 0 to 1.
 fn pipe() -> RoomPart {
     let edge = |i: u32| {
         let around = Vec2::from_angle(TAU * i as f32 / PIPE_SIDES as f32);
@@ -101,7 +101,7 @@ fn pipe() -> RoomPart {
     }
 }
 
-/// Six meters square, uneven by three centimeters.
+/// Returns the carpet: 6 m × 6 m, with heights of 0 to 3 cm.
 fn carpet() -> RoomPart {
     let row = CARPET + 1;
     let knot = |i: u32| {
@@ -118,8 +118,8 @@ fn carpet() -> RoomPart {
     }
 }
 
-/// The `n`-th of places that fill the unit cube evenly: the additive recurrence of Roberts 2018, "The Unreasonable Effectiveness
-/// of Quasirandom Sequences".
+/// Returns the `n`-th point of a sequence that fills the unit cube evenly: the additive recurrence of Roberts 2018, "The
+/// Unreasonable Effectiveness of Quasirandom Sequences".
 fn evenly(n: u32) -> Vec3 {
     let place = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_3];
     Vec3::from_array(place.map(|step: f64| (f64::from(n) * step).fract() as f32))
@@ -134,7 +134,7 @@ mod tests {
         let scene = room();
         let mesh = &scene.meshes[0];
         assert_eq!(mesh.triangles.len(), 12 + 45_000 + 12 * 120 + 96 * 220 + 12 * 700);
-        // All of it is in the room, but for what leans into a wall.
+        // Everything is in the room, except for tips that pierce a wall.
         let is_inside = |p: &&Vec3| p.cmpge(Vec3::splat(-1.0)).all() && p.cmple(Vec3::new(11.0, 5.0, 11.0)).all();
         assert_eq!(mesh.positions.iter().filter(is_inside).count(), mesh.positions.len());
     }

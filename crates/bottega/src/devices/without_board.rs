@@ -1,4 +1,4 @@
-//! In place of `board.rs` where the library is built without the feature `board`: there are no boards.
+//! The replacement for `board.rs` in builds without the feature `board`: there are no boards.
 
 use bottega_hra::Lane;
 use bottega_render::{PreparedScene, RenderWork};

@@ -1,4 +1,4 @@
-//! In place of `gpu.rs` where the library is built without the feature `gpu`: there are no GPUs.
+//! The replacement for `gpu.rs` in builds without the feature `gpu`: there are no GPUs.
 
 use std::{convert::Infallible, sync::Arc, time::Duration};
 
@@ -7,10 +7,10 @@ use bottega_render::{PreparedScene, RenderWork};
 
 use crate::error::Error;
 
-/// A GPU that was chosen for a scene. There are none.
+/// A GPU chosen for a scene; has no values in this build.
 pub(super) struct ChosenGpu(Infallible);
 
-/// In place of the scenes in the memory of a GPU. There are none.
+/// The scenes in the memory of a GPU; has no values in this build.
 #[derive(Clone)]
 pub struct NoScenes(Infallible);
 
@@ -38,18 +38,18 @@ impl ChosenGpu {
     }
 }
 
-/// The devices that compile kernels just now, and for how long they have. There are none.
+/// Returns the devices that are compiling kernels, and for how long; none in this build.
 pub fn compiling() -> Vec<(String, Duration)> {
     Vec::new()
 }
 
 impl NoScenes {
-    /// Bytes of scenes that it holds.
+    /// Returns the bytes of scenes in device memory.
     pub fn resident_bytes(&self) -> u64 {
         match self.0 {}
     }
 
-    /// Bytes of scenes that it was sent so far.
+    /// Returns the bytes of scenes sent to the device so far.
     pub fn sent_bytes(&self) -> u64 {
         match self.0 {}
     }
@@ -63,7 +63,7 @@ pub(super) fn name_of(_: Option<&str>) -> Option<String> {
     None
 }
 
-/// A GPU that was asked for by name is an error: no other device stands in for it.
+/// Returns true: a GPU requested by name must be reported as an error, not replaced by another device.
 pub(super) fn is_absence(_: &Error) -> bool {
     true
 }

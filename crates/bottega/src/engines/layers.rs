@@ -1,4 +1,4 @@
-//! The layers of a picture by an engine of other people.
+//! The layers of a picture by an external engine.
 
 use bottega_engines::external::Opened;
 use bottega_image::{Aov, AovSet, Layer, Layout, OutputFormat};
@@ -9,11 +9,11 @@ use crate::{
     settings::{ALL_LAYERS, GUIDES},
 };
 
-/// The layers that are asked for of those that the engine announces for the scene: all of them unless somebody says
-/// otherwise, where the file can hold them.
+/// Selects the requested layers from those that the engine offers for the scene. By default all of them if the output format
+/// can hold them, plus those that help a requested denoiser.
 ///
-/// - `title`: the engine, as people call it.
-/// - `is_mixed`: our own engine paints, too. Only layers that it makes as well are had then.
+/// - `title`: readable name of the engine.
+/// - `is_mixed`: true if the built-in engine takes part; then only layers that both engines make can be selected.
 pub(super) fn layout(request: &Request, opened: &Opened, title: &str, is_mixed: bool) -> Result<Layout, Error> {
     let is_shared = |layer: &Layer| {
         let announced = opened.layers.iter().find(|announced| announced.name == layer.name);
@@ -36,7 +36,7 @@ pub(super) fn layout(request: &Request, opened: &Opened, title: &str, is_mixed: 
     let mut aovs = AovSet::NONE;
     let mut layers: Vec<Layer> = Vec::new();
     for name in wanted {
-        // Counted here, whoever paints.
+        // The sample count does not come from the engine.
         if name == Aov::SampleCount.name() {
             aovs = aovs.with(Aov::SampleCount);
             continue;

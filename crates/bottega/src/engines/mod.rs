@@ -1,4 +1,4 @@
-//! Engines that other people wrote, and pictures painted with them.
+//! External engines: other renderers, described by manifests, and pictures by them.
 
 mod layers;
 mod of_scene;
@@ -25,10 +25,10 @@ use crate::{
 };
 
 impl EngineOptions {
-    /// The engine of other people that paints, and whether ours paints with it.
+    /// Returns the name of the external engine, and true if the built-in engine renders together with it.
     ///
     /// # Errors
-    /// There is none, or several.
+    /// The request names no external engine, or several.
     pub fn other(&self) -> Result<(&str, bool), Error> {
         let others: Vec<&String> = self.names.iter().filter(|name| *name != BUILTIN).collect();
         match (others.as_slice(), self.names.len()) {
@@ -41,24 +41,24 @@ impl EngineOptions {
         }
     }
 
-    /// Whether our own engine paints, and no other.
+    /// Returns true if only the built-in engine renders.
     pub fn is_builtin(&self) -> bool {
         self.names == [BUILTIN]
     }
 }
 
-/// The manifests of the program, of the user, and of these folders.
+/// Returns the shelf of manifests: those of the program, of the user's configuration folder and of `folders`.
 pub fn shelf(folders: &[PathBuf]) -> Shelf {
     let own = config_folder().join("engines");
     Shelf::open(&std::iter::once(own).chain(folders.iter().cloned()).collect::<Vec<_>>())
 }
 
-/// From now on it is known to later processes which engines are not used on this machine.
+/// Stores quarantines of engines in the state folder, so that later processes know which engines not to use on this machine.
 pub fn keep_quarantines() {
     external::keep_quarantines_in(state_folder().join("engines"));
 }
 
-/// The rules of the agents, as the request says, or else those of the engine that paints; none: those of our own.
+/// Returns the rules of the agents: those of the request, else those of the external engine. Empty: use the defaults.
 ///
 /// # Errors
 /// A file of rules cannot be read, or there is no such engine.
@@ -67,15 +67,15 @@ pub fn agent_rules(request: &Request) -> Result<Vec<RulesText>, Error> {
         return rule_texts(&request.work.rules);
     }
     let (name, is_mixed) = request.engine.other()?;
-    // Two engines get what either of them is content with.
+    // With two engines only the default rules suit both.
     let own = if is_mixed { None } else { RulesText::of_engine(&entry(&request.engine.manifests, name)?)? };
     Ok(own.into_iter().collect())
 }
 
-/// The rules for who paints a zone, where several engines may.
+/// Returns the rules that choose the engine of each zone; `None`: there is only one engine.
 ///
 /// # Errors
-/// Their file cannot be read.
+/// The rule file cannot be read.
 pub fn choice_rules(request: &Request) -> Result<Option<RulesText>, Error> {
     if request.engine.names.len() > 1 {
         RulesText::of_choice(request.engine.rules.as_ref()).map(Some)
@@ -84,13 +84,13 @@ pub fn choice_rules(request: &Request) -> Result<Option<RulesText>, Error> {
     }
 }
 
-/// The manifest of an engine.
+/// Returns the manifest of an engine, by name.
 ///
 /// # Errors
-/// There is none of that name, or it is broken.
+/// There is no manifest of that name, or it is invalid.
 pub fn entry(folders: &[PathBuf], name: &str) -> Result<ShelfEntry, Error> {
     let shelf = shelf(folders);
-    // A broken one is not silently replaced by another of the same name.
+    // A broken manifest is not silently replaced by another one of the same name.
     if let Some(broken) = shelf.broken(name) {
         return Err(Error::Manifest(Box::new(broken.clone())));
     }
@@ -103,17 +103,17 @@ pub fn entry(folders: &[PathBuf], name: &str) -> Result<ShelfEntry, Error> {
     })
 }
 
-/// An engine on this machine.
+/// Finds the installation of an engine on this machine.
 ///
 /// # Errors
-/// There is none of that name, or it is not installed.
+/// There is no manifest of that name, or the engine is not installed.
 pub fn located(folders: &[PathBuf], name: &str) -> Result<Arc<LocatedEngine>, Error> {
     let entry = entry(folders, name)?;
     let found = LocatedEngine::find(&entry).map(Arc::new);
     found.map_err(|source| Error::External { engine: name.to_owned(), source })
 }
 
-/// What an engine is told, by its manifest and by the user.
+/// Returns the parameters of an engine: the defaults of its manifest, overridden by the user's options.
 ///
 /// # Errors
 /// The engine has no option of that name.
@@ -131,16 +131,16 @@ pub fn parameters(
                 format!("it has: {known}"),
             ));
         };
-        // A number stays one where it stands for one.
+        // A text that is valid JSON becomes that value, such as a number; any other text a string.
         *value = serde_json::from_str(text).unwrap_or_else(|_| serde_json::Value::String(text.clone()));
     }
     Ok(parameters)
 }
 
-/// Engines run in folders of their own.
+/// Returns the absolute path of a scene file: engines run in folders of their own.
 ///
 /// # Errors
-/// There is no such file.
+/// The file does not exist.
 pub fn absolute(scene: &Path) -> Result<PathBuf, Error> {
     scene.canonicalize().map_err(|source| Error::Read { path: scene.to_owned(), source })
 }

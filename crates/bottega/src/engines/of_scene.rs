@@ -1,4 +1,4 @@
-//! The engine that reads a scene which our own does not.
+//! The choice of an external engine for scenes that the built-in engine does not read.
 
 use std::path::Path;
 
@@ -11,8 +11,8 @@ use crate::{
 };
 
 impl Request {
-    /// The same request, by the engine that reads its scene where our own does not and no other is named: Cycles
-    /// for `.blend`. Whether that engine is installed is found out when it is opened.
+    /// Returns the request with the first external engine that reads the scene, if the built-in engine does not and no engine
+    /// is named: Cycles for `.blend`. The engine may still turn out not to be installed when it is opened.
     #[must_use]
     pub fn by_engine_of_scene(&self) -> Self {
         let mut request = self.clone();
@@ -25,7 +25,7 @@ impl Request {
     }
 }
 
-/// The first engine that reads a scene which ours does not.
+/// Returns the first engine that reads a scene file, if the built-in engine does not.
 fn engine_of<'a>(scene: &Path, shelf: &[&'a ShelfEntry]) -> Option<&'a ShelfEntry> {
     let end = end_of(scene).filter(|end| !READ.contains(&end.as_str()))?;
     shelf.iter().find(|entry| entry.manifest.scene.extensions.contains(&end)).copied()

@@ -1,4 +1,4 @@
-//! A picture made ready: what is to be painted, and the engine that paints it.
+//! An external engine, prepared for the picture of a request.
 
 use std::{
     collections::BTreeMap,
@@ -32,43 +32,44 @@ use crate::{
     text::shown,
 };
 
-/// Bounces where neither scene nor user says a number and rules need one.
+/// Maximum number of bounces for the rules, if neither scene nor user gives one.
 const DEFAULT_DEPTH: u32 = 16;
-/// Samples where nobody says.
+/// Samples per pixel if neither user nor manifest gives a number.
 const DEFAULT_SAMPLES: u32 = 64;
 
-/// An engine of other people with the picture that it is to paint.
+/// An external engine with its scene opened and the settings of the job.
 pub struct ExternalPainter {
-    /// The engine as it is found on this machine.
+    /// The installation of the engine on this machine.
     pub located: Arc<LocatedEngine>,
     /// The engine with the scene opened.
     pub engine: Arc<ExternalEngine>,
-    /// Where our own engine paints, too.
+    /// The built-in engine, if it renders together with the external one.
     pub mix: Option<Mix>,
     /// The settings of the job.
     pub settings: JobSettings,
     scene: PathBuf,
     opening: SceneRequest,
-    /// Whether the engine is told a depth.
+    /// True if the engine gets a maximum number of bounces.
     has_depth: bool,
 }
 
-/// Our own engine beside the other one.
+/// The built-in engine together with an external one.
 pub struct Mix {
-    /// Ours.
+    /// The built-in engine of the pair.
     pub own: Arc<BuiltinEngine>,
-    /// Both as one.
+    /// Both engines as one.
     pub mixed: Arc<MixedEngine>,
 }
 
 impl ExternalPainter {
-    /// Finds the engine, opens the scene with it, and makes it ready.
+    /// Finds the engine, opens the scene with it and makes the settings of the job.
     ///
-    /// - `sent`: the folder of the files of a scene that another machine sent; none: it is the user's own.
+    /// - `sent`: folder of the files that another machine has sent; `None`: the scene is the user's own.
     ///
     /// # Errors
-    /// The engine is not there, does not read the scene, or cannot do what is asked for.
+    /// The engine is not installed, does not read the scene, or does not support what the request asks for.
     pub fn open(asked: &Request, experts: Vec<Expert>, sent: Option<&Path>) -> Result<Self, Error> {
+        // Find the engine, and check that it reads the scene
         check(asked)?;
         let (name, is_mixed) = asked.engine.other()?;
         let located = located(&asked.engine.manifests, name)?;
@@ -81,9 +82,10 @@ impl ExternalPainter {
             ));
         }
         let failed = |source| Error::External { engine: name.to_owned(), source };
+        // Open the scene; without a camera, again with that of the built-in engine
         let mut opening = opening(asked, &located, sent)?;
         if is_mixed {
-            // Half of the processors for each.
+            // Each engine gets half of the processors.
             opening.threads = (opening.threads / 2).max(1);
         }
         let mut session = Session::open(&located, &opening).map_err(failed)?;
@@ -93,6 +95,7 @@ impl ExternalPainter {
         }
         let opened = session.opened().clone();
         opening.size = Some((opened.width, opened.height));
+        // Choose layers and settings, shared with the built-in engine if both render
         let layout = layers::layout(asked, &opened, &manifest.title, is_mixed)?;
         let own =
             is_mixed.then(|| own(asked, &opened, &manifest.title, experts.clone(), layout.clone())).transpose()?;
@@ -101,12 +104,13 @@ impl ExternalPainter {
             None => settings(asked, &located, &opened, experts, layout)?,
         };
         let depth = asked.integrator.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
-        // Where the scene says nothing the two would each take a number of their own.
+        // If the scene gives no number of bounces, both engines must use the same one.
         let depth = depth.or(own.as_ref().filter(|own| !own.has_depth).map(|own| own.settings.tunables.max_depth));
+        // Make the engine, alone or mixed with the built-in one
         let options = ExternalOptions {
             request: opening.clone(),
             seed: asked.seed,
-            // What error or time will come to is not known yet.
+            // With a goal of error or time the number of samples is unknown; use the usual one.
             samples: settings.crop.area() * u64::from(asked.goal.samples.unwrap_or_else(|| usual_samples(manifest))),
             layout: settings.layout.clone(),
             scene_depth: depth.is_none().then_some(settings.tunables.max_depth),
@@ -120,7 +124,7 @@ impl ExternalPainter {
             let (ours, others): (Arc<dyn RenderEngine>, Arc<dyn RenderEngine>) =
                 (Arc::clone(&own) as _, Arc::clone(&engine) as _);
             let mut both = vec![(ours, 1), (others, engine.lanes())];
-            // In the order in which the user names them.
+            // Order the engines as the user names them: the first one takes simple zones
             let is_first = asked.engine.names.first().is_some_and(|first| first == BUILTIN);
             if !is_first {
                 both.reverse();
@@ -132,7 +136,7 @@ impl ExternalPainter {
         Ok(Self { located, engine, mix, settings, scene: scene.clone(), opening, has_depth: depth.is_some() })
     }
 
-    /// Who paints.
+    /// Returns the engine that renders zones: the external one, or both as one.
     pub fn paints(&self) -> Arc<dyn RenderEngine> {
         match &self.mix {
             Some(mix) => Arc::clone(&mix.mixed) as _,
@@ -140,19 +144,19 @@ impl ExternalPainter {
         }
     }
 
-    /// Counts the samples taken so far, all pixels together.
+    /// Returns a function that counts the samples taken so far, over all pixels.
     pub fn counter(&self) -> impl Fn() -> u64 + Send + 'static {
         let (other, own) = (Arc::clone(&self.engine), self.mix.as_ref().map(|mix| Arc::clone(&mix.own)));
         move || other.samples_done() + own.as_ref().map_or(0, |own| own.samples_done())
     }
 
-    /// What makes the picture what it is, as for our own engine.
+    /// Returns a text with everything that determines the pixels; see [`crate::journal::name_of`].
     pub fn name(&self, asked: &Request) -> Result<String, Error> {
         let settings = &self.settings;
         let bytes = std::fs::read(&self.scene).map_err(|source| Error::Read { path: self.scene.clone(), source })?;
         let mut options = String::new();
         for (name, value) in &self.opening.parameters {
-            // Into a string nothing fails.
+            // Writing to a string cannot fail.
             let _ = write!(options, "{name}={value},");
         }
         let parts = [
@@ -176,7 +180,7 @@ impl ExternalPainter {
         Ok(parts.join("; "))
     }
 
-    /// What the picture says of how it was made.
+    /// Returns the metadata of the picture: how it was made.
     pub fn metadata(&self, asked: &Request, report: &JobReport) -> Metadata {
         let settings = &self.settings;
         let mut metadata = Metadata::new();
@@ -200,14 +204,14 @@ impl ExternalPainter {
         metadata
     }
 
-    /// Engine and version, as people read it.
+    /// Returns the readable name and version of the engine.
     pub fn title(&self) -> String {
         let with = if self.mix.is_some() { " and the built-in engine" } else { "" };
         format!("{} {}{with}", self.located.manifest().title, self.located.version)
     }
 }
 
-/// What the engine is told when it opens the scene.
+/// Returns the message to the engine that opens the scene.
 fn opening(asked: &Request, located: &LocatedEngine, sent: Option<&Path>) -> Result<SceneRequest, Error> {
     let mut parameters = parameters(located, &asked.engine.options)?;
     let defines = &asked.scene.defines;
@@ -235,8 +239,8 @@ fn opening(asked: &Request, located: &LocatedEngine, sent: Option<&Path>) -> Res
     })
 }
 
-/// What the engine may read beside the folder of the scene: of a scene that was sent here what was sent with it; of the
-/// user's own what the user allows, and what options name.
+/// Returns the paths that the engine may read in addition to the folder of the scene. For a scene sent by another machine: the
+/// folder of its files. For the user's own: what the user allows, and paths in options.
 fn outside(asked: &Request, parameters: &BTreeMap<String, serde_json::Value>, sent: Option<&Path>) -> Vec<PathBuf> {
     if let Some(sent) = sent {
         return vec![sent.to_owned()];
@@ -254,7 +258,7 @@ fn unfit(located: &LocatedEngine, option: &str) -> Error {
     )
 }
 
-/// What only our own engine knows is refused, not left out in silence.
+/// Refuses options that only the built-in engine supports.
 fn check(asked: &Request) -> Result<(), Error> {
     let is_other = |method| method != IntegratorChoice::Path;
     let options = [
@@ -306,7 +310,8 @@ fn settings(
     Ok(shared_settings(asked, crop, experts, settings))
 }
 
-/// Samples where the user says no number: as many as it takes where error or time ends the picture and samples add up.
+/// Returns the samples per pixel if the request gives none: the maximum if error or time ends the picture and the engine can
+/// add samples, else the usual number.
 fn default_samples(asked: &Request, manifest: &Manifest) -> u32 {
     let usual = usual_samples(manifest);
     if manifest.adds_up() { samples_unasked(asked, usual) } else { usual }
@@ -316,7 +321,7 @@ fn usual_samples(manifest: &Manifest) -> u32 {
     manifest.tunables.samples.and_then(|range| range.default).unwrap_or(DEFAULT_SAMPLES)
 }
 
-/// Where our own engine would look from, for a scene without a camera.
+/// Returns the default camera of the built-in engine, for a scene without a camera.
 fn own_view(asked: &Request, title: &str) -> Result<CameraView, Error> {
     let lacking = |why: String| {
         Error::failed(
@@ -338,7 +343,7 @@ fn own_view(asked: &Request, title: &str) -> Result<CameraView, Error> {
     }
 }
 
-/// The same picture for our own engine: of the size that the other one found, without layers of its own.
+/// Returns the request for the built-in engine: with the size that the external engine found, without layers.
 fn as_opened(asked: &Request, opened: &Opened) -> Request {
     let mut asked = asked.clone();
     asked.film.size = Some([opened.width, opened.height]);
@@ -346,21 +351,21 @@ fn as_opened(asked: &Request, opened: &Opened) -> Request {
     asked
 }
 
-/// Names of all layers, in their order.
+/// Returns the names of all layers, in order, joined by commas.
 fn layer_names(layout: &Layout) -> String {
     let channels = layout.layers().iter().flat_map(Layer::full_names);
     layout.aovs().iter().map(|aov| aov.name().to_owned()).chain(channels).collect::<Vec<_>>().join(",")
 }
 
-/// Our own engine beside another one.
+/// The built-in engine, prepared to render together with an external one.
 struct OwnEngine {
     engine: Arc<BuiltinEngine>,
     settings: JobSettings,
-    /// Whether the scene says how far light goes.
+    /// True if the scene gives a maximum number of bounces.
     has_depth: bool,
 }
 
-/// Our own engine with the same picture: it reads size, samples, depth and filter from the same file.
+/// Prepares the built-in engine for the same picture; it reads size, samples, depth and filter from the same file.
 fn own(
     asked: &Request,
     opened: &Opened,
@@ -377,7 +382,7 @@ fn own(
         ));
     }
     let settings = JobSettings { layout, ..job_settings(&asked, &subject, experts)? };
-    // The same part of a pixel's surroundings counts for both.
+    // Both engines must use the same pixel filter.
     let Some(filter) = opened.filter else {
         return Err(Error::failed(
             format!("{title} paints this scene with a pixel filter that our own engine does not have"),
@@ -390,12 +395,12 @@ fn own(
     Ok(OwnEngine { engine: Arc::new(engine), settings, has_depth: subject.hints.max_depth.is_some() })
 }
 
-/// An agent for each process that paints: more would only wait for one another.
+/// Returns the number of agents: one per process of the engine, as more have to wait for each other.
 fn agents_of(asked: &Request, engine: &ExternalEngine) -> usize {
     asked.work.agents.map_or(engine.lanes(), |asked| agents(Some(asked), 1))
 }
 
-/// Our own look at the scene, where the manifest says that we read the same format.
+/// Returns a surveyor by the built-in engine; `None` if the manifest does not declare that it reads the same format.
 fn surveyor(asked: &Request, located: &LocatedEngine, opened: &Opened) -> Option<Surveyor> {
     use bottega_engines::external::manifest::Importance;
     if located.manifest().scene.importance != Importance::Builtin {
@@ -411,7 +416,7 @@ fn surveyor(asked: &Request, located: &LocatedEngine, opened: &Opened) -> Option
             let (engine, _) = own_engine(&asked, &subject, &settings)?;
             Ok(engine.survey(width, height)?)
         };
-        // What we do not read, or read wrongly, the engine looks at itself.
+        // If the built-in engine cannot read the scene, the external one surveys it.
         look().inspect_err(|error| tracing::debug!(%error, "the scene is surveyed by its engine")).ok()
     }))
 }

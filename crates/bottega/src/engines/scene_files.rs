@@ -1,4 +1,4 @@
-//! The scene files that a farm must be sent so that its machines can paint with an engine.
+//! The scene files that a farm needs to render with an engine.
 
 use std::{
     collections::BTreeSet,
@@ -11,21 +11,21 @@ use bottega_scene::SceneFile;
 use super::{absolute, located};
 use crate::{error::Error, loaded_scene::LoadedScene, method::Method, request::Request, settings::max_depth};
 
-/// The files of a scene, and which engine paints it.
+/// The files of a scene, and the engine that renders it.
 #[derive(Clone, Debug, Default)]
 pub struct SceneFiles {
     /// Files that the scene refers to.
     pub files: Vec<SceneFile>,
-    /// The engine of other people that all machines must have; `None`: our own.
+    /// Identity of the external engine that all machines must have; `None`: the built-in engine.
     pub engine: Option<String>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// How our own engine paints it.
+    /// Readable name of the method of the built-in engine; `None` with an external engine.
     pub method: Option<String>,
 }
 
 impl SceneFiles {
-    /// Of a scene that our own engine has read.
+    /// Returns the files of a scene that the built-in engine has loaded.
     pub fn of(request: &Request, subject: &LoadedScene) -> Self {
         let method = Method::of(request, subject, max_depth(request, subject));
         let warnings = subject.warnings.iter().map(ToString::to_string).chain(method.note.clone()).collect();
@@ -33,11 +33,12 @@ impl SceneFiles {
         Self { files: subject.files.clone(), engine: None, warnings, method: Some(method) }
     }
 
-    /// Reads the scene, or has its engine tell what it refers to.
+    /// Loads the scene, or asks the external engine for the files that the scene refers to.
     pub fn gather(request: &Request) -> Result<Self, Error> {
         if request.engine.is_builtin() {
             return Ok(Self::of(request, &LoadedScene::load(request)?));
         }
+        // Ask the engine for the files of the scene
         let (name, _) = request.engine.other()?;
         let engine = located(&request.engine.manifests, name)?;
         let scene = absolute(&request.scene.file)?;
@@ -45,6 +46,7 @@ impl SceneFiles {
         let outside = if allow_outside { vec![PathBuf::from("/")] } else { request.scene.asset_roots.clone() };
         let found = engine.scene_files(&scene, &outside);
         let Files { files, missing } = found.map_err(|source| Error::External { engine: name.to_owned(), source })?;
+        // Keep files in the folder of the scene, and in folders that the user allows
         let folder = scene.parent().unwrap_or(Path::new("/"));
         let own = scene.file_name().map(PathBuf::from);
         let files: BTreeSet<PathBuf> = files.into_iter().filter_map(|file| file.canonicalize().ok()).collect();
@@ -59,7 +61,7 @@ impl SceneFiles {
                 own.as_deref().unwrap_or(Path::new("the scene")).display()
             )
         });
-        // As with our own engine: a scene says nothing about what else of this disk is sent to others.
+        // As with the built-in engine: a scene must not decide which other files of this disk are sent.
         let kept_back = kept_back.iter().map(|file| {
             format!(
                 "`{}` lies outside the folder of the scene and is not sent; copy it there, or allow such files with \
@@ -72,7 +74,7 @@ impl SceneFiles {
     }
 }
 
-/// How a file is referred to from a folder. Both are absolute and without detours.
+/// Returns the relative path from a folder to a file. Both paths are canonical.
 fn relative(folder: &Path, file: &Path) -> String {
     let (from, to): (Vec<_>, Vec<_>) = (folder.components().collect(), file.components().collect());
     let shared = from.iter().zip(&to).take_while(|(a, b)| a == b).count();

@@ -1,4 +1,4 @@
-//! The events of the society that paints: zones, agents, rounds of the auction, forecasts.
+//! Events about zones, agents, auction rounds and forecasts.
 
 use bottega_farm::{AgentRow, AuctionTally, Forecast, RoundSummary, Theft, ZoneRow, ZoneState};
 use bottega_image::Rect;
@@ -8,52 +8,53 @@ use serde::{Deserialize, Serialize};
 /// A zone of the picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Zone {
-    /// Its number.
+    /// Number of the zone, from 0.
     pub id: u32,
-    /// x0, y0, x1, y1.
+    /// Corners of the zone in pixels: x0, y0, x1, y1.
     pub rect: [u32; 4],
-    /// Complexity of an average pixel of it: predicted cost, 1 is the mean of the picture.
+    /// Mean predicted cost of its pixels; 1 is the mean of the picture.
     pub complexity_density: f64,
 }
 
-/// A zone's row on the Blackboard: the paper's seven fields, and how it stands.
+/// A zone's row on the Blackboard: the paper's seven fields, and the state of the zone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ZoneEvent {
-    /// IdZone.
+    /// IdZone: number of the zone.
     pub id: u32,
-    /// IdWork.
+    /// IdWork: number of the work that the zone is part of.
     pub work: u64,
-    /// Its pixels: x0, y0, x1, y1.
+    /// Corners of the zone in pixels: x0, y0, x1, y1.
     pub rect: [u32; 4],
-    /// Size, in pixels.
+    /// Size: number of pixels.
     pub size: u64,
-    /// Complexity: predicted cost of all its pixels, in average pixels of the picture.
+    /// Complexity: predicted cost of all its pixels; unit: one average pixel of the picture.
     pub complexity: f64,
-    /// Neighbor Difference: how much the cost of a pixel differs from that of zones beside it.
+    /// Neighbor Difference: absolute difference of the cost per pixel from the zones that share an edge, averaged by the length
+    /// of the edges.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub neighbor_difference: Option<f64>,
-    /// `open`, `profiled`, `awarded`, `done`, …
+    /// The state: `open`, `profiling`, `profiled`, `awarded`, `done` or `failed`.
     pub state: String,
-    /// Who has it or had it.
+    /// Name of the agent to which the zone was awarded last; missing before the first award.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub agent: Option<String>,
-    /// T_est: seconds of reference-machine time that it should take.
+    /// T_est: estimated time for the zone, in seconds on the reference machine.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds_estimated: Option<f64>,
-    /// T_real: seconds of reference-machine time that it took.
+    /// T_real: measured time for the zone, in seconds on the reference machine.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds_measured: Option<f64>,
-    /// How often it was taken from an agent that failed or fell silent.
+    /// Number of times the zone was taken from an agent that failed or stopped responding.
     pub attempt: u32,
-    /// What it is painted with, once that is chosen.
+    /// The settings that the zone is painted with, once chosen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub choice: Option<ZoneChoice>,
-    /// Which rules decided that, and how strongly: `path_tracing: 12 0.83, 22 0.40`.
+    /// The rules that decided the settings and their degrees of firing: `path_tracing: 12 0.83, 22 0.40`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reasons: Option<String>,
-    /// Samples a pixel that it has.
+    /// Samples per pixel taken so far.
     pub samples: u32,
-    /// Its estimated relative error, where one was asked for.
+    /// Its estimated relative error; missing if no error was requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
 }
@@ -61,109 +62,109 @@ pub struct ZoneEvent {
 /// The settings that a zone is painted with.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ZoneChoice {
-    /// Recursion level: bounces of light.
+    /// Recursion level: maximum number of bounces of light.
     pub max_depth: u32,
-    /// Light samples at each bounce.
+    /// Light samples per bounce.
     pub light_samples: u32,
-    /// Samples a pixel.
+    /// Samples per pixel of the zone.
     pub samples: u32,
-    /// Widths of the interpolation bands beyond its edges, in pixels: left, top, right, bottom.
+    /// Widths of the interpolation bands beyond the edges of the zone, in pixels: left, top, right, bottom.
     pub bands: [u32; 4],
 }
 
 /// An agent's row on the Blackboard.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AgentEvent {
-    /// Its name.
+    /// Name of the agent.
     pub agent: String,
     /// V_cp: relative computing power; 1 is the reference machine, 0.5 is twice as fast.
     pub power: f64,
-    /// Processors that work on its zones at once.
+    /// Number of processors that work on its zones at the same time.
     pub lanes: f64,
-    /// Its credit: the sum of T_est − T over its zones, in seconds of reference-machine time.
+    /// Credit: the sum of T_est − T over its zones, in seconds on the reference machine.
     pub credit: f64,
-    /// How far its promises held lately: 1 when what it promised took as long as it said, 0.5 when it took twice as long.
+    /// Recent reliability: estimated over measured time. 1 if zones took as long as promised, 0.5 if twice as long.
     pub reliability: f64,
-    /// Seconds since rendering began, where that is known.
+    /// Seconds since rendering began; missing if unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
-    /// How often it has failed since it last painted something.
+    /// Number of failures since the last zone it finished.
     pub failures: u32,
-    /// Why it is left out of the work, if it is.
+    /// The reason why the agent is excluded from the work; missing if it is not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
 }
 
-/// A round of the auction: agents were called, bid, and zones were given away.
+/// One round of the auction: a call for proposals, bids and awards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RoundEvent {
-    /// Its number: the conversation of its messages.
+    /// Number of the round; also the conversation id of its messages.
     pub round: u64,
     /// Seconds since rendering began.
     pub seconds: f64,
-    /// Zones on offer.
+    /// Number of zones offered.
     pub offers: u32,
-    /// Agents that were called.
+    /// Number of agents that got the call for proposals.
     pub called: u32,
-    /// Agents that made a proposal.
+    /// Number of agents that sent a proposal.
     pub bidders: u32,
-    /// Bids for single zones, all proposals together.
+    /// Number of bids for single zones, over all proposals.
     pub bids: u32,
-    /// Zones, or parts of zones, that were given away.
+    /// Number of zones, or parts of zones, awarded.
     pub awards: u32,
-    /// Whether it would have been otherwise if all had been believed alike.
+    /// True if credit changed the outcome: with equal credit for all, other agents win.
     pub credit_decided: bool,
 }
 
-/// Zones, or parts of zones, that an agent took from another: they waited there.
+/// A theft: an agent has taken zones, or parts of zones, that were waiting at another agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TheftEvent {
     /// Seconds since rendering began.
     pub seconds: f64,
-    /// Who had them.
+    /// Name of the agent that lost the zones.
     pub from: String,
-    /// Who has them.
+    /// Name of the agent that took the zones.
     pub to: String,
-    /// How many.
+    /// Number of zones taken.
     pub zones: u32,
 }
 
-/// The sum of all rounds of an auction, and of what agents took from each other.
+/// Totals over all rounds of an auction and all thefts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AuctionEvent {
-    /// How many there were.
+    /// Total number of rounds.
     pub rounds: u64,
-    /// Of them those with several bidders.
+    /// Number of rounds with several bidders.
     pub contested: u64,
-    /// Share of the first half of them that had several bidders.
+    /// Share of the rounds in the first half that had several bidders, 0 to 1.
     pub contested_of_first_half: f64,
-    /// Rounds that would have been otherwise if all had been believed alike.
+    /// Number of rounds whose outcome was changed by credit.
     pub credit_decided: u64,
-    /// Agents that made a proposal, all rounds together.
+    /// Number of agents that sent a proposal, summed over all rounds.
     pub bidders: u64,
-    /// Bids for single zones, all rounds together.
+    /// Number of bids for single zones, over all rounds.
     pub bids: u64,
-    /// Zones, or parts of zones, that were given away.
+    /// Number of zones, or parts of zones, awarded.
     pub awards: u64,
-    /// How often an agent took zones from another.
+    /// Total number of thefts.
     pub thefts: u64,
-    /// Zones that changed hands so.
+    /// Number of zones taken in all thefts.
     pub stolen: u64,
 }
 
-/// How well T_est of zones before profiling agreed with what they took.
+/// The accuracy of T_est before profiling, compared with the measured times T.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ForecastEvent {
-    /// Zones that were painted as a whole, and are compared.
+    /// Number of zones compared: those painted as a whole.
     pub zones: usize,
-    /// Spearman's rank correlation, −1 to 1.
+    /// Spearman's rank correlation of T_est and T, −1 to 1; missing if undefined.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rank_correlation: Option<f64>,
     /// Median of |T_est − T| ∕ T.
     pub median_error: f64,
     /// The sum of all T_est over the sum of all T.
     pub total_ratio: f64,
-    /// Jobs before from which this machine has learnt; 0: the survey and the benchmark alone told.
+    /// Number of earlier jobs that the estimates have learned from; 0: they rest on the survey and the benchmark alone.
     pub jobs_learnt: u64,
 }
 
@@ -196,7 +197,7 @@ impl From<&ZoneRow> for ZoneEvent {
 }
 
 impl RoundEvent {
-    /// A round that ended so many seconds after rendering began.
+    /// Makes the event of a round that ended `seconds` after rendering began.
     pub fn new(round: &RoundSummary, seconds: f64) -> Self {
         let RoundSummary { round, offers, called, bidders, bids, awards, credit_decided } = *round;
         Self { round, seconds, offers, called, bidders, bids, awards, credit_decided }
@@ -204,7 +205,7 @@ impl RoundEvent {
 }
 
 impl AuctionEvent {
-    /// All rounds and thefts, as they ended.
+    /// Sums up all rounds and thefts, given in the order in which they ended.
     pub fn of(all: &[RoundSummary], thefts: &[Theft]) -> Self {
         let mut tally = AuctionTally::of(all);
         thefts.iter().for_each(|theft| tally.add_theft(theft));
@@ -215,7 +216,9 @@ impl AuctionEvent {
 }
 
 impl ForecastEvent {
-    /// - `jobs_learnt`: jobs before from which the machine that looked at the scene has learnt.
+    /// Makes the event of a forecast.
+    ///
+    /// - `jobs_learnt`: number of earlier jobs that the machine which surveyed the scene has learned from.
     pub fn new(forecast: &Forecast, jobs_learnt: u64) -> Self {
         let Forecast { zones, rank_correlation, median_error, total_ratio } = *forecast;
         Self { zones, rank_correlation, median_error, total_ratio, jobs_learnt }
@@ -223,7 +226,7 @@ impl ForecastEvent {
 }
 
 impl AgentEvent {
-    /// An agent as it stands so many seconds after rendering began, where that is known.
+    /// Makes the event of an agent's row; `seconds`: time since rendering began, if known.
     pub fn new(row: &AgentRow, seconds: Option<f64>) -> Self {
         Self {
             agent: row.agent.to_string(),
@@ -239,13 +242,13 @@ impl AgentEvent {
 }
 
 impl Zone {
-    /// A zone as the Analyst has cut it.
+    /// Makes a zone from its number, its pixels and its mean complexity per pixel.
     pub fn new(id: u32, rect: &Rect, complexity_density: f64) -> Self {
         Self { id, rect: corners(rect), complexity_density }
     }
 }
 
-/// x0, y0, x1, y1.
+/// Returns the corners of a rectangle in pixels: x0, y0, x1, y1.
 pub(crate) fn corners(rect: &Rect) -> [u32; 4] {
     [rect.x0, rect.y0, rect.x1, rect.y1]
 }

@@ -5,9 +5,9 @@ use std::{collections::BTreeSet, str::FromStr};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The largest number of a frame, and of the smallest one its size.
+/// The largest frame number; the smallest one is its negative.
 const NUMBER_MAX: i32 = 1_000_000;
-/// Frames that can be asked for at once.
+/// The largest number of frames in one request.
 const COUNT_MAX: usize = 1_000_000;
 
 /// Frames of an animation, in the order in which they are painted; none twice.
@@ -23,50 +23,50 @@ pub struct Frames {
     numbers: Vec<i32>,
 }
 
-/// Why a text names no frames.
+/// The reason why a text is not a list of frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FramesError {
-    /// Neither a number nor a range.
+    /// A part of the list is neither a number nor a range.
     #[error(
         "`{found}` is neither a frame nor a range of frames: write 7, 1..24, 1..24:2, -5..5 or a list such as 1,4,7..9"
     )]
     JobPart {
-        /// The text.
+        /// The part of the list.
         found: String,
     },
-    /// No number of a frame.
+    /// A number is not a frame number.
     #[error("`{found}` is no number of a frame: they are whole numbers from -{most} to {most}", most = NUMBER_MAX)]
     Number {
-        /// The text.
+        /// The text in place of the number.
         found: String,
     },
     /// A step of 0.
     #[error("`{found}` has a step of 0, and would never come to its end; leave it out for every frame")]
     NoStep {
-        /// The text.
+        /// The range as written in the list.
         found: String,
     },
-    /// A step that leads away from the end.
+    /// A step whose sign leads away from the last frame.
     #[error("`{found}` goes from {first} {there} to {last} in steps that lead away from it; write {right}")]
     WrongWay {
-        /// The text.
+        /// The range as written in the list.
         found: String,
-        /// The first frame.
+        /// Number of the first frame.
         first: i32,
-        /// The last frame.
+        /// Number of the last frame.
         last: i32,
-        /// Up or down.
+        /// The direction from the first to the last frame: `up` or `down`.
         there: &'static str,
-        /// How it would be written.
+        /// The range with the correct sign of the step.
         right: String,
     },
-    /// More frames than can be asked for at once.
+    /// More frames than one request may have.
     #[error("more than {most} frames: ask for fewer at a time", most = COUNT_MAX)]
     TooMany,
 }
 
 impl Frames {
-    /// The numbers of the frames, in the order in which they are painted.
+    /// Returns the frame numbers, in the order of rendering.
     pub fn iter(&self) -> impl Iterator<Item = i32> + use<'_> {
         self.numbers.iter().copied()
     }
@@ -100,7 +100,7 @@ impl FromStr for Frames {
                 if seen.insert(next) {
                     frames.push(next);
                 }
-                // One past the end may be one past all numbers of frames, and is still far from the end of all integers.
+                // One step past the end may leave the range of frame numbers, but stays within `i32`.
                 next = next.saturating_add(step);
             }
             if frames.len() > COUNT_MAX {
@@ -111,7 +111,7 @@ impl FromStr for Frames {
     }
 }
 
-/// One frame or a range of them.
+/// A single frame or a range of frames.
 struct JobPart {
     next: i32,
     count: u32,

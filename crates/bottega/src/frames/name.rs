@@ -1,17 +1,17 @@
-//! The names of the pictures of an animation.
+//! The file names of the pictures of an animation.
 
 use std::path::{Path, PathBuf};
 
-/// Digits of a frame's number where the name of the output does not say.
+/// Number of digits of the frame number if the output's name does not give it.
 const DIGITS: usize = 4;
-/// A number has no more digits than this, whatever the name says: file systems end names at 255 bytes.
+/// Largest number of digits that a name can ask for: file systems limit names to 255 bytes.
 const DIGITS_MAX: usize = 64;
 
-/// The name of an output with a place for the number of a frame.
+/// The name of an output, with a place for the frame number.
 ///
-/// The place is the last run of `#`, a digit each (`film.####.exr`), or a printf field (`film.%04d.exr`, `film.%d.exr`; `%%` is
-/// a percent sign then). Without either the number stands before the extension. A number below 0 is its sign and then as many
-/// digits as any other (`film.-0012.exr`), as Blender and Maya have it.
+/// The place is the last run of `#`, one digit each (`film.####.exr`), or a printf field (`film.%04d.exr`, `film.%d.exr`; `%%`
+/// then stands for a percent sign). Without either, the number is put before the extension. A negative number is a sign
+/// followed by the usual number of digits (`film.-0012.exr`), as in Blender and Maya.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct FrameName {
     output: PathBuf,
@@ -20,7 +20,7 @@ pub(crate) struct FrameName {
     digits: usize,
 }
 
-/// Why the number of a frame has no place in a name.
+/// The reason why a name has no valid place for a frame number.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum NameError {
     #[error("`{name}` has several places for the number of a frame")]
@@ -31,7 +31,7 @@ pub(crate) enum NameError {
     NotUnicode,
 }
 
-/// A printf field in a name.
+/// A printf field in a name: its byte range, and the number of digits.
 struct Field {
     start: usize,
     end: usize,
@@ -62,7 +62,7 @@ impl FrameName {
         }
     }
 
-    /// The file of a frame's picture.
+    /// Returns the file of a frame's picture.
     pub(crate) fn of(&self, frame: i32) -> PathBuf {
         let Self { output, before, after, digits } = self;
         let sign = if frame < 0 { "-" } else { "" };
@@ -70,7 +70,7 @@ impl FrameName {
     }
 }
 
-/// The printf field of a name; none where it has no percent sign that begins one.
+/// Finds the printf field of a name; `None`: it has none.
 fn field(name: &str) -> Result<Option<Field>, NameError> {
     let bytes = name.as_bytes();
     let mut found = None;
@@ -88,13 +88,13 @@ fn field(name: &str) -> Result<Option<Field>, NameError> {
         let width_end = at + bytes[at..].iter().take_while(|byte| byte.is_ascii_digit()).count();
         let (width, end) = (&name[at..width_end], width_end + 1);
         if !matches!(bytes.get(width_end), Some(b'd' | b'i' | b'u')) {
-            // A name such as `50%.exr` has a percent sign and no field.
+            // A name such as `50%.exr` has a percent sign but no field.
             continue;
         }
         let digits = match width {
             "" => Some(1),
             width if width.starts_with('0') => width.parse().ok().filter(|digits| (1..=DIGITS_MAX).contains(digits)),
-            // Spaces before a number are no digits.
+            // Fields padded with spaces are not supported.
             _ => None,
         };
         let no_place = || NameError::NoPlace { name: name.to_owned(), field: name[start..end].to_owned() };
@@ -129,7 +129,7 @@ mod tests {
             ("%03d.png", 1234, "1234.png"),
             ("100%%-%02d.png", 7, "100%-07.png"),
             ("%04d/p.%04d.exr", 7, "%04d/p.0007.exr"),
-            // No field, so nothing of it is changed.
+            // A name without a field stays unchanged.
             ("50%.exr", 7, "50%.0007.exr"),
             ("50%%.exr", 7, "50%%.0007.exr"),
             ("50%.####.exr", 7, "50%.0007.exr"),

@@ -1,23 +1,23 @@
-//! The words that a request chooses from. Their names, and what they mean, are said here alone.
+//! The choices of a request: enums whose names and meanings are defined here alone.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, IntoStaticStr, VariantArray};
 
-/// The name of our own engine.
+/// The name of the built-in engine.
 pub const BUILTIN: &str = "builtin";
 
-/// A word out of a few.
+/// A choice among a few words.
 pub trait WordChoice: Copy + PartialEq + Send + Sync + VariantArray + EnumMessage + 'static {
-    /// The word.
+    /// Returns the word of this choice, as in JSON and on the command line.
     fn word(self) -> &'static str;
 
-    /// What it means, in a sentence or two.
+    /// Returns the meaning of the word, in a sentence or two.
     fn meaning(self) -> String {
         self.get_documentation().unwrap_or_default().replace('\n', " ")
     }
 
-    /// The choice that a word stands for.
+    /// Returns the choice of a word; `None`: there is no such word.
     fn of_word(word: &str) -> Option<Self> {
         Self::VARIANTS.iter().copied().find(|choice| choice.word() == word)
     }

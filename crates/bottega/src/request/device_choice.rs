@@ -1,4 +1,4 @@
-//! The devices that a request names.
+//! The choice of devices by their names in a request.
 
 use std::str::FromStr;
 
@@ -7,38 +7,39 @@ use crate::devices::board_address;
 
 /// The word for the processors in a list of devices.
 const PROCESSORS: &str = "cpu";
-/// The word for whatever is there.
+/// The word for the default devices: processors and the best GPU.
 pub const AUTO: &str = "auto";
-/// The beginning of the address of a board.
+/// The prefix of the address of a board.
 const BOARD: &str = "tcp://";
 
-/// The devices that are to paint.
+/// The devices that a request names for rendering.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum DeviceChoice {
     /// The processors, and the best GPU if there is one.
     #[default]
     Auto,
-    /// These and no others.
+    /// Exactly these devices.
     These {
-        /// Whether the processors are among them.
+        /// True if the processors are among them.
         processors: bool,
-        /// GPUs, by parts of their names.
+        /// GPUs, each by a part of its name.
         gpus: Vec<String>,
-        /// Boards that follow rays, by their addresses.
+        /// Addresses of boards, which trace rays.
         boards: Vec<String>,
     },
 }
 
 impl DeviceChoice {
-    /// The processors alone.
+    /// Returns the choice of the processors alone.
     fn processors() -> Self {
         Self::These { processors: true, gpus: Vec::new(), boards: Vec::new() }
     }
 
-    /// The same, where pixels must be the same to the last bit on every machine.
+    /// Returns the choice for bit-identical pixels on every machine: with `exact`, the default devices become the processors
+    /// alone.
     ///
     /// # Errors
-    /// A GPU was asked for by name.
+    /// `exact` is set and the choice names a GPU.
     pub fn exactly(&self, exact: bool) -> Result<Self, InvalidField> {
         match self {
             _ if !exact => Ok(self.clone()),
@@ -47,13 +48,14 @@ impl DeviceChoice {
                 format!("`{}`", self.names().join(",")),
                 "a GPU does not paint to the last bit what processors paint: leave out `devices.exact` (--exact), or the GPU",
             )),
-            // Boards follow rays to the same bits.
+            // Boards give the same bits.
             Self::These { .. } => Ok(self.clone()),
             Self::Auto => Ok(Self::processors()),
         }
     }
 
-    /// What of a machine paints for a job of others: where it must be exact the processors alone, if there are any among them.
+    /// Returns the devices of a machine for another machine's job: with `exact` the processors alone, if they are in the
+    /// choice.
     pub fn for_others(&self, exact: bool) -> Self {
         match self {
             Self::These { processors: true, .. } if exact => Self::processors(),
@@ -63,10 +65,10 @@ impl DeviceChoice {
 }
 
 impl DeviceChoice {
-    /// What a list of names chooses.
+    /// Parses a list of names.
     ///
     /// # Errors
-    /// What is allowed, where it chooses nothing.
+    /// The names that are allowed, as text.
     pub fn of(names: &[String]) -> Result<Self, String> {
         if names == [AUTO] {
             return Ok(Self::Auto);
@@ -86,7 +88,7 @@ impl DeviceChoice {
         Ok(Self::These { processors, gpus, boards })
     }
 
-    /// The names that choose this.
+    /// Returns the names that stand for this choice.
     pub fn names(&self) -> Vec<String> {
         match self {
             Self::Auto => vec![AUTO.to_owned()],

@@ -1,4 +1,4 @@
-//! A field whose value is not allowed.
+//! The error of a field whose value is not allowed.
 
 use std::fmt::Display;
 
@@ -6,11 +6,11 @@ use std::fmt::Display;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{field}` is {value}: {allowed}")]
 pub struct InvalidField {
-    /// The field's path, such as `film.size`.
+    /// Path of the field, such as `film.size`.
     pub field: String,
-    /// Its value, as people read it.
+    /// The value, as readable text.
     pub value: String,
-    /// What is allowed there.
+    /// The allowed values, as readable text.
     pub allowed: String,
 }
 

@@ -6,24 +6,24 @@ use serde_json::Value;
 use super::{InvalidField, REQUEST_VERSION, Request};
 use crate::json::{self, JsonError};
 
-/// Longest text of a request: rules are part of it, scenes are not.
+/// Largest size of a request in bytes; requests can contain rules, but not scenes.
 pub const REQUEST_BYTES_MAX: usize = 16 << 20;
 
-/// Why a text is no request, or a request has no text.
+/// The reason why a text is not a request, or a request cannot be written as text.
 #[derive(Debug, thiserror::Error)]
 pub enum RequestError {
-    /// More text than any request has.
+    /// The text is longer than [`REQUEST_BYTES_MAX`].
     #[error("it is longer than {REQUEST_BYTES_MAX} bytes, which no request is")]
     TooLong,
-    /// No JSON, or none with the fields of a request.
+    /// The text is not JSON, or its fields are not those of a request.
     #[error("{}{problem}", at(.field))]
     Text {
-        /// The path of the field where it goes wrong, such as `film.size`; empty: the whole.
+        /// Path of the wrong field, such as `film.size`; empty: the whole.
         field: String,
-        /// What is wrong, with line and column where the text is not JSON.
+        /// The problem, with line and column if the text is not JSON.
         problem: String,
     },
-    /// It is written in a vocabulary that came later.
+    /// The request has a newer version than this library supports.
     #[error(
         "it is a request of version {0}, and versions up to {REQUEST_VERSION} are known here: install a newer bottega"
     )]
@@ -31,7 +31,7 @@ pub enum RequestError {
     /// A value that is not allowed.
     #[error(transparent)]
     Invalid(#[from] InvalidField),
-    /// JSON is Unicode, and a file name in it is not.
+    /// A file name in the request is not Unicode and cannot be written as JSON.
     #[error("a file name in it is not Unicode, so it has no text: rename the file")]
     NotUnicode,
 }
@@ -41,7 +41,9 @@ fn at(field: &str) -> String {
 }
 
 impl RequestError {
-    /// - `tree`: the whole request, if it is JSON.
+    /// Converts an error of JSON. For numbers it states the limits of the field.
+    ///
+    /// - `tree`: gives the whole request, if it is JSON.
     fn of(error: JsonError, tree: impl FnOnce() -> Option<Value>) -> Self {
         let JsonError::Value { field, value, needed, number } = error else {
             return Self::Text { field: error.field().to_owned(), problem: problem_of(error) };
@@ -60,7 +62,7 @@ impl RequestError {
     }
 }
 
-/// What is wrong, without the field.
+/// Returns the problem without the field.
 fn problem_of(error: JsonError) -> String {
     match error {
         JsonError::Field { problem, .. } => problem,
@@ -71,21 +73,21 @@ fn problem_of(error: JsonError) -> String {
     }
 }
 
-/// Numbers of which one lies outside of the limits of every field that has limits.
+/// Probe values: at least one of them lies outside the limits of each limited field.
 const PROBES: [f64; 7] = [4_294_967_295.0, 65_535.0, 255.0, 0.0, -1.0, 1e30, -1e30];
 
-/// What the validation allows in a field that holds a number, which may be less than what its type can hold: what it says of a number
-/// that is not allowed. `None`: it says nothing.
+/// Returns the limits of a number field, which may be narrower than its type, from the message of the validation about a probe
+/// value. `None`: the field is not limited.
 fn limits_of(field: &str, tree: &Value) -> Option<String> {
     let pointer = format!("/{}", field.replace(['.', '['], "/").replace(']', ""));
-    // Other fields may be wrong, too; but what is needed beside this one is in the whole alone.
+    // Try the field alone first, since other fields may be wrong too; then the whole, since limits may depend on other fields
     let lone = lone_field(&pointer, tree);
     lone.iter()
         .chain([tree])
         .find_map(|tree| PROBES.into_iter().find_map(|probe| refused(probe, field, &pointer, tree)))
 }
 
-/// A request of a field alone, with the members of the list that it may be in.
+/// Returns a request with one field alone, or with the whole list that the field is in.
 fn lone_field(pointer: &str, tree: &Value) -> Option<Value> {
     let (parent, name) = pointer.rsplit_once('/')?;
     let (mut value, mut parts) = match tree.pointer(parent)? {
@@ -101,7 +103,7 @@ fn lone_field(pointer: &str, tree: &Value) -> Option<Value> {
     Some(value)
 }
 
-/// What the validation says of a number in a field, if that is not allowed.
+/// Returns the allowed values, from the validation of a request with `probe` in the field; `None`: the probe is allowed.
 fn refused(probe: f64, field: &str, pointer: &str, tree: &Value) -> Option<String> {
     let mut tree = tree.clone();
     let number = if probe.abs() < 1e10 { Value::from(probe as i64) } else { Value::from(probe) };
@@ -111,22 +113,22 @@ fn refused(probe: f64, field: &str, pointer: &str, tree: &Value) -> Option<Strin
     field.starts_with(&refused.field).then_some(refused.allowed)
 }
 
-/// The version alone, whatever else there is.
+/// The version of a request; other fields are ignored.
 #[derive(Deserialize)]
 struct Versioned {
     version: Option<serde_json::Value>,
 }
 
 impl Request {
-    /// Reads a request, all of it, and checks it.
+    /// Reads a request from a JSON text, and validates it.
     ///
     /// # Errors
-    /// The text is no JSON, has a field that there is not, a value that is not allowed, or is of a newer version.
+    /// The text is not JSON, has an unknown field or a value that is not allowed, or its version is newer.
     pub fn from_json(text: &[u8]) -> Result<Self, RequestError> {
         if text.len() > REQUEST_BYTES_MAX {
             return Err(RequestError::TooLong);
         }
-        // What is newer is not judged by what is known here.
+        // Check the version first: the fields of a newer version are unknown here
         if let Ok(Versioned { version: Some(version) }) = serde_json::from_slice(text) {
             refuse_newer(&version)?;
         }
@@ -136,10 +138,10 @@ impl Request {
         Ok(request)
     }
 
-    /// Reads a request from a tree of JSON values, and checks it.
+    /// Reads a request from a tree of JSON values, and validates it.
     ///
     /// # Errors
-    /// As of [`Self::from_json`].
+    /// Those of [`Self::from_json`].
     pub fn from_value(value: serde_json::Value) -> Result<Self, RequestError> {
         if let Some(version) = value.get("version") {
             refuse_newer(version)?;
@@ -149,7 +151,7 @@ impl Request {
         Ok(request)
     }
 
-    /// The request as a tree of JSON values.
+    /// Returns the request as a tree of JSON values.
     ///
     /// # Errors
     /// A value that is not allowed, or a file name that is not Unicode.
@@ -158,19 +160,19 @@ impl Request {
         serde_json::to_value(self).map_err(|_| RequestError::NotUnicode)
     }
 
-    /// The request as JSON for people.
+    /// Returns the request as indented JSON.
     ///
     /// # Errors
-    /// As of [`Self::to_value`].
+    /// Those of [`Self::to_value`].
     pub fn to_json(&self) -> Result<String, RequestError> {
         self.validate()?;
         serde_json::to_string_pretty(self).map_err(|_| RequestError::NotUnicode)
     }
 
-    /// The request as one line of JSON.
+    /// Returns the request as one line of JSON.
     ///
     /// # Errors
-    /// As of [`Self::to_value`].
+    /// Those of [`Self::to_value`].
     pub fn to_line(&self) -> Result<String, RequestError> {
         self.validate()?;
         serde_json::to_string(self).map_err(|_| RequestError::NotUnicode)

@@ -1,46 +1,46 @@
-//! The limits of what may be asked for, the same through every door.
+//! The limits of request fields, the same for the command line, the HTTP API and Python.
 
-/// Most samples of a pixel.
+/// Largest number of samples per pixel.
 pub const SAMPLES_MAX: u32 = 1 << 22;
-/// Most bounces of light.
+/// Largest number of bounces of light.
 pub const DEPTH_MAX: u32 = 4096;
-/// Most light samples at each bounce.
+/// Largest number of light samples per bounce.
 pub const LIGHT_SAMPLES_MAX: u32 = 1024;
-/// Most pixels of a side of a picture.
+/// Largest width and height of a picture, in pixels.
 pub const SIDE_MAX: u32 = 1 << 16;
-/// Most pixels that are painted of a picture: with all layers that is some 15 GB.
+/// Largest number of rendered pixels of a picture: some 15 GB with all layers.
 pub const PIXELS_MAX: u64 = 1 << 28;
-/// Most photons that leave the lights.
+/// Largest number of photons emitted.
 pub const PHOTONS_MAX: u32 = 100_000_000;
-/// Most photons from which the light at a point is estimated.
+/// Largest number of photons in a density estimate.
 pub const GATHER_MAX: u32 = bottega_render::photon::NEAREST_MAX as u32;
-/// Most rays of a sample that gather indirect light.
+/// Largest number of final gather rays per sample.
 pub const FINAL_RAYS_MAX: u32 = 1024;
-/// Most lighting agents that the lights cast.
+/// Largest number of lighting agents cast from the lights.
 pub const LIGHTING_AGENTS_MAX: u32 = 10_000_000;
-/// Most megabytes that lighting agents may take.
+/// Largest memory limit of lighting agents, in MiB.
 pub const ORACLE_MEMORY_MAX: u64 = 1 << 20;
-/// Most Render Agents, and most processors.
+/// Largest number of Render Agents, and of CPU threads.
 pub const AGENTS_MAX: u16 = 1024;
-/// Most zones.
+/// Largest number of zones.
 pub const ZONES_MAX: u32 = 1 << 20;
-/// Smallest and greatest share of the picture's complexity that a zone may have at most.
+/// Range of `zone_max_complexity`: a zone's largest share of the picture's complexity.
 pub const COMPLEXITY_SHARE: std::ops::RangeInclusive<f64> = 1e-6..=1.0;
-/// Most pixels of the bands between zones.
+/// Largest width of the interpolation bands between zones, in pixels.
 pub const BAND_PIXELS_MAX: u32 = bottega_farm::BAND_MAX;
-/// Shortest and longest time that a picture may take, in seconds.
+/// Range of the time limit of a picture, in seconds.
 pub const SECONDS: std::ops::RangeInclusive<f64> = 0.1..=1e7;
-/// Smallest and greatest relative error that may be asked for.
+/// Range of the requested relative error.
 pub const ERROR: std::ops::RangeInclusive<f64> = 1e-6..=10.0;
-/// Smallest and greatest error of indirect light that lighting agents interpolate.
+/// Range of the relative error of indirect light that lighting agents interpolate.
 pub const ORACLE_ERROR: std::ops::RangeInclusive<f64> = 0.001..=1.0;
-/// Most stops that a PNG is brightened or darkened by.
+/// Largest exposure of a PNG in stops, up or down.
 pub const STOPS_MAX: f32 = 40.0;
-/// Most tags of a machine, or that a job requires.
+/// Largest number of tags of a machine, and of tags that a job requires.
 pub const TAGS_MAX: usize = 16;
-/// Most characters of a tag.
+/// Largest number of characters of a tag.
 pub const TAG_CHARS_MAX: usize = 32;
-/// What a job is worth to a farm where nobody says.
+/// Default priority of a job on a farm.
 pub const PRIORITY: u32 = 10;
-/// The most that a job can be worth.
+/// Largest priority of a job on a farm.
 pub const PRIORITY_MAX: u32 = 1000;

@@ -1,4 +1,4 @@
-//! A picture asked for, as a value: what every door makes, and all that a session reads.
+//! Requests: descriptions of pictures as plain data, made by every interface and read by sessions.
 
 mod choices;
 mod device_choice;
@@ -32,7 +32,7 @@ pub use self::{
     },
 };
 
-/// The version of this vocabulary. A request of a newer one is refused.
+/// The version of the request format. Requests of a newer version are refused.
 pub const REQUEST_VERSION: u32 = 1;
 
 /// A picture asked for: plain data with documented defaults.
@@ -100,7 +100,7 @@ fn version() -> u32 {
 }
 
 impl Request {
-    /// A picture of a scene file with every default.
+    /// Makes a request for a scene file, with defaults in all other fields.
     pub fn new(scene: impl Into<PathBuf>) -> Self {
         Self {
             version: REQUEST_VERSION,
@@ -123,7 +123,7 @@ impl Request {
         }
     }
 
-    /// The schema of its JSON form, by which editors and other programs check and complete it.
+    /// Returns the JSON Schema of requests, for editors and other programs.
     pub fn schema() -> schemars::Schema {
         schemars::schema_for!(Self)
     }

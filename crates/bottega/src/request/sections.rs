@@ -1,4 +1,4 @@
-//! The parts of a request, each a plain value with defaults.
+//! The sections of a request: plain structs with defaults.
 
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -17,7 +17,7 @@ use super::{
 };
 use crate::frames::Frames;
 
-/// Declares sections: structs that are objects in JSON, whose members may all be left out.
+/// Declares sections: structs that are JSON objects, with all members optional.
 macro_rules! sections {
     ($($(#[$attribute:meta])* $name:ident { $($(#[$field_attribute:meta])* $field:ident: $type:ty = $default:expr,)* })*) => {
         $(
@@ -70,7 +70,7 @@ pub struct SceneOptions {
 }
 
 impl SceneOptions {
-    /// A scene file, read as usual.
+    /// Makes the options for a scene file, with defaults in all other fields.
     pub fn new(file: impl Into<PathBuf>) -> Self {
         Self {
             file: file.into(),
@@ -161,7 +161,7 @@ pub struct FrameOptions {
     pub fps: f32,
 }
 
-/// Frames a second where nobody says.
+/// Default number of frames per second.
 const FPS: f32 = 24.0;
 
 fn fps() -> f32 {
@@ -169,7 +169,7 @@ fn fps() -> f32 {
 }
 
 impl FrameOptions {
-    /// Frames at the usual 24 a second.
+    /// Makes the options for a list of frames, at 24 frames per second.
     pub fn new(list: Frames) -> Self {
         Self { list, fps: FPS }
     }

@@ -1,14 +1,14 @@
-//! One field of a request, set by its path.
+//! Setting one field of a request by its path.
 
 use serde_json::Value;
 
 use super::{Request, RequestError};
 
 impl Request {
-    /// The same request with one field set.
+    /// Returns the request with one field changed.
     ///
-    /// - `field`: the path, such as `film.size` or `scene.defines.spp`.
-    /// - `value`: JSON; what is no JSON is taken as text. `null` is the field's absence.
+    /// - `field`: path of the field, such as `film.size` or `scene.defines.spp`.
+    /// - `value`: JSON; any other text is taken as a string. `null` removes an optional field.
     ///
     /// # Errors
     /// There is no such field, or the value is not allowed there.
@@ -17,7 +17,7 @@ impl Request {
         let json = serde_json::from_str(value);
         match json {
             Err(_) => self.with_value(field, plain()),
-            // A number where text is wanted is text: a camera may be called 2.
+            // A number is accepted for a string, since a camera may be called 2
             Ok(json @ (Value::Number(_) | Value::Bool(_))) => {
                 self.with_value(field, json).or_else(|error| self.with_value(field, plain()).map_err(|_| error))
             }

@@ -1,4 +1,4 @@
-//! The validation of a request: every field's limits, and what excludes what.
+//! The validation of requests: limits of fields, and fields that exclude each other.
 
 use std::ops::RangeInclusive;
 
@@ -17,7 +17,7 @@ use crate::frames::{FrameName, frame_name_help};
 
 type Checked = Result<(), InvalidField>;
 
-/// A number within a range, both ends of it allowed.
+/// Checks that a value lies within a range, ends included.
 fn within<T: PartialOrd + std::fmt::Display + Copy>(field: &str, value: T, range: RangeInclusive<T>) -> Checked {
     if range.contains(&value) {
         return Ok(());
@@ -25,7 +25,7 @@ fn within<T: PartialOrd + std::fmt::Display + Copy>(field: &str, value: T, range
     Err(InvalidField::new(field, value, format!("from {} to {} is allowed", range.start(), range.end())))
 }
 
-/// The same, where nothing may be said.
+/// Checks that an optional value lies within a range; `None` is allowed.
 fn maybe_within<T: PartialOrd + std::fmt::Display + Copy>(
     field: &str,
     value: Option<T>,
@@ -34,7 +34,7 @@ fn maybe_within<T: PartialOrd + std::fmt::Display + Copy>(
     value.map_or(Ok(()), |value| within(field, value, range))
 }
 
-/// A finite number from 0 up.
+/// Checks that a number is finite and at least 0.
 fn not_negative(field: &str, value: f32) -> Checked {
     if value.is_finite() && value >= 0.0 {
         Ok(())
@@ -43,7 +43,7 @@ fn not_negative(field: &str, value: f32) -> Checked {
     }
 }
 
-/// A finite number above 0.
+/// Checks that a number is finite and above 0.
 fn positive(field: &str, value: f32) -> Checked {
     if value.is_finite() && value > 0.0 {
         Ok(())
@@ -60,7 +60,7 @@ fn finite(field: &str, value: f32, unit: &str) -> Checked {
     }
 }
 
-/// A share above 0, 1 at most.
+/// Checks that a share is above 0 and at most 1; `None` is allowed.
 fn share(field: &str, value: Option<f32>) -> Checked {
     match value {
         Some(value) if !(value > 0.0 && value <= 1.0) => {
@@ -70,7 +70,7 @@ fn share(field: &str, value: Option<f32>) -> Checked {
     }
 }
 
-/// Two fields of which only one may be said.
+/// Checks that at most one of two fields is given.
 fn not_both(field: &str, is_said: bool, other: &str, is_other_said: bool) -> Checked {
     if is_said && is_other_said {
         return Err(InvalidField::new(field, "given", format!("leave it out, or `{other}`: they exclude each other")));
@@ -78,10 +78,10 @@ fn not_both(field: &str, is_said: bool, other: &str, is_other_said: bool) -> Che
     Ok(())
 }
 
-/// How a tag is written.
+/// The form of a tag, for messages.
 pub const TAG_FORM: &str = "letters, digits, `-`, `_` and `.`, 32 at most";
 
-/// Whether a word is a tag of machines.
+/// Returns true if a word has the form of a machine's tag.
 pub fn is_tag(word: &str) -> bool {
     let is_sign = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     (1..=TAG_CHARS_MAX).contains(&word.len()) && word.chars().all(is_sign)
@@ -101,7 +101,7 @@ impl FarmOptions {
 }
 
 impl Request {
-    /// Checks every field, and what excludes what. Files are not looked for.
+    /// Checks every field, and combinations that exclude each other. Does not look for files.
     ///
     /// # Errors
     /// The first field whose value is not allowed.
@@ -127,7 +127,7 @@ impl Request {
         self.validate_frames()
     }
 
-    /// Strangers are told the scene file, the size and the samples, and deliver colors alone.
+    /// Checks a request for agents of other platforms: they get scene file, size and samples, and return colors alone.
     fn validate_strangers(&self) -> Checked {
         let (film, goal, view, usual) = (&self.film, &self.goal, &self.view, ViewOptions::default());
         let excluded = [
@@ -221,7 +221,8 @@ impl CameraPose {
         }
     }
 
-    /// Camera space to world space, about an origin in the file's coordinates. `None`: it looks nowhere.
+    /// Returns the transform from camera to world space, with the origin at `origin` in the coordinates of the file. `None`:
+    /// eye and target coincide.
     pub(crate) fn looking(&self, origin: [f64; 3]) -> Option<Affine3A> {
         let from_origin = |place: [f64; 3]| (DVec3::from_array(place) - DVec3::from_array(origin)).as_vec3();
         let up = DVec3::from_array(self.up).try_normalize()?.as_vec3();
@@ -246,12 +247,12 @@ impl FilmOptions {
     }
 }
 
-/// Checks that a picture of this size, or a part of it, can be painted.
+/// Checks that a picture of this size, or a part of it, is within the limits.
 ///
-/// - `crop`: the part that is painted, as x0, y0, x1, y1; none: all of it.
+/// - `crop`: the rendered part, as x0, y0, x1, y1 in pixels; `None`: the whole picture.
 ///
 /// # Errors
-/// What could be painted instead.
+/// The sizes that are allowed, as text.
 pub fn check_size(size: [u32; 2], crop: Option<[u32; 4]>) -> Result<(), String> {
     check_sides(size)?;
     let [width, height] = size;
@@ -263,10 +264,10 @@ pub fn check_size(size: [u32; 2], crop: Option<[u32; 4]>) -> Result<(), String> 
     Ok(())
 }
 
-/// Checks the sides of a picture, of which only a part may be painted.
+/// Checks width and height of a picture, regardless of its number of pixels.
 ///
 /// # Errors
-/// How long they may be.
+/// The allowed width and height, as text.
 pub fn check_sides(size: [u32; 2]) -> Result<(), String> {
     if size.iter().all(|side| (1..=SIDE_MAX).contains(side)) {
         return Ok(());

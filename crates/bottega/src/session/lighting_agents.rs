@@ -1,4 +1,4 @@
-//! The work of lighting agents, for people, scripts and the picture's metadata.
+//! The statistics of lighting agents, as an event and as metadata of the picture.
 
 use bottega_image::Metadata;
 use bottega_render::ala::AgentReport;
@@ -6,7 +6,7 @@ use bottega_render::ala::AgentReport;
 use super::Reporter;
 use crate::events::{Event, LightingAgents};
 
-/// Tells what a swarm was like, what it cost and what it spared.
+/// Reports the statistics of lighting agents as an event, and stores them in the metadata as `lighting_agents_NAME`.
 pub(super) fn tell(swarm: &AgentReport, reporter: &Reporter, metadata: &mut Metadata) {
     let tally = &swarm.tally;
     let event = LightingAgents {

@@ -1,4 +1,4 @@
-//! A session that looks at its scene from elsewhere.
+//! Another view of a session's scene, without loading it again.
 
 use std::{
     sync::Arc,
@@ -21,17 +21,17 @@ use crate::{
 };
 
 impl Session {
-    /// The same picture seen otherwise: by another camera, or from elsewhere. Nothing is read or prepared anew, and the picture has
-    /// the same bits as one of a session that was opened so.
+    /// Changes the view: another camera, or another pose. Nothing is read or prepared again; the picture is bit-identical to
+    /// that of a session opened with this view.
     ///
     /// # Errors
-    /// The scene has no such camera, or another engine paints, which sees the scene as its file says.
+    /// The scene has no such camera, or the session uses an external engine, which cannot change the view.
     pub fn look(self, view: &ViewOptions) -> Result<Self, Error> {
         let request = Request { view: view.clone(), ..self.request.clone() };
         self.seen(&request)
     }
 
-    /// The same by a request that differs in its view and the size of its picture.
+    /// Like [`Self::look`], for a request that differs in its view and in the size of the picture.
     pub(crate) fn seen(self, request: &Request) -> Result<Self, Error> {
         let begun = Instant::now();
         let Self { options, painter, denoiser, .. } = self;
@@ -50,7 +50,7 @@ impl Session {
         Ok(Self { journal, ..session })
     }
 
-    /// The scene, where our own engine has read it.
+    /// Returns the loaded scene; `None` with an external engine.
     pub(crate) fn subject(&self) -> Option<&LoadedScene> {
         match &self.painter {
             Painter::Own(own) => Some(&own.subject),
@@ -58,7 +58,7 @@ impl Session {
         }
     }
 
-    /// Our own engine, where that paints.
+    /// Returns the built-in engine; `None` with an external engine.
     pub(crate) fn own_engine(&self) -> Option<&Arc<BuiltinEngine>> {
         match &self.painter {
             Painter::Own(own) => Some(&own.engine),
@@ -66,7 +66,7 @@ impl Session {
         }
     }
 
-    /// The denoiser, where one was asked for.
+    /// Returns the denoiser; `None`: the request does not ask for one.
     pub(crate) fn denoiser(&self) -> Option<&Denoiser> {
         self.denoiser.as_ref()
     }

@@ -1,4 +1,4 @@
-//! A request being painted: from its scene to its picture.
+//! Sessions: from a request to a picture.
 
 mod lighting_agents;
 mod looking;
@@ -42,71 +42,71 @@ use crate::{
     tev::TevMirror,
 };
 
-/// The options of a session beside the picture. None of them changes a pixel.
+/// The options of a session that are not part of the request. None of them changes a pixel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SessionOptions {
-    /// Go on with what an earlier session has left of this picture, beside its output.
+    /// `true`: resume from the journal that an earlier session has left beside the output.
     pub resume: bool,
-    /// A PNG file that shows the picture while it is painted.
+    /// A PNG file that is updated with a preview during rendering; `None`: no preview file.
     pub preview: Option<PathBuf>,
-    /// Whether the watcher is shown previews.
+    /// True if the watcher gets previews.
     pub shows: bool,
-    /// Where is written down what each zone took, for `bottega simulate`.
+    /// The file for the times of zones, for `bottega simulate`; `None`: no record.
     pub record: Option<PathBuf>,
-    /// An SVG or JSON file for what processors and devices were at.
+    /// An SVG or JSON file for the timeline of processors and devices; `None`: no timeline.
     pub timeline: Option<PathBuf>,
-    /// `HOST` or `HOST:PORT` of a viewer, tev, that shows all layers while they are painted.
+    /// `HOST` or `HOST:PORT` of the viewer tev, which shows all layers during rendering; `None`: no viewer.
     pub tev: Option<String>,
-    /// How soon it is wanted, among the pictures that this process paints.
+    /// The urgency of the picture among all pictures that this process renders.
     pub urgency: Urgency,
-    /// When the work began whose time is limited (`goal.time`), such as the start of the program; `None`: when the session is opened.
+    /// The start of the time limit (`goal.time`), such as the start of the program; `None`: the opening of the session.
     pub begun: Option<Instant>,
 }
 
-/// A part in a picture that others paint, too: see [`Session::for_others`].
+/// A machine's part in a job of another process: see [`Session::for_others`].
 #[derive(Clone, Copy, Debug)]
 pub struct JobPart<'a> {
-    /// The request as it was made, before files were looked for here: the picture holds it.
+    /// The request as it was submitted, before file paths were changed to this machine's; stored in the picture.
     pub asked: &'a Request,
-    /// The folder below which all files of the scene are: it was sent here.
+    /// The folder on this machine that holds all files of the scene.
     pub files: &'a Path,
-    /// The engine of other people that the picture is for, as all machines must have it; none: our own.
+    /// Identity of the external engine that the job needs, the same on all machines; `None`: the built-in engine.
     pub engine: Option<&'a str>,
-    /// Which of the sets of rules this machine carries: they have them in turn.
+    /// Index of the rule set of this machine, modulo their number: machines carry the rule sets in turn.
     pub turn: usize,
 }
 
-/// A request with its scene loaded and its engine at painter.
+/// A request with its scene loaded and its engine ready to render.
 pub struct Session {
     request: Request,
-    /// The request that the picture holds.
+    /// The request that is stored in the picture.
     asked: Request,
     options: SessionOptions,
     painter: Painter,
     settings: JobSettings,
     denoiser: Option<Denoiser>,
-    /// What the user should know before anything is painted.
+    /// Warnings, reported before rendering begins.
     notes: Vec<String>,
     begun: Instant,
     journal: Option<PictureJournal>,
 }
 
-/// The tools of painting.
+/// The values that [`bottega_farm::run`] needs for a job.
 pub struct PaintingTools {
-    /// The job.
+    /// The settings of the job.
     pub settings: JobSettings,
-    /// Who paints.
+    /// The engine that renders zones.
     pub engine: Arc<dyn RenderEngine>,
-    /// Who is told.
+    /// The observer of the job.
     pub observer: Arc<dyn Observer>,
-    /// Where the job is kept on this machine, too, and what was kept.
+    /// The store for finished zones, such as the writer of the journal; `None`: zones are not stored.
     pub store: Option<Box<dyn ZoneStore>>,
-    /// What was kept of it.
+    /// The zones of an interrupted session, read from the journal; `None`: a new picture.
     pub kept: Option<JournalContents>,
 }
 
 impl Session {
-    /// Loads the scene of a request, prepares it and chooses who paints. Everything that can be wrong is found out here,
+    /// Loads the scene of a request, prepares it and chooses engine and devices. All errors of the request are found here,
     /// before the first sample.
     ///
     /// # Errors
@@ -115,10 +115,10 @@ impl Session {
         Self::open_with(request, SessionOptions::default())
     }
 
-    /// The same with options.
+    /// Like [`Self::open`], with options.
     ///
     /// # Errors
-    /// As of [`Self::open`]; or there is nothing to go on with.
+    /// Those of [`Self::open`]; also if `options.resume` is set and there is no journal.
     pub fn open_with(request: &Request, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         let request = &request.by_engine_of_scene();
@@ -136,26 +136,26 @@ impl Session {
             other.settings.goal = goal(request, begun, Duration::ZERO)?;
             (Painter::Other(Box::new(other)), notes)
         };
-        // Denoisers that are not there are told before anything is written.
+        // Report a missing denoiser before anything is written.
         let denoiser = denoise::ready(request)?;
         let session = Self { denoiser, ..Self::new(request, options, painter, notes, begun) };
         let journal = PictureJournal::of_request(request, &session.name()?, session.options.resume)?;
         Ok(Self { journal, ..session })
     }
 
-    /// A scene that was made in memory. The request's `scene.file` is its name alone; what is painted of it is not kept for
-    /// going on later.
+    /// Opens a session for a scene made in memory. The request's `scene.file` serves as its name alone. The session writes no
+    /// journal, so it cannot be resumed.
     ///
     /// # Errors
-    /// The request, the scene or the rules cannot be used, or another engine is asked for.
+    /// The request, the scene or the rules cannot be used, or the request names an external engine.
     pub fn of_scene(request: &Request, scene: Scene) -> Result<Self, Error> {
         Self::of_scene_with(request, scene, SessionOptions::default())
     }
 
-    /// The same with options.
+    /// Like [`Self::of_scene`], with options.
     ///
     /// # Errors
-    /// As of [`Self::of_scene`]; or it is to go on with what was kept, and nothing is.
+    /// Those of [`Self::of_scene`]; also if `options.resume` is set.
     pub fn of_scene_with(request: &Request, scene: Scene, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         Self::check(request, &options)?;
@@ -178,16 +178,16 @@ impl Session {
         Ok(Self { denoiser, ..Self::new(request, options, painter, notes, begun) })
     }
 
-    /// A part in a picture that another process asked for. The request's files are on this machine; nothing is kept here, and
-    /// the picture is written by [`Self::write_to`] alone.
+    /// Opens a session that renders zones of another process's job. The scene files are on this machine; the session writes no
+    /// journal and writes the picture only by [`Self::write_to`].
     ///
     /// # Errors
-    /// As of [`Self::open`]; or the engine here is another one.
+    /// Those of [`Self::open`]; also if the engine on this machine has another identity than `part.engine`.
     pub fn for_others(request: &Request, part: JobPart<'_>) -> Result<Self, Error> {
         let begun = Instant::now();
         request.validate()?;
         let (mut experts, notes) = experts(agent_rules(request)?)?;
-        // The machines have the rules in turn, as agents of one process have.
+        // Machines carry the rule sets in turn, as the agents of one process do.
         let turn = part.turn % experts.len();
         experts.rotate_left(turn);
         let goal = shared_goal(request);
@@ -221,7 +221,7 @@ impl Session {
         Ok(Self { settings, asked: part.asked.clone(), ..session })
     }
 
-    /// Without denoiser and journal.
+    /// Makes a session without denoiser and journal.
     fn new(request: &Request, options: SessionOptions, painter: Painter, notes: Vec<String>, begun: Instant) -> Self {
         let settings = painter.settings().clone();
         Self {
@@ -237,7 +237,7 @@ impl Session {
         }
     }
 
-    /// Finds out what can be wrong with a request that others paint, before any of it is sent to them. What they must be sent.
+    /// Checks a request that other machines will render, before anything is sent to them. Returns the files that they need.
     ///
     /// # Errors
     /// The request, its scene or its rules cannot be used, or its output cannot be written.
@@ -246,7 +246,7 @@ impl Session {
         Self::examine_scene(request)
     }
 
-    /// The same where the picture is not written on this machine: its folder is not looked for.
+    /// Like [`Self::examine`], but does not check the output, which another machine writes.
     ///
     /// # Errors
     /// The request, its scene or its rules cannot be used.
@@ -302,23 +302,23 @@ impl Session {
         Ok(())
     }
 
-    /// What is asked for.
+    /// Returns the request that the session renders.
     pub fn request(&self) -> &Request {
         &self.request
     }
 
-    /// The settings of the job.
+    /// Returns the settings of the job.
     pub fn settings(&self) -> &JobSettings {
         &self.settings
     }
 
-    /// Samples taken so far, all pixels together.
+    /// Returns the number of samples taken so far, over all pixels.
     pub fn samples_done(&self) -> u64 {
         self.painter.counter()()
     }
 
-    /// What makes the picture what it is: two sessions with the same name give the same bits. How many agents and threads take
-    /// part is not in it.
+    /// Returns a text with everything that determines the pixels: two sessions with the same name give the same bits. It does
+    /// not hold the number of agents and threads.
     ///
     /// # Errors
     /// The scene file of another engine cannot be read.
@@ -329,10 +329,10 @@ impl Session {
         }
     }
 
-    /// What a farm must be sent so that its machines can paint it, too.
+    /// Returns the scene files that a farm needs for this picture.
     ///
     /// # Errors
-    /// The engine cannot tell what its scene refers to.
+    /// The engine cannot list the files that its scene refers to.
     pub fn scene_files(&self) -> Result<SceneFiles, Error> {
         match &self.painter {
             Painter::Own(own) => Ok(SceneFiles::of(&self.request, &own.subject)),
@@ -340,20 +340,23 @@ impl Session {
         }
     }
 
-    /// Paints the picture, and writes it where the request says so.
+    /// Renders the picture and writes it to the output of the request, if any.
     ///
     /// # Errors
-    /// The agents came to no picture, zones failed, or the picture cannot be written. What was painted is kept beside the output.
+    /// The job failed, zones failed, or the picture cannot be written. The journal beside the output keeps the finished zones.
     pub fn render(mut self, watcher: Arc<dyn Watcher>, stop: &StopSwitch) -> Result<Picture, Error> {
+        // Read the times that earlier jobs have learned
         let reporter = Arc::new(Reporter::new(watcher));
         let (learnt, warning) = experience::read();
         if let Some(warning) = warning {
             reporter.warn(warning);
         }
         self.settings.experience = Arc::new(learnt);
+        // Run the job on this machine
         let (painting, tools) = self.begin(reporter)?;
         let PaintingTools { settings, engine, observer, store, kept } = tools;
         let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
+        // Keep what this job has learned
         for lesson in report.lessons.values() {
             if let Err(reason) = experience::keep(lesson) {
                 painting.reporter().warn(format!("what was learnt in this job is not kept: {reason}"));
@@ -362,24 +365,28 @@ impl Session {
         painting.finish(report, stop)?.close()
     }
 
-    /// Begins to paint: tells what begins, and gives what painting takes. For those who paint with others; see
-    /// [`Self::render`] for all of it.
+    /// Begins rendering: reports the start and returns the values for [`bottega_farm::run`]. For callers that run the job
+    /// themselves; [`Self::render`] does everything.
     ///
     /// # Errors
-    /// The preview cannot be begun, or no time is left.
+    /// The preview cannot be started, or the time limit has passed already.
     pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(ActiveSession, PaintingTools), Error> {
+        // Report warnings and the start
         self.notes.iter().for_each(|note| reporter.warn(note.clone()));
         reporter.tell(self.painter.started(&self.request, &self.settings));
         let (journal, store, kept) = match self.journal.take() {
             Some(PictureJournal { path, store, kept }) => (Some(path), Some(store), kept),
             None => (None, None, None),
         };
+        // Start previews and progress events
         let tev = self.show(&reporter, kept.as_ref())?;
         reporter.watch(self.painter.counter());
+        // Subtract loading and finishing from the time limit
         if self.settings.goal != shared_goal(&self.request) {
             let finishing = finishing(&self.request, &self.settings, self.denoiser.is_some());
             self.settings.goal = goal(&self.request, self.begun, finishing)?;
         }
+        // Record the times of zones
         let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =
             (self.painter.engine(), Arc::clone(&reporter) as _);
         let record = |_: &PathBuf| Arc::new(Recorder::new(Arc::clone(&engine), Arc::clone(&observer)));
@@ -396,29 +403,29 @@ impl Session {
         Ok((active, tools))
     }
 
-    /// What painting for others takes. They lead, and are told.
+    /// Returns the values that an agent needs to render zones for another process, without observer and store.
     pub fn tools(&self) -> PaintingTools {
         let (settings, engine) = (measured(self.settings.clone()), self.painter.engine());
         PaintingTools { settings, engine, observer: Arc::new(()), store: None, kept: None }
     }
 
-    /// Denoises a picture that this machine has led for others, if they have asked for that. What the picture says of itself.
+    /// Denoises a picture whose job this machine has led for others, if the request asks for it. Returns the metadata of the
+    /// picture, and the result of denoising.
     ///
     /// # Errors
-    /// The denoiser is not there or fails; the picture keeps its noise then.
+    /// The denoiser is not installed or fails; the picture then stays noisy.
     pub fn finish_for_others(&self, report: &mut JobReport) -> (Metadata, Result<(), Error>) {
         let mut metadata = self.painter.metadata(&self.asked, report);
         let denoised = denoise::here(&self.request, report, &mut metadata);
         (metadata, denoised)
     }
 
-    /// What is wrong with the brightness of a picture of this request, where nothing could be seen of it on a screen that its
-    /// file is for.
+    /// Returns a warning if a PNG of this picture appears nearly black or white on a screen; `None`: the brightness is fine.
     pub fn wrong_brightness(&self, file: &Path, film: &Film) -> Option<String> {
         crate::picture::wrong_brightness(&self.request, file, film)
     }
 
-    /// Writes a picture of this request to a file.
+    /// Writes a picture of this request to a file, .exr or .png.
     ///
     /// # Errors
     /// It cannot be written.
@@ -426,7 +433,8 @@ impl Session {
         crate::picture::write(&self.request, self.painter.hints(), path, film, metadata)
     }
 
-    /// From now on shows what is painted. What is kept of it is shown at once, amid what a look at the picture gives.
+    /// Starts previews and the tev viewer, and reports faults of an external engine. With a journal the preview shows the kept
+    /// zones at once, over the survey.
     fn show(&self, reporter: &Arc<Reporter>, kept: Option<&JournalContents>) -> Result<Option<Arc<TevMirror>>, Error> {
         let SessionOptions { preview, shows, .. } = &self.options;
         let watch_faults = |painter: &ExternalPainter| {
@@ -471,7 +479,7 @@ impl Session {
         Ok(tev)
     }
 
-    /// Has a function see the blocks that are painted.
+    /// Registers a function that is called with each rendered block.
     pub(crate) fn watch(&self, watcher: impl Fn(&Tile) + Send + Sync + 'static) {
         match &self.painter {
             Painter::Own(own) => own.engine.watch(watcher),
@@ -479,7 +487,7 @@ impl Session {
         }
     }
 
-    /// The viewer that is to show the picture, if one is named.
+    /// Connects to the tev viewer of the options; `None`: none is set.
     fn mirror(&self) -> Result<Option<Arc<TevMirror>>, Error> {
         let Some(host) = &self.options.tev else { return Ok(None) };
         let JobSettings { width, height, layout, .. } = &self.settings;
@@ -499,7 +507,7 @@ fn failed(error: JobError) -> Error {
     }
 }
 
-/// A file can be written only into a folder that is there.
+/// Checks that the folder of a file exists.
 fn check_folder(path: &Path) -> Result<(), Error> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if folder.is_dir() {

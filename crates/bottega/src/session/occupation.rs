@@ -1,4 +1,4 @@
-//! The occupation of processors and devices while a picture was painted.
+//! The utilization of processors and devices during rendering.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use crate::{
     text::shown,
 };
 
-/// The forms of a timeline, by the end of its file's name.
+/// The format of a timeline, chosen by the file extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum TimelineForm {
     Svg,
@@ -31,10 +31,10 @@ impl TimelineForm {
     }
 }
 
-/// Whether a timeline can be written to a file.
+/// Checks that the extension of a timeline's file is .svg or .json.
 ///
 /// # Errors
-/// Its name does not tell its form.
+/// The extension is another one.
 pub(super) fn check_timeline(path: &Path) -> Result<(), Error> {
     TimelineForm::of(path).map(|_| ()).ok_or_else(|| {
         Error::usage(
@@ -44,7 +44,7 @@ pub(super) fn check_timeline(path: &Path) -> Result<(), Error> {
     })
 }
 
-/// Tells what everybody was at, and writes the timeline where one is asked for. One that cannot be written costs no picture.
+/// Reports the utilization, and writes the timeline if a file is given. If that file cannot be written, only warns.
 pub(super) fn tell(painter: &BuiltinPainter, timeline: Option<&Path>, reporter: &Reporter) {
     let report = painter.engine.report();
     reporter.tell(told(painter, &report));
@@ -61,7 +61,7 @@ pub(super) fn tell(painter: &BuiltinPainter, timeline: Option<&Path>, reporter: 
 
 fn told(painter: &BuiltinPainter, report: &HraReport) -> Event {
     let seconds = report.uptime.as_secs_f64().max(f64::MIN_POSITIVE);
-    // Devices come after the processors, in their order.
+    // The resources list the processors first, then the devices in the order of `crew.scenes`.
     let scenes = painter.crew.scenes.iter().map(Some);
     let scenes = std::iter::repeat_n(None, painter.crew.threads).chain(scenes).chain(std::iter::repeat(None));
     let resources = report.resources.iter().zip(scenes).map(|(resource, scenes)| ResourceUse {

@@ -1,4 +1,4 @@
-//! The painter of a picture in this process: our own engine, or another one.
+//! The engine of a session: the built-in one or an external one.
 
 use std::sync::Arc;
 
@@ -18,10 +18,10 @@ use crate::{
     text::shown,
 };
 
-/// So small a probability of no seams is none.
+/// The p-value below which the seams between the zones of two engines count as visible.
 const SEAMS_SEEN: f64 = 1e-4;
 
-/// Who paints here.
+/// The engine of a session, prepared for its picture.
 pub(super) enum Painter {
     Own(Box<BuiltinPainter>),
     Other(Box<ExternalPainter>),
@@ -42,7 +42,8 @@ impl Painter {
         }
     }
 
-    /// What decides how long a path takes, beside the scene: what is learnt of times is learnt of that.
+    /// Returns a key of everything but the scene that decides the time per path: engine, integrator, devices. Times are learned
+    /// per key.
     pub(super) fn technique(&self, settings: &JobSettings) -> String {
         let mut technique = match self {
             Self::Own(own) => {
@@ -71,7 +72,7 @@ impl Painter {
         }
     }
 
-    /// What the scene file asks for, where our own engine has read it.
+    /// Returns the render hints of the scene file; `None` with an external engine.
     pub(super) fn hints(&self) -> Option<&RenderHints> {
         match self {
             Self::Own(own) => Some(&own.subject.hints),
@@ -86,7 +87,7 @@ impl Painter {
         };
         match request.to_line() {
             Ok(line) => metadata.set(REQUEST_KEY, line),
-            // A file name that is not Unicode has no text; the picture is the same without.
+            // A file name that is not Unicode cannot be written as JSON; the picture then lacks its request.
             Err(error) => tracing::debug!(%error, "the picture does not hold its request"),
         }
         metadata
@@ -130,7 +131,7 @@ impl Painter {
         }
     }
 
-    /// Tells what the painting was like.
+    /// Reports device faults, discarded samples and the share of each engine after rendering.
     pub(super) fn tell(&self, settings: &JobSettings, report: &JobReport, reporter: &Reporter) -> Result<(), Error> {
         match self {
             Self::Own(own) => {
@@ -152,12 +153,12 @@ impl Painter {
     }
 }
 
-/// Tells who painted how much of a picture of two engines, and whether one sees where.
+/// Reports how many zones each of two engines painted, and warns if the seams between them are visible.
 fn tell_mix(painter: &ExternalPainter, crop: Rect, report: &JobReport, reporter: &Reporter) -> Result<(), Error> {
     let Some(mix) = &painter.mix else { return Ok(()) };
     let engines = mix.mixed.zones_by_engine().into_iter();
     let engines = engines.map(|(engine, zones)| EngineShare { engine, zones }).collect();
-    // Edges in pixels of the film, which begins at the crop.
+    // Move the zones to the coordinates of the film, which begins at the crop.
     let moved = |rect: Rect| Rect::new(rect.x0 - crop.x0, rect.y0 - crop.y0, rect.x1 - crop.x0, rect.y1 - crop.y0);
     let rects: Vec<Rect> = report.rows.iter().map(|row| moved(row.rect)).collect();
     let found = seams(&report.film.to_picture(), None, &rects)?;

@@ -1,4 +1,4 @@
-//! A picture while it is painted, and what is made of it in the end.
+//! A session whose job is running, up to its finished picture.
 
 use std::{
     path::{Path, PathBuf},
@@ -19,41 +19,41 @@ use crate::{
     text::shown,
 };
 
-/// A session whose picture is being painted.
+/// A session whose job is running.
 pub struct ActiveSession {
     pub(super) request: Request,
-    /// The request that the picture holds.
+    /// The request that is stored in the picture.
     pub(super) asked: Request,
     pub(super) painter: Painter,
     pub(super) settings: JobSettings,
     pub(super) denoiser: Option<Denoiser>,
     pub(super) reporter: Arc<Reporter>,
-    /// Where is written down what each zone took, and who sees it.
+    /// The record file, and the recorder of zone times.
     pub(super) recorder: Option<(PathBuf, Arc<Recorder>)>,
     pub(super) journal: Option<PathBuf>,
-    /// Where is written down what processors and devices were at.
+    /// The timeline file of processors and devices.
     pub(super) timeline: Option<PathBuf>,
-    /// The viewer that shows the picture.
+    /// The connection to the tev viewer.
     pub(super) tev: Option<Arc<TevMirror>>,
 }
 
 impl ActiveSession {
-    /// Who is told.
+    /// Returns the reporter of the job.
     pub fn reporter(&self) -> &Arc<Reporter> {
         &self.reporter
     }
 
-    /// The journal beside the output, where what is painted is kept.
+    /// Returns the journal beside the output; `None`: the session has none.
     pub fn journal(&self) -> Option<&Path> {
         self.journal.as_deref()
     }
 
-    /// Nothing is painted here any more: another machine has led the picture to its end.
+    /// Ends the session without a picture: another machine has completed the job.
     pub fn leave(&self) {
         self.reporter.finish();
     }
 
-    /// Makes the picture of what the agents came to: tells of it, denoises it where that is asked for, and writes it.
+    /// Makes the picture from the report of the job: reports statistics, denoises if requested, and writes the output.
     ///
     /// # Errors
     /// The picture cannot be denoised, recorded or written.
@@ -68,15 +68,17 @@ impl ActiveSession {
             occupation::tell(own, timeline.as_deref(), &reporter);
         }
         let is_whole = !report.stopped && report.failed.is_empty();
+        // Write the record of a complete picture
         if let (Some((path, recorder)), true) = (&recorder, is_whole) {
             let record = recorder.record(&shown(&request.scene.file), &settings, &report);
             let record = record.map_err(|source| Error::Record { path: path.clone(), source })?;
             match std::fs::write(path, record.to_json()) {
                 Ok(()) => reporter.tell(Event::Recorded { file: shown(path) }),
-                // No reason to lose a picture.
+                // A lost record must not lose the picture.
                 Err(error) => reporter.warn(format!("the record {} is lost: {error}", path.display())),
             }
         }
+        // Denoise the picture if requested
         let mut report = report;
         let mut metadata = painter.metadata(&asked, &report);
         denoise::finish(denoiser.as_ref(), &request, &mut report, &mut metadata, &reporter, stop)?;
@@ -88,6 +90,7 @@ impl ActiveSession {
         if let Some(Err(problem)) = tev.map(|tev| tev.finish(&report.film)) {
             reporter.warn(format!("tev does not show the picture: {problem}"));
         }
+        // Write the picture to its output
         let alpha = painter.hints().is_some_and(|hints| hints.alpha);
         let picture = Picture { request, metadata, settings, report, alpha, reporter, journal };
         picture.write()?;

@@ -1,4 +1,4 @@
-//! The reporter: makes events of what the farm and the engine say while the work goes on.
+//! The reporter, which turns messages of the farm and the engine into events.
 
 use std::{
     collections::VecDeque,
@@ -18,55 +18,56 @@ use crate::{
     preview::LivePreview,
 };
 
-/// How often progress is told.
+/// Interval between progress events.
 const TELL_EVERY: Duration = Duration::from_millis(500);
 
-/// The speed shown is that of the last so many seconds.
+/// Period over which the speed is averaged.
 const SPEED_OVER: Duration = Duration::from_secs(3);
 
-/// When so much of the cost is done, the time that is left is told by how long that took alone.
+/// Share of the cost from which the remaining time is estimated from this job alone; below it, estimates of earlier jobs are
+/// mixed in.
 const SHARE_SEEN: f64 = 0.1;
 
-/// Tells a watcher what happens.
+/// Sends events to a watcher.
 pub struct Reporter {
     watcher: Arc<dyn Watcher>,
     pace: Mutex<WorkRate>,
-    /// Of the auction, as they ended.
+    /// The rounds of the auction, in the order in which they ended.
     rounds: Mutex<Vec<RoundSummary>>,
     thefts: Mutex<Vec<Theft>>,
     watch: OnceLock<EngineWatch>,
     show: OnceLock<PreviewOutput>,
 }
 
-/// Shows the picture while it is painted.
+/// The preview and the thread that updates it.
 struct PreviewOutput {
     show: Arc<LivePreview>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// Looks at the engine while zones are under way.
+/// The thread that polls the engine for progress.
 struct EngineWatch {
     stop: mpsc::Sender<()>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// How the work goes on: the farm speaks when a zone is done, the engine is looked at in between.
+/// The state of the progress estimate. The farm reports after each zone; between reports the engine's sample count is used.
 struct WorkRate {
     begun: Instant,
-    /// The farm's last word.
+    /// The last report of the farm.
     said: Option<Progress>,
-    /// When that was.
+    /// The time of that report.
     said_at: Instant,
-    /// Samples that were there before the engine took any.
+    /// Samples that were kept from an interrupted job, before the engine took any.
     kept: u64,
-    /// Their share of the predicted cost.
+    /// The share of the predicted cost of those samples, 0 to 1.
     kept_cost: f64,
-    /// Samples at some moments of the last seconds, oldest first.
+    /// Time and sample count of the last [`SPEED_OVER`] seconds, oldest first.
     marks: VecDeque<(Instant, u64)>,
 }
 
 impl Reporter {
-    /// Tells `watcher`.
+    /// Makes a reporter that sends events to `watcher`.
     pub fn new(watcher: Arc<dyn Watcher>) -> Self {
         let now = Instant::now();
         let pace = Mutex::new(WorkRate {
@@ -87,27 +88,27 @@ impl Reporter {
         }
     }
 
-    /// The one who is told.
+    /// Returns the watcher that receives the events.
     pub fn watcher(&self) -> &Arc<dyn Watcher> {
         &self.watcher
     }
 
-    /// Says something that people may want to know.
+    /// Reports an informative message.
     pub fn say(&self, message: &str) {
         self.tell(Event::Note { message: message.to_owned() });
     }
 
-    /// Says something that the user should know.
+    /// Reports a warning to the user.
     pub fn warn(&self, message: String) {
         self.tell(Event::Warning { message });
     }
 
-    /// Tells an event.
+    /// Sends an event to the watcher.
     pub fn tell(&self, event: Event) {
         self.watcher.told(event);
     }
 
-    /// From now on tells progress, by the farm's words and the samples that the engine has taken.
+    /// Starts progress events, from the farm's reports and the number of samples that the engine has taken.
     pub(crate) fn watch(self: &Arc<Self>, samples_done: impl Fn() -> u64 + Send + 'static) {
         let (stop, stopped) = mpsc::channel();
         let reporter = Arc::downgrade(self);
@@ -120,11 +121,11 @@ impl Reporter {
                 }
             }
         });
-        // A second watch would tell everything twice; there is none.
+        // The first call wins: `watch` is called once per job.
         let _ = self.watch.set(EngineWatch { stop, thread: Mutex::new(Some(thread)) });
     }
 
-    /// From now on keeps `show` fresh, and tells how long after the end of loading, `loaded`, it was.
+    /// Starts updating the preview `show`. Each preview event has the time since loading ended, `loaded`.
     pub(crate) fn show(self: &Arc<Self>, show: &Arc<LivePreview>, loaded: Instant) {
         let (reporter, showing) = (Arc::downgrade(self), Arc::clone(show));
         let thread = thread::spawn(move || {
@@ -136,7 +137,7 @@ impl Reporter {
                 reporter.warn(format!("the preview is not shown any more: {error}"));
             }
         });
-        // As above.
+        // The first call wins: `show` is called once per job.
         let _ = self.show.set(PreviewOutput { show: Arc::clone(show), thread: Mutex::new(Some(thread)) });
     }
 
@@ -154,10 +155,10 @@ impl Reporter {
         }));
     }
 
-    /// No progress is told from now on; the preview is what was painted last.
+    /// Stops progress events and completes the preview.
     pub(crate) fn finish(&self) {
         if let Some(watch) = self.watch.get() {
-            // When it is gone already there is nobody to tell.
+            // The thread may have ended already.
             let _ = watch.stop.send(());
             if let Some(thread) = watch.thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
                 let _ = thread.join();
@@ -172,7 +173,7 @@ impl Reporter {
         self.watcher.painted();
     }
 
-    /// Tells what the auction came to, if there was one.
+    /// Reports the totals of the auction, if there was one.
     pub(crate) fn tell_auction(&self) {
         let rounds = self.rounds.lock().unwrap_or_else(PoisonError::into_inner);
         let thefts = self.thefts.lock().unwrap_or_else(PoisonError::into_inner);
@@ -187,10 +188,11 @@ impl Reporter {
 }
 
 impl WorkRate {
-    /// How far the work is now, and how many samples a second it has taken lately. The farm speaks when a zone is done;
-    /// in between, what is left shrinks with the samples taken.
+    /// Returns the current progress, and the recent speed in samples per second. The farm reports when a zone is done; between
+    /// reports the cost done is interpolated with the samples taken.
     fn present(&mut self, samples_done: u64) -> Option<(Progress, f64)> {
         let now = Instant::now();
+        // Measure the speed over the last seconds
         self.marks.push_back((now, samples_done));
         while self.marks.len() > 2 && now - self.marks[0].0 > SPEED_OVER {
             self.marks.pop_front();
@@ -199,15 +201,17 @@ impl WorkRate {
         let seconds = (now - first).as_secs_f64();
         let speed = if seconds > 0.0 { samples_done.saturating_sub(before) as f64 / seconds } else { 0.0 };
 
+        // Interpolate the cost done since the farm's last report
         let said = self.said.as_ref()?;
         let under_way = (self.kept + samples_done).saturating_sub(said.samples_done);
         let left = said.samples.saturating_sub(said.samples_done).max(1);
         let share = (under_way as f64 / left as f64).min(1.0);
         let cost_done = said.cost_done + (1.0 - said.cost_done) * share;
+        // Extrapolate the remaining time from the cost done in this job
         let elapsed = self.begun.elapsed();
         let to_go = elapsed.as_secs_f64() * (1.0 - cost_done) / (cost_done - self.kept_cost);
         let to_go = Some(to_go).filter(|_| cost_done > self.kept_cost);
-        // Before much is painted the farm may know better, from the works before.
+        // Early in the job, mix in the farm's estimate from earlier jobs
         let known = said.left.map(|left| left.saturating_sub(self.said_at.elapsed()).as_secs_f64());
         let seen = ((cost_done - self.kept_cost) / SHARE_SEEN).clamp(0.0, 1.0);
         let to_go = match (to_go, known) {

@@ -1,31 +1,31 @@
-//! Watchers of the work.
+//! The watcher of a job.
 
 use bottega_agents::Time;
 use bottega_farm::FarmMessage;
 
 use crate::events::Event;
 
-/// Sees a picture being painted. All methods are called from threads that paint, and must return soon.
+/// Receives the events of a job. The methods are called from rendering threads and must return quickly.
 pub trait Watcher: Send + Sync {
-    /// Something has happened.
+    /// Receives an event of the job.
     fn told(&self, event: Event);
 
-    /// An agent sends a message to others.
+    /// Receives a message that an agent sends; `_now`: time of the job.
     fn message(&self, _now: Time, _message: &FarmMessage) {}
 
-    /// There is a new preview: the bytes of a PNG file.
+    /// Receives a new preview: the bytes of a PNG file.
     fn previewed(&self, _png: Vec<u8>) {}
 
-    /// Nothing is painted any more; what comes now follows the painting.
+    /// Called when rendering has ended; later events report the steps after it.
     fn painted(&self) {}
 }
 
-/// A watcher that looks away.
+/// A watcher that ignores all events.
 impl Watcher for () {
     fn told(&self, _event: Event) {}
 }
 
-/// A function that is told the events.
+/// A function that is called with each event.
 impl<F: Fn(Event) + Send + Sync> Watcher for F {
     fn told(&self, event: Event) {
         self(event);

@@ -1,10 +1,10 @@
-//! The settings of what paths learn beforehand.
+//! The settings of path guiding, learned before the first sample.
 
 use bottega_render::AgentUse;
 
 use crate::request::{GuideChoice, GuideOptions, GuideUse};
 
-/// Whether paths learn where light comes from.
+/// Returns true if paths learn the directions that light comes from.
 pub fn directions(guide: &GuideOptions) -> bool {
     match choice(guide) {
         GuideChoice::None => false,
@@ -13,7 +13,7 @@ pub fn directions(guide: &GuideOptions) -> bool {
     }
 }
 
-/// What lighting agents are asked for beside that.
+/// Returns the other uses of lighting agents: shadows, choice of lights, Russian roulette.
 pub fn guide_agents(guide: &GuideOptions) -> AgentUse {
     if choice(guide) != GuideChoice::Ala {
         return AgentUse::default();
@@ -25,13 +25,13 @@ pub fn guide_agents(guide: &GuideOptions) -> AgentUse {
     }
 }
 
-/// The same of a choice alone, with all of its uses.
+/// Returns both settings of a choice with all of its uses.
 pub fn whole_guide(choice: GuideChoice) -> (bool, AgentUse) {
     let guide = GuideOptions { by: Some(choice), ..GuideOptions::default() };
     (directions(&guide), guide_agents(&guide))
 }
 
-/// Whether somebody said that lighting agents are to help.
+/// Returns true if the request explicitly asks for lighting agents as guides.
 pub(crate) fn asks_for_agents(guide: &GuideOptions) -> bool {
     guide.by == Some(GuideChoice::Ala) || !guide.uses.is_empty()
 }

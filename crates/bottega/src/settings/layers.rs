@@ -1,19 +1,19 @@
-//! The layers that our own engine makes beside the color.
+//! The layers of the built-in engine, in addition to the color.
 
 use bottega_image::{Aov, AovSet};
 
 use crate::error::Error;
 
-/// The layers that help a denoiser.
+/// The auxiliary layers of denoisers.
 pub const GUIDES: [Aov; 2] = [Aov::Albedo, Aov::Normal];
 
-/// The word for all layers.
+/// The word that requests all layers.
 pub(crate) const ALL: &str = "all";
 
-/// Which of our own engine's layers are asked for.
+/// Returns the requested layers of the built-in engine.
 ///
-/// - `asked`: their names; `all` alone is all of them.
-/// - `denoise`: a denoiser will look at the picture, whom some of them help. Who wants none of them has none.
+/// - `asked`: names of layers; `all` alone means all of them, an empty list none at all.
+/// - `denoise`: true if the picture will be denoised; adds the layers that help the denoiser, unless `asked` is empty.
 ///
 /// # Errors
 /// There is no layer of that name.

@@ -1,4 +1,4 @@
-//! The settings that a request means to the engines and the farm, with the scene that it is of.
+//! The settings of engines and farm, from a request and its scene.
 
 mod guiding;
 mod layers;
@@ -31,20 +31,20 @@ use crate::{
     text::duration,
 };
 
-/// Samples of a pixel where nobody says.
+/// Samples per pixel if neither request nor scene gives a number.
 const DEFAULT_SAMPLES: u32 = 64;
-/// The most samples of a pixel where an error is asked for, and nobody says.
+/// Maximum samples per pixel with a goal of error, if the request gives none.
 const MOST_SAMPLES: u32 = 4096;
-/// The same with a time: a picture may take all night.
+/// Maximum samples per pixel with a goal of time, if the request gives none; a picture may render all night.
 const MOST_SAMPLES_IN_TIME: u32 = 1 << 16;
-/// For so many samples the guide is learnt at most where nobody knows how many a pixel will get.
+/// Largest number of samples per pixel for which the guide is planned if the final number is unknown.
 const PLANNED_SAMPLES_MAX: u32 = 256;
-/// The least time that is given to painting, where a time for all of it was asked for and is not over.
+/// Shortest time left for rendering if the time limit has not passed yet.
 const LEAST_PAINTING: Duration = Duration::from_millis(20);
-/// Bounces where nobody says.
+/// Maximum number of bounces if neither request nor scene gives one.
 const DEFAULT_DEPTH: u32 = 16;
 
-/// The settings of a job that our own engine paints.
+/// Returns the settings of a job for the built-in engine.
 ///
 /// # Errors
 /// The crop does not lie within the picture, or a layer is unknown.
@@ -70,7 +70,7 @@ pub fn job_settings(request: &Request, subject: &LoadedScene, experts: Vec<Exper
     })
 }
 
-/// What the settings of a job have of the request whoever paints it.
+/// Adds the settings of the request that do not depend on the engine.
 pub(crate) fn shared_settings(
     request: &Request,
     crop: Rect,
@@ -95,11 +95,13 @@ pub(crate) fn shared_settings(
     }
 }
 
-/// The part of the picture that is asked for.
+/// Returns the crop of the request.
 pub(crate) fn crop(request: &Request) -> Option<Rect> {
     request.film.crop.map(|[x0, y0, x1, y1]| Rect::new(x0, y0, x1, y1))
 }
 
+/// Checks that a crop lies within the picture.
+///
 /// # Errors
 /// The crop does not lie within the picture.
 pub(crate) fn check_crop(crop: &Rect, frame: &Rect) -> Result<(), Error> {
@@ -112,7 +114,7 @@ pub(crate) fn check_crop(crop: &Rect, frame: &Rect) -> Result<(), Error> {
     ))
 }
 
-/// Samples of a pixel where nobody says: `usual`, or as many as may be of use where an error or a time ends the picture.
+/// Returns the samples per pixel if the request gives none: `usual`, or the maximum if an error or a time ends the picture.
 pub(crate) fn samples_unasked(request: &Request, usual: u32) -> u32 {
     match (request.goal.error, request.goal.time) {
         (Some(_), _) => MOST_SAMPLES.max(usual),
@@ -121,17 +123,17 @@ pub(crate) fn samples_unasked(request: &Request, usual: u32) -> u32 {
     }
 }
 
-/// When a zone is finished, for one who paints with others: their Master keeps the time.
+/// Returns the goal of zones for an agent of another process's job, whose Master enforces the time.
 pub fn shared_goal(request: &Request) -> Goal {
     request.goal.error.map_or(Goal::Samples, Goal::Error)
 }
 
-/// When a zone is finished. Loading, since `begun`, is a part of the time that was asked for, and so is `finishing`.
+/// Returns the goal of zones. The time since `begun` and the estimate `finishing` are subtracted from a requested time.
 pub(crate) fn goal(request: &Request, begun: Instant, finishing: Duration) -> Result<Goal, Error> {
     match (request.goal.error, request.goal.time) {
         (Some(error), _) => Ok(Goal::Error(error)),
         (None, Some(time)) => match Duration::from_secs_f64(time).checked_sub(begun.elapsed()) {
-            // What is painted first takes a moment; it is better late than never.
+            // Allow at least a moment for rendering: late is better than no picture.
             Some(left) if !left.is_zero() => Ok(Goal::Time(left.saturating_sub(finishing).max(LEAST_PAINTING))),
             _ => Err(Error::failed(
                 format!("reading the scene took {}, no less than the time for all of it", duration(begun.elapsed())),
@@ -142,7 +144,7 @@ pub(crate) fn goal(request: &Request, begun: Instant, finishing: Duration) -> Re
     }
 }
 
-/// Samples per pixel for which it is worth learning, as far as they are known before anything is painted.
+/// Returns the samples per pixel for which learning is planned, as known before rendering.
 pub(crate) fn planned_samples(job: &JobSettings) -> u32 {
     match job.goal {
         Goal::Samples => job.samples,
@@ -150,10 +152,10 @@ pub(crate) fn planned_samples(job: &JobSettings) -> u32 {
     }
 }
 
-/// Samples per pixel that a time allows, where paths take as long as those that an engine has just followed: for so many it is worth
-/// learning. Others that run on this machine are in it.
+/// Returns the samples per pixel that a time limit allows, measured with a short trial of the engine under the present load.
+/// Learning is planned for this number.
 pub(crate) fn samples_in_time(job: &JobSettings, engine: &BuiltinEngine) -> u32 {
-    /// Columns and rows that are looked at, and the share of the time in which paths are followed.
+    /// Columns and rows of the trial, and the share of the time spent on tracing paths.
     const LOOK: (u32, u32) = (48, 36);
     const PAINTING: f64 = 0.8;
     let Goal::Time(time) = job.goal else { return planned_samples(job) };
@@ -166,22 +168,22 @@ pub(crate) fn samples_in_time(job: &JobSettings, engine: &BuiltinEngine) -> u32 
     (samples as u32).clamp(1, planned_samples(job))
 }
 
-/// Bounces of light.
+/// Returns the maximum number of bounces.
 pub fn max_depth(request: &Request, subject: &LoadedScene) -> u32 {
     request.integrator.max_depth.or(subject.hints.max_depth).map_or(DEFAULT_DEPTH, |depth| depth.min(DEPTH_MAX))
 }
 
-/// Agents for so many processors, where nobody says.
+/// Returns the number of Render Agents: the requested one, else one per two CPU threads.
 pub fn agents(asked: Option<u16>, threads: usize) -> usize {
     asked.map_or(threads.div_ceil(2), usize::from)
 }
 
-/// How the picture is cut.
+/// Returns the level of division into zones.
 pub fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
 }
 
-/// What zones must be like.
+/// Returns the limits on zones.
 pub fn zone_limits(work: &WorkOptions) -> ZoneLimits {
     ZoneLimits {
         side_min: work.zone_min_size,
@@ -213,7 +215,7 @@ fn optimization(optimization: OptimizationChoice) -> Optimization {
     }
 }
 
-/// How the winners of an auction are found.
+/// Returns the rule that decides auctions.
 pub fn auction_rule(choice: AuctionChoice) -> AuctionRule {
     match choice {
         AuctionChoice::FinishingTime => AuctionRule::FinishingTime,
@@ -223,7 +225,7 @@ pub fn auction_rule(choice: AuctionChoice) -> AuctionRule {
     }
 }
 
-/// How agents learn their speed.
+/// Returns the rule by which agents adapt V_cp.
 pub fn adaptation_rule(choice: AdaptationChoice) -> AdaptationRule {
     match choice {
         AdaptationChoice::Ratio => AdaptationRule::MedianRatio,
@@ -231,7 +233,7 @@ pub fn adaptation_rule(choice: AdaptationChoice) -> AdaptationRule {
     }
 }
 
-/// The measure of importance, of the channels that are on.
+/// Returns the measure of the importance map, with its channels.
 pub fn importance_function(work: &WorkOptions) -> ImportanceFunction {
     let channels = match &work.channels {
         Some(channels) => channels.iter().copied().collect::<ChannelSet>(),
@@ -244,7 +246,7 @@ pub fn importance_function(work: &WorkOptions) -> ImportanceFunction {
     }
 }
 
-/// How samples are spread over a pixel.
+/// Returns the pixel filter.
 pub(crate) fn filter(request: &Request, subject: &LoadedScene) -> Filter {
     match request.film.filter {
         None => subject.hints.filter.unwrap_or_default(),
@@ -256,7 +258,7 @@ pub(crate) fn filter(request: &Request, subject: &LoadedScene) -> Filter {
     }
 }
 
-/// The part of the picture that the file asks for, as far as it lies within.
+/// Returns the crop of the scene file, clipped to the picture.
 fn hinted_crop(subject: &LoadedScene) -> Option<Rect> {
     let [x, y, width, height] = subject.hints.crop?;
     let frame = subject.frame();
@@ -264,7 +266,7 @@ fn hinted_crop(subject: &LoadedScene) -> Option<Rect> {
     (x < x1 && y < y1).then(|| Rect::new(x, y, x1, y1))
 }
 
-/// How highlights are brought into range.
+/// Returns the tone curve.
 pub fn tone(tone: ToneCurve) -> ToneMap {
     match tone {
         ToneCurve::Agx => ToneMap::Agx,
@@ -273,7 +275,7 @@ pub fn tone(tone: ToneCurve) -> ToneMap {
     }
 }
 
-/// How a PNG's values are stored.
+/// Returns the encoding of PNG values.
 pub(crate) fn encoding(encoding: PngEncoding) -> Encoding {
     match encoding {
         PngEncoding::Srgb => Encoding::Srgb,

@@ -5,18 +5,18 @@ use bottega_scene::PhotonHints;
 
 use crate::request::{GATHER_MAX, LightingAgentOptions, OracleChoice, OracleQuestion, PHOTONS_MAX, PhotonOptions};
 
-/// Photons that leave the lights where nothing else was asked for, and in each pass of a progressive picture.
+/// Default number of emitted photons: for a plain picture, and per pass of a progressive one.
 const COUNT: u32 = 500_000;
 const COUNT_IN_PASS: u32 = 100_000;
 const GATHER: u32 = 60;
 const RADIUS: f32 = 0.1;
 const FINAL_RAYS: u32 = 4;
 
-/// How photons are used.
+/// Returns the settings of photons.
 ///
-/// - `bounces`: surfaces that light may come to.
-/// - `hints`: what the scene file says of photons, where its integrator is one of them; those are progressive, unless what is
-///   asked for excludes it.
+/// - `bounces`: maximum number of bounces of light.
+/// - `hints`: photon settings of the scene file, if its integrator uses photons; then the picture is progressive unless the
+///   request excludes it.
 pub fn photon_settings(options: &PhotonOptions, bounces: u32, hints: Option<PhotonHints>) -> PhotonSettings {
     let is_plain = options.final_rays.is_some() || options.irradiance_cache.is_some();
     let progressive = options.progressive || hints.is_some() && !is_plain;
@@ -43,7 +43,7 @@ pub fn photon_settings(options: &PhotonOptions, bounces: u32, hints: Option<Phot
     }
 }
 
-/// The same where lighting agents take the place of all photons but those of caustics.
+/// Returns the settings with lighting agents in place of all photons except those of caustics.
 pub fn agent_photons(options: &LightingAgentOptions, photons: PhotonSettings) -> PhotonSettings {
     let decides = |question| options.decides.contains(&question);
     let agents = AgentSettings {
@@ -55,7 +55,7 @@ pub fn agent_photons(options: &LightingAgentOptions, photons: PhotonSettings) ->
         error: options.error as f32,
         memory_bytes: options.memory_mb << 20,
         decides_shadows: decides(OracleQuestion::Shadows),
-        // Without indirect light there is nothing to know of it.
+        // Without indirect light there are no questions about it.
         decides_irradiance: photons.indirect && decides(OracleQuestion::Irradiance),
         decides_radiance: decides(OracleQuestion::Radiance),
         decides_halting: decides(OracleQuestion::Halting),

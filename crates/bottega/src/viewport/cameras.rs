@@ -1,4 +1,4 @@
-//! The cameras of a scene as places to look from.
+//! The cameras of a scene as poses for a viewport.
 
 use bottega_scene::{Camera, Projection};
 use glam::{DVec3, Vec3};
@@ -7,16 +7,16 @@ use serde::Serialize;
 
 use crate::{loaded_scene::LoadedScene, request::CameraPose};
 
-/// A camera of the scene that is looked around in.
+/// A camera of the scene in a viewport.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ViewportCamera {
-    /// Its name in the file; may be empty.
+    /// Name of the camera in the file; may be empty.
     pub name: String,
-    /// Where it stands, and a place that it looks at, in the middle of what is there.
+    /// Its pose; the target lies ahead, at the distance of the scene's center.
     pub pose: CameraPose,
 }
 
-/// The cameras of a scene, each with a place that it looks at.
+/// Returns the cameras of a scene, each with a target.
 pub(super) fn cameras(subject: &LoadedScene) -> Vec<ViewportCamera> {
     let scene = subject.scene();
     let (low, high) = scene.bounds();
@@ -31,7 +31,7 @@ pub(super) fn cameras(subject: &LoadedScene) -> Vec<ViewportCamera> {
 fn pose_of(camera: &Camera, origin: DVec3, (center, radius): (Vec3, f32)) -> CameraPose {
     let eye = Vec3::from(camera.world_from_camera.translation);
     let ahead = Vec3::from(-camera.world_from_camera.matrix3.z_axis).normalize_or(Vec3::NEG_Z);
-    // What lies in the middle of the scene is turned about, where that is ahead.
+    // Put the target at the distance of the scene's center, if that lies ahead, so that orbits turn about it.
     let middle = (center - eye).dot(ahead);
     let distance = if middle.is_finite() { middle.max(0.1 * radius) } else { 1.0 }.max(f32::MIN_POSITIVE);
     let in_file = |place: Vec3| (place.as_dvec3() + origin).to_array();

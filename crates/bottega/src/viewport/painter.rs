@@ -1,4 +1,4 @@
-//! The painter of a viewport: one thread, which paints what is wanted, finer and finer.
+//! The rendering thread of a viewport, which refines the wanted view.
 
 use std::{
     ops::{ControlFlow, Range},
@@ -18,27 +18,27 @@ use bottega_image::{Film, Picture, Preview, Rect, Tile};
 use super::shown::{ShownView, ViewportShared};
 use crate::{devices::threads, error::Error, session::Session, settings::tone};
 
-/// So long the first thing to be seen of a look is painted.
+/// Target time for the first frame of a look.
 const FIRST_TIME: Duration = Duration::from_millis(25);
-/// Paths a second, before any was timed.
+/// Paths per second, assumed before any measurement.
 const PACE_GUESSED: f64 = 60_000.0;
-/// Paths of each of its pixels; all that is finer has one at first.
+/// Paths per pixel of the first frame; finer coarse frames have one.
 const FIRST_SAMPLES: u32 = 2;
-/// Pixels of the first thing to be seen, at least.
+/// Smallest number of pixels of the first frame.
 const FIRST_PIXELS: f64 = 192.0;
-/// What is coarse is as many times finer, pixel for pixel, as what was coarse before.
+/// Ratio of pixel counts between successive coarse frames.
 const FINER: f64 = 4.0;
-/// Pixels of the picture that one of the finest of what is coarse stands for.
+/// Number of picture pixels per pixel of the finest coarse frame.
 const FINEST: f64 = 9.0;
-/// Samples of a pixel from which on noise is removed.
+/// Samples per pixel from which frames are denoised.
 const DENOISED_FROM: u32 = 4;
-/// How often is looked whether something else is wanted while noise is removed.
+/// Interval of checks for a new look during denoising.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
-/// Who paints a viewport.
+/// The renderer of a viewport.
 pub(super) struct ViewportPainter {
     shared: Arc<ViewportShared>,
-    /// Paths a second, of late.
+    /// Recent speed in paths per second.
     pace: f64,
     noise: NoiseRemover,
 }
@@ -48,7 +48,7 @@ impl ViewportPainter {
         Self { shared, pace: PACE_GUESSED, noise: NoiseRemover::default() }
     }
 
-    /// Paints what is wanted until nothing is any more.
+    /// Renders the wanted looks until the viewport is closed.
     pub(super) fn paint(mut self, session: Session) {
         let (mut session, mut look) = (session, 0);
         loop {
@@ -61,11 +61,12 @@ impl ViewportPainter {
         }
     }
 
-    /// Paints a look until another one is wanted, or it has all samples.
+    /// Renders a look until another one is wanted or it has all samples.
     fn paint_look(&mut self, session: &Session, look: u64) -> Result<(), Error> {
         let Some(engine) = session.own_engine() else { return Ok(()) };
         let settings = session.settings();
         let frame = Rect::of_size(settings.width, settings.height);
+        // Render coarse frames first
         let Some(coarse) = self.paint_coarse(session, engine, look)? else { return Ok(()) };
         let preview = fresh(session, frame);
         preview.show_coarse(&coarse, frame);
@@ -80,6 +81,7 @@ impl ViewportPainter {
             shared.touch(&painted);
         });
         let (mut tile, mut done) = (None, 0);
+        // Double the samples with each pass, and denoise the result
         while done < settings.samples {
             let until = (2 * done).max(1).min(settings.samples);
             let Some(cancel) = self.shared.begin(look, engine) else { return Ok(()) };
@@ -101,7 +103,8 @@ impl ViewportPainter {
         Ok(())
     }
 
-    /// Paints a look coarsely: first what takes a moment, then finer. Returns the finest; `None`: something else is wanted.
+    /// Renders coarse frames of a look, first one that takes a moment, then finer ones. Returns the finest; `None`: another
+    /// look is wanted.
     fn paint_coarse(
         &mut self,
         session: &Session,
@@ -112,7 +115,7 @@ impl ViewportPainter {
         let pixels = f64::from(size.0) * f64::from(size.1);
         let in_time = self.pace * FIRST_TIME.as_secs_f64() / f64::from(FIRST_SAMPLES);
         let (mut cells, mut samples) = (in_time.max(FIRST_PIXELS), FIRST_SAMPLES);
-        // Who leads the camera on and on sees something of each look that was begun: the first step goes on to its end.
+        // The first frame is always completed, so that a camera in constant motion shows something of each look.
         let mut cancel = self.shared.closing.clone();
         loop {
             let size = similar_size(size, cells.min(pixels / FINEST));
@@ -133,15 +136,15 @@ impl ViewportPainter {
     }
 }
 
-/// Somebody who removes noise, on a thread of its own: the library ends between two of its steps, and who wants to see something
-/// else does not wait for that.
+/// A denoiser on a thread of its own: the library can stop only between two of its steps, and a new look must not wait for
+/// that.
 #[derive(Default)]
 struct NoiseRemover {
     under_way: Option<JoinHandle<()>>,
 }
 
 impl NoiseRemover {
-    /// The picture without noise; `None`: nobody removes it, or something else is wanted.
+    /// Denoises a film; `None`: there is no denoiser, it failed, or another look is wanted.
     fn remove(&mut self, session: &Session, film: Film, cancel: &CancelSwitch) -> Option<Picture> {
         let denoiser = session.denoiser()?.clone();
         self.wait();
@@ -150,7 +153,7 @@ impl NoiseRemover {
         let remove = move || {
             let mut go_on = |_| if ended.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
             let denoised = denoiser.denoise(&film, GuideUse::AsPainted, threads, &mut go_on);
-            // Nobody may wait for it any more.
+            // The receiver is gone if another look is wanted.
             _ = told.send(denoised.ok().map(|denoised| denoised.film.to_picture()));
         };
         self.under_way = thread::Builder::new().name("viewport-noise".to_owned()).spawn(remove).ok();
@@ -164,10 +167,10 @@ impl NoiseRemover {
         None
     }
 
-    /// Waits until nothing is under way.
+    /// Waits for the denoising that is running, if any.
     fn wait(&mut self) {
         if let Some(thread) = self.under_way.take() {
-            // A panic in there was already reported by the thread itself; the picture keeps its noise.
+            // The thread has reported its panic itself; the picture stays noisy.
             _ = thread.join();
         }
     }
@@ -179,25 +182,25 @@ impl Drop for NoiseRemover {
     }
 }
 
-/// A black preview, as the request of a session has pictures shown.
+/// Makes a black preview with the exposure and tone curve of the request.
 fn fresh(session: &Session, rect: Rect) -> Arc<Preview> {
     let output = &session.request().output;
     Arc::new(Preview::new(rect, output.exposure, tone(output.tonemap)))
 }
 
-/// Columns and rows of about so many pixels, of which the ratio is that of another size as nearly as can be.
+/// Returns a size of about `pixels` pixels, with an aspect ratio as near as possible to that of the given size.
 fn similar_size((width, height): (u32, u32), pixels: f64) -> (u32, u32) {
     let ratio = f64::from(width) / f64::from(height);
     let rows_max = (pixels / ratio).sqrt().max(1.0) as u32;
     let columns = |rows: u32| (f64::from(rows) * ratio).round().max(1.0);
     let error = |rows: u32| (columns(rows) / f64::from(rows) / ratio - 1.0).abs();
-    // Of those that are as near the largest one.
+    // Among equally near sizes take the largest
     let rows = (3 * rows_max / 4).max(1)..=rows_max;
     let rows = rows.rev().min_by(|&a, &b| error(a).total_cmp(&error(b))).unwrap_or(1);
     (columns(rows) as u32, rows)
 }
 
-/// Some more samples of all pixels; `None`: it was ended.
+/// Adds samples to all pixels; `None`: cancelled.
 fn pass(
     engine: &BuiltinEngine,
     settings: &JobSettings,

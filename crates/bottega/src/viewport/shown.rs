@@ -1,4 +1,4 @@
-//! The state of a viewport, shared by those who look and the one who paints.
+//! The state of a viewport, shared by viewers and the rendering thread.
 
 use std::{
     sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError},
@@ -10,33 +10,33 @@ use bottega_image::Preview;
 
 use crate::{error::Error, request::ViewOptions};
 
-/// A picture of the same look is given so often at most.
+/// Shortest interval between two frames of the same look.
 const FRAME_EVERY: Duration = Duration::from_millis(40);
 
-/// What is to be seen of a viewport.
+/// A frame of a viewport.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ViewportFrame {
-    /// It grows with each change.
+    /// Number of the frame; grows with each change.
     pub number: u64,
-    /// Of which look it is: the first is 0.
+    /// Number of the look that the frame shows, from 0.
     pub look: u64,
-    /// Samples that each pixel has; some may have more. 0: it is coarse, and may have fewer pixels than the viewport.
+    /// Samples that each pixel has at least. 0: a coarse frame, which may have fewer pixels than the viewport.
     pub samples: u32,
-    /// Whether noise was removed.
+    /// True if the frame is denoised.
     pub is_denoised: bool,
-    /// A PNG file.
+    /// The frame as the bytes of a PNG file.
     pub png: Vec<u8>,
 }
 
-/// What those who look and the one who paints share.
+/// The state of a viewport, shared by viewers and the rendering thread.
 #[derive(Default)]
 pub(super) struct ViewportShared {
     state: Mutex<ViewportState>,
-    /// Something else is wanted.
+    /// Notified when the look changes or the viewport is closed.
     wanted: Condvar,
-    /// Pressed when the viewport is closed.
+    /// Set when the viewport is closed.
     pub(super) closing: CancelSwitch,
-    /// Is told when there is something new.
+    /// Called when there is something new to show.
     watcher: OnceLock<Box<dyn Fn() + Send + Sync>>,
 }
 
@@ -44,27 +44,27 @@ pub(super) struct ViewportShared {
 struct ViewportState {
     view: ViewOptions,
     look: u64,
-    /// Paints the step that is under way, unless that goes on to its end.
+    /// The engine of the running step; `None`: no step, or one that is always completed.
     engine: Option<Arc<BuiltinEngine>>,
-    /// Ends the step.
+    /// Ends the running step.
     cancel: CancelSwitch,
     shown: Option<ShownView>,
     number: u64,
     given: Option<(u64, Instant)>,
-    /// Why nothing is shown, and what to do about it.
+    /// The error of the view and its remedy; `None`: no error.
     problem: Option<(String, String)>,
 }
 
-/// A step that nobody looks at any more.
+/// A running step of a look that is no longer wanted.
 struct LeftStep {
     engine: Option<Arc<BuiltinEngine>>,
     cancel: CancelSwitch,
 }
 
 impl LeftStep {
-    /// What waits of it is painted by nobody; what is under way ends soon.
+    /// Drops the queued units of the step, and ends the running ones soon.
     fn end(self) {
-        // First the life times, so that all units that still wait are counted.
+        // Expire the queued units first, so that all of them are counted.
         if let Some(engine) = self.engine {
             engine.leave();
         }
@@ -73,13 +73,13 @@ impl LeftStep {
 }
 
 impl ViewportState {
-    /// Leaves the step that is under way.
+    /// Takes the running step out of the state.
     fn leave(&mut self) -> LeftStep {
         LeftStep { engine: self.engine.take(), cancel: self.cancel.clone() }
     }
 }
 
-/// What is shown.
+/// The view that is currently shown.
 #[derive(Clone)]
 pub(super) struct ShownView {
     pub(super) preview: Arc<Preview>,
@@ -97,7 +97,7 @@ impl ViewportShared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// From now on something else is wanted. Returns the number of the look.
+    /// Changes the view, and ends the running step. Returns the number of the new look.
     pub(super) fn look(&self, view: &ViewOptions) -> u64 {
         let (look, left) = {
             let mut state = self.state();
@@ -110,7 +110,7 @@ impl ViewportShared {
         look
     }
 
-    /// Nothing is wanted any more.
+    /// Closes the viewport, and ends the running step.
     pub(super) fn close(&self) {
         let left = {
             let mut state = self.state();
@@ -121,25 +121,25 @@ impl ViewportShared {
         self.wanted.notify_all();
     }
 
-    /// Has `watcher` told of all that is new; a second one is told nothing.
+    /// Registers a function that is called after each change; only the first call has an effect.
     pub(super) fn watch(&self, watcher: impl Fn() + Send + Sync + 'static) {
         let _ = self.watcher.set(Box::new(watcher));
     }
 
-    /// In how long there is something newer than the frame `after`.
+    /// Returns the time until a frame newer than `after` is due; `None`: there is none yet.
     pub(super) fn due(&self, after: u64) -> Option<Duration> {
         let state = self.state();
         if state.problem.is_some() {
             return Some(Duration::ZERO);
         }
-        // A fine frame of a view that is left would delay the first one of the next: it takes long to encode and to send.
+        // Skip fine frames of a look that is no longer wanted: encoding and sending them delays the next look.
         let is_wanted = |shown: &&ShownView| shown.look == state.look || shown.samples == 0;
         let shown = state.shown.as_ref().filter(|_| state.number > after).filter(is_wanted)?;
         let given = state.given.filter(|&(look, _)| look == shown.look);
         Some(given.map_or(Duration::ZERO, |(_, at)| FRAME_EVERY.saturating_sub(at.elapsed())))
     }
 
-    /// What is newer than the frame `after`, if it is time to show it.
+    /// Returns the current frame if it is newer than `after` and due.
     pub(super) fn frame(&self, after: u64) -> Result<Option<ViewportFrame>, Error> {
         if self.due(after) != Some(Duration::ZERO) {
             return Ok(None);
@@ -157,14 +157,14 @@ impl ViewportShared {
         Ok(Some(ViewportFrame { number, look, samples, is_denoised, png: preview.to_png()? }))
     }
 
-    /// Waits for another look than this one. Returns it with its number; `None`: the viewport is closed.
+    /// Waits until another look than `look` is wanted. Returns its view and number; `None`: the viewport is closed.
     pub(super) fn next_look(&self, look: u64) -> Option<(ViewOptions, u64)> {
         let is_content = |state: &mut ViewportState| state.look == look && !self.closing.is_cancelled();
         let state = self.wanted.wait_while(self.state(), is_content).unwrap_or_else(PoisonError::into_inner);
         (!self.closing.is_cancelled()).then(|| (state.view.clone(), state.look))
     }
 
-    /// Begins a step of a look, which `engine` paints. Returns what will end it; `None`: something else is wanted.
+    /// Begins a step of a look on `engine`. Returns the switch that cancels it; `None`: another look is wanted.
     pub(super) fn begin(&self, look: u64, engine: &Arc<BuiltinEngine>) -> Option<CancelSwitch> {
         let mut state = self.state();
         if state.look != look || self.closing.is_cancelled() {
@@ -182,12 +182,12 @@ impl ViewportShared {
         });
     }
 
-    /// Some pixels of a preview are painted.
+    /// Notes that pixels of a preview have changed.
     pub(super) fn touch(&self, preview: &Arc<Preview>) {
         self.change(|state| state.shown.as_ref().is_some_and(|shown| Arc::ptr_eq(&shown.preview, preview)));
     }
 
-    /// All pixels have so many samples.
+    /// Notes the number of samples that all pixels of a look have.
     pub(super) fn note_samples(&self, look: u64, samples: u32) {
         self.change(|state| {
             if let Some(shown) = state.shown.as_mut().filter(|shown| shown.look == look && !shown.is_denoised) {
@@ -197,7 +197,7 @@ impl ViewportShared {
         });
     }
 
-    /// The scene cannot be seen as it is wanted.
+    /// Notes that the wanted view failed.
     pub(super) fn fail(&self, error: &Error) {
         let problem = (error.error_chain(), error.remedy().unwrap_or_default());
         self.change(|state| {
@@ -206,7 +206,7 @@ impl ViewportShared {
         });
     }
 
-    /// Changes what is shown, and tells of it if there is anything new.
+    /// Changes the state, and calls the watcher if there is something new.
     fn change(&self, change: impl FnOnce(&mut ViewportState) -> bool) {
         let is_new = {
             let mut state = self.state();
