@@ -17,7 +17,7 @@ const GROUPS: [CommandGroup; 5] = [
     CommandGroup {
         heading: "Many machines",
         usual: &["up", "join", "jobs", "machines"],
-        others: &["blackboard", "web"],
+        others: &["blackboard", "web", "tokens"],
     },
     CommandGroup { heading: "This machine", usual: &["devices", "engines", "config"], others: &["board"] },
     CommandGroup { heading: "Agents and their rules", usual: &[], others: &["rules", "simulate", "platform"] },

@@ -137,8 +137,12 @@ pub fn lead(
         None => (None, Default::default()),
     };
     let easel = Composer::new(settings, tiles, store);
-    // The user or a time limit ends the work; on a farm, the time limit is not checked here.
-    let limit = if let (Goal::Time(limit), None) = (settings.goal, &link) { Some(limit) } else { None };
+    // The user or a time limit ends the work; on a farm, the time limit is not checked here. Engines that cannot stop between
+    // samples finish their zones.
+    let limit = match (settings.goal, &link) {
+        (Goal::Time(limit), None) if engine.describe().resumes_samples => Some(limit),
+        _ => None,
+    };
     let ended = StopSwitch::new();
     // Create the platform and the agents
     let shared = Arc::new(Shared::new(settings, easel, engine, observer, &ended, link));

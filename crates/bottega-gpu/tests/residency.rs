@@ -115,7 +115,8 @@ fn nothing_is_sent_twice_that_fits() {
     let Some(adapter) = adapter() else { return };
     let [a, b] = scenes();
     let bench = Bench::new(&adapter, 1 << 20, 0, &[Arc::clone(&a), Arc::clone(&b)]);
-    assert_eq!(bench.scenes.sent_bytes(), 0, "a scene is sent with the first work on it");
+    // At most a scene is sent to try the kernels; the others with the first work on them.
+    assert!(bench.scenes.sent_bytes() <= bench.bytes(0).max(bench.bytes(1)), "{}", bench.scenes.sent_bytes());
     for scene in [&a, &b, &a, &b, &a] {
         assert_eq!(bench.paint(scene), 16);
     }

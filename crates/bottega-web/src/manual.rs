@@ -27,7 +27,8 @@ macro_rules! pictures {
 
 /// The pages: name relative to `docs/`, and text.
 const PAGES: &[(&str, &str)] = pages! {
-    "ala" "api" "decisions" "devices" "engines" "explanation/agents" "explanation/exact" "farm" "guides/quality" "guides/scenes"
+    "ala" "api" "decisions" "devices" "engines" "explanation/agents" "explanation/exact" "explanation/nats" "explanation/platform"
+    "explanation/reading" "farm" "guides/quality" "guides/scenes"
     "guides/security" "guides/studio" "guides/systems" "guides/trouble" "hra" "index" "magarro" "python" "reference/commands"
     "reference/configuration" "reference/events" "reference/files" "reference/request" "render" "requests" "strangers" "symbols"
     "tools" "tutorials/first-picture" "tutorials/from-blender" "tutorials/own-rules" "tutorials/paper-table"

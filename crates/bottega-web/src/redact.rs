@@ -13,7 +13,7 @@ const PARTS_MAX: usize = 6;
 const PART_MAX: usize = 80;
 /// The first parts of API routes after the prefix.
 const COLLECTIONS: [&str; 8] =
-    ["jobs", "machines", "openapi.json", "pictures", "schema", "tokens", "uploads", "viewports"];
+    ["about", "jobs", "machines", "openapi.json", "pictures", "schema", "tokens", "uploads", "viewports"];
 
 /// Returns a value as JSON, without absolute paths in its texts.
 pub(crate) fn redacted_json(what: &impl Serialize) -> String {

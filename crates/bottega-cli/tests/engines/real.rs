@@ -219,7 +219,19 @@ fn two_engines_paint_one_picture() {
     fs::write(&scene, aov_scene()).expect("written");
     let paint = |engine: &str, more: &[&str]| {
         let output = folder.path().join(format!("{engine}.exr"));
-        let words = ["render", text(&scene), "--engine", engine, "--spp", "64", "--zones", "8", "-o", text(&output)];
+        let words = [
+            "render",
+            text(&scene),
+            "--engine",
+            engine,
+            "--spp",
+            "64",
+            "--zones",
+            "8",
+            "--verbose",
+            "-o",
+            text(&output),
+        ];
         let done = bottega(&[&words, more].concat()).output().expect("the program starts");
         let told = String::from_utf8_lossy(&done.stderr).into_owned();
         assert!(done.status.success(), "{engine}: {told}");
