@@ -132,7 +132,7 @@ const PRINTING: [&[&str]; 9] = [
     &["info", "cornell-box.glb"],
     &["info", "cornell-box.glb", "--json"],
     &["rules", "check", "path-tracing"],
-    &["engines", "list"],
+    &["engines", "list", "--wait", "100ms"],
     &["completions", "bash"],
     &["--help"],
     &["render", "--help"],

@@ -127,7 +127,7 @@ fn what_passes_can_be_watched_and_drawn() {
 fn what_cannot_be_is_told() {
     for (arguments, code, words) in [
         (vec!["platform", "serve", "--listen", "0.0.0.0:0"], 2, "--public"),
-        (vec!["platform", "serve", "--name", "a b"], 1, "cannot be the name"),
+        (vec!["platform", "serve", "--name", "a b", "--listen", "127.0.0.1:0"], 1, "cannot be the name"),
         (vec!["platform", "agents", "--at", "ftp://x"], 2, "an address such as"),
         (vec!["platform", "agents", "--at", "http://127.0.0.1:1/acc"], 1, "NAME=URL"),
         (vec!["platform", "agents", "--at", "x=http://127.0.0.1:1/acc", "--wait", "5s"], 1, "no connection"),
