@@ -132,7 +132,7 @@ const PRINTING: [&[&str]; 9] = [
     &["info", "cornell-box.glb"],
     &["info", "cornell-box.glb", "--json"],
     &["rules", "check", "path-tracing"],
-    &["engines", "list", "--wait", "100ms"],
+    &["engines", "list", "--wait", "0.1s"],
     &["completions", "bash"],
     &["--help"],
     &["render", "--help"],
