@@ -12,7 +12,7 @@ const PARTS_MAX: usize = 6;
 /// Largest number of characters in a part of a route.
 const PART_MAX: usize = 80;
 /// The first parts of API routes after the prefix.
-const COLLECTIONS: [&str; 8] =
+const COLLECTIONS: [&str; 9] =
     ["about", "jobs", "machines", "openapi.json", "pictures", "schema", "tokens", "uploads", "viewports"];
 
 /// Returns a value as JSON, without absolute paths in its texts.
