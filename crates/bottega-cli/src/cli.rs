@@ -75,7 +75,7 @@ pub(crate) enum Command {
     Blackboard(BlackboardArgs),
     /// See and steer the machines of a farm.
     Machines(MachinesArgs),
-    /// List, make and revoke the tokens that let people and programs in at the page of a farm.
+    /// List, make and revoke the tokens of a farm's page and API.
     Tokens(TokensArgs),
     /// See, check and try the other renderers that can paint.
     Engines(EnginesArgs),
