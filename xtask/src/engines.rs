@@ -30,7 +30,7 @@ pub(crate) struct EnginesArgs {
     /// Only the bars, not the tests and the checks of workers.
     #[arg(long)]
     bars: bool,
-    /// The program whose pictures are held to the bars; default: built anew.
+    /// The program whose pictures are held to the bars; default: built now.
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
     /// Print the table as one JSON object; what else there is to say goes to stderr.

@@ -63,14 +63,14 @@ enum Command {
     /// The Python wheel, with the module and the program: `target/wheels`. Some ten minutes; installs maturin and zig below
     /// `target/python` before.
     Wheel(wheel::WheelArgs),
-    /// Makes the pages of the manual anew that come from the program: commands, and fields of requests.
+    /// Makes the pages of the manual that come from the program: commands, and fields of requests.
     Manual(manual::ManualArgs),
     /// Packages: a tarball, a .deb, the licences of all that is compiled in, the bill of materials: `target/packages`.
     Package(package::PackageArgs),
     /// Checks that everything compiles for Windows and macOS. Installs their standard libraries by rustup, and zig below
     /// `target/python`.
     Systems,
-    /// Makes the Python classes of requests anew from their schema.
+    /// Makes the Python classes of requests from their schema.
     PythonStubs,
     /// The tests with other people's engines, the checks of their workers, and the bars: pictures in zones are those that
     /// engines paint of whole frames by themselves. POV-Ray and Mitsuba, which are installed where they can be.

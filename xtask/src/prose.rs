@@ -1,25 +1,12 @@
-//! A test that counts unclear comments: those of one word, and those with unclear phrases. Their number in each crate must not
-//! rise.
+//! A test that finds unclear comments: those of one word, and those with unclear phrases.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{fs, path::Path};
 
 use crate::bars::root;
 
 /// The unclear phrases.
 const PUZZLING: [&str; 8] =
     ["whoever", "anew", "gone on with", "what comes of", "what came of", "is none for", "told of", "dearer"];
-
-/// The maximum numbers per crate, where not zero: comments of one word, and comments with an unclear phrase.
-const MOST: &[(&str, [usize; 2])] = &[
-    ("bottega", [2, 7]),
-    ("bottega-agents", [1, 2]),
-    ("bottega-cli", [1, 6]),
-    ("bottega-farm", [0, 2]),
-    ("bottega-fuzzy", [2, 0]),
-    ("bottega-hra", [0, 1]),
-    ("bottega-scene", [4, 0]),
-    ("xtask", [0, 3]),
-];
 
 /// Returns the comments of a source file: the text of each block of `///`, `//!` or `//` lines.
 fn comments(source: &str) -> Vec<String> {
@@ -53,39 +40,27 @@ fn is_puzzling(comment: &str) -> bool {
     PUZZLING.iter().any(|phrase| has(phrase))
 }
 
-fn count(folder: &Path, found: &mut [usize; 2]) {
+/// Adds the unclear comments of a folder's sources, each as its file and text.
+fn find(folder: &Path, found: &mut Vec<String>) {
     for path in fs::read_dir(folder).into_iter().flatten().map(|entry| entry.expect("an entry").path()) {
         if path.is_dir() {
-            count(&path, found);
+            find(&path, found);
         } else if path.extension().is_some_and(|it| it == "rs") {
-            for comment in comments(&fs::read_to_string(&path).expect("a source")) {
-                found[0] += usize::from(is_one_word(&comment));
-                found[1] += usize::from(is_puzzling(&comment));
-            }
+            let comments = comments(&fs::read_to_string(&path).expect("a source"));
+            let unclear = comments.into_iter().filter(|comment| is_one_word(comment) || is_puzzling(comment));
+            found.extend(unclear.map(|comment| format!("{}: {comment}", path.display())));
         }
     }
 }
 
 #[test]
-fn comments_that_must_be_read_twice_become_fewer() {
-    let crates = fs::read_dir(root().join("crates")).expect("a folder").map(|entry| entry.expect("an entry").path());
-    let mut found: BTreeMap<String, [usize; 2]> = BTreeMap::new();
-    for folder in crates {
-        let name = folder.file_name().expect("a name").to_string_lossy().into_owned();
-        count(&folder.join("src"), found.entry(name).or_default());
+fn no_comment_has_one_word_or_a_phrase_that_must_be_read_twice() {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(root().join("crates")).expect("a folder") {
+        find(&entry.expect("an entry").path().join("src"), &mut found);
     }
-    count(&root().join("xtask/src"), found.entry("xtask".to_owned()).or_default());
-    let most: BTreeMap<&str, [usize; 2]> = MOST.iter().copied().collect();
-    let wrong: Vec<String> = found
-        .iter()
-        .filter(|(name, counts)| **counts != most.get(name.as_str()).copied().unwrap_or_default())
-        .map(|(name, counts)| format!("(\"{name}\", {counts:?}),"))
-        .collect();
-    assert!(
-        wrong.is_empty(),
-        "comments of one word, comments with {PUZZLING:?}: reword those that are new, or lower the numbers in MOST to\n{}",
-        wrong.join("\n")
-    );
+    find(&root().join("xtask/src"), &mut found);
+    assert!(found.is_empty(), "comments of one word, or with one of {PUZZLING:?}:\n{}", found.join("\n"));
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::error::CliError;
 #[command(after_help = "For example:\n  bottega board --listen 10.0.0.7:7070\nand on another machine:\n  \
                         bottega render scene.glb -o picture.exr --devices cpu,tcp://10.0.0.7:7070")]
 pub(crate) struct BoardArgs {
-    /// Where it listens. It answers whoever reaches it, with this program alone: keep it within a network that you trust.
+    /// Where it listens. It answers every client of the same build: keep it within a network that you trust.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:7070")]
     listen: SocketAddr,
     /// Processors that follow rays; default: all.

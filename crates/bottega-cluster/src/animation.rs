@@ -144,6 +144,7 @@ fn submit(
     reporter: &Reporter,
 ) -> Result<BTreeMap<u32, WantedFrame>, Error> {
     board.refuse_guests()?;
+    let request = &request.by_engine_of_scene();
     request.validate().map_err(bottega::Error::from)?;
     let missing = request.missing_frames(resume)?;
     let Some(&first) = missing.first() else { return Ok(BTreeMap::new()) };

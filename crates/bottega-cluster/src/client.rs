@@ -74,6 +74,7 @@ pub fn render(
     watcher: Arc<dyn Watcher>,
     stop: &StopSwitch,
 ) -> Result<RenderOutcome, Error> {
+    let request = &request.by_engine_of_scene();
     let session = Session::open_with(request, options)?;
     let (material, name) = (session.scene_files()?, session.name()?);
     let reporter = Arc::new(Reporter::new(watcher));
@@ -120,6 +121,7 @@ pub fn submit(
     stop: &StopSwitch,
 ) -> Result<u32, Error> {
     let reporter = Reporter::new(watcher);
+    let request = &request.by_engine_of_scene();
     let material = Session::examine(request)?;
     material.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
     let job = SubmittedJob::submit((farm, credentials), request, &material, None, stop, &reporter)?;

@@ -93,7 +93,7 @@ impl JobBoard {
     /// Registers a file to upload. Returns which of its pieces the farm lacks.
     ///
     /// # Errors
-    /// The offer is inconsistent or too large, or there is no space for it.
+    /// The offer is inconsistent or too large, or the disk lacks space.
     pub fn offer_upload(&self, offer: &UploadOffer) -> Result<UploadState, Error> {
         self.refuse_guests()?;
         check_offer(offer)?;
@@ -199,7 +199,8 @@ impl JobBoard {
         self.refuse_guests()?;
         let Submission { request, files, files_of_job } = asked;
         let origin = "what was sent".to_owned();
-        let mut request = Request::from_value(request).map_err(|source| bottega::Error::Request { origin, source })?;
+        let request = Request::from_value(request).map_err(|source| bottega::Error::Request { origin, source })?;
+        let mut request = request.by_engine_of_scene();
         let is_too_long = |frames: &FrameOptions| frames.list.iter().nth(FRAMES_MAX).is_some();
         if request.frames.as_ref().is_some_and(is_too_long) {
             let problem = format!("`frames.list` has more than {FRAMES_MAX} frames");

@@ -194,15 +194,14 @@ mod tests {
         }
     }
 
-    /// Paints a zone to its end; with a new `Cells` after each octave if `anew`, and without restriction to parts if
-    /// `all`.
-    fn paint(rect: Rect, wanted: f64, samples_max: u32, anew: bool, all: bool) -> (Tile, Option<f64>) {
+    /// Samples a zone to its end. `renews`: with a new `Cells` after each octave; `all`: without restriction to parts.
+    fn paint(rect: Rect, wanted: f64, samples_max: u32, renews: bool, all: bool) -> (Tile, Option<f64>) {
         let mut tile = Tile::new(rect, Layout::new(AovSet::NONE));
         let mut cells = Cells::new(rect, wanted, samples_max);
         let mut samples = 0;
         while samples < samples_max {
             let end = octave_end(samples, samples_max);
-            if anew {
+            if renews {
                 cells = Cells::new(rect, wanted, samples_max);
             }
             while samples < end

@@ -16,8 +16,8 @@ const PARTS_MAX: usize = 32;
 
 /// Machines that render the same picture of the same scene, with the same version of this program.
 pub trait Sharing: Send + Sync {
-    /// Performs the parts of a stage, each on one of the participants. Returns the results of all parts, in order.
-    /// Blocks.
+    /// Performs the parts of a stage, each on one of the participants, and waits for all of them. Returns the results of all
+    /// parts, in order.
     ///
     /// - `stage`: number of the stage. All participants run the same stages in the same order, with equal numbers of
     ///   parts.

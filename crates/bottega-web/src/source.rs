@@ -143,7 +143,7 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// Returns a job.
     ///
     /// # Errors
-    /// There is no job of that number; the same holds for all other methods with a job number.
+    /// No job has that number; likewise for all other methods with a job number.
     fn job(&self, number: u32) -> Result<JobView, Problem>;
 
     /// Returns the request of a job for submitting it again by [`Self::submit`] with the files of that job: the fields that
@@ -291,6 +291,6 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// Revokes a token.
     ///
     /// # Errors
-    /// There is no token of that name.
+    /// No token has that name.
     fn revoke_token(&self, name: &str, by: &str) -> Result<(), Problem>;
 }

@@ -230,7 +230,7 @@ pub fn is_done(request: &Request) -> bool {
     let Ok(picture) = bottega_image::read_image(file, ReadLimits { max_pixels: PIXELS_MAX }) else { return false };
     let is_whole = picture.metadata.get("complete").is_some_and(|complete| complete == "true");
     let held = picture.metadata.get(REQUEST_KEY).and_then(|line| Request::from_json(line.as_bytes()).ok());
-    is_whole && held.as_ref() == Some(request)
+    is_whole && held == Some(request.by_engine_of_scene())
 }
 
 /// Reads the request from the metadata of a picture file.

@@ -51,7 +51,7 @@ pub struct AmsConfig {
 /// The white pages of a platform.
 ///
 /// An agent may register, modify and deregister itself; `administrators` may do that for all. The AMS of an agent's
-/// process sends it the requests in its entry, whoever wrote them.
+/// process sends it the requests in its entry, regardless of their author.
 #[derive(Clone, Debug)]
 pub struct Ams {
     config: AmsConfig,

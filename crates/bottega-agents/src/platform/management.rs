@@ -144,7 +144,7 @@ impl LifeCycleRequest {
 pub enum LifeCycleRequest {
     /// Suspend: do nothing until resumed; messages are kept.
     Suspend,
-    /// Resume.
+    /// Resume the agent.
     Resume,
     /// End; may be ignored.
     Quit,

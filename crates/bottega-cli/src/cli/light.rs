@@ -31,7 +31,7 @@ pub(crate) struct PhotonArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=i64::from(FINAL_RAYS_MAX)))]
     final_rays: Option<u32>,
     /// Take indirect light on matte surfaces from places near by where its error is at most this share: 0.1 careful, 0.4
-    /// coarse. Fast at many samples a pixel. Default: gather it anew for each sample.
+    /// coarse. Fast at many samples a pixel. Default: gather it again for each sample.
     #[arg(long, value_name = "E", value_parser = parse_share, conflicts_with = "progressive")]
     irradiance_cache: Option<f32>,
     /// Whether photons for caustics are sent where agents that the camera casts look out for them, or to all mirrors and glass

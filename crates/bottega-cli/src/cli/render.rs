@@ -54,7 +54,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, help_heading = "Work")]
     wavefront: bool,
     /// Give each cell of 32 × 32 pixels samples until its estimated relative error is at most this, such as 0.05; --spp is
-    /// then the most that a pixel gets (default: 4096). Whoever paints it, the picture is the same.
+    /// then the most that a pixel gets (default: 4096). The picture does not depend on the machines that paint it.
     #[arg(long, value_name = "E", value_parser = parse_error, conflicts_with = "time", help_heading = "Quality")]
     error: Option<f64>,
     /// The best picture in so much time, such as 90, 90s, 10m or 1.5h, from start to written file; --spp is then the most
@@ -128,12 +128,12 @@ pub(crate) struct RenderArgs {
     /// Render Agents that share the work; default: one for every two processors.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(AGENTS_MAX)), help_heading = "Work")]
     agents: Option<u16>,
-    /// Who paints: `auto` (the processors, and the best GPU if there is one; the default), or a list of `cpu` and parts of GPUs'
-    /// names, see `bottega devices`. A GPU's pixels differ from a processor's in rounding, and a scene that is none for it is
-    /// painted by the processors.
+    /// Devices that render: `auto` (the processors, and the best GPU if there is one; the default), or a list of `cpu` and parts
+    /// of GPUs' names, see `bottega devices`. A GPU's pixels differ from a processor's in rounding; a scene that it cannot
+    /// render is left to the processors.
     #[arg(long, value_name = "LIST", help_heading = "Work")]
     devices: Option<DeviceChoice>,
-    /// Have every pixel the same to the last bit, whoever paints it: by processors alone, on all machines of a farm.
+    /// Have every pixel the same to the last bit on all machines of a farm: processors alone paint it.
     #[arg(long, help_heading = "Work")]
     exact: bool,
     /// Memory that scenes may take on each GPU, in MiB. What does not fit is painted by the processors. Default: nearly all
@@ -229,7 +229,7 @@ impl RenderArgs {
             None => Request::new(self.scene_file.clone().unwrap_or_default()),
         };
         self.apply(&mut request)?;
-        let request = self.request.set(request)?.by_engine_of_scene();
+        let request = self.request.set(request)?;
         request.validate().map_err(bottega::Error::from)?;
         if request.output.file.is_none() && !self.request.dry_run {
             return Err(CliError::usage("where is the picture to go?", "name a file with -o: .exr or .png"));

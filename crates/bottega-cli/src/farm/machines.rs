@@ -39,7 +39,7 @@ enum MachinesCommand {
     /// What a machine has learnt of how long zones take it: at the farm, there or not; without a name this machine by itself, which
     /// needs no farm.
     Show { name: Option<String> },
-    /// Have a machine begin anew: what it has learnt, and how far its promises held, is forgotten.
+    /// Forget what a machine has learnt, and how far its promises held.
     Forget { name: Option<String> },
 }
 

@@ -58,7 +58,7 @@ enum TokensCommand {
 enum RoleChoice {
     /// Look on.
     See,
-    /// Everything.
+    /// May look and steer.
     Steer,
 }
 

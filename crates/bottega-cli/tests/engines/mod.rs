@@ -145,13 +145,10 @@ fn an_engine_that_can_end_early_is_told_what_time_is_left_and_believed() {
     let fair = |bright: f64| (first + 3.0 * bright) / (first + bright);
     let picture = stage.picture();
     let mean = picture.data.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / picture.data.len() as f64;
-    let expected = fair(of(false).count() as f64 / 4.0);
-    assert!(
-        (mean - expected).abs() < 0.05 * expected && mean < 0.9 * fair(later),
-        "{mean}, {expected}, {}",
-        fair(later)
-    );
-    // Who has no time has none to tell.
+    let (expected, if_believed) = (fair(of(false).count() as f64 / 4.0), fair(later));
+    // How far apart the two are depends on how many orders the machine had time for.
+    assert!((mean - expected).abs() < 0.25 * (if_believed - expected).abs(), "{mean}, {expected}, {if_believed}");
+    // A picture without a time limit gives the engine none.
     fs::remove_file(stage.path(TRACE)).expect("removed");
     assert!(stage.render(&["--quiet"]).status.success());
     assert!(orders().iter().all(|order| order["time"].is_null()));

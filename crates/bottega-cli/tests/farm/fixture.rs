@@ -85,6 +85,7 @@ impl Process {
         assert!(signal(what, self.0.id()));
     }
 
+    #[track_caller]
     pub(super) fn wait(&mut self) -> bool {
         let begun = Instant::now();
         loop {

@@ -42,7 +42,7 @@ fn a_picture_is_denoised_when_it_is_finished_and_keeps_its_noisy_color() {
     paint(&[text(&noisy), "--aov", "albedo,normal"]);
     let json = paint(&[text(&clean), "--denoise", "--json"]);
     assert!(json.contains(r#""event":"denoised","by":"Open Image Denoise"#), "{json}");
-    assert!(paint(&[text(&shown), "--denoise"]).contains("of color, albedo, normal"));
+    assert!(paint(&[text(&shown), "--denoise", "--verbose"]).contains("of color, albedo, normal"));
     let names = ["noisy.R", "noisy.G", "noisy.B", "albedo.R", "normal.Z"].map(str::to_owned);
     let (before, _) = read_channels(&noisy, ReadLimits::default(), &names).expect("a picture");
     let (after, layers) = read_channels(&clean, ReadLimits::default(), &names).expect("a picture");

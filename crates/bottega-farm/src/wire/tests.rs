@@ -295,7 +295,7 @@ fn what_is_longer_than_anything_that_is_written_is_refused() {
     assert!(read(&ContentRecord::LeftOut { reason: &text[..1024] }).is_ok());
     let too_long = |what| Err(WireError::TooLong { what, length: 1025, max: 1024 });
     assert_eq!(read(&ContentRecord::LeftOut { reason: &text }), too_long("a reason"));
-    // Whoever writes such a name or reason is understood all the same.
+    // A longer name or reason is cut, not refused.
     let row = AgentRow::new(AgentId::new(text.clone()), RelativePower::REFERENCE, 1.0);
     let row = AgentRow { left_out: Some("ä".repeat(600)), ..row };
     let bytes = written(|bytes| FarmCodec.write_value(&FarmValue::Agent(Arc::new(row)), bytes));

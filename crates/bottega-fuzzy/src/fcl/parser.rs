@@ -161,7 +161,7 @@ pub(super) fn unknown<'n>(
     FclErrorKind::Unknown { what: what.into(), name: name.to_owned(), suggestion: nearest(name, declared) }
 }
 
-// Tokens.
+// Reading of single tokens.
 impl<'a> Parser<'a> {
     pub(super) fn peek(&self) -> &Token<'a> {
         &self.tokens[self.next].0
@@ -277,7 +277,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-// Declarations.
+// Reading of declarations.
 impl Parser<'_> {
     /// Parses a block, after its first keyword.
     fn block(&mut self) -> Result<(FunctionBlock, Places)> {

@@ -290,7 +290,7 @@ impl<T> Core<T> {
         }
     }
 
-    /// Sends a packet. `None`: there is no memory for its data at the moment, and the units are back in the bin.
+    /// Sends a packet. `None`: the resource lacks memory for its data at the moment, and the units are back in the bin.
     fn launch(&mut self, now: Time, id: ResourceId, units: Vec<Unit<T>>) -> Option<Packet<T>> {
         let lane = &mut self.lanes[id.index()];
         let first = &units.first()?.meta;

@@ -65,7 +65,7 @@ pub(crate) struct AllocatorState<W: Work> {
     pub(crate) room: Room,
     pub(crate) lanes: Vec<LanePost<W>>,
     pub(crate) alarm: Alarm,
-    /// True if the policy must be told of arrivals, because a lane waits to be woken.
+    /// True if arrivals must be reported to the policy, because a lane waits to be woken.
     listens: AtomicBool,
     /// By primitive: 1 + the maximum size of data; 0 if unsupported.
     able: [AtomicU64; Primitive::COUNT],

@@ -1,7 +1,7 @@
 //! Splitting of triangles whose boxes are mostly empty, before the first stage, so that several tight boxes refer to
 //! them.
 //!
-//! A long thin triangle at an angle fills its box badly, and most rays through the box test it in vain. Splitting the
+//! A long thin triangle at an angle fills little of its box, so most rays through the box miss it. Splitting the
 //! box along its longest side (and the triangle with it) gives boxes of less total area. As in Karras and Aila 2013,
 //! "Fast Parallel Construction of High-Quality Bounding Volume Hierarchies", section 4, split planes are taken from one
 //! grid over the scene where possible, so that neighbors are split alike. Unlike there, the splits that save most area

@@ -1,4 +1,4 @@
-//! Integrators.
+//! Integrators of a Mitsuba scene: the technique and its depth.
 
 use super::document::{Class, Object, ObjectId};
 use super::importer::{Importer, Manner};

@@ -1,4 +1,4 @@
-//! Cameras.
+//! Cameras of a pbrt scene, with their screen windows and films.
 
 use glam::{Affine3A, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 

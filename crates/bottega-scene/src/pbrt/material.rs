@@ -1,4 +1,4 @@
-//! Materials.
+//! Materials of pbrt, with their textures.
 
 use std::collections::BTreeMap;
 

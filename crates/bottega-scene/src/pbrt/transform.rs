@@ -1,4 +1,4 @@
-//! Transformations.
+//! Transformations of pbrt: its directives and the current transformation matrix.
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
 

@@ -87,7 +87,7 @@ pub fn choice_rules(request: &Request) -> Result<Option<RulesText>, Error> {
 /// Returns the manifest of an engine, by name.
 ///
 /// # Errors
-/// There is no manifest of that name, or it is invalid.
+/// No manifest has that name, or it is invalid.
 pub fn entry(folders: &[PathBuf], name: &str) -> Result<ShelfEntry, Error> {
     let shelf = shelf(folders);
     // A broken manifest is not silently replaced by another one of the same name.
@@ -106,7 +106,7 @@ pub fn entry(folders: &[PathBuf], name: &str) -> Result<ShelfEntry, Error> {
 /// Finds the installation of an engine on this machine.
 ///
 /// # Errors
-/// There is no manifest of that name, or the engine is not installed.
+/// No manifest has that name, or the engine is not installed.
 pub fn located(folders: &[PathBuf], name: &str) -> Result<Arc<LocatedEngine>, Error> {
     let entry = entry(folders, name)?;
     let found = LocatedEngine::find(&entry).map(Arc::new);

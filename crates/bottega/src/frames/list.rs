@@ -10,11 +10,11 @@ const NUMBER_MAX: i32 = 1_000_000;
 /// The largest number of frames in one request.
 const COUNT_MAX: usize = 1_000_000;
 
-/// Frames of an animation, in the order in which they are painted; none twice.
+/// Frames of an animation in rendering order, each at most once.
 ///
-/// Written as a list of numbers and ranges, such as `1..24`, `1..9:2` (1, 3, 5, 7, 9), `9..1:-2`, `-5..5` or
-/// `1,4,7..9`. Both ends of a range are part of it. A frame that is named twice is painted where it is named first, so
-/// `1..100:10,1..100` paints every tenth frame before the others.
+/// Written as a list of numbers and ranges, such as `1..24`, `1..9:2` (1, 3, 5, 7, 9), `9..1:-2`, `-5..5` or `1,4,7..9`. Both
+/// ends of a range are included. A repeated frame is rendered at its first position, so `1..100:10,1..100` renders every tenth
+/// frame first.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
 #[schemars(with = "String")]

@@ -48,136 +48,136 @@ macro_rules! choices {
 }
 
 choices! {
-    /// How light is followed.
+    /// The integrator.
     IntegratorChoice {
-        /// Path tracing: no error but noise.
+        /// Path tracing: unbiased; the only error is noise.
         Path,
-        /// Photon mapping: photons from the lights first, then the picture by what they know. Less noise, and light through
-        /// glass that paths hardly find; a little blurred. No fog.
+        /// Photon mapping: photons from the lights first, then the picture from their density. Less noise, and light through
+        /// glass that paths hardly find; slightly blurred. No fog.
         Photon,
-        /// Autonomous Lighting Agents: a few agents look the scene over first, and answer where light is hidden and how much of
-        /// it comes from all around. No fog.
+        /// Autonomous Lighting Agents: a few agents explore the scene first, and answer which points are lit and how much
+        /// indirect light they get. No fog.
         Ala,
     }
 
-    /// By which rules lighting agents answer.
+    /// The rules by which lighting agents answer.
     OracleChoice {
-        /// By the error that is to be expected: they look around more where it is great, and answer where it is small.
+        /// By the expected error: agents sample more where it is large, and answer where it is small.
         Error,
-        /// Those of Herubel, Biri and Deverly 2009.
+        /// The rules of Herubel, Biri and Deverly 2009.
         Paper,
     }
 
-    /// What lighting agents can be asked.
+    /// The questions for lighting agents.
     OracleQuestion {
-        /// Which shadow rays must be traced.
+        /// Shadow rays: the agents decide which of them must be traced.
         Shadows,
-        /// Where indirect light may be interpolated.
+        /// Indirect light: the agents decide where it is interpolated.
         Irradiance,
-        /// What light comes from where to surfaces that are not matte, with the oracle `error`.
+        /// Incident light at surfaces that are not matte, with the oracle `error`.
         Radiance,
-        /// Whether a path goes on that has come to where they do not know the light well enough, with the oracle `error`.
+        /// Path termination where the agents do not know the light well enough, with the oracle `error`.
         Halting,
     }
 
-    /// What paths learn of the light before the first sample.
+    /// Path guiding: knowledge of the light, learned before the first sample.
     GuideChoice {
-        /// Nothing: paths go where materials send them.
+        /// No guiding: directions are sampled by the materials alone.
         None,
-        /// Where light comes from.
+        /// The directions that light comes from.
         Directions,
-        /// All that lighting agents can tell: as well which lights matter, whether they are seen, and what a path is worth. The
+        /// All uses of lighting agents: directions, the choice of lights, their visibility, and what a path is worth. The
         /// default.
         Ala,
     }
 
-    /// What paths use lighting agents for.
+    /// The uses of lighting agents in path tracing.
     GuideUse {
-        /// Shadow rays only where it is not known well enough whether a light is seen.
+        /// Traces shadow rays only where the visibility of the light is uncertain.
         Shadows,
-        /// Lights are chosen by what comes of them.
+        /// Chooses lights by their contribution.
         Lights,
-        /// Paths go where light was found to come from.
+        /// Samples the directions that light comes from.
         Directions,
-        /// Paths end, or go on as several, by what they are worth.
+        /// Russian roulette and splitting by the expected contribution of a path.
         Roulette,
     }
 
-    /// How samples are spread over a pixel.
+    /// The pixel filter.
     PixelFilter {
         /// Sharp and clean: the default.
         BlackmanHarris,
-        /// Softer.
+        /// Softer than the default.
         Gaussian,
         /// Softer still at the edges.
         Tent,
         /// Sharper, with a little ringing.
         Mitchell,
-        /// Just the pixel itself: for comparisons.
+        /// A box of one pixel: for comparisons.
         Box,
     }
 
-    /// How a PNG's highlights are brought into range.
+    /// The tone curve of a PNG.
     ToneCurve {
-        /// Like film: colours fade to white.
+        /// Like film: bright colors fade to white.
         Agx,
         /// Contrasty, after the Academy's reference.
         Aces,
-        /// As it is; what is above 1 is cut off.
+        /// Linear; values above 1 are clipped.
         Linear,
     }
 
-    /// How a PNG's values are stored.
+    /// The encoding of PNG values.
     PngEncoding {
-        /// For screens.
+        /// The sRGB curve, for screens.
         Srgb,
-        /// Linear light.
+        /// Linear light, without a curve.
         Linear,
     }
 
-    /// Which measure makes the importance map.
+    /// The measure of the importance map.
     ImportanceChoice {
-        /// Predicted cost, from what a small path-traced look at the scene took.
+        /// Predicted cost, from the cost of a small path-traced survey of the scene.
         Predicted,
         /// Levels of recursion in mirrors and glass, as in the MAGarRO paper.
         Paper,
-        /// How much an error would be seen.
+        /// The visibility of errors.
         Visual,
     }
 
-    /// What zones of level 3 have in common.
+    /// The quantity that level 3 balances.
     BalanceChoice {
-        /// The expected time, so that none is waited for: the default.
+        /// The expected time, so that agents do not wait for a slow zone: the default.
         Time,
         /// The complexity/size ratio, as the MAGarRO paper says.
         Ratio,
     }
 
-    /// How the winners of an auction are found.
+    /// The rule that decides auctions.
     AuctionChoice {
-        /// An agent gets the largest zone that it finishes before the whole is expected to end, its promises weighed by how far
-        /// they held before: the default.
+        /// Each agent gets the largest zone that it can finish before the expected end of the job, with its promises weighted
+        /// by its reliability: the default.
         FinishingTime,
-        /// The same, but each agent is taken at its word: what it promised before, and what came of it, counts for nothing.
+        /// Like `finishing-time`, but promises count without regard to reliability.
         Promised,
         /// The most complex zone goes to the bidder with the most credit, as in the MAGarRO paper.
         Paper,
-        /// No auction: zones are dealt out at once, each to the agent that would finish it soonest, and agents take from each other
-        /// what waits.
+        /// No auction: each zone is assigned at once to the agent that finishes it soonest, and idle agents take waiting zones
+        /// from others.
         Stealing,
     }
 
-    /// How agents learn their speed.
+    /// The rule by which agents adapt V_cp.
     AdaptationChoice {
-        /// By the median of the last ratios of own to reference time: the default.
+        /// By the median of the last ratios of own time to reference time: the default.
         Ratio,
         /// By equation (1) of the MAGarRO paper, as printed.
         Paper,
     }
 
-    /// How far expert rules may trade quality for time.
+    /// Degree to which expert rules may trade quality for time.
     OptimizationChoice {
-        /// Every zone at exactly the settings asked for.
+        /// Every zone has exactly the requested settings.
         Off,
         /// Very small savings.
         Vs,

@@ -35,62 +35,62 @@ pub use self::{
 /// The version of the request format. Requests of a newer version are refused.
 pub const REQUEST_VERSION: u32 = 1;
 
-/// A picture asked for: plain data with documented defaults.
+/// The description of a picture: plain data with documented defaults.
 ///
-/// Two requests that are equal give the same picture, whoever paints it and whatever door they came through. What is left
-/// out has its default. How a program tells of the work (progress, previews, traces) is no part of it.
+/// Equal requests give the same picture, on every machine and through every interface. Missing fields have their defaults.
+/// Settings of how a program reports its work (progress, previews, traces) are not part of a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Request")]
 pub struct Request {
-    /// The version of this vocabulary.
+    /// The version of the request format.
     #[serde(default = "version")]
     pub version: u32,
-    /// Which scene file, and how it is read.
+    /// The scene file, and options for reading it.
     pub scene: SceneOptions,
-    /// Light from all around.
+    /// The environment light.
     #[serde(default)]
     pub environment: EnvironmentOptions,
-    /// The camera.
+    /// The camera and its pose.
     #[serde(default)]
     pub view: ViewOptions,
-    /// Size, part, filter and layers of the picture.
+    /// Size, crop, pixel filter and layers of the picture.
     #[serde(default)]
     pub film: FilmOptions,
-    /// When the picture is good enough.
+    /// The goal at which the picture is finished.
     #[serde(default)]
     pub goal: GoalOptions,
-    /// How light is followed.
+    /// The integrator.
     #[serde(default)]
     pub integrator: IntegratorOptions,
-    /// Photon mapping.
+    /// Settings of photon mapping.
     #[serde(default)]
     pub photons: PhotonOptions,
-    /// Autonomous Lighting Agents.
+    /// Settings of Autonomous Lighting Agents.
     #[serde(default)]
     pub lighting_agents: LightingAgentOptions,
-    /// What paths learn of the light before the first sample.
+    /// Path guiding: knowledge of the light, learned before the first sample.
     #[serde(default)]
     pub guide: GuideOptions,
-    /// Who paints: our own engine or other renderers.
+    /// The engine: the built-in one or external renderers.
     #[serde(default)]
     pub engine: EngineOptions,
-    /// How the work is shared out among agents.
+    /// Sharing the work among agents.
     #[serde(default)]
     pub work: WorkOptions,
-    /// The processors and devices of this machine that paint.
+    /// The processors and devices of this machine that render.
     #[serde(default)]
     pub devices: DeviceOptions,
-    /// The seed: another one gives other noise, the same one the same picture, bit for bit.
+    /// Seed of the random numbers: the same seed gives the same picture, bit for bit; another one gives other noise.
     #[serde(default)]
     pub seed: u64,
     /// The frames of an animation; none: one picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<FrameOptions>,
-    /// The file that the picture is written to.
+    /// The output file.
     #[serde(default)]
     pub output: OutputOptions,
-    /// What a farm is told of the job.
+    /// Settings of the job on a farm.
     #[serde(default)]
     pub farm: FarmOptions,
 }

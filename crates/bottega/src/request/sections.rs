@@ -37,22 +37,22 @@ macro_rules! sections {
     };
 }
 
-/// The scene file, and how it is read.
+/// The scene file, and options for reading it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneOptions {
     /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), a mesh (.obj, .ply), or what another engine reads.
     pub file: PathBuf,
-    /// Whether the scene is refused when something in it is not supported, instead of painting a substitute.
+    /// True to refuse a scene with unsupported features; false to render substitutes for them.
     #[serde(default)]
     pub strict: bool,
-    /// Whether the scene may read files outside of its own folder.
+    /// True to let the scene read files outside of its folder.
     #[serde(default)]
     pub allow_outside: bool,
-    /// Folders below which the scene may read files, too.
+    /// Further folders below which the scene may read files.
     #[serde(default)]
     pub asset_roots: Vec<PathBuf>,
-    /// Whether the camera sees through the backs of a glTF scene's materials that are not double-sided.
+    /// True if the camera sees through the backs of single-sided materials in glTF scenes.
     #[serde(default)]
     pub cull_backfaces: bool,
     /// Parameters of a Mitsuba scene (its `<default>`s), by name.
@@ -64,7 +64,7 @@ pub struct SceneOptions {
     /// The animation to show, by name or by number from 0; none: all of them.
     #[serde(default)]
     pub animation: Option<String>,
-    /// Which of a glTF file's variants of materials to show, by name or by number from 0.
+    /// The material variant of a glTF file, by name or by number from 0.
     #[serde(default)]
     pub variant: Option<String>,
 }
@@ -86,30 +86,30 @@ impl SceneOptions {
     }
 }
 
-/// The light from all around.
+/// The source of the environment light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum EnvironmentLight {
-    /// A picture of the whole sphere: .hdr, .exr or .png.
+    /// An image of the whole sphere: .hdr, .exr or .png.
     File(PathBuf),
-    /// The same radiance from everywhere: red, green and blue.
+    /// The same radiance from all directions: red, green, blue.
     Radiance([f32; 3]),
-    /// The neutral sky that a scene without any light gets by itself.
+    /// The neutral sky that scenes without light get by default.
     Sky,
 }
 
-/// The place of a camera, in the coordinates of the scene file.
+/// The pose of a camera, in the coordinates of the scene file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraPose {
-    /// Where it stands.
+    /// Position of the camera.
     pub eye: [f64; 3],
-    /// At what it looks.
+    /// Point that the camera looks at.
     pub target: [f64; 3],
-    /// The direction of the picture's upper edge; none: +y.
+    /// Up direction of the picture; none: +y.
     #[serde(default = "upward")]
     pub up: [f64; 3],
-    /// The full angle between the upper and the lower edge, in degrees; none: as the camera has it.
+    /// Full vertical field of view, in degrees; none: that of the camera.
     #[serde(default)]
     pub fov: Option<f32>,
 }
@@ -118,35 +118,35 @@ fn upward() -> [f64; 3] {
     [0.0, 1.0, 0.0]
 }
 
-/// The width of the bands in which neighboring zones are blended. With optimization off there are none: zones agree to the last bit.
+/// The width of the interpolation bands between zones. With optimization off there are none: zones agree to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BandChoice {
-    /// There are none: zones meet at an edge.
+    /// No bands: zones meet at an edge.
     Off,
-    /// The expert rules say it, edge by edge.
+    /// The expert rules choose the width of each edge.
     Rules,
-    /// So many pixels beyond each edge of each zone.
+    /// This number of pixels beyond each edge of each zone.
     Pixels(u32),
 }
 
-/// Rules of agents.
+/// A source of expert rules.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RulesSource {
-    /// A file of FCL text, or the name of rules that come with the program, such as `paper`: the MAGarRO paper's own set.
+    /// An FCL file, or the name of built-in rules, such as `paper`: the rule set of the MAGarRO paper.
     File(PathBuf),
-    /// The text itself.
+    /// The rules as text.
     Text(RulesText),
 }
 
-/// A text of rules, and what people call it.
+/// Rules as text, with a name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RulesText {
-    /// What people call it: the file that it was read from.
+    /// Name for messages: the file that the text was read from.
     pub name: PathBuf,
-    /// FCL.
+    /// The text in FCL.
     pub text: String,
 }
 
@@ -154,9 +154,9 @@ pub struct RulesText {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameOptions {
-    /// Which frames.
+    /// The list of frames.
     pub list: Frames,
-    /// Frames a second: frame N shows the scene at N / `fps` seconds.
+    /// Frames per second: frame N shows the scene at N / `fps` seconds.
     #[serde(default = "fps")]
     pub fps: f32,
 }
@@ -176,206 +176,207 @@ impl FrameOptions {
 }
 
 sections! {
-    /// Light from all around.
+    /// The environment light.
     EnvironmentOptions {
-        /// Where it comes from; none: what the scene file says.
+        /// The source of the light; none: that of the scene file.
         light: Option<EnvironmentLight> = None,
-        /// Degrees by which it is turned about the vertical axis.
+        /// Rotation about the vertical axis, in degrees.
         rotate: f32 = 0.0,
-        /// A factor of its radiance.
+        /// Factor of the radiance.
         strength: f32 = 1.0,
     }
 
-    /// The camera.
+    /// The camera and its pose.
     ViewOptions {
         /// The camera, by name or by number from 0; none: the file's first.
         camera: Option<String> = None,
-        /// Where it stands and at what it looks; none: as the file says. Its lens stays the file's.
+        /// The pose; none: that of the file. The lens stays that of the file.
         pose: Option<CameraPose> = None,
-        /// Radius of the lens in scene units: what is not at the focus distance blurs; 0: all is sharp.
+        /// Radius of the lens, in scene units; 0: everything is sharp.
         lens_radius: Option<f32> = None,
-        /// Distance from the camera at which things are sharp, in scene units.
+        /// Focus distance, in scene units.
         focus_distance: Option<f32> = None,
     }
 
-    /// Size, part, filter and layers of the picture.
+    /// Size, crop, pixel filter and layers of the picture.
     FilmOptions {
-        /// Width and height in pixels; none: what the scene file asks for, or 720 high and as wide as the camera says.
+        /// Width and height in pixels; none: those of the scene file, or 720 high with the aspect ratio of the camera.
         size: Option<[u32; 2]> = None,
-        /// The part that is painted: x0, y0, x1, y1; each pixel is the same as in the whole. None: what the scene file asks for.
+        /// The rendered part: x0, y0, x1, y1; its pixels are the same as in the whole picture. None: that of the scene file.
         crop: Option<[u32; 4]> = None,
-        /// How samples are spread over a pixel; none: what the scene file asks for, or `blackman-harris`.
+        /// The pixel filter; none: that of the scene file, or `blackman-harris`.
         filter: Option<PixelFilter> = None,
-        /// Layers beside the color, by name; `all` alone: all of them. None: as the engine has it, our own has none.
+        /// Layers in addition to the color, by name; `all` alone: all of them. None: the engine's default; the built-in engine
+        /// makes none.
         layers: Option<Vec<String>> = None,
-        /// Whether Open Image Denoise removes what noise is left.
+        /// True to denoise the picture with Open Image Denoise.
         denoise: bool = false,
     }
 
-    /// When the picture is good enough. At most one of error and time is given.
+    /// The goal at which the picture is finished. At most one of error and time is given.
     GoalOptions {
-        /// Samples a pixel; with an error or a time the most that a pixel gets. None: what the scene file asks for, or 64.
+        /// Samples per pixel; with an error or a time the maximum per pixel. None: what the scene file asks for, or 64.
         samples: Option<u32> = None,
-        /// The relative error at which each cell of 32 x 32 pixels has samples enough.
+        /// The relative error at which a cell of 32 x 32 pixels stops.
         error: Option<f64> = None,
-        /// Seconds from start to written file.
+        /// Time limit in seconds, from the start to the written file.
         time: Option<f64> = None,
     }
 
-    /// How light is followed.
+    /// The integrator.
     IntegratorOptions {
-        /// The method; none: the one that finds the light that the scene file's own integrator finds, or `path`.
+        /// The integrator; none: one that finds the same light as the scene file's integrator, or `path`.
         method: Option<IntegratorChoice> = None,
-        /// Bounces of light: 0 only what shines itself, 1 direct light, and so on; none: what the scene file asks for, or 16.
+        /// Maximum number of bounces: 0 emission only, 1 direct light, and so on; none: what the scene file asks for, or 16.
         max_depth: Option<u32> = None,
-        /// Light samples at each bounce.
+        /// Light samples per bounce.
         light_samples: u32 = 1,
-        /// Whether rays are units of work of their own, which any device may follow, and shading is another: the way of the HRA
-        /// paper. Without it a unit is samples of a block of pixels. The picture has the same bits.
+        /// True to make rays and shading separate work units, so that any device can trace the rays, as in the HRA paper.
+        /// False: a unit is samples of a block of pixels. The picture has the same bits.
         wavefront: bool = false,
     }
 
-    /// Photon mapping.
+    /// Settings of photon mapping.
     PhotonOptions {
-        /// Photons that leave the lights; with `progressive` in each pass. None: 500,000, progressive 100,000.
+        /// Number of photons emitted; with `progressive` per pass. None: 500,000, progressive 100,000.
         count: Option<u32> = None,
-        /// Photons from which the light at a point is estimated; none: 60.
+        /// Number of photons in a density estimate; none: 60.
         gather: Option<u32> = None,
-        /// How far such photons may lie, as a share of the radius of what the camera sees; none: 0.1.
+        /// Largest distance of these photons, as a share of the radius of the visible scene; none: 0.1.
         radius: Option<f32> = None,
-        /// Rays of each sample that gather indirect light; 0 takes the photons at the point itself. None: 4.
+        /// Final gather rays per sample; 0: use the photons at the point itself. None: 4.
         final_rays: Option<u32> = None,
-        /// Greatest error of indirect light on matte surfaces that is taken from places near by; none: gathered anew.
+        /// Largest error at which indirect light on matte surfaces is interpolated from nearby points; none: always gather.
         irradiance_cache: Option<f32> = None,
-        /// Whether photons for caustics are sent where agents that the camera casts look out for them; else to all mirrors and
-        /// glass alike. For lighting agents, too.
+        /// True to send caustic photons where lookouts, agents cast from the camera, find them useful; false: to all mirrors
+        /// and glass alike. Also for lighting agents.
         lookouts: bool = true,
-        /// Whether shadow rays are traced only where photons behind lit surfaces have not settled what is lit.
+        /// True to trace shadow rays only where shadow photons have not decided the visibility of the light.
         shadow_photons: bool = false,
-        /// Whether gathering rays go where indirect photons came from; none: unless indirect light is taken from places near
-        /// by.
+        /// True to send gather rays in the directions that indirect photons came from; none: true unless indirect light is
+        /// interpolated.
         gather_directions: Option<bool> = None,
-        /// Whether direct and indirect photons are kept in maps of their own, and counted wherever a gathering ray ends.
+        /// True to keep direct and indirect photons in separate maps, used wherever a gather ray ends.
         separate_maps: bool = false,
-        /// Whether there is indirect light, but for that over mirrors and through glass alone; for lighting agents, too.
+        /// True for indirect light; false keeps only that over mirrors and through glass. Also for lighting agents.
         indirect: bool = true,
-        /// Whether each sample has photons of its own, within a radius that shrinks.
+        /// True for progressive photon mapping: each pass has its own photons, in a radius that shrinks.
         progressive: bool = false,
     }
 
-    /// Autonomous Lighting Agents.
+    /// Settings of Autonomous Lighting Agents.
     LightingAgentOptions {
-        /// Agents that the lights cast; their clones come on top.
+        /// Number of agents cast from the lights, without their clones.
         cast: u32 = AgentSettings::default().cast,
-        /// By which rules they answer.
+        /// The rules by which the agents answer.
         oracle: OracleChoice = OracleChoice::Error,
-        /// What they are asked; the rest is computed everywhere.
+        /// The questions that the agents answer; everything else is computed.
         decides: Vec<OracleQuestion> = vec![OracleQuestion::Shadows, OracleQuestion::Irradiance, OracleQuestion::Radiance],
-        /// Whether the median of an agent and its neighbors in the network answers which shadow rays must be traced.
+        /// True if the median of an agent and its neighbors in the network decides which shadow rays are traced.
         network: bool = false,
-        /// Greatest relative error of indirect light that is interpolated, with the oracle `error`.
+        /// Largest relative error of interpolated indirect light, with the oracle `error`.
         error: f64 = 0.1,
-        /// Megabytes that they may take, with the oracle `error`.
+        /// Memory limit of the agents in MiB, with the oracle `error`.
         memory_mb: u64 = AgentSettings::default().memory_bytes >> 20,
     }
 
-    /// What paths learn of the light before the first sample. It changes the noise, not what the picture shows.
+    /// Path guiding: knowledge of the light, learned before the first sample. It changes the noise, not the expected picture.
     GuideOptions {
-        /// How; none: `ala`, without a word where it is of no use.
+        /// The kind of guide; none: `ala`, without a warning where it has no effect.
         by: Option<GuideChoice> = None,
-        /// What lighting agents are used for, with `ala`; none of them: all.
+        /// The uses of lighting agents, with `ala`; empty: all.
         uses: Vec<GuideUse> = Vec::new(),
     }
 
-    /// Who paints: our own engine or other renderers.
+    /// The engine: the built-in one or external renderers.
     EngineOptions {
-        /// `builtin`, the name of another renderer, or both: the one named first takes simple zones.
+        /// `builtin`, the name of an external renderer, or both: the first one renders the simple zones.
         names: Vec<String> = vec![BUILTIN.to_owned()],
-        /// Rules for which of two engines suits a zone; none: those that come with the program.
+        /// Rules that choose the engine of a zone; none: the built-in ones.
         rules: Option<RulesSource> = None,
-        /// Parameters of the engine's own, by name.
+        /// Parameters of the external engine, by name.
         options: BTreeMap<String, String> = BTreeMap::new(),
-        /// Folders with more manifests of engines.
+        /// Further folders with manifests of engines.
         manifests: Vec<PathBuf> = Vec::new(),
-        /// Whether scripts run that are in the scene.
+        /// True to run scripts contained in the scene.
         trust: bool = false,
-        /// Which frame, for engines that know of frames; none: the one that the scene is at.
+        /// Number of the frame, for engines with frames; none: the scene's current frame.
         frame: Option<i32> = None,
     }
 
-    /// How the work is shared out among agents.
+    /// Sharing the work among agents.
     WorkOptions {
-        /// Render Agents; none: one for every two processors.
+        /// Number of Render Agents; none: one per two processors.
         agents: Option<u16> = None,
-        /// How the picture is cut: 0 not at all, 1 by importance, 2 joined, 3 balanced.
+        /// Level of division into zones: 0 none, 1 by importance, 2 joined, 3 balanced.
         level: u8 = 3,
-        /// Which measure makes the importance map.
+        /// The measure of the importance map.
         importance: ImportanceChoice = ImportanceChoice::Predicted,
-        /// What the measure knows of a place; none: everything.
+        /// The channels that the measure uses; none: all.
         #[schemars(with = "Option<Vec<String>>")]
         channels: Option<Vec<Channel>> = None,
-        /// About so many zones; none: by `zone_max_complexity`, or else by the number of agents.
+        /// Approximate number of zones; none: by `zone_max_complexity`, or else by the number of agents.
         zones: Option<u32> = None,
-        /// The least width and height of a zone, in pixels.
+        /// Smallest width and height of a zone, in pixels.
         zone_min_size: u32 = ZoneLimits::default().side_min,
-        /// Level 1 cuts zones that are more complex than this share of the picture's complexity; none: than one part in `zones`.
+        /// Level 1 divides zones with more than this share of the picture's complexity; none: one part in `zones`.
         zone_max_complexity: Option<f64> = None,
-        /// Level 2 joins neighbors whose complexities a pixel differ by at most this share of the greater one.
+        /// Level 2 joins neighbors whose complexities per pixel differ by at most this share of the greater one.
         zone_similarity: f64 = ZoneLimits::default().similarity,
-        /// What zones of level 3 have in common.
+        /// The quantity that level 3 balances.
         zone_balance: BalanceChoice = BalanceChoice::Time,
-        /// How the winners of an auction are found.
+        /// The rule that decides auctions.
         auction: AuctionChoice = AuctionChoice::FinishingTime,
-        /// How agents learn their speed.
+        /// The rule by which agents adapt V_cp.
         adaptation: AdaptationChoice = AdaptationChoice::Ratio,
-        /// How far expert rules may trade quality for time, zone by zone.
+        /// Degree to which expert rules may trade quality for time, zone by zone.
         optimization: OptimizationChoice = OptimizationChoice::Off,
-        /// The expert rules, which agents carry in turn; none: those that come with the program or the engine.
+        /// The expert rules, which agents carry in turn; none: those built in or of the engine.
         rules: Vec<RulesSource> = Vec::new(),
-        /// How wide the bands are in which neighboring zones are blended.
+        /// Width of the interpolation bands between zones.
         bands: BandChoice = BandChoice::Rules,
     }
 
-    /// The processors and devices of this machine that paint. Another machine has its own.
+    /// The processors and devices of this machine that render. Other machines have their own.
     DeviceOptions {
-        /// Processors; none: all.
+        /// Number of CPU threads; none: all processors.
         threads: Option<u16> = None,
         /// `auto` alone (the processors, and the best GPU if there is one), or `cpu` and parts of GPUs' names.
         names: Vec<String> = vec![AUTO.to_owned()],
-        /// Whether every pixel is the same to the last bit, whoever paints it: by processors alone.
+        /// True for pixels that are bit-identical on every machine: only processors render.
         exact: bool = false,
-        /// Memory that scenes may take on each GPU, in MiB; none: nearly all that it has.
+        /// Memory limit for scenes on each GPU, in MiB; none: nearly all free memory.
         memory_mb: Option<u32> = None,
     }
 
-    /// The file that the picture is written to.
+    /// The output file.
     OutputOptions {
-        /// .exr (linear light, all values) or .png (tone-mapped); none: no file, the picture is a value.
+        /// The file: .exr (linear light, all layers) or .png (tone-mapped); none: no file.
         file: Option<PathBuf> = None,
-        /// Stops by which a PNG is brightened (+) or darkened (-).
+        /// Exposure of a PNG in stops: positive is brighter.
         exposure: f32 = 0.0,
-        /// How a PNG's highlights are brought into range.
+        /// Tone curve of a PNG.
         tonemap: ToneCurve = ToneCurve::Agx,
-        /// How a PNG's values are stored.
+        /// Encoding of PNG values.
         encoding: PngEncoding = PngEncoding::Srgb,
-        /// Whether a PNG has alpha where the scene file does not ask for it.
+        /// True to write alpha to a PNG even if the scene file does not ask for it.
         alpha: bool = false,
-        /// Whether an EXR file has 16-bit values.
+        /// True to write 16-bit values to an EXR file.
         half: bool = false,
-        /// Whether an EXR file is written in tiles.
+        /// True to write an EXR file in tiles.
         tiled: bool = false,
     }
 
-    /// What a farm is told of the job.
+    /// Settings of the job on a farm.
     FarmOptions {
-        /// How urgent the picture is: jobs have machines in proportion to their priorities.
+        /// Priority of the job: jobs get machines in proportion to it.
         priority: u32 = PRIORITY,
-        /// So many different machines must have painted the same before a zone counts; none: each is trusted.
+        /// Number of different machines that must agree on a zone before it counts; none: each machine is trusted.
         verify: Option<u32> = None,
-        /// Whether agents of other platforms may paint zones, with engines of their own (FIPA). The picture then depends on who
-        /// painted it.
+        /// True to let agents of other platforms (FIPA) paint zones with their own engines. The picture then depends on the
+        /// agents.
         strangers: bool = false,
-        /// Tags that a machine must have to paint it (`bottega join --tag`); the one who asks paints in any case.
+        /// Tags that a machine must have (`bottega join --tag`); the submitting process always takes part.
         require: Vec<String> = Vec::new(),
     }
 }

@@ -41,7 +41,7 @@ impl Session {
         };
         let BuiltinPainter { subject, .. } = *own;
         let (experts, notes) = experts(agent_rules(request)?)?;
-        let (scene, goal) = (subject.seen_as(request)?, goal(request, begun, Duration::ZERO)?);
+        let (scene, goal) = (subject.seen_as(request)?, goal(request, begun, Duration::ZERO));
         let own = BuiltinPainter::open(request, scene, experts, goal, options.urgency)?;
         let painter = Painter::Own(Box::new(own));
         let session = Self { denoiser, ..Self::new(request, options, painter, notes, begun) };

@@ -125,7 +125,7 @@ impl Session {
         Self::check(request, &options)?;
         let (experts, notes) = experts(agent_rules(request)?)?;
         let (painter, notes) = if request.engine.is_builtin() {
-            let (scene, goal) = (LoadedScene::load(request)?, goal(request, begun, Duration::ZERO)?);
+            let (scene, goal) = (LoadedScene::load(request)?, goal(request, begun, Duration::ZERO));
             let own = BuiltinPainter::open(request, scene, experts, goal, options.urgency)?;
             let notes = notes.into_iter().chain(own.notes(request)).collect();
             (Painter::Own(Box::new(own)), notes)
@@ -133,7 +133,7 @@ impl Session {
             let choice = choice_rules(request)?.map(engine_choice).transpose()?;
             let mut other = ExternalPainter::open(request, experts, None)?;
             other.settings.engine_choice = choice;
-            other.settings.goal = goal(request, begun, Duration::ZERO)?;
+            other.settings.goal = goal(request, begun, Duration::ZERO);
             (Painter::Other(Box::new(other)), notes)
         };
         // Report a missing denoiser before anything is written.
@@ -171,7 +171,7 @@ impl Session {
         let (experts, notes) = experts(agent_rules(request)?)?;
         let subject = LoadedScene::of_scene(scene, request)?;
         let own =
-            BuiltinPainter::open(request, subject, experts, goal(request, begun, Duration::ZERO)?, options.urgency)?;
+            BuiltinPainter::open(request, subject, experts, goal(request, begun, Duration::ZERO), options.urgency)?;
         let notes = own.notes(request).into_iter().chain(notes).collect();
         let painter = Painter::Own(Box::new(own));
         let denoiser = denoise::ready(request)?;
@@ -384,7 +384,7 @@ impl Session {
         // Subtract loading and finishing from the time limit
         if self.settings.goal != shared_goal(&self.request) {
             let finishing = finishing(&self.request, &self.settings, self.denoiser.is_some());
-            self.settings.goal = goal(&self.request, self.begun, finishing)?;
+            self.settings.goal = goal(&self.request, self.begun, finishing);
         }
         // Record the times of zones
         let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =

@@ -28,7 +28,6 @@ use crate::{
         AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, DEPTH_MAX, ImportanceChoice, OptimizationChoice,
         PixelFilter, PngEncoding, Request, SAMPLES_MAX, ToneCurve, WorkOptions,
     },
-    text::duration,
 };
 
 /// Samples per pixel if neither request nor scene gives a number.
@@ -129,18 +128,15 @@ pub fn shared_goal(request: &Request) -> Goal {
 }
 
 /// Returns the goal of zones. The time since `begun` and the estimate `finishing` are subtracted from a requested time.
-pub(crate) fn goal(request: &Request, begun: Instant, finishing: Duration) -> Result<Goal, Error> {
+pub(crate) fn goal(request: &Request, begun: Instant, finishing: Duration) -> Goal {
     match (request.goal.error, request.goal.time) {
-        (Some(error), _) => Ok(Goal::Error(error)),
-        (None, Some(time)) => match Duration::from_secs_f64(time).checked_sub(begun.elapsed()) {
+        (Some(error), _) => Goal::Error(error),
+        (None, Some(time)) => {
+            let left = Duration::from_secs_f64(time).saturating_sub(begun.elapsed() + finishing);
             // Allow at least a moment for rendering: late is better than no picture.
-            Some(left) if !left.is_zero() => Ok(Goal::Time(left.saturating_sub(finishing).max(LEAST_PAINTING))),
-            _ => Err(Error::failed(
-                format!("reading the scene took {}, no less than the time for all of it", duration(begun.elapsed())),
-                "give it more time",
-            )),
-        },
-        (None, None) => Ok(Goal::Samples),
+            Goal::Time(left.max(LEAST_PAINTING))
+        }
+        (None, None) => Goal::Samples,
     }
 }
 
@@ -280,5 +276,25 @@ pub(crate) fn encoding(encoding: PngEncoding) -> Encoding {
     match encoding {
         PngEncoding::Srgb => Encoding::Srgb,
         PngEncoding::Linear => Encoding::Linear,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::request::GoalOptions;
+
+    #[test]
+    fn a_time_that_reading_the_scene_has_used_up_leaves_a_moment_for_the_picture() {
+        let timed =
+            Request { goal: GoalOptions { time: Some(0.001), ..GoalOptions::default() }, ..Request::new("a.glb") };
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_millis(2) {
+            std::hint::spin_loop();
+        }
+        assert_eq!(goal(&timed, begun, Duration::ZERO), Goal::Time(LEAST_PAINTING));
+        let long = Request { goal: GoalOptions { time: Some(3600.0), ..GoalOptions::default() }, ..timed };
+        let Goal::Time(left) = goal(&long, begun, Duration::from_secs(600)) else { panic!("it has a time") };
+        assert!(left < Duration::from_secs(3000) && left > Duration::from_secs(2000), "{left:?}");
     }
 }

@@ -89,7 +89,7 @@ impl NatsTiles {
         format!("{}{}.{part}", self.prefix, names::key(&Key::from(name.to_owned())))
     }
 
-    /// Stores a tile. An existing one stays, whoever wrote it.
+    /// Stores a tile. An existing one is never replaced.
     ///
     /// # Errors
     /// The server does not accept it, or there is a different one with this name.
