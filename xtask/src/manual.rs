@@ -1,5 +1,7 @@
 //! The manual: its generated pages, and the book.
 
+mod models;
+
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -21,6 +23,9 @@ pub(crate) struct ManualArgs {
     /// Make the book, too: `target/manual/index.html`. mdBook is installed into `target/python` where there is none.
     #[arg(long)]
     book: bool,
+    /// Render the pictures of surfaces, lights, media and integrators again, too. Some minutes.
+    #[arg(long)]
+    pictures: bool,
 }
 
 /// Regenerates the pages that come from the program.
@@ -38,6 +43,11 @@ pub(crate) fn manual(args: &ManualArgs) -> Result<()> {
         ensure!(output.status.success(), "`bottega manual {part}`: {}", String::from_utf8_lossy(&output.stderr));
         fs::write(root().join(page), output.stdout).with_context(|| format!("cannot write {page}"))?;
         println!("{page}");
+    }
+    fs::write(root().join(models::PAGE), models::page()?).with_context(|| format!("cannot write {}", models::PAGE))?;
+    println!("{}", models::PAGE);
+    if args.pictures {
+        models::render_pictures(&root().join("target/debug/bottega"))?;
     }
     if !args.book {
         return Ok(());

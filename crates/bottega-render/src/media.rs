@@ -1,5 +1,10 @@
-//! Participating media: transmittance, sampling of distances, phase functions. Media that vary in space are in
-//! [`varying`].
+//! Participating media: transmittance, sampling of distances, phase functions.
+//!
+//! Parameters: absorption and scattering per unit of length and channel, emission, asymmetry g in (−1, 1) of the phase
+//! function. Distances are drawn by the extinction of a channel that is chosen by throughput. Media that vary in space
+//! are in [`varying`].
+//!
+//! Source: Pharr, Jakob and Humphreys 2023, *Physically Based Rendering*, chapter 11.
 
 mod phase;
 pub(crate) mod varying;

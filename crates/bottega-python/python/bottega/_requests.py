@@ -13,146 +13,149 @@ if TYPE_CHECKING:
 
 
 AdaptationChoice = Literal["ratio", "paper"]
-"""How agents learn their speed. ratio: By the median of the last ratios of own to reference time: the
-default. paper: By equation (1) of the MAGarRO paper, as printed.
+"""The rule by which agents adapt V_cp. ratio: By the median of the last ratios of own time to
+reference time: the default. paper: By equation (1) of the MAGarRO paper, as printed.
 """
 
 
 AuctionChoice = Literal["finishing-time", "promised", "paper", "stealing"]
-"""How the winners of an auction are found. finishing-time: An agent gets the largest zone that it
-finishes before the whole is expected to end, its promises weighed by how far they held before: the
-default. promised: The same, but each agent is taken at its word: what it promised before, and what
-came of it, counts for nothing. paper: The most complex zone goes to the bidder with the most
-credit, as in the MAGarRO paper. stealing: No auction: zones are dealt out at once, each to the
-agent that would finish it soonest, and agents take from each other what waits.
+"""The rule that decides auctions. finishing-time: Each agent gets the largest zone that it can finish
+before the expected end of the job, with its promises weighted by its reliability: the default.
+promised: Like `finishing-time`, but promises count without regard to reliability. paper: The most
+complex zone goes to the bidder with the most credit, as in the MAGarRO paper. stealing: No auction:
+each zone is assigned at once to the agent that finishes it soonest, and idle agents take waiting
+zones from others.
 """
 
 
 BalanceChoice = Literal["time", "ratio"]
-"""What zones of level 3 have in common. time: The expected time, so that none is waited for: the
-default. ratio: The complexity/size ratio, as the MAGarRO paper says.
+"""The quantity that level 3 balances. time: The expected time, so that agents do not wait for a slow
+zone: the default. ratio: The complexity/size ratio, as the MAGarRO paper says.
 """
 
 
 class BandChoicePixels(TypedDict):
-    """So many pixels beyond each edge of each zone."""
+    """This number of pixels beyond each edge of each zone."""
 
     pixels: int
 
 
 BandChoice = Union[Literal["off", "rules"], BandChoicePixels]
-"""The width of the bands in which neighboring zones are blended. With optimization off there are none:
-zones agree to the last bit. off: There are none: zones meet at an edge. rules: The expert rules say
-it, edge by edge.
+"""The width of the interpolation bands between zones. With optimization off there are none: zones
+agree to the last bit. off: No bands: zones meet at an edge. rules: The expert rules choose the
+width of each edge.
 """
 
 
 class EnvironmentLightFile(TypedDict):
-    """A picture of the whole sphere: .hdr, .exr or .png."""
+    """An image of the whole sphere: .hdr, .exr or .png."""
 
     file: str
 
 
 class EnvironmentLightRadiance(TypedDict):
-    """The same radiance from everywhere: red, green and blue."""
+    """The same radiance from all directions: red, green, blue."""
 
     radiance: tuple[float, float, float]
 
 
 EnvironmentLight = Union[Literal["sky"], EnvironmentLightFile, EnvironmentLightRadiance]
-"""The light from all around. sky: The neutral sky that a scene without any light gets by itself."""
+"""The source of the environment light. sky: The neutral sky that scenes without light get by default."""
 
 
 Frames = str
-"""Frames of an animation, in the order in which they are painted; none twice. Written as a list of
-numbers and ranges, such as `1..24`, `1..9:2` (1, 3, 5, 7, 9), `9..1:-2`, `-5..5` or `1,4,7..9`.
-Both ends of a range are part of it. A frame that is named twice is painted where it is named first,
-so `1..100:10,1..100` paints every tenth frame before the others.
+"""Frames of an animation in rendering order, each at most once. Written as a list of numbers and
+ranges, such as `1..24`, `1..9:2` (1, 3, 5, 7, 9), `9..1:-2`, `-5..5` or `1,4,7..9`. Both ends of a
+range are included. A repeated frame is rendered at its first position, so `1..100:10,1..100`
+renders every tenth frame first.
 """
 
 
 GuideChoice = Literal["none", "directions", "ala"]
-"""What paths learn of the light before the first sample. none: Nothing: paths go where materials send
-them. directions: Where light comes from. ala: All that lighting agents can tell: as well which
-lights matter, whether they are seen, and what a path is worth. The default.
+"""Path guiding: knowledge of the light, learned before the first sample. none: No guiding: directions
+are sampled by the materials alone. directions: The directions that light comes from. ala: All uses
+of lighting agents: directions, the choice of lights, their visibility, and what a path is worth.
+The default.
 """
 
 
 GuideUse = Literal["shadows", "lights", "directions", "roulette"]
-"""What paths use lighting agents for. shadows: Shadow rays only where it is not known well enough
-whether a light is seen. lights: Lights are chosen by what comes of them. directions: Paths go where
-light was found to come from. roulette: Paths end, or go on as several, by what they are worth.
+"""The uses of lighting agents in path tracing. shadows: Traces shadow rays only where the visibility
+of the light is uncertain. lights: Chooses lights by their contribution. directions: Samples the
+directions that light comes from. roulette: Russian roulette and splitting by the expected
+contribution of a path.
 """
 
 
 ImportanceChoice = Literal["predicted", "paper", "visual"]
-"""Which measure makes the importance map. predicted: Predicted cost, from what a small path-traced
-look at the scene took. paper: Levels of recursion in mirrors and glass, as in the MAGarRO paper.
-visual: How much an error would be seen.
+"""The measure of the importance map. predicted: Predicted cost, from the cost of a small path-traced
+survey of the scene. paper: Levels of recursion in mirrors and glass, as in the MAGarRO paper.
+visual: The visibility of errors.
 """
 
 
 IntegratorChoice = Literal["path", "photon", "ala"]
-"""How light is followed. path: Path tracing: no error but noise. photon: Photon mapping: photons from
-the lights first, then the picture by what they know. Less noise, and light through glass that paths
-hardly find; a little blurred. No fog. ala: Autonomous Lighting Agents: a few agents look the scene
-over first, and answer where light is hidden and how much of it comes from all around. No fog.
+"""The integrator. path: Path tracing: unbiased; the only error is noise. photon: Photon mapping:
+photons from the lights first, then the picture from their density. Less noise, and light through
+glass that paths hardly find; slightly blurred. No fog. ala: Autonomous Lighting Agents: a few
+agents explore the scene first, and answer which points are lit and how much indirect light they
+get. No fog.
 """
 
 
 OptimizationChoice = Literal["off", "vs", "s", "n", "b", "vb"]
-"""How far expert rules may trade quality for time. off: Every zone at exactly the settings asked for.
-vs: Very small savings. s: Small savings. n: Normal savings. b: Big savings. vb: Very big savings.
+"""Degree to which expert rules may trade quality for time. off: Every zone has exactly the requested
+settings. vs: Very small savings. s: Small savings. n: Normal savings. b: Big savings. vb: Very big
+savings.
 """
 
 
 OracleChoice = Literal["error", "paper"]
-"""By which rules lighting agents answer. error: By the error that is to be expected: they look around
-more where it is great, and answer where it is small. paper: Those of Herubel, Biri and Deverly
-2009.
+"""The rules by which lighting agents answer. error: By the expected error: agents sample more where it
+is large, and answer where it is small. paper: The rules of Herubel, Biri and Deverly 2009.
 """
 
 
 OracleQuestion = Literal["shadows", "irradiance", "radiance", "halting"]
-"""What lighting agents can be asked. shadows: Which shadow rays must be traced. irradiance: Where
-indirect light may be interpolated. radiance: What light comes from where to surfaces that are not
-matte, with the oracle `error`. halting: Whether a path goes on that has come to where they do not
-know the light well enough, with the oracle `error`.
+"""The questions for lighting agents. shadows: Shadow rays: the agents decide which of them must be
+traced. irradiance: Indirect light: the agents decide where it is interpolated. radiance: Incident
+light at surfaces that are not matte, with the oracle `error`. halting: Path termination where the
+agents do not know the light well enough, with the oracle `error`.
 """
 
 
 PixelFilter = Literal["blackman-harris", "gaussian", "tent", "mitchell", "box"]
-"""How samples are spread over a pixel. blackman-harris: Sharp and clean: the default. gaussian:
-Softer. tent: Softer still at the edges. mitchell: Sharper, with a little ringing. box: Just the
-pixel itself: for comparisons.
+"""The pixel filter. blackman-harris: Sharp and clean: the default. gaussian: Softer than the default.
+tent: Softer still at the edges. mitchell: Sharper, with a little ringing. box: A box of one pixel:
+for comparisons.
 """
 
 
 PngEncoding = Literal["srgb", "linear"]
-"""How a PNG's values are stored. srgb: For screens. linear: Linear light."""
+"""The encoding of PNG values. srgb: The sRGB curve, for screens. linear: Linear light, without a
+curve.
+"""
 
 
 class RulesSourceFile(TypedDict):
-    """A file of FCL text, or the name of rules that come with the program, such as `paper`: the
-    MAGarRO paper's own set.
-    """
+    """An FCL file, or the name of built-in rules, such as `paper`: the rule set of the MAGarRO paper."""
 
     file: str
 
 
 class RulesSourceText(TypedDict):
-    """The text itself."""
+    """The rules as text."""
 
     text: RulesText
 
 
 RulesSource = Union[RulesSourceFile, RulesSourceText]
-"""Rules of agents."""
+"""A source of expert rules."""
 
 
 ToneCurve = Literal["agx", "aces", "linear"]
-"""How a PNG's highlights are brought into range. agx: Like film: colours fade to white. aces:
-Contrasty, after the Academy's reference. linear: As it is; what is above 1 is cut off.
+"""The tone curve of a PNG. agx: Like film: bright colors fade to white. aces: Contrasty, after the
+Academy's reference. linear: Linear; values above 1 are clipped.
 """
 
 
@@ -160,116 +163,116 @@ class Fields(TypedDict, total=False):
     """Fields of a request by name: short names of those that are used most, and whole sections."""
 
     spp: int | None
-    """`goal.samples`: Samples a pixel; with an error or a time the most that a pixel gets. None: what
-    the scene file asks for, or 64.
+    """`goal.samples`: Samples per pixel; with an error or a time the maximum per pixel. None: what the
+    scene file asks for, or 64.
     """
 
     error: float | None
-    """`goal.error`: The relative error at which each cell of 32 x 32 pixels has samples enough."""
+    """`goal.error`: The relative error at which a cell of 32 x 32 pixels stops."""
 
     time: float | None
-    """`goal.time`: Seconds from start to written file."""
+    """`goal.time`: Time limit in seconds, from the start to the written file."""
 
     size: tuple[int, int] | None
-    """`film.size`: Width and height in pixels; none: what the scene file asks for, or 720 high and as
-    wide as the camera says.
+    """`film.size`: Width and height in pixels; none: those of the scene file, or 720 high with the
+    aspect ratio of the camera.
     """
 
     crop: tuple[int, int, int, int] | None
-    """`film.crop`: The part that is painted: x0, y0, x1, y1; each pixel is the same as in the whole.
-    None: what the scene file asks for.
+    """`film.crop`: The rendered part: x0, y0, x1, y1; its pixels are the same as in the whole picture.
+    None: that of the scene file.
     """
 
     filter: PixelFilter | None
-    """`film.filter`: How samples are spread over a pixel; none: what the scene file asks for, or
-    `blackman-harris`.
-    """
+    """`film.filter`: The pixel filter; none: that of the scene file, or `blackman-harris`."""
 
     layers: Sequence[str] | None
-    """`film.layers`: Layers beside the color, by name; `all` alone: all of them. None: as the engine
-    has it, our own has none.
+    """`film.layers`: Layers in addition to the color, by name; `all` alone: all of them. None: the
+    engine's default; the built-in engine makes none.
     """
 
     denoise: bool
-    """`film.denoise`: Whether Open Image Denoise removes what noise is left."""
+    """`film.denoise`: True to denoise the picture with Open Image Denoise."""
 
     camera: str | None
     """`view.camera`: The camera, by name or by number from 0; none: the file's first."""
 
     light: EnvironmentLight | None
-    """`environment.light`: Where it comes from; none: what the scene file says."""
+    """`environment.light`: The source of the light; none: that of the scene file."""
 
     method: IntegratorChoice | None
-    """`integrator.method`: The method; none: the one that finds the light that the scene file's own
-    integrator finds, or `path`.
+    """`integrator.method`: The integrator; none: one that finds the same light as the scene file's
+    integrator, or `path`.
     """
 
     max_depth: int | None
-    """`integrator.max_depth`: Bounces of light: 0 only what shines itself, 1 direct light, and so on;
+    """`integrator.max_depth`: Maximum number of bounces: 0 emission only, 1 direct light, and so on;
     none: what the scene file asks for, or 16.
     """
 
     agents: int | None
-    """`work.agents`: Render Agents; none: one for every two processors."""
+    """`work.agents`: Number of Render Agents; none: one per two processors."""
 
     optimization: OptimizationChoice
-    """`work.optimization`: How far expert rules may trade quality for time, zone by zone."""
+    """`work.optimization`: Degree to which expert rules may trade quality for time, zone by zone."""
 
     threads: int | None
-    """`devices.threads`: Processors; none: all."""
+    """`devices.threads`: Number of CPU threads; none: all processors."""
 
     exact: bool
-    """`devices.exact`: Whether every pixel is the same to the last bit, whoever paints it: by
-    processors alone.
+    """`devices.exact`: True for pixels that are bit-identical on every machine: only processors
+    render.
     """
 
     exposure: float
-    """`output.exposure`: Stops by which a PNG is brightened (+) or darkened (-)."""
+    """`output.exposure`: Exposure of a PNG in stops: positive is brighter."""
 
     devices: DeviceOptions | Mapping[str, Any]
-    """The processors and devices of this machine that paint."""
+    """The processors and devices of this machine that render."""
 
     engine: EngineOptions | Mapping[str, Any]
-    """Who paints: our own engine or other renderers."""
+    """The engine: the built-in one or external renderers."""
 
     environment: EnvironmentOptions | Mapping[str, Any]
-    """Light from all around."""
+    """The environment light."""
 
     farm: FarmOptions | Mapping[str, Any]
-    """What a farm is told of the job."""
+    """Settings of the job on a farm."""
 
     film: FilmOptions | Mapping[str, Any]
-    """Size, part, filter and layers of the picture."""
+    """Size, crop, pixel filter and layers of the picture."""
 
     frames: FrameOptions | None | Mapping[str, Any]
     """The frames of an animation; none: one picture."""
 
     goal: GoalOptions | Mapping[str, Any]
-    """When the picture is good enough."""
+    """The goal at which the picture is finished."""
 
     guide: GuideOptions | Mapping[str, Any]
-    """What paths learn of the light before the first sample."""
+    """Path guiding: knowledge of the light, learned before the first sample."""
 
     integrator: IntegratorOptions | Mapping[str, Any]
-    """How light is followed."""
+    """The integrator."""
 
     lighting_agents: LightingAgentOptions | Mapping[str, Any]
-    """Autonomous Lighting Agents."""
+    """Settings of Autonomous Lighting Agents."""
 
     output: OutputOptions | Mapping[str, Any] | str | os.PathLike[str]
-    """The file that the picture is written to."""
+    """The output file."""
 
     photons: PhotonOptions | Mapping[str, Any]
-    """Photon mapping."""
+    """Settings of photon mapping."""
 
     seed: int
-    """The seed: another one gives other noise, the same one the same picture, bit for bit."""
+    """Seed of the random numbers: the same seed gives the same picture, bit for bit; another one gives
+    other noise.
+    """
 
     view: ViewOptions | Mapping[str, Any]
-    """The camera."""
+    """The camera and its pose."""
 
     work: WorkOptions | Mapping[str, Any]
-    """How the work is shared out among agents."""
+    """Sharing the work among agents."""
 
 
 KEYWORDS: Mapping[str, str] = {'spp': 'goal.samples',
@@ -294,16 +297,16 @@ KEYWORDS: Mapping[str, str] = {'spp': 'goal.samples',
 
 @dataclass(kw_only=True, slots=True)
 class CameraPose(Section):
-    """The place of a camera, in the coordinates of the scene file."""
+    """The pose of a camera, in the coordinates of the scene file."""
 
     eye: tuple[float, float, float]
-    """Where it stands."""
+    """Position of the camera."""
     fov: float | None = None
-    """The full angle between the upper and the lower edge, in degrees; none: as the camera has it."""
+    """Full vertical field of view, in degrees; none: that of the camera."""
     target: tuple[float, float, float]
-    """At what it looks."""
+    """Point that the camera looks at."""
     up: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    """The direction of the picture's upper edge; none: +y."""
+    """Up direction of the picture; none: +y."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset(['eye', 'target', 'up'])
@@ -311,18 +314,18 @@ class CameraPose(Section):
 
 @dataclass(kw_only=True, slots=True)
 class DeviceOptions(Section):
-    """The processors and devices of this machine that paint. Another machine has its own."""
+    """The processors and devices of this machine that render. Other machines have their own."""
 
     exact: bool = False
-    """Whether every pixel is the same to the last bit, whoever paints it: by processors alone."""
+    """True for pixels that are bit-identical on every machine: only processors render."""
     memory_mb: int | None = None
-    """Memory that scenes may take on each GPU, in MiB; none: nearly all that it has."""
+    """Memory limit for scenes on each GPU, in MiB; none: nearly all free memory."""
     names: Sequence[str] = field(default_factory=lambda: ['auto'])
     """`auto` alone (the processors, and the best GPU if there is one), or `cpu` and parts of GPUs'
     names.
     """
     threads: int | None = None
-    """Processors; none: all."""
+    """Number of CPU threads; none: all processors."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -330,20 +333,20 @@ class DeviceOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class EngineOptions(Section):
-    """Who paints: our own engine or other renderers."""
+    """The engine: the built-in one or external renderers."""
 
     frame: int | None = None
-    """Which frame, for engines that know of frames; none: the one that the scene is at."""
+    """Number of the frame, for engines with frames; none: the scene's current frame."""
     manifests: Sequence[str] = field(default_factory=lambda: [])
-    """Folders with more manifests of engines."""
+    """Further folders with manifests of engines."""
     names: Sequence[str] = field(default_factory=lambda: ['builtin'])
-    """`builtin`, the name of another renderer, or both: the one named first takes simple zones."""
+    """`builtin`, the name of an external renderer, or both: the first one renders the simple zones."""
     options: Mapping[str, str] = field(default_factory=lambda: {})
-    """Parameters of the engine's own, by name."""
+    """Parameters of the external engine, by name."""
     rules: RulesSource | None = None
-    """Rules for which of two engines suits a zone; none: those that come with the program."""
+    """Rules that choose the engine of a zone; none: the built-in ones."""
     trust: bool = False
-    """Whether scripts run that are in the scene."""
+    """True to run scripts contained in the scene."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -351,14 +354,14 @@ class EngineOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class EnvironmentOptions(Section):
-    """Light from all around."""
+    """The environment light."""
 
     light: EnvironmentLight | None = None
-    """Where it comes from; none: what the scene file says."""
+    """The source of the light; none: that of the scene file."""
     rotate: float = 0.0
-    """Degrees by which it is turned about the vertical axis."""
+    """Rotation about the vertical axis, in degrees."""
     strength: float = 1.0
-    """A factor of its radiance."""
+    """Factor of the radiance."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -366,20 +369,18 @@ class EnvironmentOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class FarmOptions(Section):
-    """What a farm is told of the job."""
+    """Settings of the job on a farm."""
 
     priority: int = 10
-    """How urgent the picture is: jobs have machines in proportion to their priorities."""
+    """Priority of the job: jobs get machines in proportion to it."""
     require: Sequence[str] = field(default_factory=lambda: [])
-    """Tags that a machine must have to paint it (`bottega join --tag`); the one who asks paints in any
-    case.
-    """
+    """Tags that a machine must have (`bottega join --tag`); the submitting process always takes part."""
     strangers: bool = False
-    """Whether agents of other platforms may paint zones, with engines of their own (FIPA). The picture
-    then depends on who painted it.
+    """True to let agents of other platforms (FIPA) paint zones with their own engines. The picture
+    then depends on the agents.
     """
     verify: int | None = None
-    """So many different machines must have painted the same before a zone counts; none: each is
+    """Number of different machines that must agree on a zone before it counts; none: each machine is
     trusted.
     """
 
@@ -389,23 +390,23 @@ class FarmOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class FilmOptions(Section):
-    """Size, part, filter and layers of the picture."""
+    """Size, crop, pixel filter and layers of the picture."""
 
     crop: tuple[int, int, int, int] | None = None
-    """The part that is painted: x0, y0, x1, y1; each pixel is the same as in the whole. None: what the
-    scene file asks for.
+    """The rendered part: x0, y0, x1, y1; its pixels are the same as in the whole picture. None: that
+    of the scene file.
     """
     denoise: bool = False
-    """Whether Open Image Denoise removes what noise is left."""
+    """True to denoise the picture with Open Image Denoise."""
     filter: PixelFilter | None = None
-    """How samples are spread over a pixel; none: what the scene file asks for, or `blackman-harris`."""
+    """The pixel filter; none: that of the scene file, or `blackman-harris`."""
     layers: Sequence[str] | None = None
-    """Layers beside the color, by name; `all` alone: all of them. None: as the engine has it, our own
-    has none.
+    """Layers in addition to the color, by name; `all` alone: all of them. None: the engine's default;
+    the built-in engine makes none.
     """
     size: tuple[int, int] | None = None
-    """Width and height in pixels; none: what the scene file asks for, or 720 high and as wide as the
-    camera says.
+    """Width and height in pixels; none: those of the scene file, or 720 high with the aspect ratio of
+    the camera.
     """
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
@@ -417,9 +418,9 @@ class FrameOptions(Section):
     """The frames of an animation."""
 
     fps: float = 24.0
-    """Frames a second: frame N shows the scene at N / `fps` seconds."""
+    """Frames per second: frame N shows the scene at N / `fps` seconds."""
     list: Frames
-    """Which frames."""
+    """The list of frames."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -427,16 +428,16 @@ class FrameOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class GoalOptions(Section):
-    """When the picture is good enough. At most one of error and time is given."""
+    """The goal at which the picture is finished. At most one of error and time is given."""
 
     error: float | None = None
-    """The relative error at which each cell of 32 x 32 pixels has samples enough."""
+    """The relative error at which a cell of 32 x 32 pixels stops."""
     samples: int | None = None
-    """Samples a pixel; with an error or a time the most that a pixel gets. None: what the scene file
-    asks for, or 64.
+    """Samples per pixel; with an error or a time the maximum per pixel. None: what the scene file asks
+    for, or 64.
     """
     time: float | None = None
-    """Seconds from start to written file."""
+    """Time limit in seconds, from the start to the written file."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -444,14 +445,14 @@ class GoalOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class GuideOptions(Section):
-    """What paths learn of the light before the first sample. It changes the noise, not what the
-    picture shows.
+    """Path guiding: knowledge of the light, learned before the first sample. It changes the noise, not
+    the expected picture.
     """
 
     by: GuideChoice | None = None
-    """How; none: `ala`, without a word where it is of no use."""
+    """The kind of guide; none: `ala`, without a warning where it has no effect."""
     uses: Sequence[GuideUse] = field(default_factory=lambda: [])
-    """What lighting agents are used for, with `ala`; none of them: all."""
+    """The uses of lighting agents, with `ala`; empty: all."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -459,22 +460,19 @@ class GuideOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class IntegratorOptions(Section):
-    """How light is followed."""
+    """The integrator."""
 
     light_samples: int = 1
-    """Light samples at each bounce."""
+    """Light samples per bounce."""
     max_depth: int | None = None
-    """Bounces of light: 0 only what shines itself, 1 direct light, and so on; none: what the scene
-    file asks for, or 16.
+    """Maximum number of bounces: 0 emission only, 1 direct light, and so on; none: what the scene file
+    asks for, or 16.
     """
     method: IntegratorChoice | None = None
-    """The method; none: the one that finds the light that the scene file's own integrator finds, or
-    `path`.
-    """
+    """The integrator; none: one that finds the same light as the scene file's integrator, or `path`."""
     wavefront: bool = False
-    """Whether rays are units of work of their own, which any device may follow, and shading is
-    another: the way of the HRA paper. Without it a unit is samples of a block of pixels. The
-    picture has the same bits.
+    """True to make rays and shading separate work units, so that any device can trace the rays, as in
+    the HRA paper. False: a unit is samples of a block of pixels. The picture has the same bits.
     """
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
@@ -483,22 +481,22 @@ class IntegratorOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class LightingAgentOptions(Section):
-    """Autonomous Lighting Agents."""
+    """Settings of Autonomous Lighting Agents."""
 
     cast: int = 50000
-    """Agents that the lights cast; their clones come on top."""
+    """Number of agents cast from the lights, without their clones."""
     decides: Sequence[OracleQuestion] = field(default_factory=lambda: ['shadows', 'irradiance', 'radiance'])
-    """What they are asked; the rest is computed everywhere."""
+    """The questions that the agents answer; everything else is computed."""
     error: float = 0.1
-    """Greatest relative error of indirect light that is interpolated, with the oracle `error`."""
+    """Largest relative error of interpolated indirect light, with the oracle `error`."""
     memory_mb: int = 4
-    """Megabytes that they may take, with the oracle `error`."""
+    """Memory limit of the agents in MiB, with the oracle `error`."""
     network: bool = False
-    """Whether the median of an agent and its neighbors in the network answers which shadow rays must
-    be traced.
+    """True if the median of an agent and its neighbors in the network decides which shadow rays are
+    traced.
     """
     oracle: OracleChoice = 'error'
-    """By which rules they answer."""
+    """The rules by which the agents answer."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -506,22 +504,22 @@ class LightingAgentOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class OutputOptions(Section):
-    """The file that the picture is written to."""
+    """The output file."""
 
     alpha: bool = False
-    """Whether a PNG has alpha where the scene file does not ask for it."""
+    """True to write alpha to a PNG even if the scene file does not ask for it."""
     encoding: PngEncoding = 'srgb'
-    """How a PNG's values are stored."""
+    """Encoding of PNG values."""
     exposure: float = 0.0
-    """Stops by which a PNG is brightened (+) or darkened (-)."""
+    """Exposure of a PNG in stops: positive is brighter."""
     file: str | None = None
-    """.exr (linear light, all values) or .png (tone-mapped); none: no file, the picture is a value."""
+    """The file: .exr (linear light, all layers) or .png (tone-mapped); none: no file."""
     half: bool = False
-    """Whether an EXR file has 16-bit values."""
+    """True to write 16-bit values to an EXR file."""
     tiled: bool = False
-    """Whether an EXR file is written in tiles."""
+    """True to write an EXR file in tiles."""
     tonemap: ToneCurve = 'agx'
-    """How a PNG's highlights are brought into range."""
+    """Tone curve of a PNG."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -529,45 +527,39 @@ class OutputOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class PhotonOptions(Section):
-    """Photon mapping."""
+    """Settings of photon mapping."""
 
     count: int | None = None
-    """Photons that leave the lights; with `progressive` in each pass. None: 500,000, progressive
-    100,000.
-    """
+    """Number of photons emitted; with `progressive` per pass. None: 500,000, progressive 100,000."""
     final_rays: int | None = None
-    """Rays of each sample that gather indirect light; 0 takes the photons at the point itself. None:
-    4.
-    """
+    """Final gather rays per sample; 0: use the photons at the point itself. None: 4."""
     gather: int | None = None
-    """Photons from which the light at a point is estimated; none: 60."""
+    """Number of photons in a density estimate; none: 60."""
     gather_directions: bool | None = None
-    """Whether gathering rays go where indirect photons came from; none: unless indirect light is taken
-    from places near by.
+    """True to send gather rays in the directions that indirect photons came from; none: true unless
+    indirect light is interpolated.
     """
     indirect: bool = True
-    """Whether there is indirect light, but for that over mirrors and through glass alone; for lighting
-    agents, too.
+    """True for indirect light; false keeps only that over mirrors and through glass. Also for lighting
+    agents.
     """
     irradiance_cache: float | None = None
-    """Greatest error of indirect light on matte surfaces that is taken from places near by; none:
-    gathered anew.
+    """Largest error at which indirect light on matte surfaces is interpolated from nearby points;
+    none: always gather.
     """
     lookouts: bool = True
-    """Whether photons for caustics are sent where agents that the camera casts look out for them; else
-    to all mirrors and glass alike. For lighting agents, too.
+    """True to send caustic photons where lookouts, agents cast from the camera, find them useful;
+    false: to all mirrors and glass alike. Also for lighting agents.
     """
     progressive: bool = False
-    """Whether each sample has photons of its own, within a radius that shrinks."""
+    """True for progressive photon mapping: each pass has its own photons, in a radius that shrinks."""
     radius: float | None = None
-    """How far such photons may lie, as a share of the radius of what the camera sees; none: 0.1."""
+    """Largest distance of these photons, as a share of the radius of the visible scene; none: 0.1."""
     separate_maps: bool = False
-    """Whether direct and indirect photons are kept in maps of their own, and counted wherever a
-    gathering ray ends.
-    """
+    """True to keep direct and indirect photons in separate maps, used wherever a gather ray ends."""
     shadow_photons: bool = False
-    """Whether shadow rays are traced only where photons behind lit surfaces have not settled what is
-    lit.
+    """True to trace shadow rays only where shadow photons have not decided the visibility of the
+    light.
     """
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
@@ -576,12 +568,12 @@ class PhotonOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class RulesText(Section):
-    """A text of rules, and what people call it."""
+    """Rules as text, with a name."""
 
     name: str
-    """What people call it: the file that it was read from."""
+    """Name for messages: the file that the text was read from."""
     text: str
-    """FCL."""
+    """The text in FCL."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -589,16 +581,16 @@ class RulesText(Section):
 
 @dataclass(kw_only=True, slots=True)
 class SceneOptions(Section):
-    """The scene file, and how it is read."""
+    """The scene file, and options for reading it."""
 
     allow_outside: bool = False
-    """Whether the scene may read files outside of its own folder."""
+    """True to let the scene read files outside of its folder."""
     animation: str | None = None
     """The animation to show, by name or by number from 0; none: all of them."""
     asset_roots: Sequence[str] = field(default_factory=lambda: [])
-    """Folders below which the scene may read files, too."""
+    """Further folders below which the scene may read files."""
     cull_backfaces: bool = False
-    """Whether the camera sees through the backs of a glTF scene's materials that are not double-sided."""
+    """True if the camera sees through the backs of single-sided materials in glTF scenes."""
     defines: Mapping[str, str] = field(default_factory=lambda: {})
     """Parameters of a Mitsuba scene (its `<default>`s), by name."""
     file: str
@@ -606,15 +598,13 @@ class SceneOptions(Section):
     another engine reads.
     """
     strict: bool = False
-    """Whether the scene is refused when something in it is not supported, instead of painting a
-    substitute.
-    """
+    """True to refuse a scene with unsupported features; false to render substitutes for them."""
     time: float | None = None
     """The time in seconds at which a glTF scene's animations are shown; none: the scene as its file
     describes it.
     """
     variant: str | None = None
-    """Which of a glTF file's variants of materials to show, by name or by number from 0."""
+    """The material variant of a glTF file, by name or by number from 0."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -622,16 +612,16 @@ class SceneOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class ViewOptions(Section):
-    """The camera."""
+    """The camera and its pose."""
 
     camera: str | None = None
     """The camera, by name or by number from 0; none: the file's first."""
     focus_distance: float | None = None
-    """Distance from the camera at which things are sharp, in scene units."""
+    """Focus distance, in scene units."""
     lens_radius: float | None = None
-    """Radius of the lens in scene units: what is not at the focus distance blurs; 0: all is sharp."""
+    """Radius of the lens, in scene units; 0: everything is sharp."""
     pose: CameraPose | None = None
-    """Where it stands and at what it looks; none: as the file says. Its lens stays the file's."""
+    """The pose; none: that of the file. The lens stays that of the file."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {"pose": CameraPose}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -639,42 +629,40 @@ class ViewOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class WorkOptions(Section):
-    """How the work is shared out among agents."""
+    """Sharing the work among agents."""
 
     adaptation: AdaptationChoice = 'ratio'
-    """How agents learn their speed."""
+    """The rule by which agents adapt V_cp."""
     agents: int | None = None
-    """Render Agents; none: one for every two processors."""
+    """Number of Render Agents; none: one per two processors."""
     auction: AuctionChoice = 'finishing-time'
-    """How the winners of an auction are found."""
+    """The rule that decides auctions."""
     bands: BandChoice = 'rules'
-    """How wide the bands are in which neighboring zones are blended."""
+    """Width of the interpolation bands between zones."""
     channels: Sequence[str] | None = None
-    """What the measure knows of a place; none: everything."""
+    """The channels that the measure uses; none: all."""
     importance: ImportanceChoice = 'predicted'
-    """Which measure makes the importance map."""
+    """The measure of the importance map."""
     level: int = 3
-    """How the picture is cut: 0 not at all, 1 by importance, 2 joined, 3 balanced."""
+    """Level of division into zones: 0 none, 1 by importance, 2 joined, 3 balanced."""
     optimization: OptimizationChoice = 'off'
-    """How far expert rules may trade quality for time, zone by zone."""
+    """Degree to which expert rules may trade quality for time, zone by zone."""
     rules: Sequence[RulesSource] = field(default_factory=lambda: [])
-    """The expert rules, which agents carry in turn; none: those that come with the program or the
-    engine.
-    """
+    """The expert rules, which agents carry in turn; none: those built in or of the engine."""
     zone_balance: BalanceChoice = 'time'
-    """What zones of level 3 have in common."""
+    """The quantity that level 3 balances."""
     zone_max_complexity: float | None = None
-    """Level 1 cuts zones that are more complex than this share of the picture's complexity; none: than
-    one part in `zones`.
+    """Level 1 divides zones with more than this share of the picture's complexity; none: one part in
+    `zones`.
     """
     zone_min_size: int = 8
-    """The least width and height of a zone, in pixels."""
+    """Smallest width and height of a zone, in pixels."""
     zone_similarity: float = 0.15
-    """Level 2 joins neighbors whose complexities a pixel differ by at most this share of the greater
+    """Level 2 joins neighbors whose complexities per pixel differ by at most this share of the greater
     one.
     """
     zones: int | None = None
-    """About so many zones; none: by `zone_max_complexity`, or else by the number of agents."""
+    """Approximate number of zones; none: by `zone_max_complexity`, or else by the number of agents."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -682,45 +670,48 @@ class WorkOptions(Section):
 
 @dataclass(kw_only=True, slots=True)
 class Request(BaseRequest):
-    """A picture asked for: plain data with documented defaults. Two requests that are equal give the
-    same picture, whoever paints it and whatever door they came through. What is left out has its
-    default. How a program tells of the work (progress, previews, traces) is no part of it.
+    """The description of a picture: plain data with documented defaults. Equal requests give the same
+    picture, on every machine and through every interface. Missing fields have their defaults.
+    Settings of how a program reports its work (progress, previews, traces) are not part of a
+    request.
     """
 
     devices: DeviceOptions = field(default_factory=DeviceOptions)
-    """The processors and devices of this machine that paint."""
+    """The processors and devices of this machine that render."""
     engine: EngineOptions = field(default_factory=EngineOptions)
-    """Who paints: our own engine or other renderers."""
+    """The engine: the built-in one or external renderers."""
     environment: EnvironmentOptions = field(default_factory=EnvironmentOptions)
-    """Light from all around."""
+    """The environment light."""
     farm: FarmOptions = field(default_factory=FarmOptions)
-    """What a farm is told of the job."""
+    """Settings of the job on a farm."""
     film: FilmOptions = field(default_factory=FilmOptions)
-    """Size, part, filter and layers of the picture."""
+    """Size, crop, pixel filter and layers of the picture."""
     frames: FrameOptions | None = None
     """The frames of an animation; none: one picture."""
     goal: GoalOptions = field(default_factory=GoalOptions)
-    """When the picture is good enough."""
+    """The goal at which the picture is finished."""
     guide: GuideOptions = field(default_factory=GuideOptions)
-    """What paths learn of the light before the first sample."""
+    """Path guiding: knowledge of the light, learned before the first sample."""
     integrator: IntegratorOptions = field(default_factory=IntegratorOptions)
-    """How light is followed."""
+    """The integrator."""
     lighting_agents: LightingAgentOptions = field(default_factory=LightingAgentOptions)
-    """Autonomous Lighting Agents."""
+    """Settings of Autonomous Lighting Agents."""
     output: OutputOptions = field(default_factory=OutputOptions)
-    """The file that the picture is written to."""
+    """The output file."""
     photons: PhotonOptions = field(default_factory=PhotonOptions)
-    """Photon mapping."""
+    """Settings of photon mapping."""
     scene: SceneOptions
-    """Which scene file, and how it is read."""
+    """The scene file, and options for reading it."""
     seed: int = 0
-    """The seed: another one gives other noise, the same one the same picture, bit for bit."""
+    """Seed of the random numbers: the same seed gives the same picture, bit for bit; another one gives
+    other noise.
+    """
     version: int = 1
-    """The version of this vocabulary."""
+    """The version of the request format."""
     view: ViewOptions = field(default_factory=ViewOptions)
-    """The camera."""
+    """The camera and its pose."""
     work: WorkOptions = field(default_factory=WorkOptions)
-    """How the work is shared out among agents."""
+    """Sharing the work among agents."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {"devices": DeviceOptions, "engine": EngineOptions, "environment": EnvironmentOptions, "farm": FarmOptions, "film": FilmOptions, "frames": FrameOptions, "goal": GoalOptions, "guide": GuideOptions, "integrator": IntegratorOptions, "lighting_agents": LightingAgentOptions, "output": OutputOptions, "photons": PhotonOptions, "scene": SceneOptions, "view": ViewOptions, "work": WorkOptions}
     _tuples: ClassVar[frozenset[str]] = frozenset([])

@@ -1,4 +1,9 @@
 //! The layered material of glTF: base, clear coat and sheen combined into one BSDF.
+//!
+//! Parameters: base colour, metallic factor, perceptual roughness and anisotropy in [0, 1], index of refraction, specular
+//! strength and tint, transmission; the parameters of coat, sheen and film. Source: glTF 2.0, appendix B, with the
+//! KHR_materials extensions; energy between the facets by Kulla and Conty 2017, *Revisiting Physically Based Shading at
+//! Imageworks*.
 
 use bottega_scene::Spectrum;
 use glam::Vec3;

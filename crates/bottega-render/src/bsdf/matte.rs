@@ -1,6 +1,8 @@
 //! Matte surfaces: rough diffuse reflection, and diffuse reflection with transmission.
 //!
-//! Parameters: reflectance and transmittance in [0, 1]; roughness as standard deviation of slopes, in radians.
+//! Parameters: reflectance and transmittance in [0, 1]; roughness as standard deviation of slopes, in radians. Source:
+//! Lambert's law; rough surfaces by Portsmouth, Kutz and Hill 2024, *EON: A Practical Energy-Preserving Rough Diffuse
+//! BRDF*.
 
 use std::f32::consts::{FRAC_1_PI, PI};
 

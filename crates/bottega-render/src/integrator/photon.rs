@@ -3,12 +3,15 @@
 //! A camera path follows mirrors and glass to the first surface with a BSDF that is not specular. Direct light there is
 //! sampled as in path tracing. Caustics, light that arrives over mirrors and glass, are the density of the caustic
 //! photons. All other indirect light is gathered by rays drawn from the BSDF; the photon map gives the radiance where
-//! they end (Jensen 1996, *Global Illumination using Photon Maps*; Christensen 1999). Without final gathering, and in
-//! progressive pictures, the photon density at the surface itself gives all indirect light.
+//! they end. Without final gathering, and in progressive pictures, the photon density at the surface itself gives all
+//! indirect light.
 //!
 //! With Autonomous Lighting Agents, only caustic photons are traced. Agents decide which shadow rays are needed, and
 //! give the indirect light on matte surfaces. Where they do not know, gathering rays are traced that end where agents
 //! know.
+//!
+//! Sources: Jensen 1996, *Global Illumination using Photon Maps*; Christensen 1999, *Faster Photon Map Global
+//! Illumination*.
 
 mod eye;
 mod paint;

@@ -1,6 +1,10 @@
 //! The environment: light at infinity from all directions.
 //!
-//! Parameters: a picture (or constant radiance) with its mapping, a factor, a rotation; optional portals.
+//! Parameters: a picture or a constant radiance, with its mapping (latitude and longitude, or equal areas), a factor, a
+//! rotation; optional portals. Directions are drawn from a table of the picture's luminance, less its mean, which BSDF
+//! sampling finds by itself.
+//!
+//! Source: Karlík et al. 2019, *MIS Compensation: Optimizing Sampling Techniques in Multiple Importance Sampling*.
 
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_4, PI};
 

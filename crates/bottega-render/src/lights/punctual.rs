@@ -1,4 +1,11 @@
-//! Lights without extent: point, spot, goniometric and projector lights.
+//! Lights without extent: point, spot, goniometric, projector and parallel lights.
+//!
+//! Parameters: position or direction; intensity in W/sr per channel, of parallel light irradiance in W/m²; the inner and
+//! outer angle of a spot; the picture of a goniometric or projector light. Their shadows are sharp, and only light
+//! sampling finds them.
+//!
+//! Source: KHR_lights_punctual; the emitters `point`, `spot`, `projector`, `directional` of Mitsuba 3 and `goniometric`
+//! of pbrt-v4.
 
 use std::f32::consts::PI;
 

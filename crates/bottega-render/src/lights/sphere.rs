@@ -1,4 +1,7 @@
 //! Emitting spheres, sampled uniformly in the solid angle that they subtend.
+//!
+//! Parameters: centre, radius, radiance in W/(sr m²) per channel, a texture. Source: Shirley, Wang and Zimmerman 1996,
+//! *Monte Carlo Techniques for Direct Lighting Calculations*.
 
 use std::f32::consts::PI;
 

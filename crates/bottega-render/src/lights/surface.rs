@@ -1,7 +1,11 @@
 //! Emitting triangles and rectangles.
 //!
-//! Two triangles that form a rectangle are one light, since importers turn quadrilaterals into such pairs. Textured
-//! lights are cut into parts; each part is a light with its own power.
+//! Parameters: radiance in W/(sr m²) per channel, a texture, one or both sides. Two triangles that form a rectangle are
+//! one light, since importers turn quadrilaterals into such pairs. Textured lights are cut into parts; each part is a
+//! light with its own power. Large ones are sampled uniformly in solid angle, small ones by area.
+//!
+//! Sources: Arvo 1995, *Stratified Sampling of Spherical Triangles*; Ureña, Fajardo and King 2013, *An Area-Preserving
+//! Parametrization for Spherical Rectangles*.
 
 use bottega_kernels::Aabb;
 use bottega_scene::{AlphaMode, Scene, Sides, Spectrum};
