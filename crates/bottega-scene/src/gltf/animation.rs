@@ -119,7 +119,7 @@ struct AnimationChannel<'a, 's> {
 }
 
 impl AnimationChannel<'_, '_> {
-    fn invalid(&self, member: &str, problem: impl ToString) -> SceneError {
+    fn invalid(&self, member: &str, problem: impl std::fmt::Display) -> SceneError {
         self.source.invalid(format!("animations[{}].channels[{}]{member}", self.animation, self.number), problem)
     }
 

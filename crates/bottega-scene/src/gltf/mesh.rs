@@ -123,7 +123,7 @@ impl<'s> PrimitiveReader<'s> {
         Accessor::new(self.source.document, self.source.bytes, index).map_err(|problem| self.invalid(member, problem))
     }
 
-    fn invalid(&self, member: &str, problem: impl ToString) -> SceneError {
+    fn invalid(&self, member: &str, problem: impl std::fmt::Display) -> SceneError {
         self.source.invalid(self.shape.place(member), problem)
     }
 

@@ -1,5 +1,6 @@
 //! The shared context of the importer.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use glam::DVec3;
@@ -30,7 +31,7 @@ pub(super) struct GltfSource<'a> {
 
 impl GltfSource<'_> {
     /// Makes an error at a location of the document.
-    pub(super) fn invalid(&self, place: impl Into<String>, problem: impl ToString) -> SceneError {
+    pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Display) -> SceneError {
         SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.to_string() }
     }
 

@@ -1,5 +1,6 @@
 //! Text files of a scene: locations in them, and errors at a location.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use crate::error::SceneError;
@@ -18,7 +19,7 @@ pub(crate) struct TextPlace {
 
 impl TextPlace {
     /// Makes an error at this location.
-    pub(crate) fn fault(self, problem: impl ToString) -> TextFault {
+    pub(crate) fn fault(self, problem: impl Display) -> TextFault {
         TextFault { at: self, problem: problem.to_string() }
     }
 }
