@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crate::SceneError;
+use crate::error::SceneError;
 
 /// Counts the bytes of a scene before they are allocated. Several threads may use it.
 #[derive(Debug)]

@@ -2,7 +2,7 @@
 
 use glam::{Affine3A, Vec2, Vec3};
 
-use crate::MediumId;
+use crate::medium::MediumId;
 
 /// The projection of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,17 +105,25 @@ pub struct Clip {
     pub far: f32,
 }
 
+/// The distances of invalid clip planes.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("there is nothing between clip planes in the distances {near} and {far}")]
+pub(crate) struct ClipError {
+    near: f64,
+    far: f64,
+}
+
 impl Clip {
     /// No clipping: everything in front of the camera is visible.
     pub const NONE: Self = Self { near: 0.0, far: f32::INFINITY };
 
-    /// Returns planes at these distances, or why they are invalid.
-    pub(crate) fn new(near: f64, far: f64) -> Result<Self, String> {
+    /// Returns planes at these distances.
+    pub(crate) fn new(near: f64, far: f64) -> Result<Self, ClipError> {
         let clip = Self { near: near as f32, far: far as f32 };
         if clip.near >= 0.0 && clip.near.is_finite() && clip.far > clip.near {
             Ok(clip)
         } else {
-            Err(format!("there is nothing between clip planes in the distances {near} and {far}"))
+            Err(ClipError { near, far })
         }
     }
 }

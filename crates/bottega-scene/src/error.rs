@@ -1,5 +1,6 @@
 //! Errors and warnings of loading a scene.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -197,6 +198,11 @@ impl SceneError {
 fn at(place: &str) -> String {
     if place.is_empty() { String::new() } else { format!(", {}", printable(place)) }
 }
+
+/// An invariant of the scene that is violated, as a clause about the part.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct Violation(pub(crate) Cow<'static, str>);
 
 /// Something that the user should know although the scene was read. Text from the file is escaped for terminals.
 #[derive(Clone, Debug, PartialEq, Eq)]

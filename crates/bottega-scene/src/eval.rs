@@ -2,8 +2,11 @@
 
 use glam::{Vec2, Vec4};
 
-use crate::texture::SURFACE_UV_SETS;
-use crate::{AlphaMode, ColorParam, Mapping, Material, ScalarParam, Scene, Spectrum, TextureMap};
+use crate::color::Spectrum;
+use crate::material::{AlphaMode, Material};
+use crate::model::Scene;
+use crate::param::{ColorParam, ScalarParam};
+use crate::texture::{Mapping, SURFACE_UV_SETS, TextureMap};
 
 /// A source of texture coordinates at a point.
 pub trait Uvs: Copy {

@@ -3,13 +3,18 @@
 use std::collections::BTreeSet;
 
 use crate::error::Warnings;
-use crate::{Back, CoatedBase, ColorParam, Image, LevelTexels, Scene, Surface};
+use crate::image::Image;
+use crate::image::raw::LevelTexels;
+use crate::material::Back;
+use crate::model::Scene;
+use crate::param::ColorParam;
+use crate::surface::{CoatedBase, Surface};
 
 /// Greatest excess above 1 that counts as rounding.
 const ROUNDING: f32 = 1.001;
 
 /// Warns once for each HDR picture that is used as a reflectance and exceeds 1.
-pub(crate) fn tell(scene: &Scene, warnings: &mut Warnings) {
+pub(crate) fn warn(scene: &Scene, warnings: &mut Warnings) {
     let mut known = BTreeSet::new();
     for (index, material) in scene.materials.iter().enumerate() {
         let mut shares = Vec::new();

@@ -6,6 +6,8 @@
 
 use glam::{Affine3A, Vec3};
 
+use crate::error::Violation;
+
 /// Radius of the hull's corners over half the width of the curve. Four sides around it, with room for bends.
 pub(crate) const HULL: f32 = 1.15 * std::f32::consts::SQRT_2;
 
@@ -153,22 +155,24 @@ impl FacingCurves {
         size_of_val(&*self.points) + size_of_val(&*self.pieces)
     }
 
-    /// Checks its invariants for a mesh of `triangles` triangles. The error says which one is violated.
-    pub(crate) fn check(&self, triangles: usize) -> Result<(), String> {
+    /// Checks its invariants for a mesh of `triangles` triangles.
+    pub(crate) fn check(&self, triangles: usize) -> Result<(), Violation> {
         let is_sound = |point: &CurvePoint| {
             let is_finite = point.position.is_finite() && point.along.is_finite() && point.radius.is_finite();
             is_finite && point.radius >= 0.0 && (point.tangent.length_squared() - 1.0).abs() < 1e-3
         };
         let has_end =
             |&piece: &u32| self.points.get(piece as usize..).is_some_and(|rest| rest.len() > 1 && !rest[0].is_last);
-        match () {
-            () if self.pieces.len() != triangles => Err("its curves have another number of triangles".into()),
-            () if !self.points.iter().all(is_sound) => Err("a point of its curves is not finite".into()),
-            () if self.points.last().is_some_and(|point| !point.is_last) || !self.pieces.iter().all(has_end) => {
-                Err("a piece of its curves ends nowhere".into())
-            }
-            () => Ok(()),
-        }
+        let problem = if self.pieces.len() != triangles {
+            "its curves have another number of triangles"
+        } else if !self.points.iter().all(is_sound) {
+            "a point of its curves is not finite"
+        } else if self.points.last().is_some_and(|point| !point.is_last) || !self.pieces.iter().all(has_end) {
+            "a piece of its curves ends nowhere"
+        } else {
+            return Ok(());
+        };
+        Err(Violation(problem.into()))
     }
 }
 

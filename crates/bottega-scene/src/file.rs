@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use crate::SceneError;
 use crate::budget::MemoryBudget;
+use crate::error::SceneError;
 
 /// Reads a regular file. Rejects folders, devices and pipes (which might never end), and files larger than the scene's
 /// memory limit.

@@ -2,8 +2,8 @@
 
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
-use crate::model::corners;
-use crate::{Camera, Projection, Scene};
+use crate::camera::{Camera, Projection};
+use crate::model::{Mesh, Scene, corners};
 
 /// Half the field of view of a framing camera, from the centre to the edge of the shorter side: 20°, in radians.
 const HALF_FOV: f64 = std::f64::consts::PI / 9.0;
@@ -40,7 +40,7 @@ impl Camera {
     /// - `aspect`: width over height of the picture; a camera for 1 also frames wider pictures.
     pub fn framing_scene(scene: &Scene, aspect: f32) -> Self {
         let bounds = scene.bounds();
-        let mesh_bounds: Vec<(Vec3, Vec3)> = scene.meshes.iter().map(crate::Mesh::bounds).collect();
+        let mesh_bounds: Vec<(Vec3, Vec3)> = scene.meshes.iter().map(Mesh::bounds).collect();
         let turned_boxes = scene.instances.iter().flat_map(|instance| {
             let world_from_object = instance.world_from_object;
             corners(mesh_bounds[instance.mesh as usize]).map(move |corner| world_from_object.transform_point3(corner))
@@ -119,6 +119,7 @@ fn framing_side(scene: &Scene) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
+    use crate::material::Material;
     use proptest::prelude::*;
 
     use super::*;
@@ -161,9 +162,9 @@ mod tests {
 
     #[test]
     fn a_room_is_seen_through_its_open_side() {
-        use crate::Mesh;
+        use crate::model::Mesh;
         let mut scene = Scene::default();
-        scene.push_material(crate::Material::default());
+        scene.push_material(Material::default());
         let mut room = Mesh::cuboid(Vec3::splat(-1.0), Vec3::splat(1.0));
         // Fronts inside; the side at −z is open.
         let positions = room.positions.clone();
@@ -172,16 +173,16 @@ mod tests {
         scene.push_surface(room);
         assert_eq!(framing_side(&scene), Vec3::NEG_Z);
         let mut closed = Scene::default();
-        closed.push_material(crate::Material::default());
+        closed.push_material(Material::default());
         closed.push_surface(Mesh::cuboid(Vec3::splat(-1.0), Vec3::splat(1.0)));
         assert_eq!(framing_side(&closed), THREE_QUARTER);
     }
 
     #[test]
     fn a_turned_plate_is_framed_by_itself_and_not_by_the_box_around_it() {
-        use crate::Mesh;
+        use crate::model::Mesh;
         let mut scene = Scene::default();
-        scene.push_material(crate::Material::default());
+        scene.push_material(Material::default());
         let plate = scene.push_mesh(Mesh::quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0));
         let flat = Camera::framing_scene(&scene, 1.0);
         assert!((flat.focus_distance - 1.0).abs() < 1e-6, "nothing is there yet");

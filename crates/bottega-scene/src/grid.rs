@@ -2,7 +2,8 @@
 
 use glam::{UVec3, Vec3};
 
-use crate::Spectrum;
+use crate::color::Spectrum;
+use crate::values::VALUE_MAX;
 
 /// Values in the cells of a regular grid that fills the unit cube. All are finite and at least 0.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +46,7 @@ pub enum GridError {
 
 impl Grid {
     /// Makes a grid of colours, or of numbers if there is one value per cell. Values that are negative or not finite
-    /// become 0, those above [`VALUE_MAX`](crate::VALUE_MAX) become that.
+    /// become 0, those above [`VALUE_MAX`](VALUE_MAX) become that.
     ///
     /// - `size`: cells along x, y and z, at most 65536 each.
     /// - `values`: one or three per cell; x runs fastest.
@@ -60,7 +61,7 @@ impl Grid {
             count => return Err(GridError::Count { cells, values: count }),
         };
         for value in &mut values {
-            *value = if value.is_finite() { value.clamp(0.0, crate::VALUE_MAX) } else { 0.0 };
+            *value = if value.is_finite() { value.clamp(0.0, VALUE_MAX) } else { 0.0 };
         }
         Ok(Self { size, channels, values, blend })
     }

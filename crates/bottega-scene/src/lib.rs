@@ -14,18 +14,19 @@
 //! | contents | files |
 //! |---|---|
 //! | the scene, and the checks of its invariants | `src/model.rs`, `src/validate.rs` |
-//! | loading a scene from a path; the importers' input, options and limits | `src/load.rs`; `src/import.rs`,
+//! | loading a scene from a path; the importers' input, options and limits | `src/load.rs`; `src/import/request.rs`,
 //! `src/options.rs`, `src/budget.rs` |
+//! | parts that the importers share: locations in text files, placed meshes, curves, skies, projected pictures | `src/import/` |
 //! | glTF; its compressed buffers | `src/gltf/`; `src/gltf/meshopt/`, `src/gltf/draco.rs` |
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
 //! | curves that face each ray | `src/facing_curves.rs`; pbrt: `src/pbrt/shape/curve.rs` |
-//! | curves as tubes | `src/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
+//! | curves as tubes | `src/import/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
 //! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
 //! | textures and their mappings, including mappings by world position | `src/texture.rs` |
 //! | pictures with mip levels: decoding, storage, lookup | `src/image/` |
-//! | spectra as colours | `src/spectrum/` |
+//! | colours; spectra and colour spaces as colours | `src/color.rs`; `src/spectrum/` |
 //! | scenes far from their origin | `src/origin.rs` |
 //! | which files a scene may read; lists of scene files from another machine | `src/resource/` |
 //! | encodings of text | `src/text.rs` |
@@ -35,6 +36,7 @@
 
 mod budget;
 mod camera;
+mod color;
 mod error;
 mod eval;
 mod excess;
@@ -69,17 +71,19 @@ mod summary;
 mod surface;
 mod text;
 mod texture;
-mod tube;
 mod validate;
 mod values;
 
 pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
+pub use color::Spectrum;
 pub use error::{SceneError, Warning};
 pub use eval::Uvs;
 pub use facing_curves::{CurveLook, CurveMeeting, CurvePoint, FacingCurves, ray_in_object};
 pub use grid::{Blend, Grid, GridError};
 pub use hints::{FilmFilter, Metadata, RenderHints};
-pub use image::{Encoding, Image, LevelTexels, linear_of_srgb_codes};
+pub use image::Image;
+pub use image::pyramid::Encoding;
+pub use image::raw::{LevelTexels, linear_of_srgb_codes};
 pub use integrator::{Follows, IntegratorHint, PhotonHints};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{Loaded, load};
@@ -96,6 +100,3 @@ pub use surface::{
 };
 pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Wrap};
 pub use values::{FACTOR_MAX, VALUE_MAX};
-
-/// Linear Rec. 709 RGB: radiance in W·sr⁻¹·m⁻², or a dimensionless reflectance.
-pub type Spectrum = glam::Vec3;

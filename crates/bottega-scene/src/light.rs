@@ -2,7 +2,8 @@
 
 use glam::{Affine3A, Mat3, Vec3};
 
-use crate::{ImageId, Spectrum, TextureMap};
+use crate::color::Spectrum;
+use crate::texture::{ImageId, TextureMap};
 
 /// A light without extent.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,16 +5,24 @@ use std::path::Path;
 use glam::{DVec3, Mat3, Quat};
 
 use crate::budget::MemoryBudget;
-use crate::error::Warnings;
+use crate::camera::Camera;
+use crate::color::Spectrum;
+use crate::error::{SceneError, Warning, Warnings};
 use crate::file::{hash, read_file};
-use crate::image::{DecodedImage, Encoding, PictureFault, PictureHeader, too_large};
-use crate::import::{ImportRequest, Imported};
+use crate::hints::{Metadata, RenderHints};
+use crate::image::Image;
+use crate::image::decode::{DecodedImage, PictureHeader};
+use crate::image::error::PictureError;
+use crate::image::pictures::too_large;
+use crate::image::pyramid::Encoding;
+use crate::import::request::{ImportRequest, Imported};
+use crate::light::Environment;
+use crate::model::Scene;
+use crate::options::LoadOptions;
 use crate::origin::far_origin;
 use crate::resource::{Resources, SceneFile};
-use crate::{
-    Camera, Environment, Image, ImageId, LoadOptions, Metadata, RenderHints, Scene, SceneError, Spectrum, Warning,
-    excess, gltf, mesh_file, mitsuba, pbrt, values,
-};
+use crate::texture::ImageId;
+use crate::{excess, gltf, mesh_file, mitsuba, pbrt, values};
 
 /// A loaded scene, with warnings, metadata and render hints.
 #[derive(Clone, Debug)]
@@ -51,8 +59,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
         mitsuba::import
     } else if pbrt::recognizes(path) {
         pbrt::import
-    } else if mesh_file::recognizes(path, &file) {
-        mesh_file::import
+    } else if mesh_file::scene::recognizes(path, &file) {
+        mesh_file::scene::import
     } else {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
     };
@@ -103,7 +111,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     scene.digest = digest.finalize().to_hex().to_string();
     mend_colors(&mut scene, &mut warnings);
     scene.validate().map_err(|error| error.in_file(path))?;
-    excess::tell(&scene, &mut warnings);
+    excess::warn(&scene, &mut warnings);
     let (triangles, memory_bytes) = (scene.triangle_count(), scene.memory_bytes());
     tracing::info!(path = %path.display(), triangles, memory_bytes, "scene read");
     Ok(Loaded { scene, warnings: warnings.finish(), metadata, hints, files })
@@ -138,10 +146,10 @@ fn add_environment(
 ) -> Result<(), SceneError> {
     let bytes = read_file(path, budget)?;
     digest.update(hash(&bytes).as_bytes());
-    let unreadable = |problem| SceneError::Picture { path: path.into(), problem };
-    let header = PictureHeader::read(&bytes, options.max_image_pixels).map_err(|fault| match fault {
-        PictureFault::TooLarge { problem } => too_large(path, problem),
-        PictureFault::Unreadable { problem } => unreadable(problem),
+    let unreadable = |error: PictureError| SceneError::Picture { path: path.into(), problem: error.to_string() };
+    let header = PictureHeader::read(&bytes, options.max_image_pixels).map_err(|error| match error {
+        PictureError::TooManyPixels { .. } => too_large(path, String::new(), &error),
+        error => unreadable(error),
     })?;
     budget.take(path, "", header.memory_bytes())?;
     let mut decoded = DecodedImage::read(&bytes, header).map_err(unreadable)?;
@@ -175,7 +183,7 @@ mod tests {
     use glam::Vec4;
 
     use super::*;
-    use crate::Mesh;
+    use crate::model::Mesh;
 
     #[test]
     fn colours_of_vertices_that_cannot_be_computed_with_are_told() {

@@ -1,6 +1,10 @@
 //! Materials: surface scattering, emission, opacity, relief and adjacent media.
 
-use crate::{ColorParam, Layered, MediumId, ScalarParam, Spectrum, Surface, TextureMap};
+use crate::color::Spectrum;
+use crate::medium::MediumId;
+use crate::param::{ColorParam, ScalarParam};
+use crate::surface::{Layered, Surface};
+use crate::texture::TextureMap;
 
 /// The interpretation of opacity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,6 +44,15 @@ impl Sides {
             Self::Front => front,
             Self::Back => !front,
             Self::Both => true,
+        }
+    }
+
+    /// Returns the sides after front and back were exchanged.
+    pub(crate) fn turned(self) -> Self {
+        match self {
+            Self::Front => Self::Back,
+            Self::Back => Self::Front,
+            Self::Both => Self::Both,
         }
     }
 
@@ -170,6 +183,13 @@ impl Material {
     /// Returns a black surface that emits constant radiance from its front.
     pub fn lamp(radiance: Spectrum) -> Self {
         Self { emission: radiance.into(), emission_sides: Sides::Front, ..Self::matte(Spectrum::ZERO) }
+    }
+
+    /// Exchanges what lies before and behind the surface, for a shape turned inside out: media and emission, not the
+    /// surface itself.
+    pub(crate) fn turn_sides(&mut self) {
+        std::mem::swap(&mut self.interior, &mut self.exterior);
+        self.emission_sides = self.emission_sides.turned();
     }
 
     /// Returns true if rays may pass through the surface by opacity. If not, [`opacity`](Self::opacity_at) is 1.

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 
-use crate::{Grid, Spectrum};
+use crate::color::Spectrum;
+use crate::grid::Grid;
 
 /// Index into [`Scene::media`](crate::Scene::media).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

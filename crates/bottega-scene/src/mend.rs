@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::Mesh;
+use crate::model::Mesh;
 
 impl Mesh {
     /// Normalizes all normals. Replaces one without direction by the mean of the triangles around its vertex, weighted

@@ -5,7 +5,14 @@ use std::collections::BTreeMap;
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{Camera, Environment, FacingCurves, Grid, Image, Light, Mapping, Material, Medium, MediumId, Variation};
+use crate::camera::Camera;
+use crate::facing_curves::FacingCurves;
+use crate::grid::Grid;
+use crate::image::Image;
+use crate::light::{Environment, Light};
+use crate::material::Material;
+use crate::medium::{Medium, MediumId, Variation};
+use crate::texture::Mapping;
 
 /// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty if absent. Importers
 /// drop texture coordinates and tangents that no texture of the material uses.

@@ -7,7 +7,7 @@
 
 use glam::{Affine3A, DVec3, Vec3};
 
-use crate::{Mesh, Scene};
+use crate::model::{Mesh, Scene};
 
 /// Ratio of the distance from the origin to the extent from which a scene or mesh counts as far.
 const FAR: f32 = 256.0;
@@ -73,7 +73,10 @@ pub(crate) fn rounding(center: DVec3) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Camera, LightKind, LoadOptions, Loaded, load};
+    use crate::camera::Camera;
+    use crate::light::LightKind;
+    use crate::load::{Loaded, load};
+    use crate::options::LoadOptions;
 
     fn scene(eye: Vec3, things: &[(Vec3, f32)]) -> Scene {
         let world_from_camera = Affine3A::from_translation(eye);
@@ -214,8 +217,8 @@ mod tests {
     #[test]
     fn what_is_far_away_loses_nothing() {
         let far = DVec3::new(100_000.123, -20.0, 400_000.456);
-        type Text = fn(DVec3) -> String;
-        for (name, text) in [("scene.gltf", gltf as Text), ("scene.xml", mitsuba), ("scene.pbrt", pbrt)] {
+        type SceneText = fn(DVec3) -> String;
+        for (name, text) in [("scene.gltf", gltf as SceneText), ("scene.xml", mitsuba), ("scene.pbrt", pbrt)] {
             let (near, away) = (loaded(name, &text(DVec3::ZERO)), loaded(name, &text(far)));
             assert_eq!(near.scene.origin, DVec3::ZERO, "{name}");
             assert!((away.scene.origin - far).length() < 8.0, "{name}: {}", away.scene.origin);

@@ -1,6 +1,7 @@
 //! Material parameters: a constant, optionally multiplied by a texture.
 
-use crate::{Channel, Spectrum, TextureMap};
+use crate::color::Spectrum;
+use crate::texture::{Channel, TextureMap};
 
 /// A colour: factor × texture.
 #[derive(Clone, Debug, PartialEq)]

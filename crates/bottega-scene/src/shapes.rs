@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use crate::Mesh;
+use crate::model::Mesh;
 
 impl Mesh {
     /// Returns a parallelogram with one corner at `origin`. The front is the side from which `u` to `v` turns

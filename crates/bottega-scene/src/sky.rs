@@ -2,7 +2,11 @@
 
 use glam::{Mat3, Vec3};
 
-use crate::{Environment, Image, ImageId, Scene, Spectrum};
+use crate::color::Spectrum;
+use crate::image::Image;
+use crate::light::Environment;
+use crate::model::Scene;
+use crate::texture::ImageId;
 
 const WIDTH: u32 = 128;
 const HEIGHT: u32 = 64;

@@ -2,7 +2,12 @@
 
 use glam::Vec3;
 
-use crate::{LightKind, Loaded, Metadata, Projection, Scene};
+use crate::camera::Projection;
+use crate::hints::Metadata;
+use crate::light::LightKind;
+use crate::load::Loaded;
+use crate::material::Material;
+use crate::model::Scene;
 
 /// A summary of a scene: counts, bounds and names.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -55,7 +60,7 @@ impl SceneSummary {
             LightKind::Directional { .. } => "directional",
             LightKind::Projector { .. } => "projector",
         };
-        let material_name = |(index, material): (usize, &crate::Material)| {
+        let material_name = |(index, material): (usize, &Material)| {
             let name = if material.name.is_empty() { format!("material {index}") } else { material.name.clone() };
             if material.is_emissive() { name + "*" } else { name }
         };

@@ -1,6 +1,8 @@
 //! The scattering models of surfaces: a closed set that covers those of the supported file formats.
 
-use crate::{Channel, ColorParam, ScalarParam, Spectrum, TextureMap};
+use crate::color::Spectrum;
+use crate::param::{ColorParam, ScalarParam};
+use crate::texture::{Channel, TextureMap};
 
 /// The scattering model of a surface.
 #[derive(Clone, Debug, PartialEq)]

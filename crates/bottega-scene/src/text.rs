@@ -9,8 +9,8 @@ use std::path::Path;
 
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
-use crate::SceneError;
 use crate::budget::MemoryBudget;
+use crate::error::SceneError;
 
 /// The remedy in errors about text that cannot be decoded.
 const REMEDY: &str = "save it as UTF-8";

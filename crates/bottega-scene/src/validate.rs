@@ -1,14 +1,21 @@
 //! Validation of the scene model.
 
+use std::borrow::Cow;
 use std::fmt::Display;
 
 use rayon::prelude::*;
 
-use crate::model::is_placeable;
-use crate::{
-    AlphaMode, Back, COORDINATE_MAX, Clip, ColorParam, FACTOR_MAX, LightKind, Material, Medium, MediumId, Mesh, Portal,
-    Projection, ReliefSource, SURFACE_UV_SETS, Scene, SceneError, Spectrum, Surface, VALUE_MAX,
-};
+use crate::camera::{Clip, Projection};
+use crate::color::Spectrum;
+use crate::error::{SceneError, Violation};
+use crate::light::{LightKind, Portal};
+use crate::material::{AlphaMode, Back, Material, ReliefSource};
+use crate::medium::{Medium, MediumId};
+use crate::model::{COORDINATE_MAX, Mesh, Scene, is_placeable};
+use crate::param::ColorParam;
+use crate::surface::Surface;
+use crate::texture::SURFACE_UV_SETS;
+use crate::values::{FACTOR_MAX, VALUE_MAX};
 
 impl Scene {
     /// Checks the invariants that every user of a scene relies on: no index out of range, no array of the wrong length,
@@ -75,11 +82,11 @@ impl Scene {
         })
     }
 
-    fn check_material(&self, material: u32) -> Result<(), String> {
-        check((material as usize) < self.materials.len(), &format!("there is no material {material}"))
+    fn check_material(&self, material: u32) -> Result<(), Violation> {
+        check((material as usize) < self.materials.len(), format!("there is no material {material}"))
     }
 
-    fn check_mesh(&self, mesh: &Mesh) -> Result<(), String> {
+    fn check_mesh(&self, mesh: &Mesh) -> Result<(), Violation> {
         self.check_material(mesh.material)?;
         let count = mesh.positions.len();
         let lengths =
@@ -99,9 +106,9 @@ impl Scene {
         mesh.curves.as_ref().map_or(Ok(()), |curves| curves.check(mesh.triangles.len()))
     }
 
-    fn check_parameters(&self, material: &Material) -> Result<(), String> {
+    fn check_parameters(&self, material: &Material) -> Result<(), Violation> {
         for map in material.textures() {
-            check((map.image.0 as usize) < self.images.len(), &format!("there is no image {}", map.image.0))?;
+            check((map.image.0 as usize) < self.images.len(), format!("there is no image {}", map.image.0))?;
             let sets = usize::from(SURFACE_UV_SETS) + self.mappings.len();
             check(usize::from(map.uv_set) < sets, "a texture has coordinates that there are not")?;
             check(map.picture_from_uv.is_finite(), "a texture transformation is not finite")?;
@@ -132,7 +139,7 @@ impl Scene {
         self.check_medium_id(material.exterior)
     }
 
-    fn check_surface(&self, surface: &Surface) -> Result<(), String> {
+    fn check_surface(&self, surface: &Surface) -> Result<(), Violation> {
         check(!surface.blends_null(), "a part of a blend is `Null`: `Surface::blend` makes a clear sheet of it")?;
         let (colors, scalars) = surface.params();
         check(colors.into_iter().all(is_color), FACTOR)?;
@@ -140,11 +147,11 @@ impl Scene {
         check(surface.indices_of_refraction().into_iter().all(is_factor), "an index of refraction is negative")
     }
 
-    fn check_medium_id(&self, medium: Option<MediumId>) -> Result<(), String> {
+    fn check_medium_id(&self, medium: Option<MediumId>) -> Result<(), Violation> {
         check(medium.is_none_or(|medium| (medium.0 as usize) < self.media.len()), "there is no such medium")
     }
 
-    fn check_light(&self, light: &LightKind) -> Result<(), String> {
+    fn check_light(&self, light: &LightKind) -> Result<(), Violation> {
         let (power, position, direction) = match *light {
             LightKind::Point { position, intensity } => (intensity, position, None),
             LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, .. } => {
@@ -186,7 +193,7 @@ fn is_color_factor(color: Spectrum) -> bool {
     color.to_array().into_iter().all(is_factor)
 }
 
-fn check_medium(medium: &Medium) -> Result<(), String> {
+fn check_medium(medium: &Medium) -> Result<(), Violation> {
     let coefficients = [medium.absorption, medium.scattering, medium.emission];
     check(coefficients.into_iter().all(is_color_factor), "a coefficient is negative, not finite or above 1e15")?;
     check(medium.g > -1.0 && medium.g < 1.0, "its asymmetry is not between -1 and 1")?;
@@ -209,18 +216,19 @@ fn is_rectangle(portal: &Portal) -> bool {
         && cosine.abs() <= 1e-3 * lengths
 }
 
-fn check(holds: bool, problem: &str) -> Result<(), String> {
-    if holds { Ok(()) } else { Err(problem.into()) }
+/// Returns the violation of an invariant that does not hold.
+fn check(holds: bool, problem: impl Into<Cow<'static, str>>) -> Result<(), Violation> {
+    if holds { Ok(()) } else { Err(Violation(problem.into())) }
 }
 
-fn each<T>(name: &str, list: &[T], check: impl Fn(&T) -> Result<(), String>) -> Result<(), SceneError> {
+fn each<T>(name: &str, list: &[T], check: impl Fn(&T) -> Result<(), Violation>) -> Result<(), SceneError> {
     list.iter().enumerate().try_for_each(|(index, item)| check(item).map_err(|problem| broken(name, index, problem)))
 }
 
-fn broken(name: &str, index: usize, problem: String) -> SceneError {
+fn broken(name: &str, index: usize, problem: impl Display) -> SceneError {
     place(format!("{name}[{index}]"), problem)
 }
 
-fn place(place: impl Display, problem: String) -> SceneError {
-    SceneError::Inconsistent { place: place.to_string(), problem }
+fn place(place: impl Display, problem: impl Display) -> SceneError {
+    SceneError::Inconsistent { place: place.to_string(), problem: problem.to_string() }
 }

@@ -4,6 +4,7 @@
 //! what the buffers hold, except for the zeros of an accessor without buffer view, whose number the caller limits.
 
 use super::document::{self, Document};
+use super::error::GltfError;
 
 /// The storage of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,7 +18,7 @@ pub(super) enum Component {
 }
 
 impl Component {
-    fn new(code: u64) -> Result<Self, String> {
+    fn new(code: u64) -> Result<Self, GltfError> {
         Ok(match code {
             5120 => Self::I8,
             5121 => Self::U8,
@@ -25,7 +26,7 @@ impl Component {
             5123 => Self::U16,
             5125 => Self::U32,
             5126 => Self::F32,
-            _ => return Err(format!("unknown component type {code}")),
+            _ => return Err(GltfError::ComponentType(code)),
         })
     }
 
@@ -80,12 +81,12 @@ struct Sparse<'a> {
 const COUNT_MAX: u64 = u32::MAX as u64;
 
 impl<'a> Accessor<'a> {
-    /// Resolves an accessor index and checks all ranges. The error says what is out of range.
+    /// Resolves an accessor index and checks all ranges.
     ///
     /// - `data`: bytes of the document's buffers.
-    pub(super) fn new(document: &Document, data: Bytes<'a>, index: usize) -> Result<Self, String> {
+    pub(super) fn new(document: &Document, data: Bytes<'a>, index: usize) -> Result<Self, GltfError> {
         let description = find("accessor", &document.accessors, index)?;
-        Self::of(document, data, description).map_err(|problem| format!("accessor {index}: {problem}"))
+        Self::of(document, data, description).map_err(|error| GltfError::Accessor { index, error: Box::new(error) })
     }
 
     /// Makes an accessor of consecutive elements in `bytes`, whose length is a multiple of theirs.
@@ -95,7 +96,7 @@ impl<'a> Accessor<'a> {
         Self { elements, count: bytes.len() / stride.max(1), width, component, normalized, sparse: None }
     }
 
-    fn of(document: &Document, data: Bytes<'a>, description: &document::Accessor) -> Result<Self, String> {
+    fn of(document: &Document, data: Bytes<'a>, description: &document::Accessor) -> Result<Self, GltfError> {
         let component = Component::new(description.component_type)?;
         let width = match description.kind.as_str() {
             "SCALAR" => 1,
@@ -104,10 +105,10 @@ impl<'a> Accessor<'a> {
             "VEC4" | "MAT2" => 4,
             "MAT3" => 9,
             "MAT4" => 16,
-            other => return Err(format!("unknown type `{}`", super::shortened(other))),
+            other => return Err(GltfError::AccessorType(other.into())),
         };
         if description.count > COUNT_MAX {
-            return Err(format!("{} elements are more than can be indexed", description.count));
+            return Err(GltfError::TooManyElements(description.count));
         }
         let count = description.count as usize;
         let size = width * component.bytes();
@@ -117,7 +118,7 @@ impl<'a> Accessor<'a> {
                 let (bytes, stride) = view_bytes(document, data, view)?;
                 let stride = stride.unwrap_or(size);
                 if stride < size {
-                    return Err(format!("a stride of {stride} bytes is less than the {size} bytes of an element"));
+                    return Err(GltfError::Stride { stride, size });
                 }
                 let bytes = range(bytes, description.byte_offset, count, stride, size)?;
                 Elements { bytes: Some(bytes), stride }
@@ -214,7 +215,7 @@ pub(super) fn view_bytes<'a>(
     document: &Document,
     data: Bytes<'a>,
     index: usize,
-) -> Result<(&'a [u8], Option<usize>), String> {
+) -> Result<(&'a [u8], Option<usize>), GltfError> {
     let view = find("buffer view", &document.buffer_views, index)?;
     let stride = view.byte_stride.filter(|&stride| stride > 0);
     // A stride beyond the buffer's length is valid for a single element.
@@ -225,12 +226,8 @@ pub(super) fn view_bytes<'a>(
     let buffer = find("buffer", data.buffers, view.buffer)?;
     let end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= buffer.len() as u64);
     let Some(end) = end else {
-        return Err(format!(
-            "buffer view {index} ends at byte {} of buffer {}, which has {}",
-            view.byte_offset.saturating_add(view.byte_length),
-            view.buffer,
-            buffer.len()
-        ));
+        let end = view.byte_offset.saturating_add(view.byte_length);
+        return Err(GltfError::BufferView { view: index, end, buffer: view.buffer, bytes: buffer.len() });
     };
     Ok((&buffer[view.byte_offset as usize..end as usize], stride))
 }
@@ -241,13 +238,13 @@ fn read_sparse<'a>(
     sparse: &document::Sparse,
     count: usize,
     size: usize,
-) -> Result<Sparse<'a>, String> {
+) -> Result<Sparse<'a>, GltfError> {
     let component = Component::new(sparse.indices.component_type)?;
     if !matches!(component, Component::U8 | Component::U16 | Component::U32) {
-        return Err("sparse indices must be unsigned integers".into());
+        return Err(GltfError::SparseType);
     }
     if sparse.count > count as u64 {
-        return Err(format!("{} sparse values for {count} elements", sparse.count));
+        return Err(GltfError::SparseCount { sparse: sparse.count, count });
     }
     let sparse_count = sparse.count as usize;
     let (bytes, _) = view_bytes(document, data, sparse.indices.buffer_view)?;
@@ -257,29 +254,32 @@ fn read_sparse<'a>(
     let indices: Vec<u32> =
         (0..sparse_count).map(|index| unsigned(&bytes[index * component.bytes()..], component)).collect();
     if !indices.is_sorted_by(|a, b| a < b) {
-        return Err("sparse indices do not increase".into());
+        return Err(GltfError::SparseOrder);
     }
-    if indices.last().is_some_and(|&last| last as usize >= count) {
-        return Err(format!("sparse index {} of {count} elements", indices[sparse_count - 1]));
+    if let Some(&index) = indices.last().filter(|&&last| last as usize >= count) {
+        return Err(GltfError::SparseIndex { index, count });
     }
     Ok(Sparse { indices, values })
 }
 
 /// Returns the bytes from the first element to the end of the last.
-fn range(bytes: &[u8], offset: u64, count: usize, stride: usize, size: usize) -> Result<&[u8], String> {
+fn range(bytes: &[u8], offset: u64, count: usize, stride: usize, size: usize) -> Result<&[u8], GltfError> {
     let length = match count.checked_sub(1) {
         None => Some(0),
         Some(gaps) => gaps.checked_mul(stride).and_then(|length| length.checked_add(size)),
     };
     let end = length.and_then(|length| usize::try_from(offset).ok()?.checked_add(length));
-    end.and_then(|end| bytes.get(offset as usize..end)).ok_or_else(|| {
-        format!("{count} elements of {size} bytes each from byte {offset} do not fit into {} bytes", bytes.len())
+    end.and_then(|end| bytes.get(offset as usize..end)).ok_or(GltfError::Range {
+        count,
+        size,
+        offset,
+        bytes: bytes.len(),
     })
 }
 
-/// Resolves an index of the document; the error says that it is out of range.
-pub(super) fn find<'a, T>(what: &str, list: &'a [T], index: usize) -> Result<&'a T, String> {
-    list.get(index).ok_or_else(|| format!("refers to {what} {index}, but there are {}", list.len()))
+/// Resolves an index of the document.
+pub(super) fn find<'a, T>(what: &'static str, list: &'a [T], index: usize) -> Result<&'a T, GltfError> {
+    list.get(index).ok_or(GltfError::NoSuch { what, index, count: list.len() })
 }
 
 #[inline]
@@ -321,7 +321,7 @@ mod tests {
         serde_json::from_str(&json).unwrap()
     }
 
-    fn floats(accessor: &str, view: &str, buffer: &[u8]) -> Result<Vec<[f32; 2]>, String> {
+    fn floats(accessor: &str, view: &str, buffer: &[u8]) -> Result<Vec<[f32; 2]>, GltfError> {
         let document = document(accessor, view);
         let data = Bytes { buffers: &[buffer], decompressed: &[] };
         Accessor::new(&document, data, 0).map(|accessor| accessor.read(None, |v| v))

@@ -9,9 +9,9 @@ use serde_json::Value;
 
 use super::accessor::{Accessor, find};
 use super::source::GltfSource;
-use super::{document, pointer, shortened};
-use crate::SceneError;
-use crate::error::Warnings;
+use super::{document, pointer};
+use crate::error::{SceneError, Warnings};
+use crate::text::shortened;
 
 /// Animated properties of a node; `None`: not animated, use the node's own.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -119,7 +119,7 @@ struct AnimationChannel<'a, 's> {
 }
 
 impl AnimationChannel<'_, '_> {
-    fn invalid(&self, member: &str, problem: impl Into<String>) -> SceneError {
+    fn invalid(&self, member: &str, problem: impl std::fmt::Display) -> SceneError {
         self.source.invalid(format!("animations[{}].channels[{}]{member}", self.animation, self.number), problem)
     }
 

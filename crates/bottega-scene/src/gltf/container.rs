@@ -1,5 +1,7 @@
 //! GLB, the binary container: glTF 2.0, section 4.4.
 
+use super::error::GltfError;
+
 /// The JSON and binary parts of a file.
 #[derive(Debug, PartialEq)]
 pub(super) struct Parts<'a> {
@@ -13,48 +15,49 @@ pub(super) const MAGIC: &[u8; 4] = b"glTF";
 const JSON: u32 = u32::from_le_bytes(*b"JSON");
 const BIN: u32 = u32::from_le_bytes(*b"BIN\0");
 
-/// Splits a file into its parts; a file without the magic of GLB is all JSON. The error says what is wrong.
-pub(super) fn split(file: &[u8]) -> Result<Parts<'_>, String> {
+/// Splits a file into its parts; a file without the magic of GLB is all JSON.
+pub(super) fn split(file: &[u8]) -> Result<Parts<'_>, GltfError> {
     let Some(after_magic) = file.strip_prefix(MAGIC) else {
         return Ok(Parts { json: file, bin: None });
     };
-    let (version, rest) = take_u32(after_magic).ok_or("the header of the GLB container is cut off")?;
+    let (version, rest) = take_u32(after_magic).ok_or(GltfError::GlbHeader)?;
     if version != 2 {
-        return Err(format!("its GLB container has version {version}, only version 2 is known"));
+        return Err(GltfError::GlbVersion(version));
     }
-    let (length, _) = take_u32(rest).ok_or("the header of the GLB container is cut off")?;
+    let (length, _) = take_u32(rest).ok_or(GltfError::GlbHeader)?;
     let length = length as usize;
     if length > file.len() {
-        return Err(format!("its header announces {length} bytes, there are {}", file.len()));
+        return Err(GltfError::GlbTooShort { announced: length, bytes: file.len() });
     }
     // Ignore bytes beyond the announced length.
     let Some(mut chunks) = file.get(12..length) else {
-        return Err(format!("its header announces {length} bytes, fewer than the header itself has"));
+        return Err(GltfError::GlbLength(length));
     };
     let mut parts = Parts { json: &[], bin: None };
     for index in 0.. {
         if chunks.is_empty() {
             break;
         }
-        let (kind, data, rest) = take_chunk(chunks).map_err(|problem| format!("chunk {index}: {problem}"))?;
+        let (kind, data, rest) =
+            take_chunk(chunks).map_err(|error| GltfError::GlbChunk { index, error: Box::new(error) })?;
         match (index, kind) {
             (0, JSON) => parts.json = data,
-            (0, _) => return Err("its first chunk is not JSON".into()),
+            (0, _) => return Err(GltfError::GlbWithoutJson),
             (1, BIN) => parts.bin = Some(data),
             // Chunks of other types are ignored.
             _ => {}
         }
         chunks = rest;
     }
-    if parts.json.is_empty() { Err("it has no JSON chunk".into()) } else { Ok(parts) }
+    if parts.json.is_empty() { Err(GltfError::GlbEmptyJson) } else { Ok(parts) }
 }
 
-fn take_chunk(bytes: &[u8]) -> Result<(u32, &[u8], &[u8]), String> {
-    let (length, rest) = take_u32(bytes).ok_or("its header is cut off")?;
-    let (kind, rest) = take_u32(rest).ok_or("its header is cut off")?;
+fn take_chunk(bytes: &[u8]) -> Result<(u32, &[u8], &[u8]), GltfError> {
+    let (length, rest) = take_u32(bytes).ok_or(GltfError::ChunkHeader)?;
+    let (kind, rest) = take_u32(rest).ok_or(GltfError::ChunkHeader)?;
     let (data, rest) = rest
         .split_at_checked(length as usize)
-        .ok_or_else(|| format!("its header announces {length} bytes, {} are left", rest.len()))?;
+        .ok_or(GltfError::ChunkTooShort { announced: length, bytes: rest.len() })?;
     Ok((kind, data, rest))
 }
 

@@ -7,9 +7,10 @@ use rayon::prelude::*;
 
 use super::accessor::{Accessor, Component, view_bytes};
 use super::document;
+use super::error::GltfError;
 use super::shape::PrimitiveShape;
 use super::source::GltfSource;
-use crate::SceneError;
+use crate::error::SceneError;
 
 /// A decompressed primitive.
 pub(super) struct DracoMesh {
@@ -27,11 +28,10 @@ struct DracoAttribute {
 }
 
 impl DracoMesh {
-    /// Returns an attribute by its id. The error says what is wrong.
-    pub(super) fn accessor(&self, number: usize, normalized: bool) -> Result<Accessor<'_>, String> {
+    /// Returns an attribute by its id.
+    pub(super) fn accessor(&self, number: usize, normalized: bool) -> Result<Accessor<'_>, GltfError> {
         let attribute = u32::try_from(number).ok().and_then(|number| self.attributes.get(&number));
-        let attribute = attribute
-            .ok_or_else(|| format!("attribute {number} of it is not there, or of a kind that glTF does not know"))?;
+        let attribute = attribute.ok_or(GltfError::DracoAttribute(number))?;
         Ok(Accessor::packed(&attribute.bytes, attribute.width, attribute.component, normalized))
     }
 }

@@ -4,7 +4,7 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use crate::{COORDINATE_MAX, Mesh};
+use crate::model::{COORDINATE_MAX, Mesh};
 
 /// The error that a vertex is beyond [`COORDINATE_MAX`].
 #[derive(Debug, PartialEq)]

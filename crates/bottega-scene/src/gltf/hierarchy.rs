@@ -8,8 +8,7 @@ use super::accessor::find;
 use super::animation::{NodePose, Pose};
 use super::document;
 use super::source::GltfSource;
-use crate::SceneError;
-use crate::error::Warnings;
+use crate::error::{SceneError, Warnings};
 
 /// The nodes of the shown scene, with their transformations.
 pub(super) struct Hierarchy {

@@ -6,11 +6,13 @@ use super::accessor::find;
 use super::document;
 use super::source::GltfSource;
 use super::texture::{Textures, Use};
-use crate::error::Warnings;
-use crate::{
-    AlphaMode, Anisotropy, Channel, ColorParam, Iridescence, Layered, Material, Medium, MediumId, Relief, ScalarParam,
-    SceneError, Sides, Surface, TextureMap,
-};
+use crate::error::{SceneError, Warnings};
+use crate::material::{AlphaMode, Material, Relief, Sides};
+use crate::medium::{Medium, MediumId};
+use crate::param::{ColorParam, ScalarParam};
+use crate::surface::{Anisotropy, Iridescence, Layered, Surface};
+use crate::text::shortened;
+use crate::texture::{Channel, TextureMap};
 
 /// Converts a material of the document; `None`: the default material of the specification.
 pub(super) fn convert(
@@ -117,7 +119,7 @@ impl MaterialConverter<'_, '_> {
                 AlphaMode::Mask { cutoff: self.number("alphaCutoff", cutoff, 0.0, f32::MAX) }
             }
             Some(other) => {
-                let message = format!("`{}` is unknown and counts as OPAQUE", super::shortened(other));
+                let message = format!("`{}` is unknown and counts as OPAQUE", shortened(other));
                 self.warnings.unsupported(format!("{}.alphaMode", self.place), message);
                 AlphaMode::Opaque
             }

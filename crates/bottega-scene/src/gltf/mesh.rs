@@ -4,13 +4,14 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::accessor::{Accessor, Component};
 use super::draco::{DracoMesh, DracoMeshes};
+use super::error::GltfError;
 use super::hierarchy::Hierarchy;
 use super::shape::PrimitiveShape;
 use super::source::GltfSource;
 use super::{document, skin};
-use crate::error::Warnings;
-use crate::model::COORDINATE_MAX;
-use crate::{Material, Mesh, SceneError};
+use crate::error::{SceneError, Warnings};
+use crate::material::Material;
+use crate::model::{COORDINATE_MAX, Mesh};
 
 /// The topology of a primitive.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -20,13 +21,13 @@ enum Mode {
     Fan,
 }
 
-fn mode(primitive: &document::Primitive) -> Result<Option<Mode>, String> {
+fn mode(primitive: &document::Primitive) -> Result<Option<Mode>, GltfError> {
     Ok(match primitive.mode.unwrap_or(4) {
         0..=3 => None,
         4 => Some(Mode::Triangles),
         5 => Some(Mode::Strip),
         6 => Some(Mode::Fan),
-        other => return Err(format!("unknown mode {other}")),
+        other => return Err(GltfError::PrimitiveMode(other)),
     })
 }
 
@@ -122,7 +123,7 @@ impl<'s> PrimitiveReader<'s> {
         Accessor::new(self.source.document, self.source.bytes, index).map_err(|problem| self.invalid(member, problem))
     }
 
-    fn invalid(&self, member: &str, problem: impl Into<String>) -> SceneError {
+    fn invalid(&self, member: &str, problem: impl std::fmt::Display) -> SceneError {
         self.source.invalid(self.shape.place(member), problem)
     }
 

@@ -21,6 +21,7 @@ mod animation;
 mod container;
 mod document;
 mod draco;
+mod error;
 mod flat;
 mod hierarchy;
 mod material;
@@ -40,15 +41,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use document::Document;
+use error::GltfError;
 use hierarchy::Hierarchy;
 use source::GltfSource;
 
 use crate::budget::MemoryBudget;
-use crate::error::Warnings;
+use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
-use crate::import::{ImportRequest, Imported};
+use crate::import::request::{ImportRequest, Imported};
+use crate::model::Scene;
+use crate::objects_only;
 use crate::text::{decode_utf8, shortened};
-use crate::{Scene, SceneError, objects_only};
 
 /// The supported extensions.
 const EXTENSIONS: &[&str] = &[
@@ -93,7 +96,7 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
 pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let budget = resources.budget();
-    let damaged = |problem| SceneError::Damaged { path: path.into(), problem };
+    let damaged = |error: GltfError| SceneError::Damaged { path: path.into(), problem: error.to_string() };
     let parts = container::split(file).map_err(damaged)?;
     let json = decode_utf8(path, parts.json, budget)?;
     let document = parse(path, json.as_bytes(), budget)?;

@@ -13,9 +13,10 @@ use super::hierarchy::{Hierarchy, affine};
 use super::mesh;
 use super::shape::PrimitiveShape;
 use super::source::GltfSource;
-use crate::error::Warnings;
-use crate::model::is_placeable;
-use crate::{Instance, Material, Mesh, SceneError};
+use crate::error::{SceneError, Warnings};
+use crate::import::placed_meshes::MIRROR;
+use crate::material::Material;
+use crate::model::{Instance, Mesh, is_placeable};
 
 /// The shapes of the scene and their placements.
 #[derive(Default)]
@@ -143,7 +144,7 @@ pub(super) fn build(
         (mesh.map(|mesh| mesh.map(|mesh| Mesh { material, ..mesh })), warnings)
     };
     let read: Vec<_> = placements.shapes.par_iter().map(read).collect();
-    let mut placed = PlacedMeshes::default();
+    let mut placed = NodeMeshes::default();
     for (mesh, news) in read {
         warnings.append(news);
         placed.shapes.push(mesh?.map(|mesh| NodeShape::new(mesh, source.origin != DVec3::ZERO)));
@@ -168,7 +169,7 @@ pub(super) fn build(
 /// Meshes and instances under construction. A mirroring placement gets a mirrored mesh, so that no instance mirrors; a
 /// flattening one gets a flat mesh.
 #[derive(Default)]
-struct PlacedMeshes {
+struct NodeMeshes {
     /// Shapes that were read; `None`: no triangle remains.
     shapes: Vec<Option<NodeShape>>,
     /// Flattened meshes in world space.
@@ -201,10 +202,7 @@ impl NodeShape {
     }
 }
 
-/// The scale that undoes the mirroring of a mesh.
-const MIRROR: DVec3 = DVec3::new(-1.0, 1.0, 1.0);
-
-impl PlacedMeshes {
+impl NodeMeshes {
     /// Places a shape, or returns why it cannot be placed. Shapes without triangles, and those scaled to a point (the
     /// usual way to hide them; glTF 2.0, section 5.25), are skipped silently.
     fn add(&mut self, source: &GltfSource<'_>, placement: &Placement) -> Result<Option<&'static str>, SceneError> {

@@ -1,5 +1,7 @@
 //! Paths to locations in a JSON text.
 
+use crate::text::shortened;
+
 /// Returns the path to the value that contains byte `offset`, such as `materials[2].alphaCutoff`. Empty at the top. The
 /// text must be valid JSON up to there.
 pub(super) fn place(json: &[u8], offset: usize) -> String {
@@ -49,8 +51,8 @@ pub(super) fn place(json: &[u8], offset: usize) -> String {
     }
     steps.iter().fold(String::new(), |path, step| match step {
         Step::Member(name) if name.is_empty() => path,
-        Step::Member(name) if path.is_empty() => super::shortened(name).into_owned(),
-        Step::Member(name) => path + "." + &super::shortened(name),
+        Step::Member(name) if path.is_empty() => shortened(name).into_owned(),
+        Step::Member(name) => path + "." + &shortened(name),
         Step::Element(element) => path + &format!("[{element}]"),
     })
 }

@@ -10,11 +10,10 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::document::Document;
-use super::shortened;
-use crate::SceneError;
 use crate::budget::MemoryBudget;
-use crate::error::Warnings;
+use crate::error::{SceneError, Warnings};
 use crate::objects_only::ObjectsOnly;
+use crate::text::shortened;
 
 /// The properties that can be animated. `{}` is a number, `*` any name; a texture's transformation may follow each
 /// texture name.

@@ -6,11 +6,14 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::accessor::find;
+use super::document;
+use super::error::GltfError;
 use super::hierarchy::Hierarchy;
 use super::source::GltfSource;
-use super::{document, shortened};
-use crate::error::Warnings;
-use crate::{Camera, Clip, Light, LightKind, Projection, Scene, SceneError, SpotFalloff};
+use crate::camera::{Camera, Clip, Projection};
+use crate::error::{SceneError, Warnings};
+use crate::light::{Light, LightKind, SpotFalloff};
+use crate::model::Scene;
 
 /// Adds the cameras of the scene, in the order of its nodes.
 pub(super) fn add_cameras(
@@ -50,11 +53,11 @@ pub(super) fn add_cameras(
     Ok(())
 }
 
-fn projection(camera: &document::Camera) -> Result<(Projection, Option<f32>), String> {
+fn projection(camera: &document::Camera) -> Result<(Projection, Option<f32>), GltfError> {
     match (camera.kind.as_str(), &camera.perspective, &camera.orthographic) {
         ("perspective", Some(perspective), _) => {
             if !(perspective.yfov > 0.0 && perspective.yfov < PI) {
-                return Err(format!("a field of view of {} radians cannot be shown", perspective.yfov));
+                return Err(GltfError::FieldOfView(perspective.yfov));
             }
             let aspect = perspective.aspect_ratio.filter(|aspect| aspect.is_finite() && *aspect > 0.0);
             Ok((Projection::Perspective { vertical_fov: perspective.yfov }, aspect))
@@ -63,22 +66,22 @@ fn projection(camera: &document::Camera) -> Result<(Projection, Option<f32>), St
             // Some exporters write negative magnifications.
             let (width, height) = (2.0 * orthographic.xmag.abs(), 2.0 * orthographic.ymag.abs());
             if !(width > 0.0 && height > 0.0 && width.is_finite() && height.is_finite()) {
-                return Err(format!("a window of {width} × {height} cannot be shown"));
+                return Err(GltfError::Window { width, height });
             }
             Ok((Projection::Orthographic { height }, Some(width / height)))
         }
-        (kind, ..) => Err(format!("there is no description of its type `{}`", shortened(kind))),
+        (kind, ..) => Err(GltfError::CameraType(kind.into())),
     }
 }
 
 /// Returns the clip planes; without a far plane it is infinite.
-fn clip(camera: &document::Camera) -> Result<Clip, String> {
+fn clip(camera: &document::Camera) -> Result<Clip, GltfError> {
     let planes = match camera.kind.as_str() {
         "orthographic" => camera.orthographic.as_ref().map(|it| (it.znear, it.zfar)),
         _ => camera.perspective.as_ref().map(|it| (it.znear, it.zfar)),
     };
     let (near, far) = planes.unwrap_or_default();
-    Clip::new(near.unwrap_or(0.0).into(), far.unwrap_or(f32::INFINITY).into())
+    Ok(Clip::new(near.unwrap_or(0.0).into(), far.unwrap_or(f32::INFINITY).into())?)
 }
 
 /// Returns the rotation and translation of a transformation that keep its −z and, as far as possible, its +y. `None`:
@@ -121,25 +124,25 @@ pub(super) fn add_lights(
     Ok(())
 }
 
-fn kind(light: &document::Light, world: &DAffine3) -> Result<LightKind, String> {
+fn kind(light: &document::Light, world: &DAffine3) -> Result<LightKind, GltfError> {
     let intensity = light.intensity.unwrap_or(1.0);
     let power = Vec3::from_array(light.color.unwrap_or([1.0; 3])) * intensity;
     if !power.is_finite() || power.min_element() < 0.0 {
-        return Err(format!("a light of the colour {power} cannot be"));
+        return Err(GltfError::LightColor(power));
     }
     let position = world.translation.as_vec3();
     let direction = (-world.matrix3.z_axis).try_normalize().map(DVec3::as_vec3);
     if !position.is_finite() {
-        return Err("its position is not finite".into());
+        return Err(GltfError::LightPosition);
     }
-    let direction = || direction.ok_or("its node's transformation leaves no direction");
+    let direction = || direction.ok_or(GltfError::LightDirection);
     match light.kind.as_str() {
         "point" => Ok(LightKind::Point { position, intensity: power }),
         "directional" => Ok(LightKind::Directional { direction: direction()?, irradiance: power }),
         "spot" => {
             let (inner, outer) = (light.spot.inner_cone_angle, light.spot.outer_cone_angle.unwrap_or(PI / 4.0));
             if !(inner >= 0.0 && inner <= outer && outer > 0.0 && outer <= FRAC_PI_2 + 1e-4) {
-                return Err(format!("cone angles from {inner} to {outer} radians cannot be"));
+                return Err(GltfError::ConeAngles { inner, outer });
             }
             let cos = |angle: f32| f64::from(angle).cos() as f32;
             let cos_outer = cos(outer).max(0.0);
@@ -155,6 +158,6 @@ fn kind(light: &document::Light, world: &DAffine3) -> Result<LightKind, String> 
                 falloff: SpotFalloff::SquaredCosine,
             })
         }
-        other => Err(format!("its type `{}` is unknown", shortened(other))),
+        other => Err(GltfError::LightType(other.into())),
     }
 }

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::accessor::{Accessor, find};
 use super::hierarchy::Hierarchy;
 use super::source::GltfSource;
-use crate::error::Warnings;
-use crate::{Mesh, SceneError};
+use crate::error::{SceneError, Warnings};
+use crate::model::Mesh;
 
 /// Four joints of a skin, and their weights for a vertex.
 #[derive(Clone, Copy, Debug)]

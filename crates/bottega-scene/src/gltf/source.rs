@@ -1,13 +1,14 @@
 //! The shared context of the importer.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use glam::DVec3;
 
 use super::accessor::Bytes;
 use super::document::Document;
-use crate::SceneError;
 use crate::budget::MemoryBudget;
+use crate::error::SceneError;
 use crate::options::LoadOptions;
 use crate::resource::Resources;
 use crate::text::shortened;
@@ -30,8 +31,8 @@ pub(super) struct GltfSource<'a> {
 
 impl GltfSource<'_> {
     /// Makes an error at a location of the document.
-    pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
-        SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.into() }
+    pub(super) fn invalid(&self, place: impl Into<String>, problem: impl Display) -> SceneError {
+        SceneError::Invalid { path: self.path.into(), place: place.into(), problem: problem.to_string() }
     }
 
     /// Returns the index of a selected part, by its name or else its number.

@@ -7,12 +7,19 @@ use glam::{Affine2, Mat2, Vec2};
 use rayon::prelude::*;
 
 use super::accessor::{find, view_bytes};
+use super::document;
 use super::source::GltfSource;
 use super::uri::{Reference, resolve};
-use super::{document, shortened};
-use crate::error::Warnings;
-use crate::image::{DecodedImage, Encoding, PictureFault, PictureHeader, unreadable};
-use crate::{Image, ImageId, Material, SceneError, Surface, TextureMap, Wrap};
+use crate::error::{SceneError, Warnings};
+use crate::image::Image;
+use crate::image::decode::{DecodedImage, PictureHeader};
+use crate::image::error::PictureError;
+use crate::image::pictures::{too_large, unreadable};
+use crate::image::pyramid::Encoding;
+use crate::material::Material;
+use crate::surface::Surface;
+use crate::text::shortened;
+use crate::texture::{ImageId, TextureMap, Wrap};
 
 /// The use of a picture. A picture with several uses is decoded once and stored once per use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -204,7 +211,7 @@ fn name(source: &GltfSource<'_>, index: usize) -> String {
 }
 
 /// The bytes of a picture. The error is only a warning.
-type PictureBytes<'a> = Result<Cow<'a, [u8]>, String>;
+type PictureBytes<'a> = Result<Cow<'a, [u8]>, PictureError>;
 
 fn bytes<'a>(source: &GltfSource<'a>, index: usize) -> Result<PictureBytes<'a>, SceneError> {
     let image = &source.document.images[index];
@@ -214,7 +221,7 @@ fn bytes<'a>(source: &GltfSource<'a>, index: usize) -> Result<PictureBytes<'a>, 
         let (bytes, _) = view.map_err(|problem| source.invalid(place(), problem))?;
         return Ok(Ok(Cow::Borrowed(bytes)));
     }
-    let Some(uri) = &image.uri else { return Ok(Err("it has neither a URI nor a buffer view".into())) };
+    let Some(uri) = &image.uri else { return Ok(Err(PictureError::NoSource)) };
     match resolve(uri).map_err(|bad| bad.error(source.path, place(), uri))? {
         Reference::Data(bytes) => Ok(Ok(Cow::Owned(bytes))),
         Reference::File(file) => {
@@ -225,7 +232,11 @@ fn bytes<'a>(source: &GltfSource<'a>, index: usize) -> Result<PictureBytes<'a>, 
 }
 
 /// Reads the header of a picture and books the memory of its uses. The inner error is only a warning.
-fn check(source: &GltfSource<'_>, index: usize, uses: usize) -> Result<Result<PictureHeader, String>, SceneError> {
+fn check(
+    source: &GltfSource<'_>,
+    index: usize,
+    uses: usize,
+) -> Result<Result<PictureHeader, PictureError>, SceneError> {
     let place = format!("images[{index}]");
     let bytes = match bytes(source, index)? {
         Ok(bytes) => bytes,
@@ -236,13 +247,8 @@ fn check(source: &GltfSource<'_>, index: usize, uses: usize) -> Result<Result<Pi
             source.budget.take(source.path, &place, header.memory_bytes().saturating_mul(uses))?;
             Ok(Ok(header))
         }
-        Err(PictureFault::TooLarge { problem }) => Err(SceneError::Limit {
-            path: source.path.into(),
-            place,
-            problem,
-            remedy: "scale the picture down, or allow more pixels for each picture",
-        }),
-        Err(PictureFault::Unreadable { problem }) => Ok(Err(problem)),
+        Err(error @ PictureError::TooManyPixels { .. }) => Err(too_large(source.path, place, &error)),
+        Err(error) => Ok(Err(error)),
     }
 }
 
@@ -252,14 +258,14 @@ fn load_picture(
     index: usize,
     header: PictureHeader,
     uses: &[(Use, usize)],
-) -> Result<(Vec<Image>, Vec<String>), String> {
-    let bytes = bytes(source, index).map_err(|error| error.to_string())??;
+) -> Result<(Vec<Image>, Vec<String>), PictureError> {
+    let bytes = bytes(source, index).map_err(|error| PictureError::UnreadableFile(error.to_string()))??;
     let mut decoded = DecodedImage::read(&bytes, header)?;
     drop(bytes);
     let notes = decoded.take_notes();
     let name = name(source, index);
     let mut images = Vec::with_capacity(uses.len());
-    let (last, others) = uses.split_last().ok_or("it has no use")?;
+    let (last, others) = uses.split_last().ok_or(PictureError::NoUse)?;
     for (picture, _) in others {
         images.push(make(decoded.clone(), &name, *picture));
     }

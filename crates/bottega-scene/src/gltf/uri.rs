@@ -8,9 +8,9 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use percent_encoding::percent_decode_str;
 
 use super::document::Document;
-use super::shortened;
-use crate::SceneError;
+use crate::error::SceneError;
 use crate::resource::Resources;
+use crate::text::shortened;
 
 /// A resolved reference.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,23 +12,10 @@ use bottega_image::{
 use bytemuck::Pod;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
+use super::error::PictureError;
+use super::pyramid::Encoding;
 use super::texels::{DecodedTexels, zeroed};
-use super::{Encoding, Image, color_space, ktx2, pfm};
-
-/// An error of decoding a picture.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum PictureFault {
-    /// It has more pixels than allowed.
-    TooLarge {
-        /// Its size and the limit.
-        problem: String,
-    },
-    /// The bytes are not a picture in a supported format.
-    Unreadable {
-        /// The reason why the bytes cannot be decoded.
-        problem: String,
-    },
-}
+use super::{Image, color_space, ktx2, pfm};
 
 /// The header of a picture: its size and format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,33 +84,33 @@ fn describe(bytes: &[u8]) -> &'static str {
 
 impl PictureHeader {
     /// Reads the header of a file, of which `bytes` are the whole. Rejects more than `pixels_max` pixels.
-    pub(crate) fn read(bytes: &[u8], pixels_max: u64) -> Result<Self, PictureFault> {
-        let unreadable = |problem: String| PictureFault::Unreadable { problem };
-        let format = Format::of(bytes).ok_or_else(|| unreadable(describe(bytes).into()))?;
+    pub(crate) fn read(bytes: &[u8], pixels_max: u64) -> Result<Self, PictureError> {
+        let format = Format::of(bytes).ok_or_else(|| PictureError::UnknownFormat { found: describe(bytes) })?;
         let (width, height, texel_bytes) = match format {
             Format::Float => {
                 let header = WholeHeader::read("", bytes, ReadLimits { max_pixels: pixels_max });
-                let WholeHeader { width, height, has_alpha } = header.map_err(|error| float_fault(&error))?;
+                let WholeHeader { width, height, has_alpha } = header.map_err(|error| float_error(&error))?;
                 (width, height, if has_alpha { 16 } else { 12 })
             }
-            Format::Ktx2 => ktx2::header(bytes).map_err(unreadable)?,
-            Format::Pfm => pfm::header(bytes).map(|header| header.size()).map_err(unreadable)?,
+            Format::Ktx2 => ktx2::header(bytes)?,
+            Format::Pfm => pfm::header(bytes)?.size(),
             Format::Library(library_format) => {
-                let decoder = decoder(bytes, library_format).map_err(|error| unreadable(explain(&error)))?;
+                let decoder = decoder(bytes, library_format).map_err(|error| damaged(&error))?;
                 let (width, height) = decoder.dimensions();
                 (width, height, kept_bytes(decoder.color_type()))
             }
         };
         let pixels = u64::from(width) * u64::from(height);
         if pixels == 0 {
-            return Err(unreadable(format!("it has {width} × {height} pixels")));
+            return Err(PictureError::NoPixels { width, height });
         }
         if pixels > pixels_max {
-            return Err(too_many_pixels(u64::from(width), u64::from(height), pixels_max));
+            let (width, height) = (u64::from(width), u64::from(height));
+            return Err(PictureError::TooManyPixels { width, height, max: pixels_max });
         }
         let (pixel_bits, packing) = stored(format, bytes, texel_bytes);
         check_announced((u64::from(width), u64::from(height)), pixel_bits, packing, bytes.len() as u64)
-            .map_err(unreadable)?;
+            .map_err(PictureError::TooShort)?;
         Ok(Self { format, width, height, texel_bytes, white_point: WhitePoint::default() })
     }
 
@@ -143,26 +130,22 @@ impl PictureHeader {
     }
 }
 
-fn too_many_pixels(width: u64, height: u64, pixels_max: u64) -> PictureFault {
-    let problem = format!("the picture has {width} × {height} pixels, more than the limit of {pixels_max}");
-    PictureFault::TooLarge { problem }
-}
-
 /// Converts an error of a float picture to one about "it".
-fn float_fault(error: &FloatError) -> PictureFault {
-    let problem = match error {
+fn float_error(error: &FloatError) -> PictureError {
+    match error {
         FloatError::TooLarge { width, height, max_pixels, .. } => {
-            return too_many_pixels(*width, *height, *max_pixels);
+            PictureError::TooManyPixels { width: *width, height: *height, max: *max_pixels }
         }
-        FloatError::Malformed { detail, .. } if detail.starts_with("it announces") => detail.clone(),
-        FloatError::Malformed { detail, .. } => format!("it is damaged or of an unknown kind ({detail})"),
+        FloatError::Malformed { detail, .. } if detail.starts_with("it announces") => {
+            PictureError::TooShort(detail.clone())
+        }
+        FloatError::Malformed { detail, .. } => PictureError::Damaged(detail.clone()),
         FloatError::Unsupported { format, detail, .. } => {
-            format!("it uses a feature of {format} that is not read ({detail}); save it again with common settings")
+            PictureError::UnsupportedFeature { format, detail: detail.clone() }
         }
-        FloatError::NoColor { found, .. } => format!("it has no channels R, G and B, or Y, but {found}"),
-        other => other.to_string(),
-    };
-    PictureFault::Unreadable { problem }
+        FloatError::NoColor { found, .. } => PictureError::NoColor { found: found.clone() },
+        other => PictureError::Float(other.to_string()),
+    }
 }
 
 /// Returns a lower bound of the bits per stored pixel, and the greatest compression ratio of the format.
@@ -206,8 +189,8 @@ pub(crate) struct DecodedImage {
 }
 
 impl DecodedImage {
-    /// Decodes the file of a header. The error says what is wrong with it.
-    pub(crate) fn read(bytes: &[u8], header: PictureHeader) -> Result<Self, String> {
+    /// Decodes the file of a header.
+    pub(crate) fn read(bytes: &[u8], header: PictureHeader) -> Result<Self, PictureError> {
         let mut notes = Vec::new();
         let mut texels = match header.format {
             Format::Float => float_texels(bytes, header, &mut notes)?,
@@ -250,13 +233,11 @@ impl DecodedImage {
     }
 }
 
-fn float_texels(bytes: &[u8], header: PictureHeader, notes: &mut Vec<String>) -> Result<DecodedTexels, String> {
+fn float_texels(bytes: &[u8], header: PictureHeader, notes: &mut Vec<String>) -> Result<DecodedTexels, PictureError> {
     let limits = ReadLimits { max_pixels: u64::from(header.width) * u64::from(header.height) };
-    let whole = read_whole("", bytes, limits, header.white_point).map_err(|error| match float_fault(&error) {
-        PictureFault::TooLarge { problem } | PictureFault::Unreadable { problem } => problem,
-    })?;
+    let whole = read_whole("", bytes, limits, header.white_point).map_err(|error| float_error(&error))?;
     if whole.picture.size() != (header.width, header.height) {
-        return Err("it changed while it was read".into());
+        return Err(PictureError::Changed);
     }
     notes.extend(whole.notes);
     Ok(match whole.alpha {
@@ -277,8 +258,8 @@ fn decoder(bytes: &[u8], format: ImageFormat) -> Result<impl ImageDecoder + '_, 
     reader.into_decoder()
 }
 
-fn explain(error: &ImageError) -> String {
-    format!("it is damaged or of an unknown kind ({error})")
+fn damaged(error: &ImageError) -> PictureError {
+    PictureError::Damaged(error.to_string())
 }
 
 fn library_texels(
@@ -286,12 +267,12 @@ fn library_texels(
     format: ImageFormat,
     header: PictureHeader,
     notes: &mut Vec<String>,
-) -> Result<DecodedTexels, String> {
-    let mut decoder = decoder(bytes, format).map_err(|error| explain(&error))?;
+) -> Result<DecodedTexels, PictureError> {
+    let mut decoder = decoder(bytes, format).map_err(|error| damaged(&error))?;
     notes.extend(color_space::left_out(bytes, format, &mut decoder));
     let color_type = decoder.color_type();
     if decoder.dimensions() != (header.width, header.height) {
-        return Err("it changed while it was read".into());
+        return Err(PictureError::Changed);
     }
     let count = header.width as usize * header.height as usize;
     Ok(match color_type {
@@ -317,17 +298,17 @@ fn library_texels(
         ColorType::Rgba16 => DecodedTexels::Rgba16(read(decoder, count)?),
         ColorType::Rgb32F => DecodedTexels::Rgb32(read(decoder, count)?),
         ColorType::Rgba32F => DecodedTexels::Rgba32(read(decoder, count)?),
-        other => return Err(format!("its texels are of the unknown kind {other:?}")),
+        other => return Err(PictureError::UnknownTexels(format!("{other:?}"))),
     })
 }
 
-fn read<T: Pod>(decoder: impl ImageDecoder, count: usize) -> Result<Vec<T>, String> {
+fn read<T: Pod>(decoder: impl ImageDecoder, count: usize) -> Result<Vec<T>, PictureError> {
     let mut texels = zeroed(count)?;
     let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut texels);
     if decoder.total_bytes() != bytes.len() as u64 {
-        return Err("its size contradicts its kind".into());
+        return Err(PictureError::WrongSize);
     }
-    decoder.read_image(bytes).map_err(|error| explain(&error))?;
+    decoder.read_image(bytes).map_err(|error| damaged(&error))?;
     Ok(texels)
 }
 
@@ -473,8 +454,7 @@ mod tests {
         for (name, file) in files {
             let start = std::time::Instant::now();
             let refused = PictureHeader::read(&file, 1 << 28);
-            let is_told =
-                matches!(&refused, Err(PictureFault::Unreadable { problem }) if problem.contains("announces"));
+            let is_told = matches!(&refused, Err(error) if error.to_string().contains("announces"));
             assert!(is_told, "{name}: {refused:?}");
             assert!(start.elapsed().as_millis() < 200, "{name}: {:?}", start.elapsed());
         }
@@ -503,10 +483,10 @@ mod tests {
     #[test]
     fn too_many_pixels_and_unknown_formats_are_told_apart() {
         let file = exr_file(&[("Y", 7.0)]);
-        assert!(matches!(PictureHeader::read(&file, 5), Err(PictureFault::TooLarge { .. })));
+        assert!(matches!(PictureHeader::read(&file, 5), Err(PictureError::TooManyPixels { .. })));
         assert!(
-            matches!(PictureHeader::read(b"GIF89a....", 5), Err(PictureFault::Unreadable { problem }) if problem.contains("GIF"))
+            matches!(PictureHeader::read(b"GIF89a....", 5), Err(PictureError::UnknownFormat { found }) if found.contains("GIF"))
         );
-        assert!(matches!(PictureHeader::read(b"", 5), Err(PictureFault::Unreadable { .. })));
+        assert!(matches!(PictureHeader::read(b"", 5), Err(PictureError::UnknownFormat { .. })));
     }
 }

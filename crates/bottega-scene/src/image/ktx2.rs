@@ -8,6 +8,8 @@ use std::io::Read;
 use rayon::prelude::*;
 use ruzstd::decoding::StreamingDecoder;
 
+use super::error::PictureError;
+
 /// The first bytes of a KTX2 file.
 pub(super) const MAGIC: &[u8; 12] = b"\xabKTX 20\xbb\r\n\x1a\n";
 
@@ -53,14 +55,14 @@ enum Packing {
     Zlib,
 }
 
-/// Returns width, height and bytes per texel in memory. The error says what is wrong.
-pub(super) fn header(bytes: &[u8]) -> Result<(u32, u32, usize), String> {
+/// Returns width, height and bytes per texel in memory.
+pub(super) fn header(bytes: &[u8]) -> Result<(u32, u32, usize), PictureError> {
     let picture = Ktx2Picture::of(bytes)?;
     Ok((picture.width, picture.height, 4))
 }
 
-/// Decodes the texels, `[width × height]`. The error says what is wrong.
-pub(super) fn texels(bytes: &[u8]) -> Result<Vec<[u8; 4]>, String> {
+/// Decodes the texels, `[width × height]`.
+pub(super) fn texels(bytes: &[u8]) -> Result<Vec<[u8; 4]>, PictureError> {
     let picture = Ktx2Picture::of(bytes)?;
     if picture.layout == Ktx2Layout::BasisLz {
         return basis_lz(bytes);
@@ -84,12 +86,12 @@ const MODEL_UASTC: u8 = 166;
 const SCHEME_BASIS_LZ: u32 = 1;
 
 impl<'a> Ktx2Picture<'a> {
-    fn of(bytes: &'a [u8]) -> Result<Self, String> {
-        Self::parse(bytes).ok_or("its KTX2 container is cut off")?
+    fn of(bytes: &'a [u8]) -> Result<Self, PictureError> {
+        Self::parse(bytes).ok_or(PictureError::Ktx2CutOff)?
     }
 
     /// Parses the header: section 3 of the specification. `None`: it points beyond the end of the file.
-    fn parse(bytes: &'a [u8]) -> Option<Result<Self, String>> {
+    fn parse(bytes: &'a [u8]) -> Option<Result<Self, PictureError>> {
         let word = |at: usize| Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
         let long = |at: usize| Some(u64::from_le_bytes(*bytes.get(at..)?.first_chunk()?));
         let (format, width, height) = (word(12)?, word(20)?, word(24)?);
@@ -101,55 +103,51 @@ impl<'a> Ktx2Picture<'a> {
         let level = bytes.get(start..start.checked_add(length)?)?;
 
         if width == 0 || height == 0 || depth > 1 || layers > 1 || faces > 1 {
-            return Some(Err("its KTX2 texture is not one flat picture".into()));
+            return Some(Err(PictureError::Ktx2NotFlat));
         }
         if u64::from(width) * u64::from(height) > PIXELS_MAX {
-            return Some(Err(format!("it has {width} × {height} pixels, too many for a KTX2 texture")));
+            return Some(Err(PictureError::Ktx2TooManyPixels { width, height }));
         }
         let packing = match scheme {
             0 | SCHEME_BASIS_LZ => Packing::None,
             2 => Packing::Zstd,
             3 => Packing::Zlib,
             other => {
-                return Some(Err(format!("its KTX2 data is compressed by scheme {other}, which is not supported")));
+                return Some(Err(PictureError::Ktx2Scheme(other)));
             }
         };
         let layout = match (format, model) {
             (0, MODEL_ETC1S) if scheme == SCHEME_BASIS_LZ => Ktx2Layout::BasisLz,
             (0, MODEL_UASTC) => Ktx2Layout::Blocks(BlockFormat::Uastc),
-            (0, other) => return Some(Err(format!("its KTX2 colour model {other} is not supported"))),
+            (0, other) => return Some(Err(PictureError::Ktx2ColorModel(other))),
             (format, _) => match layout(format) {
                 Some(layout) => layout,
-                None => return Some(Err(format!("its KTX2 format {format} is not supported"))),
+                None => return Some(Err(PictureError::Ktx2Format(format))),
             },
         };
         let picture = Self { width, height, layout, level, packing };
         let is_whole = packing != Packing::None || level.len() >= picture.level_bytes().ok()?;
-        Some(if is_whole {
-            Ok(picture)
-        } else {
-            Err(format!("it announces {width} × {height} pixels, but its level has only {length} bytes"))
-        })
+        Some(if is_whole { Ok(picture) } else { Err(PictureError::Ktx2TooShort { width, height, bytes: length }) })
     }
 
     /// Returns the size of the unpacked finest level, in bytes.
-    fn level_bytes(&self) -> Result<usize, String> {
+    fn level_bytes(&self) -> Result<usize, PictureError> {
         let (width, height) = (self.width as usize, self.height as usize);
         let bytes = match self.layout {
             Ktx2Layout::BasisLz => Some(0),
             Ktx2Layout::Blocks(block) => (width.div_ceil(4) * height.div_ceil(4)).checked_mul(block.bytes()),
             Ktx2Layout::Bytes { channels, .. } => (width * height).checked_mul(channels),
         };
-        bytes.ok_or_else(|| "it is too large".into())
+        bytes.ok_or(PictureError::Ktx2TooLarge)
     }
 
-    fn decode(&self, level: &[u8]) -> Result<Vec<[u8; 4]>, String> {
+    fn decode(&self, level: &[u8]) -> Result<Vec<[u8; 4]>, PictureError> {
         let (width, height) = (self.width as usize, self.height as usize);
         let mut texels = Vec::new();
         let memory = texels.try_reserve_exact(width * height);
-        memory.map_err(|_| format!("there is no memory for {width} × {height} pixels"))?;
+        memory.map_err(|_| PictureError::NoMemory(format!("{width} × {height} pixels")))?;
         match self.layout {
-            Ktx2Layout::BasisLz => return Err("it is not stored in blocks".into()),
+            Ktx2Layout::BasisLz => return Err(PictureError::Ktx2WithoutBlocks),
             Ktx2Layout::Bytes { channels, bgr } => {
                 texels.extend(level.chunks_exact(channels).take(width * height).map(|texel| {
                     let alpha = texel.get(3).copied().unwrap_or(255);
@@ -210,21 +208,21 @@ impl BlockFormat {
     }
 }
 
-fn basis_lz(bytes: &[u8]) -> Result<Vec<[u8; 4]>, String> {
-    let damaged = |error| format!("its Basis Universal data is damaged ({error:?})");
+fn basis_lz(bytes: &[u8]) -> Result<Vec<[u8; 4]>, PictureError> {
+    let damaged = |error| PictureError::BasisUniversal(format!("{error:?}"));
     let transcoder = basisu::Transcoder::new(bytes).map_err(damaged)?;
     let texels = transcoder.transcode(0, basisu::TargetFormat::Rgba32, basisu::DecodeFlags::NONE).map_err(damaged)?;
     Ok(texels.as_chunks().0.to_vec())
 }
 
 /// Reads exactly `length` bytes from a decompressor.
-fn unpack(decoder: impl Read, length: usize) -> Result<Vec<u8>, String> {
+fn unpack(decoder: impl Read, length: usize) -> Result<Vec<u8>, PictureError> {
     let mut unpacked = Vec::new();
-    unpacked.try_reserve_exact(length).map_err(|_| format!("there is no memory for {length} bytes"))?;
+    unpacked.try_reserve_exact(length).map_err(|_| PictureError::NoMemory(format!("{length} bytes")))?;
     decoder.take(length as u64).read_to_end(&mut unpacked).map_err(|error| damaged(&error))?;
     if unpacked.len() == length { Ok(unpacked) } else { Err(damaged(&"it is cut off")) }
 }
 
-fn damaged(error: &dyn std::fmt::Display) -> String {
-    format!("its KTX2 data cannot be unpacked ({error})")
+fn damaged(error: &dyn std::fmt::Display) -> PictureError {
+    PictureError::Ktx2Packed(error.to_string())
 }

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec4};
 
 use super::pyramid::{Level, Pyramid, Texel};
 use super::{Image, Texels, with_pyramid};
-use crate::{TextureMap, Wrap};
+use crate::texture::{TextureMap, Wrap};
 
 impl Image {
     /// Returns the linear RGBA of the picture at a point of a surface.
@@ -180,7 +180,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::ImageId;
+    use crate::texture::ImageId;
 
     fn map() -> TextureMap {
         TextureMap::new(ImageId(0))

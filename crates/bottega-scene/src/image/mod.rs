@@ -1,23 +1,23 @@
 //! Pictures with mip levels: decoding, storage, lookup.
 
 mod color_space;
-mod decode;
+pub(crate) mod decode;
+pub(crate) mod error;
 mod ktx2;
 mod lookup;
 mod pfm;
-mod pictures;
-mod pyramid;
-mod raw;
+pub(crate) mod pictures;
+pub(crate) mod pyramid;
+pub(crate) mod raw;
 mod srgb;
 mod texels;
 
 use glam::Vec4;
 
-pub(crate) use decode::{DecodedImage, PictureFault, PictureHeader};
-pub(crate) use pictures::{FramedTexture, PictureKind, PictureUse, Pictures, too_large, unreadable};
-pub use pyramid::Encoding;
-use pyramid::{Pyramid, Texel};
-pub use raw::{LevelTexels, linear_of_srgb_codes};
+use pyramid::{Encoding, Pyramid, Texel};
+
+use crate::color::LUMINANCE;
+use crate::values::VALUE_MAX;
 
 /// A picture with mip levels, decoded to linear values on lookup.
 ///
@@ -73,7 +73,7 @@ macro_rules! rearranged {
 
 impl Image {
     /// Makes a picture of linear RGB without alpha, row-major from the upper row. Values that are negative or not
-    /// finite become 0, those above [`VALUE_MAX`](crate::VALUE_MAX) become that.
+    /// finite become 0, those above [`VALUE_MAX`](VALUE_MAX) become that.
     ///
     /// # Panics
     ///
@@ -153,13 +153,12 @@ impl Image {
 
     /// Returns the luminance (Rec. 709) in all channels, opaque; the picture itself if it is gray.
     pub(crate) fn luminance(self) -> Self {
-        const WEIGHTS: glam::Vec3 = glam::Vec3::new(0.2126, 0.7152, 0.0722);
         let (width, height) = self.size();
         let texels = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| self.texel(x, y));
         if texels().all(|texel| texel.x == texel.y && texel.y == texel.z) {
             return self;
         }
-        let texels = texels().map(|texel| [texel.truncate().dot(WEIGHTS); 3]).collect();
+        let texels = texels().map(|texel| [texel.truncate().dot(LUMINANCE.as_vec3()); 3]).collect();
         Self::from_linear_rgb(self.name, width, height, texels)
     }
 
@@ -231,7 +230,7 @@ impl Image {
 }
 
 fn make_radiance(value: &mut f32) {
-    *value = if value.is_finite() && *value > 0.0 { value.min(crate::VALUE_MAX) } else { 0.0 };
+    *value = if value.is_finite() && *value > 0.0 { value.min(VALUE_MAX) } else { 0.0 };
 }
 
 /// Converts one channel in [0, 1] from sRGB to linear. 8-bit codes are looked up.

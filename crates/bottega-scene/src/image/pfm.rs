@@ -1,6 +1,7 @@
 //! PFM, portable float maps: `PF` for colours or `Pf` for gray, the size, a scale whose sign gives the byte order, and
 //! rows of floats, the lowest row first.
 
+use super::error::PictureError;
 use super::texels::{DecodedTexels, zeroed};
 
 /// The header of a PFM file.
@@ -17,7 +18,7 @@ pub(super) struct PfmHeader {
 }
 
 /// Parses the header and checks the length of the file.
-pub(super) fn header(bytes: &[u8]) -> Result<PfmHeader, String> {
+pub(super) fn header(bytes: &[u8]) -> Result<PfmHeader, PictureError> {
     let mut at = 0;
     let mut word = || {
         // A header word ends at one white space; no header is longer than 64 bytes from here.
@@ -28,18 +29,18 @@ pub(super) fn header(bytes: &[u8]) -> Result<PfmHeader, String> {
         std::str::from_utf8(&rest[start..end]).ok()
     };
     let kind = word();
-    let mut size = || word().and_then(|word| word.parse::<u32>().ok()).ok_or("its header has no size");
+    let mut size = || word().and_then(|word| word.parse::<u32>().ok()).ok_or(PictureError::PfmWithoutSize);
     let (width, height) = (size()?, size()?);
     let scale: f32 = word().and_then(|word| word.parse().ok()).unwrap_or(0.0);
     if !scale.is_normal() {
-        return Err("its header has no scale".into());
+        return Err(PictureError::PfmWithoutScale);
     }
     let is_color = kind == Some("PF");
     let header = PfmHeader { width, height, is_color, scale: scale.abs(), big_endian: scale > 0.0, body: at };
     let needed = u128::from(width) * u128::from(height) * if is_color { 12 } else { 4 };
     let there = bytes.len().saturating_sub(at);
     if (there as u128) < needed {
-        return Err(format!("it announces {width} × {height} pixels, but has only {there} bytes for them"));
+        return Err(PictureError::PfmTooShort { width, height, bytes: there });
     }
     Ok(header)
 }
@@ -51,8 +52,8 @@ impl PfmHeader {
     }
 }
 
-/// Decodes the texels. The error says what is wrong.
-pub(super) fn texels(bytes: &[u8]) -> Result<DecodedTexels, String> {
+/// Decodes the texels.
+pub(super) fn texels(bytes: &[u8]) -> Result<DecodedTexels, PictureError> {
     let header = header(bytes)?;
     let float = |bytes: &[u8]| {
         let chunk = bytes.first_chunk().copied().unwrap_or_default();

@@ -1,16 +1,20 @@
 //! The pictures that a scene refers to: requested one by one, decoded in parallel.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use bottega_image::{WhitePoint, printable_path};
 use rayon::prelude::*;
 
-use super::{DecodedImage, Encoding, Image, PictureFault, PictureHeader};
-use crate::error::Warnings;
+use super::Image;
+use super::decode::{DecodedImage, PictureHeader};
+use super::error::PictureError;
+use super::pyramid::Encoding;
+use crate::error::{SceneError, Warnings};
 use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::shortened;
-use crate::{ImageId, SceneError};
+use crate::texture::ImageId;
 
 /// The use of a picture, which selects its replacement if it is missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -187,10 +191,10 @@ impl<'a> Pictures<'a> {
     /// Decodes all requested pictures in parallel, after all headers have passed the limits. An unreadable one is
     /// replaced according to its use, with a warning.
     pub(crate) fn load(self, warnings: &mut Warnings) -> Result<Vec<Image>, SceneError> {
-        let checked: Vec<Result<PictureHeader, String>> =
+        let checked: Vec<Result<PictureHeader, PictureError>> =
             self.wanted.par_iter().map(|wanted| self.check(wanted)).collect::<Result<_, SceneError>>()?;
         let white_point = self.white_point;
-        let decoded: Vec<Result<(Image, Vec<String>), String>> = (self.wanted.par_iter().zip(checked))
+        let decoded: Vec<Result<(Image, Vec<String>), PictureError>> = (self.wanted.par_iter().zip(checked))
             .map(|(wanted, header)| {
                 let bytes = self.resources.read(&wanted.location).map_err(|error| unreadable(&error))?;
                 let mut decoded = DecodedImage::read(&bytes, header?.with_white_point(white_point))?;
@@ -206,15 +210,15 @@ impl<'a> Pictures<'a> {
                 Ok((image, notes))
             })
             .collect();
-        let finish = |(wanted, decoded): (&WantedPicture, Result<(Image, Vec<String>), String>)| {
+        let finish = |(wanted, decoded): (&WantedPicture, Result<(Image, Vec<String>), PictureError>)| {
             let name = shortened(&wanted.location.name).into_owned();
-            let told = decoded.map(|(image, notes)| {
+            let image = decoded.map(|(image, notes)| {
                 for note in notes {
                     warnings.add(wanted.place.as_str(), format!("the picture `{name}`: {note}"));
                 }
                 image
             });
-            told.unwrap_or_else(|problem| {
+            image.unwrap_or_else(|problem| {
                 let (stand_in, image) = wanted.kind.purpose.stand_in(&name);
                 let message = format!("the picture `{name}`: {problem}; {stand_in} stands for it");
                 warnings.unsupported(wanted.place.as_str(), message);
@@ -227,7 +231,7 @@ impl<'a> Pictures<'a> {
     }
 
     /// Reads the header of a picture and books its memory. The inner error is only a warning.
-    fn check(&self, wanted: &WantedPicture) -> Result<Result<PictureHeader, String>, SceneError> {
+    fn check(&self, wanted: &WantedPicture) -> Result<Result<PictureHeader, PictureError>, SceneError> {
         let bytes = match self.resources.read(&wanted.location) {
             Ok(bytes) => bytes,
             Err(error) => return Ok(Err(unreadable(&error))),
@@ -248,28 +252,30 @@ impl<'a> Pictures<'a> {
                 self.resources.attribute(&wanted.location, taken)?;
                 Ok(Ok(header))
             }
-            Err(PictureFault::TooLarge { problem }) => {
-                self.resources.attribute(&wanted.location, Err(too_large(wanted.location.path(), problem)))
-            }
-            Err(PictureFault::Unreadable { problem }) => Ok(Err(problem)),
+            Err(error @ PictureError::TooManyPixels { .. }) => self
+                .resources
+                .attribute(&wanted.location, Err(too_large(wanted.location.path(), String::new(), &error))),
+            Err(error) => Ok(Err(error)),
         }
     }
 }
 
 /// Returns the error for a picture with too many pixels.
-pub(crate) fn too_large(path: &std::path::Path, problem: String) -> SceneError {
+///
+/// - `place`: location in the scene file; may be empty.
+pub(crate) fn too_large(path: &Path, place: String, error: &PictureError) -> SceneError {
     SceneError::Limit {
         path: path.into(),
-        place: String::new(),
-        problem,
+        place,
+        problem: error.to_string(),
         remedy: "scale the picture down, or allow more pixels for each picture",
     }
 }
 
-/// Describes why a picture file cannot be read, for a warning.
-pub(crate) fn unreadable(error: &SceneError) -> String {
-    match error {
+/// Converts an error of reading a picture file, for a warning.
+pub(crate) fn unreadable(error: &SceneError) -> PictureError {
+    PictureError::UnreadableFile(match error {
         SceneError::Read { path, source, .. } => format!("cannot read `{}` ({source})", printable_path(path)),
         error => error.to_string(),
-    }
+    })
 }

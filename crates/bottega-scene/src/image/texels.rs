@@ -2,6 +2,7 @@
 
 use bytemuck::Pod;
 
+use super::error::PictureError;
 use crate::values;
 
 /// The decoded texels of a picture, row-major from the upper row.
@@ -26,10 +27,10 @@ impl DecodedTexels {
     }
 }
 
-/// Allocates zeroed texels. The error says that memory is insufficient.
-pub(super) fn zeroed<T: Pod>(count: usize) -> Result<Vec<T>, String> {
+/// Allocates zeroed texels.
+pub(super) fn zeroed<T: Pod>(count: usize) -> Result<Vec<T>, PictureError> {
     let mut texels = Vec::new();
-    texels.try_reserve_exact(count).map_err(|_| format!("there is no memory for {count} pixels"))?;
+    texels.try_reserve_exact(count).map_err(|_| PictureError::NoMemory(format!("{count} pixels")))?;
     texels.resize(count, T::zeroed());
     Ok(texels)
 }

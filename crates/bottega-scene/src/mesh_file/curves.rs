@@ -8,8 +8,9 @@ use glam::Vec4;
 use super::lines::{LineBlock, LineFault, float, next_word};
 use super::source::MeshSource;
 use crate::budget::MemoryBudget;
+use crate::error::SceneError;
+use crate::model::COORDINATE_MAX;
 use crate::text::{decode, shortened};
-use crate::{COORDINATE_MAX, SceneError};
 
 /// Control points of curves; w is the radius.
 #[derive(Debug, Default, PartialEq)]

@@ -3,8 +3,8 @@
 use std::io::Read;
 
 use super::source::MeshSource;
-use crate::SceneError;
 use crate::budget::HeldBytes;
+use crate::error::SceneError;
 
 /// The first bytes of a gzip file (RFC 1952).
 pub(super) const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];

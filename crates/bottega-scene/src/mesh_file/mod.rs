@@ -10,7 +10,7 @@ pub(crate) mod mtl;
 mod normals;
 pub(crate) mod obj;
 pub(crate) mod ply;
-mod scene;
+pub(crate) mod scene;
 pub(crate) mod serialized;
 mod source;
 
@@ -21,9 +21,8 @@ use rayon::prelude::*;
 use source::MeshSource;
 
 use crate::budget::{HeldBytes, MemoryBudget};
-use crate::{Mesh, SceneError};
-
-pub(crate) use scene::{import, recognizes};
+use crate::error::SceneError;
+use crate::model::Mesh;
 
 /// Decompresses a gzip file; returns other bytes unchanged. The memory stays booked until the second result is dropped.
 pub(crate) fn unfolded<'a>(

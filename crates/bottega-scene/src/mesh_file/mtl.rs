@@ -6,8 +6,8 @@ use glam::{Vec2, Vec3};
 
 use super::lines::{self, LineFault, LocatedFault, float, next_word};
 use super::source::MeshSource;
-use crate::SceneError;
 use crate::budget::MemoryBudget;
+use crate::error::SceneError;
 use crate::text::{Text, decode, shortened};
 
 /// A material of the file. `None`: not given.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::Mesh;
+use crate::model::Mesh;
 
 impl Mesh {
     /// Replaces the normals by the means of the adjacent triangles' normals, weighted by their angles at the vertex

@@ -6,13 +6,17 @@ use glam::DVec3;
 
 use super::obj::{self, materials::Library};
 use super::{ply, serialized};
-use crate::error::Warnings;
+use crate::color::Spectrum;
+use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
-use crate::import::{ImportRequest, Imported};
+use crate::import::request::{ImportRequest, Imported};
+use crate::material::Material;
+use crate::mesh_file::obj::file::ObjFile;
+use crate::model::{Mesh, Scene};
 use crate::options::LoadOptions;
 use crate::origin::rounding;
 use crate::resource::Resources;
-use crate::{Layered, Material, Mesh, Scene, SceneError, Spectrum};
+use crate::surface::Layered;
 
 /// Recognizes a mesh file by its first bytes or its name.
 pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
@@ -73,7 +77,7 @@ fn add(scene: &mut Scene, mesh: Mesh) {
 
 fn add_obj(
     scene: &mut Scene,
-    mut file: obj::ObjFile<'_>,
+    mut file: ObjFile<'_>,
     options: &LoadOptions,
     resources: &Resources<'_>,
     warnings: &mut Warnings,

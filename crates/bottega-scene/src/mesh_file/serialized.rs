@@ -12,9 +12,9 @@ use glam::{Vec2, Vec3, Vec4};
 use super::source::MeshSource;
 use super::{finish, inflate};
 use crate::budget::MemoryBudget;
-use crate::model::COORDINATE_MAX;
+use crate::error::SceneError;
+use crate::model::{COORDINATE_MAX, Mesh};
 use crate::text::shortened;
-use crate::{Mesh, SceneError};
 
 const MAGIC: u16 = 0x041c;
 

@@ -5,8 +5,8 @@ use std::path::Path;
 use bytemuck::Pod;
 
 use super::lines::LocatedFault;
-use crate::SceneError;
 use crate::budget::MemoryBudget;
+use crate::error::SceneError;
 
 /// The file that is being read, for errors and for the memory budget.
 #[derive(Clone, Copy)]

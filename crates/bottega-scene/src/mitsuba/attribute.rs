@@ -5,12 +5,17 @@
 
 use glam::{Affine2, Vec2, Vec3};
 
+use super::context::ImportContext;
 use super::document::Object;
-use super::importer::{AwaitedTexture, Importer};
-use super::texture::Texture;
+use crate::color::LUMINANCE;
+use crate::image::Image;
+use crate::image::pictures::Pictures;
+use crate::import::text_place::ImportResult;
 use crate::mesh_file::ply::{self, Attribute};
+use crate::model::Mesh;
+use crate::resource::Location;
 use crate::text::shortened;
-use crate::{Channel, Image, Mesh, SceneError, Spectrum, TextureMap, Wrap};
+use crate::texture::{ImageId, TextureMap, Wrap};
 
 /// Ratio of the texture coordinates to the picture: lookup footprints, sized for other pictures, become negligible, and
 /// no lookup leaves its triangle.
@@ -19,102 +24,118 @@ const UNITS: f32 = 1_048_576.0;
 /// The positions of a triangle's corners between its four texels: far enough from the edges that rounding crosses none.
 const CORNERS: [Vec2; 3] = [Vec2::new(0.125, 0.125), Vec2::new(0.875, 0.125), Vec2::new(0.125, 0.875)];
 
-impl Importer<'_> {
-    /// Returns a texture of the named attribute. Its picture is made once the mesh is read.
-    ///
-    /// - `is_number`: its luminance is used.
-    pub(super) fn await_attribute(&mut self, name: &str, is_number: bool, scale: f32) -> Texture {
-        let image = self.pictures.add(Image::from_linear_rgb(shortened(name), 1, 1, vec![[0.5; 3]]));
-        self.awaited.push(AwaitedTexture { name: name.into(), image, is_number });
-        let map = TextureMap {
-            uv_set: 1,
-            picture_from_uv: Affine2::from_scale(Vec2::splat(UNITS.recip())),
-            wrap_u: Wrap::Clamp,
-            wrap_v: Wrap::Clamp,
-            smooth: !name.starts_with("face_"),
-            ..TextureMap::new(image)
+/// Data of a mesh that the textures of a material use.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MeshData {
+    /// `true`: a texture shows the vertex colours.
+    pub(super) vertex_colors: bool,
+    /// `true`: a texture shows the face colours.
+    pub(super) face_colors: bool,
+    /// Textures of other attributes, whose pictures are made once the mesh is read.
+    pub(super) textures: Vec<AwaitedTexture>,
+}
+
+/// A texture that needs its mesh.
+#[derive(Clone, Debug)]
+pub(super) struct AwaitedTexture {
+    /// Name of the mesh attribute.
+    pub(super) name: String,
+    /// Its picture, which is 0.5 until the mesh is read.
+    pub(super) image: ImageId,
+    /// `true`: its luminance is used.
+    pub(super) is_number: bool,
+}
+
+/// Returns the picture of an attribute until the mesh is read.
+pub(super) fn placeholder(name: &str) -> Image {
+    Image::from_linear_rgb(shortened(name), 1, 1, vec![[0.5; 3]])
+}
+
+/// Returns the map of an attribute's picture.
+pub(super) fn map(name: &str, image: ImageId) -> TextureMap {
+    TextureMap {
+        uv_set: 1,
+        picture_from_uv: Affine2::from_scale(Vec2::splat(UNITS.recip())),
+        wrap_u: Wrap::Clamp,
+        wrap_v: Wrap::Clamp,
+        smooth: !name.starts_with("face_"),
+        ..TextureMap::new(image)
+    }
+}
+
+/// Makes the pictures that the material of a mesh needs, and adds texture coordinates for them.
+pub(super) fn with_attributes(
+    context: &mut ImportContext<'_>,
+    pictures: &mut Pictures<'_>,
+    object: &Object,
+    mut mesh: Mesh,
+    awaited: &[AwaitedTexture],
+) -> ImportResult<Mesh> {
+    let mut file = None;
+    if object.plugin == "ply" {
+        let location = context.filename(object)?;
+        file = Some((context.resources.read(&location)?, location));
+    }
+    let mut found = Vec::new();
+    for awaited in awaited {
+        let mut attribute = None;
+        if awaited.name == "vertex_color" && !mesh.colors.is_empty() {
+            let values = mesh.colors.iter().map(|color| color.truncate().to_array()).collect();
+            attribute = Some(Attribute { channels: 3, values });
+        } else if let Some((bytes, location)) = &file {
+            attribute = read(context, location, bytes, &awaited.name)?;
+        }
+        let is_of_faces = awaited.name.starts_with("face_");
+        let count = if is_of_faces { mesh.triangles.len() } else { mesh.positions.len() };
+        match attribute.filter(|attribute| attribute.values.len() == count) {
+            Some(attribute) => found.push((awaited, attribute)),
+            None => {
+                let name = shortened(&awaited.name);
+                let message = format!("the {} has no attribute `{name}`; 0.5 stands for it", object.describe());
+                context.warn(object.at, message);
+            }
+        }
+    }
+    if found.is_empty() {
+        return Ok(mesh);
+    }
+    let tiles = Tiles::new(mesh.triangles.len());
+    // Four texels with mip levels per attribute, and three vertices per triangle.
+    let texels = found.len().saturating_mul(mesh.triangles.len()).saturating_mul(6 * size_of::<[f32; 3]>());
+    context.take(object.at, texels.saturating_add(mesh.memory_bytes().saturating_mul(3)))?;
+    for (awaited, Attribute { channels, mut values }) in found {
+        if awaited.is_number && channels == 3 {
+            let luminance = |[r, g, b]: [f32; 3]| Vec3::new(r, g, b).dot(LUMINANCE.as_vec3());
+            values.iter_mut().for_each(|value| *value = [luminance(*value); 3]);
+        }
+        let name = shortened(&awaited.name);
+        let image = if awaited.name.starts_with("face_") {
+            tiles.face_image(&name, &values)
+        } else {
+            tiles.vertex_image(&name, &values, &mesh.triangles)
         };
-        Texture { factor: Spectrum::splat(scale), map: Some((map, Some(Channel::R))) }
+        pictures.replace(awaited.image, image);
     }
+    // Unshared vertices cannot have smooth normals: compute these first.
+    if mesh.normals.is_empty() {
+        mesh.smooth_normals();
+    }
+    let mut mesh = mesh.unshared();
+    mesh.uvs[1] = (0..mesh.triangles.len()).flat_map(|triangle| tiles.corners(triangle)).collect();
+    Ok(mesh)
+}
 
-    /// Makes the pictures that the material of a mesh needs, and adds texture coordinates for them.
-    pub(super) fn with_attributes(
-        &mut self,
-        object: &Object,
-        mut mesh: Mesh,
-        awaited: &[AwaitedTexture],
-    ) -> Result<Mesh, SceneError> {
-        let mut file = None;
-        if object.plugin == "ply" {
-            let location = self.filename(object)?;
-            file = Some((self.resources.read(&location)?, location));
+/// Returns an attribute of the file, or the colours of its faces.
+fn read(context: &ImportContext<'_>, location: &Location, bytes: &[u8], name: &str) -> ImportResult<Option<Attribute>> {
+    let (path, budget) = (location.path(), context.resources.budget());
+    let colors = if name == "face_color" { ply::face_colors(path, bytes, budget)? } else { None };
+    Ok(match colors {
+        Some(colors) => {
+            let values = colors.iter().map(|color| color.truncate().to_array()).collect();
+            Some(Attribute { channels: 3, values })
         }
-        let mut found = Vec::new();
-        for awaited in awaited {
-            let mut attribute = None;
-            if awaited.name == "vertex_color" && !mesh.colors.is_empty() {
-                let values = mesh.colors.iter().map(|color| color.truncate().to_array()).collect();
-                attribute = Some(Attribute { channels: 3, values });
-            } else if let Some((bytes, location)) = &file {
-                attribute = self.attribute(location, bytes, &awaited.name)?;
-            }
-            let is_of_faces = awaited.name.starts_with("face_");
-            let count = if is_of_faces { mesh.triangles.len() } else { mesh.positions.len() };
-            match attribute.filter(|attribute| attribute.values.len() == count) {
-                Some(attribute) => found.push((awaited, attribute)),
-                None => {
-                    let name = shortened(&awaited.name);
-                    let message = format!("the {} has no attribute `{name}`; 0.5 stands for it", object.describe());
-                    self.report.warn(object.at, message);
-                }
-            }
-        }
-        if found.is_empty() {
-            return Ok(mesh);
-        }
-        let tiles = Tiles::new(mesh.triangles.len());
-        // Four texels with mip levels per attribute, and three vertices per triangle.
-        let texels = found.len().saturating_mul(mesh.triangles.len()).saturating_mul(6 * size_of::<[f32; 3]>());
-        self.take(object.at, texels.saturating_add(mesh.memory_bytes().saturating_mul(3)))?;
-        for (awaited, Attribute { channels, mut values }) in found {
-            if awaited.is_number && channels == 3 {
-                let luminance = |[r, g, b]: [f32; 3]| Vec3::new(r, g, b).dot(Vec3::new(0.2126, 0.7152, 0.0722));
-                values.iter_mut().for_each(|value| *value = [luminance(*value); 3]);
-            }
-            let name = shortened(&awaited.name);
-            let image = if awaited.name.starts_with("face_") {
-                tiles.face_image(&name, &values)
-            } else {
-                tiles.vertex_image(&name, &values, &mesh.triangles)
-            };
-            self.pictures.replace(awaited.image, image);
-        }
-        // Unshared vertices cannot have smooth normals: compute these first.
-        if mesh.normals.is_empty() {
-            mesh.smooth_normals();
-        }
-        let mut mesh = mesh.unshared();
-        mesh.uvs[1] = (0..mesh.triangles.len()).flat_map(|triangle| tiles.corners(triangle)).collect();
-        Ok(mesh)
-    }
-
-    /// Returns an attribute of the file, or the colours of its faces.
-    fn attribute(
-        &self,
-        location: &crate::resource::Location,
-        bytes: &[u8],
-        name: &str,
-    ) -> Result<Option<Attribute>, SceneError> {
-        let (path, budget) = (location.path(), self.resources.budget());
-        let colors = if name == "face_color" { ply::face_colors(path, bytes, budget)? } else { None };
-        Ok(match colors {
-            Some(colors) => {
-                let values = colors.iter().map(|color| color.truncate().to_array()).collect();
-                Some(Attribute { channels: 3, values })
-            }
-            None => ply::attribute(path, bytes, name, budget)?,
-        })
-    }
+        None => ply::attribute(path, bytes, name, budget)?,
+    })
 }
 
 /// The arrangement of triangles in a picture: two by two texels each, row by row.
@@ -169,7 +190,7 @@ impl Tiles {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ImageId;
+    use crate::texture::ImageId;
 
     #[test]
     fn pictures_interpolate_as_triangles_do() {

@@ -6,73 +6,70 @@
 
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec4};
 
+use super::context::ImportContext;
 use super::document::Object;
-use super::importer::Importer;
-use super::mesh::Normals;
-use super::shape::GroupPart;
+use crate::import::bezier::{BezierSegment, bezier_of_bspline, parameters};
+use crate::import::text_place::ImportResult;
+use crate::import::tube::{self, Ring};
 use crate::mesh_file::curves::{self, Curves};
-use crate::tube::{self, Ring, bezier_of_bspline};
-use crate::{COORDINATE_MAX, Mesh, SceneError};
+use crate::model::{COORDINATE_MAX, Mesh};
 
 /// Maximal number of pieces per B-spline segment.
 const PIECES_MAX: f64 = 64.0;
 
-impl Importer<'_> {
-    /// Converts the curves of a shape to tubes.
-    pub(super) fn curves(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<GroupPart>, SceneError> {
-        let is_spline = object.plugin == "bsplinecurve";
-        let location = self.filename(object)?;
-        let bytes = self.resources.read(&location)?;
-        let least = if is_spline { 4 } else { 2 };
-        let curves = curves::read(location.path(), &bytes, least, self.resources.budget());
-        let curves = self.resources.attribute(&location, curves)?;
-        drop(bytes);
-        let segments: usize = curves.iter().map(|curve| curve.len() + 1 - least).sum();
-        let mesh = self.tubes(object, &curves, segments, |points| {
-            let points: Vec<DVec4> = points.iter().map(|point| moved(point, &matrix)).collect();
-            if is_spline { spline_rings(&points, sides(segments)) } else { linear_rings(&points, sides(segments)) }
-        })?;
-        let Some(mesh) = mesh else {
-            self.report.warn(object.at, format!("the {} lies out of reach, and is left out", object.describe()));
-            self.accept_all(object);
-            return Ok(Vec::new());
-        };
-        self.finish(object, mesh, DMat4::IDENTITY, Normals::default(), false)
+/// Converts the curves of a shape to tubes. `None`: they are out of range, which is reported.
+pub(super) fn read(context: &mut ImportContext<'_>, object: &Object, matrix: &DMat4) -> ImportResult<Option<Mesh>> {
+    let is_spline = object.plugin == "bsplinecurve";
+    let location = context.filename(object)?;
+    let bytes = context.resources.read(&location)?;
+    let least = if is_spline { 4 } else { 2 };
+    let curves = curves::read(location.path(), &bytes, least, context.resources.budget());
+    let curves = context.resources.attribute(&location, curves)?;
+    drop(bytes);
+    let segments: usize = curves.iter().map(|curve| curve.len() + 1 - least).sum();
+    let mesh = tubes(context, object, &curves, segments, |points| {
+        let points: Vec<DVec4> = points.iter().map(|point| moved(point, matrix)).collect();
+        if is_spline { spline_rings(&points, sides(segments)) } else { linear_rings(&points, sides(segments)) }
+    })?;
+    if mesh.is_none() {
+        context.warn(object.at, format!("the {} lies out of reach, and is left out", object.describe()));
+        object.accept_all();
     }
+    Ok(mesh)
+}
 
-    /// Makes a mesh of all curves. `None`: a point is out of range.
-    ///
-    /// - `rings`: returns the cross-sections of a curve, whose `v` counts its segments.
-    fn tubes(
-        &self,
-        object: &Object,
-        curves: &Curves,
-        segments: usize,
-        rings: impl Fn(&[Vec4]) -> Vec<Ring>,
-    ) -> Result<Option<Mesh>, SceneError> {
-        let sides = sides(segments);
-        let mut mesh = Mesh::default();
-        let mut before = 0.0;
-        for points in curves.iter() {
-            let mut rings = rings(points);
-            let is_in_reach = |ring: &Ring| (ring.center.abs().max_element() + ring.radius) < f64::from(COORDINATE_MAX);
-            if !rings.iter().all(is_in_reach) {
-                return Ok(None);
-            }
-            self.take(object.at, tube::memory_bytes(rings.len(), sides))?;
-            if mesh.positions.len() + rings.len() * (sides as usize + 1) > u32::MAX as usize {
-                let problem = "the curves have more corners than a mesh can hold; share them out to several files";
-                return Err(self.report.invalid(object.at, problem));
-            }
-            let here = rings.last().map_or(0.0, |ring| ring.v);
-            rings.iter_mut().for_each(|ring| ring.v = (before + ring.v) / segments as f64);
-            if rings.iter().any(|ring| ring.radius > 0.0) {
-                tube::add(&mut mesh, &rings, sides, azimuth);
-            }
-            before += here;
+/// Makes a mesh of all curves. `None`: a point is out of range.
+///
+/// - `rings`: returns the cross-sections of a curve, whose `v` counts its segments.
+fn tubes(
+    context: &ImportContext<'_>,
+    object: &Object,
+    curves: &Curves,
+    segments: usize,
+    rings: impl Fn(&[Vec4]) -> Vec<Ring>,
+) -> ImportResult<Option<Mesh>> {
+    let sides = sides(segments);
+    let mut mesh = Mesh::default();
+    let mut before = 0.0;
+    for points in curves.iter() {
+        let mut rings = rings(points);
+        let is_in_reach = |ring: &Ring| (ring.center.abs().max_element() + ring.radius) < f64::from(COORDINATE_MAX);
+        if !rings.iter().all(is_in_reach) {
+            return Ok(None);
         }
-        Ok(Some(mesh))
+        context.take(object.at, tube::memory_bytes(rings.len(), sides))?;
+        if mesh.positions.len() + rings.len() * (sides as usize + 1) > u32::MAX as usize {
+            let problem = "the curves have more corners than a mesh can hold; share them out to several files";
+            return Err(object.at.fault(problem).into());
+        }
+        let here = rings.last().map_or(0.0, |ring| ring.v);
+        rings.iter_mut().for_each(|ring| ring.v = (before + ring.v) / segments as f64);
+        if rings.iter().any(|ring| ring.radius > 0.0) {
+            tube::add(&mut mesh, &rings, sides, azimuth);
+        }
+        before += here;
     }
+    Ok(Some(mesh))
 }
 
 /// Returns the number of corners of a cross-section: fewer if there are many curves, each of which is then small in the
@@ -101,21 +98,14 @@ fn spline_rings(points: &[DVec4], sides: u32) -> Vec<Ring> {
     let mut rings = Vec::new();
     let mut last_axis = None;
     for (index, segment) in points.array_windows::<4>().enumerate() {
-        let [a, b, c, d] = bezier_of_bspline(*segment);
-        // A chord deviates from a cubic by at most an eighth of its greatest second derivative (de Boor).
-        let bend = (a - b * 2.0 + c).length().max((b - c * 2.0 + d).length());
-        let length = (b - a).length() + (c - b).length() + (d - c).length();
+        let segment = BezierSegment(bezier_of_bspline(*segment));
         // Use the same tolerance along the curve as around it.
+        let [a, b, c, d] = segment.0;
         let radius = a.w.max(b.w).max(c.w).max(d.w);
         let sagitta = 1.0 - (std::f64::consts::PI / f64::from(sides)).cos();
-        let tolerance = (2.0 * sagitta * radius).max(1e-5 * length).max(f64::MIN_POSITIVE);
-        let pieces = (0.75 * bend / tolerance).sqrt().ceil().clamp(1.0, PIECES_MAX);
-        let first = if index == 0 { 0 } else { 1 };
-        for piece in first..=pieces as u32 {
-            let t = f64::from(piece) / pieces;
-            let s = 1.0 - t;
-            let point = a * (s * s * s) + b * (3.0 * s * s * t) + c * (3.0 * s * t * t) + d * (t * t * t);
-            let slope = ((b - a) * (s * s) + (c - b) * (2.0 * s * t) + (d - c) * (t * t)) * 3.0;
+        let tolerance = (2.0 * sagitta * radius).max(1e-5 * segment.control_length());
+        for t in parameters(index == 0, segment.pieces(tolerance, PIECES_MAX)) {
+            let (point, slope) = (segment.point(t), segment.third_of_slope(t) * 3.0);
             let speed = slope.truncate().length();
             let axis = slope.truncate().try_normalize().or(last_axis).unwrap_or(DVec3::X);
             last_axis = Some(axis);

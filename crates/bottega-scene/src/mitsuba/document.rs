@@ -6,7 +6,7 @@ use glam::{DMat4, DVec3};
 
 use super::placement::Transform;
 use super::value::Value;
-use super::xml::XmlPlace;
+use crate::import::text_place::{TextFault, TextPlace};
 use crate::text::shortened;
 
 /// Index of an object in [`Document::objects`].
@@ -79,7 +79,7 @@ pub(super) struct ObjectProperty {
     pub(super) name: String,
     pub(super) value: Value,
     /// Location in the file.
-    pub(super) at: XmlPlace,
+    pub(super) at: TextPlace,
     /// `true`: it was read.
     pub(super) used: Cell<bool>,
 }
@@ -91,7 +91,7 @@ pub(super) struct Child {
     pub(super) name: String,
     pub(super) object: ObjectId,
     /// Location of its tag or reference.
-    pub(super) at: XmlPlace,
+    pub(super) at: TextPlace,
     /// `true`: it was read.
     pub(super) used: Cell<bool>,
 }
@@ -106,7 +106,7 @@ pub(super) struct Object {
     /// Id in the file; may be empty.
     pub(super) id: String,
     /// Location of its tag.
-    pub(super) at: XmlPlace,
+    pub(super) at: TextPlace,
     pub(super) properties: Vec<ObjectProperty>,
     /// Nested and referenced objects.
     pub(super) children: Vec<Child>,
@@ -157,13 +157,24 @@ impl Object {
         self.id.clone()
     }
 
+    /// Marks all its values as read, so that those of an unsupported object are not reported one by one.
+    pub(super) fn accept_all(&self) {
+        self.properties.iter().for_each(|property| property.used.set(true));
+        self.children.iter().for_each(|child| child.used.set(true));
+    }
+
+    /// Returns true if it has a value or a nested object of that name, and marks it as read.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.property(name).is_some() || self.child(name).is_some()
+    }
+
     /// Returns a transformation; the identity if it is not given.
-    pub(super) fn transform(&self, name: &str) -> Result<DMat4, (XmlPlace, String)> {
+    pub(super) fn transform(&self, name: &str) -> Result<DMat4, TextFault> {
         self.full_transform(name).map(|transform| transform.matrix)
     }
 
     /// Returns a transformation with Mitsuba's inverse of it.
-    pub(super) fn full_transform(&self, name: &str) -> Result<Transform, (XmlPlace, String)> {
+    pub(super) fn full_transform(&self, name: &str) -> Result<Transform, TextFault> {
         match self.property(name) {
             None => Ok(Transform::IDENTITY),
             Some(ObjectProperty { value: Value::Transform(transform), .. }) => Ok(**transform),
@@ -172,7 +183,7 @@ impl Object {
     }
 
     /// Returns a number.
-    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, (XmlPlace, String)> {
+    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, TextFault> {
         match self.property(name) {
             None => Ok(None),
             Some(ObjectProperty { value: Value::Float(number), .. }) => Ok(Some(*number)),
@@ -181,8 +192,18 @@ impl Object {
         }
     }
 
+    /// Returns a number that is at least `least`, or the default if it is not given.
+    pub(super) fn float_at_least(&self, name: &str, least: f64, default: f64) -> Result<f64, TextFault> {
+        let number = self.float(name)?.unwrap_or(default);
+        if number < least {
+            let at = self.property(name).map_or(self.at, |property| property.at);
+            return Err(at.fault(format!("`{name}` is below {least}")));
+        }
+        Ok(number)
+    }
+
     /// Returns an integer.
-    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, (XmlPlace, String)> {
+    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, TextFault> {
         match self.property(name) {
             None => Ok(None),
             Some(ObjectProperty { value: Value::Integer(number), .. }) => Ok(Some(*number)),
@@ -194,7 +215,7 @@ impl Object {
     }
 
     /// Returns a boolean.
-    pub(super) fn boolean(&self, name: &str, default: bool) -> Result<bool, (XmlPlace, String)> {
+    pub(super) fn boolean(&self, name: &str, default: bool) -> Result<bool, TextFault> {
         match self.property(name) {
             None => Ok(default),
             Some(ObjectProperty { value: Value::Boolean(value), .. }) => Ok(*value),
@@ -203,7 +224,7 @@ impl Object {
     }
 
     /// Returns a text.
-    pub(super) fn string(&self, name: &str) -> Result<Option<&str>, (XmlPlace, String)> {
+    pub(super) fn string(&self, name: &str) -> Result<Option<&str>, TextFault> {
         match self.property(name) {
             None => Ok(None),
             Some(ObjectProperty { value: Value::String(text), .. }) => Ok(Some(text)),
@@ -212,7 +233,7 @@ impl Object {
     }
 
     /// Returns a point or vector.
-    pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, (XmlPlace, String)> {
+    pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, TextFault> {
         match self.property(name) {
             None => Ok(None),
             Some(ObjectProperty { value: Value::Vector(vector), .. }) => Ok(Some(*vector)),
@@ -223,7 +244,7 @@ impl Object {
 
 impl ObjectProperty {
     /// Makes the error for a value of the wrong type.
-    pub(super) fn wrong(&self, wanted: &str) -> (XmlPlace, String) {
-        (self.at, format!("`{}` is not {wanted}", shortened(&self.name)))
+    pub(super) fn wrong(&self, wanted: &str) -> TextFault {
+        self.at.fault(format!("`{}` is not {wanted}", shortened(&self.name)))
     }
 }

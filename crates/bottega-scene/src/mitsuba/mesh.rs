@@ -3,13 +3,14 @@
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use super::context::ImportContext;
 use super::document::{Class, Object};
-use super::importer::Importer;
 use super::shared::MeshNeeds;
+use crate::import::text_place::{ImportResult, TextFault};
 use crate::mesh_file::{obj, ply, serialized};
+use crate::model::{COORDINATE_MAX, Mesh};
 use crate::origin::{far_center, rounding};
 use crate::text::shortened;
-use crate::{COORDINATE_MAX, Mesh, SceneError};
 
 /// The treatment of normals.
 #[derive(Clone, Copy, Debug, Default)]
@@ -22,109 +23,111 @@ pub(super) struct Normals {
     pub(super) matrix: Option<DMat3>,
 }
 
-impl Importer<'_> {
-    /// Reads the mesh file of a shape, in object space.
-    pub(super) fn read_mesh(&mut self, object: &Object) -> Result<Mesh, SceneError> {
-        let location = self.filename(object)?;
-        let bytes = self.resources.read(&location)?;
-        let (path, budget) = (location.path(), self.resources.budget());
-        let read = match object.plugin.as_str() {
-            "obj" => {
-                let has_bsdf = object.children.iter().any(|it| self.document.get(it.object).class == Class::Bsdf);
-                if self.bad(object.boolean("load_materials", false))? && !has_bsdf {
-                    self.report.warn(object.at, "the materials that the file names are left out");
-                }
-                obj::read(path, &bytes, budget).and_then(|mut file| {
-                    for (line, message) in file.take_notes() {
-                        self.report.warn(object.at, format!("`{}`, line {line}: {message}", shortened(&location.name)));
-                    }
-                    file.into_single()
-                })
-            }
-            "ply" => {
-                if !self.bad(object.boolean("srgb", true))? {
-                    self.report.warn(object.at, "colours by whole numbers are sRGB, though `srgb` is false");
-                }
-                ply::read(path, &bytes, budget)
-            }
-            _ => {
-                let index = self.bad(object.integer("shape_index"))?.unwrap_or(0);
-                let index = u32::try_from(index)
-                    .map_err(|_| self.report.invalid(object.at, "`shape_index` is no index of a shape"))?;
-                serialized::read(path, &bytes, index, budget)
-            }
-        };
-        let mut mesh = self.resources.attribute(&location, read)?;
-        // In OBJ files v usually points up.
-        if self.bad(object.boolean("flip_tex_coords", object.plugin == "obj"))? {
-            mesh.flip_v();
-        }
-        if let Some(center) = far_center(&mesh).filter(|_| self.origin != DVec3::ZERO) {
-            self.report.warn(object.at, rounding(center));
-        }
-        mesh.name = if object.id.is_empty() { location.name.clone() } else { object.id.clone() };
-        Ok(mesh)
-    }
-
-    /// Returns the mesh with the attribute `vertex_color` as vertex colours.
-    pub(super) fn with_vertex_colors(&mut self, object: &Object, mut mesh: Mesh) -> Result<Mesh, SceneError> {
-        let colors = self.named_colors(object, "vertex_color")?.unwrap_or_default();
-        if colors.len() == mesh.positions.len() {
-            mesh.colors = colors;
-        } else {
-            self.report
-                .warn(object.at, format!("the {} has no colours of vertices; they are white", object.describe()));
-        }
-        Ok(mesh)
-    }
-
-    /// Returns an attribute of a file as colours. `None`: there is none of that name.
-    fn named_colors(&self, object: &Object, name: &str) -> Result<Option<Vec<Vec4>>, SceneError> {
-        if object.plugin != "ply" {
-            return Ok(None);
-        }
-        let location = self.filename(object)?;
-        let bytes = self.resources.read(&location)?;
-        let attribute = ply::attribute(location.path(), &bytes, name, self.resources.budget())?;
-        let color = |value: &[f32; 3]| Vec3::from_array(*value).extend(1.0);
-        Ok(attribute.map(|attribute| attribute.values.iter().map(color).collect()))
-    }
-
-    /// Returns the mesh with the colour of each face.
-    pub(super) fn with_face_colors(&mut self, object: &Object, mut mesh: Mesh) -> Result<Mesh, SceneError> {
-        mesh.colors = Vec::new();
-        let mut colors = None;
-        if object.plugin == "ply" {
-            let location = self.filename(object)?;
-            let bytes = self.resources.read(&location)?;
-            colors = ply::face_colors(location.path(), &bytes, self.resources.budget())?;
-            if colors.is_none() {
-                colors = self.named_colors(object, "face_color")?;
-            }
-            self.resources.budget().take(location.path(), "", 2 * mesh.memory_bytes())?;
-        }
-        let Some(colors) = colors else {
-            self.report.warn(object.at, format!("the {} has no colours of faces; they are white", object.describe()));
-            return Ok(mesh);
-        };
-        // Unshared vertices cannot have smooth normals: compute these first.
-        if mesh.normals.is_empty() {
-            mesh.smooth_normals();
-        }
-        Ok(mesh.with_triangle_colors(&colors).unwrap_or_else(|| {
-            self.report.warn(object.at, "the triangle strips of the mesh have no colours; they are white");
-            mesh
-        }))
-    }
-
-    /// Reads the options of normals.
-    pub(super) fn normals(&self, object: &Object) -> Result<Normals, SceneError> {
-        Ok(Normals {
-            flat: self.bad(object.boolean("face_normals", false))?,
-            flipped: self.bad(object.boolean("flip_normals", false))?,
+impl Normals {
+    /// Reads the options of a shape.
+    pub(super) fn of(object: &Object) -> Result<Self, TextFault> {
+        Ok(Self {
+            flat: object.boolean("face_normals", false)?,
+            flipped: object.boolean("flip_normals", false)?,
             matrix: None,
         })
     }
+}
+
+/// Reads the mesh file of a shape, in object space.
+pub(super) fn read(context: &mut ImportContext<'_>, object: &Object) -> ImportResult<Mesh> {
+    let location = context.filename(object)?;
+    let bytes = context.resources.read(&location)?;
+    let (path, budget) = (location.path(), context.resources.budget());
+    let read = match object.plugin.as_str() {
+        "obj" => {
+            let has_bsdf = object.children.iter().any(|it| context.document.get(it.object).class == Class::Bsdf);
+            if object.boolean("load_materials", false)? && !has_bsdf {
+                context.warn(object.at, "the materials that the file names are left out");
+            }
+            obj::read(path, &bytes, budget).and_then(|mut file| {
+                for (line, message) in file.take_notes() {
+                    context.warn(object.at, format!("`{}`, line {line}: {message}", shortened(&location.name)));
+                }
+                file.into_single()
+            })
+        }
+        "ply" => {
+            if !object.boolean("srgb", true)? {
+                context.warn(object.at, "colours by whole numbers are sRGB, though `srgb` is false");
+            }
+            ply::read(path, &bytes, budget)
+        }
+        _ => {
+            let index = object.integer("shape_index")?.unwrap_or(0);
+            let index = u32::try_from(index).map_err(|_| object.at.fault("`shape_index` is no index of a shape"))?;
+            serialized::read(path, &bytes, index, budget)
+        }
+    };
+    let mut mesh = context.resources.attribute(&location, read)?;
+    // In OBJ files v usually points up.
+    if object.boolean("flip_tex_coords", object.plugin == "obj")? {
+        mesh.flip_v();
+    }
+    if let Some(center) = far_center(&mesh).filter(|_| context.origin != DVec3::ZERO) {
+        context.warn(object.at, rounding(center));
+    }
+    mesh.name = if object.id.is_empty() { location.name.clone() } else { object.id.clone() };
+    Ok(mesh)
+}
+
+/// Returns the mesh with the attribute `vertex_color` as vertex colours.
+pub(super) fn with_vertex_colors(
+    context: &mut ImportContext<'_>,
+    object: &Object,
+    mut mesh: Mesh,
+) -> ImportResult<Mesh> {
+    let colors = named_colors(context, object, "vertex_color")?.unwrap_or_default();
+    if colors.len() == mesh.positions.len() {
+        mesh.colors = colors;
+    } else {
+        context.warn(object.at, format!("the {} has no colours of vertices; they are white", object.describe()));
+    }
+    Ok(mesh)
+}
+
+/// Returns an attribute of a file as colours. `None`: there is none of that name.
+fn named_colors(context: &ImportContext<'_>, object: &Object, name: &str) -> ImportResult<Option<Vec<Vec4>>> {
+    if object.plugin != "ply" {
+        return Ok(None);
+    }
+    let location = context.filename(object)?;
+    let bytes = context.resources.read(&location)?;
+    let attribute = ply::attribute(location.path(), &bytes, name, context.resources.budget())?;
+    let color = |value: &[f32; 3]| Vec3::from_array(*value).extend(1.0);
+    Ok(attribute.map(|attribute| attribute.values.iter().map(color).collect()))
+}
+
+/// Returns the mesh with the colour of each face.
+pub(super) fn with_face_colors(context: &mut ImportContext<'_>, object: &Object, mut mesh: Mesh) -> ImportResult<Mesh> {
+    mesh.colors = Vec::new();
+    let mut colors = None;
+    if object.plugin == "ply" {
+        let location = context.filename(object)?;
+        let bytes = context.resources.read(&location)?;
+        colors = ply::face_colors(location.path(), &bytes, context.resources.budget())?;
+        if colors.is_none() {
+            colors = named_colors(context, object, "face_color")?;
+        }
+        context.resources.budget().take(location.path(), "", 2 * mesh.memory_bytes())?;
+    }
+    let Some(colors) = colors else {
+        context.warn(object.at, format!("the {} has no colours of faces; they are white", object.describe()));
+        return Ok(mesh);
+    };
+    // Unshared vertices cannot have smooth normals: compute these first.
+    if mesh.normals.is_empty() {
+        mesh.smooth_normals();
+    }
+    Ok(mesh.with_triangle_colors(&colors).unwrap_or_else(|| {
+        context.warn(object.at, "the triangle strips of the mesh have no colours; they are white");
+        mesh
+    }))
 }
 
 /// Transforms a mesh, and winds its triangles counter-clockwise seen from the front. `None`: it is out of range.

@@ -13,14 +13,18 @@
 mod attribute;
 mod bsdf;
 mod color;
+mod context;
 mod curve;
 mod document;
 mod emitter;
-mod importer;
+mod fov;
 mod integrator;
+mod looks;
+mod material;
 mod medium;
 mod mesh;
 mod needless;
+mod orientation;
 mod placement;
 mod read;
 mod report;
@@ -29,7 +33,6 @@ mod sensor;
 mod shape;
 mod shared;
 mod sky;
-mod slide;
 mod solids;
 mod texture;
 mod transform;
@@ -37,21 +40,27 @@ mod value;
 mod volume;
 mod xml;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use bottega_image::WhitePoint;
-use document::{Class, Document, ObjectId};
+use context::ImportContext;
+use document::{Class, Document};
+use emitter::Emitters;
 use glam::DMat4;
-use importer::{Importer, Manner};
+use integrator::read_integrator;
+use looks::Looks;
 use report::ImportReport;
-use shared::SharedMeshes;
+use sensor::read_sensor;
+use shape::Shapes;
+use texture::MitsubaTextures;
 
-use crate::error::Warnings;
+use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
-use crate::image::Pictures;
-use crate::import::{ImportRequest, Imported};
-use crate::{Scene, SceneError};
+use crate::image::pictures::Pictures;
+use crate::import::projector::{Slide, add_slides};
+use crate::import::request::{ImportRequest, Imported};
+use crate::import::text_place::ImportResult;
+use crate::model::Scene;
 
 /// Recognizes a file by its extension or its root element.
 pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
@@ -61,42 +70,28 @@ pub(crate) fn recognizes(path: &Path, file: &[u8]) -> bool {
         || start.windows(7).any(|window| window == b"<scene " || window == b"<scene>")
 }
 
+/// A converted scene whose pictures are not loaded yet.
+struct Converted<'a> {
+    /// The scene without its pictures.
+    scene: Scene,
+    pictures: Pictures<'a>,
+    /// Pictures of spot lights, each with the index of its light.
+    slides: Vec<(usize, Slide)>,
+    hints: RenderHints,
+}
+
 /// Imports a file. The scene may lack lights and cameras.
 pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
     let &ImportRequest { path, file, options, origin, resources } = request;
     let mut report = ImportReport::new(path);
-    let document = Document::read(file, options, resources, &mut report)?;
-    let mut importer = Importer {
-        document: &document,
-        resources,
-        origin,
-        report,
-        pictures: Pictures::new(resources, options).with_white_point(WhitePoint::Absolute),
-        scene: Scene::default(),
-        hints: RenderHints::default(),
-        slides: Vec::new(),
-        manner: Manner::default(),
-        conversions: 0,
-        materials: BTreeMap::new(),
-        media: BTreeMap::new(),
-        groups: BTreeMap::new(),
-        shared: SharedMeshes::new(&document),
-        visited: vec![false; document.objects.len()],
-        wants_vertex_colors: false,
-        wants_face_colors: false,
-        is_blended: false,
-        awaited: Vec::new(),
-        awaited_by: BTreeMap::new(),
-    };
-    for &root in &document.roots {
-        importer.root(root)?;
-    }
-    importer.apply_manner();
-    importer.report_unused();
-    let Importer { report, pictures, mut scene, hints, slides, .. } = importer;
-    report.finish(warnings);
+    let document = Document::read(file, options, resources, &mut report).map_err(|error| report.files.error(error))?;
+    let pictures = Pictures::new(resources, options).with_white_point(WhitePoint::Absolute);
+    let mut context = ImportContext::new(&document, resources, origin, report);
+    let converted = convert(&mut context, pictures).map_err(|error| context.report.files.error(error))?;
+    let Converted { pictures, mut scene, slides, hints } = converted;
+    context.report.finish(warnings);
     scene.images = pictures.load(warnings)?;
-    slide::add_slides(&mut scene, &slides, resources.budget(), path)?;
+    add_slides(&mut scene, &slides, resources.budget(), path)?;
     let metadata = Metadata {
         format: if document.is_old { "Mitsuba 0.x" } else { "Mitsuba 3" },
         generator: None,
@@ -105,21 +100,40 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
     Ok((scene, metadata, hints))
 }
 
-impl Importer<'_> {
-    /// Converts an object at the top of the scene.
-    pub(super) fn root(&mut self, id: ObjectId) -> Result<(), SceneError> {
-        let object = self.document.get(id);
+/// Converts the objects at the top of a document, with all that they refer to.
+fn convert<'a>(context: &mut ImportContext<'_>, pictures: Pictures<'a>) -> ImportResult<Converted<'a>> {
+    let mut looks = Looks::new(MitsubaTextures::new(pictures));
+    let mut shapes = Shapes::new(context);
+    let mut emitters = Emitters::default();
+    let mut cameras = Vec::new();
+    let (mut hints, mut effects) = (RenderHints::default(), None);
+    for &root in &context.document.roots {
+        let object = context.document.get(root);
         match object.class {
-            Class::Shape => self.add_shape(id, DMat4::from_translation(-self.origin)),
-            Class::Emitter => self.add_emitter(id),
-            Class::Sensor => self.add_sensor(id),
-            Class::Integrator => self.read_integrator(id),
+            Class::Shape => {
+                let to_world = DMat4::from_translation(-context.origin);
+                shapes.add(context, &mut looks, root, to_world)?;
+            }
+            Class::Emitter => emitters.add(context, &mut looks.textures, root)?,
+            Class::Sensor => cameras.push(read_sensor(context, &mut looks, &mut hints, root)?),
+            Class::Integrator => effects = read_integrator(context, &mut hints, root)?.or(effects),
             // Converted where they are referred to.
-            Class::Bsdf | Class::Texture | Class::Medium | Class::Phase | Class::Volume => Ok(()),
+            Class::Bsdf | Class::Texture | Class::Medium | Class::Phase | Class::Volume => {}
             Class::Film | Class::Filter | Class::Sampler | Class::Other => {
-                self.report.warn(object.at, format!("the {} belongs nowhere and is left out", object.describe()));
-                Ok(())
+                context.warn(object.at, format!("the {} belongs nowhere and is left out", object.describe()));
             }
         }
     }
+    let Emitters { lights, environment, slides } = emitters;
+    let mut scene = Scene {
+        materials: looks.materials.list,
+        media: looks.media.list,
+        lights,
+        environment,
+        cameras,
+        ..shapes.scene
+    };
+    effects.unwrap_or_default().apply(context, &mut scene);
+    context.report_unused();
+    Ok(Converted { pictures: looks.textures.pictures, scene, slides, hints })
 }

@@ -8,8 +8,8 @@ use super::placement::Transform;
 use super::report::ImportReport;
 use super::transform;
 use super::value::{self, Value};
-use super::xml::{self, XmlElement, XmlFault, XmlPlace};
-use crate::SceneError;
+use super::xml::{self, XmlElement};
+use crate::import::text_place::{ImportResult, TextFault, TextPlace};
 use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::{decode_xml, shortened};
@@ -33,7 +33,7 @@ impl Document {
         options: &LoadOptions,
         resources: &Resources<'_>,
         report: &mut ImportReport,
-    ) -> Result<Self, SceneError> {
+    ) -> ImportResult<Self> {
         let mut reader = DocumentReader {
             resources,
             report,
@@ -50,9 +50,7 @@ impl Document {
         };
         let root = reader.parse(text, 0)?;
         if root.name != "scene" {
-            return Err(reader
-                .report
-                .invalid(root.at, format!("the outermost element is <{}>, not <scene>", root.name)));
+            return Err(root.at.fault(format!("the outermost element is <{}>, not <scene>", root.name)).into());
         }
         let version = root.attribute("version").unwrap_or_default().trim();
         reader.is_old = version.starts_with("0.") || version.starts_with("1.");
@@ -63,7 +61,7 @@ impl Document {
             if !used && options.defines.iter().any(|(define, _)| define == name) {
                 reader
                     .report
-                    .warn(XmlPlace::default(), format!("no parameter of the scene is called `{}`", shortened(name)));
+                    .warn(TextPlace::default(), format!("no parameter of the scene is called `{}`", shortened(name)));
             }
         }
         let roots = scene.children.iter().map(|child| child.object).collect();
@@ -72,8 +70,8 @@ impl Document {
                 .report
                 .warn(property.at, format!("`{}` of the scene itself means nothing", shortened(&property.name)));
         }
-        let DocumentReader { objects, search_folders, report, is_old, .. } = reader;
-        check_cycles(&objects, report)?;
+        let DocumentReader { objects, search_folders, is_old, .. } = reader;
+        check_cycles(&objects)?;
         Ok(Self { objects, roots, is_old, search_folders })
     }
 }
@@ -93,11 +91,11 @@ struct DocumentReader<'a, 'b> {
     /// Value of each parameter; `true`: it was used.
     defines: BTreeMap<String, (String, bool)>,
     objects: Vec<Object>,
-    ids: BTreeMap<String, (ObjectId, XmlPlace)>,
+    ids: BTreeMap<String, (ObjectId, TextPlace)>,
     /// New id, existing id and location.
-    aliases: Vec<(String, String, XmlPlace)>,
+    aliases: Vec<(String, String, TextPlace)>,
     /// Object, index of its child, and the id that it refers to, with location.
-    references: Vec<(ObjectId, usize, String, XmlPlace)>,
+    references: Vec<(ObjectId, usize, String, TextPlace)>,
     search_folders: Vec<String>,
     /// Files being read, innermost last.
     included: Vec<Location>,
@@ -109,37 +107,20 @@ struct DocumentReader<'a, 'b> {
 }
 
 impl DocumentReader<'_, '_> {
-    fn parse(&mut self, text: &[u8], file: u32) -> Result<XmlElement, SceneError> {
-        let (budget, path) = (self.resources.budget(), self.report.path(file).to_path_buf());
+    fn parse(&mut self, text: &[u8], file: u32) -> ImportResult<XmlElement> {
+        let (budget, path) = (self.resources.budget(), self.report.files.path(file).to_path_buf());
         let text = decode_xml(&path, text, budget)?;
         let mut left_out = Vec::new();
-        enum Stop {
-            Fault(XmlFault),
-            Error(SceneError),
-        }
-        impl From<XmlFault> for Stop {
-            fn from(fault: XmlFault) -> Self {
-                Self::Fault(fault)
-            }
-        }
-        let book = |bytes| budget.take(&path, "", bytes).map_err(Stop::Error);
+        let book = |bytes| budget.take(&path, "", bytes);
         let parsed = xml::parse(&text, file, book, |at| left_out.push(at));
         for at in left_out {
             self.report.warn(at, "the text in CDATA between the elements is left out");
         }
-        parsed.map_err(|stop| match stop {
-            Stop::Fault(fault) => self.report.invalid(fault.at, fault.problem),
-            Stop::Error(error) => error,
-        })
+        parsed
     }
 
     /// Reads the contents of an element.
-    fn contents(
-        &mut self,
-        elements: Vec<XmlElement>,
-        container: &mut Container,
-        is_scene: bool,
-    ) -> Result<(), SceneError> {
+    fn contents(&mut self, elements: Vec<XmlElement>, container: &mut Container, is_scene: bool) -> ImportResult<()> {
         for mut element in elements {
             match element.name.as_str() {
                 "default" => {
@@ -169,8 +150,7 @@ impl DocumentReader<'_, '_> {
             let at = element.at;
             let is_object = element.attribute("type").is_some();
             if element.name == "ref" {
-                let id =
-                    element.attribute("id").ok_or_else(|| self.report.invalid(at, "<ref> has no `id`"))?.to_owned();
+                let id = element.attribute("id").ok_or_else(|| at.fault("<ref> has no `id`"))?.to_owned();
                 container.pending.push((container.children.len(), self.references.len()));
                 self.references.push((ObjectId(usize::MAX), 0, id, at));
                 container.children.push(Child { name, object: ObjectId(usize::MAX), at, used: Cell::new(false) });
@@ -186,17 +166,17 @@ impl DocumentReader<'_, '_> {
         Ok(())
     }
 
-    fn object(&mut self, element: XmlElement, class: Class) -> Result<ObjectId, SceneError> {
+    fn object(&mut self, element: XmlElement, class: Class) -> ImportResult<ObjectId> {
         let at = element.at;
         let Some(plugin) = element.attribute("type").map(str::to_owned) else {
-            return Err(self.report.invalid(at, format!("<{}> has no `type`", element.name)));
+            return Err(at.fault(format!("<{}> has no `type`", element.name)).into());
         };
         let id = element.attribute("id").unwrap_or_default().to_owned();
         self.report_attributes(&element, &["type"]);
         self.depth += 1;
         if self.depth > DEPTH_MAX {
             let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
-            return Err(self.report.invalid(at, problem));
+            return Err(at.fault(problem).into());
         }
         let mut container = Container::default();
         self.contents(element.children, &mut container, false)?;
@@ -209,15 +189,15 @@ impl DocumentReader<'_, '_> {
         if !id.is_empty()
             && let Some((_, first)) = self.ids.insert(id.clone(), (object, at))
         {
-            let first = self.report.show(first);
-            return Err(self.report.invalid(at, format!("the id `{}` is already that of {first}", shortened(&id))));
+            let first = self.report.files.show(first);
+            return Err(at.fault(format!("the id `{}` is already that of {first}", shortened(&id))).into());
         }
         let Container { properties, children, .. } = container;
         self.objects.push(Object { class, plugin, id, at, properties, children });
         Ok(object)
     }
 
-    fn property(&mut self, element: &XmlElement, name: String, container: &mut Container) -> Result<(), SceneError> {
+    fn property(&mut self, element: &XmlElement, name: String, container: &mut Container) -> ImportResult<()> {
         let at = element.at;
         self.report_attributes(element, &[]);
         let value = match element.name.as_str() {
@@ -228,7 +208,7 @@ impl DocumentReader<'_, '_> {
                 let read = |first| transform::read(first, self.is_old, self.report);
                 first.map_or(Ok(Transform::IDENTITY), read).map(|it| Value::Transform(Box::new(it)))
             }
-            _ => value::read(element),
+            _ => value::read(element).map_err(|error| at.fault(error)),
         };
         match value {
             Ok(Value::Unknown) => {
@@ -242,9 +222,7 @@ impl DocumentReader<'_, '_> {
                 }
                 container.properties.push(ObjectProperty { name, value, at, used: Cell::new(false) });
             }
-            Err(fault) => {
-                return Err(self.report.invalid(fault.at, fault.problem));
-            }
+            Err(fault) => return Err(fault.into()),
         }
         Ok(())
     }
@@ -275,32 +253,25 @@ impl DocumentReader<'_, '_> {
     }
 
     /// Inserts the contents of another file.
-    fn include(
-        &mut self,
-        element: &mut XmlElement,
-        container: &mut Container,
-        is_scene: bool,
-    ) -> Result<(), SceneError> {
+    fn include(&mut self, element: &mut XmlElement, container: &mut Container, is_scene: bool) -> ImportResult<()> {
         let reference = self.required(element, "filename")?;
         let at = element.at;
         if self.included.len() >= INCLUDE_DEPTH_MAX {
-            return Err(self
-                .report
-                .invalid(at, format!("files include one another more than {INCLUDE_DEPTH_MAX} deep")));
+            return Err(at.fault(format!("files include one another more than {INCLUDE_DEPTH_MAX} deep")).into());
         }
         self.include_count += 1;
         if self.include_count > INCLUDES_MAX {
-            return Err(self.report.invalid(at, format!("more than {INCLUDES_MAX} files are included")));
+            return Err(at.fault(format!("more than {INCLUDES_MAX} files are included")).into());
         }
-        let place = self.report.show(at);
+        let place = self.report.files.show(at);
         // Look beside the scene first, then beside the including file.
         let folders: Vec<&str> = std::iter::once("").chain(self.included.last().map(Location::folder)).collect();
         let location = self.resources.locate_in(&folders, &reference, &place)?;
         if self.resources.is_scene(&location) || self.included.contains(&location) {
-            return Err(self.report.invalid(at, format!("`{}` includes itself", shortened(&reference))));
+            return Err(at.fault(format!("`{}` includes itself", shortened(&reference))).into());
         }
         let bytes = self.resources.read(&location)?;
-        let file = self.report.add_file(location.name.clone(), location.path().to_path_buf());
+        let file = self.report.files.add(location.name.clone(), location.path().to_path_buf());
         let root = self.parse(&bytes, file)?;
         drop(bytes);
         self.included.push(location);
@@ -314,15 +285,15 @@ impl DocumentReader<'_, '_> {
     }
 
     /// Returns a required attribute, with parameters substituted.
-    fn required(&mut self, element: &XmlElement, name: &str) -> Result<String, SceneError> {
+    fn required(&mut self, element: &XmlElement, name: &str) -> ImportResult<String> {
         let Some(text) = element.attribute(name) else {
-            return Err(self.report.invalid(element.at, format!("<{}> has no `{name}`", element.name)));
+            return Err(element.at.fault(format!("<{}> has no `{name}`", element.name)).into());
         };
         self.with_parameters(text, element.at)
     }
 
     /// Substitutes parameters in all attributes of an element and of the operations of a transformation.
-    fn expand(&mut self, element: &mut XmlElement) -> Result<(), SceneError> {
+    fn expand(&mut self, element: &mut XmlElement) -> ImportResult<()> {
         let at = element.at;
         for index in 0..element.attributes.len() {
             if element.attributes[index].1.contains('$') {
@@ -337,7 +308,7 @@ impl DocumentReader<'_, '_> {
     }
 
     /// Replaces each `$name` by the value of the parameter with the longest matching name.
-    fn with_parameters(&mut self, text: &str, at: XmlPlace) -> Result<String, SceneError> {
+    fn with_parameters(&mut self, text: &str, at: TextPlace) -> ImportResult<String> {
         if !text.contains('$') {
             return Ok(text.to_owned());
         }
@@ -351,30 +322,30 @@ impl DocumentReader<'_, '_> {
                 let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
                 let name = shortened(&name).into_owned();
                 let problem = format!("the parameter `${name}` has no value; give it one with `-D {name}=…`");
-                return Err(self.report.invalid(at, problem));
+                return Err(at.fault(problem).into());
             };
             *used = true;
             expanded.push_str(value);
             rest = &rest[name.len()..];
             if expanded.len() > EXPANDED_MAX {
-                return Err(self.report.invalid(at, format!("parameters grow beyond {EXPANDED_MAX} bytes")));
+                return Err(at.fault(format!("parameters grow beyond {EXPANDED_MAX} bytes")).into());
             }
         }
         expanded.push_str(rest);
-        self.resources.budget().take(self.report.path(at.file), &self.report.show(at), expanded.len())?;
+        self.resources.budget().take(self.report.files.path(at.file), &self.report.files.show(at), expanded.len())?;
         Ok(expanded)
     }
 
     /// Resolves references, also to later objects.
-    fn resolve(&mut self, scene: &mut Container) -> Result<(), SceneError> {
+    fn resolve(&mut self, scene: &mut Container) -> ImportResult<()> {
         for (alias, id, at) in std::mem::take(&mut self.aliases) {
-            let Some(&target) = self.ids.get(&id) else { return Err(self.no_such_id(&id, at)) };
+            let Some(&target) = self.ids.get(&id) else { return Err(Self::no_such_id(&id, at).into()) };
             if self.ids.insert(alias.clone(), target).is_some() {
-                return Err(self.report.invalid(at, format!("the id `{}` is already taken", shortened(&alias))));
+                return Err(at.fault(format!("the id `{}` is already taken", shortened(&alias))).into());
             }
         }
         for (owner, child, id, at) in std::mem::take(&mut self.references) {
-            let Some(&(target, _)) = self.ids.get(&id) else { return Err(self.no_such_id(&id, at)) };
+            let Some(&(target, _)) = self.ids.get(&id) else { return Err(Self::no_such_id(&id, at).into()) };
             if let Some(owner) = self.objects.get_mut(owner.0) {
                 owner.children[child].object = target;
             } else if let Some(child) = scene.children.iter_mut().find(|child| child.at == at) {
@@ -384,13 +355,13 @@ impl DocumentReader<'_, '_> {
         Ok(())
     }
 
-    fn no_such_id(&self, id: &str, at: XmlPlace) -> SceneError {
-        self.report.invalid(at, format!("nothing has the id `{}`", shortened(id)))
+    fn no_such_id(id: &str, at: TextPlace) -> TextFault {
+        at.fault(format!("nothing has the id `{}`", shortened(id)))
     }
 }
 
 /// Checks that no object contains itself by references, and that nesting is limited.
-fn check_cycles(objects: &[Object], report: &ImportReport) -> Result<(), SceneError> {
+fn check_cycles(objects: &[Object]) -> ImportResult<()> {
     #[derive(Clone, Copy, PartialEq)]
     enum ReadState {
         New,
@@ -414,7 +385,7 @@ fn check_cycles(objects: &[Object], report: &ImportReport) -> Result<(), SceneEr
                 depths[object] = below.unwrap_or(0);
                 if depths[object] > DEPTH_MAX {
                     let problem = format!("objects are within one another more than {DEPTH_MAX} deep");
-                    return Err(report.invalid(objects[object].at, problem));
+                    return Err(objects[object].at.fault(problem).into());
                 }
                 states[object] = ReadState::Done;
                 path.pop();
@@ -424,7 +395,7 @@ fn check_cycles(objects: &[Object], report: &ImportReport) -> Result<(), SceneEr
             let target = child.object.0;
             match states[target] {
                 ReadState::Done => {}
-                ReadState::Open => return Err(report.invalid(child.at, "an object contains itself by this reference")),
+                ReadState::Open => return Err(child.at.fault("an object contains itself by this reference").into()),
                 ReadState::New => {
                     states[target] = ReadState::Open;
                     path.push((target, 0));

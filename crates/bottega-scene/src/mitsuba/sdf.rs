@@ -8,7 +8,8 @@ use std::collections::HashMap;
 
 use glam::{DVec3, UVec3, Vec3};
 
-use crate::Mesh;
+use super::volume::VolumeError;
+use crate::model::Mesh;
 
 /// Approximate number of triangles of a surface; determines the subdivision of cells.
 const TRIANGLES: usize = 1 << 19;
@@ -42,10 +43,9 @@ pub(super) struct SdfGrid {
 
 impl SdfGrid {
     /// Makes a grid of one number per sample.
-    pub(super) fn new(size: [u32; 3], values: Vec<f32>) -> Result<Self, String> {
+    pub(super) fn new(size: [u32; 3], values: Vec<f32>) -> Result<Self, VolumeError> {
         if size.iter().any(|&side| side < 2) {
-            let [x, y, z] = size;
-            return Err(format!("a surface needs two samples along each axis, not {x} × {y} × {z}"));
+            return Err(VolumeError::Flat { size });
         }
         Ok(Self { size, values })
     }

@@ -2,21 +2,24 @@
 
 use std::collections::BTreeMap;
 
-use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Quat, Vec3};
+use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3, Vec3};
 
-use super::bsdf::turned;
+use super::attribute::with_attributes;
+use super::context::ImportContext;
+use super::curve;
 use super::document::{Class, Object, ObjectId};
-use super::importer::Importer;
-use super::mesh::{Normals, cofactors, place};
+use super::looks::Looks;
+use super::mesh::{self, Normals, cofactors, with_face_colors, with_vertex_colors};
 use super::placement::{Transform, polar};
 use super::sdf::{self, SdfGrid, SdfNormals};
-use super::shared::{Ball, Group, MeshNeeds, mesh_key};
+use super::shared::{Ball, Group, MeshKey, mesh_key, shared_meshes};
 use super::solids;
-use super::volume::{self, Numbers};
-use super::xml::XmlPlace;
-use crate::origin::{centered, rounding};
+use super::volume::{self, Numbers, VolumeError};
+use crate::import::placed_meshes::{MIRROR, PlacedMeshes};
+use crate::import::sphere::orientation;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 use crate::text::shortened;
-use crate::{COORDINATE_MAX, Instance, Mesh, SceneError, Sphere};
 
 /// Meshes with fewer triangles are not instanced.
 const SHARED_MIN: usize = 256;
@@ -32,66 +35,104 @@ pub(super) enum GroupPart {
     Group(ObjectId, DMat4),
 }
 
-impl Importer<'_> {
+/// The shapes of a scene.
+pub(super) struct Shapes {
+    /// Meshes, instances and spheres so far; nothing else.
+    pub(super) scene: Scene,
+    /// Shape groups that were converted.
+    groups: BTreeMap<ObjectId, Group>,
+    /// Number of shapes of each mesh from a file, and the mesh once it is made. Small meshes are removed, and each
+    /// shape gets its own.
+    shared: BTreeMap<MeshKey, (usize, Option<u32>)>,
+    placed: PlacedMeshes,
+}
+
+impl Shapes {
+    /// Makes an empty collection for the shapes of a document.
+    pub(super) fn new(context: &ImportContext<'_>) -> Self {
+        Self {
+            scene: Scene::default(),
+            groups: BTreeMap::new(),
+            shared: shared_meshes(context.document),
+            placed: PlacedMeshes::new(context.origin),
+        }
+    }
+
     /// Adds a shape of the scene.
-    pub(super) fn add_shape(&mut self, id: ObjectId, to_world: DMat4) -> Result<(), SceneError> {
-        if self.document.get(id).plugin == "shapegroup" {
+    pub(super) fn add(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        looks: &mut Looks<'_>,
+        id: ObjectId,
+        to_world: DMat4,
+    ) -> ImportResult<()> {
+        if context.document.get(id).plugin == "shapegroup" {
             // Placed by its instances.
             return Ok(());
         }
-        for part in self.parts(id, to_world)? {
+        for part in self.parts(context, looks, id, to_world)? {
             match part {
                 GroupPart::Mesh(mesh) => self.scene.push_surface(mesh),
-                GroupPart::Shared(mesh, matrix) => self.show(mesh, &matrix, self.document.get(id).at)?,
-                GroupPart::Sphere(ball) => self.add_ball(ball, self.document.get(id).at)?,
-                GroupPart::Group(group, matrix) => self.add_instance(group, matrix)?,
+                GroupPart::Shared(mesh, matrix) => self.place(context, mesh, &matrix, context.document.get(id).at)?,
+                GroupPart::Sphere(ball) => self.add_ball(context, looks, ball, context.document.get(id).at)?,
+                GroupPart::Group(group, matrix) => self.add_instance(context, looks, group, matrix)?,
             }
         }
         Ok(())
     }
 
     /// Converts a shape to parts, in the space of `to_group`.
-    fn parts(&mut self, id: ObjectId, to_group: DMat4) -> Result<Vec<GroupPart>, SceneError> {
-        let object = self.visit(id)?;
-        let own = self.bad(object.full_transform("to_world"))?;
+    fn parts(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        looks: &mut Looks<'_>,
+        id: ObjectId,
+        to_group: DMat4,
+    ) -> ImportResult<Vec<GroupPart>> {
+        let object = context.visit(id)?;
+        let own = object.full_transform("to_world")?;
         let matrix = to_group * own.matrix;
         if !matrix.is_finite() || DMat3::from_mat4(matrix).determinant() == 0.0 {
-            self.report
-                .warn(object.at, format!("the {} is squeezed flat by `to_world`, and left out", object.describe()));
-            self.accept_shape(object);
+            context.warn(object.at, format!("the {} is squeezed flat by `to_world`, and left out", object.describe()));
+            object.accept_all();
             return Ok(Vec::new());
         }
         let mesh = match object.plugin.as_str() {
-            "obj" | "ply" | "serialized" if own.taken_inverse.is_none() => match self.shared_mesh(object)? {
-                Some(mesh) => return Ok(vec![GroupPart::Shared(mesh, matrix)]),
-                None => self.read_mesh(object)?,
-            },
-            "obj" | "ply" | "serialized" => self.read_mesh(object)?,
+            "obj" | "ply" | "serialized" if own.taken_inverse.is_none() => {
+                match self.shared_mesh(context, looks, object)? {
+                    Some(mesh) => return Ok(vec![GroupPart::Shared(mesh, matrix)]),
+                    None => mesh::read(context, object)?,
+                }
+            }
+            "obj" | "ply" | "serialized" => mesh::read(context, object)?,
             "rectangle" => solids::rectangle(),
             "cube" => solids::cube(),
             "disk" => solids::disk(),
-            "bsplinecurve" | "linearcurve" => return self.curves(object, matrix),
-            "sdfgrid" => self.distance_grid(object)?,
-            "cylinder" => return self.cylinder(object, to_group, &own),
-            "sphere" => return self.sphere(object, to_group, &own),
-            "instance" => return self.instance(object, to_group * own.by_inverse()),
+            "bsplinecurve" | "linearcurve" => {
+                let Some(mesh) = curve::read(context, object, &matrix)? else { return Ok(Vec::new()) };
+                return finish(context, looks, object, mesh, DMat4::IDENTITY, Normals::default(), false);
+            }
+            "sdfgrid" => distance_grid(context, object)?,
+            "cylinder" => return cylinder(context, looks, object, to_group, &own),
+            "sphere" => return sphere(context, looks, object, to_group, &own),
+            "instance" => return instance(context, object, to_group * own.by_inverse()),
             "merge" => {
                 let mut parts = Vec::new();
                 for child in
-                    object.children.iter().filter(|child| self.document.get(child.object).class == Class::Shape)
+                    object.children.iter().filter(|child| context.document.get(child.object).class == Class::Shape)
                 {
                     child.used.set(true);
-                    parts.extend(self.parts(child.object, matrix)?);
+                    parts.extend(self.parts(context, looks, child.object, matrix)?);
                 }
                 return Ok(parts);
             }
             _ => {
-                self.report.warn(object.at, format!("the {} is not supported and left out", object.describe()));
-                self.accept_shape(object);
+                context.warn(object.at, format!("the {} is not supported and left out", object.describe()));
+                object.accept_all();
                 return Ok(Vec::new());
             }
         };
-        let mut normals = self.normals(object)?;
+        let mut normals = Normals::of(object)?;
         let mut matrix = matrix;
         if let Some(taken) = own.taken_inverse {
             if object.plugin == "disk" {
@@ -101,241 +142,86 @@ impl Importer<'_> {
         }
         // Triangle normals suffice.
         let is_flat = matches!(object.plugin.as_str(), "rectangle" | "cube" | "disk") && normals.matrix.is_none();
-        self.finish(object, mesh, matrix, normals, is_flat)
-    }
-
-    /// Tessellates a signed distance grid.
-    fn distance_grid(&mut self, object: &Object) -> Result<Mesh, SceneError> {
-        let normals = match self.bad(object.string("normals"))? {
-            Some("analytic") => SdfNormals::Analytic,
-            Some("smooth") | None => SdfNormals::Smooth,
-            Some(other) => {
-                let message = format!("`normals` of a grid of distances cannot be `{}`", shortened(other));
-                return Err(self.report.invalid(object.at, message));
-            }
-        };
-        let location = self.filename(object)?;
-        let bytes = self.resources.read(&location)?;
-        let damaged = |problem| SceneError::Damaged { path: location.path().into(), problem };
-        let Numbers { size, channels, values, .. } = volume::numbers(&bytes).map_err(damaged)?;
-        if channels != 1 {
-            return Err(damaged(format!("a grid of distances has one channel, not {channels}")));
-        }
-        let grid = SdfGrid::new(size, values).map_err(damaged)?;
-        sdf::triangles(&grid, normals, |bytes| {
-            self.placed(object.at, self.resources.budget().check(self.report.path(object.at.file), bytes))
-        })
+        finish(context, looks, object, mesh, matrix, normals, is_flat)
     }
 
     /// Returns the mesh that several shapes share, made for the first of them. `None`: the shape has its own mesh.
-    fn shared_mesh(&mut self, object: &Object) -> Result<Option<u32>, SceneError> {
-        let Some(key) = mesh_key(object).filter(|key| self.shared.meshes.contains_key(key)) else { return Ok(None) };
-        if let Some((_, Some(known))) = self.shared.meshes.get(&key) {
-            self.accept_all(object);
+    fn shared_mesh(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        looks: &mut Looks<'_>,
+        object: &Object,
+    ) -> ImportResult<Option<u32>> {
+        let Some(key) = mesh_key(object).filter(|key| self.shared.contains_key(key)) else { return Ok(None) };
+        if let Some((_, Some(known))) = self.shared.get(&key) {
+            object.accept_all();
             return Ok(Some(*known));
         }
-        let mesh = self.read_mesh(object)?;
+        let mesh = mesh::read(context, object)?;
         if mesh.triangles.len() < SHARED_MIN {
-            self.shared.meshes.remove(&key);
+            self.shared.remove(&key);
             return Ok(None);
         }
-        let normals = self.normals(object)?;
-        let Some(GroupPart::Mesh(mesh)) = self.finish(object, mesh, DMat4::IDENTITY, normals, false)?.pop() else {
+        let normals = Normals::of(object)?;
+        let Some(GroupPart::Mesh(mesh)) = finish(context, looks, object, mesh, DMat4::IDENTITY, normals, false)?.pop()
+        else {
             return Ok(None);
         };
         let made = self.scene.push_mesh(mesh);
-        self.shared.meshes.insert(key, (0, Some(made)));
+        self.shared.insert(key, (0, Some(made)));
         Ok(Some(made))
     }
 
     /// Places a mesh of the scene.
-    fn show(&mut self, mesh: u32, matrix: &DMat4, at: XmlPlace) -> Result<(), SceneError> {
-        self.take(at, size_of::<Instance>())?;
-        let matrix = &(*matrix * DMat4::from_translation(self.center(mesh, at)));
-        let mirrors = DMat3::from_mat4(*matrix).determinant() < 0.0;
-        let (mesh, matrix) = match self.shared.mirrored.get(&mesh) {
-            _ if !mirrors => (mesh, *matrix),
-            Some(&mirrored) => (mirrored, *matrix * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0))),
-            None => {
-                let original = &self.scene.meshes[mesh as usize];
-                self.take(at, original.memory_bytes())?;
-                let copy = original.clone().mirrored();
-                let mirrored = self.scene.push_mesh(copy);
-                self.shared.mirrored.insert(mesh, mirrored);
-                (mirrored, *matrix * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)))
-            }
-        };
+    fn place(&mut self, context: &mut ImportContext<'_>, mesh: u32, matrix: &DMat4, at: TextPlace) -> ImportResult<()> {
+        context.take(at, size_of::<Instance>())?;
+        let center = self.placed.center(&mut self.scene, mesh, |warning| context.warn(at, warning));
+        let mut matrix = *matrix * DMat4::from_translation(center);
+        let mut mesh = mesh;
+        if DMat3::from_mat4(matrix).determinant() < 0.0 {
+            mesh = self.placed.mirrored(&mut self.scene, mesh, |bytes| context.take(at, bytes))?;
+            matrix *= DMat4::from_scale(MIRROR);
+        }
         let world_from_object = affine(&matrix);
-        if self.shared.bounds.is_placeable(&self.scene, mesh, &world_from_object) {
+        if self.placed.is_placeable(&self.scene, mesh, &world_from_object) {
             self.scene.instances.push(Instance { mesh, world_from_object });
         } else {
-            self.report.warn(at, "a shape or an instance is squeezed flat or out of reach, and left out");
+            context.warn(at, "a shape or an instance is squeezed flat or out of reach, and left out");
         }
         Ok(())
     }
 
-    /// Returns the former centre of a mesh, if it was moved: in scenes far from the origin, meshes may also be far from
-    /// theirs.
-    fn center(&mut self, mesh: u32, at: XmlPlace) -> DVec3 {
-        if self.origin == DVec3::ZERO {
-            return DVec3::ZERO;
-        }
-        if let Some(&known) = self.shared.centers.get(&mesh) {
-            return known;
-        }
-        let center = centered(&mut self.scene.meshes[mesh as usize]);
-        if let Some(center) = center {
-            self.report.warn(at, rounding(center));
-        }
-        let center = center.unwrap_or(DVec3::ZERO);
-        self.shared.centers.insert(mesh, center);
-        center
-    }
-
-    fn accept_shape(&self, object: &Object) {
-        self.accept_all(object);
-    }
-
-    /// Returns the material of a shape, from its nested objects.
-    fn shape_material(&mut self, object: &Object) -> Result<(u32, MeshNeeds), SceneError> {
-        let (mut bsdf, mut emitter, mut interior, mut exterior) = (None, None, None, None);
-        for child in &object.children {
-            let inner = self.document.get(child.object);
-            match inner.class {
-                Class::Bsdf if bsdf.is_none() => bsdf = Some(child.object),
-                Class::Emitter if emitter.is_none() && inner.plugin == "area" => emitter = Some(child.object),
-                Class::Medium if child.name == "interior" => interior = Some(child.object),
-                Class::Medium if child.name == "exterior" => exterior = Some(child.object),
-                Class::Medium if interior.is_none() => interior = Some(child.object),
-                _ => continue,
-            }
-            child.used.set(true);
-        }
-        let interior = interior.map(|medium| self.medium(medium)).transpose()?.flatten();
-        let exterior = exterior.map(|medium| self.medium(medium)).transpose()?.flatten();
-        self.material((bsdf, emitter, interior, exterior))
-    }
-
-    /// Finishes a mesh: sets its material and transforms it.
-    pub(super) fn finish(
-        &mut self,
-        object: &Object,
-        mut mesh: Mesh,
-        matrix: DMat4,
-        normals: Normals,
-        is_flat: bool,
-    ) -> Result<Vec<GroupPart>, SceneError> {
-        let (material, needs) = self.shape_material(object)?;
-        if mesh.triangles.is_empty() {
-            self.report.warn(object.at, format!("the {} has no triangles, and is left out", object.describe()));
-            return Ok(Vec::new());
-        }
-        if mesh.name.is_empty() {
-            mesh.name = if object.id.is_empty() { object.plugin.clone() } else { object.id.clone() };
-        }
-        self.take(object.at, mesh.memory_bytes())?;
-        if let Some(awaited) = self.awaited_by.remove(&material) {
-            mesh = self.with_attributes(object, mesh, &awaited)?;
-        }
-        if needs.colors && mesh.colors.is_empty() {
-            mesh = self.with_vertex_colors(object, mesh)?;
-        }
-        if needs.face_colors {
-            mesh = self.with_face_colors(object, mesh)?;
-        }
-        let Some(mut mesh) = place(mesh.with_material(material), &matrix, normals, needs) else {
-            self.report.warn(object.at, format!("the {} lies out of reach, and is left out", object.describe()));
-            return Ok(Vec::new());
-        };
-        if is_flat && !needs.tangents {
-            mesh.normals = Vec::new();
-        }
-        Ok(vec![GroupPart::Mesh(mesh)])
-    }
-
-    fn cylinder(&mut self, object: &Object, to_group: DMat4, own: &Transform) -> Result<Vec<GroupPart>, SceneError> {
-        let p0 = self.bad(object.vector("p0"))?.unwrap_or(DVec3::ZERO);
-        let p1 = self.bad(object.vector("p1"))?.unwrap_or(DVec3::Z);
-        let radius = self.number_at_least(object, "radius", 0.0, 1.0)?;
-        let (axis, length) = ((p1 - p0).normalize_or_zero(), p0.distance(p1));
-        if axis == DVec3::ZERO || radius == 0.0 {
-            self.report.warn(object.at, "a cylinder without length or radius is left out");
-            self.accept_shape(object);
-            return Ok(Vec::new());
-        }
-        let (s, t) = axis.any_orthonormal_pair();
-        let frame = DMat3::from_cols(s * radius, t * radius, axis * length);
-        let to_object = DMat4::from(DAffine3::from_mat3_translation(frame, p0));
-        let normals = Normals { flat: false, ..self.normals(object)? };
-        let placed = match own.taken_inverse {
-            Some(_) => to_group * scaled_along_axes(&(own.matrix * to_object), [0, 0, 2]),
-            None => to_group * own.matrix * to_object,
-        };
-        self.finish(object, solids::cylinder(), placed, normals, false)
-    }
-
-    fn sphere(&mut self, object: &Object, to_group: DMat4, own: &Transform) -> Result<Vec<GroupPart>, SceneError> {
-        let center = self.bad(object.vector("center"))?.unwrap_or(DVec3::ZERO);
-        let radius = self.number_at_least(object, "radius", 0.0, 1.0)?;
-        let normals = self.normals(object)?;
-        let (to_center, to_size) = (DMat4::from_translation(center), DMat4::from_scale(DVec3::splat(radius)));
-        let to_group = match own.taken_inverse {
-            Some(_) => to_group * scaled_along_axes(&(own.matrix * to_center * to_size), [0; 3]),
-            None => to_group * own.matrix * to_center * to_size,
-        };
-        if DMat3::from_mat4(to_group).determinant() == 0.0 {
-            self.report.warn(object.at, "a sphere without radius is left out");
-            self.accept_shape(object);
-            return Ok(Vec::new());
-        }
-        let (material, needs) = self.shape_material(object)?;
-        if let Some(awaited) = self.awaited_by.remove(&material) {
-            self.with_attributes(object, Mesh::default(), &awaited)?;
-        }
-        let inward = normals.flipped != (DMat3::from_mat4(to_group).determinant() < 0.0);
-        Ok(vec![GroupPart::Sphere(Ball { to_group, inward, material, needs })])
-    }
-
-    fn instance(&mut self, object: &Object, matrix: DMat4) -> Result<Vec<GroupPart>, SceneError> {
-        let is_group = |id: ObjectId| self.document.get(id).plugin == "shapegroup";
-        let Some(child) = object.children.iter().find(|child| is_group(child.object)) else {
-            return Err(self.report.invalid(object.at, "an instance needs a shapegroup"));
-        };
-        child.used.set(true);
-        Ok(vec![GroupPart::Group(child.object, matrix)])
-    }
-
     /// Makes the meshes of a group once.
-    fn load_group(&mut self, id: ObjectId) -> Result<(), SceneError> {
+    fn load_group(&mut self, context: &mut ImportContext<'_>, looks: &mut Looks<'_>, id: ObjectId) -> ImportResult<()> {
         if self.groups.contains_key(&id) {
             return Ok(());
         }
-        let object = self.visit(id)?;
+        let object = context.visit(id)?;
         // Nested groups multiply: check the memory before building.
-        let shapes = self.shape_count(id, &mut BTreeMap::new());
+        let shapes = shape_count(context, id, &mut BTreeMap::new());
         let bytes = shapes.saturating_mul(size_of::<(u32, DMat4)>());
-        self.placed(object.at, self.resources.budget().check(self.report.path(object.at.file), bytes))?;
+        context.check_memory(object.at, bytes)?;
         let mut group = Group::default();
         for child in &object.children {
-            if self.document.get(child.object).class != Class::Shape {
+            if context.document.get(child.object).class != Class::Shape {
                 continue;
             }
             child.used.set(true);
-            for part in self.parts(child.object, DMat4::IDENTITY)? {
+            for part in self.parts(context, looks, child.object, DMat4::IDENTITY)? {
                 match part {
                     GroupPart::Mesh(mesh) => group.meshes.push((self.scene.push_mesh(mesh), DMat4::IDENTITY)),
                     GroupPart::Shared(mesh, matrix) => group.meshes.push((mesh, matrix)),
                     GroupPart::Sphere(ball) => group.balls.push(ball),
                     GroupPart::Group(inner, matrix) => {
-                        self.load_group(inner)?;
+                        self.load_group(context, looks, inner)?;
                         let Some(inner) = self.groups.get(&inner) else { continue };
                         let bytes =
                             inner.meshes.len() * size_of::<(u32, DMat4)>() + inner.balls.len() * size_of::<Ball>();
-                        self.take(object.at, bytes)?;
+                        context.take(object.at, bytes)?;
                         // The lists of nested groups grow exponentially with depth.
                         let room = group.meshes.try_reserve(inner.meshes.len());
                         if room.and_then(|()| group.balls.try_reserve(inner.balls.len())).is_err() {
-                            return Err(self.report.invalid(object.at, "there is no memory for what is in this group"));
+                            return Err(object.at.fault("there is no memory for what is in this group").into());
                         }
                         group.meshes.extend(inner.meshes.iter().map(|&(mesh, inside)| (mesh, matrix * inside)));
                         let moved = |ball: &Ball| Ball { to_group: matrix * ball.to_group, ..*ball };
@@ -348,46 +234,40 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// Counts the shapes in an object, including nested groups.
-    fn shape_count(&self, id: ObjectId, known: &mut BTreeMap<ObjectId, usize>) -> usize {
-        if let Some(&count) = known.get(&id) {
-            return count;
-        }
-        let object = self.document.get(id);
-        let count = match object.plugin.as_str() {
-            "shapegroup" | "instance" | "merge" => {
-                let shapes =
-                    object.children.iter().filter(|child| self.document.get(child.object).class == Class::Shape);
-                shapes.fold(0, |sum: usize, child| sum.saturating_add(self.shape_count(child.object, known)))
-            }
-            _ => 1,
-        };
-        known.insert(id, count);
-        count
-    }
-
-    fn add_instance(&mut self, id: ObjectId, matrix: DMat4) -> Result<(), SceneError> {
-        self.load_group(id)?;
-        let at = self.document.get(id).at;
+    fn add_instance(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        looks: &mut Looks<'_>,
+        id: ObjectId,
+        matrix: DMat4,
+    ) -> ImportResult<()> {
+        self.load_group(context, looks, id)?;
+        let at = context.document.get(id).at;
         let Some(group) = self.groups.remove(&id) else { return Ok(()) };
         let room = self.scene.instances.try_reserve(group.meshes.len());
         if room.and_then(|()| self.scene.spheres.try_reserve(group.balls.len())).is_err() {
-            return Err(self.report.invalid(at, "there is no memory for what is in this group"));
+            return Err(at.fault("there is no memory for what is in this group").into());
         }
         for &(mesh, inside) in &group.meshes {
-            self.show(mesh, &(matrix * inside), at)?;
+            self.place(context, mesh, &(matrix * inside), at)?;
         }
         let bytes = group.balls.len() * size_of::<Sphere>();
-        self.take(at, bytes)?;
+        context.take(at, bytes)?;
         for &ball in &group.balls {
-            self.add_ball(Ball { to_group: matrix * ball.to_group, ..ball }, at)?;
+            self.add_ball(context, looks, Ball { to_group: matrix * ball.to_group, ..ball }, at)?;
         }
         self.groups.insert(id, group);
         Ok(())
     }
 
     /// Adds a sphere in world space: analytic if it is round, otherwise triangles.
-    fn add_ball(&mut self, ball: Ball, at: XmlPlace) -> Result<(), SceneError> {
+    fn add_ball(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        looks: &mut Looks<'_>,
+        ball: Ball,
+        at: TextPlace,
+    ) -> ImportResult<()> {
         let linear = DMat3::from_mat4(ball.to_group);
         let center = ball.to_group.w_axis.truncate();
         let determinant = linear.determinant();
@@ -399,7 +279,7 @@ impl Importer<'_> {
         let is_mirrored_picture = determinant < 0.0 && ball.needs.uvs;
         let in_reach = center.abs().max_element() + radius < f64::from(COORDINATE_MAX) && radius as f32 > 0.0;
         if is_round && !is_mirrored_picture && in_reach {
-            let material = if ball.inward { self.turned_material(ball.material) } else { Some(ball.material) };
+            let material = if ball.inward { looks.materials.turned(ball.material) } else { Some(ball.material) };
             if let Some(material) = material {
                 self.scene.spheres.push(Sphere {
                     center: center.as_vec3(),
@@ -412,19 +292,153 @@ impl Importer<'_> {
         }
         let normals = Normals { flipped: ball.inward, ..Normals::default() };
         let mesh = Mesh { name: "sphere".into(), material: ball.material, ..solids::sphere() };
-        self.take(at, mesh.memory_bytes())?;
-        if let Some(mesh) = place(mesh, &ball.to_group, normals, ball.needs) {
+        context.take(at, mesh.memory_bytes())?;
+        if let Some(mesh) = mesh::place(mesh, &ball.to_group, normals, ball.needs) {
             self.scene.push_surface(mesh);
         }
         Ok(())
     }
+}
 
-    /// Returns the material for a surface turned inside out.
-    fn turned_material(&mut self, material: u32) -> Option<u32> {
-        let turned = turned(&self.scene.materials[material as usize])?;
-        let known = self.scene.materials.iter().position(|known| *known == turned);
-        Some(known.map_or_else(|| self.scene.push_material(turned), |index| index as u32))
+/// Tessellates a signed distance grid.
+fn distance_grid(context: &ImportContext<'_>, object: &Object) -> ImportResult<Mesh> {
+    let normals = match object.string("normals")? {
+        Some("analytic") => SdfNormals::Analytic,
+        Some("smooth") | None => SdfNormals::Smooth,
+        Some(other) => {
+            let message = format!("`normals` of a grid of distances cannot be `{}`", shortened(other));
+            return Err(object.at.fault(message).into());
+        }
+    };
+    let location = context.filename(object)?;
+    let bytes = context.resources.read(&location)?;
+    let damaged = |error: VolumeError| error.in_file(location.path());
+    let Numbers { size, channels, values, .. } = volume::numbers(&bytes).map_err(damaged)?;
+    if channels != 1 {
+        return Err(damaged(VolumeError::DistanceChannels { channels }).into());
     }
+    let grid = SdfGrid::new(size, values).map_err(damaged)?;
+    sdf::triangles(&grid, normals, |bytes| context.check_memory(object.at, bytes))
+}
+
+/// Finishes a mesh: sets its material and transforms it.
+pub(super) fn finish(
+    context: &mut ImportContext<'_>,
+    looks: &mut Looks<'_>,
+    object: &Object,
+    mut mesh: Mesh,
+    matrix: DMat4,
+    normals: Normals,
+    is_flat: bool,
+) -> ImportResult<Vec<GroupPart>> {
+    let (material, needs) = looks.of_shape(context, object)?;
+    if mesh.triangles.is_empty() {
+        context.warn(object.at, format!("the {} has no triangles, and is left out", object.describe()));
+        return Ok(Vec::new());
+    }
+    if mesh.name.is_empty() {
+        mesh.name = if object.id.is_empty() { object.plugin.clone() } else { object.id.clone() };
+    }
+    context.take(object.at, mesh.memory_bytes())?;
+    if let Some(awaited) = looks.materials.take_awaited(material) {
+        mesh = with_attributes(context, &mut looks.textures.pictures, object, mesh, &awaited)?;
+    }
+    if needs.colors && mesh.colors.is_empty() {
+        mesh = with_vertex_colors(context, object, mesh)?;
+    }
+    if needs.face_colors {
+        mesh = with_face_colors(context, object, mesh)?;
+    }
+    let Some(mut mesh) = mesh::place(mesh.with_material(material), &matrix, normals, needs) else {
+        context.warn(object.at, format!("the {} lies out of reach, and is left out", object.describe()));
+        return Ok(Vec::new());
+    };
+    if is_flat && !needs.tangents {
+        mesh.normals = Vec::new();
+    }
+    Ok(vec![GroupPart::Mesh(mesh)])
+}
+
+fn cylinder(
+    context: &mut ImportContext<'_>,
+    looks: &mut Looks<'_>,
+    object: &Object,
+    to_group: DMat4,
+    own: &Transform,
+) -> ImportResult<Vec<GroupPart>> {
+    let p0 = object.vector("p0")?.unwrap_or(DVec3::ZERO);
+    let p1 = object.vector("p1")?.unwrap_or(DVec3::Z);
+    let radius = object.float_at_least("radius", 0.0, 1.0)?;
+    let (axis, length) = ((p1 - p0).normalize_or_zero(), p0.distance(p1));
+    if axis == DVec3::ZERO || radius == 0.0 {
+        context.warn(object.at, "a cylinder without length or radius is left out");
+        object.accept_all();
+        return Ok(Vec::new());
+    }
+    let (s, t) = axis.any_orthonormal_pair();
+    let frame = DMat3::from_cols(s * radius, t * radius, axis * length);
+    let to_object = DMat4::from(DAffine3::from_mat3_translation(frame, p0));
+    let normals = Normals { flat: false, ..Normals::of(object)? };
+    let placed = match own.taken_inverse {
+        Some(_) => to_group * scaled_along_axes(&(own.matrix * to_object), [0, 0, 2]),
+        None => to_group * own.matrix * to_object,
+    };
+    finish(context, looks, object, solids::cylinder(), placed, normals, false)
+}
+
+fn sphere(
+    context: &mut ImportContext<'_>,
+    looks: &mut Looks<'_>,
+    object: &Object,
+    to_group: DMat4,
+    own: &Transform,
+) -> ImportResult<Vec<GroupPart>> {
+    let center = object.vector("center")?.unwrap_or(DVec3::ZERO);
+    let radius = object.float_at_least("radius", 0.0, 1.0)?;
+    let normals = Normals::of(object)?;
+    let (to_center, to_size) = (DMat4::from_translation(center), DMat4::from_scale(DVec3::splat(radius)));
+    let to_group = match own.taken_inverse {
+        Some(_) => to_group * scaled_along_axes(&(own.matrix * to_center * to_size), [0; 3]),
+        None => to_group * own.matrix * to_center * to_size,
+    };
+    if DMat3::from_mat4(to_group).determinant() == 0.0 {
+        context.warn(object.at, "a sphere without radius is left out");
+        object.accept_all();
+        return Ok(Vec::new());
+    }
+    let (material, needs) = looks.of_shape(context, object)?;
+    if let Some(awaited) = looks.materials.take_awaited(material) {
+        with_attributes(context, &mut looks.textures.pictures, object, Mesh::default(), &awaited)?;
+    }
+    let inward = normals.flipped != (DMat3::from_mat4(to_group).determinant() < 0.0);
+    Ok(vec![GroupPart::Sphere(Ball { to_group, inward, material, needs })])
+}
+
+fn instance(context: &ImportContext<'_>, object: &Object, matrix: DMat4) -> ImportResult<Vec<GroupPart>> {
+    let is_group = |id: ObjectId| context.document.get(id).plugin == "shapegroup";
+    let Some(child) = object.children.iter().find(|child| is_group(child.object)) else {
+        return Err(object.at.fault("an instance needs a shapegroup").into());
+    };
+    child.used.set(true);
+    Ok(vec![GroupPart::Group(child.object, matrix)])
+}
+
+/// Counts the shapes in an object, including nested groups.
+fn shape_count(context: &ImportContext<'_>, id: ObjectId, known: &mut BTreeMap<ObjectId, usize>) -> usize {
+    if let Some(&count) = known.get(&id) {
+        return count;
+    }
+    let object = context.document.get(id);
+    let count = match object.plugin.as_str() {
+        "shapegroup" | "instance" | "merge" => {
+            let shapes =
+                object.children.iter().filter(|child| context.document.get(child.object).class == Class::Shape);
+            shapes.fold(0, |sum: usize, child| sum.saturating_add(shape_count(context, child.object, known)))
+        }
+        _ => 1,
+    };
+    known.insert(id, count);
+    count
 }
 
 /// Returns Mitsuba's transformation of a sphere or cylinder: rotation, position and one scale per axis.
@@ -434,13 +448,6 @@ fn scaled_along_axes(placed: &DMat4, axes: [usize; 3]) -> DMat4 {
     let (scale, rotation) = polar(&DMat3::from_mat4(*placed));
     let scale = DVec3::from_array(axes.map(|axis| scale.col(axis)[axis]));
     DMat4::from(DAffine3::from_mat3_translation(rotation * DMat3::from_diagonal(scale), placed.w_axis.truncate()))
-}
-
-/// Returns the orientation of a sphere: Mitsuba's pole is z, ours is y.
-fn orientation(rotation: &DMat3) -> Quat {
-    // Our u starts at −z and increases towards −x; Mitsuba's starts at +x and increases towards +y.
-    let ours = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
-    DQuat::from_mat3(&(*rotation * ours)).normalize().as_quat().normalize()
 }
 
 fn affine(matrix: &DMat4) -> Affine3A {

@@ -2,10 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DMat4, DVec3};
+use glam::DMat4;
 
 use super::document::{Class, Document, Object, ObjectId};
-use crate::model::MeshBounds;
 
 /// The key of a mesh from a file, without its transformation: plugin, properties and nested objects.
 pub(super) type MeshKey = (String, Vec<String>, Vec<ObjectId>);
@@ -25,28 +24,14 @@ pub(super) fn mesh_key(object: &Object) -> Option<MeshKey> {
     Some((object.plugin.clone(), texts, parts))
 }
 
-/// The shared meshes.
-#[derive(Debug, Default)]
-pub(super) struct SharedMeshes {
-    /// Number of shapes, and the mesh once it is made; small meshes are removed, and each shape gets its own.
-    pub(super) meshes: BTreeMap<MeshKey, (usize, Option<u32>)>,
-    /// Mirrored copies of meshes.
-    pub(super) mirrored: BTreeMap<u32, u32>,
-    /// Former centres of the meshes that were moved to their origin.
-    pub(super) centers: BTreeMap<u32, DVec3>,
-    pub(super) bounds: MeshBounds,
-}
-
-impl SharedMeshes {
-    /// Finds the meshes that several shapes of a document use.
-    pub(super) fn new(document: &Document) -> Self {
-        let mut shared = Self::default();
-        for key in document.objects.iter().filter(|object| object.class == Class::Shape).filter_map(mesh_key) {
-            shared.meshes.entry(key).or_default().0 += 1;
-        }
-        shared.meshes.retain(|_, (uses, _)| *uses > 1);
-        shared
+/// Returns the number of shapes of each mesh that several shapes of a document use.
+pub(super) fn shared_meshes(document: &Document) -> BTreeMap<MeshKey, (usize, Option<u32>)> {
+    let mut shared: BTreeMap<MeshKey, (usize, Option<u32>)> = BTreeMap::new();
+    for key in document.objects.iter().filter(|object| object.class == Class::Shape).filter_map(mesh_key) {
+        shared.entry(key).or_default().0 += 1;
     }
+    shared.retain(|_, (uses, _)| *uses > 1);
+    shared
 }
 
 /// An analytic sphere: the transformed unit sphere.

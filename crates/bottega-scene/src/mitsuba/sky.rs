@@ -1,246 +1,68 @@
-//! The emitters `sunsky`, `sky` and `sun`: rendered to an environment picture on import.
-//!
-//! The sky is the RGB version of Hosek and Wilkie 2012, *An Analytic Model for Full Spectral Sky-Dome Radiance*; the
-//! sun is a disk with the radiance of Mitsuba 3.9, without limb darkening. Both match Mitsuba's `*_rgb` variants.
-//! Mitsuba 0.x, which has other units, is treated alike.
+//! The emitters `sunsky`, `sky` and `sun`. Those of Mitsuba 0.x, which has other units, are treated alike.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use glam::{DMat3, DMat4, DVec3};
 
-use glam::{DMat3, DMat4, DVec3, Vec3};
-use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
-
-use super::color::ColorRole;
+use super::context::ImportContext;
 use super::document::Object;
-use super::importer::Importer;
-use crate::{Environment, Image, SceneError, Spectrum};
+use super::orientation::rotation;
+use super::texture::MitsubaTextures;
+use crate::color::Spectrum;
+use crate::import::sun_sky::{HEIGHT, SUN_APERTURE, SunSky, SunTime, WIDTH};
+use crate::import::text_place::{ImportError, ImportResult};
+use crate::light::Environment;
+use crate::spectrum::role::ColorRole;
 
-/// Size of the picture, in texels.
-const WIDTH: u32 = 1024;
-const HEIGHT: u32 = 512;
-
-/// Angular diameter of the sun, in degrees.
-const SUN_APERTURE: f64 = 0.5358;
-
-/// Factor from the model's radiance, in W·m⁻²·sr⁻¹ with 683 lm·W⁻¹, to Mitsuba's unit. Measured as their ratio, which
-/// is the same for all directions, sun positions and turbidities.
-const MITSUBA_PER_MODEL: f64 = 0.009_367_66;
-
-struct SunSky {
-    /// Direction to the sun; +z is the zenith.
-    sun: DVec3,
-    turbidity: f64,
-    /// State of the sky model; `None`: the sun is below the horizon.
-    state: Option<SkyState>,
+/// Returns the environment of the emitter `sunsky`, `sky` or `sun`.
+pub(super) fn sun_and_sky(
+    context: &mut ImportContext<'_>,
+    textures: &mut MitsubaTextures<'_>,
+    object: &Object,
+    to_world: &DMat4,
+) -> ImportResult<Environment> {
+    if object.boolean("complex_sun", false)? {
+        context.warn(object.at, "the sun is as bright at its rim as in its middle, though `complex_sun` is true");
+    }
+    if context.document.is_old {
+        context.warn(object.at, format!("the {} is as bright as that of Mitsuba 3", object.describe()));
+    }
+    let turbidity = object.float_at_least("turbidity", 1.0, 3.0)?.clamp(1.0, 10.0);
+    let albedo = textures.plain_color(context, object, "albedo", ColorRole::Reflectance, Spectrum::splat(0.3))?;
+    let scale = object.float_at_least("scale", 0.0, 1.0)?;
+    let has = |part: &str| object.plugin.contains(part);
+    let share = |name: &str| Ok::<f64, ImportError>(object.float_at_least(name, 0.0, 1.0)? * scale);
+    let (sky_scale, sun_scale) = (share("sky_scale")?, share("sun_scale")?);
+    let (sky_scale, sun_scale) = (if has("sky") { sky_scale } else { 0.0 }, if has("sun") { sun_scale } else { 0.0 });
+    let aperture = object.float_at_least("sun_aperture", 0.01, SUN_APERTURE)?.min(90.0)
+        * object.float_at_least("sun_radius_scale", 0.0, 1.0)?.clamp(0.05, 100.0);
+    // The zenith is +y in Mitsuba 0.x; rotate it to +z.
+    let zenith_up =
+        if context.document.is_old { DMat3::from_cols(DVec3::NEG_Z, DVec3::NEG_X, DVec3::Y) } else { DMat3::IDENTITY };
+    let world_from_sky = rotation(context, object, to_world) * zenith_up;
+    let sun = match object.vector("sun_direction")? {
+        // A world direction, independent of the sky's rotation.
+        Some(direction) => world_from_sky.transpose() * direction,
+        None => sun_by_time(object)?,
+    };
+    let sun = sun.try_normalize().unwrap_or(DVec3::Z);
+    if sun.z < 0.0 {
+        context.warn(object.at, "the sun is below the horizon: it is night");
+    }
+    // The zenith of the picture is +y: x of the sky is −z of the picture, y is −x.
+    let sky_from_picture = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
+    let bytes = (WIDTH * HEIGHT * 16) as usize;
+    context.take(object.at, bytes)?;
+    let sky = SunSky::new(sun, turbidity, albedo);
+    let image = textures.pictures.add(sky.image(&sky_from_picture, sky_scale, sun_scale, aperture));
+    let world_from_environment = (world_from_sky * sky_from_picture).as_mat3();
+    Ok(Environment::picture(image, Spectrum::ONE, world_from_environment))
 }
 
-impl Importer<'_> {
-    /// Adds the emitter `sunsky`, `sky` or `sun`.
-    pub(super) fn sun_and_sky(&mut self, object: &Object, to_world: &DMat4) -> Result<(), SceneError> {
-        if self.bad(object.boolean("complex_sun", false))? {
-            self.report
-                .warn(object.at, "the sun is as bright at its rim as in its middle, though `complex_sun` is true");
-        }
-        if self.document.is_old {
-            self.report.warn(object.at, format!("the {} is as bright as that of Mitsuba 3", object.describe()));
-        }
-        let turbidity = self.number_at_least(object, "turbidity", 1.0, 3.0)?.clamp(1.0, 10.0);
-        let albedo = self.plain_color(object, "albedo", ColorRole::Reflectance, Spectrum::splat(0.3))?;
-        let scale = self.number_at_least(object, "scale", 0.0, 1.0)?;
-        let has = |part: &str| object.plugin.contains(part);
-        let share = |name: &str| Ok::<f64, SceneError>(self.number_at_least(object, name, 0.0, 1.0)? * scale);
-        let (sky_scale, sun_scale) = (share("sky_scale")?, share("sun_scale")?);
-        let (sky_scale, sun_scale) =
-            (if has("sky") { sky_scale } else { 0.0 }, if has("sun") { sun_scale } else { 0.0 });
-        let aperture = self.number_at_least(object, "sun_aperture", 0.01, SUN_APERTURE)?.min(90.0)
-            * self.number_at_least(object, "sun_radius_scale", 0.0, 1.0)?.clamp(0.05, 100.0);
-        // The zenith is +y in Mitsuba 0.x; rotate it to +z.
-        let zenith_up =
-            if self.document.is_old { DMat3::from_cols(DVec3::NEG_Z, DVec3::NEG_X, DVec3::Y) } else { DMat3::IDENTITY };
-        let world_from_sky = self.rotation(object, to_world) * zenith_up;
-        let sun = match self.bad(object.vector("sun_direction"))? {
-            // A world direction, independent of the sky's rotation.
-            Some(direction) => world_from_sky.transpose() * direction,
-            None => self.sun_by_time(object)?,
-        };
-        let sun = sun.try_normalize().unwrap_or(DVec3::Z);
-        if sun.z < 0.0 {
-            self.report.warn(object.at, "the sun is below the horizon: it is night");
-        }
-        // The zenith of the picture is +y: x of the sky is −z of the picture, y is −x.
-        let sky_from_picture = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
-        let bytes = (WIDTH * HEIGHT * 16) as usize;
-        self.take(object.at, bytes)?;
-        let sky = SunSky::new(sun, turbidity, albedo);
-        let image = self.pictures.add(sky.image(&sky_from_picture, sky_scale, sun_scale, aperture));
-        let world_from_environment = (world_from_sky * sky_from_picture).as_mat3();
-        self.set_environment(object, Environment::picture(image, Spectrum::ONE, world_from_environment));
-        Ok(())
-    }
-
-    /// Returns the direction to the sun by date, time and location, accurate to about half a degree: +z up, +x south,
-    /// +y west.
-    ///
-    /// Source: Meeus, *Astronomical Algorithms*, chapter 25 (low accuracy), without the small terms of the equation of
-    /// time.
-    fn sun_by_time(&self, object: &Object) -> Result<DVec3, SceneError> {
-        let number = |name: &str, default: f64| Ok::<_, SceneError>(self.bad(object.float(name))?.unwrap_or(default));
-        let (latitude, longitude) = (number("latitude", 35.6894)?, number("longitude", 139.6917)?);
-        let (year, month, day) = (number("year", 2010.0)?, number("month", 7.0)?, number("day", 10.0)?);
-        let hour = number("hour", 15.0)? + number("minute", 0.0)? / 60.0 + number("second", 0.0)? / 3600.0;
-        let universal = hour - number("timezone", 9.0)?;
-        // Days since noon of 1 January 2000.
-        let months = (month - 14.0) / 12.0;
-        let months = months.trunc();
-        let julian = ((1461.0 * (year + 4800.0 + months)) / 4.0).trunc()
-            + ((367.0 * (month - 2.0 - 12.0 * months)) / 12.0).trunc()
-            - ((3.0 * ((year + 4900.0 + months) / 100.0).trunc()) / 4.0).trunc()
-            + day
-            - 32075.0
-            - 0.5
-            + universal / 24.0;
-        let days = julian - 2_451_545.0;
-        let mean_longitude = (280.460 + 0.985_647_4 * days).to_radians();
-        let anomaly = (357.528 + 0.985_600_3 * days).to_radians();
-        let ecliptic = mean_longitude + (1.915 * anomaly.sin() + 0.020 * (2.0 * anomaly).sin()).to_radians();
-        let obliquity = (23.439 - 0.000_000_4 * days).to_radians();
-        let right_ascension = (obliquity.cos() * ecliptic.sin()).atan2(ecliptic.cos());
-        let declination = (obliquity.sin() * ecliptic.sin()).asin();
-        let sidereal = (280.460_618 + 360.985_647_37 * days + longitude).to_radians();
-        let hour_angle = sidereal - right_ascension;
-        let latitude = latitude.to_radians();
-        let up = latitude.sin() * declination.sin() + latitude.cos() * declination.cos() * hour_angle.cos();
-        let west = declination.cos() * hour_angle.sin();
-        let south = latitude.sin() * declination.cos() * hour_angle.cos() - latitude.cos() * declination.sin();
-        Ok(DVec3::new(south, west, up))
-    }
-}
-
-impl SunSky {
-    fn new(sun: DVec3, turbidity: f64, albedo: Spectrum) -> Self {
-        let elevation = sun.z.clamp(0.0, 1.0).asin() as f32;
-        let params = SkyParams { elevation, turbidity: turbidity as f32, albedo: albedo.to_array() };
-        let state = if sun.z >= 0.0 { SkyState::new(&params).ok() } else { None };
-        Self { sun, turbidity, state }
-    }
-
-    /// Returns the radiance of the sky; black below the horizon.
-    fn radiance(&self, direction: DVec3) -> DVec3 {
-        let Some(state) = self.state.as_ref().filter(|_| direction.z >= 0.0) else { return DVec3::ZERO };
-        let theta = direction.z.clamp(0.0, 1.0).acos() as f32;
-        let gamma = direction.dot(self.sun).clamp(-1.0, 1.0).acos() as f32;
-        let [r, g, b] = [Channel::R, Channel::G, Channel::B].map(|channel| state.radiance(theta, gamma, channel));
-        Vec3::new(r, g, b).as_dvec3().max(DVec3::ZERO) * MITSUBA_PER_MODEL
-    }
-
-    /// Returns the radiance of the sun's disk at its true size.
-    fn sun_radiance(&self) -> DVec3 {
-        if self.sun.z <= 0.0 {
-            return DVec3::ZERO;
-        }
-        let table: Vec<Vec<f64>> = include_str!("sun.txt")
-            .lines()
-            .filter(|line| !line.starts_with('#'))
-            .map(|line| line.split(' ').filter_map(|number| number.parse().ok()).collect())
-            .collect();
-        let steps = (table.first().map_or(0, Vec::len) / 3).saturating_sub(1);
-        // Interpolate between four entries.
-        let at = (self.sun.z.min(1.0).asin() / FRAC_PI_2).cbrt() * steps as f64;
-        let (column, row) =
-            ((at as usize).min(steps.saturating_sub(1)), ((self.turbidity - 1.0) as usize).min(table.len() - 2));
-        let (dx, dy) = (at - column as f64, self.turbidity - 1.0 - row as f64);
-        let entry = |row: usize, column: usize| DVec3::from_slice(&table[row][3 * column..]);
-        let between = |row: usize| entry(row, column).lerp(entry(row, column + 1), dx);
-        between(row).lerp(between(row + 1), dy)
-    }
-
-    fn image(&self, sky_from_picture: &DMat3, sky_scale: f64, sun_scale: f64, aperture: f64) -> Image {
-        use rayon::prelude::*;
-        // A sun of another size emits the same light.
-        let size = |aperture: f64| 1.0 - (0.5 * aperture.to_radians()).cos();
-        let sun = self.sun_radiance() * (sun_scale * size(SUN_APERTURE) / size(aperture));
-        let cos_sun = (0.5 * aperture.to_radians()).cos();
-        // Supersample texels near the sun, and preserve its total light.
-        let texel_angle = PI / f64::from(HEIGHT);
-        let cos_near = (0.5 * aperture.to_radians() + 1.5 * texel_angle).min(FRAC_PI_2).cos();
-        let toward = |u: f64, v: f64| {
-            let (sin_azimuth, cos_azimuth) = ((u - 0.5) * TAU).sin_cos();
-            let (sin_polar, cos_polar) = (v * PI).sin_cos();
-            *sky_from_picture * DVec3::new(sin_polar * sin_azimuth, cos_polar, -sin_polar * cos_azimuth)
-        };
-        let at = |x: u32, y: u32, dx: f64, dy: f64| {
-            toward((f64::from(x) + dx) / f64::from(WIDTH), (f64::from(y) + dy) / f64::from(HEIGHT))
-        };
-        const GRID: u32 = 16;
-        let coverage = |x: u32, y: u32| {
-            if at(x, y, 0.5, 0.5).dot(self.sun) < cos_near {
-                return 0.0;
-            }
-            let center = |index: u32| (f64::from(index) + 0.5) / f64::from(GRID);
-            let inside = (0..GRID * GRID)
-                .filter(|index| at(x, y, center(index % GRID), center(index / GRID)).dot(self.sun) >= cos_sun);
-            inside.count() as f64 / f64::from(GRID * GRID)
-        };
-        let covered: Vec<f64> = (0..WIDTH * HEIGHT).into_par_iter().map(|i| coverage(i % WIDTH, i / WIDTH)).collect();
-        let solid_angle =
-            |y: u32| ((f64::from(y) + 0.5) / f64::from(HEIGHT) * PI).sin() * texel_angle * TAU / f64::from(WIDTH);
-        let painted: f64 = covered.iter().zip(0u32..).map(|(share, i)| share * solid_angle(i / WIDTH)).sum();
-        let correction = if painted > 0.0 { TAU * (1.0 - cos_sun) / painted } else { 0.0 };
-        let texel = |index: u32| {
-            let (x, y) = (index % WIDTH, index / WIDTH);
-            let sky = self.radiance(at(x, y, 0.5, 0.5)) * sky_scale;
-            (sky + sun * (covered[index as usize] * correction)).as_vec3().to_array()
-        };
-        let texels = (0..WIDTH * HEIGHT).into_par_iter().map(texel).collect();
-        Image::from_linear_rgb("sun and sky", WIDTH, HEIGHT, texels)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sky_and_sun_are_those_of_mitsuba() {
-        // Mitsuba 3.9's sunsky: elevation of a sun towards +y, turbidity, direction, radiance.
-        let skies = [
-            (45.0f64, 3.0, DVec3::new(0.0, -1.0, 1.0), [0.0247031, 0.0484970, 0.0993946]),
-            (20.0, 3.0, DVec3::new(-0.9, 0.2, 0.2), [0.0646161, 0.0990592, 0.1315213]),
-            (5.0, 6.0, DVec3::Z, [0.0084098, 0.0134601, 0.0192218]),
-        ];
-        for (elevation, turbidity, direction, expected) in skies {
-            let sky = at(elevation, turbidity);
-            let ratio = sky.radiance(direction.normalize()) / DVec3::from_array(expected);
-            assert!((ratio - 1.0).abs().max_element() < 1e-3, "{elevation} {turbidity}: {ratio}");
-        }
-        let suns = [
-            (45.0, 3.0, [21369.2, 17551.5, 12928.0]),
-            (10.0, 5.0, [10672.7, 6303.7, 2301.4]),
-            (60.0, 8.5, [17331.7, 14158.9, 11048.1]),
-        ];
-        for (elevation, turbidity, expected) in suns {
-            let ratio = at(elevation, turbidity).sun_radiance() / DVec3::from_array(expected);
-            assert!((ratio - 1.0).abs().max_element() < 0.02, "{elevation} {turbidity}: {ratio}");
-        }
-        assert!(at(45.0, 3.0).radiance(DVec3::NEG_Z) == DVec3::ZERO);
-        assert!(at(-1.0, 3.0).radiance(DVec3::Z) == DVec3::ZERO && at(-1.0, 3.0).sun_radiance() == DVec3::ZERO);
-    }
-
-    fn at(elevation: f64, turbidity: f64) -> SunSky {
-        let (sin, cos) = elevation.to_radians().sin_cos();
-        SunSky::new(DVec3::new(0.0, cos, sin), turbidity, Spectrum::splat(0.3))
-    }
-
-    #[test]
-    fn the_sun_keeps_its_light_whatever_the_texels_are() {
-        let sky = SunSky::new(DVec3::new(0.3, 0.2, 0.6).normalize(), 3.0, Spectrum::ZERO);
-        let image = sky.image(&DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X), 0.0, 1.0, SUN_APERTURE);
-        let mut sum = 0.0;
-        for y in 0..HEIGHT {
-            let weight =
-                ((f64::from(y) + 0.5) / f64::from(HEIGHT) * PI).sin() * PI / f64::from(HEIGHT) * TAU / f64::from(WIDTH);
-            sum += (0..WIDTH).map(|x| f64::from(image.texel(x, y).x)).sum::<f64>() * weight;
-        }
-        let expected = sky.sun_radiance().x * TAU * (1.0 - (0.5 * SUN_APERTURE.to_radians()).cos());
-        assert!((sum / expected - 1.0).abs() < 1e-3, "{sum} {expected}");
-    }
+/// Returns the direction to the sun by date, time and location: +z up, +x south, +y west.
+fn sun_by_time(object: &Object) -> ImportResult<DVec3> {
+    let number = |name: &str, default: f64| Ok::<_, ImportError>(object.float(name)?.unwrap_or(default));
+    let (latitude, longitude) = (number("latitude", 35.6894)?, number("longitude", 139.6917)?);
+    let (year, month, day) = (number("year", 2010.0)?, number("month", 7.0)?, number("day", 10.0)?);
+    let hour = number("hour", 15.0)? + number("minute", 0.0)? / 60.0 + number("second", 0.0)? / 3600.0;
+    let universal = hour - number("timezone", 9.0)?;
+    Ok(SunTime { year, month, day, universal, latitude, longitude }.direction())
 }

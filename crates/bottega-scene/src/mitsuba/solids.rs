@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Vec2, Vec3};
 
-use crate::Mesh;
+use crate::model::Mesh;
 
 /// Segments of a circle: chords deviate by at most 1 − cos(π ∕ 256) < 10⁻⁴ of the radius.
 const SEGMENTS: u32 = 256;

@@ -1,8 +1,45 @@
 //! Volume files of Mitsuba's `gridvolume` and `sdfgrid`.
 
+use std::path::Path;
+
 use glam::{DAffine3, DVec3};
 
-use crate::{Blend, Grid, VALUE_MAX};
+use crate::error::SceneError;
+use crate::grid::{Blend, Grid, GridError};
+use crate::values::VALUE_MAX;
+
+/// An error in a volume file, for the message that it is damaged.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(super) enum VolumeError {
+    #[error("it does not begin, at byte 0, like a grid of version 3")]
+    NotVolume,
+    #[error("it ends at byte {length}, within its header of {HEADER_BYTES}")]
+    InHeader { length: usize },
+    #[error("its values are no floats, but of kind {kind} (byte 4)")]
+    NotFloats { kind: i32 },
+    #[error("it announces {channels} channels (byte 20), and not 1 or 3")]
+    Channels { channels: i32 },
+    #[error("its {length} bytes cannot hold the {x} × {y} × {z} cells that it announces (byte 8)", x = size[0], y = size[1], z = size[2])]
+    TooShort { length: usize, size: [i32; 3] },
+    #[error("the value at byte {byte} is no finite number up to {VALUE_MAX:e}")]
+    NotNumber { byte: usize },
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    #[error("a grid of distances has one channel, not {channels}")]
+    DistanceChannels { channels: usize },
+    #[error("a surface needs two samples along each axis, not {x} × {y} × {z}", x = size[0], y = size[1], z = size[2])]
+    Flat { size: [u32; 3] },
+}
+
+impl VolumeError {
+    /// Converts to the error for the user.
+    pub(super) fn in_file(&self, path: &Path) -> SceneError {
+        SceneError::Damaged { path: path.into(), problem: self.to_string() }
+    }
+}
+
+/// Size of the header of a volume file.
+const HEADER_BYTES: usize = 48;
 
 /// A grid with the box that its file gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,44 +63,39 @@ pub(super) struct Numbers {
 }
 
 /// Reads a grid of densities or the like, which are at least 0; see [`numbers`].
-pub(super) fn read(bytes: &[u8], blend: Blend) -> Result<Volume, String> {
+pub(super) fn read(bytes: &[u8], blend: Blend) -> Result<Volume, VolumeError> {
     let Numbers { size, values, file_from_cube, .. } = numbers(bytes)?;
-    let grid = Grid::new(size, values, blend).map_err(|problem| problem.to_string())?;
+    let grid = Grid::new(size, values, blend)?;
     Ok(Volume { grid, file_from_cube })
 }
 
 /// Reads a `.vol` file of version 3 with floats, in one or three channels (of six, the first three are used).
-pub(super) fn numbers(bytes: &[u8]) -> Result<Numbers, String> {
-    const HEADER_BYTES: usize = 48;
+pub(super) fn numbers(bytes: &[u8]) -> Result<Numbers, VolumeError> {
     if !bytes.starts_with(b"VOL\x03") {
-        return Err("it does not begin, at byte 0, like a grid of version 3".into());
+        return Err(VolumeError::NotVolume);
     }
     let Some((header, values)) = bytes.split_at_checked(HEADER_BYTES) else {
-        return Err(format!("it ends at byte {}, within its header of {HEADER_BYTES}", bytes.len()));
+        return Err(VolumeError::InHeader { length: bytes.len() });
     };
     let word = |index: usize| <[u8; 4]>::try_from(&header[4 + 4 * index..8 + 4 * index]).unwrap_or_default();
     let integer = |index: usize| i32::from_le_bytes(word(index));
     if integer(0) != 1 {
-        return Err(format!("its values are no floats, but of kind {} (byte 4)", integer(0)));
+        return Err(VolumeError::NotFloats { kind: integer(0) });
     }
     let channels = match integer(4) {
         channels @ (1 | 3 | 6) => channels as usize,
-        channels => return Err(format!("it announces {channels} channels (byte 20), and not 1 or 3")),
+        channels => return Err(VolumeError::Channels { channels }),
     };
     let announced = [1, 2, 3].map(integer);
     let size = announced.map(|side| u32::try_from(side).unwrap_or(0));
     let count = size.iter().try_fold(channels, |product, &side| product.checked_mul(side as usize));
     let Some(count) = count.filter(|&count| count > 0 && count <= values.len() / 4) else {
-        let [x, y, z] = announced;
-        return Err(format!(
-            "its {} bytes cannot hold the {x} × {y} × {z} cells that it announces (byte 8)",
-            bytes.len()
-        ));
+        return Err(VolumeError::TooShort { length: bytes.len(), size: announced });
     };
     let float = |bytes: &[u8]| bytes.try_into().map_or(0.0, f32::from_le_bytes);
     let is_number = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes).abs() <= VALUE_MAX;
     if let Some(index) = values[..4 * count].as_chunks::<4>().0.iter().position(|bytes| !is_number(bytes)) {
-        return Err(format!("the value at byte {} is no finite number up to {VALUE_MAX:e}", HEADER_BYTES + 4 * index));
+        return Err(VolumeError::NotNumber { byte: HEADER_BYTES + 4 * index });
     }
     let cells = values[..4 * count].chunks_exact(4 * channels);
     let channels = channels.min(3);
@@ -89,7 +121,7 @@ mod tests {
         bytes
     }
 
-    fn grid(size: [i32; 3], channels: i32, values: &[f32]) -> Result<Grid, String> {
+    fn grid(size: [i32; 3], channels: i32, values: &[f32]) -> Result<Grid, VolumeError> {
         read(&file(size, channels, values), Blend::Linear).map(|volume| volume.grid)
     }
 
@@ -117,7 +149,7 @@ mod tests {
         assert!(read(b"VOL\x03", Blend::Linear).is_err());
         for value in [f32::NAN, f32::INFINITY, 1e30] {
             let refused = grid([1, 1, 2], 1, &[1.0, value]).unwrap_err();
-            assert!(refused.contains("byte 52"), "{refused}");
+            assert_eq!(refused, VolumeError::NotNumber { byte: 52 });
         }
     }
 }

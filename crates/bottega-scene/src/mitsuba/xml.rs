@@ -7,19 +7,11 @@ use quick_xml::errors::Error;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
+use crate::error::SceneError;
+use crate::import::text_place::{ImportResult, TextFault, TextPlace};
+
 /// Maximal depth of nested elements.
 const DEPTH_MAX: usize = 64;
-
-/// A location in a file of the scene.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct XmlPlace {
-    /// Index of the file: 0 is the scene, others are included.
-    pub(super) file: u32,
-    /// Line, counted from 1.
-    pub(super) line: u32,
-    /// Column in characters, counted from 1.
-    pub(super) column: u32,
-}
 
 /// An element with its attributes and nested elements.
 #[derive(Debug, PartialEq)]
@@ -31,15 +23,7 @@ pub(super) struct XmlElement {
     /// Nested elements, in the order of the file.
     pub(super) children: Vec<XmlElement>,
     /// Location of its start tag.
-    pub(super) at: XmlPlace,
-}
-
-/// An error at a location.
-#[derive(Debug, PartialEq)]
-pub(super) struct XmlFault {
-    pub(super) at: XmlPlace,
-    /// The error, for the message.
-    pub(super) problem: String,
+    pub(super) at: TextPlace,
 }
 
 impl XmlElement {
@@ -60,12 +44,12 @@ impl XmlElement {
 /// - `file`: index of the file, for locations.
 /// - `book`: books memory, in bytes.
 /// - `left_out`: called with the location of ignored character data.
-pub(super) fn parse<E: From<XmlFault>>(
+pub(super) fn parse(
     text: &str,
     file: u32,
-    mut book: impl FnMut(usize) -> Result<(), E>,
-    mut left_out: impl FnMut(XmlPlace),
-) -> Result<XmlElement, E> {
+    mut book: impl FnMut(usize) -> Result<(), SceneError>,
+    mut left_out: impl FnMut(TextPlace),
+) -> ImportResult<XmlElement> {
     let mut reader = Reader::from_str(text);
     let mut lines = Lines { text, file, offset: 0, line: 1, column: 1 };
     let mut open: Vec<XmlElement> = Vec::new();
@@ -74,35 +58,35 @@ pub(super) fn parse<E: From<XmlFault>>(
         let start = reader.buffer_position();
         let event = reader.read_event();
         let at = lines.place(start);
-        let fault = |problem: String| E::from(XmlFault { at, problem });
+        let fault = |problem: &str| at.fault(problem);
         let event = event.map_err(|error| {
             let at = lines.place(reader.error_position());
-            E::from(XmlFault { at, problem: explain(&error) })
+            at.fault(explain(&error))
         })?;
         let finished = match event {
             Event::Start(tag) => {
                 if open.len() >= DEPTH_MAX {
-                    return Err(fault(format!("elements are nested more than {DEPTH_MAX} deep")));
+                    return Err(fault(&format!("elements are nested more than {DEPTH_MAX} deep")).into());
                 }
-                let element = element(&tag, at).map_err(fault)?;
+                let element = element(&tag, at)?;
                 book(element.memory_bytes())?;
                 open.push(element);
                 continue;
             }
             Event::Empty(tag) => {
-                let element = element(&tag, at).map_err(fault)?;
+                let element = element(&tag, at)?;
                 book(element.memory_bytes())?;
                 element
             }
             // The reader checks that it matches the start tag.
             Event::End(_) => match open.pop() {
                 Some(element) => element,
-                None => return Err(fault("an element ends that has not begun".into())),
+                None => return Err(fault("an element ends that has not begun").into()),
             },
             Event::Text(text) if !text.xml10_content().trim().is_empty() => {
-                return Err(fault("there is text between the elements".into()));
+                return Err(fault("there is text between the elements").into());
             }
-            Event::GeneralRef(_) => return Err(fault("there is text between the elements".into())),
+            Event::GeneralRef(_) => return Err(fault("there is text between the elements").into()),
             Event::CData(_) => {
                 left_out(at);
                 continue;
@@ -112,26 +96,26 @@ pub(super) fn parse<E: From<XmlFault>>(
         };
         match open.last_mut() {
             Some(parent) => parent.children.push(finished),
-            None if root.is_some() => return Err(fault("there is a second outermost element".into())),
+            None if root.is_some() => return Err(fault("there is a second outermost element").into()),
             None => root = Some(finished),
         }
     }
     let at = lines.place(text.len() as u64);
     if let Some(element) = open.last() {
-        return Err(XmlFault { at, problem: format!("the file ends within <{}>", element.name) }.into());
+        return Err(at.fault(format!("the file ends within <{}>", element.name)).into());
     }
-    root.ok_or_else(|| XmlFault { at, problem: "the file has no element".into() }.into())
+    Ok(root.ok_or_else(|| at.fault("the file has no element"))?)
 }
 
-fn element(tag: &BytesStart<'_>, at: XmlPlace) -> Result<XmlElement, String> {
+fn element(tag: &BytesStart<'_>, at: TextPlace) -> Result<XmlElement, TextFault> {
     let name = tag.name().as_ref().to_owned();
     let mut attributes: Vec<(String, String)> = Vec::new();
     for attribute in tag.attributes() {
-        let attribute = attribute.map_err(|error| format!("in the tag <{name}>: {error}"))?;
+        let attribute = attribute.map_err(|error| at.fault(format!("in the tag <{name}>: {error}")))?;
         let key = attribute.key.as_ref().to_owned();
         let value = attribute
             .normalized_value(XmlVersion::Implicit1_0)
-            .map_err(|error| format!("in the attribute {key}: {}", explain(&error)))?;
+            .map_err(|error| at.fault(format!("in the attribute {key}: {}", explain(&error))))?;
         attributes.push((key, value.into_owned()));
     }
     Ok(XmlElement { name, attributes, children: Vec::new(), at })
@@ -153,7 +137,7 @@ struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    fn place(&mut self, offset: u64) -> XmlPlace {
+    fn place(&mut self, offset: u64) -> TextPlace {
         let offset = usize::try_from(offset).unwrap_or(usize::MAX).min(self.text.len());
         if offset < self.offset {
             // An error may be located before the last position.
@@ -168,22 +152,20 @@ impl Lines<'_> {
             }
         }
         self.offset = offset;
-        XmlPlace { file: self.file, line: self.line, column: self.column }
+        TextPlace { file: self.file, line: self.line, column: self.column }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    impl From<XmlFault> for String {
-        fn from(fault: XmlFault) -> Self {
-            format!("{}:{}: {}", fault.at.line, fault.at.column, fault.problem)
-        }
-    }
+    use crate::import::text_place::ImportError;
 
     fn read(text: &str) -> Result<XmlElement, String> {
-        parse(text, 0, |_| Ok(()), |_| ())
+        parse(text, 0, |_| Ok(()), |_| ()).map_err(|error| match error {
+            ImportError::Text(TextFault { at, problem }) => format!("{}:{}: {problem}", at.line, at.column),
+            ImportError::Scene(error) => panic!("{error}"),
+        })
     }
 
     #[test]

@@ -7,8 +7,10 @@ use glam::{Affine2, DVec3, Vec2, Vec4};
 use super::context::Context;
 use super::mapping::PlacedMapping;
 use super::texture_tree::{PictureNode, TextureNode, constant};
-use super::token::PbrtPlace;
-use crate::{Image, ImageId, SceneError, TextureMap, Wrap};
+use crate::error::SceneError;
+use crate::image::Image;
+use crate::import::text_place::TextPlace;
+use crate::texture::{ImageId, TextureMap, Wrap};
 
 /// The longest side of a baked picture, in texels.
 const SIDE_MAX: f32 = 4096.0;
@@ -22,7 +24,7 @@ pub(super) struct Bake {
     is_scalar: bool,
     /// Final transformation of every colour.
     change: Option<fn(DVec3) -> DVec3>,
-    at: PbrtPlace,
+    at: TextPlace,
     layout: BakeLayout,
 }
 
@@ -43,7 +45,7 @@ impl Bake {
         node: Rc<TextureNode>,
         is_scalar: bool,
         change: Option<fn(DVec3) -> DVec3>,
-        at: PbrtPlace,
+        at: TextPlace,
     ) -> Self {
         let layout = layout(&node);
         Self { node, is_scalar, change, at, layout }
@@ -53,10 +55,10 @@ impl Bake {
     pub(super) fn picture_from_uv(&self) -> Affine2 {
         match &self.layout {
             // Row 0 is the lower row of cells, as both count t upwards.
-            BakeLayout::Cells(laid) => {
-                Affine2::from_cols_array(&[0.5, 0.0, 0.0, -0.5, 0.0, 0.5]) * laid.picture_from_uv
+            BakeLayout::Cells(mapping) => {
+                Affine2::from_cols_array(&[0.5, 0.0, 0.0, -0.5, 0.0, 0.5]) * mapping.picture_from_uv
             }
-            BakeLayout::Picture(node) => node.laid.picture_from_uv,
+            BakeLayout::Picture(node) => node.mapping.picture_from_uv,
             BakeLayout::Square(edge) => Affine2::from_scale(Vec2::splat(1.0 / edge)),
         }
     }
@@ -83,21 +85,21 @@ impl Bake {
     /// Returns the sets of texture coordinates of its parts, in the order of the tree.
     pub(super) fn uv_sets(&self) -> Vec<u8> {
         fn gather(node: &TextureNode, sets: &mut Vec<u8>) {
-            let mut add = |laid: &PlacedMapping| {
-                if !sets.contains(&laid.uv_set) {
-                    sets.push(laid.uv_set);
+            let mut add = |mapping: &PlacedMapping| {
+                if !sets.contains(&mapping.uv_set) {
+                    sets.push(mapping.uv_set);
                 }
             };
             match node {
                 TextureNode::Constant(_) => {}
-                TextureNode::Picture(node) => add(&node.laid),
+                TextureNode::Picture(node) => add(&node.mapping),
                 TextureNode::Scale(a, b) => [a, b].into_iter().for_each(|part| gather(part, sets)),
                 TextureNode::Mix(a, b, amount) => [a, b, amount].into_iter().for_each(|part| gather(part, sets)),
-                TextureNode::Checkerboard(laid, a, b) => {
-                    add(laid);
+                TextureNode::Checkerboard(mapping, a, b) => {
+                    add(mapping);
                     [a, b].into_iter().for_each(|part| gather(part, sets));
                 }
-                TextureNode::Bilinear(laid, _) => add(laid),
+                TextureNode::Bilinear(mapping, _) => add(mapping),
             }
         }
         let mut sets = Vec::new();
@@ -144,16 +146,16 @@ impl Bake {
 }
 
 fn layout(node: &Rc<TextureNode>) -> BakeLayout {
-    if let TextureNode::Checkerboard(laid, even, odd) = &**node
+    if let TextureNode::Checkerboard(mapping, even, odd) = &**node
         && constant(even).is_some()
         && constant(odd).is_some()
     {
-        return BakeLayout::Cells(*laid);
+        return BakeLayout::Cells(*mapping);
     }
     let mut leaves = Vec::new();
     if gather(node, &mut leaves)
         && let Some((first, rest)) = leaves.split_first()
-        && rest.iter().all(|leaf| (leaf.laid, leaf.wrap) == (first.laid, first.wrap))
+        && rest.iter().all(|leaf| (leaf.mapping, leaf.wrap) == (first.mapping, first.wrap))
     {
         return BakeLayout::Picture((*first).clone());
     }
@@ -163,17 +165,17 @@ fn layout(node: &Rc<TextureNode>) -> BakeLayout {
 
 /// Returns true if a tree is periodic over a square with that side.
 fn repeats_within(node: &TextureNode, edge: f32) -> bool {
-    let whole = |laid: &PlacedMapping, period: f32| {
-        let scale = laid.picture_from_uv.matrix2;
+    let whole = |mapping: &PlacedMapping, period: f32| {
+        let scale = mapping.picture_from_uv.matrix2;
         [scale.x_axis.x, scale.y_axis.y].iter().all(|scale| (edge * scale / period).fract() == 0.0)
     };
     let all = |parts: &[&TextureNode]| parts.iter().all(|part| repeats_within(part, edge));
     match node {
         TextureNode::Constant(_) => true,
-        TextureNode::Picture(node) => node.wrap == Wrap::Repeat && whole(&node.laid, 1.0),
+        TextureNode::Picture(node) => node.wrap == Wrap::Repeat && whole(&node.mapping, 1.0),
         TextureNode::Scale(a, b) => all(&[a, b]),
         TextureNode::Mix(a, b, amount) => all(&[a, b, amount]),
-        TextureNode::Checkerboard(laid, a, b) => whole(laid, 2.0) && all(&[a, b]),
+        TextureNode::Checkerboard(mapping, a, b) => whole(mapping, 2.0) && all(&[a, b]),
         // Values continue to grow beyond the unit square.
         TextureNode::Bilinear(..) => false,
     }
@@ -195,8 +197,8 @@ fn gather<'a>(node: &'a TextureNode, leaves: &mut Vec<&'a PictureNode>) -> bool 
 
 /// Returns the number of texels that resolve a tree: those of its pictures, or of the unit square if these may repeat.
 fn size(node: &TextureNode, pictures: &[Image], of_square: bool) -> Vec2 {
-    let scale = |laid: &PlacedMapping| {
-        let scale = laid.picture_from_uv.matrix2;
+    let scale = |mapping: &PlacedMapping| {
+        let scale = mapping.picture_from_uv.matrix2;
         Vec2::new(scale.x_axis.x, scale.y_axis.y).abs()
     };
     match node {
@@ -204,14 +206,14 @@ fn size(node: &TextureNode, pictures: &[Image], of_square: bool) -> Vec2 {
         TextureNode::Picture(node) => {
             let (width, height) = pictures[node.picture.0 as usize].size();
             let size = Vec2::new(width as f32, height as f32);
-            if of_square { (size * scale(&node.laid)).ceil() } else { size }
+            if of_square { (size * scale(&node.mapping)).ceil() } else { size }
         }
         TextureNode::Scale(a, b) => size(a, pictures, of_square).max(size(b, pictures, of_square)),
         TextureNode::Mix(a, b, amount) => {
             size(a, pictures, of_square).max(size(b, pictures, of_square)).max(size(amount, pictures, of_square))
         }
-        TextureNode::Checkerboard(laid, a, b) => {
-            let cells = (scale(laid) * CELL_TEXELS).ceil();
+        TextureNode::Checkerboard(mapping, a, b) => {
+            let cells = (scale(mapping) * CELL_TEXELS).ceil();
             cells.max(size(a, pictures, of_square)).max(size(b, pictures, of_square))
         }
         TextureNode::Bilinear(..) => Vec2::splat(CELL_TEXELS),
@@ -222,22 +224,22 @@ fn size(node: &TextureNode, pictures: &[Image], of_square: bool) -> Vec2 {
 ///
 /// - `at`: texture coordinates; with `on_picture`, coordinates of the pictures themselves.
 fn value(node: &TextureNode, at: Vec2, on_picture: bool, pictures: &[Image]) -> DVec3 {
-    let place = |laid: &PlacedMapping| if on_picture { at } else { laid.picture_from_uv.transform_point2(at) };
+    let place = |mapping: &PlacedMapping| if on_picture { at } else { mapping.picture_from_uv.transform_point2(at) };
     match node {
         TextureNode::Constant(value) => *value,
-        TextureNode::Picture(node) => picture_value(node, place(&node.laid), pictures),
+        TextureNode::Picture(node) => picture_value(node, place(&node.mapping), pictures),
         TextureNode::Scale(a, b) => value(a, at, on_picture, pictures) * value(b, at, on_picture, pictures),
         TextureNode::Mix(a, b, amount) => {
             let (a, b) = (value(a, at, on_picture, pictures), value(b, at, on_picture, pictures));
             a + (b - a) * value(amount, at, on_picture, pictures)
         }
-        TextureNode::Checkerboard(laid, even, odd) => {
-            let st = place(laid);
+        TextureNode::Checkerboard(mapping, even, odd) => {
+            let st = place(mapping);
             let parity = (st.x.floor() + (1.0 - st.y).floor()).rem_euclid(2.0);
             value(if parity == 0.0 { even } else { odd }, at, on_picture, pictures)
         }
-        TextureNode::Bilinear(laid, [v00, v01, v10, v11]) => {
-            let st = place(laid);
+        TextureNode::Bilinear(mapping, [v00, v01, v10, v11]) => {
+            let st = place(mapping);
             let (s, t) = (f64::from(st.x), f64::from(1.0 - st.y));
             (*v00 * (1.0 - s) + *v10 * s) * (1.0 - t) + (*v01 * (1.0 - s) + *v11 * s) * t
         }
@@ -273,26 +275,6 @@ pub(super) fn scalar_image(image: Image) -> Image {
     let has_alpha = image.has_alpha();
     let number = |texel: Vec4| [if has_alpha { texel.w } else { texel.truncate().element_sum() / 3.0 }; 3];
     Image::from_linear_rgb(image.name.clone(), width, height, texels.map(number).collect())
-}
-
-/// Least side of a projected picture: texels are subdivided until the cosine is almost constant within each.
-const PROJECTION_SIDE: u32 = 512;
-
-/// Multiplies a picture by the cube of the cosine to the axis of its projection.
-///
-/// - `fov`: angle of the shorter side, in degrees.
-pub(super) fn projection_image(image: &Image, fov: f64) -> Image {
-    let (columns, rows) = image.size();
-    let parts = PROJECTION_SIDE.div_ceil(columns.max(rows));
-    let (width, height) = (columns * parts, rows * parts);
-    let scale = (0.5 * fov.to_radians()).tan() / f64::from(width.min(height));
-    let texel = |index: u32| {
-        let (x, y) = (index % width, index / width);
-        let offset = |place: u32, size: u32| (2.0 * f64::from(place) + 1.0 - f64::from(size)) * scale;
-        let cosine = 1.0 / (1.0 + offset(x, width).powi(2) + offset(y, height).powi(2)).sqrt();
-        (image.texel(x / parts, y / parts).truncate() * cosine.powi(3) as f32).to_array()
-    };
-    Image::from_linear_rgb(image.name.clone(), width, height, (0..width * height).map(texel).collect())
 }
 
 /// Returns the texture coordinates of a texel's centre.

@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use glam::{Affine3A, DAffine3, DVec3, Vec2, Vec3};
+use glam::{Affine3A, DAffine3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::film::Exposure;
 use super::light::{Emission, Lights, emission, mean_luminance};
 use super::material::Materials;
@@ -15,17 +15,19 @@ use super::place::{JoinedMeshes, baked, scaling, sphere, with_own_corners};
 use super::shape::geometry::Geometry;
 use super::shape::sphere_mesh;
 use super::texture::PbrtTextures;
-use super::token::PbrtPlace;
 use super::transform::{axes_and_scale, rounded};
 use super::world::{Alpha, PbrtWorld, PlacedShape};
+use crate::error::SceneError;
+use crate::hints::RenderHints;
+use crate::import::placed_meshes::{MIRROR, PlacedMeshes};
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::material::{AlphaMode, Back, Material, ReliefSource};
+use crate::medium::MediumId;
 use crate::mesh_file::ply;
-use crate::model::MeshBounds;
-use crate::origin::{centered, rounding};
+use crate::model::{Instance, Mesh, Scene, Sphere};
+use crate::param::ScalarParam;
 use crate::resource::Location;
-use crate::{
-    AlphaMode, Back, Instance, Material, MediumId, Mesh, ReliefSource, RenderHints, ScalarParam, Scene, SceneError,
-    Sides, Sphere, Surface,
-};
+use crate::surface::Surface;
 
 /// Meshes with fewer triangles are joined with others of the same material: a file may describe each of a million
 /// triangles as a shape.
@@ -54,8 +56,8 @@ struct PlyKey {
 
 /// A part of the scene that can be placed repeatedly.
 enum PlaceablePart {
-    Mesh { mesh: u32, world_from_mesh: DAffine3, at: PbrtPlace },
-    Sphere { radius: f64, world_from_sphere: DAffine3, material: u32, tessellated_material: u32, at: PbrtPlace },
+    Mesh { mesh: u32, world_from_mesh: DAffine3, at: TextPlace },
+    Sphere { radius: f64, world_from_sphere: DAffine3, material: u32, tessellated_material: u32, at: TextPlace },
 }
 
 /// The scene under construction.
@@ -73,15 +75,12 @@ pub(super) struct SceneBuilder<'c, 'a, 'w> {
     /// Mesh files, and the number of scene meshes still to be made of each.
     files: BTreeMap<String, (Option<Mesh>, usize)>,
     ply_meshes: BTreeMap<PlyKey, u32>,
-    mirrored: BTreeMap<u32, u32>,
-    /// Former centres of the meshes that were moved to their origin.
-    centers: BTreeMap<u32, DVec3>,
-    bounds: MeshBounds,
+    placed: PlacedMeshes,
 }
 
 impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
     /// Makes a builder for the contents of a file.
-    pub(super) fn new(context: &'c mut Context<'a>, world: &'w PbrtWorld) -> PbrtResult<Self> {
+    pub(super) fn new(context: &'c mut Context<'a>, world: &'w PbrtWorld) -> ImportResult<Self> {
         let exposure = world.exposure(context)?;
         Ok(Self {
             textures: PbrtTextures::new(world, context),
@@ -95,9 +94,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             by_power: Vec::new(),
             files: BTreeMap::new(),
             ply_meshes: BTreeMap::new(),
-            mirrored: BTreeMap::new(),
-            centers: BTreeMap::new(),
-            bounds: MeshBounds::default(),
+            placed: PlacedMeshes::new(world.origin),
         })
     }
 
@@ -106,7 +103,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         mut self,
         shapes: Vec<PlacedShape>,
         mut objects: BTreeMap<String, Vec<PlacedShape>>,
-    ) -> PbrtResult<(Scene, RenderHints)> {
+    ) -> ImportResult<(Scene, RenderHints)> {
         let hints = self.world.hints(self.context)?;
         self.world.report_film(self.context);
         let media = &self.world.camera_media;
@@ -131,7 +128,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
                 return Err(instance.at.fault(problem).into());
             };
             let bytes = parts.len() * (size_of::<Instance>() + size_of::<Sphere>());
-            self.take(instance.at, bytes)?;
+            self.context.take(instance.at, bytes)?;
             for part in parts {
                 self.place(part, instance.world_from_instance)?;
             }
@@ -147,7 +144,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         self.finish(lights).map(|scene| (scene, hints))
     }
 
-    fn finish(mut self, lights: Lights) -> PbrtResult<Scene> {
+    fn finish(mut self, lights: Lights) -> ImportResult<Scene> {
         for light in &self.world.area_lights {
             self.context.report_unused(Directive::Light, &light.kind, &light.params);
         }
@@ -168,12 +165,8 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         Ok(self.scene)
     }
 
-    fn take(&self, at: PbrtPlace, bytes: usize) -> PbrtResult<()> {
-        Ok(self.context.resources.budget().take(self.context.path(at.file), &self.context.place(at), bytes)?)
-    }
-
     /// Reads all mesh files, in parallel.
-    fn read_files<'s>(&mut self, shapes: impl Iterator<Item = &'s PlacedShape>) -> PbrtResult<()> {
+    fn read_files<'s>(&mut self, shapes: impl Iterator<Item = &'s PlacedShape>) -> ImportResult<()> {
         let mut locations: BTreeMap<&str, &Location> = BTreeMap::new();
         for shape in shapes {
             if let Geometry::Ply(location) = &shape.geometry {
@@ -199,7 +192,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
     }
 
     /// Makes parts from shapes with their materials, and joins small ones.
-    fn parts(&mut self, shapes: Vec<PlacedShape>) -> PbrtResult<Vec<PlaceablePart>> {
+    fn parts(&mut self, shapes: Vec<PlacedShape>) -> ImportResult<Vec<PlaceablePart>> {
         // Find the materials first: they determine how often each file is used.
         let mut materials = Vec::with_capacity(shapes.len());
         for shape in &shapes {
@@ -266,7 +259,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
     }
 
     /// Returns the scene mesh of a file and a material.
-    fn ply_mesh(&mut self, key: &PlyKey, at: PbrtPlace) -> PbrtResult<u32> {
+    fn ply_mesh(&mut self, key: &PlyKey, at: TextPlace) -> ImportResult<u32> {
         if let Some(&mesh) = self.ply_meshes.get(key)
             && mesh != u32::MAX
         {
@@ -281,7 +274,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             None => None,
         };
         let mut mesh = mesh.unwrap_or_default();
-        self.take(at, mesh.memory_bytes())?;
+        self.context.take(at, mesh.memory_bytes())?;
         mesh.name = key.name.clone();
         let mesh = self.dressed(mesh, key.material, key.reversed, at)?;
         let mesh = self.scene.push_mesh(mesh);
@@ -290,7 +283,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
     }
 
     /// Finishes a mesh: sets its material, flips its front, and drops attributes that the material does not need.
-    fn dressed(&mut self, mut mesh: Mesh, material: u32, reversed: bool, at: PbrtPlace) -> PbrtResult<Mesh> {
+    fn dressed(&mut self, mut mesh: Mesh, material: u32, reversed: bool, at: TextPlace) -> ImportResult<Mesh> {
         if reversed {
             mesh.turn_over();
         }
@@ -303,14 +296,14 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         if mesh.curves.is_some() || !textured && !stretched {
             mesh.uvs = Default::default();
         } else if mesh.uvs[0].is_empty() {
-            self.take(at, mesh.triangles.len() * 3 * (size_of::<Vec3>() * 2 + size_of::<Vec2>()))?;
+            self.context.take(at, mesh.triangles.len() * 3 * (size_of::<Vec3>() * 2 + size_of::<Vec2>()))?;
             mesh = with_own_corners(&mesh);
         }
         Ok(mesh)
     }
 
     /// Returns the material of a shape.
-    fn material(&mut self, shape: &PlacedShape, inside_out: bool) -> PbrtResult<u32> {
+    fn material(&mut self, shape: &PlacedShape, inside_out: bool) -> ImportResult<u32> {
         let material = self.materials.find(&shape.material)?;
         let look = self.materials.look(self.context, &mut self.textures, material)?;
         let mut light = shape.area_light;
@@ -384,7 +377,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
                 .into());
         }
         let index = self.scene.push_material(material);
-        self.take(shape.at, size_of::<Material>())?;
+        self.context.take(shape.at, size_of::<Material>())?;
         if by_power {
             self.by_power.push(index);
         }
@@ -418,7 +411,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
     }
 
     /// Places a part of the scene.
-    fn place(&mut self, part: &PlaceablePart, world_from_parent: DAffine3) -> PbrtResult<()> {
+    fn place(&mut self, part: &PlaceablePart, world_from_parent: DAffine3) -> ImportResult<()> {
         match *part {
             PlaceablePart::Mesh { mesh, world_from_mesh, at } => {
                 self.place_mesh(mesh, &(world_from_parent * world_from_mesh), at)
@@ -429,7 +422,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
                     Some(sphere) => self.scene.spheres.push(Sphere { material, ..sphere }),
                     None => {
                         let mut mesh = sphere_mesh(radius);
-                        self.take(at, mesh.memory_bytes())?;
+                        self.context.take(at, mesh.memory_bytes())?;
                         // Inside-out materials are for analytic spheres only.
                         let reversed = material != tessellated_material;
                         mesh = self.dressed(mesh, tessellated_material, reversed, at)?;
@@ -447,56 +440,31 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         !material.textures().is_empty() || material.needs_tangents()
     }
 
-    fn place_mesh(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: PbrtPlace) -> PbrtResult<()> {
-        let world_from_mesh = &(*world_from_mesh * DAffine3::from_translation(self.center(mesh, at)));
+    fn place_mesh(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: TextPlace) -> ImportResult<()> {
+        let center = self.placed.center(&mut self.scene, mesh, |warning| self.context.warn(at, warning));
+        let world_from_mesh = &(*world_from_mesh * DAffine3::from_translation(center));
         let Ok(mut world_from_object) = rounded(world_from_mesh, at) else {
             return self.place_flattened(mesh, world_from_mesh, at);
         };
         let mut mesh = mesh;
         if world_from_object.matrix3.determinant() < 0.0 {
-            mesh = match self.mirrored.get(&mesh) {
-                Some(&mirrored) => mirrored,
-                None => {
-                    let original = &self.scene.meshes[mesh as usize];
-                    self.take(at, original.memory_bytes())?;
-                    let mirrored = self.scene.push_mesh(original.clone().mirrored());
-                    self.mirrored.insert(mesh, mirrored);
-                    mirrored
-                }
-            };
-            world_from_object *= Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+            let context = &*self.context;
+            mesh = self.placed.mirrored(&mut self.scene, mesh, |bytes| context.take(at, bytes))?;
+            world_from_object *= Affine3A::from_scale(MIRROR.as_vec3());
         }
         let is_empty = self.scene.meshes[mesh as usize].positions.is_empty();
-        if !is_empty && !self.bounds.is_placeable(&self.scene, mesh, &world_from_object) {
+        if !is_empty && !self.placed.is_placeable(&self.scene, mesh, &world_from_object) {
             return Err(at.fault("the shape is out of reach, or scaled beyond what can be computed with").into());
         }
         self.scene.instances.push(Instance { mesh, world_from_object });
         Ok(())
     }
 
-    /// Returns the former centre of a mesh, if it was moved: in scenes far from the origin, meshes may also be far from
-    /// theirs.
-    fn center(&mut self, mesh: u32, at: PbrtPlace) -> DVec3 {
-        if self.world.origin == DVec3::ZERO {
-            return DVec3::ZERO;
-        }
-        if let Some(&known) = self.centers.get(&mesh) {
-            return known;
-        }
-        let center = centered(&mut self.scene.meshes[mesh as usize]);
-        if let Some(center) = center {
-            self.context.warn(at, rounding(center));
-        }
-        let center = center.unwrap_or(DVec3::ZERO);
-        self.centers.insert(mesh, center);
-        center
-    }
-
     /// Places a mesh that its transformation flattens, as a mesh of its own.
-    fn place_flattened(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: PbrtPlace) -> PbrtResult<()> {
+    fn place_flattened(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: TextPlace) -> ImportResult<()> {
         self.context.warn(at, "the transformation in force here makes the shape flat; it is taken without its normals");
         let original = &self.scene.meshes[mesh as usize];
-        self.take(at, original.memory_bytes())?;
+        self.context.take(at, original.memory_bytes())?;
         let mut flat = original.clone();
         (flat.normals, flat.tangents, flat.curves) = (Vec::new(), Vec::new(), None);
         for position in &mut flat.positions {
@@ -521,12 +489,7 @@ fn is_sound(material: &Material) -> bool {
 
 /// Swaps the inside and outside of a material.
 fn turn_inside_out(material: &mut Material) {
-    std::mem::swap(&mut material.interior, &mut material.exterior);
-    material.emission_sides = match material.emission_sides {
-        Sides::Front => Sides::Back,
-        Sides::Back => Sides::Front,
-        Sides::Both => Sides::Both,
-    };
+    material.turn_sides();
     fn turn(surface: &mut Surface) {
         match surface {
             Surface::Dielectric(dielectric) if !dielectric.thin => dielectric.eta = 1.0 / dielectric.eta,

@@ -2,12 +2,14 @@
 
 use glam::{Affine3A, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::needless::Directive;
 use super::transform::axes_and_scale;
 use super::world::{Entity, PbrtWorld};
+use crate::camera::{Camera, Clip, FovAxis, Panorama, Projection};
+use crate::import::text_place::ImportResult;
+use crate::medium::MediumId;
 use crate::text::shortened;
-use crate::{Camera, FovAxis, MediumId, Panorama, Projection};
 
 impl PbrtWorld {
     /// Returns the camera of the file; pbrt's default if it has none.
@@ -18,7 +20,7 @@ impl PbrtWorld {
         context: &mut Context<'_>,
         [width, height]: [u32; 2],
         medium: Option<MediumId>,
-    ) -> PbrtResult<Camera> {
+    ) -> ImportResult<Camera> {
         let plain = Entity::plain("perspective");
         let entity = self.camera.as_ref().unwrap_or(&plain);
         let (params, at) = (&entity.params, entity.at);
@@ -79,7 +81,7 @@ impl PbrtWorld {
                 if kind != "perspective" {
                     let message = format!("the camera \"{}\" is replaced by a perspective one", shortened(kind));
                     context.unsupported(at, message);
-                    params.mark_told(&["lensfile", "aperturediameter", "focusdistance", "aperture"]);
+                    params.mark_reported(&["lensfile", "aperturediameter", "focusdistance", "aperture"]);
                 }
                 let degrees = params.float("fov")?.unwrap_or(90.0);
                 if !(degrees > 0.0 && degrees < 180.0) {
@@ -127,7 +129,7 @@ impl PbrtWorld {
             focus_distance: focus_distance.clamp(1e-30, 1e30) as f32,
             lens_shift: if sees_all_around { Vec2::ZERO } else { lens_shift },
             medium,
-            clip: crate::Clip::NONE,
+            clip: Clip::NONE,
             hides_emitters: false,
         })
     }

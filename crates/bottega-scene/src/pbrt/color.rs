@@ -2,12 +2,15 @@
 
 use glam::DVec3;
 
-use super::color_space::{ColorSpace, Meaning};
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::params::{Params, Values};
-use super::token::PbrtPlace;
-use crate::Spectrum;
-use crate::spectrum::{self, Sampled};
+use crate::color::Spectrum;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::spectrum::color_space::ColorSpace;
+use crate::spectrum::file::read_spd;
+use crate::spectrum::named;
+use crate::spectrum::role::ColorRole;
+use crate::spectrum::sampled::Sampled;
 use crate::text::shortened;
 
 /// The colour of a parameter.
@@ -21,19 +24,18 @@ pub(super) enum Color {
 
 impl Color {
     /// Converts to linear Rec. 709.
-    pub(super) fn to_rec709(&self, meaning: Meaning) -> Spectrum {
-        match (self, meaning) {
-            (Self::Rgb(rgb, space), meaning) => space.to_rec709(*rgb, meaning),
-            (Self::Samples(samples), Meaning::Light) => samples.pbrt_illuminant(),
-            (Self::Samples(samples), Meaning::Reflectance | Meaning::Unbounded) => samples.pbrt_reflectance(),
-            (Self::Illuminant(color), _) => *color,
+    pub(super) fn to_rec709(&self, role: ColorRole) -> Spectrum {
+        match self {
+            Self::Rgb(rgb, space) => space.to_rec709(*rgb, role),
+            Self::Samples(samples) => samples.pbrt_color(role),
+            Self::Illuminant(color) => *color,
         }
     }
 }
 
 impl Context<'_> {
     /// Returns the colour of a parameter; `None` if it is not given.
-    pub(super) fn color(&mut self, params: &Params, name: &str) -> PbrtResult<Option<Color>> {
+    pub(super) fn color(&mut self, params: &Params, name: &str) -> ImportResult<Option<Color>> {
         let Some(param) = params.find(name, &["rgb", "spectrum", "blackbody"]) else { return Ok(None) };
         let at = param.at;
         let count = |count: usize| at.fault(format!("`{name}` has {count} values, which is not one colour"));
@@ -77,10 +79,10 @@ impl Context<'_> {
     }
 
     /// Returns a spectrum by name, or from a file.
-    fn named_spectrum(&mut self, name: &str, at: PbrtPlace) -> PbrtResult<Color> {
+    fn named_spectrum(&mut self, name: &str, at: TextPlace) -> ImportResult<Color> {
         if let Some(metal) = name.strip_prefix("metal-")
             && let Some((metal, quantity)) = metal.rsplit_once('-')
-            && let Some((eta, k)) = spectrum::metal_spectra(metal)
+            && let Some((eta, k)) = named::metal_spectra(metal)
         {
             match quantity {
                 "eta" => return Ok(Color::Samples(eta)),
@@ -89,12 +91,12 @@ impl Context<'_> {
             }
         }
         if name.starts_with("glass-")
-            && let Some(eta) = spectrum::glass(name)
+            && let Some(eta) = named::glass(name)
         {
             return Ok(Color::Samples(Sampled::constant(f64::from(eta))));
         }
         if name.starts_with("stdillum-")
-            && let Some(color) = spectrum::illuminant(name)
+            && let Some(color) = named::illuminant(name)
         {
             return Ok(Color::Illuminant(color));
         }
@@ -105,6 +107,6 @@ impl Context<'_> {
         let place = self.place(at);
         let location = self.resources.locate(name, &place)?;
         let bytes = self.resources.read(&location)?;
-        Ok(Color::Samples(spectrum::read_spd(location.path(), &bytes, self.resources.budget())?))
+        Ok(Color::Samples(read_spd(location.path(), &bytes, self.resources.budget())?))
     }
 }

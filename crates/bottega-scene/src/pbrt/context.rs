@@ -6,36 +6,11 @@ use glam::DVec3;
 
 use super::needless::{Directive, NEEDLESS};
 use super::params::Params;
-use super::token::{PbrtFault, PbrtPlace};
-use crate::SceneError;
-use crate::error::Warnings;
+use crate::error::{SceneError, Warnings};
+use crate::import::text_place::{ImportError, ImportResult, TextFiles, TextPlace};
 use crate::options::LoadOptions;
 use crate::resource::Resources;
 use crate::text::shortened;
-
-/// An error that ends the import.
-#[derive(Debug)]
-pub(super) enum Stop {
-    /// An error in the text.
-    Fault(PbrtFault),
-    /// Another error: a missing or damaged file, too little memory …
-    Scene(Box<SceneError>),
-}
-
-impl From<PbrtFault> for Stop {
-    fn from(fault: PbrtFault) -> Self {
-        Self::Fault(fault)
-    }
-}
-
-impl From<SceneError> for Stop {
-    fn from(error: SceneError) -> Self {
-        Self::Scene(Box::new(error))
-    }
-}
-
-/// The result of an import step.
-pub(super) type PbrtResult<T> = Result<T, Stop>;
 
 /// Files, options and warnings of an import.
 pub(super) struct Context<'a> {
@@ -44,8 +19,8 @@ pub(super) struct Context<'a> {
     /// Offset that is subtracted from all world positions.
     pub(super) origin: DVec3,
     warnings: &'a mut Warnings,
-    /// Display name and path of each file, by [`PbrtPlace::file`].
-    files: Vec<(String, PathBuf)>,
+    /// The scene file and those that it includes.
+    files: TextFiles,
 }
 
 impl<'a> Context<'a> {
@@ -56,35 +31,37 @@ impl<'a> Context<'a> {
         options: &'a LoadOptions,
         warnings: &'a mut Warnings,
     ) -> Self {
-        let mut context = Self { resources, options, origin: DVec3::ZERO, warnings, files: Vec::new() };
-        context.add_file(path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default(), path);
-        context
+        Self { resources, options, origin: DVec3::ZERO, warnings, files: TextFiles::new(path) }
     }
 
-    /// Registers a file. Returns its number.
+    /// Registers an included file. Returns its index.
     pub(super) fn add_file(&mut self, name: impl Into<String>, path: impl Into<PathBuf>) -> u32 {
-        self.files.push((name.into(), path.into()));
-        self.files.len() as u32 - 1
+        self.files.add(name, path)
     }
 
     /// Returns the path of a file.
     pub(super) fn path(&self, file: u32) -> &Path {
-        &self.files[file as usize].1
+        self.files.path(file)
     }
 
     /// Formats a location: file, line and column.
-    pub(super) fn place(&self, at: PbrtPlace) -> String {
-        format!("{}:{}:{}", shortened(&self.files[at.file as usize].0), at.line, at.column)
+    pub(super) fn place(&self, at: TextPlace) -> String {
+        self.files.show(at)
+    }
+
+    /// Books memory for something at a location.
+    pub(super) fn take(&self, at: TextPlace, bytes: usize) -> ImportResult<()> {
+        Ok(self.resources.budget().take(self.path(at.file), &self.place(at), bytes)?)
     }
 
     /// Warns about something unusual or slightly different.
-    pub(super) fn warn(&mut self, at: PbrtPlace, message: impl Into<String>) {
+    pub(super) fn warn(&mut self, at: TextPlace, message: impl Into<String>) {
         let place = self.place(at);
         self.warnings.add(place, message);
     }
 
     /// Reports an unsupported feature.
-    pub(super) fn unsupported(&mut self, at: PbrtPlace, message: impl Into<String>) {
+    pub(super) fn unsupported(&mut self, at: TextPlace, message: impl Into<String>) {
         let place = self.place(at);
         self.warnings.unsupported(place, message);
     }
@@ -106,15 +83,7 @@ impl<'a> Context<'a> {
     }
 
     /// Converts to the error for the user.
-    pub(super) fn error(&self, stop: Stop) -> SceneError {
-        match stop {
-            Stop::Scene(error) => *error,
-            Stop::Fault(PbrtFault { at, problem }) => SceneError::Text {
-                path: self.path(at.file).into(),
-                line: at.line as usize,
-                column: at.column as usize,
-                problem,
-            },
-        }
+    pub(super) fn error(&self, error: ImportError) -> SceneError {
+        self.files.error(error)
     }
 }

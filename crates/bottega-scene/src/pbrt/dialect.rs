@@ -1,7 +1,8 @@
 //! Detection of pbrt-v3 files.
 
 use super::params::UPGRADE;
-use super::token::{PbrtFault, PbrtPlace, Token};
+use super::token::Token;
+use crate::import::text_place::{TextFault, TextPlace};
 
 /// Directives and types that exist only in pbrt-v3 or earlier.
 const OLD: &[(&str, &[&str])] = &[
@@ -34,13 +35,13 @@ const OLD_MATERIALS: &[&str] = &[
 ];
 
 /// Returns an error for a directive or type of pbrt-v3.
-pub(super) fn check(directive: &str, kind: &str, at: PbrtPlace) -> Result<(), PbrtFault> {
+pub(super) fn check(directive: &str, kind: &str, at: TextPlace) -> Result<(), TextFault> {
     let is_old = OLD.iter().any(|(old, kinds)| *old == directive && kinds.contains(&kind));
     if is_old { Err(old_version(at, directive, kind)) } else { Ok(()) }
 }
 
 /// Makes the error for a pbrt-v3 file.
-fn old_version(at: PbrtPlace, what: &str, name: &str) -> PbrtFault {
+fn old_version(at: TextPlace, what: &str, name: &str) -> TextFault {
     at.fault(format!("{what} \"{name}\" is of pbrt-v3, and pbrt-v4 differs in much; {UPGRADE}"))
 }
 

@@ -4,16 +4,19 @@ use std::f64::consts::PI;
 
 use glam::{DMat3, DVec3};
 
-use super::color_space::LUMINANCE;
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::film::Exposure;
 use super::params::Params;
 use super::place::axes;
 use super::texture::PbrtTextures;
-use super::token::PbrtPlace;
 use super::world::Entity;
-use crate::image::PictureKind;
-use crate::{COORDINATE_MAX, Environment, EnvironmentMapping, Image, ImageId, Portal, Scene, Spectrum};
+use crate::color::{LUMINANCE, Spectrum};
+use crate::image::Image;
+use crate::image::pictures::PictureKind;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::light::{Environment, EnvironmentMapping, Portal};
+use crate::model::{COORDINATE_MAX, Scene};
+use crate::texture::ImageId;
 
 /// The infinite lights of a scene.
 #[derive(Default)]
@@ -34,7 +37,7 @@ struct Sky {
     /// With a picture: requested illuminance of a surface that faces +z of the light's space, before the exposure.
     illuminance: Option<f64>,
     world_from_light: DMat3,
-    at: PbrtPlace,
+    at: TextPlace,
 }
 
 impl InfiniteLights {
@@ -49,7 +52,7 @@ impl InfiniteLights {
         color: Option<Spectrum>,
         scale: f64,
         exposure: Exposure,
-    ) -> PbrtResult<()> {
+    ) -> ImportResult<()> {
         let (params, at) = (&entity.params, entity.at);
         let portal = portal(params, context.origin)?;
         let sky = sky(context, textures, entity, color, scale, exposure)?;
@@ -73,7 +76,7 @@ impl InfiniteLights {
     }
 
     /// Returns the environment, once the scene's pictures are loaded.
-    pub(super) fn finish(self, context: &mut Context<'_>, scene: &mut Scene) -> PbrtResult<Option<Environment>> {
+    pub(super) fn finish(self, context: &mut Context<'_>, scene: &mut Scene) -> ImportResult<Option<Environment>> {
         let open = match self.picture {
             None if self.constant == Spectrum::ZERO => None,
             None => Some(Environment::uniform(self.constant)),
@@ -96,7 +99,7 @@ fn sky(
     color: Option<Spectrum>,
     scale: f64,
     exposure: Exposure,
-) -> PbrtResult<Sky> {
+) -> ImportResult<Sky> {
     let (params, at) = (&entity.params, entity.at);
     let illuminance = params.float("illuminance")?.filter(|illuminance| *illuminance > 0.0);
     let Some(file) = params.text("filename")? else {
@@ -120,7 +123,7 @@ fn sky(
 /// product of the edges to the fourth and the second corner.
 ///
 /// - `origin`: offset subtracted from all positions.
-fn portal(params: &Params, origin: DVec3) -> PbrtResult<Option<Portal>> {
+fn portal(params: &Params, origin: DVec3) -> ImportResult<Option<Portal>> {
     let Some(points) = params.points3("portal", "point3")? else { return Ok(None) };
     let fault = |problem: &str| params.place_of("portal").fault(problem.to_owned());
     let &[p0, p1, p2, p3] = points.as_slice() else { return Err(fault("a portal has four corners").into()) };
@@ -146,7 +149,12 @@ impl Sky {
             == (other.image, other.factor, other.illuminance, other.world_from_light)
     }
 
-    fn environment(self, context: &mut Context<'_>, scene: &mut Scene, constant: Spectrum) -> PbrtResult<Environment> {
+    fn environment(
+        self,
+        context: &mut Context<'_>,
+        scene: &mut Scene,
+        constant: Spectrum,
+    ) -> ImportResult<Environment> {
         let Some(mut id) = self.image else { return Ok(Environment::uniform(self.factor)) };
         let image = &scene.images[id.0 as usize];
         let (width, height) = image.size();

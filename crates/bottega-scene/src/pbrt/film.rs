@@ -2,13 +2,15 @@
 
 use glam::{DMat3, DVec3};
 
-use super::color_space::{ColorSpace, white_balance};
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::needless::Directive;
-use super::token::PbrtPlace;
 use super::world::{Entity, PbrtWorld};
+use crate::color::Spectrum;
+use crate::hints::{FilmFilter, RenderHints};
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::integrator::{Follows, IntegratorHint, PhotonHints};
+use crate::spectrum::color_space::{ColorSpace, white_balance};
 use crate::text::shortened;
-use crate::{FilmFilter, Follows, IntegratorHint, PhotonHints, RenderHints, Spectrum};
 
 /// The resolution without a film.
 const RESOLUTION: [i64; 2] = [1280, 720];
@@ -31,7 +33,7 @@ impl Exposure {
 
 impl PbrtWorld {
     /// Returns the render settings of the file.
-    pub(super) fn hints(&self, context: &mut Context<'_>) -> PbrtResult<RenderHints> {
+    pub(super) fn hints(&self, context: &mut Context<'_>) -> ImportResult<RenderHints> {
         let (resolution, crop) = self.film_size(context)?;
         Ok(RenderHints {
             resolution: Some(resolution),
@@ -53,7 +55,7 @@ impl PbrtWorld {
     }
 
     /// Returns columns and rows, and the crop window.
-    fn film_size(&self, context: &mut Context<'_>) -> PbrtResult<([u32; 2], Option<[u32; 4]>)> {
+    fn film_size(&self, context: &mut Context<'_>) -> ImportResult<([u32; 2], Option<[u32; 4]>)> {
         let plain = Entity::plain("rgb");
         let film = self.film.as_ref().unwrap_or(&plain);
         let params = &film.params;
@@ -101,12 +103,12 @@ impl PbrtWorld {
         match film.kind.as_str() {
             "rgb" => {}
             "gbuffer" => {
-                params.mark_told(&["coordinatesystem"]);
+                params.mark_reported(&["coordinatesystem"]);
                 let message = "the film \"gbuffer\" is written without its layers: `--layers` asks for some of them";
                 context.unsupported(film.at, message);
             }
             "spectral" => {
-                params.mark_told(&["nbuckets", "lambdamin", "lambdamax"]);
+                params.mark_reported(&["nbuckets", "lambdamin", "lambdamax"]);
                 context.unsupported(film.at, "the film \"spectral\" is an RGB film: its buckets are left out");
             }
             kind => context
@@ -119,14 +121,14 @@ impl PbrtWorld {
     }
 
     /// Returns the maximal value of a channel of a sample.
-    fn sample_max(&self) -> PbrtResult<Option<f32>> {
+    fn sample_max(&self) -> ImportResult<Option<f32>> {
         let Some(film) = &self.film else { return Ok(None) };
         let Some(most) = film.params.float("maxcomponentvalue")? else { return Ok(None) };
         positive(most, film.params.place_of("maxcomponentvalue")).map(Some)
     }
 
     /// Returns the response of the sensor: exposure time, ISO number, white balance.
-    pub(super) fn exposure(&self, context: &mut Context<'_>) -> PbrtResult<Exposure> {
+    pub(super) fn exposure(&self, context: &mut Context<'_>) -> ImportResult<Exposure> {
         let plain = (Entity::plain("rgb"), Entity::plain("perspective"));
         let film = self.film.as_ref().unwrap_or(&plain.0);
         let camera = &self.camera.as_ref().unwrap_or(&plain.1).params;
@@ -166,7 +168,7 @@ impl PbrtWorld {
         Ok(Exposure { matrix })
     }
 
-    fn samples(&self, context: &mut Context<'_>) -> PbrtResult<u32> {
+    fn samples(&self, context: &mut Context<'_>) -> ImportResult<u32> {
         let Some(sampler) = &self.sampler else { return Ok(16) };
         let params = &sampler.params;
         let samples = if sampler.kind == "stratified" {
@@ -182,7 +184,7 @@ impl PbrtWorld {
     }
 
     /// Returns the maximal depth. pbrt counts as we do: 0 is emission, 1 direct light.
-    fn max_depth(&self, context: &mut Context<'_>) -> PbrtResult<u32> {
+    fn max_depth(&self, context: &mut Context<'_>) -> ImportResult<u32> {
         let plain = Entity::plain("volpath");
         let integrator = self.integrator.as_ref().unwrap_or(&plain);
         let params = &integrator.params;
@@ -213,7 +215,7 @@ impl PbrtWorld {
             }
         }
         if integrator.kind == "ao" {
-            params.mark_told(&["cossample", "maxdistance"]);
+            params.mark_reported(&["cossample", "maxdistance"]);
         }
         if integrator.kind == "sppm" {
             // Mark as read: the integrator hint uses them.
@@ -230,7 +232,7 @@ impl PbrtWorld {
         context: &Context<'_>,
         resolution: [u32; 2],
         crop: Option<[u32; 4]>,
-    ) -> PbrtResult<Option<IntegratorHint>> {
+    ) -> ImportResult<Option<IntegratorHint>> {
         let Some(integrator) = &self.integrator else { return Ok(None) };
         let Some(mut follows) = follows(&integrator.kind) else { return Ok(None) };
         if let Follows::Photons(hints) = &mut follows {
@@ -249,7 +251,7 @@ impl PbrtWorld {
         Ok(Some(IntegratorHint { name: integrator.kind.clone(), place, follows }))
     }
 
-    fn pixel_filter(&self, context: &mut Context<'_>) -> PbrtResult<FilmFilter> {
+    fn pixel_filter(&self, context: &mut Context<'_>) -> ImportResult<FilmFilter> {
         let plain = Entity::plain("gaussian");
         let filter = self.filter.as_ref().unwrap_or(&plain);
         let params = &filter.params;
@@ -286,7 +288,7 @@ impl PbrtWorld {
             }
             kind => {
                 if kind == "sinc" {
-                    params.mark_told(&["tau"]);
+                    params.mark_reported(&["tau"]);
                 }
                 let message =
                     format!("the filter \"{}\" is replaced by that of Mitchell and Netravali", shortened(kind));
@@ -319,7 +321,7 @@ fn follows(kind: &str) -> Option<Follows> {
 }
 
 /// Converts to a normal positive single-precision number.
-fn positive(number: f64, at: PbrtPlace) -> PbrtResult<f32> {
+fn positive(number: f64, at: TextPlace) -> ImportResult<f32> {
     let rounded = number as f32;
     if rounded.is_normal() && rounded > 0.0 { Ok(rounded) } else { Err(at.fault("it must be above 0").into()) }
 }

@@ -2,17 +2,20 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::color_space::Meaning;
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::film::Exposure;
 use super::params::{Params, Values};
-use super::token::{PbrtFault, PbrtPlace};
 use super::transform::rounded;
 use super::world::Entity;
-use crate::{Blend, Density, Grid, Spectrum, VALUE_MAX, Variation};
+use crate::color::Spectrum;
+use crate::grid::{Blend, Grid};
+use crate::import::text_place::{ImportResult, TextFault, TextPlace};
+use crate::medium::{Density, Variation};
+use crate::spectrum::role::ColorRole;
+use crate::values::VALUE_MAX;
 
 /// Reads a `uniformgrid`: densities that multiply both coefficients.
-pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> PbrtResult<Variation> {
+pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> ImportResult<Variation> {
     let (params, at) = (&entity.params, entity.at);
     let size = size(params, at)?;
     let Some(density) = params.floats("density") else {
@@ -27,17 +30,17 @@ pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> PbrtResult<
         _ => None,
     };
     if params.floats("temperature").is_some() {
-        params.mark_told(&["temperatureoffset", "temperaturescale", "temperaturecutoff"]);
+        params.mark_reported(&["temperatureoffset", "temperaturescale", "temperaturecutoff"]);
         context.unsupported(params.place_of("temperature"), "the medium does not glow: its `temperature` is left out");
     }
     Ok(Variation { density, emission, grid_from_world: place(params, entity)? })
 }
 
 /// Reads an `rgbgrid`: the coefficients themselves.
-pub(super) fn colored(entity: &Entity, exposure: Exposure) -> PbrtResult<Variation> {
+pub(super) fn colored(entity: &Entity, exposure: Exposure) -> ImportResult<Variation> {
     let (params, at) = (&entity.params, entity.at);
     let size = size(params, at)?;
-    let colors = |name: &str, meaning: Meaning, apply: &dyn Fn(Spectrum) -> Spectrum| {
+    let colors = |name: &str, role: ColorRole, apply: &dyn Fn(Spectrum) -> Spectrum| {
         let Some(param) = params.find(name, &["rgb"]) else { return Ok(None) };
         let Values::Numbers(numbers) = &param.values else { return Ok(None) };
         let space = params.color_space_of(param);
@@ -45,15 +48,15 @@ pub(super) fn colored(entity: &Entity, exposure: Exposure) -> PbrtResult<Variati
         if !rest.is_empty() {
             return Err(param.at.fault(format!("`{name}` has {} numbers, which is no multiple of 3", numbers.len())));
         }
-        let rgb = |&[r, g, b]: &[f64; 3]| apply(space.to_rec709(DVec3::new(r, g, b), meaning)).to_array();
+        let rgb = |&[r, g, b]: &[f64; 3]| apply(space.to_rec709(DVec3::new(r, g, b), role)).to_array();
         grid(size, colors.iter().flat_map(rgb).collect(), Blend::LinearFading, param.at).map(Some)
     };
-    let coefficient = |name: &str| colors(name, Meaning::Unbounded, &|color| color);
+    let coefficient = |name: &str| colors(name, ColorRole::Unbounded, &|color| color);
     let (absorption, scattering) = (coefficient("sigma_a")?, coefficient("sigma_s")?);
     if absorption.is_none() && scattering.is_none() {
         return Err(at.fault("`rgbgrid` needs \"rgb sigma_a\" or \"rgb sigma_s\"").into());
     }
-    let emission = colors("Le", Meaning::Light, &|color| exposure.apply(color))?;
+    let emission = colors("Le", ColorRole::Emission, &|color| exposure.apply(color))?;
     // A missing grid is 1 everywhere.
     let [absorption, scattering] = [absorption, scattering].map(|grid| grid.unwrap_or_else(Grid::one));
     let density = Density::Each { absorption, scattering };
@@ -61,7 +64,7 @@ pub(super) fn colored(entity: &Entity, exposure: Exposure) -> PbrtResult<Variati
 }
 
 /// Returns the number of cells along x, y and z.
-fn size(params: &Params, at: PbrtPlace) -> Result<[u32; 3], PbrtFault> {
+fn size(params: &Params, at: TextPlace) -> Result<[u32; 3], TextFault> {
     let mut size = [1; 3];
     for (side, name) in size.iter_mut().zip(["nx", "ny", "nz"]) {
         let given = params.integer(name)?.unwrap_or(1);
@@ -71,7 +74,7 @@ fn size(params: &Params, at: PbrtPlace) -> Result<[u32; 3], PbrtFault> {
     Ok(size)
 }
 
-fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: PbrtPlace) -> Result<Grid, PbrtFault> {
+fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: TextPlace) -> Result<Grid, TextFault> {
     if let Some(index) = values.iter().position(|value| value.is_nan() || value.abs() > VALUE_MAX) {
         return Err(at.fault(format!("value {index} of the grid is no finite number up to {VALUE_MAX:e}")));
     }
@@ -79,7 +82,7 @@ fn grid(size: [u32; 3], values: Vec<f32>, blend: Blend, at: PbrtPlace) -> Result
 }
 
 /// Returns the transformation from world space to the unit cube.
-fn place(params: &Params, entity: &Entity) -> PbrtResult<glam::Affine3A> {
+fn place(params: &Params, entity: &Entity) -> ImportResult<glam::Affine3A> {
     let low = params.point3("p0", "point3")?.unwrap_or(DVec3::ZERO);
     let high = params.point3("p1", "point3")?.unwrap_or(DVec3::ONE);
     let world_from_grid = entity.ctm * DAffine3::from_translation(low) * DAffine3::from_scale(high - low);

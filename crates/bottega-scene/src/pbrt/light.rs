@@ -7,18 +7,24 @@ use std::f64::consts::PI;
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3, Vec3A};
 
-use super::color_space::{LUMINANCE, Meaning};
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::environment::InfiniteLights;
 use super::film::Exposure;
 use super::needless::Directive;
 use super::place::axes;
 use super::texture::PbrtTextures;
-use super::token::PbrtPlace;
 use super::world::{Entity, PbrtWorld};
-use crate::image::PictureKind;
+use crate::color::{LUMINANCE, Spectrum};
+use crate::image::Image;
+use crate::image::pictures::PictureKind;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::light::{Light, LightKind, SpotFalloff};
+use crate::material::Sides;
+use crate::model::Scene;
+use crate::param::ColorParam;
+use crate::spectrum::role::ColorRole;
 use crate::text::shortened;
-use crate::{ColorParam, Image, ImageId, Light, LightKind, Scene, Sides, Spectrum, SpotFalloff, TextureMap, Wrap};
+use crate::texture::{ImageId, TextureMap, Wrap};
 
 /// The lights of a scene, some of which need their pictures.
 #[derive(Default)]
@@ -27,7 +33,7 @@ pub(super) struct Lights {
     /// Index and power, in watts, of lights with pictures.
     powers: Vec<(usize, f64)>,
     /// Pictures of goniometric lights, and their locations in the file.
-    goniometric: Vec<(ImageId, PbrtPlace)>,
+    goniometric: Vec<(ImageId, TextPlace)>,
     environment: InfiniteLights,
 }
 
@@ -38,7 +44,7 @@ impl Lights {
         textures: &mut PbrtTextures<'_, '_>,
         world: &PbrtWorld,
         exposure: Exposure,
-    ) -> PbrtResult<Self> {
+    ) -> ImportResult<Self> {
         let mut lights = Self::default();
         for entity in &world.lights {
             lights.add(context, textures, entity, exposure)?;
@@ -53,14 +59,14 @@ impl Lights {
         textures: &mut PbrtTextures<'_, '_>,
         entity: &Entity,
         exposure: Exposure,
-    ) -> PbrtResult<()> {
+    ) -> ImportResult<()> {
         let (params, at) = (&entity.params, entity.at);
         let scale = params.float("scale")?.unwrap_or(1.0);
         if scale.is_nan() || scale < 0.0 {
             return Err(params.place_of("scale").fault("a light's scale is negative").into());
         }
         let name = if entity.kind == "distant" || entity.kind == "infinite" { "L" } else { "I" };
-        let color = context.color(params, name)?.map(|color| color.to_rec709(Meaning::Light));
+        let color = context.color(params, name)?.map(|color| color.to_rec709(ColorRole::Emission));
         if entity.kind == "infinite" {
             return self.environment.add(context, textures, entity, color, scale, exposure);
         }
@@ -104,7 +110,7 @@ impl Lights {
         textures: &mut PbrtTextures<'_, '_>,
         entity: &Entity,
         strength: Strength,
-    ) -> PbrtResult<LightKind> {
+    ) -> ImportResult<LightKind> {
         let params = &entity.params;
         let Some(file) = params.text("filename")? else {
             context.warn(entity.at, "a goniometric light without `filename` shines equally in all directions");
@@ -125,7 +131,7 @@ impl Lights {
         textures: &mut PbrtTextures<'_, '_>,
         entity: &Entity,
         strength: Strength,
-    ) -> PbrtResult<LightKind> {
+    ) -> ImportResult<LightKind> {
         let (params, at) = (&entity.params, entity.at);
         let file = params.text("filename")?.ok_or_else(|| at.fault("`projection` needs a `filename`"))?;
         let fov = params.float("fov")?.unwrap_or(90.0);
@@ -153,14 +159,14 @@ impl Lights {
         context: &mut Context<'_>,
         entity: &Entity,
         strength: Strength,
-    ) -> PbrtResult<(DMat3, Vec3)> {
+    ) -> ImportResult<(DMat3, Vec3)> {
         self.powers.extend(strength.power.map(|power| (self.list.len(), power)));
         let axes = axes(context, &entity.ctm, entity.at)?;
         Ok((axes, position(&entity.ctm, DVec3::ZERO, entity.at)?))
     }
 
     /// Adds the lights to a scene, once its pictures are loaded.
-    pub(super) fn finish(mut self, context: &mut Context<'_>, scene: &mut Scene) -> PbrtResult<()> {
+    pub(super) fn finish(mut self, context: &mut Context<'_>, scene: &mut Scene) -> ImportResult<()> {
         for (image, at) in self.goniometric {
             let (width, height) = scene.images[image.0 as usize].size();
             if width != height {
@@ -222,7 +228,7 @@ fn point(strength: Strength, position: Vec3) -> LightKind {
     LightKind::Point { position, intensity: strength.intensity(4.0 * PI) }
 }
 
-fn spot(entity: &Entity, strength: Strength, from: DVec3, to: DVec3) -> PbrtResult<LightKind> {
+fn spot(entity: &Entity, strength: Strength, from: DVec3, to: DVec3) -> ImportResult<LightKind> {
     let (params, at) = (&entity.params, entity.at);
     let outer = params.float("coneangle")?.unwrap_or(30.0);
     let delta = params.float("conedeltaangle")?.unwrap_or(5.0);
@@ -267,7 +273,7 @@ pub(super) fn emission(
     exposure: Exposure,
     area: f64,
     primitive_count: usize,
-) -> PbrtResult<Emission> {
+) -> ImportResult<Emission> {
     let (params, at) = (&entity.params, entity.at);
     if entity.kind != "diffuse" {
         let message = format!("the area light \"{}\" is taken for a diffuse one", shortened(&entity.kind));
@@ -275,7 +281,7 @@ pub(super) fn emission(
     }
     let mut scale = params.float("scale")?.unwrap_or(1.0);
     let two_sided = params.bool("twosided")?.unwrap_or(false);
-    let color = context.color(params, "L")?.map(|color| color.to_rec709(Meaning::Light));
+    let color = context.color(params, "L")?.map(|color| color.to_rec709(ColorRole::Emission));
     let texture = match params.text("filename")? {
         Some(file) => {
             if color.is_some() {
@@ -307,12 +313,12 @@ pub(super) fn mean_luminance(image: &Image) -> f64 {
     image.mean().truncate().as_dvec3().dot(LUMINANCE)
 }
 
-fn position(ctm: &DAffine3, point: DVec3, at: PbrtPlace) -> PbrtResult<Vec3> {
+fn position(ctm: &DAffine3, point: DVec3, at: TextPlace) -> ImportResult<Vec3> {
     let position = ctm.transform_point3(point).as_vec3();
     if position.is_finite() { Ok(position) } else { Err(at.fault("the light is out of reach").into()) }
 }
 
-fn direction(ctm: &DAffine3, vector: DVec3, at: PbrtPlace) -> PbrtResult<Vec3> {
+fn direction(ctm: &DAffine3, vector: DVec3, at: TextPlace) -> ImportResult<Vec3> {
     let direction = ctm.transform_vector3(vector).try_normalize();
     direction
         .map(|direction| direction.as_vec3().normalize())

@@ -2,11 +2,12 @@
 
 use glam::{Affine2, Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::params::Params;
 use super::world::Entity;
+use crate::import::text_place::ImportResult;
 use crate::text::shortened;
-use crate::{Mapping, MappingKind, SURFACE_UV_SETS};
+use crate::texture::{Mapping, MappingKind, SURFACE_UV_SETS};
 
 /// The mapping of a texture: a coordinate set and its transformation (v downwards).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,7 +30,7 @@ pub(super) fn within_frame((width, height): (u32, u32)) -> Affine2 {
 
 impl Mappings {
     /// Returns the mapping of a texture.
-    pub(super) fn laid(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<PlacedMapping> {
+    pub(super) fn of_texture(&mut self, context: &mut Context<'_>, texture: &Entity) -> ImportResult<PlacedMapping> {
         let params = &texture.params;
         let space = match params.text("mapping")?.unwrap_or("uv") {
             "uv" => return on_surface(params),
@@ -37,7 +38,7 @@ impl Mappings {
             "spherical" => MappingKind::Spherical,
             "cylindrical" => MappingKind::Cylindrical,
             kind => {
-                params.mark_told(&["v1", "v2"]);
+                params.mark_reported(&["v1", "v2"]);
                 let message =
                     format!("the mapping \"{}\" is replaced by the surface's own coordinates", shortened(kind));
                 context.unsupported(params.place_of("mapping"), message);
@@ -48,7 +49,7 @@ impl Mappings {
     }
 
     /// Returns the mapping of 3D cells, which depends only on the current transformation.
-    pub(super) fn cells(&mut self, context: &mut Context<'_>, texture: &Entity) -> PbrtResult<PlacedMapping> {
+    pub(super) fn cells(&mut self, context: &mut Context<'_>, texture: &Entity) -> ImportResult<PlacedMapping> {
         self.in_space(context, texture, MappingKind::Cells)
     }
 
@@ -57,7 +58,7 @@ impl Mappings {
         context: &mut Context<'_>,
         texture: &Entity,
         space: MappingKind,
-    ) -> PbrtResult<PlacedMapping> {
+    ) -> ImportResult<PlacedMapping> {
         let params = &texture.params;
         let texture_from_world = texture.ctm.inverse();
         let place = params.place_of("mapping");
@@ -110,7 +111,7 @@ impl Mappings {
     }
 }
 
-fn on_surface(params: &Params) -> PbrtResult<PlacedMapping> {
+fn on_surface(params: &Params) -> ImportResult<PlacedMapping> {
     let scale = |name| params.float(name).map(|scale| scale.unwrap_or(1.0));
     let delta = |name| params.float(name).map(|delta| delta.unwrap_or(0.0));
     let (scale_u, scale_v, delta_u, delta_v) = (scale("uscale")?, scale("vscale")?, delta("udelta")?, delta("vdelta")?);
@@ -131,7 +132,7 @@ fn on_surface(params: &Params) -> PbrtResult<PlacedMapping> {
 }
 
 /// Returns the transformation to the space with x = s and y = t, and the offset of u and v.
-fn planar(params: &Params, texture_from_world: DAffine3) -> PbrtResult<(DAffine3, Vec2)> {
+fn planar(params: &Params, texture_from_world: DAffine3) -> ImportResult<(DAffine3, Vec2)> {
     let along_s = params.point3("v1", "vector3")?.unwrap_or(DVec3::X);
     let along_t = params.point3("v2", "vector3")?.unwrap_or(DVec3::Y);
     let (delta_s, delta_t) = (params.float("udelta")?.unwrap_or(0.0), params.float("vdelta")?.unwrap_or(0.0));

@@ -5,20 +5,24 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::color::Color;
-use super::color_space::Meaning;
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::medium::preset_coefficients;
 use super::needless::Directive;
 use super::params::Params;
 use super::texture::PbrtTextures;
 use super::world::{Entity, MaterialRef, PbrtWorld};
-use crate::image::PictureKind;
-use crate::spectrum::Sampled;
-use crate::text::shortened;
-use crate::{
-    Coated, CoatedBase, ColorParam, Conductor, Dielectric, Diffuse, Distribution, Facets, Relief, RoughnessScale,
-    ScalarParam, Shadowing, Spectrum, Surface,
+use crate::color::Spectrum;
+use crate::image::pictures::PictureKind;
+use crate::import::text_place::ImportResult;
+use crate::material::Relief;
+use crate::param::{ColorParam, ScalarParam};
+use crate::spectrum::named::metal_spectra;
+use crate::spectrum::role::ColorRole;
+use crate::spectrum::sampled::Sampled;
+use crate::surface::{
+    Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, RoughnessScale, Shadowing, Surface,
 };
+use crate::text::shortened;
 
 /// Maximal nesting of mixtures.
 const MIX_DEPTH_MAX: usize = 16;
@@ -44,7 +48,7 @@ impl<'w> Materials<'w> {
     }
 
     /// Returns the index of a material.
-    pub(super) fn find(&self, material: &MaterialRef) -> PbrtResult<usize> {
+    pub(super) fn find(&self, material: &MaterialRef) -> ImportResult<usize> {
         match material {
             MaterialRef::Index(index) => Ok(*index),
             MaterialRef::Named(name, at) => self
@@ -62,7 +66,7 @@ impl<'w> Materials<'w> {
         context: &mut Context<'_>,
         textures: &mut PbrtTextures<'_, '_>,
         index: usize,
-    ) -> PbrtResult<MaterialLook> {
+    ) -> ImportResult<MaterialLook> {
         self.look_within(context, textures, index, &mut Vec::new())
     }
 
@@ -72,7 +76,7 @@ impl<'w> Materials<'w> {
         textures: &mut PbrtTextures<'_, '_>,
         index: usize,
         outer: &mut Vec<usize>,
-    ) -> PbrtResult<MaterialLook> {
+    ) -> ImportResult<MaterialLook> {
         if let Some(look) = self.looks.get(&index) {
             return Ok(look.clone());
         }
@@ -116,7 +120,7 @@ impl<'w> Materials<'w> {
         textures: &mut PbrtTextures<'_, '_>,
         entity: &Entity,
         outer: &mut Vec<usize>,
-    ) -> PbrtResult<Surface> {
+    ) -> ImportResult<Surface> {
         let params = &entity.params;
         let Some(([first, second], at)) =
             params.texts("materials").and_then(|(names, at)| Some((names.as_array::<2>()?, at)))
@@ -138,11 +142,11 @@ impl<'w> Materials<'w> {
     }
 }
 
-fn convert(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
+fn convert(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entity: &Entity) -> ImportResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     let color = |context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, name: &str, default: f32| {
-        let color = textures.color(context, params, name, Meaning::Reflectance)?;
-        Ok::<_, super::context::Stop>(color.unwrap_or(Spectrum::splat(default).into()))
+        let color = textures.color(context, params, name, ColorRole::Reflectance)?;
+        Ok::<_, crate::import::text_place::ImportError>(color.unwrap_or(Spectrum::splat(default).into()))
     };
     Ok(match entity.kind.as_str() {
         "interface" | "none" | "" => Surface::Null,
@@ -190,7 +194,7 @@ fn convert(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entit
         "subsurface" => subsurface(context, textures, entity)?,
         "hair" => hair(context, textures, entity)?,
         "measured" => {
-            params.mark_told(&["filename"]);
+            params.mark_reported(&["filename"]);
             context.unsupported(at, "the measured material is replaced by a gray matte one");
             Surface::matte(Spectrum::splat(0.5))
         }
@@ -212,7 +216,7 @@ fn facets(
     textures: &mut PbrtTextures<'_, '_>,
     params: &Params,
     prefix: &str,
-) -> PbrtResult<Facets> {
+) -> ImportResult<Facets> {
     let both = textures.scalar(context, params, &format!("{prefix}roughness"))?;
     let mut roughness: [ScalarParam; 2] = [0.0.into(), 0.0.into()];
     for (roughness, name) in roughness.iter_mut().zip(["uroughness", "vroughness"]) {
@@ -230,7 +234,7 @@ fn facets(
 }
 
 /// Reads an index of refraction: a number, or a spectrum of which the value at yellow is used.
-fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, default: f64) -> PbrtResult<f32> {
+fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, default: f64) -> ImportResult<f32> {
     let eta = match context.color(params, name)? {
         Some(Color::Samples(samples)) => {
             if samples != Sampled::constant(samples.at(587.6)) {
@@ -238,7 +242,7 @@ fn index_of_refraction(context: &mut Context<'_>, params: &Params, name: &str, d
             }
             samples.at(587.6)
         }
-        Some(color) => f64::from(color.to_rec709(Meaning::Unbounded).y),
+        Some(color) => f64::from(color.to_rec709(ColorRole::Unbounded).y),
         None => match params.texture(name)? {
             Some((_, at)) => {
                 context.unsupported(at, format!("`{name}` is the same everywhere: {default}"));
@@ -258,7 +262,7 @@ fn conductor(
     params: &Params,
     prefix: &str,
     facets: Facets,
-) -> PbrtResult<Conductor> {
+) -> ImportResult<Conductor> {
     let name = |name: &str| format!("{prefix}{name}");
     let reflectance = Spectrum::ONE.into();
     // A metal with η = 1 and this reflectance at normal incidence.
@@ -272,7 +276,7 @@ fn conductor(
     let given = |context: &mut Context<'_>, what: &str| context.color(params, &name(what));
     let has_texture = params.texture(&name("eta"))?.is_some() || params.texture(&name("k"))?.is_some();
     if has_texture {
-        let mut number = |what: &str| textures.color(context, params, &name(what), Meaning::Unbounded);
+        let mut number = |what: &str| textures.color(context, params, &name(what), ColorRole::Unbounded);
         let (eta, k) = (number("eta")?, number("k")?);
         let (copper_eta, copper_k) = metal_color(&copper().0, &copper().1);
         let or = |param: Option<ColorParam>, default: Spectrum| param.unwrap_or(default.into());
@@ -282,7 +286,7 @@ fn conductor(
     let k = given(context, "k")?.unwrap_or_else(|| Color::Samples(copper().1));
     let (eta, k) = match (&eta, &k) {
         (Color::Samples(eta), Color::Samples(k)) => metal_color(eta, k),
-        _ => (eta.to_rec709(Meaning::Unbounded), k.to_rec709(Meaning::Unbounded)),
+        _ => (eta.to_rec709(ColorRole::Unbounded), k.to_rec709(ColorRole::Unbounded)),
     };
     Ok(Conductor { eta: eta.into(), k: k.into(), reflectance, facets })
 }
@@ -290,7 +294,7 @@ fn conductor(
 /// Returns copper, the default metal.
 fn copper() -> (Sampled, Sampled) {
     let nothing = || (Sampled::constant(1.0), Sampled::constant(1.0));
-    crate::spectrum::metal_spectra("Cu").unwrap_or_else(nothing)
+    metal_spectra("Cu").unwrap_or_else(nothing)
 }
 
 /// Converts a metal to three colours: η as an observer sees it, and k such that the reflection at normal incidence has
@@ -315,7 +319,7 @@ fn coated(
     eta: f32,
     facets: Facets,
     base: CoatedBase,
-) -> PbrtResult<Surface> {
+) -> ImportResult<Surface> {
     let mut g = textures.scalar(context, params, "g")?.unwrap_or(0.0.into());
     if !(0.0..1.0).contains(&g.factor) {
         context.unsupported(params.place_of("g"), "the coat scatters evenly: its g is not in [0, 1)");
@@ -329,7 +333,7 @@ fn coated(
         eta,
         facets,
         thickness: textures.scalar(context, params, "thickness")?.unwrap_or(0.01.into()),
-        albedo: textures.color(context, params, "albedo", Meaning::Reflectance)?.unwrap_or_default(),
+        albedo: textures.color(context, params, "albedo", ColorRole::Reflectance)?.unwrap_or_default(),
         g,
         max_depth: u32::try_from(depth).unwrap_or(0),
         base,
@@ -337,7 +341,11 @@ fn coated(
 }
 
 /// Approximates a subsurface material by a coat over its diffuse reflectance.
-fn subsurface(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
+fn subsurface(
+    context: &mut Context<'_>,
+    textures: &mut PbrtTextures<'_, '_>,
+    entity: &Entity,
+) -> ImportResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     context.unsupported(at, "light leaves the subsurface material where it enters: a coated matte one stands for it");
     let mut sigma = preset_coefficients("Wholemilk").unwrap_or([DVec3::ONE; 2]);
@@ -347,13 +355,13 @@ fn subsurface(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, en
     }
     for (sigma, name) in sigma.iter_mut().zip(["sigma_a", "sigma_s"]) {
         if let Some(color) = context.color(params, name)? {
-            *sigma = color.to_rec709(Meaning::Unbounded).as_dvec3();
+            *sigma = color.to_rec709(ColorRole::Unbounded).as_dvec3();
         } else if params.texture(name)?.is_some() {
             *sigma = DVec3::ONE;
         }
     }
-    params.mark_told(&["mfp", "scale", "g"]);
-    let reflectance = match textures.color(context, params, "reflectance", Meaning::Reflectance)? {
+    params.mark_reported(&["mfp", "scale", "g"]);
+    let reflectance = match textures.color(context, params, "reflectance", ColorRole::Reflectance)? {
         Some(color) => color,
         None => {
             // Diffuse reflectance of a half space without boundary (Jensen et al. 2001, equation 4 integrated, with A =
@@ -370,17 +378,17 @@ fn subsurface(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, en
 }
 
 /// Approximates hair by a coat over its colour.
-fn hair(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entity: &Entity) -> PbrtResult<Surface> {
+fn hair(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entity: &Entity) -> ImportResult<Surface> {
     let (params, at) = (&entity.params, entity.at);
     context.unsupported(at, "hair scatters as a coated matte surface of its colour does");
     let beta_n = params.float("beta_n")?.unwrap_or(0.3);
     let beta_m = params.float("beta_m")?.unwrap_or(0.3);
-    params.mark_told(&["alpha"]);
+    params.mark_reported(&["alpha"]);
     let pigment = |name| params.float(name);
     let (eumelanin, pheomelanin) = (pigment("eumelanin")?, pigment("pheomelanin")?);
     let sigma_a = context.color(params, "sigma_a")?;
-    let mut sigma_a = sigma_a.map(|color| color.to_rec709(Meaning::Unbounded).as_dvec3());
-    let color = textures.color(context, params, "color", Meaning::Reflectance)?;
+    let mut sigma_a = sigma_a.map(|color| color.to_rec709(ColorRole::Unbounded).as_dvec3());
+    let color = textures.color(context, params, "color", ColorRole::Reflectance)?;
     if sigma_a.is_none() && color.is_none() {
         let is_given = eumelanin.is_some() || pheomelanin.is_some();
         let eumelanin = eumelanin.unwrap_or(if is_given { 0.0 } else { 1.3 });
@@ -409,7 +417,7 @@ mod tests {
     #[test]
     fn metals_reflect_the_colour_that_their_spectra_do() {
         for metal in ["Ag", "Au", "Cu", "Al"] {
-            let Some((eta, k)) = crate::spectrum::metal_spectra(metal) else { panic!("{metal}") };
+            let Some((eta, k)) = metal_spectra(metal) else { panic!("{metal}") };
             let (eta, k) = metal_color(&eta, &k);
             let r = ((eta - 1.0).powf(2.0) + k * k) / ((eta + 1.0).powf(2.0) + k * k);
             let expected = match metal {

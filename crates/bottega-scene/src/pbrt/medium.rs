@@ -5,15 +5,17 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::color_space::{ColorSpace, Meaning};
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::film::Exposure;
 use super::grid;
 use super::needless::Directive;
-use super::token::PbrtPlace;
 use super::world::{Entity, MediumInterface, PbrtWorld};
+use crate::color::Spectrum;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::medium::{Medium, MediumId};
+use crate::spectrum::color_space::ColorSpace;
+use crate::spectrum::role::ColorRole;
 use crate::text::shortened;
-use crate::{Medium, MediumId, Spectrum};
 
 /// The media in use, by name.
 pub(super) struct Media<'w> {
@@ -37,7 +39,7 @@ impl<'w> Media<'w> {
         &mut self,
         context: &mut Context<'_>,
         interface: &MediumInterface,
-    ) -> PbrtResult<[Option<MediumId>; 2]> {
+    ) -> ImportResult<[Option<MediumId>; 2]> {
         if interface.inside == interface.outside {
             return Ok([None, None]);
         }
@@ -50,8 +52,8 @@ impl<'w> Media<'w> {
         &mut self,
         context: &mut Context<'_>,
         name: Option<&str>,
-        at: PbrtPlace,
-    ) -> PbrtResult<Option<MediumId>> {
+        at: TextPlace,
+    ) -> ImportResult<Option<MediumId>> {
         let Some(name) = name else { return Ok(None) };
         if let Some(id) = self.id_of.get(name) {
             return Ok(*id);
@@ -71,7 +73,7 @@ impl<'w> Media<'w> {
     }
 }
 
-fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> PbrtResult<Option<Medium>> {
+fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> ImportResult<Option<Medium>> {
     let (params, at) = (&entity.params, entity.at);
     let is_colored = match entity.kind.as_str() {
         "homogeneous" | "uniformgrid" => false,
@@ -90,7 +92,7 @@ fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Pb
     if !is_colored {
         for (sigma, name) in sigma.iter_mut().zip(["sigma_a", "sigma_s"]) {
             if let Some(color) = context.color(params, name)? {
-                *sigma = color.to_rec709(Meaning::Unbounded).as_dvec3();
+                *sigma = color.to_rec709(ColorRole::Unbounded).as_dvec3();
             }
         }
     }
@@ -115,7 +117,7 @@ fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Pb
             emission = absorption * strength as f32;
         }
     } else if let Some(color) = context.color(params, "Le")? {
-        emission = absorption * exposure.apply(color.to_rec709(Meaning::Light) * strength as f32);
+        emission = absorption * exposure.apply(color.to_rec709(ColorRole::Emission) * strength as f32);
     }
     let variation = match entity.kind.as_str() {
         "uniformgrid" => Some(grid::uniform(context, entity)?),
@@ -138,7 +140,7 @@ pub(super) fn preset_coefficients(name: &str) -> Option<[DVec3; 2]> {
         if known == name {
             let numbers: Vec<f64> = numbers.split_whitespace().filter_map(|word| word.parse().ok()).collect();
             let &[s0, s1, s2, a0, a1, a2] = numbers.as_slice() else { return None };
-            let rgb = |r, g, b| ColorSpace::Srgb.to_rec709(DVec3::new(r, g, b), Meaning::Unbounded).as_dvec3();
+            let rgb = |r, g, b| ColorSpace::Srgb.to_rec709(DVec3::new(r, g, b), ColorRole::Unbounded).as_dvec3();
             return Some([rgb(a0, a1, a2), rgb(s0, s1, s2)]);
         }
     }

@@ -18,7 +18,6 @@ mod bake;
 mod build;
 mod camera;
 mod color;
-mod color_space;
 mod context;
 mod dialect;
 mod environment;
@@ -43,13 +42,14 @@ mod world;
 use std::path::Path;
 
 use build::SceneBuilder;
-use context::{Context, PbrtResult};
+use context::Context;
 use parser::Parser;
 
-use crate::error::Warnings;
+use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
-use crate::import::{ImportRequest, Imported};
-use crate::{Scene, SceneError};
+use crate::import::request::{ImportRequest, Imported};
+use crate::import::text_place::ImportResult;
+use crate::model::Scene;
 
 /// Recognizes a file by its extension.
 pub(crate) fn recognizes(path: &Path) -> bool {
@@ -66,7 +66,7 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
     Ok((scene, metadata, hints))
 }
 
-fn read(context: &mut Context<'_>, file: &[u8]) -> PbrtResult<(Scene, RenderHints)> {
+fn read(context: &mut Context<'_>, file: &[u8]) -> ImportResult<(Scene, RenderHints)> {
     let mut parser = Parser::new(context);
     parser.read_scene(file)?;
     let mut world = parser.world;

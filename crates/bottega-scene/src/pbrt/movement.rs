@@ -2,16 +2,16 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::context::PbrtResult;
 use super::params::number;
 use super::parser::{Parser, ended, text};
-use super::token::{PbrtFault, PbrtPlace, Token, Tokens};
+use super::token::{Token, Tokens};
 use super::transform::{from_columns, look_at};
+use crate::import::text_place::{ImportResult, TextFault, TextPlace};
 use crate::text::shortened;
 
 impl Parser<'_, '_> {
     /// Changes or stores the current transformation.
-    pub(super) fn transformation(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
+    pub(super) fn transformation(&mut self, word: &str, at: TextPlace, tokens: &mut Tokens<'_>) -> ImportResult<()> {
         match word {
             "Identity" => self.state.transform(|_| DAffine3::IDENTITY),
             "Translate" => {
@@ -75,13 +75,13 @@ impl Parser<'_, '_> {
 }
 
 /// Reads the numbers that follow a directive, with or without brackets.
-fn numbers<const N: usize>(tokens: &mut Tokens<'_>, at: PbrtPlace, word: &str) -> Result<[f64; N], PbrtFault> {
+fn numbers<const N: usize>(tokens: &mut Tokens<'_>, at: TextPlace, word: &str) -> Result<[f64; N], TextFault> {
     let mut numbers = [0.0; N];
     let has_brackets = matches!(tokens.peek()?, Some((Token::Open, _)));
     if has_brackets {
         tokens.next()?;
     }
-    let wrong = |at: PbrtPlace| at.fault(format!("{word} is followed by {N} numbers"));
+    let wrong = |at: TextPlace| at.fault(format!("{word} is followed by {N} numbers"));
     for value in &mut numbers {
         *value = match tokens.next()? {
             Some((Token::Word(word), at)) => number(&word).ok_or_else(|| wrong(at))?,

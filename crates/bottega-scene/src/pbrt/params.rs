@@ -5,8 +5,9 @@ use std::rc::Rc;
 
 use glam::{DVec2, DVec3};
 
-use super::color_space::ColorSpace;
-use super::token::{PbrtFault, PbrtPlace, Token, Tokens};
+use super::token::{Token, Tokens};
+use crate::import::text_place::{TextFault, TextPlace};
+use crate::spectrum::color_space::ColorSpace;
 use crate::text::shortened;
 
 /// The values of a parameter, all of one type.
@@ -25,7 +26,7 @@ pub(super) struct Param {
     pub(super) name: String,
     pub(super) values: Values,
     /// Location of the declaration.
-    pub(super) at: PbrtPlace,
+    pub(super) at: TextPlace,
     /// Colour space of its `rgb` values, if set by an attribute rather than by its list.
     color_space: Option<ColorSpace>,
     /// `true`: it was read.
@@ -38,7 +39,7 @@ pub(super) struct Param {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Params {
     /// Location of its directive.
-    pub(super) at: PbrtPlace,
+    pub(super) at: TextPlace,
     /// Parameters; later ones take precedence.
     list: Vec<Rc<Param>>,
     color_space: ColorSpace,
@@ -62,7 +63,7 @@ const KINDS: &[&str] = &[
 
 impl Params {
     /// Reads a list up to the next directive.
-    pub(super) fn read(tokens: &mut Tokens<'_>, at: PbrtPlace, color_space: ColorSpace) -> Result<Self, PbrtFault> {
+    pub(super) fn read(tokens: &mut Tokens<'_>, at: TextPlace, color_space: ColorSpace) -> Result<Self, TextFault> {
         let mut list = Vec::new();
         while let Some((Token::Text(_), _)) = tokens.peek()? {
             let Some((Token::Text(declaration), at)) = tokens.next()? else { break };
@@ -143,12 +144,12 @@ impl Params {
     }
 
     /// Returns the location of the parameter, or else of the list.
-    pub(super) fn place_of(&self, name: &str) -> PbrtPlace {
+    pub(super) fn place_of(&self, name: &str) -> TextPlace {
         self.list.iter().find(|param| param.name == name).map_or(self.at, |param| param.at)
     }
 
     /// Marks parameters as read that belong to a feature already reported as replaced or left out.
-    pub(super) fn mark_told(&self, names: &[&str]) {
+    pub(super) fn mark_reported(&self, names: &[&str]) {
         let ignored = self.list.iter().filter(|param| names.contains(&param.name.as_str()));
         ignored.for_each(|param| param.used.set(true));
     }
@@ -158,23 +159,23 @@ impl Params {
         self.list.iter().map(AsRef::as_ref).filter(|param| !param.used.get() && !param.may_be_unused)
     }
 
-    fn numbers(&self, name: &str, kind: &str) -> Option<(&[f64], PbrtPlace)> {
+    fn numbers(&self, name: &str, kind: &str) -> Option<(&[f64], TextPlace)> {
         let param = self.find(name, &[kind])?;
         if let Values::Numbers(numbers) = &param.values { Some((numbers, param.at)) } else { None }
     }
 
     /// Returns a single number.
-    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, PbrtFault> {
+    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, TextFault> {
         self.numbers(name, "float").map(|(numbers, at)| one(numbers, at, name)).transpose()
     }
 
     /// Returns a single integer.
-    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, PbrtFault> {
+    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, TextFault> {
         self.numbers(name, "integer").map(|(numbers, at)| one(numbers, at, name).map(|x| x as i64)).transpose()
     }
 
     /// Returns a single boolean.
-    pub(super) fn bool(&self, name: &str) -> Result<Option<bool>, PbrtFault> {
+    pub(super) fn bool(&self, name: &str) -> Result<Option<bool>, TextFault> {
         let Some(param) = self.find(name, &["bool"]) else { return Ok(None) };
         match &param.values {
             Values::Bools(bools) => one(bools, param.at, name).map(Some),
@@ -183,18 +184,18 @@ impl Params {
     }
 
     /// Returns a single text.
-    pub(super) fn text(&self, name: &str) -> Result<Option<&str>, PbrtFault> {
+    pub(super) fn text(&self, name: &str) -> Result<Option<&str>, TextFault> {
         self.texts(name).map(|(texts, at)| one_of(texts, at, name).map(String::as_str)).transpose()
     }
 
     /// Returns a list of texts.
-    pub(super) fn texts(&self, name: &str) -> Option<(&[String], PbrtPlace)> {
+    pub(super) fn texts(&self, name: &str) -> Option<(&[String], TextPlace)> {
         let param = self.find(name, &["string"])?;
         if let Values::Texts(texts) = &param.values { Some((texts, param.at)) } else { None }
     }
 
     /// Returns the name of a texture.
-    pub(super) fn texture(&self, name: &str) -> Result<Option<(&str, PbrtPlace)>, PbrtFault> {
+    pub(super) fn texture(&self, name: &str) -> Result<Option<(&str, TextPlace)>, TextFault> {
         let Some(param) = self.find(name, &["texture"]) else { return Ok(None) };
         match &param.values {
             Values::Texts(texts) => Ok(Some((one_of(texts, param.at, name)?, param.at))),
@@ -213,17 +214,17 @@ impl Params {
     }
 
     /// Returns a list of 2D points.
-    pub(super) fn points2(&self, name: &str) -> Result<Option<Vec<DVec2>>, PbrtFault> {
+    pub(super) fn points2(&self, name: &str) -> Result<Option<Vec<DVec2>>, TextFault> {
         self.tuples(name, "point2", |[x, y]| DVec2::new(x, y))
     }
 
     /// Returns a list of 3D points, or normals or vectors for `kind` `normal` or `vector3`.
-    pub(super) fn points3(&self, name: &str, kind: &str) -> Result<Option<Vec<DVec3>>, PbrtFault> {
+    pub(super) fn points3(&self, name: &str, kind: &str) -> Result<Option<Vec<DVec3>>, TextFault> {
         self.tuples(name, kind, |[x, y, z]| DVec3::new(x, y, z))
     }
 
     /// Returns a single point or vector.
-    pub(super) fn point3(&self, name: &str, kind: &str) -> Result<Option<DVec3>, PbrtFault> {
+    pub(super) fn point3(&self, name: &str, kind: &str) -> Result<Option<DVec3>, TextFault> {
         let Some(points) = self.points3(name, kind)? else { return Ok(None) };
         one(&points, self.place_of(name), name).map(Some)
     }
@@ -233,7 +234,7 @@ impl Params {
         name: &str,
         kind: &str,
         make: impl Fn([f64; N]) -> T,
-    ) -> Result<Option<Vec<T>>, PbrtFault> {
+    ) -> Result<Option<Vec<T>>, TextFault> {
         let Some((numbers, at)) = self.numbers(name, kind) else { return Ok(None) };
         let (tuples, rest) = numbers.as_chunks::<N>();
         if !rest.is_empty() {
@@ -246,18 +247,18 @@ impl Params {
 /// The remedy for a pbrt-v3 file.
 pub(super) const UPGRADE: &str = "convert the file with `pbrt --upgrade old.pbrt > new.pbrt`";
 
-fn one_of<'a, T>(values: &'a [T], at: PbrtPlace, name: &str) -> Result<&'a T, PbrtFault> {
+fn one_of<'a, T>(values: &'a [T], at: TextPlace, name: &str) -> Result<&'a T, TextFault> {
     match values {
         [value] => Ok(value),
         _ => Err(at.fault(format!("`{}` has {} values instead of one", shortened(name), values.len()))),
     }
 }
 
-fn one<T: Copy>(values: &[T], at: PbrtPlace, name: &str) -> Result<T, PbrtFault> {
+fn one<T: Copy>(values: &[T], at: TextPlace, name: &str) -> Result<T, TextFault> {
     one_of(values, at, name).copied()
 }
 
-fn read_values(tokens: &mut Tokens<'_>, at: PbrtPlace, kind: &str) -> Result<Values, PbrtFault> {
+fn read_values(tokens: &mut Tokens<'_>, at: TextPlace, kind: &str) -> Result<Values, TextFault> {
     let ended = || at.fault("the file ends before the value of this parameter");
     let mut values = match kind {
         "bool" => Values::Bools(Vec::new()),
@@ -279,7 +280,7 @@ fn read_values(tokens: &mut Tokens<'_>, at: PbrtPlace, kind: &str) -> Result<Val
     }
 }
 
-fn push_value(values: &mut Values, token: &Token<'_>, at: PbrtPlace, kind: &str) -> Result<(), PbrtFault> {
+fn push_value(values: &mut Values, token: &Token<'_>, at: TextPlace, kind: &str) -> Result<(), TextFault> {
     let expected = |what: &str| Err(at.fault(format!("a parameter of type \"{kind}\" takes {what}")));
     match (&mut *values, token) {
         (Values::Numbers(numbers), Token::Word(word)) => {
@@ -320,9 +321,9 @@ pub(super) fn number(word: &str) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Params, PbrtFault> {
+    fn read(text: &str) -> Result<Params, TextFault> {
         let mut tokens = Tokens::new(0, text);
-        Params::read(&mut tokens, PbrtPlace::default(), ColorSpace::default())
+        Params::read(&mut tokens, TextPlace::default(), ColorSpace::default())
     }
 
     #[test]

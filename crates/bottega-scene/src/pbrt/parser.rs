@@ -5,14 +5,15 @@ use std::rc::Rc;
 
 use glam::DAffine3;
 
-use super::color_space::ColorSpace;
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::needless::Directive;
 use super::params::Params;
-use super::token::{PbrtFault, PbrtPlace, Token, Tokens};
+use super::token::{Token, Tokens};
 use super::world::{Alpha, Entity, GraphicsState, MaterialRef, MediumInterface, ObjectInstance, PbrtWorld, Target};
 use super::{dialect, shape};
+use crate::import::text_place::{ImportResult, TextFault, TextPlace};
 use crate::mesh_file::unfolded;
+use crate::spectrum::color_space::ColorSpace;
 use crate::text::{Text, decode, shortened};
 
 /// Maximal depth of included files.
@@ -32,7 +33,7 @@ pub(super) struct Parser<'c, 'a> {
     /// Current graphics state.
     pub(super) state: GraphicsState,
     /// Saved states, with the block and location that saved them.
-    saved: Vec<(GraphicsState, Block, PbrtPlace)>,
+    saved: Vec<(GraphicsState, Block, TextPlace)>,
     /// Named transformations, at the start and end of the shutter time.
     pub(super) coordinate_systems: BTreeMap<String, [DAffine3; 2]>,
     in_world: bool,
@@ -82,7 +83,7 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// Parses the scene file, and checks that all blocks are closed.
-    pub(super) fn read_scene(&mut self, bytes: &[u8]) -> PbrtResult<()> {
+    pub(super) fn read_scene(&mut self, bytes: &[u8]) -> ImportResult<()> {
         let end = self.read_file(0, bytes)?;
         if let Some((_, block, at)) = self.saved.last() {
             return Err(at.fault(format!("{0}Begin has no {0}End", block.name())).into());
@@ -94,11 +95,11 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// Parses a file. Returns the location of its end.
-    fn read_file(&mut self, file: u32, bytes: &[u8]) -> PbrtResult<PbrtPlace> {
+    fn read_file(&mut self, file: u32, bytes: &[u8]) -> ImportResult<TextPlace> {
         let Text { text, guess } = decode(self.context.path(file), bytes, self.context.resources.budget())?;
         if let Some((line, message)) = guess {
             let line = u32::try_from(line).unwrap_or(u32::MAX);
-            self.context.warn(PbrtPlace { file, line, column: 1 }, message);
+            self.context.warn(TextPlace { file, line, column: 1 }, message);
         }
         let mut tokens = Tokens::new(file, &text);
         if text.len() > self.bytes_left {
@@ -114,7 +115,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(tokens.here())
     }
 
-    fn directive(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
+    fn directive(&mut self, word: &str, at: TextPlace, tokens: &mut Tokens<'_>) -> ImportResult<()> {
         match word {
             "Identity" | "Translate" | "Scale" | "Rotate" | "LookAt" | "Transform" | "ConcatTransform"
             | "CoordinateSystem" | "CoordSysTransform" | "ActiveTransform" | "TransformTimes" => {
@@ -177,7 +178,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         }
     }
 
-    fn world_directive(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
+    fn world_directive(&mut self, word: &str, at: TextPlace, tokens: &mut Tokens<'_>) -> ImportResult<()> {
         match word {
             "Material" => {
                 self.only_in_world(at, word)?;
@@ -252,7 +253,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn option_directive(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
+    fn option_directive(&mut self, word: &str, at: TextPlace, tokens: &mut Tokens<'_>) -> ImportResult<()> {
         self.only_before_world(at, word)?;
         let entity = Some(self.entity(word, at, tokens, None)?);
         match word {
@@ -272,7 +273,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn object_directive(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
+    fn object_directive(&mut self, word: &str, at: TextPlace, tokens: &mut Tokens<'_>) -> ImportResult<()> {
         self.only_in_world(at, word)?;
         if word == "ObjectEnd" {
             self.end(Block::Object, at)?;
@@ -299,7 +300,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn shape(&mut self, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
+    fn shape(&mut self, at: TextPlace, tokens: &mut Tokens<'_>) -> ImportResult<()> {
         self.only_in_world(at, "Shape")?;
         let entity = self.entity("Shape", at, tokens, Some(Target::Shape))?;
         self.note_motion(at);
@@ -336,7 +337,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn include(&mut self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>) -> PbrtResult<()> {
+    fn include(&mut self, word: &str, at: TextPlace, tokens: &mut Tokens<'_>) -> ImportResult<()> {
         let (reference, reference_at) = text(tokens, at, word)?;
         let place = self.context.place(reference_at);
         let location = self.context.resources.locate(&reference, &place)?;
@@ -369,7 +370,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn begin(&mut self, block: Block, at: PbrtPlace) -> PbrtResult<()> {
+    fn begin(&mut self, block: Block, at: TextPlace) -> ImportResult<()> {
         if block == Block::Attribute {
             self.only_in_world(at, "AttributeBegin")?;
         }
@@ -380,7 +381,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         Ok(())
     }
 
-    fn end(&mut self, block: Block, at: PbrtPlace) -> PbrtResult<()> {
+    fn end(&mut self, block: Block, at: TextPlace) -> ImportResult<()> {
         let name = block.name();
         match self.saved.pop() {
             None => Err(at.fault(format!("{name}End without {name}Begin")).into()),
@@ -399,7 +400,13 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// Reads the quoted type and the parameters of a directive.
-    fn entity(&self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>, target: Option<Target>) -> PbrtResult<Entity> {
+    fn entity(
+        &self,
+        word: &str,
+        at: TextPlace,
+        tokens: &mut Tokens<'_>,
+        target: Option<Target>,
+    ) -> ImportResult<Entity> {
         let (kind, kind_at) = text(tokens, at, word)?;
         dialect::check(word, &kind, kind_at)?;
         let params = Params::read(tokens, at, self.state.color_space)?;
@@ -415,7 +422,7 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// Reads the parameters after a name; the type is one of them.
-    fn typed_entity(&self, word: &str, at: PbrtPlace, tokens: &mut Tokens<'_>, target: Target) -> PbrtResult<Entity> {
+    fn typed_entity(&self, word: &str, at: TextPlace, tokens: &mut Tokens<'_>, target: Target) -> ImportResult<Entity> {
         let params = self.state.complete(Params::read(tokens, at, self.state.color_space)?, target);
         let Some(kind) = params.text("type")? else {
             return Err(at.fault(format!("{word} needs the parameter \"string type\"")).into());
@@ -426,22 +433,22 @@ impl<'c, 'a> Parser<'c, 'a> {
     }
 
     /// Books memory for the data of a directive.
-    fn book(&self, at: PbrtPlace, bytes: usize) -> PbrtResult<()> {
+    fn book(&self, at: TextPlace, bytes: usize) -> ImportResult<()> {
         let (path, place) = (self.context.path(at.file), self.context.place(at));
         Ok(self.context.resources.budget().take(path, &place, bytes)?)
     }
 
-    fn note_motion(&mut self, at: PbrtPlace) {
+    fn note_motion(&mut self, at: TextPlace) {
         if self.state.ctm[0] != self.state.ctm[1] {
             self.world.moving = Some(self.world.moving.map_or((at, 1), |(first, count)| (first, count + 1)));
         }
     }
 
-    fn only_in_world(&self, at: PbrtPlace, word: &str) -> Result<(), PbrtFault> {
+    fn only_in_world(&self, at: TextPlace, word: &str) -> Result<(), TextFault> {
         if self.in_world { Ok(()) } else { Err(at.fault(format!("{word} belongs behind WorldBegin"))) }
     }
 
-    fn only_before_world(&self, at: PbrtPlace, word: &str) -> Result<(), PbrtFault> {
+    fn only_before_world(&self, at: TextPlace, word: &str) -> Result<(), TextFault> {
         if self.in_world { Err(at.fault(format!("{word} belongs before WorldBegin"))) } else { Ok(()) }
     }
 }
@@ -452,19 +459,19 @@ impl Entity {
         Self {
             kind: kind.into(),
             params: Params::default(),
-            at: PbrtPlace { file: 0, line: 1, column: 1 },
+            at: TextPlace { file: 0, line: 1, column: 1 },
             ctm: DAffine3::IDENTITY,
         }
     }
 }
 
 /// Makes the error for a file that ends within a directive.
-pub(super) fn ended(at: PbrtPlace, word: &str) -> PbrtFault {
+pub(super) fn ended(at: TextPlace, word: &str) -> TextFault {
     at.fault(format!("the file ends within {word}"))
 }
 
 /// Reads the quoted text that follows a directive.
-pub(super) fn text(tokens: &mut Tokens<'_>, at: PbrtPlace, word: &str) -> Result<(String, PbrtPlace), PbrtFault> {
+pub(super) fn text(tokens: &mut Tokens<'_>, at: TextPlace, word: &str) -> Result<(String, TextPlace), TextFault> {
     match tokens.next()? {
         Some((Token::Text(text), at)) => Ok((text.into_owned(), at)),
         Some((_, at)) => Err(at.fault(format!("{word} is followed by a name in quotes"))),

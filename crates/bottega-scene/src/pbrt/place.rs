@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DAffine3, DMat3, DQuat, DVec3, Mat3, Quat, Vec2};
+use glam::{DAffine3, DMat3, DVec3, Mat3, Vec2};
 
-use super::context::{Context, PbrtResult};
-use super::token::PbrtPlace;
+use super::context::Context;
 use super::transform::axes_and_scale;
-use crate::{CurveLook, Mesh, Sphere};
+use crate::facing_curves::CurveLook;
+use crate::import::sphere::orientation;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::model::{COORDINATE_MAX, Mesh, Sphere};
 
 /// Vertex count from which no more meshes are joined to a mesh.
 const JOINED_MAX: usize = 1 << 22;
@@ -24,13 +26,10 @@ pub(super) fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: b
         return None;
     }
     let axes = if mirrors { axes * DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)) } else { axes };
-    // Our pole is +y, with azimuth 0 at −z; pbrt's are +z and +x.
-    let pbrt_from_ours = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X);
-    let rotation = DQuat::from_mat3(&(axes * pbrt_from_ours)).normalize();
     let (center, radius) = (world_from_sphere.translation.as_vec3(), (radius * scale.max_element()) as f32);
-    let is_in_reach = center.abs().max_element() < crate::COORDINATE_MAX && radius < crate::COORDINATE_MAX;
-    let rotation: Quat = rotation.as_quat().normalize();
-    (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object: rotation, material: 0 })
+    let is_in_reach = center.abs().max_element() < COORDINATE_MAX && radius < COORDINATE_MAX;
+    let world_from_object = orientation(&axes);
+    (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object, material: 0 })
 }
 
 /// Returns the uniform scale of a transformation; `None` if it is not uniform.
@@ -45,8 +44,8 @@ pub(super) fn baked(
     context: &mut Context<'_>,
     mut mesh: Mesh,
     transform: &DAffine3,
-    at: PbrtPlace,
-) -> PbrtResult<Mesh> {
+    at: TextPlace,
+) -> ImportResult<Mesh> {
     let linear = transform.matrix3;
     let normal_matrix: Option<Mat3> = {
         let inverse = linear.inverse().transpose();
@@ -58,7 +57,7 @@ pub(super) fn baked(
     for position in &mut mesh.positions {
         *position = transform.transform_point3(position.as_dvec3()).as_vec3();
     }
-    if mesh.positions.iter().any(|p| !p.is_finite() || p.abs().max_element() > crate::COORDINATE_MAX) {
+    if mesh.positions.iter().any(|p| !p.is_finite() || p.abs().max_element() > COORDINATE_MAX) {
         return Err(at.fault("the shape is out of reach").into());
     }
     match normal_matrix {
@@ -111,12 +110,12 @@ type JoinKey = (u32, [bool; 3], Option<CurveLook>);
 /// Small meshes, joined by their key.
 #[derive(Default)]
 pub(super) struct JoinedMeshes {
-    meshes: BTreeMap<JoinKey, (Mesh, PbrtPlace)>,
+    meshes: BTreeMap<JoinKey, (Mesh, TextPlace)>,
 }
 
 impl JoinedMeshes {
     /// Adds a mesh. Returns a joined mesh that has become large.
-    pub(super) fn add(&mut self, mesh: Mesh, at: PbrtPlace) -> Option<Mesh> {
+    pub(super) fn add(&mut self, mesh: Mesh, at: TextPlace) -> Option<Mesh> {
         let has = [!mesh.normals.is_empty(), !mesh.uvs[0].is_empty(), !mesh.tangents.is_empty()];
         let key = (mesh.material, has, mesh.curves.as_ref().map(|curves| curves.look));
         let (joined, _) = match self.meshes.entry(key) {
@@ -143,13 +142,13 @@ impl JoinedMeshes {
     }
 
     /// Returns the remaining joined meshes.
-    pub(super) fn finish(self) -> impl Iterator<Item = (Mesh, PbrtPlace)> {
+    pub(super) fn finish(self) -> impl Iterator<Item = (Mesh, TextPlace)> {
         self.meshes.into_values()
     }
 }
 
 /// Returns the orthonormal axes of a transformation; they may mirror.
-pub(super) fn axes(context: &mut Context<'_>, ctm: &DAffine3, at: PbrtPlace) -> PbrtResult<DMat3> {
+pub(super) fn axes(context: &mut Context<'_>, ctm: &DAffine3, at: TextPlace) -> ImportResult<DMat3> {
     let (axes, scale) = axes_and_scale(ctm);
     let is_perpendicular = (axes * axes.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-3);
     if !axes.is_finite() || !is_perpendicular {

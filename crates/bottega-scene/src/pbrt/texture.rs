@@ -5,21 +5,26 @@ use std::rc::Rc;
 
 use glam::{Affine2, DVec3, Vec2};
 
-use super::bake::{Bake, projection_image, scalar_image};
+use super::bake::{Bake, scalar_image};
 use super::color::Color;
-use super::color_space::{ColorSpace, Meaning};
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::mapping::{Mappings, within_frame};
 use super::needless::Directive;
 use super::params::Params;
 use super::texture_tree::{PictureNode, TextureNode, constant, parts};
-use super::token::PbrtPlace;
 use super::world::{Entity, PbrtWorld};
-use crate::image::{Encoding, FramedTexture, PictureKind, PictureUse, Pictures};
+use crate::color::Spectrum;
+use crate::error::SceneError;
+use crate::image::Image;
+use crate::image::pictures::{FramedTexture, PictureKind, PictureUse, Pictures};
+use crate::image::pyramid::Encoding;
+use crate::import::projector::projection_image;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::param::{ColorParam, ScalarParam};
+use crate::spectrum::color_space::ColorSpace;
+use crate::spectrum::role::ColorRole;
 use crate::text::shortened;
-use crate::{
-    Channel, ColorParam, Image, ImageId, Mapping, MappingKind, ScalarParam, SceneError, Spectrum, TextureMap, Wrap,
-};
+use crate::texture::{Channel, ImageId, Mapping, MappingKind, TextureMap, Wrap};
 
 /// Trees with more nodes are replaced.
 const PARTS_MAX: usize = 64;
@@ -69,15 +74,15 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         context: &mut Context<'_>,
         params: &Params,
         name: &str,
-        meaning: Meaning,
-    ) -> PbrtResult<Option<ColorParam>> {
+        role: ColorRole,
+    ) -> ImportResult<Option<ColorParam>> {
         if let Some((texture, at)) = params.texture(name)? {
             let node = self.named(context, texture, false, at)?;
             return self.color_param(context, &node, at).map(Some);
         }
         let Some(color) = context.color(params, name)? else { return Ok(None) };
-        let mut color = color.to_rec709(meaning);
-        if meaning == Meaning::Reflectance && color.max_element() > 1.0 {
+        let mut color = color.to_rec709(role);
+        if role == ColorRole::Reflectance && color.max_element() > 1.0 {
             context.warn(params.place_of(name), format!("`{name}` reflects more than comes in, and is cut off at 1"));
             color = color.min(Spectrum::ONE);
         }
@@ -90,7 +95,7 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         context: &mut Context<'_>,
         params: &Params,
         name: &str,
-    ) -> PbrtResult<Option<ScalarParam>> {
+    ) -> ImportResult<Option<ScalarParam>> {
         if let Some((texture, at)) = params.texture(name)? {
             return self.named_scalar(context, texture, at).map(Some);
         }
@@ -102,8 +107,8 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         &mut self,
         context: &mut Context<'_>,
         name: &str,
-        at: PbrtPlace,
-    ) -> PbrtResult<ScalarParam> {
+        at: TextPlace,
+    ) -> ImportResult<ScalarParam> {
         let node = self.named(context, name, true, at)?;
         let (factor, map) = self.reduce(context, &node, true, at)?;
         Ok(ScalarParam { factor: factor.x as f32, texture: map.map(|map| (map, Channel::R)) })
@@ -115,8 +120,8 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         context: &Context<'_>,
         file: &str,
         kind: PictureKind,
-        at: PbrtPlace,
-    ) -> PbrtResult<TextureMap> {
+        at: TextPlace,
+    ) -> ImportResult<TextureMap> {
         let picture = self.pictures.want(file, kind, &context.place(at))?;
         Ok(TextureMap::new(self.slot(picture, false)))
     }
@@ -129,8 +134,8 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         context: &Context<'_>,
         file: &str,
         fov: f64,
-        at: PbrtPlace,
-    ) -> PbrtResult<ImageId> {
+        at: TextPlace,
+    ) -> ImportResult<ImageId> {
         let picture = self.pictures.want(file, PictureKind::COLORS, &context.place(at))?;
         self.slots.push(Slot::Projection(picture, fov));
         Ok(ImageId(self.slots.len() as u32 - 1))
@@ -143,11 +148,11 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         params: &Params,
         name: &str,
         change: fn(DVec3) -> DVec3,
-    ) -> PbrtResult<Option<ColorParam>> {
+    ) -> ImportResult<Option<ColorParam>> {
         let node = match params.texture(name)? {
             Some((texture, at)) => self.named(context, texture, false, at)?,
             None => match context.color(params, name)? {
-                Some(color) => Rc::new(TextureNode::Constant(color.to_rec709(Meaning::Reflectance).as_dvec3())),
+                Some(color) => Rc::new(TextureNode::Constant(color.to_rec709(ColorRole::Reflectance).as_dvec3())),
                 None => return Ok(None),
             },
         };
@@ -160,7 +165,7 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
     }
 
     /// Decodes and bakes the pictures of the scene. Returns them and the mappings.
-    pub(super) fn load(self, context: &mut Context<'_>) -> PbrtResult<(Vec<Image>, Vec<Mapping>)> {
+    pub(super) fn load(self, context: &mut Context<'_>) -> ImportResult<(Vec<Image>, Vec<Mapping>)> {
         let pictures = self.pictures.load(context.warnings())?;
         let mut uses = vec![0usize; pictures.len()];
         for slot in &self.slots {
@@ -204,8 +209,8 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         &mut self,
         context: &mut Context<'_>,
         node: &Rc<TextureNode>,
-        at: PbrtPlace,
-    ) -> PbrtResult<ColorParam> {
+        at: TextPlace,
+    ) -> ImportResult<ColorParam> {
         let (factor, texture) = self.reduce(context, node, false, at)?;
         Ok(ColorParam { factor: factor.as_vec3(), texture })
     }
@@ -216,15 +221,15 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         context: &mut Context<'_>,
         node: &Rc<TextureNode>,
         is_scalar: bool,
-        at: PbrtPlace,
-    ) -> PbrtResult<(DVec3, Option<TextureMap>)> {
+        at: TextPlace,
+    ) -> ImportResult<(DVec3, Option<TextureMap>)> {
         match &**node {
             TextureNode::Constant(value) => Ok((*value, None)),
             TextureNode::Picture(node) if !node.invert && node.gamma.is_none() => {
                 let map = TextureMap {
                     image: self.slot(node.picture, is_scalar),
-                    uv_set: node.laid.uv_set,
-                    picture_from_uv: node.laid.picture_from_uv,
+                    uv_set: node.mapping.uv_set,
+                    picture_from_uv: node.mapping.picture_from_uv,
                     wrap_u: node.wrap,
                     wrap_v: node.wrap,
                     smooth: node.smooth,
@@ -249,8 +254,8 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         node: &Rc<TextureNode>,
         is_scalar: bool,
         change: Option<fn(DVec3) -> DVec3>,
-        at: PbrtPlace,
-    ) -> PbrtResult<(DVec3, Option<TextureMap>)> {
+        at: TextPlace,
+    ) -> ImportResult<(DVec3, Option<TextureMap>)> {
         let bake = Bake::new(node.clone(), is_scalar, change, at);
         let sets = bake.uv_sets();
         if sets.len() > 1 {
@@ -282,8 +287,8 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         context: &mut Context<'_>,
         name: &str,
         is_float: bool,
-        at: PbrtPlace,
-    ) -> PbrtResult<Rc<TextureNode>> {
+        at: TextPlace,
+    ) -> ImportResult<Rc<TextureNode>> {
         let key = (name.to_owned(), is_float);
         if let Some(node) = self.nodes.get(&key) {
             return Ok(node.clone());
@@ -310,7 +315,7 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         Ok(node)
     }
 
-    fn node(&mut self, context: &mut Context<'_>, entity: &Entity, is_float: bool) -> PbrtResult<TextureNode> {
+    fn node(&mut self, context: &mut Context<'_>, entity: &Entity, is_float: bool) -> ImportResult<TextureNode> {
         let (params, at) = (&entity.params, entity.at);
         Ok(match entity.kind.as_str() {
             "constant" => TextureNode::Constant(match is_float {
@@ -331,19 +336,19 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
             "directionmix" => {
                 let first = self.part(context, params, "tex1", 0.0, is_float)?;
                 let second = self.part(context, params, "tex2", 1.0, is_float)?;
-                params.mark_told(&["dir"]);
+                params.mark_reported(&["dir"]);
                 context.unsupported(at, "the texture \"directionmix\" is the same from all directions");
                 TextureNode::Mix(first, second, Rc::new(TextureNode::Constant(DVec3::splat(0.5))))
             }
             "checkerboard" => {
                 let first = self.part(context, params, "tex1", 1.0, is_float)?;
                 let second = self.part(context, params, "tex2", 0.0, is_float)?;
-                let laid = match params.integer("dimension")?.unwrap_or(2) {
-                    2 => self.mappings.laid(context, entity)?,
+                let mapping = match params.integer("dimension")?.unwrap_or(2) {
+                    2 => self.mappings.of_texture(context, entity)?,
                     3 => self.mappings.cells(context, entity)?,
                     _ => return Err(params.place_of("dimension").fault("a checkerboard has 2 or 3 dimensions").into()),
                 };
-                TextureNode::Checkerboard(laid, first, second)
+                TextureNode::Checkerboard(mapping, first, second)
             }
             "bilerp" => {
                 let mut values = [DVec3::ZERO; 4];
@@ -355,12 +360,12 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
                         false => self.constant_color(context, params, name, default)?,
                     };
                 }
-                TextureNode::Bilinear(self.mappings.laid(context, entity)?, values)
+                TextureNode::Bilinear(self.mappings.of_texture(context, entity)?, values)
             }
             "dots" => {
                 let inside = self.part(context, params, "inside", 1.0, is_float)?;
                 let outside = self.part(context, params, "outside", 0.0, is_float)?;
-                self.mappings.laid(context, entity)?;
+                self.mappings.of_texture(context, entity)?;
                 context.unsupported(
                     at,
                     "the texture \"dots\" is replaced by the mean of what is inside and outside of them",
@@ -369,7 +374,15 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
                 TextureNode::Mix(outside, inside, Rc::new(TextureNode::Constant(DVec3::splat(0.19))))
             }
             kind => {
-                params.mark_told(&["octaves", "roughness", "scale", "variation", "filename", "encoding", "dimension"]);
+                params.mark_reported(&[
+                    "octaves",
+                    "roughness",
+                    "scale",
+                    "variation",
+                    "filename",
+                    "encoding",
+                    "dimension",
+                ]);
                 let (mean, what) = match kind {
                     // Mean values of pbrt's noise.
                     "fbm" => (0.0, "0"),
@@ -390,7 +403,7 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         name: &str,
         default: f64,
         is_float: bool,
-    ) -> PbrtResult<Rc<TextureNode>> {
+    ) -> ImportResult<Rc<TextureNode>> {
         if let Some((texture, at)) = params.texture(name)? {
             return self.named(context, texture, is_float, at);
         }
@@ -406,12 +419,17 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         params: &Params,
         name: &str,
         default: f64,
-    ) -> PbrtResult<DVec3> {
+    ) -> ImportResult<DVec3> {
         let color = context.color(params, name)?.unwrap_or(Color::Rgb(DVec3::splat(default), ColorSpace::Srgb));
-        Ok(color.to_rec709(Meaning::Reflectance).as_dvec3())
+        Ok(color.to_rec709(ColorRole::Reflectance).as_dvec3())
     }
 
-    fn picture_node(&mut self, context: &mut Context<'_>, entity: &Entity, is_scalar: bool) -> PbrtResult<TextureNode> {
+    fn picture_node(
+        &mut self,
+        context: &mut Context<'_>,
+        entity: &Entity,
+        is_scalar: bool,
+    ) -> ImportResult<TextureNode> {
         let params = &entity.params;
         let file = params.text("filename")?.ok_or_else(|| entity.at.fault("`imagemap` needs a `filename`"))?;
         let at = params.place_of("filename");
@@ -431,16 +449,16 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         let place = context.place(at);
         let wrap = params.text("wrap")?.unwrap_or("repeat");
         let framed = if wrap == "black" { self.pictures.want_framed(file, kind, &place)? } else { None };
-        let mut laid = self.mappings.laid(context, entity)?;
+        let mut mapping = self.mappings.of_texture(context, entity)?;
         let picture = match framed {
             Some(FramedTexture { id: picture, size }) => {
-                laid.picture_from_uv = within_frame(size) * laid.picture_from_uv;
+                mapping.picture_from_uv = within_frame(size) * mapping.picture_from_uv;
                 picture
             }
             None if wrap == "octahedralsphere" => {
                 // Scale to a quarter of the period. At the left and upper edge pbrt continues with the second texel, at
                 // the others with the last; here all edges are as the latter.
-                laid.picture_from_uv = Affine2::from_scale(Vec2::splat(0.5)) * laid.picture_from_uv;
+                mapping.picture_from_uv = Affine2::from_scale(Vec2::splat(0.5)) * mapping.picture_from_uv;
                 self.pictures.want_octahedral(file, kind, &place)?
             }
             None => self.pictures.want(file, kind, &place)?,
@@ -459,7 +477,7 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         Ok(TextureNode::Picture(PictureNode {
             picture,
             is_scalar,
-            laid,
+            mapping,
             wrap,
             smooth,
             scale: params.float("scale")?.unwrap_or(1.0),

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::DVec3;
 
 use super::mapping::PlacedMapping;
-use crate::{ImageId, Wrap};
+use crate::texture::{ImageId, Wrap};
 
 /// A node of a texture tree.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub(super) struct PictureNode {
     /// `true`: it gives a number: alpha, or else the mean of the colours, as in pbrt.
     pub(super) is_scalar: bool,
     /// Mapping of the surface onto the picture.
-    pub(super) laid: PlacedMapping,
+    pub(super) mapping: PlacedMapping,
     pub(super) wrap: Wrap,
     /// `true`: interpolate between texels.
     pub(super) smooth: bool,

@@ -2,31 +2,7 @@
 
 use std::borrow::Cow;
 
-/// A location: file number, line and column from 1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct PbrtPlace {
-    /// File number, an index into the files of the import.
-    pub(super) file: u32,
-    /// Line, counted from 1.
-    pub(super) line: u32,
-    /// Column, counted from 1.
-    pub(super) column: u32,
-}
-
-/// An error at a location.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct PbrtFault {
-    pub(super) at: PbrtPlace,
-    /// The error, for the message.
-    pub(super) problem: String,
-}
-
-impl PbrtPlace {
-    /// Makes an error at this location.
-    pub(super) fn fault(self, problem: impl Into<String>) -> PbrtFault {
-        PbrtFault { at: self, problem: problem.into() }
-    }
-}
+use crate::import::text_place::{TextFault, TextPlace};
 
 /// A token of a pbrt file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -48,7 +24,7 @@ pub(super) struct Tokens<'a> {
     file: u32,
     line: u32,
     line_start: usize,
-    peeked: Option<Option<(Token<'a>, PbrtPlace)>>,
+    peeked: Option<Option<(Token<'a>, TextPlace)>>,
 }
 
 /// Maximal length of a word or text.
@@ -61,13 +37,13 @@ impl<'a> Tokens<'a> {
     }
 
     /// Returns the location of the next byte.
-    pub(super) fn here(&self) -> PbrtPlace {
+    pub(super) fn here(&self) -> TextPlace {
         let column = self.position - self.line_start + 1;
-        PbrtPlace { file: self.file, line: self.line, column: u32::try_from(column).unwrap_or(u32::MAX) }
+        TextPlace { file: self.file, line: self.line, column: u32::try_from(column).unwrap_or(u32::MAX) }
     }
 
     /// Takes the next token; `None` at the end of the file.
-    pub(super) fn next(&mut self) -> Result<Option<(Token<'a>, PbrtPlace)>, PbrtFault> {
+    pub(super) fn next(&mut self) -> Result<Option<(Token<'a>, TextPlace)>, TextFault> {
         match self.peeked.take() {
             Some(token) => Ok(token),
             None => self.scan(),
@@ -75,14 +51,14 @@ impl<'a> Tokens<'a> {
     }
 
     /// Returns the next token without taking it.
-    pub(super) fn peek(&mut self) -> Result<Option<&(Token<'a>, PbrtPlace)>, PbrtFault> {
+    pub(super) fn peek(&mut self) -> Result<Option<&(Token<'a>, TextPlace)>, TextFault> {
         if self.peeked.is_none() {
             self.peeked = Some(self.scan()?);
         }
         Ok(self.peeked.as_ref().and_then(Option::as_ref))
     }
 
-    fn scan(&mut self) -> Result<Option<(Token<'a>, PbrtPlace)>, PbrtFault> {
+    fn scan(&mut self) -> Result<Option<(Token<'a>, TextPlace)>, TextFault> {
         self.skip_blank();
         let at = self.here();
         let Some(&first) = self.bytes.get(self.position) else { return Ok(None) };
@@ -125,7 +101,7 @@ impl<'a> Tokens<'a> {
     }
 
     /// Scans from the opening quote to behind the closing one.
-    fn scan_text(&mut self, at: PbrtPlace) -> Result<Token<'a>, PbrtFault> {
+    fn scan_text(&mut self, at: TextPlace) -> Result<Token<'a>, TextFault> {
         let start = self.position + 1;
         let mut escaped: Option<Vec<u8>> = None;
         let mut end = start;
@@ -174,7 +150,7 @@ mod tests {
 
     type Placed<'a> = (Token<'a>, (u32, u32));
 
-    fn all(text: &str) -> Result<Vec<Placed<'_>>, PbrtFault> {
+    fn all(text: &str) -> Result<Vec<Placed<'_>>, TextFault> {
         let mut tokens = Tokens::new(0, text);
         let mut list = Vec::new();
         while let Some((token, at)) = tokens.next()? {
@@ -207,7 +183,7 @@ mod tests {
     fn quotes_may_hold_escapes_and_must_end() {
         assert_eq!(all(r#""a\"b\\c""#).unwrap()[0].0, Token::Text("a\"b\\c".into()));
         for bad in ["\"abc", "\"ab\nc\"", r#""a\qb""#, "\"a\\"] {
-            assert_eq!(all(bad).unwrap_err().at, PbrtPlace { file: 0, line: 1, column: 1 }, "{bad:?}");
+            assert_eq!(all(bad).unwrap_err().at, TextPlace { file: 0, line: 1, column: 1 }, "{bad:?}");
         }
     }
 }

@@ -1,8 +1,7 @@
 //! Transformations of pbrt: its directives and the current transformation matrix.
 
+use crate::import::text_place::{TextFault, TextPlace};
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
-
-use super::token::{PbrtFault, PbrtPlace};
 
 /// Returns pbrt's `LookAt`: world space to a left-handed camera that looks along its +z.
 pub(super) fn look_at(eye: DVec3, look: DVec3, up: DVec3) -> Option<DAffine3> {
@@ -13,7 +12,7 @@ pub(super) fn look_at(eye: DVec3, look: DVec3, up: DVec3) -> Option<DAffine3> {
 }
 
 /// Converts the 16 numbers of `Transform` and `ConcatTransform`, column by column.
-pub(super) fn from_columns(numbers: &[f64; 16], at: PbrtPlace) -> Result<DAffine3, PbrtFault> {
+pub(super) fn from_columns(numbers: &[f64; 16], at: TextPlace) -> Result<DAffine3, TextFault> {
     let matrix = DMat4::from_cols_array(numbers);
     let w = matrix.row(3);
     if w.truncate() != DVec3::ZERO || w.w == 0.0 {
@@ -23,7 +22,7 @@ pub(super) fn from_columns(numbers: &[f64; 16], at: PbrtPlace) -> Result<DAffine
 }
 
 /// Rounds to single precision; an error if the result is singular or out of range.
-pub(super) fn rounded(transform: &DAffine3, at: PbrtPlace) -> Result<Affine3A, PbrtFault> {
+pub(super) fn rounded(transform: &DAffine3, at: TextPlace) -> Result<Affine3A, TextFault> {
     let rounded = transform.as_affine3a();
     let determinant = rounded.matrix3.determinant();
     if rounded.is_finite() && determinant.is_normal() && rounded.inverse().is_finite() {
@@ -58,9 +57,9 @@ mod tests {
     #[test]
     fn matrices_are_given_by_columns() {
         let mut numbers = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0, 6.0, 7.0, 1.0];
-        let transform = from_columns(&numbers, PbrtPlace::default()).unwrap();
+        let transform = from_columns(&numbers, TextPlace::default()).unwrap();
         assert_eq!(transform.translation, DVec3::new(5.0, 6.0, 7.0));
         numbers[3] = 1.0;
-        assert!(from_columns(&numbers, PbrtPlace::default()).is_err());
+        assert!(from_columns(&numbers, TextPlace::default()).is_err());
     }
 }

@@ -5,10 +5,10 @@ use std::rc::Rc;
 
 use glam::{DAffine3, DVec3};
 
-use super::color_space::ColorSpace;
 use super::params::{Param, Params};
 use super::shape::geometry::Geometry;
-use super::token::PbrtPlace;
+use crate::import::text_place::TextPlace;
+use crate::spectrum::color_space::ColorSpace;
 
 /// A typed entity with parameters, such as `Material "diffuse" …`.
 #[derive(Clone, Debug)]
@@ -17,7 +17,7 @@ pub(super) struct Entity {
     pub(super) kind: String,
     pub(super) params: Params,
     /// Location of the directive.
-    pub(super) at: PbrtPlace,
+    pub(super) at: TextPlace,
     /// Object space to world space; for the camera, world space to camera space.
     pub(super) ctm: DAffine3,
 }
@@ -28,7 +28,7 @@ pub(super) enum MaterialRef {
     /// Index into [`PbrtWorld::materials`].
     Index(usize),
     /// A name that may be defined later.
-    Named(Rc<str>, PbrtPlace),
+    Named(Rc<str>, TextPlace),
 }
 
 /// A shape with its graphics state.
@@ -36,7 +36,7 @@ pub(super) enum MaterialRef {
 pub(super) struct PlacedShape {
     pub(super) geometry: Geometry,
     /// Location of the `Shape` directive.
-    pub(super) at: PbrtPlace,
+    pub(super) at: TextPlace,
     pub(super) world_from_object: DAffine3,
     /// `true`: `ReverseOrientation` is in effect.
     pub(super) reverse_orientation: bool,
@@ -53,7 +53,7 @@ pub(super) struct PlacedShape {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Alpha {
     Constant(f64),
-    Texture(Rc<str>, PbrtPlace),
+    Texture(Rc<str>, TextPlace),
 }
 
 /// Names of the media behind and before a surface; `None`: vacuum.
@@ -64,7 +64,7 @@ pub(super) struct MediumInterface {
     /// Medium before the surface, where its normal points.
     pub(super) outside: Option<Rc<str>>,
     /// Location of the `MediumInterface` directive.
-    pub(super) at: PbrtPlace,
+    pub(super) at: TextPlace,
 }
 
 /// An instance of an object.
@@ -74,7 +74,7 @@ pub(super) struct ObjectInstance {
     pub(super) name: String,
     pub(super) world_from_instance: DAffine3,
     /// Location of the `ObjectInstance` directive.
-    pub(super) at: PbrtPlace,
+    pub(super) at: TextPlace,
 }
 
 /// Everything that the file describes.
@@ -107,7 +107,7 @@ pub(super) struct PbrtWorld {
     pub(super) objects: BTreeMap<String, Vec<PlacedShape>>,
     pub(super) instances: Vec<ObjectInstance>,
     /// Location of the first entity that moves while the shutter is open, and their number.
-    pub(super) moving: Option<(PbrtPlace, usize)>,
+    pub(super) moving: Option<(TextPlace, usize)>,
     /// Offset that was subtracted from all positions.
     pub(super) origin: DVec3,
 }

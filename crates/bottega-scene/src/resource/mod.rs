@@ -13,9 +13,8 @@ use std::sync::{Mutex, PoisonError};
 
 use spelling::Spellings;
 
-use crate::SceneError;
 use crate::budget::MemoryBudget;
-use crate::error::Warnings;
+use crate::error::{SceneError, Warnings};
 use crate::file::{hash, read_file};
 use crate::options::LoadOptions;
 use crate::text::shortened;

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::Sampled;
-use crate::SceneError;
+use super::sampled::Sampled;
 use crate::budget::MemoryBudget;
+use crate::error::SceneError;
 use crate::text::{column, decode, shortened};
 
 /// Reads a file such as `gold.eta.spd`. `#` starts a comment.
@@ -43,5 +43,5 @@ pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Resu
         }
         samples.push((nm, value));
     }
-    Sampled::new(samples).map_err(|problem| SceneError::Damaged { path: path.into(), problem })
+    Sampled::new(samples).map_err(|problem| SceneError::Damaged { path: path.into(), problem: problem.to_string() })
 }

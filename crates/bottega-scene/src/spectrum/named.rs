@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::{Sampled, rgb};
-use crate::Spectrum;
+use super::sampled::{Sampled, rgb};
+use crate::color::Spectrum;
 
 /// Returns index of refraction and absorption of a metal, per colour, as in Mitsuba 3's variants `*_rgb`.
 ///

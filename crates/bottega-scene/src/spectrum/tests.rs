@@ -4,8 +4,11 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::*;
+use super::file::read_spd;
+use super::named::{glass, illuminant, metal, mitsuba_ior};
+use super::sampled::{Sampled, planck};
 use crate::budget::MemoryBudget;
+use crate::color::Spectrum;
 
 fn sampled(samples: &[(f64, f64)]) -> Sampled {
     Sampled::new(samples.to_vec()).unwrap()

@@ -3,6 +3,8 @@
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
+use crate::gltf::error::GltfError;
+
 /// An attribute filter, undone in place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Filter {
@@ -13,15 +15,15 @@ pub(super) enum Filter {
 }
 
 impl Filter {
-    /// Returns the filter of a name; the error reports an unknown one.
-    pub(super) fn of(name: Option<&str>) -> Result<Option<Self>, String> {
+    /// Returns the filter of a name.
+    pub(super) fn of(name: Option<&str>) -> Result<Option<Self>, GltfError> {
         Ok(match name {
             None | Some("NONE") => None,
             Some("OCTAHEDRAL") => Some(Self::Octahedral),
             Some("QUATERNION") => Some(Self::Quaternion),
             Some("EXPONENTIAL") => Some(Self::Exponential),
             Some("COLOR") => Some(Self::Color),
-            Some(other) => return Err(format!("unknown filter `{}`", crate::gltf::shortened(other))),
+            Some(other) => return Err(GltfError::MeshoptFilter(other.into())),
         })
     }
 

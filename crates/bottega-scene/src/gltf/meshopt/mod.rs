@@ -11,9 +11,9 @@ use rayon::prelude::*;
 
 use super::accessor::find;
 use super::document::{BufferView, Document, Meshopt};
-use super::shortened;
-use crate::SceneError;
+use super::error::GltfError;
 use crate::budget::MemoryBudget;
+use crate::error::SceneError;
 
 /// Decompresses every compressed buffer view; `None` for the others.
 pub(super) fn decompress(
@@ -25,11 +25,15 @@ pub(super) fn decompress(
     let decompress = |(index, view): (usize, &BufferView)| {
         let Some((name, compressed)) = view.extensions.meshopt() else { return Ok(None) };
         let place = format!("bufferViews[{index}].extensions.{name}");
-        let invalid = |problem: String| SceneError::Invalid { path: path.into(), place: place.clone(), problem };
+        let invalid = |error: GltfError| SceneError::Invalid {
+            path: path.into(),
+            place: place.clone(),
+            problem: error.to_string(),
+        };
         let layout = BufferLayout::of(compressed).map_err(invalid)?;
         let data = bytes(compressed, buffers).map_err(invalid)?;
         budget.take(path, &place, layout.count.saturating_mul(layout.stride))?;
-        layout.decode(data).map(Some).map_err(|problem| invalid(problem.into()))
+        layout.decode(data).map(Some).map_err(|problem| invalid(GltfError::MeshoptData(problem)))
     };
     // Decode all even if one fails, so that the error does not depend on thread timing.
     let decoded: Vec<_> = document.buffer_views.par_iter().enumerate().map(decompress).collect();
@@ -37,12 +41,12 @@ pub(super) fn decompress(
 }
 
 /// Returns the compressed bytes.
-fn bytes<'a>(compressed: &Meshopt, buffers: &[&'a [u8]]) -> Result<&'a [u8], String> {
+fn bytes<'a>(compressed: &Meshopt, buffers: &[&'a [u8]]) -> Result<&'a [u8], GltfError> {
     let buffer = find("buffer", buffers, compressed.buffer)?;
     let end = compressed.byte_offset.checked_add(compressed.byte_length).filter(|&end| end <= buffer.len() as u64);
     let Some(end) = end else {
         let end = compressed.byte_offset.saturating_add(compressed.byte_length);
-        return Err(format!("ends at byte {end} of buffer {}, which has {}", compressed.buffer, buffer.len()));
+        return Err(GltfError::MeshoptEnd { end, buffer: compressed.buffer, bytes: buffer.len() });
     };
     Ok(&buffer[compressed.byte_offset as usize..end as usize])
 }
@@ -61,15 +65,15 @@ struct BufferLayout {
 }
 
 impl BufferLayout {
-    fn of(compressed: &Meshopt) -> Result<Self, String> {
+    fn of(compressed: &Meshopt) -> Result<Self, GltfError> {
         let filter = Filter::of(compressed.filter.as_deref())?;
         let stride = compressed.byte_stride;
         let mode = match compressed.mode.as_str() {
             "ATTRIBUTES" => CompressionMode::Attributes(filter),
             "TRIANGLES" if compressed.count.is_multiple_of(3) => CompressionMode::Triangles,
-            "TRIANGLES" => return Err(format!("{} indices are not whole triangles", compressed.count)),
+            "TRIANGLES" => return Err(GltfError::MeshoptTriangles(compressed.count)),
             "INDICES" => CompressionMode::Indices,
-            other => return Err(format!("unknown mode `{}`", shortened(other))),
+            other => return Err(GltfError::MeshoptMode(other.into())),
         };
         let fits = match mode {
             CompressionMode::Attributes(filter) => {
@@ -80,9 +84,9 @@ impl BufferLayout {
             CompressionMode::Triangles | CompressionMode::Indices => matches!(stride, 2 | 4) && filter.is_none(),
         };
         if !fits {
-            return Err(format!("elements of {stride} bytes cannot be compressed in this mode with this filter"));
+            return Err(GltfError::MeshoptStride(stride));
         }
-        let count = usize::try_from(compressed.count).map_err(|_| "has too many elements".to_owned())?;
+        let count = usize::try_from(compressed.count).map_err(|_| GltfError::MeshoptCount)?;
         Ok(Self { mode, count, stride: stride as usize })
     }
 

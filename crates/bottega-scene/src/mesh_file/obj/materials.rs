@@ -10,15 +10,17 @@ use bottega_image::printable_path;
 use glam::{Affine2, Mat2, Vec2, Vec3};
 
 use super::super::mtl::{self, MtlMap, MtlMaterial};
-use crate::error::Warnings;
-use crate::image::{PictureKind, Pictures};
+use crate::color::Spectrum;
+use crate::error::{SceneError, Warnings};
+use crate::image::Image;
+use crate::image::pictures::{PictureKind, Pictures};
+use crate::material::{AlphaMode, Material, Relief, Sides};
 use crate::options::LoadOptions;
+use crate::param::{ColorParam, ScalarParam};
 use crate::resource::{Location, Resources};
+use crate::surface::Layered;
 use crate::text::shortened;
-use crate::{
-    AlphaMode, Channel, ColorParam, Image, Layered, Material, Relief, ScalarParam, SceneError, Sides, Spectrum,
-    TextureMap, Wrap,
-};
+use crate::texture::{Channel, TextureMap, Wrap};
 
 /// The materials of all libraries that a file names.
 pub(crate) struct Library<'a> {

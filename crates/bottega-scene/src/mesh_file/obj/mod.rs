@@ -3,7 +3,7 @@
 //! Several threads parse blocks of the file. Points, lines and free-form surfaces are left out with a warning, and so
 //! are faces that refer to missing or invalid vertices.
 
-mod file;
+pub(crate) mod file;
 pub(super) mod materials;
 mod parse;
 mod weld;
@@ -14,16 +14,15 @@ use std::path::Path;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use file::Run;
+use file::{ObjFile, Run};
 use parse::{ParsedLines, Statement};
 
 use super::source::MeshSource;
 use super::{finish, lines};
 use crate::budget::{HeldBytes, MemoryBudget};
+use crate::error::SceneError;
+use crate::model::Mesh;
 use crate::text::{Text, decode};
-use crate::{Mesh, SceneError};
-
-pub(crate) use file::ObjFile;
 
 /// The triangles of one material.
 pub(crate) struct ObjPart {

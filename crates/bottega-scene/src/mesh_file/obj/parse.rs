@@ -305,7 +305,7 @@ impl ParsedLines {
                 Some([]) if kind > 0 => {}
                 Some(number) => {
                     let value = integer(number).ok_or_else(|| wrong(word))?;
-                    *index = encode(value, counts[kind]).map_err(|problem| LineFault::new(number, problem))?;
+                    *index = encode(value, counts[kind]).map_err(|error| LineFault::new(number, error.to_string()))?;
                 }
             }
         }
@@ -325,12 +325,12 @@ impl ParsedLines {
                 let mut corner = self.triangles[number][which];
                 let resolved = resolve_corner(&mut corner, base, totals, unsound);
                 self.triangles[number][which] = corner;
-                let Err(problem) = resolved else { continue };
+                let Err(error) = resolved else { continue };
                 if faces.last().is_none_or(|last| !last.contains(&number)) {
                     faces.push(self.face_of(number));
                     // An invalid vertex was already reported with its faces.
-                    if !problem.is_empty() {
-                        self.left_out.add(FACE, || locate_corner(block, [number, which], problem));
+                    if error != IndexError::UnsoundVertex {
+                        self.left_out.add(FACE, || locate_corner(block, [number, which], error.to_string()));
                     }
                 }
             }
@@ -379,8 +379,29 @@ impl ParsedLines {
     }
 }
 
-/// Makes the indices of a corner absolute. The error names the missing element; it is empty for an invalid vertex.
-fn resolve_corner(corner: &mut Corner, base: [usize; 3], totals: [usize; 3], unsound: &[u32]) -> Result<(), String> {
+/// An invalid index in a face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+enum IndexError {
+    #[error("an index is 0; they count from 1")]
+    Zero,
+    #[error("the index {0} is out of reach")]
+    OutOfReach(i64),
+    #[error("counts back to before the first {element}")]
+    BeforeFirst { element: &'static str },
+    #[error("refers to {element} {number}, but there are {total}")]
+    Missing { element: &'static str, number: i64, total: usize },
+    /// The vertex has no valid position, which is reported with its own line.
+    #[error("refers to an invalid vertex")]
+    UnsoundVertex,
+}
+
+/// Makes the indices of a corner absolute.
+fn resolve_corner(
+    corner: &mut Corner,
+    base: [usize; 3],
+    totals: [usize; 3],
+    unsound: &[u32],
+) -> Result<(), IndexError> {
     const NAMES: [&str; 3] = ["vertex", "texture coordinates", "normal"];
     for kind in 0..3 {
         let index = &mut corner[kind];
@@ -393,24 +414,24 @@ fn resolve_corner(corner: &mut Corner, base: [usize; 3], totals: [usize; 3], uns
             i64::from(*index - RELATIVE) - COUNT_MAX as i64 + base[kind] as i64
         };
         if absolute < 0 || absolute >= totals[kind] as i64 {
-            let (name, total) = (NAMES[kind], totals[kind]);
+            let (element, total) = (NAMES[kind], totals[kind]);
             return Err(match absolute {
-                ..0 => format!("counts back to before the first {name}"),
-                _ => format!("refers to {name} {}, but there are {total}", absolute + 1),
+                ..0 => IndexError::BeforeFirst { element },
+                _ => IndexError::Missing { element, number: absolute + 1, total },
             });
         }
         *index = absolute as u32;
     }
-    if unsound.binary_search(&corner[0]).is_ok() { Err(String::new()) } else { Ok(()) }
+    if unsound.binary_search(&corner[0]).is_ok() { Err(IndexError::UnsoundVertex) } else { Ok(()) }
 }
 
 /// Encodes an index of the file: from 1 at the start, or from −1 backwards from here.
-fn encode(number: i64, count: usize) -> Result<u32, String> {
+fn encode(number: i64, count: usize) -> Result<u32, IndexError> {
     let relative = count as i64 + number + COUNT_MAX as i64;
     match number {
-        0 => Err("an index is 0; they count from 1".into()),
+        0 => Err(IndexError::Zero),
         1.. if number <= COUNT_MAX as i64 => Ok((number - 1) as u32),
         ..0 if relative >= 0 => Ok(RELATIVE | relative as u32),
-        _ => Err(format!("the index {number} is out of reach")),
+        _ => Err(IndexError::OutOfReach(number)),
     }
 }

@@ -3,7 +3,8 @@
 use glam::{Vec2, Vec3, Vec4};
 
 use super::file::{Corner, NONE, ObjFile};
-use crate::{Mesh, SceneError};
+use crate::error::SceneError;
+use crate::model::Mesh;
 
 /// Flag of a normal index that is the number of a smoothing group.
 const GROUP: u32 = 1 << 31;

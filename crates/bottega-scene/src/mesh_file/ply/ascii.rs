@@ -10,8 +10,9 @@ use super::header::{Element, PlyHeader, WantedNumbers};
 use super::role::Role;
 use super::strips::Strip;
 use super::vertices::{self, Slices, UNSOUND};
+use crate::error::SceneError;
+use crate::model::Mesh;
 use crate::text::shortened;
-use crate::{Mesh, SceneError};
 
 /// Reads the mesh of an ASCII file.
 pub(super) fn read(source: MeshSource<'_>, header: &PlyHeader, bytes: &[u8]) -> Result<Mesh, SceneError> {
@@ -266,7 +267,7 @@ fn read_strip<'t>(
     for _ in 0..length {
         let word = next_word(line).ok_or_else(|| LineFault::new(line, "a strip has fewer corners than announced"))?;
         let index = integer(word).ok_or_else(|| wrong(word))?;
-        triangles.extend(strip.next(index, vertex_count).map_err(|problem| LineFault::new(word, problem))?);
+        triangles.extend(strip.next(index, vertex_count).map_err(|error| LineFault::new(word, error.to_string()))?);
     }
     Ok(())
 }

@@ -8,7 +8,8 @@ use super::header::{Element, NumberKind, PlyHeader, PlyProperty, WantedNumbers};
 use super::role::Role;
 use super::strips::Strip;
 use super::vertices::{self, Slices, UNSOUND};
-use crate::{Mesh, SceneError};
+use crate::error::SceneError;
+use crate::model::Mesh;
 
 /// Rows that one thread decodes at a time.
 const PIECE_ROWS: usize = 8192;
@@ -305,7 +306,7 @@ impl Body<'_> {
             let mut strip = Strip::default();
             for number in self.bytes[list..list + length * kind.bytes()].chunks_exact(kind.bytes()) {
                 let index = with_reader!(kind, self.big_endian, read => read(number) as i64);
-                let triangle = strip.next(index, vertex_count).map_err(|problem| self.at_byte(at, problem))?;
+                let triangle = strip.next(index, vertex_count).map_err(|error| self.at_byte(at, error.to_string()))?;
                 triangles.extend(triangle);
             }
             at += bytes;

@@ -3,7 +3,7 @@
 use super::super::lines::{LineFault, LocatedFault, integer, next_word};
 use super::super::source::MeshSource;
 use super::role::Role;
-use crate::SceneError;
+use crate::error::SceneError;
 use crate::text::{column, shortened};
 
 /// The encoding of the data after the header.

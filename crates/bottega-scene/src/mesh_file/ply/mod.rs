@@ -19,8 +19,9 @@ use role::Role;
 use super::source::MeshSource;
 use super::{clean, finish, inflate};
 use crate::budget::MemoryBudget;
+use crate::error::SceneError;
+use crate::model::Mesh;
 use crate::text::decode;
-use crate::{Mesh, SceneError};
 
 /// Reads a mesh. Polygons become triangle fans; faces with fewer than three corners are left out.
 ///

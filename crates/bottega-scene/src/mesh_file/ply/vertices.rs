@@ -5,9 +5,9 @@ use glam::{Vec2, Vec3, Vec4};
 use super::super::source::MeshSource;
 use super::header::{Element, NumberKind};
 use super::role::Role;
+use crate::error::SceneError;
 use crate::image::linear_of_srgb;
-use crate::model::COORDINATE_MAX;
-use crate::{Mesh, SceneError};
+use crate::model::{COORDINATE_MAX, Mesh};
 
 /// A range of the vertices. Absent attributes are empty.
 pub(super) struct Slices<'a> {

@@ -6,14 +6,14 @@
 
 use glam::{DVec3, Vec2};
 
-use super::super::context::{Context, PbrtResult};
+use super::super::context::Context;
 use super::super::params::Params;
-use super::super::token::PbrtPlace;
 use super::geometry::{Geometry, positions};
-use crate::facing_curves::HULL;
+use crate::facing_curves::{CurveLook, CurvePoint, FacingCurves, HULL};
+use crate::import::bezier::{BezierSegment, bezier_of_bspline, parameters};
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::model::Mesh;
 use crate::text::shortened;
-use crate::tube::bezier_of_bspline;
-use crate::{CurveLook, CurvePoint, FacingCurves, Mesh};
 
 /// Maximal deviation of a straight piece from the curve, in widths.
 const TOLERANCE: f64 = 0.02;
@@ -35,9 +35,9 @@ const PIECES_MAX: f64 = 32.0;
 pub(super) fn read(
     context: &mut Context<'_>,
     params: &Params,
-    at: PbrtPlace,
+    at: TextPlace,
     shines: bool,
-) -> PbrtResult<Option<Geometry>> {
+) -> ImportResult<Option<Geometry>> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`curve` needs the control points `P`"))?;
     positions(&points, params.place_of("P"))?;
     let width = params.float("width")?.unwrap_or(1.0);
@@ -139,20 +139,14 @@ struct Station {
 fn polyline(segments: &[[DVec3; 4]], [width0, width1]: [f64; 2]) -> Vec<Station> {
     let mut line = Vec::new();
     let count = segments.len() as f64;
-    for (index, &[a, b, c, d]) in segments.iter().enumerate() {
-        // A chord deviates from a cubic by at most an eighth of its greatest second derivative (de Boor).
-        let bend = (a - b * 2.0 + c).length().max((b - c * 2.0 + d).length());
-        let length = (b - a).length() + (c - b).length() + (d - c).length();
-        let tolerance = (TOLERANCE * width0.max(width1)).max(1e-4 * length).max(f64::MIN_POSITIVE);
-        let pieces = (0.75 * bend / tolerance).sqrt().ceil().clamp(1.0, PIECES_MAX);
-        let first = if index == 0 { 0 } else { 1 };
-        for piece in first..=pieces as u32 {
-            let t = f64::from(piece) / pieces;
-            let s = 1.0 - t;
+    for (index, controls) in segments.iter().enumerate() {
+        let segment = BezierSegment(controls.map(|point| point.extend(0.0)));
+        let tolerance = (TOLERANCE * width0.max(width1)).max(1e-4 * segment.control_length());
+        for t in parameters(index == 0, segment.pieces(tolerance, PIECES_MAX)) {
             let u = index as f64 + t;
-            let position = a * (s * s * s) + b * (3.0 * s * s * t) + c * (3.0 * s * t * t) + d * (t * t * t);
-            let tangent = (b - a) * (s * s) + (c - b) * (2.0 * s * t) + (d - c) * (t * t);
-            let tangent = tangent.try_normalize().or_else(|| (d - a).try_normalize()).unwrap_or(DVec3::X);
+            let (position, tangent) = (segment.point(t).truncate(), segment.third_of_slope(t).truncate());
+            let chord = controls[3] - controls[0];
+            let tangent = tangent.try_normalize().or_else(|| chord.try_normalize()).unwrap_or(DVec3::X);
             line.push(Station { position, tangent, width: width0 + (width1 - width0) * (u / count), u });
         }
     }

@@ -3,9 +3,9 @@
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::super::context::Context;
-use super::super::token::{PbrtFault, PbrtPlace};
+use crate::import::text_place::{TextFault, TextPlace};
+use crate::model::{COORDINATE_MAX, Mesh};
 use crate::resource::Location;
-use crate::{COORDINATE_MAX, Mesh};
 
 /// The geometry of a shape.
 #[derive(Debug)]
@@ -19,7 +19,7 @@ pub(in super::super) enum Geometry {
 }
 
 /// Converts positions to single precision and checks their range.
-pub(super) fn positions(points: &[DVec3], at: PbrtPlace) -> Result<Vec<Vec3>, PbrtFault> {
+pub(super) fn positions(points: &[DVec3], at: TextPlace) -> Result<Vec<Vec3>, TextFault> {
     if points.iter().any(|point| point.abs().max_element() > f64::from(COORDINATE_MAX)) {
         return Err(at.fault(format!("a coordinate is beyond {COORDINATE_MAX:e}")));
     }
@@ -33,7 +33,7 @@ pub(super) fn texture_coordinate(uv: DVec2) -> Vec2 {
 }
 
 /// Converts and checks indices of `count` vertices.
-pub(super) fn indices(numbers: &[f64], count: usize, at: PbrtPlace) -> Result<Vec<u32>, PbrtFault> {
+pub(super) fn indices(numbers: &[f64], count: usize, at: TextPlace) -> Result<Vec<u32>, TextFault> {
     let index = |&number: &f64| {
         if number >= 0.0 && number < count as f64 {
             Ok(number as u32)
@@ -50,7 +50,7 @@ pub(super) fn matching<T>(
     list: Option<Vec<T>>,
     name: &str,
     count: usize,
-    at: PbrtPlace,
+    at: TextPlace,
 ) -> Vec<T> {
     let list = list.unwrap_or_default();
     if list.is_empty() || list.len() == count {

@@ -14,15 +14,16 @@ mod triangles;
 use geometry::Geometry;
 use glam::Vec3;
 
-use super::context::{Context, PbrtResult};
+use super::context::Context;
 use super::world::Entity;
-use crate::Mesh;
+use crate::import::text_place::ImportResult;
+use crate::model::Mesh;
 use crate::text::shortened;
 
 /// Reads the parameters of a shape. `None`: it is left out, with a warning.
 ///
 /// - `shines`: it is an area light.
-pub(super) fn read(context: &mut Context<'_>, entity: &Entity, shines: bool) -> PbrtResult<Option<Geometry>> {
+pub(super) fn read(context: &mut Context<'_>, entity: &Entity, shines: bool) -> ImportResult<Option<Geometry>> {
     let (params, at) = (&entity.params, entity.at);
     Ok(Some(match entity.kind.as_str() {
         "plymesh" => {
@@ -31,7 +32,7 @@ pub(super) fn read(context: &mut Context<'_>, entity: &Entity, shines: bool) -> 
             let location = context.resources.locate(reference, &place)?;
             if params.texture("displacement")?.is_some() {
                 context.unsupported(params.place_of("displacement"), "the mesh is not displaced");
-                params.mark_told(&["edgelength"]);
+                params.mark_reported(&["edgelength"]);
             }
             Geometry::Ply(location)
         }

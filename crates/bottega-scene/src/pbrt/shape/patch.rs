@@ -2,11 +2,11 @@
 
 use glam::{DVec2, DVec3};
 
-use super::super::context::{Context, PbrtResult};
+use super::super::context::Context;
 use super::super::params::Params;
-use super::super::token::PbrtPlace;
 use super::geometry::{Geometry, indices, matching, positions, texture_coordinate};
-use crate::Mesh;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::model::Mesh;
 
 /// Maximal deviation of the triangles from the patch, in diagonals of the patch.
 const TOLERANCE: f64 = 1e-3;
@@ -15,7 +15,7 @@ const TOLERANCE: f64 = 1e-3;
 const STEPS_MAX: f64 = 32.0;
 
 /// Reads a `bilinearmesh`.
-pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
+pub(super) fn read(context: &mut Context<'_>, params: &Params, at: TextPlace) -> ImportResult<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`bilinearmesh` needs the positions `P`"))?;
     positions(&points, params.place_of("P"))?;
     let count = points.len();

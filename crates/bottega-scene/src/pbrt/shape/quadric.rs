@@ -9,9 +9,9 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use super::super::params::Params;
-use super::super::token::{PbrtFault, PbrtPlace};
 use super::geometry::{Geometry, texture_coordinate};
-use crate::{COORDINATE_MAX, Mesh};
+use crate::import::text_place::{TextFault, TextPlace};
+use crate::model::{COORDINATE_MAX, Mesh};
 
 /// Corners of a full circle.
 const DISK_STEPS: u32 = 256;
@@ -19,7 +19,7 @@ const CYLINDER_STEPS: u32 = 128;
 const SPHERE_STEPS: u32 = 128;
 
 /// Reads a `sphere`.
-pub(super) fn sphere(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtFault> {
+pub(super) fn sphere(params: &Params, at: TextPlace) -> Result<Geometry, TextFault> {
     let radius = length(params, "radius", at)?;
     let z_min = params.float("zmin")?.unwrap_or(-radius);
     let z_max = params.float("zmax")?.unwrap_or(radius);
@@ -49,7 +49,7 @@ pub(super) fn sphere_mesh(radius: f64, z_min: f64, z_max: f64, phi_max: f64) -> 
 }
 
 /// Reads a `disk`.
-pub(super) fn disk(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtFault> {
+pub(super) fn disk(params: &Params, at: TextPlace) -> Result<Geometry, TextFault> {
     let radius = length(params, "radius", at)?;
     let height = params.float("height")?.unwrap_or(0.0);
     let inner = params.float("innerradius")?.unwrap_or(0.0);
@@ -67,7 +67,7 @@ pub(super) fn disk(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtFault
 }
 
 /// Reads a `cylinder`.
-pub(super) fn cylinder(params: &Params, at: PbrtPlace) -> Result<Geometry, PbrtFault> {
+pub(super) fn cylinder(params: &Params, at: TextPlace) -> Result<Geometry, TextFault> {
     let radius = length(params, "radius", at)?;
     let (z0, z1) = (params.float("zmin")?.unwrap_or(-1.0), params.float("zmax")?.unwrap_or(1.0));
     let (z_min, z_max) = (z0.min(z1), z0.max(z1));
@@ -90,7 +90,7 @@ fn single(mesh: Mesh) -> Geometry {
     Geometry::Mesh { mesh: Box::new(mesh), primitive_count: 1 }
 }
 
-fn length(params: &Params, name: &str, at: PbrtPlace) -> Result<f64, PbrtFault> {
+fn length(params: &Params, name: &str, at: TextPlace) -> Result<f64, TextFault> {
     let length = params.float(name)?.unwrap_or(1.0);
     if length > 0.0 && length < f64::from(COORDINATE_MAX) && (length as f32).is_normal() {
         Ok(length)
@@ -100,7 +100,7 @@ fn length(params: &Params, name: &str, at: PbrtPlace) -> Result<f64, PbrtFault> 
 }
 
 /// Reads `phimax`, in degrees.
-fn angle(params: &Params) -> Result<f64, PbrtFault> {
+fn angle(params: &Params) -> Result<f64, TextFault> {
     let degrees = params.float("phimax")?.unwrap_or(360.0);
     let is_sound = degrees.abs() > 0.0;
     if is_sound {
@@ -156,10 +156,10 @@ mod tests {
         mesh.triangles.iter().map(|&triangle| 0.5 * f64::from(mesh.cross(triangle).length())).sum()
     }
 
-    fn read(kind: fn(&Params, PbrtPlace) -> Result<Geometry, PbrtFault>, text: &str) -> Result<Mesh, PbrtFault> {
+    fn read(kind: fn(&Params, TextPlace) -> Result<Geometry, TextFault>, text: &str) -> Result<Mesh, TextFault> {
         let mut tokens = super::super::super::token::Tokens::new(0, text);
-        let params = Params::read(&mut tokens, PbrtPlace::default(), Default::default())?;
-        match kind(&params, PbrtPlace::default())? {
+        let params = Params::read(&mut tokens, TextPlace::default(), Default::default())?;
+        match kind(&params, TextPlace::default())? {
             Geometry::Mesh { mesh, .. } => Ok(*mesh),
             _ => panic!("no mesh"),
         }

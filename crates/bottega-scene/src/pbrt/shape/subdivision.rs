@@ -6,11 +6,11 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec2};
 
-use super::super::context::{Context, PbrtResult};
+use super::super::context::Context;
 use super::super::params::Params;
-use super::super::token::PbrtPlace;
 use super::geometry::{Geometry, indices, positions};
-use crate::Mesh;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::model::Mesh;
 
 /// Maximal number of levels, each of which has four times the triangles.
 const LEVELS_MAX: i64 = 12;
@@ -19,7 +19,7 @@ const LEVELS_MAX: i64 = 12;
 const TRIANGLES_MAX: usize = 1 << 23;
 
 /// Reads a `loopsubdiv`.
-pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
+pub(super) fn read(context: &mut Context<'_>, params: &Params, at: TextPlace) -> ImportResult<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`loopsubdiv` needs the positions `P`"))?;
     positions(&points, params.place_of("P"))?;
     let corners = params.integers("indices").ok_or_else(|| at.fault("`loopsubdiv` needs `indices`"))?;

@@ -2,14 +2,14 @@
 
 use glam::Vec4;
 
-use super::super::context::{Context, PbrtResult};
+use super::super::context::Context;
 use super::super::params::Params;
-use super::super::token::PbrtPlace;
 use super::geometry::{Geometry, indices, matching, positions, texture_coordinate};
-use crate::Mesh;
+use crate::import::text_place::{ImportResult, TextPlace};
+use crate::model::Mesh;
 
 /// Reads a `trianglemesh`.
-pub(super) fn read(context: &mut Context<'_>, params: &Params, at: PbrtPlace) -> PbrtResult<Geometry> {
+pub(super) fn read(context: &mut Context<'_>, params: &Params, at: TextPlace) -> ImportResult<Geometry> {
     let points = params.points3("P", "point3")?.ok_or_else(|| at.fault("`trianglemesh` needs the positions `P`"))?;
     let points = positions(&points, params.place_of("P"))?;
     let count = points.len();

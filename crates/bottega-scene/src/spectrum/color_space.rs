@@ -1,14 +1,15 @@
-//! The colour spaces of pbrt.
+//! Colour spaces of the RGB values in scene files.
 
 use bottega_image::adaptation;
 use glam::{DMat3, DVec3};
 
-use crate::Spectrum;
-use crate::spectrum::Sampled;
+use super::role::ColorRole;
+use super::sampled::Sampled;
+use crate::color::Spectrum;
 
 /// The colour space of `rgb` values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum ColorSpace {
+pub(crate) enum ColorSpace {
     /// Rec. 709 primaries, as in our scenes.
     #[default]
     Srgb,
@@ -20,20 +21,9 @@ pub(super) enum ColorSpace {
     Aces,
 }
 
-/// The quantity that a colour describes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Meaning {
-    /// A reflectance or transmittance; white is the white of its colour space.
-    Reflectance,
-    /// An absorption, an index of refraction or the like, which may exceed 1.
-    Unbounded,
-    /// Emission. pbrt scales every light spectrum to luminance 1.
-    Light,
-}
-
 impl ColorSpace {
-    /// Returns the colour space of a pbrt name.
-    pub(super) fn named(name: &str) -> Option<Self> {
+    /// Returns the colour space of a name in pbrt files.
+    pub(crate) fn named(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "srgb" => Self::Srgb,
             "dci-p3" => Self::DciP3,
@@ -44,12 +34,12 @@ impl ColorSpace {
     }
 
     /// Converts linear values in this space to linear Rec. 709; values out of gamut become 0.
-    pub(super) fn to_rec709(self, rgb: DVec3, meaning: Meaning) -> Spectrum {
+    pub(crate) fn to_rec709(self, rgb: DVec3, role: ColorRole) -> Spectrum {
         if self == Self::Srgb {
             return rgb.as_vec3();
         }
         let mut xyz = self.xyz_from_rgb() * rgb;
-        if meaning != Meaning::Light {
+        if role != ColorRole::Emission {
             xyz = adaptation(self.white(), Self::Srgb.white()) * xyz;
         }
         (Self::Srgb.xyz_from_rgb().inverse() * xyz).max(DVec3::ZERO).as_vec3()
@@ -84,7 +74,7 @@ fn xyz_of((x, y): (f64, f64)) -> DVec3 {
 
 /// Returns the white balance, in Rec. 709, that makes a colour temperature of 1000 K or more white: daylight, or a
 /// black body below 4000 K.
-pub(super) fn white_balance(kelvin: f64) -> DMat3 {
+pub(crate) fn white_balance(kelvin: f64) -> DMat3 {
     let rgb_from_xyz = ColorSpace::Srgb.xyz_from_rgb().inverse();
     rgb_from_xyz * adaptation(xyz_of(illuminant(kelvin)), ColorSpace::Srgb.white()) * rgb_from_xyz.inverse()
 }
@@ -104,9 +94,6 @@ fn illuminant(kelvin: f64) -> (f64, f64) {
     (x, -3.0 * x * x + 2.87 * x - 0.275)
 }
 
-/// Weights of the luminance of linear Rec. 709.
-pub(super) const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -114,20 +101,20 @@ mod tests {
     #[test]
     fn white_stays_white_where_it_reflects() {
         for space in [ColorSpace::Srgb, ColorSpace::DciP3, ColorSpace::Rec2020, ColorSpace::Aces] {
-            let white = space.to_rec709(DVec3::ONE, Meaning::Reflectance);
+            let white = space.to_rec709(DVec3::ONE, ColorRole::Reflectance);
             assert!((white - Spectrum::ONE).abs().max_element() < 1e-3, "{space:?}: {white}");
         }
         // D60 is warmer than D65.
-        let light = ColorSpace::Aces.to_rec709(DVec3::ONE, Meaning::Light);
+        let light = ColorSpace::Aces.to_rec709(DVec3::ONE, ColorRole::Emission);
         assert!(light.x > 1.02 && light.z < 0.96, "{light}");
     }
 
     #[test]
     fn the_green_of_rec_2020_is_out_of_our_gamut_and_its_gray_is_not() {
-        let green = ColorSpace::Rec2020.to_rec709(DVec3::Y, Meaning::Reflectance);
+        let green = ColorSpace::Rec2020.to_rec709(DVec3::Y, ColorRole::Reflectance);
         assert_eq!((green.x, green.z), (0.0, 0.0));
         assert!((green.y - 1.1329).abs() < 1e-3, "{green}");
-        let gray = ColorSpace::Rec2020.to_rec709(DVec3::splat(0.3), Meaning::Light);
+        let gray = ColorSpace::Rec2020.to_rec709(DVec3::splat(0.3), ColorRole::Emission);
         assert!((gray - Spectrum::splat(0.3)).abs().max_element() < 1e-3);
     }
 

@@ -1,11 +1,10 @@
 //! Tubes around curves, as triangles with the normals of the round surface.
 
 use std::f64::consts::{PI, TAU};
-use std::ops::{Add, Mul};
 
 use glam::{DVec3, Vec2};
 
-use crate::Mesh;
+use crate::model::Mesh;
 
 /// A cross-section of a tube.
 #[derive(Clone, Copy, Debug)]
@@ -19,12 +18,6 @@ pub(crate) struct Ring {
     pub(crate) lean: f64,
     /// Texture coordinate along the tube.
     pub(crate) v: f64,
-}
-
-/// Returns the Bézier control points of a segment of a uniform cubic B-spline.
-pub(crate) fn bezier_of_bspline<V: Copy + Add<Output = V> + Mul<f64, Output = V>>([a, b, c, d]: [V; 4]) -> [V; 4] {
-    let (third, sixth) = (1.0 / 3.0, 1.0 / 6.0);
-    [(a + b * 4.0 + c) * sixth, (b * 2.0 + c) * third, (b + c * 2.0) * third, (b + c * 4.0 + d) * sixth]
 }
 
 /// Returns the factor of the radius of a polygonal cross-section that makes it as wide on average, over all viewing
@@ -84,32 +77,7 @@ pub(crate) fn add(mesh: &mut Mesh, rings: &[Ring], sides: u32, azimuth: impl Fn(
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec4;
-
     use super::*;
-
-    /// de Boor's rule for the uniform cubic B-spline, in its power form, beside the Bernstein form.
-    #[test]
-    fn a_segment_is_the_same_in_both_bases() {
-        let points = [
-            DVec4::new(0.0, 1.0, 0.2, 0.1),
-            DVec4::new(1.0, -2.0, 0.5, 0.3),
-            DVec4::new(2.5, 0.3, 1.0, 0.2),
-            DVec4::new(3.0, 4.0, -1.0, 0.05),
-        ];
-        let bezier = bezier_of_bspline(points);
-        for step in 0..=8 {
-            let t = f64::from(step) / 8.0;
-            let s = 1.0 - t;
-            let (t2, t3) = (t * t, t * t * t);
-            let spline = [s * s * s, 3.0 * t3 - 6.0 * t2 + 4.0, -3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0, t3];
-            let bernstein = [s * s * s, 3.0 * s * s * t, 3.0 * s * t2, t3];
-            let sum = |weights: [f64; 4], points: [DVec4; 4]| -> DVec4 {
-                weights.into_iter().zip(points).map(|(weight, point)| point * weight).sum()
-            };
-            assert!((sum(spline, points) / 6.0 - sum(bernstein, bezier)).length() < 1e-12);
-        }
-    }
 
     #[test]
     fn a_cone_has_its_area_and_its_normals() {

@@ -4,8 +4,10 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use crate::hints::{Metadata, RenderHints};
+use crate::model::Scene;
+use crate::options::LoadOptions;
 use crate::resource::Resources;
-use crate::{LoadOptions, Metadata, RenderHints, Scene};
 
 /// The input of an importer.
 pub(crate) struct ImportRequest<'a> {

@@ -1,12 +1,17 @@
-//! Projected pictures of spot lights.
+//! Pictures of projectors. A projector divides its picture by the cube of the cosine to its axis; where a format does
+//! not, the picture is multiplied by it.
 
 use std::path::Path;
 
-use glam::{DVec2, DVec3, UVec2, Vec2};
+use glam::{DVec2, DVec3, Mat2, UVec2, Vec2};
 use rayon::prelude::*;
 
 use crate::budget::MemoryBudget;
-use crate::{Image, ImageId, LightKind, Scene, SceneError, TextureMap};
+use crate::error::SceneError;
+use crate::image::Image;
+use crate::light::LightKind;
+use crate::model::Scene;
+use crate::texture::{ImageId, TextureMap};
 
 /// Least side of a spot light's picture, in texels, to resolve the falloff towards the edge.
 const SLIDE_SIDE_MIN: f32 = 512.0;
@@ -15,18 +20,18 @@ const SLIDE_SIDE_MIN: f32 = 512.0;
 const SLIDE_SIDE_MAX: f32 = 4096.0;
 
 /// The picture of a spot light, and its falloff towards the edge of the cone.
-pub(super) struct Slide {
+pub(crate) struct Slide {
     map: TextureMap,
     /// Half angles in radians: of full intensity (`beam`), and where it reaches 0 (`cutoff`).
     beam: f64,
-    pub(super) cutoff: f64,
+    pub(crate) cutoff: f64,
 }
 
 impl Slide {
     /// Makes a slide.
     ///
     /// - `beam`, `cutoff`: half angles in degrees.
-    pub(super) fn new(map: TextureMap, beam: f64, cutoff: f64) -> Self {
+    pub(crate) fn new(map: TextureMap, beam: f64, cutoff: f64) -> Self {
         Self { map, beam: beam.to_radians(), cutoff: cutoff.to_radians() }
     }
 
@@ -50,7 +55,7 @@ impl Slide {
         // If the original has smaller texels, average four lookups per texel.
         let footprint = (1.0 / sides).max_element() as f32;
         let (width, height) = picture.size();
-        let scale = self.map.picture_from_uv.matrix2 * glam::Mat2::from_diagonal((1.0 / sides).as_vec2());
+        let scale = self.map.picture_from_uv.matrix2 * Mat2::from_diagonal((1.0 / sides).as_vec2());
         let texel_extent =
             [scale.x_axis, scale.y_axis].map(|axis| (axis * Vec2::new(width as f32, height as f32)).length());
         let is_finer = texel_extent.iter().any(|extent| *extent > 1.001);
@@ -81,19 +86,19 @@ impl Slide {
 }
 
 /// Adds the pictures of spot lights to a scene whose file pictures are loaded. Each has the index of its light.
-pub(super) fn add_slides(
+pub(crate) fn add_slides(
     scene: &mut Scene,
     slides: &[(usize, Slide)],
     budget: &MemoryBudget,
     path: &Path,
 ) -> Result<(), SceneError> {
     for (light, slide) in slides {
-        let thrown = &scene.images[slide.map.image.0 as usize];
-        let size = slide.size(thrown);
+        let original = &scene.images[slide.map.image.0 as usize];
+        let size = slide.size(original);
         budget.take(path, "", (size.x * size.y) as usize * size_of::<[f32; 3]>() * 4 / 3)?;
-        let made = slide.image(thrown, size);
+        let made = slide.image(original, size);
         // Interpolate enlarged texels, so that the falloff has no steps.
-        let is_enlarged = size.x > thrown.size().0 || size.y > thrown.size().1;
+        let is_enlarged = size.x > original.size().0 || size.y > original.size().1;
         let next = ImageId(scene.images.len() as u32);
         if let LightKind::Projector { picture, .. } = &mut scene.lights[*light].kind {
             (picture.image, picture.smooth) = (next, slide.map.smooth || is_enlarged);
@@ -101,6 +106,26 @@ pub(super) fn add_slides(
         }
     }
     Ok(())
+}
+
+/// Least side of a projected picture: texels are subdivided until the cosine is almost constant within each.
+const PROJECTION_SIDE: u32 = 512;
+
+/// Multiplies a picture by the cube of the cosine to the axis of its projection.
+///
+/// - `fov`: angle of the shorter side, in degrees.
+pub(crate) fn projection_image(image: &Image, fov: f64) -> Image {
+    let (columns, rows) = image.size();
+    let parts = PROJECTION_SIDE.div_ceil(columns.max(rows));
+    let (width, height) = (columns * parts, rows * parts);
+    let scale = (0.5 * fov.to_radians()).tan() / f64::from(width.min(height));
+    let texel = |index: u32| {
+        let (x, y) = (index % width, index / width);
+        let offset = |place: u32, size: u32| (2.0 * f64::from(place) + 1.0 - f64::from(size)) * scale;
+        let cosine = 1.0 / (1.0 + offset(x, width).powi(2) + offset(y, height).powi(2)).sqrt();
+        (image.texel(x / parts, y / parts).truncate() * cosine.powi(3) as f32).to_array()
+    };
+    Image::from_linear_rgb(image.name.clone(), width, height, (0..width * height).map(texel).collect())
 }
 
 #[cfg(test)]
