@@ -138,7 +138,7 @@ impl Master {
     }
 
     /// A Master that knows nothing but `rows`, and is not registered.
-    fn with_rows(config: Arc<config::MasterConfig>, rows: Rows) -> Self {
+    fn with_rows(config: Arc<MasterConfig>, rows: Rows) -> Self {
         Self {
             phase: Phase::default(),
             rounds: Rounds::default(),

@@ -14,6 +14,7 @@ use super::{
     tail,
     trust::{Excluded, Trust, row_after_failure},
     verify::Verdict,
+    worth::KeptPromise,
 };
 use crate::{
     AgentRow, Credit, FarmAction, FarmContent, FarmEffect, FarmMessage, FarmValue, Holding, MemberId, Painting,
@@ -153,7 +154,7 @@ impl Master {
             return;
         }
         // Check the fencing token
-        let (zone, fence, sender) = (report.zone, report.fence, &message.sender);
+        let (zone, sender) = (report.zone, &message.sender);
         match check_fence(report, sender, &self.trust, &self.assignments) {
             Fencing::Valid => {}
             Fencing::Pending => return,
@@ -182,7 +183,7 @@ impl Master {
         {
             self.worth.see(sender, row, painting);
         }
-        // Write the row and give the verdict on compared agents; or take the zone back and count the failure
+        // Write the row and give the verdict on compared agents
         match after {
             Ok((row, verdict)) => {
                 self.pass.add(row.time_measured.unwrap_or_default());
@@ -192,26 +193,40 @@ impl Master {
                 self.assignments.write(now, row, then, actions);
                 self.pronounce(now, zone, &verdict, actions);
             }
-            Err(reason) => {
-                tracing::warn!(zone = zone.0, agent = %sender, reason, "zone failed");
-                let after = row_after_failure(zone, sender, &self.assignments);
-                let then = if report.outcome.is_ok() {
-                    self.refuse(message, report, reason, actions);
-                    RowFollowUp::TakenBack
-                } else {
-                    let confirmation = Box::new(self.confirmation(message, report));
-                    RowFollowUp::Receive { confirmation, well: false, promise }
-                };
-                match (after, then) {
-                    (Some(row), then) => self.assignments.write(now, row, then, actions),
-                    (None, RowFollowUp::Receive { confirmation, .. }) => {
-                        actions.push(FarmAction::Send(*confirmation));
-                    }
-                    (None, _) => {}
-                }
-                self.count_failure(now, sender, (zone, fence), reason, actions);
+            Err(reason) => self.take_failure(now, message, report, reason, promise, actions),
+        }
+    }
+
+    /// Processes a report of a failure, or of a painting that is refused for this reason: takes the zone back and counts
+    /// the failure.
+    fn take_failure(
+        &mut self,
+        now: Time,
+        message: &FarmMessage,
+        report: &Report,
+        reason: &str,
+        promise: Option<KeptPromise>,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        let (zone, fence, sender) = (report.zone, report.fence, &message.sender);
+        tracing::warn!(zone = zone.0, agent = %sender, reason, "zone failed");
+        let row = row_after_failure(zone, sender, &self.assignments);
+        if report.outcome.is_ok() {
+            self.refuse(message, report, reason, actions);
+            if let Some(row) = row {
+                self.assignments.write(now, row, RowFollowUp::TakenBack, actions);
+            }
+        } else {
+            let confirmation = self.confirmation(message, report);
+            if let Some(row) = row {
+                let confirmation = Box::new(confirmation);
+                let then = RowFollowUp::Receive { confirmation, well: false, promise };
+                self.assignments.write(now, row, then, actions);
+            } else {
+                actions.push(FarmAction::Send(confirmation));
             }
         }
+        self.count_failure(now, sender, (zone, fence), reason, actions);
     }
 
     /// The zone's row after a valid report of a painting, with the verdict on compared agents; or the reason to refuse
