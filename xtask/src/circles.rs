@@ -9,8 +9,8 @@
 //! - A private `use` counts even where its name does not appear again, since it may be a trait's.
 //! - Code for tests only does not count.
 //!
-//! Uses without a path are not detected: methods and fields of a type, and traits called through a value. The methods of one type
-//! may therefore be spread over several files.
+//! Uses without a path are not detected: methods and fields of a type, and traits called through a value. Files over which the
+//! methods of one type are spread are checked by [`method_circles`](crate::method_circles).
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -43,38 +43,6 @@ impl Graph {
         let modules = Modules::read(root, read_file)?;
         let edges = edges(&modules);
         Ok(Self { modules, edges })
-    }
-
-    /// Returns the groups of modules that all depend on one another, the largest first.
-    fn knots(&self) -> Vec<Vec<usize>> {
-        let reached: BTreeMap<usize, Vec<usize>> = self.edges.keys().map(|&from| (from, self.reached(from))).collect();
-        let is_mutual = |a: usize, b: usize| {
-            let leads = |from: usize, to: usize| reached.get(&from).is_some_and(|reached| reached.contains(&to));
-            leads(a, b) && leads(b, a)
-        };
-        let mut knots: Vec<Vec<usize>> = Vec::new();
-        for &module in self.edges.keys().filter(|&&module| is_mutual(module, module)) {
-            match knots.iter_mut().find(|knot| is_mutual(knot[0], module)) {
-                Some(knot) => knot.push(module),
-                None => knots.push(vec![module]),
-            }
-        }
-        knots.sort_by_key(|knot| std::cmp::Reverse(knot.len()));
-        knots
-    }
-
-    /// Returns all direct and indirect dependencies of a module; includes itself if it is in a circle.
-    fn reached(&self, from: usize) -> Vec<usize> {
-        let (mut found, mut next) = (Vec::new(), vec![from]);
-        while let Some(module) = next.pop() {
-            for &to in self.edges.get(&module).into_iter().flat_map(BTreeMap::keys) {
-                if !found.contains(&to) {
-                    found.push(to);
-                    next.push(to);
-                }
-            }
-        }
-        found
     }
 
     /// Returns the edges of the shortest circle through a module.
@@ -115,6 +83,38 @@ impl Graph {
         }
         text
     }
+}
+
+/// Returns the groups of nodes that all depend on one another, the largest first.
+pub(crate) fn knots<R>(edges: &BTreeMap<usize, BTreeMap<usize, R>>) -> Vec<Vec<usize>> {
+    let reached: BTreeMap<usize, Vec<usize>> = edges.keys().map(|&from| (from, reached(edges, from))).collect();
+    let is_mutual = |a: usize, b: usize| {
+        let leads = |from: usize, to: usize| reached.get(&from).is_some_and(|reached| reached.contains(&to));
+        leads(a, b) && leads(b, a)
+    };
+    let mut knots: Vec<Vec<usize>> = Vec::new();
+    for &node in edges.keys().filter(|&&node| is_mutual(node, node)) {
+        match knots.iter_mut().find(|knot| is_mutual(knot[0], node)) {
+            Some(knot) => knot.push(node),
+            None => knots.push(vec![node]),
+        }
+    }
+    knots.sort_by_key(|knot| std::cmp::Reverse(knot.len()));
+    knots
+}
+
+/// Returns all direct and indirect dependencies of a node; includes itself if it is in a circle.
+fn reached<R>(edges: &BTreeMap<usize, BTreeMap<usize, R>>, from: usize) -> Vec<usize> {
+    let (mut found, mut next) = (Vec::new(), vec![from]);
+    while let Some(node) = next.pop() {
+        for &to in edges.get(&node).into_iter().flat_map(BTreeMap::keys) {
+            if !found.contains(&to) {
+                found.push(to);
+                next.push(to);
+            }
+        }
+    }
+    found
 }
 
 fn edges(modules: &Modules) -> Edges {
@@ -165,7 +165,7 @@ mod tests {
         let mut problems = String::new();
         for (name, root) in roots(&repository) {
             let graph = Graph::read(&root, &read_file).unwrap_or_else(|error| panic!("{name}: {error:#}"));
-            for knot in graph.knots() {
+            for knot in knots(&graph.edges) {
                 problems += &format!("{name}: {}", graph.describe(&knot, &repository));
             }
         }
@@ -181,16 +181,16 @@ mod tests {
         Graph::read(Path::new("src/lib.rs"), &read_file).expect("a crate")
     }
 
-    fn knots(files: &[(&str, &str)]) -> Vec<String> {
+    fn described(files: &[(&str, &str)]) -> Vec<String> {
         let graph = graph(files);
-        graph.knots().iter().map(|knot| graph.describe(knot, Path::new("src"))).collect()
+        knots(&graph.edges).iter().map(|knot| graph.describe(knot, Path::new("src"))).collect()
     }
 
     const ROOT: (&str, &str) = ("lib.rs", "mod a;\nmod b;\npub use a::A;\npub use b::B;");
 
     #[test]
     fn a_circle_is_told_with_its_places() {
-        let found = knots(&[
+        let found = described(&[
             ROOT,
             ("a.rs", "use crate::B;\npub struct A(B);"),
             ("b.rs", "pub struct B;\n\nfn f() { crate::a::A::new(); }"),
@@ -203,17 +203,17 @@ mod tests {
     #[test]
     fn who_re_exports_is_no_part_of_a_circle() {
         // Both children use what the root only re-exports, and the root itself uses neither.
-        assert_eq!(knots(&[ROOT, ("a.rs", "pub struct A;"), ("b.rs", "use super::A;\npub struct B(A);")]), [""; 0]);
+        assert_eq!(described(&[ROOT, ("a.rs", "pub struct A;"), ("b.rs", "use super::A;\npub struct B(A);")]), [""; 0]);
         let uses_it = ("lib.rs", "mod a;\npub use a::A;\npub struct B(A);");
-        assert_eq!(knots(&[uses_it, ("a.rs", "pub struct A;")]), [""; 0]);
-        assert_eq!(knots(&[uses_it, ("a.rs", "pub struct A(Box<crate::B>);")]).len(), 1);
+        assert_eq!(described(&[uses_it, ("a.rs", "pub struct A;")]), [""; 0]);
+        assert_eq!(described(&[uses_it, ("a.rs", "pub struct A(Box<crate::B>);")]).len(), 1);
     }
 
     #[test]
     fn a_child_depends_on_the_file_of_its_parent_for_what_that_defines() {
         let parent = ("a.rs", "mod child;\nfn helper() {}\npub struct A;\nfn f() { child::run(); }");
         let root = ("lib.rs", "mod a;");
-        let child = |text| knots(&[root, parent, ("a/child.rs", text)]).len();
+        let child = |text| described(&[root, parent, ("a/child.rs", text)]).len();
         assert_eq!(child("pub fn run() {}"), 0);
         assert_eq!(child("pub fn run() { super::helper(); }"), 1);
         assert_eq!(child("use super::*;\npub fn run() { helper(); }"), 1);
@@ -227,7 +227,7 @@ mod tests {
     fn tests_may_know_everything() {
         let root = ("lib.rs", "mod a;\nmod b;");
         let b = ("b.rs", "use crate::a::A;\npub struct B(A);");
-        let a = |text| knots(&[root, ("a.rs", text), b]).len();
+        let a = |text| described(&[root, ("a.rs", text), b]).len();
         assert_eq!(a("pub struct A;\n#[cfg(test)]\nmod tests { use crate::b::B; fn f(_: B) {} }"), 0);
         assert_eq!(a("pub struct A;\n#[cfg(test)]\nuse crate::b::B;\n#[test]\nfn f() { crate::b::B; }"), 0);
         assert_eq!(a("pub struct A;\nmod inner { use crate::b::B; fn f(_: B) {} }"), 1);

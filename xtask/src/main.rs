@@ -23,6 +23,8 @@ mod links;
 mod manual;
 mod maps;
 #[cfg(test)]
+mod method_circles;
+#[cfg(test)]
 mod module_heads;
 #[cfg(test)]
 mod modules;

@@ -240,7 +240,8 @@ fn defined(item: &Item) -> Option<(String, usize, bool)> {
     Some((ident.to_string(), ident.span().start().line, is_type))
 }
 
-fn attributes(item: &Item) -> &[Attribute] {
+/// Returns the attributes of an item.
+pub(crate) fn attributes(item: &Item) -> &[Attribute] {
     match item {
         Item::Const(item) => &item.attrs,
         Item::Enum(item) => &item.attrs,
@@ -262,7 +263,7 @@ fn attributes(item: &Item) -> &[Attribute] {
 }
 
 /// True if these attributes restrict an item to tests.
-fn is_for_tests(attributes: &[Attribute]) -> bool {
+pub(crate) fn is_for_tests(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
         Meta::Path(path) => path.is_ident("test"),
         Meta::List(list) if list.path.is_ident("cfg") => {

@@ -95,7 +95,7 @@ fn zones(content: &FarmContent) -> Vec<u32> {
         FarmContent::Received { zone, .. }
         | FarmContent::Refused { zone, .. }
         | FarmContent::Withdrawn { zone, .. } => vec![zone.0],
-        FarmContent::Alive { hands, .. } => hands.iter().map(|hand| hand.zone.0).collect(),
+        FarmContent::Alive { orders, .. } => orders.iter().map(|order| order.zone.0).collect(),
         _ => Vec::new(),
     }
 }

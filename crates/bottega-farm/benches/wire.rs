@@ -111,7 +111,7 @@ fn contents() -> Vec<(&'static str, FarmContent)> {
         |outcome| FarmContent::Report(Arc::new(Report { zone, fence, outcome, reasons: Some("r: 1 0.5".into()) }));
     let profiling = ZoneRow { agent: Some(agent(7)), state: ZoneState::Profiling, ..open() };
     let awarded = ZoneRow { agent: Some(agent(7)), state: ZoneState::Awarded, ..profiled() };
-    let hands = [211, 212].map(|zone| Holding { zone: ZoneId(zone), fence, progress: 1_200_000 });
+    let orders = [211, 212].map(|zone| Holding { zone: ZoneId(zone), fence, progress: 1_200_000 });
     vec![
         ("subscribe", FarmContent::Subscription { power, lanes: 16.0 }),
         ("inform scene", FarmContent::Scene(Arc::new(work()))),
@@ -124,7 +124,7 @@ fn contents() -> Vec<(&'static str, FarmContent)> {
         ("inform done", report(Ok(painting()))),
         ("failure", report(Err("the engine ended with signal 9".to_owned()))),
         ("confirm", FarmContent::Received { zone, fence }),
-        ("inform alive", FarmContent::Alive { power, hands: hands.to_vec() }),
+        ("inform alive", FarmContent::Alive { power, orders: orders.to_vec() }),
         ("refuse", FarmContent::Nothing),
     ]
 }

@@ -163,7 +163,7 @@ pub enum FarmContent {
         /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
         /// The orders that it holds.
-        hands: Vec<Holding>,
+        orders: Vec<Holding>,
     },
     /// *refuse*: the Master no longer calls this agent and accepts nothing from it.
     LeftOut {

@@ -5,7 +5,7 @@
 //! there are no messages.
 
 mod assist;
-mod easel;
+mod composer;
 mod effects;
 mod fetchers;
 mod job_agent;
@@ -18,6 +18,7 @@ mod populate;
 mod settings;
 mod shared;
 mod stop;
+mod tiles;
 mod transport;
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
@@ -37,7 +38,7 @@ pub use self::{
     transport::{JobTransport, JobUplink, TransportError},
 };
 use self::{
-    easel::Composer,
+    composer::Composer,
     populate::populate,
     shared::{End, Shared},
 };
@@ -136,7 +137,7 @@ pub fn lead(
         }
         None => (None, Default::default()),
     };
-    let easel = Composer::new(settings, tiles, store);
+    let composer = Composer::new(settings, tiles, store);
     // The user or a time limit ends the work; on a farm, the time limit is not checked here. Engines that cannot stop between
     // samples finish their zones.
     let limit = match (settings.goal, &link) {
@@ -145,12 +146,12 @@ pub fn lead(
     };
     let ended = StopSwitch::new();
     // Create the platform and the agents
-    let shared = Arc::new(Shared::new(settings, easel, engine, observer, &ended, link));
+    let shared = Arc::new(Shared::new(settings, composer, engine, observer, &ended, link));
     let uplink = shared.uplink()?;
     let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let master = populate(&platform, settings, work, kept, &shared)?;
-    let asked = master.clone();
-    shared.observer.leads(&MasterHandle { ask: Arc::new(move |completion| asked.complete(completion)) });
+    let leader = master.clone();
+    shared.observer.leads(&MasterHandle { ask: Arc::new(move |completion| leader.complete(completion)) });
     // Forward a stop to the Master and the engine
     let on_stop = Arc::downgrade(&shared);
     ended.when_requested(move || {
@@ -186,7 +187,7 @@ fn report(shared: &Shared, end: Option<End>, total: Duration, by_user: bool) -> 
         let state = shared.state();
         (state.survey, state.preparing, state.messages)
     };
-    let mut easel = shared.easel();
+    let mut composer = shared.composer();
     // Return an error if the job was abandoned
     if let (Some(End::Abandoned(reason)), false) = (&end, shared.stop.is_requested()) {
         return Err(JobError::Abandoned { reason: reason.clone() });
@@ -197,16 +198,16 @@ fn report(shared: &Shared, end: Option<End>, total: Duration, by_user: bool) -> 
     };
     // Complete the film
     if stopped {
-        easel.compose_unfinished();
+        composer.compose_unfinished();
     }
     // A picture ended by its time limit is complete: fill unrendered pixels from the survey.
     let look = shared.state().look.clone();
-    let is_whole = stopped && !by_user && easel.fill(look.as_deref());
+    let is_whole = stopped && !by_user && composer.fill(look.as_deref());
     let stopped = stopped && !is_whole;
     // Collect times and lessons
-    let times = Times { total, survey, preparation, ..easel.times() };
+    let times = Times { total, survey, preparation, ..composer.times() };
     let learner = shared.learner();
-    let (forecast, lessons) = (learner.forecast(), learner.lessons(easel.samples_wanted()));
-    let (film, rows, jobs_learnt) = (easel.take_film(), easel.rows(), shared.knowledge.experience.jobs());
+    let (forecast, lessons) = (learner.forecast(), learner.lessons(composer.samples_wanted()));
+    let (film, rows, jobs_learnt) = (composer.take_film(), composer.rows(), shared.knowledge.experience.jobs());
     Ok(JobReport { film, stopped, failed, rows, times, messages, forecast, jobs_learnt, lessons })
 }

@@ -43,7 +43,7 @@ impl EngineChoice {
     }
 
     /// The preferred engine for a zone; no preference if the rules cannot be evaluated.
-    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
+    pub fn preference(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
         let evaluate = || -> Result<EnginePreference, ExpertError> {
             let rules = laid_out(&self.0, &work.ranges)?;
             let mut values = zone_values(zone, zone.neighbor_difference.mean).to_vec();
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use crate::{Goal, InputRanges, NeighborDifference, Optimization, WorkId, WorkSettings, ZoneId};
 
-    fn leanings(rules: &EngineChoice, zones: &[(f64, f64)]) -> Vec<f32> {
+    fn preferences(rules: &EngineChoice, zones: &[(f64, f64)]) -> Vec<f32> {
         let row = |(index, (complexity, difference)): (u32, &(f64, f64))| {
             let (rect, difference) = (Rect::of_size(100, 100), NeighborDifference::all(*difference));
             ZoneRow::open(WorkId(1), ZoneId(index), rect, complexity * 1e4, difference)
@@ -87,7 +87,7 @@ mod tests {
             ranges: InputRanges::of(&rows),
             features: crate::TaskFeatures::default(),
         };
-        rows.iter().map(|row| rules.leaning(&work, row).get()).collect()
+        rows.iter().map(|row| rules.preference(&work, row).get()).collect()
     }
 
     fn shipped() -> EngineChoice {
@@ -96,13 +96,13 @@ mod tests {
 
     #[test]
     fn simple_zones_lean_to_the_first_engine_and_complex_ones_to_the_last() {
-        let found = leanings(&shipped(), &[(0.1, 0.0), (1.0, 0.5), (2.0, 0.2), (4.0, 1.0)]);
+        let found = preferences(&shipped(), &[(0.1, 0.0), (1.0, 0.5), (2.0, 0.2), (4.0, 1.0)]);
         assert!(found.is_sorted() && found[0] < -0.9 && found[3] > 0.9, "{found:?}");
     }
 
     #[test]
     fn where_all_zones_are_alike_none_is_far_from_the_others() {
-        let found = leanings(&shipped(), &[(1.0, 0.0), (1.0, 0.0)]);
+        let found = preferences(&shipped(), &[(1.0, 0.0), (1.0, 0.0)]);
         assert_eq!(found[0], found[1]);
     }
 

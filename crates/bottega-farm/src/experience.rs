@@ -159,14 +159,14 @@ impl Experience {
     /// All learned factors, those of the widest kinds first.
     pub fn factors(&self) -> Vec<LearntFactor> {
         let of = |what: &'static str, lessons: &Lessons| -> Vec<LearntFactor> {
-            let told = |(tasks, lesson): (&str, &lessons::Lesson)| LearntFactor {
+            let learnt = |(tasks, lesson): (&str, &lessons::Lesson)| LearntFactor {
                 of: what.to_owned(),
                 tasks: tasks.to_owned(),
                 factor: lesson.factor(),
                 zones: lesson.count(),
                 age: self.jobs.saturating_sub(lesson.job()),
             };
-            lessons.iter().map(told).collect()
+            lessons.iter().map(learnt).collect()
         };
         let mut all = of("power", &self.powers);
         all.extend(of("time", &self.paces));

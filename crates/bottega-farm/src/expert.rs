@@ -119,8 +119,8 @@ impl Expert {
     }
 
     /// The preferred one of two engines for a zone. Independent of quality, so it is used with optimization off too.
-    pub fn leaning(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
-        self.engine_choice.as_ref().map_or_else(EnginePreference::default, |choice| choice.leaning(work, zone))
+    pub fn preference(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
+        self.engine_choice.as_ref().map_or_else(EnginePreference::default, |choice| choice.preference(work, zone))
     }
 
     /// The settings for a zone, never above the user's. With optimization off, or if the rules cannot be evaluated,
@@ -188,8 +188,8 @@ impl Expert {
         values.push((OPTIMIZATION_LEVEL, level));
         values.retain(|(name, _)| rules.input_index(name).is_some());
         let fired = rules.explain(&values).ok()?.rules;
-        let told = fired.iter().take(REASONS_MAX).map(|rule| format!("{} {:.2}", rule.label, rule.degree));
-        Some(format!("{}: {}", rules.name(), told.collect::<Vec<_>>().join(", ")).into())
+        let reasons = fired.iter().take(REASONS_MAX).map(|rule| format!("{} {:.2}", rule.label, rule.degree));
+        Some(format!("{}: {}", rules.name(), reasons.collect::<Vec<_>>().join(", ")).into())
     }
 
     /// The number of samples of a zone's first painting: those of profiling, or all of them if the engine is not

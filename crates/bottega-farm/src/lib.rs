@@ -21,12 +21,13 @@
 //! | importance of each part of the picture: cost and visibility | `src/importance.rs`, `src/importance/` |
 //! | the Analyst and its zones | `src/analyst.rs`, `src/partition.rs`, `src/partition/` |
 //! | the Blackboard: rows of zones, works and agents | `src/blackboard.rs` |
-//! | the Master: orders, results, composition | `src/master.rs`, `src/master/` |
-//! | the auction | `src/auction.rs`, `src/auction/` |
-//! | the end of a work: cutting zones, awarding a zone to a second agent | `src/master/tail.rs` |
+//! | the Master: its values, and who passes messages to them | `src/master.rs`, `src/master/routing.rs` |
+//! | the Master: rows, counts and agents; results; composition | `src/master/assignments.rs`; `src/master/results.rs`; `src/master/composition.rs` |
+//! | the auction | `src/auction.rs`, `src/auction/`, `src/master/rounds.rs` |
+//! | the end of a work: cutting zones; awarding a zone to a second agent | `src/master/offcuts.rs`; `src/master/tail.rs` |
 //! | orders without progress; agents that fail often | `src/master/pace.rs`, `src/master/trust.rs` |
 //! | stalls: zones wait although agents are free | `src/watchdog.rs`, `src/master/stall.rs` |
-//! | comparing the paintings of untrusted agents: bit for bit, or by their look | `src/master/verify.rs`, `src/master/likeness.rs` |
+//! | comparing the paintings of untrusted agents: bit for bit, or by their look | `src/master/verify.rs`, `src/master/comparisons.rs` |
 //! | goals: a relative error or a time instead of a sample count | `src/cells.rs`, `src/goals.rs`, `src/master/plan.rs`; rules: `rules/goals.fcl` |
 //! | directories of a job; how agents register and find their Master | `src/directory.rs`; `src/registrant.rs`, `src/render_agent/membership.rs` |
 //! | the Render Agent; its V_cp | `src/render_agent.rs`, `src/adaptation.rs` |

@@ -6,280 +6,123 @@
 //! Every order is a compare-and-set on the zone's row. The new revision is the fencing token that the report must
 //! carry; a report with an older one is refused. So a zone that was taken from a silent agent and given to another is
 //! accepted once, from the first agent to finish with a valid token.
+//!
+//! The state is divided among values that know nothing of each other but their arguments. This file and `routing` know
+//! all of them: this one on time (steps after each event, periodic checks), `routing` on messages and replies.
+//!
+//! | value | what it holds and decides |
+//! |---|---|
+//! | [`Assignments`] | which agent holds which zone: [rows](rows) and pending writes, counts over them ([ledger]), agents ([roster]) |
+//! | [`Rounds`] | calls for proposals, bids and awards; without auctions: [deal] |
+//! | [`Offcuts`] | pieces of zones without a row; takeovers at the end of a work: [tail] |
+//! | [`Trust`] | excluded agents, and zones that depend on their word |
+//! | [`Verification`] | comparing the paintings of untrusted agents |
+//! | [`ZoneWorth`], [`Credits`] | measured costs of zones; kept promises of agents |
+//! | [`Pass`] | passes over the picture, with a goal of time |
+//! | [`Composition`] | zones on their way into the film |
+//! | [`StallWatch`] | zones that wait although agents are free; orders without progress: [pace] |
 
-mod allot;
+mod assignments;
+mod comparisons;
 mod composition;
+mod config;
+mod credits;
 mod deal;
 mod ledger;
-mod likeness;
-mod looks;
-mod members;
+mod offcuts;
 mod pace;
 mod plan;
 mod results;
 mod roster;
+mod rounds;
+mod routing;
 mod rows;
 mod stall;
 mod tail;
+#[cfg(test)]
+mod tests;
 mod trust;
 mod verify;
 mod watched;
 mod worth;
 
-use std::{
-    collections::{BTreeMap, BTreeSet, VecDeque},
-    sync::Arc,
-    time::Duration,
+use std::sync::Arc;
+
+use bottega_agents::{Performative, StateMachine, Time};
+
+pub use self::config::{MasterConfig, Timing};
+use self::{
+    assignments::{Assignments, Departure},
+    composition::Composition,
+    credits::Credits,
+    offcuts::Offcuts,
+    plan::Pass,
+    rounds::Rounds,
+    rows::Rows,
+    stall::{Stall, StallWatch},
+    trust::Trust,
+    verify::Verification,
+    worth::ZoneWorth,
 };
-
-use bottega_agents::{AgentId, Performative, Revision, StateMachine, StoreReply, StoreRequest, Ticket, Time};
-use rustc_hash::{FxHashMap, FxHashSet};
-
-use self::{composition::Composition, ledger::Ledger, looks::Looks, roster::Roster, worth::ZoneWorth};
 use crate::{
-    AgentRow, AuctionRule, Award, Bidder, BidderStanding, Blackboard, Choice, Credit, Decision, FarmAction,
-    FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage, FarmValue, GoalRules, Holding, LifeCycle,
-    MemberId, Offer, Order, Painting, Partition, Proposal, RegistrationConfig, RelativePower, Report, Rival,
-    RoundSummary, Watchdog, WorkId, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState,
-    auction::BIDDERS_MAX,
-    contents::{answer, asking, message},
-    decide,
-    directory::MASTER_SERVICES,
-    protocol,
+    Blackboard, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, LifeCycle, MemberId,
+    Partition, WorkRow, ZoneId, ZoneRow, ZoneState, contents::message, directory::MASTER_SERVICES, protocol,
     registrant::Registrant,
 };
 
-/// Maximum number of zones being composed at a time.
-const COMPOSING_MAX: usize = 8;
-
-/// The timeouts of the Master.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Timing {
-    /// Time for bids; an agent without a bid by then has refused.
-    pub bids: Duration,
-    /// Interval of the Master's checks, and of the agents' heartbeats.
-    pub heartbeat: Duration,
-    /// Time without a message after which an agent counts as gone.
-    pub lease: Duration,
+/// The progress of the work as a whole.
+#[derive(Clone, Copy, Debug, Default)]
+struct Phase {
+    /// All rows are known, and the film has begun.
+    has_begun: bool,
+    /// The user has asked to stop: no more zones are given out.
+    is_stopping: bool,
+    /// All zones are in the film or given up, or the work is abandoned.
+    is_finished: bool,
 }
 
-impl Timing {
-    /// Shorter lease for agents on several machines, which disappear without notice more often than processes do.
-    pub const AMONG_MACHINES: Self = Self {
-        bids: Duration::from_millis(500),
-        heartbeat: Duration::from_millis(500),
-        lease: Duration::from_millis(2500),
-    };
-}
-
-impl Default for Timing {
-    fn default() -> Self {
-        Self { bids: Duration::from_millis(500), heartbeat: Duration::from_secs(1), lease: Duration::from_secs(5) }
+impl Phase {
+    /// True if zones are given out.
+    fn gives_out(self) -> bool {
+        self.has_begun && !self.is_stopping
     }
-}
 
-/// The configuration of a Master.
-#[derive(Clone, Debug)]
-pub struct MasterConfig {
-    /// The Master's own id.
-    pub id: AgentId,
-    /// The id of the work.
-    pub work: WorkId,
-    /// The rule of the auction.
-    pub auction: AuctionRule,
-    /// Maximum number of zones an agent holds: as [`RenderAgentConfig::prefetch`](crate::RenderAgentConfig::prefetch).
-    pub prefetch: u32,
-    /// `true`: near the end, zones are cut and zones of slow agents are also given to idle ones. Useful if agents have
-    /// machines of their own; agents that share a machine use all its processors anyway.
-    pub shares_tail: bool,
-    /// Number of agents on different machines whose paintings of a zone must agree; 1: paintings are not compared.
-    pub verify: u32,
-    /// `true`: the engine is not bit-identical between agents, so paintings are compared by their look.
-    pub compares_by_look: bool,
-    /// A secret that selects which paintings of believed agents are compared anyway.
-    pub secret: u64,
-    /// Credit of machines in earlier works, by [name](bottega_agents::machine_of).
-    pub credits: Arc<BTreeMap<String, Credit>>,
-    /// The rules for goals of error and time.
-    pub goals: GoalRules,
-    /// The timeouts.
-    pub timing: Timing,
-    /// The platform at which it registers; `None`: it does not.
-    pub registration: Option<RegistrationConfig>,
-}
-
-/// A pending write of a zone's row.
-#[derive(Clone, Debug)]
-struct Write {
-    /// The ticket of the last request.
-    ticket: Ticket,
-    /// The new row, and the revision that the row must have before.
-    row: Arc<ZoneRow>,
-    expected_revision: Revision,
-    then: RowFollowUp,
-}
-
-/// The action after a row is written.
-#[derive(Clone, Debug)]
-enum RowFollowUp {
-    /// Send the order to the agent, in this conversation.
-    Order(u64),
-    /// Confirm the report to the agent.
-    Receive {
-        /// The confirmation to send.
-        confirmation: Box<FarmMessage>,
-        /// True if the report is a success.
-        well: bool,
-        /// The measured promise, if the report ends an award and its time is valid.
-        promise: Option<KeptPromise>,
-    },
-    /// None: the zone was taken back or prepared for its next order.
-    TakenBack,
-}
-
-/// The measurement of a promise to paint a zone.
-#[derive(Clone, Copy, Debug)]
-struct KeptPromise {
-    /// Time from order to report, by this Master's clock.
-    taken: Duration,
-    /// Time expected for the order from other agents' measurements, in reference-machine time; `None`: no measurements.
-    worth: Option<Duration>,
-}
-
-/// A round of the auction in progress.
-#[derive(Clone, Debug)]
-struct Round {
-    deadline: Time,
-    offers: Vec<Offer>,
-    /// Number of agents called.
-    called: u32,
-    awaited: Vec<MemberId>,
-    proposals: Vec<(MemberId, Proposal)>,
+    /// True if zones are given out, and not all are finished.
+    fn is_at_work(self) -> bool {
+        self.gives_out() && !self.is_finished
+    }
 }
 
 /// The state machine of a Master.
 #[derive(Clone, Debug)]
 pub struct Master {
-    config: MasterConfig,
-    keys: WorkKeys,
-    /// The registration at the directories, if there are any.
-    registrant: Option<Box<Registrant>>,
-    board: Blackboard,
-    /// Rows of an interrupted work to write to an empty Blackboard first, by ticket, until written.
-    kept: BTreeMap<Ticket, FarmValue>,
-    /// The ticket of the subscription to the rows.
-    watch: Ticket,
-    /// True when the subscription has delivered all existing rows.
-    caught_up: bool,
-    begun: bool,
-    stopping: bool,
-    finished: bool,
-    ledger: Ledger,
-    roster: Roster,
-    composition: Composition,
-    /// Excluded agents, with the reason in their rows. A hash map for speed; never iterated.
-    left_out: FxHashMap<AgentId, Arc<AgentRow>>,
-    /// Number of unusable tiles of each agent; mostly empty.
-    lost: BTreeMap<MemberId, u32>,
-    /// Zones whose rows may depend on a painting of an agent found wrong; mostly empty.
-    dubious: Vec<ZoneId>,
-    /// Results of comparing paintings by their look.
-    looks: Looks,
+    phase: Phase,
+    assignments: Assignments,
+    rounds: Rounds,
+    offcuts: Offcuts,
+    trust: Trust,
+    verification: Verification,
     worth: ZoneWorth,
-    /// True if the film contains a zone that is painted again: a new film begins when the pending compositions are
-    /// answered.
-    film_is_stale: bool,
-    /// Number of consecutive checks with too few machines to compare paintings.
-    lacking: u32,
-    /// Rounds in progress, by conversation. Each has its own zones and bidders.
-    rounds: BTreeMap<u64, Round>,
-    /// True if a zone has become open or an agent has less load since [`Self::recall`] last ran.
-    recalls: bool,
-    /// Bidders of rounds without any award, since the last award, report or newly open zone: they would bid the same
-    /// again. A zone whose row is being written is on offer already, but cannot be awarded.
-    in_vain: BTreeSet<MemberId>,
-    /// Rounds in which all called agents have answered.
-    answered: Vec<u64>,
-    /// Pieces that were cut off and have no row yet, with the zones they were cut from.
-    owed: BTreeMap<ZoneId, ZoneId>,
-    /// Those of `owed` whose row must be written, again if a write failed.
-    due: Vec<ZoneId>,
-    /// Pending writes. Hash maps for speed, as the two below; never iterated.
-    writes: FxHashMap<ZoneId, Write>,
-    tickets: FxHashMap<Ticket, ZoneId>,
-    /// Time at which the current order of a zone was sent.
-    sent: FxHashMap<ZoneId, Time>,
-    /// Agents whose credit has changed since it was written, in order of the change.
-    credits_due: VecDeque<MemberId>,
-    /// The members of `credits_due`; a hash set for speed, never iterated.
-    credited: FxHashSet<MemberId>,
-    /// Scratch space: agents whose load has changed.
-    changed: Vec<MemberId>,
-    /// Start of the current pass over the picture, with a goal of time.
-    pass_begun: Time,
-    /// Reference-machine time painted in the current pass.
-    pass_painted: Duration,
-    last_number: u64,
-    watchdog: Watchdog,
-    /// Number of orders sent so far.
-    orders_sent: u64,
+    credits: Credits,
+    pass: Pass,
+    composition: Composition,
+    stalls: StallWatch,
     /// True after a stall: the Master restarts when the film has answered.
-    must_begin_again: bool,
-    next_look: Option<Time>,
+    must_restart: bool,
+    next_check: Option<Time>,
     /// Until then agents that an earlier Master knew may report to this one.
     expects_until: Time,
+    /// The registration at the directories, if there are any.
+    registrant: Option<Box<Registrant>>,
 }
 
 impl Master {
     /// A new Master, which continues from what it finds on the Blackboard.
     pub fn new(config: MasterConfig) -> Self {
-        let ledger = Ledger::new(config.auction);
-        let window = config.auction.window(config.prefetch) as usize;
-        let roster = Roster::new(window, config.auction.weighs_promises());
         let place = config.registration.clone();
         let registrant = place.map(|place| Box::new(Registrant::new(config.id.clone(), place, &MASTER_SERVICES)));
-        Self {
-            keys: WorkKeys::new(config.work),
-            config,
-            registrant,
-            board: Blackboard::default(),
-            kept: BTreeMap::new(),
-            watch: Ticket(0),
-            caught_up: false,
-            begun: false,
-            stopping: false,
-            finished: false,
-            ledger,
-            roster,
-            composition: Composition::default(),
-            left_out: FxHashMap::default(),
-            lost: BTreeMap::new(),
-            dubious: Vec::new(),
-            looks: Looks::default(),
-            worth: ZoneWorth::default(),
-            film_is_stale: false,
-            lacking: 0,
-            rounds: BTreeMap::new(),
-            recalls: false,
-            in_vain: BTreeSet::new(),
-            answered: Vec::new(),
-            owed: BTreeMap::new(),
-            due: Vec::new(),
-            writes: FxHashMap::default(),
-            tickets: FxHashMap::default(),
-            sent: FxHashMap::default(),
-            credits_due: VecDeque::new(),
-            credited: FxHashSet::default(),
-            changed: Vec::new(),
-            pass_begun: Time::ZERO,
-            pass_painted: Duration::ZERO,
-            last_number: 0,
-            watchdog: Watchdog::default(),
-            orders_sent: 0,
-            must_begin_again: false,
-            next_look: None,
-            expects_until: Time::ZERO,
-        }
+        let rows = Rows::new(config.work);
+        Self { registrant, ..Self::with_rows(Arc::new(config), rows) }
     }
 
     /// A Master that resumes a work from stored rows, on an empty Blackboard.
@@ -289,37 +132,215 @@ impl Master {
         let mut master = Self::new(config);
         let rows = rows.into_iter().map(|row| FarmValue::Zone(Arc::new(row.resumed())));
         for value in std::iter::once(FarmValue::Work(Arc::new(work))).chain(rows) {
-            let ticket = Ticket(master.number());
-            master.kept.insert(ticket, value);
+            master.assignments.rows.restore(value);
         }
         master
     }
 
+    /// A Master that knows nothing but `rows`, and is not registered.
+    fn with_rows(config: Arc<MasterConfig>, rows: Rows) -> Self {
+        Self {
+            phase: Phase::default(),
+            rounds: Rounds::default(),
+            offcuts: Offcuts::default(),
+            trust: Trust::new(config.verifies()),
+            verification: Verification::new(Arc::clone(&config)),
+            worth: ZoneWorth::default(),
+            credits: Credits::default(),
+            pass: Pass::new(Time::ZERO),
+            composition: Composition::default(),
+            stalls: StallWatch::default(),
+            must_restart: false,
+            next_check: None,
+            expects_until: Time::ZERO,
+            registrant: None,
+            assignments: Assignments::new(config, rows),
+        }
+    }
+
     /// Its view of the Blackboard.
     pub fn board(&self) -> &Blackboard {
-        &self.board
+        self.assignments.rows.board()
     }
 
     /// True if all zones are in the film or given up.
     pub fn is_finished(&self) -> bool {
-        self.finished
+        self.phase.is_finished
     }
 
     /// Number of zones that wait for an agent.
     pub(crate) fn waiting_count(&self) -> usize {
-        if self.begun && !self.stopping { self.ledger.waiting_count() } else { 0 }
-    }
-
-    /// A new number for a conversation or ticket.
-    fn number(&mut self) -> u64 {
-        self.last_number += 1;
-        self.last_number
+        if self.phase.gives_out() { self.assignments.ledger.waiting_count() } else { 0 }
     }
 
     fn assert_invariants(&self) {
-        self.ledger.assert_invariants();
+        self.assignments.assert_invariants();
         self.composition.assert_invariants();
-        assert_eq!(self.tickets.len(), self.writes.len(), "each write has one open ticket");
+    }
+
+    /// Takes all steps that follow from the current state. Called after each event.
+    fn advance(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        let rows = &self.assignments.rows;
+        if !rows.is_caught_up() || !rows.board().is_complete() || self.phase.is_finished {
+            return;
+        }
+        // Start when the rows are complete
+        if !self.phase.has_begun {
+            self.begin(now, actions);
+        }
+        let assignments = &mut self.assignments;
+        if self.phase.gives_out() {
+            // Write the rows of cut pieces, and discard the samples of agents found wrong
+            self.offcuts.write(now, assignments, actions);
+            self.trust.repaint_dubious(now, assignments, actions);
+            // Plan the next pass, with a goal of time
+            self.pass.plan_next(now, assignments, actions);
+            // Order profiles of zones without samples
+            assignments.order_profiles(now, actions);
+            // Award the zones of rounds that have ended
+            self.rounds.close_ended(now, assignments, actions);
+            // Order second paintings to compare
+            self.verification.order_comparisons(now, assignments, actions);
+            // Deal zones out, or open new rounds
+            if assignments.config.deals() {
+                deal::deal(now, assignments, actions);
+            } else {
+                self.rounds.recall(now, assignments);
+                while self.rounds.open(now, assignments, actions) {}
+            }
+        }
+        // Hand painted zones to the film, and end when all are composed
+        if self.phase.has_begun {
+            let board = assignments.rows.board();
+            let all_chosen = board.zone_count() == assignments.ledger.chosen_count();
+            self.composition.hand_over(board, all_chosen, actions);
+            self.finish(actions);
+        }
+    }
+
+    /// Starts the work: checks the zones, begins the film and introduces the scene to the agents.
+    fn begin(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        let board = self.assignments.rows.board();
+        let Some(work) = board.work().cloned() else { return };
+        let zones = board.zones().filter(|row| row.root.is_none());
+        let rects: Vec<_> = zones.map(|row| row.rect).collect();
+        let in_order = rects.is_sorted_by_key(|rect| (rect.y0, rect.x0));
+        if !in_order || !Partition::covers(work.settings.frame, &rects) {
+            let reason = "the zones on the blackboard are no partition of the frame".to_owned();
+            actions.push(FarmAction::Effect(FarmEffect::Abandon { reason }));
+            actions.push(FarmAction::Stop);
+            self.phase.is_finished = true;
+            return;
+        }
+        self.phase.has_begun = true;
+        self.pass = Pass::new(now);
+        actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
+        self.introduce(&self.assignments.roster.present(), actions);
+        self.trust.doubt_all(self.assignments.rows.board());
+    }
+
+    /// Workflow, step 8: ends the work when the picture is complete.
+    fn finish(&mut self, actions: &mut Vec<FarmAction>) {
+        let Assignments { config, rows, ledger, roster, .. } = &self.assignments;
+        let zone_count = rows.board().zone_count();
+        let is_settled = ledger.settled_count() >= zone_count && !rows.has_writes() && self.offcuts.is_empty();
+        if self.composition.is_stale() || !is_settled {
+            return;
+        }
+        let failed = rows.board().zones().filter(|row| row.state == ZoneState::Failed);
+        let failed: Vec<ZoneId> = failed.map(|row| row.zone).collect();
+        if self.composition.composed_count() + failed.len() < zone_count {
+            return;
+        }
+        self.phase.is_finished = true;
+        actions.push(FarmAction::Effect(FarmEffect::Finish { failed }));
+        let to = roster.present();
+        if !to.is_empty() {
+            let end = FarmContent::LifeCycle(LifeCycle::Terminate);
+            let request = message(Performative::Request, protocol::REQUEST, &config.id, to, end);
+            actions.push(FarmAction::Send(request));
+        }
+        if let Some(registrant) = &mut self.registrant {
+            registrant.leave(actions);
+        }
+        actions.push(FarmAction::Stop);
+    }
+
+    /// The periodic check: stalls, expired leases, hanging orders, credits to write, idle agents.
+    fn check(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        let timing = self.assignments.config.timing;
+        self.next_check = Some(now + timing.heartbeat);
+        // Restart after a stall
+        self.check_stall(now, actions);
+        // Call again the agents that refused or lost
+        let roster = &mut self.assignments.roster;
+        roster.wake(now);
+        self.rounds.call_all_again(roster);
+        roster.rest_orders();
+        // Dismiss the agents whose lease is over
+        if now.elapsed() > timing.lease {
+            for agent in roster.silent(Time::since_start(now.elapsed() - timing.lease)) {
+                self.dismiss_silent(now, agent, actions);
+            }
+        }
+        // Take back zones of agents that have not subscribed again after a restart
+        let Assignments { ledger, roster, .. } = &self.assignments;
+        let is_lost = |agent: &MemberId| now >= self.expects_until && roster.get(*agent).is_none();
+        let strangers: Vec<MemberId> = ledger.holders().filter(is_lost).collect();
+        for agent in strangers {
+            self.assignments.take_all_back(now, agent, Departure::Silence, actions);
+        }
+        // Take back orders without progress: an agent may send messages without mentioning its orders
+        let holders: Vec<MemberId> = self.assignments.ledger.holders().collect();
+        for agent in holders {
+            self.watch_orders(now, agent, &[], actions);
+        }
+        let Assignments { rows, roster, .. } = &mut self.assignments;
+        self.credits.write(roster, rows, actions);
+        if self.phase.gives_out() {
+            tail::help_all(now, &mut self.assignments, actions);
+        }
+        if self.phase.has_begun && !self.phase.is_finished {
+            self.verification.count_machines(&self.assignments, actions);
+        }
+    }
+
+    /// Dismisses an agent whose lease is over, and counts a failure if it held orders.
+    fn dismiss_silent(&mut self, now: Time, agent: MemberId, actions: &mut Vec<FarmAction>) {
+        let name = self.assignments.roster.name(agent).clone();
+        tracing::info!(agent = %name, "agent fell silent");
+        if let Some(order) = self.assignments.orders_of(agent, &[]).first() {
+            self.count_failure(now, &name, (order.zone, order.fence), "it fell silent", actions);
+        }
+        self.dismiss(now, agent, Departure::Silence, actions);
+    }
+
+    /// Restarts this Master from the Blackboard after a stall.
+    fn check_stall(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        if let Some(stall) = self.stalls.check(now, self.phase.is_at_work(), &self.assignments) {
+            let Stall { waited, zones, free } = stall;
+            tracing::warn!(zones, free, "nothing begins, so the Master begins again from the Blackboard");
+            actions.push(FarmAction::Effect(FarmEffect::Stalled { waited, zones, free }));
+            self.must_restart = true;
+        }
+        // Wait until the film has answered, so that no tile of the old film enters the next one
+        if self.must_restart && self.composition.composing_count() == 0 {
+            self.restart(now, actions);
+        }
+    }
+
+    /// Resets this Master to its initial state and reads the Blackboard again.
+    fn restart(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        let config = Arc::clone(&self.assignments.config);
+        let mut rows = std::mem::replace(&mut self.assignments.rows, Rows::new(config.work));
+        rows.reset(config.work);
+        rows.subscribe(actions);
+        *self = Self {
+            registrant: self.registrant.take(),
+            next_check: self.next_check,
+            expects_until: now + config.timing.lease,
+            ..Self::with_rows(config, rows)
+        };
     }
 }
 
@@ -333,9 +354,10 @@ impl StateMachine for Master {
         let mut news = true;
         match event {
             FarmEvent::Start => {
-                self.start(actions);
-                self.next_look = Some(now + self.config.timing.heartbeat);
-                self.expects_until = now + self.config.timing.lease;
+                let timing = self.assignments.config.timing;
+                self.assignments.rows.start(actions);
+                self.next_check = Some(now + timing.heartbeat);
+                self.expects_until = now + timing.lease;
             }
             FarmEvent::Message(message) if let FarmContent::Management(_) = message.content => {
                 self.registrant.as_mut().and_then(|registrant| registrant.hear(now, &message));
@@ -347,20 +369,20 @@ impl StateMachine for Master {
                 self.composed(now, zone, outcome, actions);
             }
             FarmEvent::Completed(FarmCompletion::Compared { zone, results, outcome }) => {
-                self.looked_at(now, zone, results, outcome, actions);
+                self.compared(now, zone, results, outcome, actions);
             }
             FarmEvent::Completed(FarmCompletion::Requeue { zone, fence }) => self.requeue(now, zone, fence, actions),
             FarmEvent::Completed(FarmCompletion::Stop) => {
-                self.stopping = true;
+                self.phase.is_stopping = true;
                 self.rounds.clear();
             }
             FarmEvent::Completed(_) | FarmEvent::Presence { .. } | FarmEvent::Deadline => {}
         }
-        if self.next_look.is_some_and(|at| at <= now) {
-            self.look(now, actions);
+        if self.next_check.is_some_and(|at| at <= now) {
+            self.check(now, actions);
             news = true;
         }
-        if let Some(registrant) = self.registrant.as_mut().filter(|_| !self.finished) {
+        if let Some(registrant) = self.registrant.as_mut().filter(|_| !self.phase.is_finished) {
             registrant.tick(now, actions);
         }
         if news {
@@ -370,12 +392,10 @@ impl StateMachine for Master {
     }
 
     fn next_deadline(&self) -> Option<Time> {
-        // Rounds end in the order in which they began.
-        let round = self.rounds.values().next().map(|round| round.deadline);
-        let holds_rounds = self.config.auction != AuctionRule::Stealing;
-        let calls = holds_rounds && self.begun && !self.stopping && self.ledger.open.has_waiting();
-        let due = self.roster.next_due().filter(|_| calls);
+        let Assignments { config, ledger, roster, .. } = &self.assignments;
+        let calls = !config.deals() && self.phase.gives_out() && ledger.open.has_waiting();
+        let due = roster.next_due().filter(|_| calls);
         let directories = self.registrant.as_ref().and_then(|registrant| registrant.next_deadline());
-        [self.next_look, round, due, directories].into_iter().flatten().min()
+        [self.next_check, self.rounds.next_deadline(), due, directories].into_iter().flatten().min()
     }
 }

@@ -42,7 +42,7 @@ struct Painted {
 struct AgentPace {
     /// Reference-machine seconds per second, as reported.
     speed: f64,
-    hands: BTreeMap<ZoneId, HeldZone>,
+    held: BTreeMap<ZoneId, HeldZone>,
     /// The time up to which its output is assigned to its zones.
     given_until: Time,
     painted: Painted,
@@ -75,17 +75,17 @@ impl AgentPace {
     /// Assigns the agent's output until `now` to the zones it holds.
     fn give(&mut self, now: Time, is_in_turn: bool) {
         let seconds = now.since(self.given_until.min(now)).as_secs_f64();
-        if !self.hands.is_empty() {
+        if !self.held.is_empty() {
             self.given_until = self.given_until.max(now);
         }
         let given = seconds * self.speed;
         if is_in_turn {
-            if let Some(first) = self.hands.values_mut().min_by_key(|zone| zone.turn) {
+            if let Some(first) = self.held.values_mut().min_by_key(|zone| zone.turn) {
                 first.given += given;
             }
         } else {
-            let share = given / self.hands.len().max(1) as f64;
-            self.hands.values_mut().for_each(|zone| zone.given += share);
+            let share = given / self.held.len().max(1) as f64;
+            self.held.values_mut().for_each(|zone| zone.given += share);
         }
     }
 }
@@ -111,7 +111,7 @@ impl Throughput {
             let is_painter = row.state == ZoneState::Done && row.agent.as_ref() == Some(agent);
             let Some(pace) = self.agents.get_mut(agent) else { continue };
             pace.give(now, self.is_in_turn);
-            let Some(held) = pace.hands.remove(&row.zone) else { continue };
+            let Some(held) = pace.held.remove(&row.zone) else { continue };
             // The painter's own rules may have changed the number of samples.
             let estimated = row.time_estimated.map(|time| time.as_secs_f64()).or(held.estimated);
             let is_measured = is_painter && held.estimated.is_some() && held.given > 0.0;
@@ -124,17 +124,17 @@ impl Throughput {
         // Agents that hold it now: start assigning output to it
         for (number, agent) in (0..).zip(&holders) {
             let pace = self.agents.entry(agent.clone()).or_default();
-            if pace.hands.contains_key(&row.zone) {
+            if pace.held.contains_key(&row.zone) {
                 continue;
             }
             pace.give(now, self.is_in_turn);
-            if pace.hands.is_empty() {
+            if pace.held.is_empty() {
                 pace.given_until = now;
             }
-            let turn = pace.hands.values().map(|held| held.turn + 1).max().unwrap_or(number);
+            let turn = pace.held.values().map(|held| held.turn + 1).max().unwrap_or(number);
             let estimated = row.time_estimated.filter(|_| row.state == ZoneState::Awarded);
             let estimated = estimated.map(|time| time.as_secs_f64());
-            pace.hands.insert(row.zone, HeldZone { turn, estimated, given: 0.0 });
+            pace.held.insert(row.zone, HeldZone { turn, estimated, given: 0.0 });
         }
         if !holders.is_empty() {
             self.holders.insert(row.zone, holders);
@@ -149,17 +149,17 @@ impl Throughput {
     pub(crate) fn time_for(&self, now: Time, seconds: f64, zone_seconds: f64) -> Option<f64> {
         let weight = zone_seconds.max(1e-6);
         let ratio = self.all.ratio(1.0, weight);
-        let is_there = |pace: &&AgentPace| !pace.hands.is_empty() || now.since(pace.given_until.min(now)) < IDLE_MAX;
+        let is_there = |pace: &&AgentPace| !pace.held.is_empty() || now.since(pace.given_until.min(now)) < IDLE_MAX;
         let (mut speed, mut under_way) = (0.0, 0.0);
         for pace in self.agents.values().filter(is_there) {
             let own = pace.painted.ratio(ratio, weight);
             speed += pace.speed * own;
             let left = now.since(pace.given_until.min(now)).as_secs_f64() * pace.speed;
-            let first = pace.hands.values().map(|held| held.turn).min();
-            for held in pace.hands.values() {
+            let first = pace.held.values().map(|held| held.turn).min();
+            for held in pace.held.values() {
                 let share = match self.is_in_turn {
                     true => f64::from(u8::from(Some(held.turn) == first)),
-                    false => (pace.hands.len() as f64).recip(),
+                    false => (pace.held.len() as f64).recip(),
                 };
                 let most = (1.0 - UNPAINTED_MIN) * held.estimated.unwrap_or(0.0);
                 under_way += (own * (held.given + left * share)).min(most);

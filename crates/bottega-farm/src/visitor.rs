@@ -243,7 +243,7 @@ impl Visitor {
         }
     }
 
-    fn told(&mut self, now: Time, report: VisitorReport, actions: &mut VisitorActions) {
+    fn handle_report(&mut self, now: Time, report: VisitorReport, actions: &mut VisitorActions) {
         match report {
             VisitorReport::Bids { call, room, bids } => {
                 if let Some(call) = self.take_call(call) {
@@ -275,7 +275,7 @@ impl Visitor {
                 (self.is_away, self.is_warm) = (true, false);
                 self.calls.clear();
                 self.orders.clear();
-                self.agent.let_go();
+                self.agent.forget_master();
                 let (me, to) = (&self.id, vec![self.master.clone()]);
                 let bye = message(Performative::Cancel, protocol::SUBSCRIBE, me, to, FarmContent::Unsubscription);
                 actions.push(Action::Send(bye));
@@ -304,7 +304,7 @@ impl StateMachine for Visitor {
         match event {
             Event::Start => self.forward(now, Event::Start, actions),
             Event::Message(message) => self.hear(now, message, actions),
-            Event::Completed(report) => self.told(now, report, actions),
+            Event::Completed(report) => self.handle_report(now, report, actions),
             Event::Deadline if self.is_away => {}
             Event::Deadline => self.forward(now, Event::Deadline, actions),
             Event::Store { .. } | Event::Presence { .. } => {}

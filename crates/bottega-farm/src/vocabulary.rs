@@ -25,7 +25,7 @@ pub struct PaintOrder {
     /// The settings.
     pub tunables: Tunables,
     /// The preferred one of two engines.
-    pub leaning: EnginePreference,
+    pub preference: EnginePreference,
     /// The earlier samples, which `samples` continues. `None`: `samples` starts at 0.
     pub from: Option<ResultRef>,
     /// The use of the remaining error.

@@ -274,8 +274,8 @@ fn an_order_that_stands_still_is_taken_back_and_one_that_goes_on_slowly_is_not()
     let order = stage.order("a");
     let (zone, fence) = (order.row.zone, order.fence);
     let alive = |progress| {
-        let hands = vec![Holding { zone, fence, progress }];
-        FarmContent::Alive { power: RelativePower::REFERENCE, hands }
+        let orders = vec![Holding { zone, fence, progress }];
+        FarmContent::Alive { power: RelativePower::REFERENCE, orders }
     };
     // A step a minute for an hour.
     for minute in 0..60 {
@@ -284,7 +284,7 @@ fn an_order_that_stands_still_is_taken_back_and_one_that_goes_on_slowly_is_not()
         stage.tell(
             "b",
             Performative::Inform,
-            FarmContent::Alive { power: RelativePower::REFERENCE, hands: Vec::new() },
+            FarmContent::Alive { power: RelativePower::REFERENCE, orders: Vec::new() },
         );
     }
     assert_eq!(stage.master.board().zone(zone).unwrap().0, fence, "the order still counts");
@@ -295,7 +295,7 @@ fn an_order_that_stands_still_is_taken_back_and_one_that_goes_on_slowly_is_not()
         stage.tell(
             "b",
             Performative::Inform,
-            FarmContent::Alive { power: RelativePower::REFERENCE, hands: Vec::new() },
+            FarmContent::Alive { power: RelativePower::REFERENCE, orders: Vec::new() },
         );
     }
     let withdrawn = |message: &FarmMessage| message.content == FarmContent::Withdrawn { zone, fence };
@@ -357,9 +357,9 @@ fn an_order_is_left_when_it_comes_after_its_time_and_taken_when_it_comes_again()
     let (late, second) = (reply_by + Duration::from_nanos(1), Duration::from_secs(1));
     let mut agent = agent();
     agent.handle(late, Event::Message(order.clone()), &mut Vec::new());
-    assert_eq!(agent.hands().count(), 0);
+    assert_eq!(agent.held_zones().count(), 0);
     agent.handle(late, Event::Message(AclMessage { reply_by: Some(late + second), ..order }), &mut Vec::new());
-    assert_eq!(agent.hands().count(), 1);
+    assert_eq!(agent.held_zones().count(), 1);
 }
 
 fn contents(order: Order) -> impl Strategy<Value = FarmContent> {
@@ -381,9 +381,9 @@ fn contents(order: Order) -> impl Strategy<Value = FarmContent> {
             let outcome = if well { Ok(painting(&order, samples)) } else { Err("no".to_owned()) };
             FarmContent::Report(Arc::new(Report { zone, fence, outcome, reasons: None }))
         }),
-        prop::collection::vec((0u32..6, 0u64..20), 0..4).prop_map(|hands| FarmContent::Alive {
+        prop::collection::vec((0u32..6, 0u64..20), 0..4).prop_map(|orders| FarmContent::Alive {
             power: RelativePower::REFERENCE,
-            hands: hands
+            orders: orders
                 .into_iter()
                 .map(|(zone, fence)| Holding { zone: ZoneId(zone), fence: Revision(fence), progress: fence })
                 .collect(),

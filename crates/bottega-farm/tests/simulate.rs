@@ -9,7 +9,7 @@ use bottega_agents::{
 use bottega_farm::{
     AuctionRule, AuctionTally,
     simulate::{
-        CrewSpec, Incident, IncidentKind, Plan, SimulationError, SimulationOutcome, SyntheticSpread, Workpiece,
+        FarmSpec, Incident, IncidentKind, Plan, SimulationError, SimulationOutcome, SyntheticSpread, Workpiece,
         simulate,
     },
 };
@@ -26,11 +26,11 @@ fn run(piece: &Arc<Workpiece>, plan: &Plan) -> SimulationOutcome {
 /// Late, lost and doubled messages; agents, the Master too, that die and come back; cuts; orders that fail.
 fn troubled(seed: u64) -> Plan {
     let mut random = Random::new(seed ^ 0x5eed);
-    let mut crew: CrewSpec = "2x1.0,1x0.5,1x2.0,1x0.33".parse().expect("a crew");
-    crew.agents[4].joins = Duration::from_secs(seed % 6);
+    let mut farm: FarmSpec = "2x1.0,1x0.5,1x2.0,1x0.33".parse().expect("a farm");
+    farm.agents[4].joins = Duration::from_secs(seed % 6);
     let at = Duration::from_secs(4 + seed % 9);
     let kind = [IncidentKind::Slow(4.0), IncidentKind::Fail, IncidentKind::Leave][(seed % 3) as usize];
-    crew.incidents.push(Incident { at, agent: (seed % 4) as usize, kind });
+    farm.incidents.push(Incident { at, agent: (seed % 4) as usize, kind });
     let faults = Faults {
         latency_min: Duration::from_millis(1),
         latency_extra_mean: Duration::from_millis(40),
@@ -44,7 +44,7 @@ fn troubled(seed: u64) -> Plan {
         until: Time::since_start(Duration::from_secs(45)),
     };
     let auction = if seed.is_multiple_of(2) { AuctionRule::FinishingTime } else { AuctionRule::Paper };
-    let trouble = Plan { faults, auction, master_may_crash: true, failures: 0.01, ..Plan::calm(crew, seed) };
+    let trouble = Plan { faults, auction, master_may_crash: true, failures: 0.01, ..Plan::calm(farm, seed) };
     Plan { benchmark_error: 0.25, fetch: Duration::from_millis(50), ..trouble }
 }
 
@@ -73,12 +73,12 @@ fn the_same_seed_gives_the_same_run() {
 fn who_hangs_or_breaks_is_left_out_and_nobody_else() {
     let (mut hung, mut broken) = (0, 0);
     for seed in 0..300 {
-        let mut crew: CrewSpec = "3x1.0,1x0.5,2x1.0".parse().expect("a crew");
+        let mut farm: FarmSpec = "3x1.0,1x0.5,2x1.0".parse().expect("a farm");
         let at = Duration::from_secs(seed % 7);
-        crew.incidents.push(Incident { at, agent: 4, kind: IncidentKind::Hang });
-        crew.incidents.push(Incident { at, agent: 5, kind: IncidentKind::Break(1.0) });
+        farm.incidents.push(Incident { at, agent: 4, kind: IncidentKind::Hang });
+        farm.incidents.push(Incident { at, agent: 5, kind: IncidentKind::Break(1.0) });
         let faults = Faults { loss: 0.05, latency_extra_mean: Duration::from_millis(20), ..Faults::NONE };
-        let calm = Plan::calm(crew, seed);
+        let calm = Plan::calm(farm, seed);
         // Where nobody takes over what a slow agent has, only its failure to go on gives it away.
         let plan = Plan { faults, failures: 0.002, shares_tail: seed % 2 == 0, ..calm };
         let outcome = run(&piece(400, 2.0, seed), &plan);
@@ -94,11 +94,11 @@ fn who_hangs_or_breaks_is_left_out_and_nobody_else() {
 
 #[test]
 fn who_alone_fails_is_not_left_out_and_what_cannot_be_painted_is_told() {
-    let crew: CrewSpec = "1,agent-0@break=0s".parse().expect("a crew");
-    let outcome = run(&piece(6, 1.0, 1), &Plan::calm(crew, 1));
+    let farm: FarmSpec = "1,agent-0@break=0s".parse().expect("a farm");
+    let outcome = run(&piece(6, 1.0, 1), &Plan::calm(farm, 1));
     assert_eq!((outcome.failed, &outcome.agents[0].left_out), (6, &None));
-    let crew: CrewSpec = "2,agent-0@break=0s,agent-1@break=0s".parse().expect("a crew");
-    let outcome = run(&piece(6, 1.0, 1), &Plan::calm(crew, 1));
+    let farm: FarmSpec = "2,agent-0@break=0s,agent-1@break=0s".parse().expect("a farm");
+    let outcome = run(&piece(6, 1.0, 1), &Plan::calm(farm, 1));
     assert_eq!(outcome.failed, 6);
     assert_eq!(outcome.agents.iter().filter(|agent| agent.left_out.is_some()).count(), 1);
 }
@@ -109,11 +109,11 @@ fn who_alone_fails_is_not_left_out_and_what_cannot_be_painted_is_told() {
 fn where_agents_are_compared_liars_are_left_out_and_what_they_painted_is_not_in_the_picture() {
     let (mut wrong, mut zones, mut caught) = (0, 0, [0; 3]);
     for seed in 0..200 {
-        let mut crew: CrewSpec = "2x1.0,1x0.5,1x2.0,3x1.0".parse().expect("a crew");
+        let mut farm: FarmSpec = "2x1.0,1x0.5,1x2.0,3x1.0".parse().expect("a farm");
         let lies = [(4, 0, 1.0), (5, 0, 0.2), (6, 60, 0.3)];
         for (agent, at, share) in lies {
             let at = Duration::from_secs(at);
-            crew.incidents.push(Incident { at, agent, kind: IncidentKind::Lie(share) });
+            farm.incidents.push(Incident { at, agent, kind: IncidentKind::Lie(share) });
         }
         let faults = Faults {
             crash_every: (seed % 3 == 0).then(|| Duration::from_secs(20)),
@@ -124,9 +124,9 @@ fn where_agents_are_compared_liars_are_left_out_and_what_they_painted_is_not_in_
             until: Time::since_start(Duration::from_secs(100)),
             ..Faults::NONE
         };
-        let calm = Plan::calm(crew, seed);
+        let calm = Plan::calm(farm, seed);
         let verify = 2 + (seed % 2) as u32;
-        // Every second crew has engines of which no two give the same bits.
+        // Every second farm has engines of which no two give the same bits.
         let inexact = seed / 2 % 2 == 1;
         let plan = Plan { faults, failures: 0.002, verify, inexact, master_may_crash: true, ..calm };
         let outcome = run(&piece(300, 2.0, seed), &plan);
@@ -149,10 +149,10 @@ fn where_agents_are_compared_liars_are_left_out_and_what_they_painted_is_not_in_
 
 #[test]
 fn honest_agents_are_believed_after_a_while_and_then_comparing_costs_little() {
-    let crew = || CrewSpec::equal(8);
+    let farm = || FarmSpec::equal(8);
     let piece = piece(2_000, 2.0, 3);
-    let alone = run(&piece, &Plan::calm(crew(), 3));
-    let compared = run(&piece, &Plan { verify: 2, ..Plan::calm(crew(), 3) });
+    let alone = run(&piece, &Plan::calm(farm(), 3));
+    let compared = run(&piece, &Plan { verify: 2, ..Plan::calm(farm(), 3) });
     assert_eq!((compared.wrong, compared.failed, compared.lacked_machines), (0, 0, false));
     let ratio = compared.makespan.as_secs_f64() / alone.makespan.as_secs_f64();
     eprintln!("two of each at first: {ratio:.3} of the time");
@@ -161,24 +161,24 @@ fn honest_agents_are_believed_after_a_while_and_then_comparing_costs_little() {
 
 #[test]
 fn who_cannot_be_compared_with_anybody_is_told() {
-    let plan = Plan { verify: 3, ..Plan::calm(CrewSpec::equal(2), 1) };
+    let plan = Plan { verify: 3, ..Plan::calm(FarmSpec::equal(2), 1) };
     let error = simulate(&piece(4, 1.0, 1), &plan).expect_err("two are not three");
     assert!(matches!(error, SimulationError::Unfinished { painted: 0, .. }), "{error}");
     // When the third comes, they go on.
-    let mut crew = CrewSpec::equal(3);
-    crew.agents[2].joins = Duration::from_secs(30);
-    let outcome = run(&piece(4, 1.0, 1), &Plan { verify: 3, ..Plan::calm(crew, 1) });
+    let mut farm = FarmSpec::equal(3);
+    farm.agents[2].joins = Duration::from_secs(30);
+    let outcome = run(&piece(4, 1.0, 1), &Plan { verify: 3, ..Plan::calm(farm, 1) });
     assert!(outcome.lacked_machines && outcome.makespan > Duration::from_secs(30), "{outcome:?}");
 }
 
 #[test]
 fn a_thousand_unequal_agents_of_whom_some_fail_lose_a_tenth_at_most() {
     for seed in 0..2 {
-        let mut crew: CrewSpec = "250x0.5,250x1.0,250x2.0,250x4.0".parse().expect("a crew");
+        let mut farm: FarmSpec = "250x0.5,250x1.0,250x2.0,250x4.0".parse().expect("a farm");
         let piece = piece(16_000, 20.0, seed);
-        let until = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
-        crew.fail_some(0.05, until, seed);
-        let outcome = run(&piece, &Plan { benchmark_error: 0.25, ..Plan::calm(crew, seed) });
+        let until = farm.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
+        farm.fail_some(0.05, until, seed);
+        let outcome = run(&piece, &Plan { benchmark_error: 0.25, ..Plan::calm(farm, seed) });
         let (efficiency, messages) = (outcome.efficiency(), outcome.messages_per_zone());
         eprintln!("seed {seed}: {:?}, efficiency {efficiency:.3}, {messages:.1} messages a zone", outcome.makespan);
         assert_eq!(outcome.failed, 0);
@@ -188,8 +188,8 @@ fn a_thousand_unequal_agents_of_whom_some_fail_lose_a_tenth_at_most() {
 
 #[test]
 fn who_cannot_finish_is_told() {
-    let crew: CrewSpec = "1,agent-0@fail=3s".parse().expect("a crew");
-    let error = simulate(&piece(16, 10.0, 1), &Plan::calm(crew, 1)).expect_err("nobody is left");
+    let farm: FarmSpec = "1,agent-0@fail=3s".parse().expect("a farm");
+    let error = simulate(&piece(16, 10.0, 1), &Plan::calm(farm, 1)).expect_err("nobody is left");
     assert!(matches!(error, SimulationError::Unfinished { zones: 16, .. }), "{error}");
 }
 
@@ -199,11 +199,11 @@ fn who_cannot_finish_is_told() {
 fn a_short_work_does_not_wait_for_a_heartbeat() {
     for (seed, spec) in (0..300).flat_map(|seed| [(seed, "4"), (seed, "2x0.5,2x1.0,1x3.0")]) {
         for auction in [AuctionRule::FinishingTime, AuctionRule::Paper] {
-            let crew: CrewSpec = spec.parse().expect("a crew");
+            let farm: FarmSpec = spec.parse().expect("a farm");
             let spread = SyntheticSpread { mean_seconds: 0.05, profiling: 0.2, ..SyntheticSpread::default() };
             let piece = Arc::new(Workpiece::synthetic(12, &spread, seed).expect("so many zones can be"));
-            let least = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
-            let outcome = run(&piece, &Plan { auction, ..Plan::calm(crew, seed) });
+            let least = farm.least_time(Duration::ZERO, piece.zone_seconds().sum()).expect("it can be painted");
+            let outcome = run(&piece, &Plan { auction, ..Plan::calm(farm, seed) });
             let late = outcome.makespan.saturating_sub(least);
             assert!(late < Duration::from_millis(700), "seed {seed}, {spec}, {auction:?}: {late:?} after {least:?}");
         }
@@ -216,7 +216,7 @@ fn who_steals_is_done_sooner_than_who_bids_where_the_way_is_long() {
     let took = |auction: AuctionRule| -> f64 {
         let sum = (0..10).map(|seed| {
             let faults = Faults { latency_min: Duration::from_millis(50), ..Faults::NONE };
-            let plan = Plan { auction, faults, ..Plan::calm(CrewSpec::equal(8), seed) };
+            let plan = Plan { auction, faults, ..Plan::calm(FarmSpec::equal(8), seed) };
             let outcome = run(&piece(200, 0.2, seed), &plan);
             assert_eq!(outcome.rounds.is_empty(), auction == AuctionRule::Stealing);
             assert_eq!(outcome.thefts.is_empty(), auction != AuctionRule::Stealing);
@@ -236,14 +236,14 @@ fn credit_finds_out_who_promises_more_than_it_holds() {
     let works = 40;
     let mut sums = [[0.0; 2]; 2];
     for seed in 0..works {
-        let mut crew = CrewSpec::equal(9);
+        let mut farm = FarmSpec::equal(9);
         for agent in [0, 3, 6] {
-            crew.incidents.push(Incident { at: Duration::ZERO, agent, kind: IncidentKind::Boast(2.0) });
+            farm.incidents.push(Incident { at: Duration::ZERO, agent, kind: IncidentKind::Boast(2.0) });
         }
         let spread = SyntheticSpread { zones: 0.3, ..SyntheticSpread::default() };
         let piece = |seed| Arc::new(Workpiece::synthetic(18, &spread, seed).expect("so many zones can be"));
         for (sums, auction) in sums.iter_mut().zip([AuctionRule::FinishingTime, AuctionRule::Promised]) {
-            let plan = Plan { auction, ..Plan::calm(crew.clone(), seed) };
+            let plan = Plan { auction, ..Plan::calm(farm.clone(), seed) };
             let first = run(&piece(seed), &plan);
             let second = run(&piece(seed + works), &Plan { credits: Arc::new(first.credits()), ..plan });
             sums[0] += first.makespan.as_secs_f64();
@@ -267,7 +267,7 @@ fn rounds_have_several_bidders_and_little_time_is_lost_by_them() {
     for spec in ["8", "2x0.5,4x1.0,2x2.0"] {
         let (mut contested, mut efficiency) = (0.0, 0.0);
         for seed in 0..10 {
-            let outcome = run(&piece(64, 1.0, seed), &Plan::calm(spec.parse().expect("a crew"), seed));
+            let outcome = run(&piece(64, 1.0, seed), &Plan::calm(spec.parse().expect("a farm"), seed));
             contested += AuctionTally::contested_of_first_half(&outcome.rounds) / 10.0;
             efficiency += outcome.efficiency() / 10.0;
             assert!(outcome.rounds.iter().all(|round| round.bidders <= round.called && round.bids >= round.bidders));
@@ -282,9 +282,9 @@ fn rounds_have_several_bidders_and_little_time_is_lost_by_them() {
 #[test]
 fn who_takes_loading_for_painting_gains_no_more_than_its_zones_are_worth() {
     for seed in 0..40 {
-        let crew: CrewSpec = "3x1.0,1x1.0,agent-3@load=0s:7".parse().expect("a crew");
+        let farm: FarmSpec = "3x1.0,1x1.0,agent-3@load=0s:7".parse().expect("a farm");
         let piece = piece(24, 3.0, seed);
-        let outcome = run(&piece, &Plan::calm(crew, seed));
+        let outcome = run(&piece, &Plan::calm(farm, seed));
         let all: f64 = piece.zone_seconds().sum();
         let gained = outcome.agents[3].credit.sum;
         // T_est of the zone was some 130 s more than it takes: what is earned is one zone at most.
@@ -295,8 +295,8 @@ fn who_takes_loading_for_painting_gains_no_more_than_its_zones_are_worth() {
 #[test]
 fn whatever_rules_are_simulated_nothing_is_painted_in_less_than_the_least_time() {
     for seed in 0..40 {
-        let crew: CrewSpec = ["1", "4", "3x1.0,1x0.25", "8:2"][seed as usize % 4].parse().expect("a crew");
-        let outcome = run(&piece(60, 1.0, seed), &Plan::calm(crew, seed));
+        let farm: FarmSpec = ["1", "4", "3x1.0,1x0.25", "8:2"][seed as usize % 4].parse().expect("a farm");
+        let outcome = run(&piece(60, 1.0, seed), &Plan::calm(farm, seed));
         assert!(outcome.efficiency() <= 1.0, "seed {seed}: {}", outcome.efficiency());
     }
 }
@@ -305,7 +305,7 @@ fn whatever_rules_are_simulated_nothing_is_painted_in_less_than_the_least_time()
 /// too much, agents that share a machine.
 #[test]
 fn the_time_left_is_told_within_a_third_from_a_tenth_on_in_eight_of_ten_pictures() {
-    let crews = [
+    let specs = [
         "2",
         "4",
         "8",
@@ -318,16 +318,16 @@ fn the_time_left_is_told_within_a_third_from_a_tenth_on_in_eight_of_ten_pictures
         "6x1.0,2x0.33",
     ];
     let mut good = 0;
-    for (seed, crew) in (0..).zip(crews) {
-        let mut crew: CrewSpec = crew.parse().expect("a crew");
+    for (seed, spec) in (0..).zip(specs) {
+        let mut farm: FarmSpec = spec.parse().expect("a farm");
         if seed == 5 {
             // Processes of one machine say that each has it for itself.
-            let shared = CrewSpec::sharing(3, 1);
-            crew.machines = shared.machines;
-            crew.agents.iter_mut().for_each(|agent| agent.machine = 0);
+            let shared = FarmSpec::sharing(3, 1);
+            farm.machines = shared.machines;
+            farm.agents.iter_mut().for_each(|agent| agent.machine = 0);
         }
         let zones = [24, 40, 64, 120][seed as usize % 4];
-        let plan = Plan { tells_time_left: true, benchmark_error: 0.2, ..Plan::calm(crew, seed) };
+        let plan = Plan { tells_time_left: true, benchmark_error: 0.2, ..Plan::calm(farm, seed) };
         let outcome = run(&piece(zones, 2.0, seed), &plan);
         let worst = outcome.worst_time_left(0.1).expect("it was told");
         eprintln!("{seed}: wrong by {worst:.2} at most");

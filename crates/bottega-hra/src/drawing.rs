@@ -242,7 +242,7 @@ mod tests {
         assert_eq!((outcome.done(), outcome.report.expiries.waiting), (9, 1));
         let svg = timeline_svg(&outcome.report, None);
         assert!(svg.contains("1 units were past their life time, 1 of them before anybody began"), "{svg}");
-        let told = crate::timeline_json(&outcome.report);
-        assert!(told.contains("\"expired\":{\"waiting\":1,\"late\":0,\"first\":0.05"), "{told}");
+        let json = crate::timeline_json(&outcome.report);
+        assert!(json.contains("\"expired\":{\"waiting\":1,\"late\":0,\"first\":0.05"), "{json}");
     }
 }

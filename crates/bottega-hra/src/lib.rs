@@ -42,7 +42,8 @@
 //! |---|---|
 //! | units, primitives, resources | `src/work.rs`, `src/primitive.rs`, `src/resource.rs` |
 //! | the allocator and its clients | `src/allocator.rs`, `src/client.rs` |
-//! | all decisions | `src/policy/` |
+//! | all decisions | `src/policy/`: `core.rs` and `faults.rs` pass events to the values that decide |
+//! | waiting work; resources and which are woken | `src/policy/waiting.rs`; `src/policy/resource_states.rs` |
 //! | number and size of packets to a far resource; assignment of work | `src/policy/flow.rs`, `src/policy/cable.rs`, `src/policy/plan.rs`, `src/policy/placement.rs` |
 //! | learned costs of primitives, kept between runs | `src/policy/cost.rs`, `src/policy/book.rs` |
 //! | the policy on threads | `src/threads/` |

@@ -19,7 +19,7 @@ use std::{io::Write, path::Path, sync::Arc, time::Duration};
 
 use bottega_farm::{
     AdaptationRule, AuctionRule, Level, Optimization,
-    simulate::{CrewSpec, MachineSpec, Plan, Workpiece, simulate},
+    simulate::{FarmSpec, MachineSpec, Plan, Workpiece, simulate},
 };
 use bottega_image::{Canvas, ColorMap, FlipOptions, Picture, ToneMap, flip, rmse, srgb_from_linear};
 
@@ -167,12 +167,12 @@ impl MagarroScene<'_> {
         let (record, picture) = self.paint(&settings, seed)?;
         let piece = Arc::new(Workpiece::recorded(&record, 1)?);
         let replay = |agents: usize, speed: f64, last_joins: Duration| -> Result<f64, Error> {
-            let mut crew = CrewSpec::default();
-            crew.add(agents, MachineSpec { processors: 1, speed });
-            if let Some(last) = crew.agents.last_mut() {
+            let mut farm = FarmSpec::default();
+            farm.add(agents, MachineSpec { processors: 1, speed });
+            if let Some(last) = farm.agents.last_mut() {
                 last.joins = last_joins;
             }
-            let mut plan = Plan::calm(crew, seed);
+            let mut plan = Plan::calm(farm, seed);
             plan.faults.latency_min = LATENCY;
             if ways == Ways::Papers {
                 plan.auction = AuctionRule::Paper;

@@ -205,13 +205,13 @@ fn groups(svg: &mut Svg, outcome: &SimulationOutcome, end: f64) {
 mod tests {
     use std::sync::Arc;
 
-    use bottega_farm::simulate::{CrewSpec, Plan, SyntheticSpread, Workpiece, simulate};
+    use bottega_farm::simulate::{FarmSpec, Plan, SyntheticSpread, Workpiece, simulate};
 
     use super::*;
 
     fn drawing(zones: usize, agents: usize) -> (SimulationOutcome, String) {
         let piece = Arc::new(Workpiece::synthetic(zones, &SyntheticSpread::default(), 1).expect("zones"));
-        let outcome = simulate(&piece, &Plan::calm(CrewSpec::equal(agents), 1)).expect("a run");
+        let outcome = simulate(&piece, &Plan::calm(FarmSpec::equal(agents), 1)).expect("a run");
         let svg = svg(&outcome);
         (outcome, svg)
     }

@@ -20,7 +20,7 @@ use bottega::{
     text::duration,
 };
 use bottega_agents::driver::Faults;
-use bottega_farm::simulate::{CrewSpec, Plan, Record, SimulationOutcome, SyntheticSpread, Workpiece, simulate};
+use bottega_farm::simulate::{FarmSpec, Plan, Record, SimulationOutcome, SyntheticSpread, Workpiece, simulate};
 use bottega_farm::{AuctionTally, Expert};
 use serde_json::{Value, json};
 
@@ -37,10 +37,10 @@ const VALID_WITHIN: f64 = 0.05;
 pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
     let record = args.record.as_deref().map(read_record).transpose()?;
     let piece = Arc::new(workpiece(args, record.as_ref())?);
-    let mut crew = crew(args, record.as_ref())?;
+    let mut farm = farm_spec(args, record.as_ref())?;
     if args.fail > 0.0 {
-        let until = crew.least_time(Duration::ZERO, piece.zone_seconds().sum()).unwrap_or_default();
-        crew.fail_some(args.fail, until, args.seed);
+        let until = farm.least_time(Duration::ZERO, piece.zone_seconds().sum()).unwrap_or_default();
+        farm.fail_some(args.fail, until, args.seed);
     }
     let plan = Plan {
         experts: args.rules.as_deref().map(experts_of).transpose()?.unwrap_or_default(),
@@ -52,7 +52,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
         verify: args.verify,
         inexact: args.inexact,
         trace: args.trace.is_some(),
-        ..Plan::calm(crew, args.seed)
+        ..Plan::calm(farm, args.seed)
     };
     let begun = Instant::now();
     let outcome = simulate(&piece, &plan).map_err(CliError::Simulation)?;
@@ -116,25 +116,25 @@ fn workpiece(args: &SimulateArgs, record: Option<&Record>) -> Result<Workpiece, 
 }
 
 /// Returns the agents: as given in the options; else those of the record; else one.
-fn crew(args: &SimulateArgs, record: Option<&Record>) -> Result<CrewSpec, CliError> {
+fn farm_spec(args: &SimulateArgs, record: Option<&Record>) -> Result<FarmSpec, CliError> {
     if args.agents.is_empty() {
-        let crew = record.map(|record| CrewSpec::sharing(record.agents, record.processors as u32));
-        return Ok(crew.unwrap_or_else(|| CrewSpec::equal(1)));
+        let farm = record.map(|record| FarmSpec::sharing(record.agents, record.processors as u32));
+        return Ok(farm.unwrap_or_else(|| FarmSpec::equal(1)));
     }
     let mut words = Vec::new();
     for spec in &args.agents {
         let path = Path::new(spec);
         words.push(if path.is_file() { read_text(path)? } else { spec.clone() });
     }
-    let mut crew: CrewSpec = words.join("\n").parse().map_err(|error: bottega_farm::simulate::CrewError| {
+    let mut farm: FarmSpec = words.join("\n").parse().map_err(|error: bottega_farm::simulate::FarmSpecError| {
         CliError::usage(error.to_string(), "see `bottega simulate --help` for what --agents takes")
     })?;
     if let Some(processors) = args.shared {
-        let shared = CrewSpec::sharing(crew.agents.len(), processors);
-        crew.machines = shared.machines;
-        crew.agents.iter_mut().for_each(|agent| agent.machine = 0);
+        let shared = FarmSpec::sharing(farm.agents.len(), processors);
+        farm.machines = shared.machines;
+        farm.agents.iter_mut().for_each(|agent| agent.machine = 0);
     }
-    Ok(crew)
+    Ok(farm)
 }
 
 /// Returns the relative difference between the simulated and a measured time.

@@ -10,7 +10,7 @@ use std::{
 
 use crate::program::support::{bottega, example, run, scenes, succeed, text};
 use bottega::{Request, Session, SessionOptions, StopSwitch, picture::request_of};
-use bottega_farm::simulate::{CrewSpec, Plan, Record, Workpiece, simulate};
+use bottega_farm::simulate::{FarmSpec, Plan, Record, Workpiece, simulate};
 
 /// What is asked for, in options.
 const OPTIONS: [&str; 9] = [
@@ -165,7 +165,7 @@ fn a_request_of_no_command_line_is_recorded_and_simulated() {
     let zones = picture.report().rows.len();
     let record = Record::from_json(&fs::read_to_string(record).expect("written")).expect("a record");
     let piece = Arc::new(Workpiece::recorded(&record, 1).expect("zones"));
-    let outcome = simulate(&piece, &Plan::calm(CrewSpec::equal(8), 1)).expect("a simulated farm");
+    let outcome = simulate(&piece, &Plan::calm(FarmSpec::equal(8), 1)).expect("a simulated farm");
     assert_eq!((outcome.zones, outcome.failed, outcome.wrong), (zones, 0, 0));
     assert!(zones >= 6 && outcome.agents.len() == 8);
 }

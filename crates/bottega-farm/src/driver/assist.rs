@@ -6,7 +6,7 @@ use bottega_agents::{AgentId, Bus, LocalBus, LocalPlatform, Performative, driver
 use bottega_engines::RenderEngine;
 
 use super::{
-    easel::Composer,
+    composer::Composer,
     job_agent::JobAgent,
     link::Link,
     observer::Observer,
@@ -34,8 +34,8 @@ pub fn assist(
     settings.work()?;
     let (here, master, place) = (link.name.clone(), link.master(), link.registration());
     let source = place.map_or_else(|| MasterSource::Known(master.clone()), MasterSource::Directory);
-    let easel = Composer::new(settings, BTreeMap::new(), None);
-    let shared = Arc::new(Shared::new(settings, easel, engine, observer, stop, Some(link)));
+    let composer = Composer::new(settings, BTreeMap::new(), None);
+    let shared = Arc::new(Shared::new(settings, composer, engine, observer, stop, Some(link)));
     let uplink = shared.uplink()?;
     let platform = LocalPlatform::linked(1, uplink.clone().map(|uplink| uplink as _))?;
     let bus = platform.bus();

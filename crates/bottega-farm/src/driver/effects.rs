@@ -31,19 +31,19 @@ impl Shared {
             FarmEffect::Stalled { waited, zones, free } => self.observer.stalled(waited, zones, free),
             FarmEffect::BeginFilm(work) => {
                 self.learner().see_work(&work);
-                let kept = self.easel().begin(&work);
+                let kept = self.composer().begin(&work);
                 self.tell_kept(kept);
             }
             FarmEffect::ZoneChanged(row) => {
                 self.learner().see_zone(&row);
-                let (kept, progress) = self.easel().zone_changed(&row, mailbox.now());
+                let (kept, progress) = self.composer().zone_changed(&row, mailbox.now());
                 self.tell_kept(kept);
                 self.observer.zone_changed(&row);
                 self.observer.progress(&progress);
             }
             FarmEffect::AgentChanged(row) => {
                 self.learner().see_agent(&row);
-                self.easel().agent_changed(&row);
+                self.composer().agent_changed(&row);
                 self.observer.agent_changed(&row);
             }
             FarmEffect::RoundClosed(round) => self.observer.round_closed(&round),
@@ -84,47 +84,15 @@ impl Shared {
 
     /// Returns the tile of a result, from here or from another machine.
     fn tile_of(&self, zone: ZoneId, result: &ResultRef) -> Result<Tile, String> {
-        let here = self.easel().tile(zone, result);
+        let here = self.composer().tile(zone, result);
         let link = self.link.as_ref().ok_or("its tile is not here");
         here.map_or_else(|| link?.get(result, &self.stop), Ok)
     }
 
     fn compose(&self, zone: ZoneId, result: &ResultRef, mask: &Mask, found: Result<(), String>, mailbox: &FarmMailbox) {
         let before = mailbox.now();
-        let outcome = found.and_then(|()| self.easel().compose(zone, result, mask));
-        self.easel().composition_took(mailbox.now() - before);
+        let outcome = found.and_then(|()| self.composer().compose(zone, result, mask));
+        self.composer().composition_took(mailbox.now() - before);
         mailbox.complete(FarmCompletion::Composed { zone, outcome });
-    }
-
-    /// Calls `then` once a zone's tile is here: at once, or after fetching it from the machine that painted it.
-    pub(super) fn with_tile(
-        self: &Arc<Self>,
-        zone: ZoneId,
-        result: ResultRef,
-        then: impl FnOnce(Result<(), String>) + Send + 'static,
-    ) {
-        let Some(link) = self.link.clone().filter(|_| !self.easel().has(zone, &result)) else { return then(Ok(())) };
-        self.begin_outstanding();
-        let shared = Arc::clone(self);
-        let fetch = move || {
-            let found = link.get(&result, &shared.stop).map(|tile| {
-                let kept = shared.easel().take_in(zone, &result, tile);
-                shared.tell_kept(kept);
-            });
-            then(found);
-            shared.end_outstanding();
-        };
-        if let Err(error) = self.fetchers.begin(fetch) {
-            self.end_outstanding();
-            self.end(End::Abandoned(format!("cannot start a thread: {error}")));
-        }
-    }
-
-    /// Reports that progress could not be stored.
-    pub(super) fn tell_kept(&self, kept: std::io::Result<()>) {
-        if let Err(error) = kept {
-            tracing::warn!(%error, "the work could not be kept");
-            self.observer.not_kept(&error);
-        }
     }
 }

@@ -28,7 +28,7 @@ pub(super) struct Learner {
     /// V_cp of each agent, as first and last reported.
     powers: BTreeMap<AgentId, [RelativePower; 2]>,
     /// The last reported painting time of each zone, in the agent's own time, and its order.
-    told: BTreeMap<ZoneId, (Revision, Duration)>,
+    reported: BTreeMap<ZoneId, (Revision, Duration)>,
     done: BTreeMap<ZoneId, DoneZone>,
 }
 
@@ -64,7 +64,7 @@ impl Learner {
     /// Records a report to the Master.
     pub(super) fn hear(&mut self, report: &Report) {
         if let Some(painting) = report.outcome.as_ref().ok().filter(|painting| painting.is_measured) {
-            self.told.insert(report.zone, (report.fence, painting.busy));
+            self.reported.insert(report.zone, (report.fence, painting.busy));
         }
     }
 
@@ -87,7 +87,7 @@ impl Learner {
 
     fn see_done(&mut self, row: &ZoneRow) {
         let (Some(agent), Some(result)) = (&row.agent, row.result) else { return };
-        let Some((_, time)) = self.told.get(&row.zone).filter(|(fence, _)| *fence == result.fence) else { return };
+        let Some((_, time)) = self.reported.get(&row.zone).filter(|(fence, _)| *fence == result.fence) else { return };
         let Some((choice, before)) = self.orders.get(&row.zone) else { return };
         // An agent that decides on other parameters than the profile's discards its samples.
         let before = if *choice == row.choice { *before } else { 0 };
@@ -238,7 +238,7 @@ mod tests {
         let cold = report(0, 20, choice(20, 8));
         let cold = Report { outcome: cold.outcome.map(|it| Painting { is_measured: false, ..it }), ..cold };
         learner.hear(&cold);
-        assert!(learner.told.is_empty());
+        assert!(learner.reported.is_empty());
     }
 
     #[test]

@@ -68,15 +68,15 @@ impl Estimate {
 impl Shared {
     /// Paints an order, after fetching its tile if another machine has painted the samples before.
     pub(super) fn paint(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
-        let Some(from) = order.from else { return self.sit(order, mailbox) };
+        let Some(from) = order.from else { return self.paint_passes(order, mailbox) };
         let (shared, to) = (Arc::clone(self), mailbox.clone());
         // A tile that cannot be fetched is rendered again, bit-identically.
-        self.with_tile(order.zone, from, move |_| shared.sit(order, &to));
+        self.with_tile(order.zone, from, move |_| shared.paint_passes(order, &to));
     }
 
-    fn sit(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
+    fn paint_passes(self: &Arc<Self>, order: PaintOrder, mailbox: &FarmMailbox) {
         let tile = order.from.and_then(|from| {
-            let (id, tile) = self.easel().take(order.zone)?;
+            let (id, tile) = self.composer().take(order.zone)?;
             // If the tile is not the expected one, render the zone from the start, bit-identically.
             (id == from.digest && tile.rect() == order.rect).then_some(tile)
         });
@@ -94,7 +94,7 @@ impl Shared {
             // The stop may have cancelled all orders before this one was added.
             cancel.cancel();
         }
-        let sitting = ZonePainting {
+        let painting = ZonePainting {
             cancel,
             progress,
             // If an engine is not profiled, its windows are expensive: do not render parts.
@@ -106,7 +106,7 @@ impl Shared {
             mailbox: mailbox.clone(),
             order,
         };
-        sitting.go_on(start, tile);
+        painting.go_on(start, tile);
     }
 
     /// Cancels the painting of all orders.
@@ -162,9 +162,9 @@ impl ZonePainting {
                 (None, None) => return self.done(Err("a zone without cells".to_owned())),
             },
         }
-        let PaintOrder { rect, tunables, leaning, .. } = self.order;
+        let PaintOrder { rect, tunables, preference, .. } = self.order;
         let (cancel, progress) = (self.cancel.clone(), self.progress.clone());
-        let task = ZoneTask { rect, samples: start..end, tunables, leaning, tile, parts, cancel, progress };
+        let task = ZoneTask { rect, samples: start..end, tunables, leaning: preference, tile, parts, cancel, progress };
         shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
     }
 
@@ -220,7 +220,7 @@ impl ZonePainting {
         if let Some(Err(reason)) = self.shared.link.as_ref().map(|link| link.put(digest, &tile, &self.shared.stop)) {
             return self.done(Err(reason));
         }
-        self.shared.easel().put(self.order.zone, digest, tile);
+        self.shared.composer().put(self.order.zone, digest, tile);
         let Self { busy, is_measured, .. } = self;
         self.done(Ok(PaintResult { result, busy, is_measured, error, unfinished }));
     }
@@ -228,7 +228,7 @@ impl ZonePainting {
     /// Stores a pass.
     fn pass_done(&self, samples: u32, tile: &Tile) {
         let PaintOrder { zone, fence, .. } = self.order;
-        let done = self.shared.easel().pass_done(zone, fence, samples, tile, self.mailbox.now());
+        let done = self.shared.composer().pass_done(zone, fence, samples, tile, self.mailbox.now());
         if let Some((kept, progress)) = done {
             self.shared.tell_kept(kept);
             self.shared.observer.progress(&progress);
@@ -239,7 +239,7 @@ impl ZonePainting {
     fn interrupted(self, tile: Option<Tile>) {
         if let Some(tile) = tile {
             // Pixels may have different sample counts, so it cannot be resumed: it gets no digest.
-            self.shared.easel().put(self.order.zone, BlobId([0; 32]), tile);
+            self.shared.composer().put(self.order.zone, BlobId([0; 32]), tile);
         }
         self.end();
     }
@@ -251,7 +251,7 @@ impl ZonePainting {
     }
 
     fn end(self) {
-        self.shared.easel().painting_took(self.busy);
+        self.shared.composer().painting_took(self.busy);
         self.shared.state().orders.remove(&(self.order.zone, self.order.fence));
         self.shared.end_outstanding();
     }

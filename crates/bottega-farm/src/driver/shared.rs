@@ -10,7 +10,7 @@ use bottega_agents::{AclMessage, Mailbox, Revision, Time};
 use bottega_engines::{CancelSwitch, RenderEngine, Survey, TaskProgress};
 
 use super::{
-    easel::Composer,
+    composer::Composer,
     fetchers::Fetchers,
     job_agent::{JobAgent, JobWatch},
     learner::Learner,
@@ -43,7 +43,7 @@ pub(super) enum End {
 pub(super) struct Shared {
     pub(super) engine: Arc<dyn RenderEngine>,
     pub(super) observer: Arc<dyn Observer>,
-    pub(super) easel: Mutex<Composer>,
+    pub(super) composer: Mutex<Composer>,
     pub(super) state: Mutex<State>,
     pub(super) changed: Condvar,
     pub(super) stop: StopSwitch,
@@ -112,7 +112,7 @@ impl Shared {
     /// Returns the state of a job at its start.
     pub(super) fn new(
         settings: &JobSettings,
-        easel: Composer,
+        composer: Composer,
         engine: Arc<dyn RenderEngine>,
         observer: Arc<dyn Observer>,
         stop: &StopSwitch,
@@ -124,7 +124,7 @@ impl Shared {
             benchmark: settings.benchmark,
         };
         Self {
-            easel: Mutex::new(easel),
+            composer: Mutex::new(composer),
             engine,
             observer,
             state: Mutex::default(),
@@ -155,8 +155,8 @@ impl Shared {
     }
 
     /// Locks the pixels.
-    pub(super) fn easel(&self) -> MutexGuard<'_, Composer> {
-        self.easel.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(super) fn composer(&self) -> MutexGuard<'_, Composer> {
+        self.composer.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Ends the job. Only the first call counts.
@@ -188,7 +188,7 @@ impl Shared {
                 if left.is_zero() {
                     let has_look = state.look.is_some();
                     drop(state);
-                    let is_time = has_look || self.easel().has_all();
+                    let is_time = has_look || self.composer().has_all();
                     if is_time {
                         self.stop.request();
                     }

@@ -5,8 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use bottega_image::Sides;
 use rustc_hash::FxHashSet;
 
-use crate::{Blackboard, Mask, Partition, ZoneId, ZoneRow, ZoneState, masks};
+use crate::{Blackboard, FarmAction, FarmEffect, Mask, Partition, ZoneId, ZoneRow, ZoneState, masks};
 
+/// Maximum number of zones being composed at a time.
+const COMPOSING_MAX: usize = 8;
 /// Number of ready zones checked by the invariants after each event.
 const READY_CHECKED: usize = 4;
 
@@ -28,12 +30,15 @@ pub(super) struct Composition {
     cursor: u32,
     /// Known pieces of zones that were cut.
     pieces: BTreeMap<ZoneId, BTreeSet<ZoneId>>,
+    /// True if the film contains a zone that is painted again: a new film begins when the pending compositions are
+    /// answered.
+    is_stale: bool,
 }
 
 impl Composition {
     /// True if the masks were made for another band than the zone has now. That happens if its samples were lost or it
     /// was given up, and the next agent chose other settings.
-    pub(super) fn is_outdated(&self, row: &ZoneRow) -> bool {
+    fn is_outdated(&self, row: &ZoneRow) -> bool {
         let made_for =
             self.bands.get(row.zone.index()).filter(|_| row.root.is_none() && row.state != ZoneState::Failed);
         made_for.is_some_and(|made_for| *made_for != bands(row))
@@ -41,6 +46,8 @@ impl Composition {
 
     /// Takes in a zone's row: the zone is painted, or its samples were discarded.
     pub(super) fn see(&mut self, row: &ZoneRow) {
+        self.is_stale |= row.state != ZoneState::Done && self.has(row.zone);
+        self.is_stale |= self.is_outdated(row);
         if let Some(cut) = row.cut {
             self.pieces.entry(row.root()).or_default().insert(cut.zone);
         }
@@ -58,10 +65,33 @@ impl Composition {
         }
     }
 
-    /// The next zone to hand to the film, with its mask. `None`: none is ready, or not all bands are known.
+    /// Hands painted zones to the film, as many as it takes at a time.
     ///
     /// - `all_chosen`: a cheap count that shows that the bands of all zones may be known.
-    pub(super) fn next(&mut self, board: &Blackboard, all_chosen: bool) -> Option<(ZoneId, Mask)> {
+    pub(super) fn hand_over(&mut self, board: &Blackboard, all_chosen: bool, actions: &mut Vec<FarmAction>) {
+        if self.is_stale {
+            if self.composing_count() > 0 {
+                return;
+            }
+            self.begin_new_film(board, actions);
+        }
+        while self.composing_count() < COMPOSING_MAX {
+            let Some((zone, mask)) = self.next(board, all_chosen) else { return };
+            let Some(result) = board.zone(zone).and_then(|(_, row)| row.result) else { return };
+            actions.push(FarmAction::Effect(FarmEffect::Compose { zone, result, mask }));
+        }
+    }
+
+    /// Begins a new film, into which all painted zones are composed again.
+    fn begin_new_film(&mut self, board: &Blackboard, actions: &mut Vec<FarmAction>) {
+        let Some(work) = board.work().cloned() else { return };
+        *self = Self::default();
+        board.zones().for_each(|row| self.see(row));
+        actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
+    }
+
+    /// The next zone to hand to the film, with its mask. `None`: none is ready, or not all bands are known.
+    fn next(&mut self, board: &Blackboard, all_chosen: bool) -> Option<(ZoneId, Mask)> {
         let work = board.work()?;
         let plain = work.settings.optimization.rule_input().is_none();
         let (root, zone) = *self.ready.first()?;
@@ -89,14 +119,14 @@ impl Composition {
 
     /// Takes in the film's answer. Returns true if it was expected.
     pub(super) fn composed(&mut self, zone: ZoneId, well: bool) -> bool {
-        let asked = self.composing.remove(&zone);
-        if asked && well {
+        let was_expected = self.composing.remove(&zone);
+        if was_expected && well {
             self.composed.insert(zone);
-        } else if asked {
+        } else if was_expected {
             let root = self.pieces.iter().find(|(_, pieces)| pieces.contains(&zone)).map_or(zone, |(root, _)| *root);
             self.cursor = self.cursor.min(root.0);
         }
-        asked
+        was_expected
     }
 
     /// The first zone that is neither composed nor given up, with all its pieces.
@@ -116,8 +146,13 @@ impl Composition {
     }
 
     /// True if a zone is in the film or handed to it.
-    pub(super) fn has(&self, zone: ZoneId) -> bool {
+    fn has(&self, zone: ZoneId) -> bool {
         self.composing.contains(&zone) || self.composed.contains(&zone)
+    }
+
+    /// True if the film contains a zone that is painted again.
+    pub(super) fn is_stale(&self) -> bool {
+        self.is_stale
     }
 
     /// Number of zones handed to the film without an answer.

@@ -27,7 +27,7 @@ pub(super) struct Ledger {
     /// Zones that wait for an auction or are on offer.
     pub(super) open: OpenZones,
     /// By the number of their agent: the held zones with T_est, in order of their ids. Few per agent.
-    hands: Vec<Vec<(ZoneId, Duration)>>,
+    held: Vec<Vec<(ZoneId, Duration)>>,
     in_hand: usize,
     /// Number of profiled zones that wait for the next pass.
     waiting: usize,
@@ -121,7 +121,7 @@ impl Ledger {
             ZoneState::Profiling | ZoneState::Awarded => {
                 self.in_hand -= 1;
                 for &agent in before.holders.iter().flatten() {
-                    self.hands[agent.index()].retain(|(other, _)| *other != zone);
+                    self.held[agent.index()].retain(|(other, _)| *other != zone);
                     changed.push(agent);
                 }
             }
@@ -131,28 +131,28 @@ impl Ledger {
 
     /// Adds a zone to an agent's load.
     fn take(&mut self, agent: MemberId, zone: ZoneId, time: Duration) {
-        if self.hands.len() <= agent.index() {
-            self.hands.resize_with(agent.index() + 1, Vec::new);
+        if self.held.len() <= agent.index() {
+            self.held.resize_with(agent.index() + 1, Vec::new);
         }
-        let hands = &mut self.hands[agent.index()];
-        let place = hands.partition_point(|(other, _)| *other < zone);
-        hands.insert(place, (zone, time));
+        let held = &mut self.held[agent.index()];
+        let place = held.partition_point(|(other, _)| *other < zone);
+        held.insert(place, (zone, time));
     }
 
     /// Number of zones that an agent holds, and the sum of their T_est.
     pub(super) fn load(&self, agent: MemberId) -> (usize, Duration) {
-        let hands = self.hands.get(agent.index()).map_or(&[][..], Vec::as_slice);
-        (hands.len(), hands.iter().map(|(_, time)| *time).sum())
+        let held = self.held.get(agent.index()).map_or(&[][..], Vec::as_slice);
+        (held.len(), held.iter().map(|(_, time)| *time).sum())
     }
 
     /// The zones that an agent holds.
-    pub(super) fn hands(&self, agent: MemberId) -> impl DoubleEndedIterator<Item = ZoneId> {
-        self.hands.get(agent.index()).into_iter().flatten().map(|(zone, _)| *zone)
+    pub(super) fn held_by(&self, agent: MemberId) -> impl DoubleEndedIterator<Item = ZoneId> {
+        self.held.get(agent.index()).into_iter().flatten().map(|(zone, _)| *zone)
     }
 
     /// All agents that hold zones.
     pub(super) fn holders(&self) -> impl Iterator<Item = MemberId> {
-        let holders = self.hands.iter().enumerate().filter(|(_, zones)| !zones.is_empty());
+        let holders = self.held.iter().enumerate().filter(|(_, zones)| !zones.is_empty());
         holders.map(|(index, _)| MemberId(index as u32))
     }
 

@@ -1,7 +1,11 @@
 //! Goal of a time: passes over the whole picture, each as large as the remaining time allows.
 
-use super::*;
-use crate::Goal;
+use std::time::Duration;
+
+use bottega_agents::Time;
+
+use super::{assignments::Assignments, rows::RowFollowUp};
+use crate::{FarmAction, Goal, ZoneId, ZoneRow, ZoneState};
 
 /// Share of the requested time kept for composing and writing the picture.
 const REST: f64 = 0.01;
@@ -18,43 +22,62 @@ struct Waiting {
     error: Option<f64>,
 }
 
-impl Master {
+/// The pass over the picture in progress.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pass {
+    /// Its start.
+    begun: Time,
+    /// Reference-machine time painted in it.
+    painted: Duration,
+}
+
+impl Pass {
+    pub(super) fn new(begun: Time) -> Self {
+        Self { begun, painted: Duration::ZERO }
+    }
+
+    /// Adds the reference-machine time of a painting.
+    pub(super) fn add(&mut self, painted: Duration) {
+        self.painted += painted;
+    }
+
     /// Plans the next pass when all zones have finished the last one, or ends the work.
-    pub(super) fn plan_pass(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        let Some(&Goal::Time(limit)) = self.board.work().map(|work| &work.settings.goal) else { return };
-        if !self.ledger.all_wait() || !self.writes.is_empty() {
+    pub(super) fn plan_next(&mut self, now: Time, assignments: &mut Assignments, actions: &mut Vec<FarmAction>) {
+        let board = assignments.rows.board();
+        let Some(&Goal::Time(limit)) = board.work().map(|work| &work.settings.goal) else { return };
+        if !assignments.ledger.all_wait() || assignments.rows.has_writes() {
             return;
         }
         // Collect the waiting zones
-        let waiting: Vec<Waiting> = self.board.zones().filter_map(Waiting::of).collect();
+        let waiting: Vec<Waiting> = board.zones().filter_map(Waiting::of).collect();
         if waiting.is_empty() {
             return;
         }
-        // Choose the share of the remaining time for this pass
+        // Choose the share of the remaining time for this pass, and how much that is at the speed of the last one; before
+        // the first pass at the agents' reported speeds
         let left = limit.as_secs_f64() * (1.0 - REST) - now.elapsed().as_secs_f64();
-        let share = self.config.goals.time_share(left / limit.as_secs_f64().max(1e-9));
-        let budget = left * share * self.speed(now);
+        let share = assignments.config.goals.time_share(left / limit.as_secs_f64().max(1e-9));
+        let budget = left * share * self.speed(now).unwrap_or_else(|| assignments.roster.field().speed());
         // Distribute it among the zones
         let goals = next_samples(&waiting, budget);
-        (self.pass_begun, self.pass_painted) = (now, Duration::ZERO);
+        *self = Self::new(now);
         // Write the new goals; zones without more samples are done
         for (zone, goal) in waiting.iter().zip(goals) {
-            let Some((_, row)) = self.board.zone(zone.zone) else { continue };
+            let Some((_, row)) = assignments.rows.zone(zone.zone) else { continue };
             let time_estimated = Some(Duration::from_secs_f64(zone.cost * f64::from(goal - zone.samples)));
             let row = match goal > zone.samples {
                 true => ZoneRow { goal: Some(goal), time_estimated, ..row.clone() },
                 false => ZoneRow { state: ZoneState::Done, ..row.clone() },
             };
-            self.write(now, row, RowFollowUp::TakenBack, actions);
+            assignments.write(now, row, RowFollowUp::TakenBack, actions);
         }
     }
 
-    /// Reference-machine seconds painted per second during the last pass, including all losses; before the first pass
-    /// the sum of the agents' reported speeds.
-    fn speed(&self, now: Time) -> f64 {
-        let painted = self.pass_painted.as_secs_f64();
-        let took = (now - self.pass_begun).as_secs_f64();
-        if painted > 0.0 && took > 0.0 { painted / took } else { self.roster.field().speed() }
+    /// Reference-machine seconds painted per second during the pass, including all losses; `None`: nothing was painted.
+    fn speed(&self, now: Time) -> Option<f64> {
+        let painted = self.painted.as_secs_f64();
+        let took = (now - self.begun).as_secs_f64();
+        (painted > 0.0 && took > 0.0).then(|| painted / took)
     }
 }
 

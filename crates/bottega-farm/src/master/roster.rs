@@ -47,7 +47,7 @@ pub(super) struct Member {
     /// The round that waits for its bid.
     pub(super) round: Option<u64>,
     /// Number of zones it holds, including awards that are being written.
-    hands: usize,
+    held: usize,
     /// The sum of their T_est.
     load: Duration,
     /// The expected time at which it will have painted them.
@@ -59,7 +59,7 @@ pub(super) struct Member {
     /// Its failed orders since its last success.
     pub(super) failed: Vec<(ZoneId, Revision)>,
     /// The value of [`Roster::changes`] when its neighbors were last sent.
-    told: u64,
+    neighbors_sent: u64,
     /// Its keys in the roster's orders.
     places: Places,
 }
@@ -77,7 +77,7 @@ struct Places {
 struct AgentOrdering<K> {
     agents: BTreeSet<(K, MemberId)>,
     is_kept: bool,
-    was_asked_for: bool,
+    was_used: bool,
 }
 
 impl<K: Copy + Ord> AgentOrdering<K> {
@@ -93,7 +93,7 @@ impl<K: Copy + Ord> AgentOrdering<K> {
 
     /// Marks the order as in use; builds it from `all` if needed.
     fn keep(&mut self, all: impl Iterator<Item = (K, MemberId)>) {
-        self.was_asked_for = true;
+        self.was_used = true;
         if !self.is_kept {
             self.is_kept = true;
             self.agents.extend(all);
@@ -102,7 +102,7 @@ impl<K: Copy + Ord> AgentOrdering<K> {
 
     /// Drops the order unless it was used since the last call.
     fn rest(&mut self) {
-        if !std::mem::take(&mut self.was_asked_for) && std::mem::take(&mut self.is_kept) {
+        if !std::mem::take(&mut self.was_used) && std::mem::take(&mut self.is_kept) {
             self.agents.clear();
         }
     }
@@ -206,11 +206,11 @@ impl Roster {
         let Some(member) = self.members[id.index()].as_mut() else { return };
         let own = member.own();
         let willing = member.rests_until.is_none();
-        let may_bid = member.hands < self.window && willing && !member.passed_over && member.round.is_none();
+        let may_bid = member.held < self.window && willing && !member.passed_over && member.round.is_none();
         let places = Places {
             free: may_bid.then(|| member.due()),
-            profiling: (member.hands < PROFILE_WINDOW).then(|| ((member.hands as f64 + 1.0) * own).to_bits()),
-            laden: (member.hands > 0).then_some(member.ready),
+            profiling: (member.held < PROFILE_WINDOW).then(|| ((member.held as f64 + 1.0) * own).to_bits()),
+            laden: (member.held > 0).then_some(member.ready),
         };
         let before = std::mem::replace(&mut member.places, places);
         self.field.set(id, willing.then_some((own, (!member.load.is_zero()).then_some(member.ready))));
@@ -261,21 +261,21 @@ impl Roster {
 
     /// Sets the number of zones that an agent holds and the sum of their T_est. New zones start after those it held;
     /// when one is finished, the expected time is computed again from now.
-    pub(super) fn set_hands(&mut self, now: Time, id: MemberId, (hands, load): (usize, Duration)) {
+    pub(super) fn set_load(&mut self, now: Time, id: MemberId, (held, load): (usize, Duration)) {
         let Some(member) = self.members[id.index()].as_mut() else { return };
-        if (hands, load) == (member.hands, member.load) {
+        if (held, load) == (member.held, member.load) {
             return;
         }
         let own = member.own();
         let scale = |time: Duration| crate::adaptation::scaled(time, own);
         member.ready = if load > member.load {
             member.ready.max(now) + scale(load - member.load)
-        } else if hands < member.hands {
+        } else if held < member.held {
             now + scale(load)
         } else {
             member.ready
         };
-        (member.hands, member.load) = (hands, load);
+        (member.held, member.load) = (held, load);
         self.place(id);
     }
 
@@ -335,7 +335,7 @@ impl Roster {
     }
 
     /// Lets all agents bid again that were passed over, except those in `except`.
-    pub(super) fn ask_again(&mut self, except: &BTreeSet<MemberId>) {
+    pub(super) fn call_again(&mut self, except: &BTreeSet<MemberId>) {
         for id in std::mem::take(&mut self.passed_over) {
             if except.contains(&id) {
                 self.passed_over.insert(id);
@@ -358,8 +358,8 @@ impl Roster {
     }
 
     /// Takes in the progress of an agent's orders: see [`WatchedZones::see`].
-    pub(super) fn watch(&mut self, now: Time, id: MemberId, hands: &[Holding]) -> Option<LongestOrder> {
-        self.members[id.index()].as_mut()?.watched.see(now, hands)
+    pub(super) fn watch(&mut self, now: Time, id: MemberId, orders: &[Holding]) -> Option<LongestOrder> {
+        self.members[id.index()].as_mut()?.watched.see(now, orders)
     }
 
     /// Notes that an agent failed on an order. Returns true if this is new.
@@ -383,7 +383,7 @@ impl Roster {
 
     /// True if an agent may be given another zone.
     pub(super) fn has_room(&self, id: MemberId) -> bool {
-        self.get(id).is_some_and(|member| member.hands < self.window)
+        self.get(id).is_some_and(|member| member.held < self.window)
     }
 
     /// The neighbors of an agent, if they have changed since they were last sent: all other agents if they are few,
@@ -391,8 +391,8 @@ impl Roster {
     /// steps.
     pub(super) fn new_neighbors(&mut self, id: MemberId, count_max: usize) -> Option<Vec<MemberId>> {
         let changes = self.changes;
-        let member = self.members[id.index()].as_mut().filter(|member| member.told != changes)?;
-        member.told = changes;
+        let member = self.members[id.index()].as_mut().filter(|member| member.neighbors_sent != changes)?;
+        member.neighbors_sent = changes;
         let (ring, is_small) = (self.members.len(), self.count <= count_max + 1);
         let next = |start: usize| {
             let around = (start..start + ring).map(|place| self.members[place % ring].as_ref());
@@ -510,20 +510,20 @@ impl Member {
             is_unwilling: false,
             passed_over: false,
             round: None,
-            hands: 0,
+            held: 0,
             load: Duration::ZERO,
             ready: now,
             reported: now,
             watched: WatchedZones::default(),
             failed: Vec::new(),
-            told: 0,
+            neighbors_sent: 0,
             places: Places::default(),
         }
     }
 
     /// True if it holds nothing, is in no round and is not resting.
     pub(super) fn is_idle(&self) -> bool {
-        self.hands == 0 && self.rests_until.is_none() && self.round.is_none()
+        self.held == 0 && self.rests_until.is_none() && self.round.is_none()
     }
 
     /// True if it did not refuse when it was last called.
@@ -554,7 +554,7 @@ impl Member {
     /// The time at which it needs another zone: some time before it finishes what it holds, because it may be faster
     /// than expected and an award takes time.
     fn due(&self) -> Time {
-        if self.hands == 0 {
+        if self.held == 0 {
             return self.ready;
         }
         if self.load.is_zero() {

@@ -1,169 +1,172 @@
-//! The Master's reads and writes of the Blackboard.
+//! The rows of the work: the Master's view of the Blackboard, and its pending writes.
 
-use bottega_agents::Entry;
+use std::{collections::BTreeMap, sync::Arc};
 
-use super::{ledger::Holders, roster::Member, *};
-use crate::compare_and_set;
+use bottega_agents::{AgentId, Entry, Revision, StoreReply, StoreRequest, Ticket};
+use rustc_hash::FxHashMap;
 
-/// Maximum number of agents whose credit is written per check.
-const CREDITS_AT_ONCE: usize = 32;
+use super::worth::KeptPromise;
+use crate::{
+    AgentRow, Blackboard, FarmAction, FarmEffect, FarmMessage, FarmValue, WorkId, WorkKeys, ZoneId, ZoneRow,
+    compare_and_set,
+};
 
-impl Master {
-    pub(super) fn start(&mut self, actions: &mut Vec<FarmAction>) {
+/// A pending write of a zone's row.
+#[derive(Clone, Debug)]
+pub(super) struct Write {
+    /// The ticket of the last request.
+    ticket: Ticket,
+    /// The new row.
+    pub(super) row: Arc<ZoneRow>,
+    /// The revision that the row must have before.
+    pub(super) expected_revision: Revision,
+    pub(super) then: RowFollowUp,
+}
+
+/// The action after a row is written.
+#[derive(Clone, Debug)]
+pub(super) enum RowFollowUp {
+    /// Send the order to the agent, in this conversation.
+    Order(u64),
+    /// Confirm the report to the agent.
+    Receive {
+        /// The confirmation to send.
+        confirmation: Box<FarmMessage>,
+        /// True if the report is a success.
+        well: bool,
+        /// The measured promise, if the report ends an award and its time is valid.
+        promise: Option<KeptPromise>,
+    },
+    /// None: the zone was taken back or prepared for its next order.
+    TakenBack,
+}
+
+/// The meaning of a reply of the store.
+#[derive(Clone, Debug)]
+pub(super) enum StoreNews {
+    /// Nothing new.
+    Nothing,
+    /// No row, but the state of the subscription or of a write has changed.
+    Progress,
+    /// A row as it is on the Blackboard now.
+    Row(Revision, FarmValue),
+    /// A write of this zone failed, because another Master wrote the row; with that row if there is one.
+    Conflict(ZoneId, Option<(Revision, FarmValue)>),
+}
+
+/// The rows as this Master knows them, the writes without a reply, and the counter of all tickets and conversations.
+#[derive(Clone, Debug)]
+pub(super) struct Rows {
+    keys: WorkKeys,
+    board: Blackboard,
+    /// Rows of an interrupted work to write to an empty Blackboard first, by ticket, until written.
+    kept: BTreeMap<Ticket, FarmValue>,
+    /// The ticket of the subscription to the rows.
+    subscription: Ticket,
+    /// True when the subscription has delivered all existing rows.
+    caught_up: bool,
+    /// Pending writes. Hash maps for speed, as the one below; never iterated for anything but counts.
+    writes: FxHashMap<ZoneId, Write>,
+    tickets: FxHashMap<Ticket, ZoneId>,
+    last_number: u64,
+}
+
+impl Rows {
+    pub(super) fn new(work: WorkId) -> Self {
+        Self {
+            keys: WorkKeys::new(work),
+            board: Blackboard::default(),
+            kept: BTreeMap::new(),
+            subscription: Ticket(0),
+            caught_up: false,
+            writes: FxHashMap::default(),
+            tickets: FxHashMap::default(),
+            last_number: 0,
+        }
+    }
+
+    /// Adds a row of an interrupted work, to be written when the Master starts.
+    pub(super) fn restore(&mut self, value: FarmValue) {
+        let ticket = Ticket(self.number());
+        self.kept.insert(ticket, value);
+    }
+
+    /// Forgets all rows and writes. Numbers continue, so that late replies do not match new requests.
+    pub(super) fn reset(&mut self, work: WorkId) {
+        let kept = std::mem::take(&mut self.kept);
+        *self = Self { kept, last_number: self.last_number, ..Self::new(work) };
+        self.subscription = Ticket(self.number());
+    }
+
+    /// Writes the rows of an interrupted work, and subscribes to all rows.
+    pub(super) fn start(&self, actions: &mut Vec<FarmAction>) {
         for (&ticket, value) in &self.kept {
             actions.push(self.put_kept(ticket, value));
         }
-        self.watch_rows(actions);
+        self.subscribe(actions);
     }
 
-    pub(super) fn watch_rows(&self, actions: &mut Vec<FarmAction>) {
+    /// Subscribes to all rows of the work.
+    pub(super) fn subscribe(&self, actions: &mut Vec<FarmAction>) {
         let prefix = self.keys.prefix();
-        actions.push(FarmAction::Store { ticket: self.watch, request: StoreRequest::Watch { prefix } });
+        actions.push(FarmAction::Store { ticket: self.subscription, request: StoreRequest::Watch { prefix } });
     }
 
     fn put_kept(&self, ticket: Ticket, value: &FarmValue) -> FarmAction {
         FarmAction::Store { ticket, request: compare_and_set(&self.keys, Revision::ABSENT, value.clone()) }
     }
 
-    /// Processes a reply of the store. Returns true if it was new: most writes arrive twice, as a reply and through the
-    /// subscription.
-    pub(super) fn handle_store(
+    /// Processes a reply of the store. Most writes arrive twice, as a reply and through the subscription.
+    pub(super) fn take_reply(
         &mut self,
-        now: Time,
         ticket: Ticket,
         reply: StoreReply<FarmValue>,
         actions: &mut Vec<FarmAction>,
-    ) -> bool {
+    ) -> StoreNews {
         if let Some(value) = self.kept.remove(&ticket) {
             // Written, or it existed already; the subscription delivers it
             if reply == StoreReply::Unavailable {
                 actions.push(self.put_kept(ticket, &value));
                 self.kept.insert(ticket, value);
             }
-            return false;
+            return StoreNews::Nothing;
         }
         match reply {
-            StoreReply::Changed(Entry { revision, value, .. }) => return self.see(now, revision, value, actions),
+            StoreReply::Changed(Entry { revision, value, .. }) => StoreNews::Row(revision, value),
             StoreReply::Written { revision, .. } => {
                 let write = self.tickets.get(&ticket).and_then(|zone| self.writes.get(zone));
-                let Some(row) = write.map(|write| Arc::clone(&write.row)) else { return false };
-                return self.see_zone(now, revision, &row, actions);
+                let row = write.map(|write| FarmValue::Zone(Arc::clone(&write.row)));
+                row.map_or(StoreNews::Nothing, |row| StoreNews::Row(revision, row))
             }
             StoreReply::Conflict { entry, .. } => {
-                let Some(zone) = self.tickets.get(&ticket).copied() else { return false };
-                if let Some(Entry { revision, value, .. }) = entry {
-                    self.see(now, revision, value, actions);
-                }
-                // Another Master wrote this row with other content
-                self.end_write(now, zone);
+                let Some(&zone) = self.tickets.get(&ticket) else { return StoreNews::Nothing };
+                StoreNews::Conflict(zone, entry.map(|Entry { revision, value, .. }| (revision, value)))
             }
             // A subscription from before a restart still delivers changes, but its end of the existing rows does not
             // count
-            StoreReply::CaughtUp => self.caught_up |= ticket == self.watch,
-            StoreReply::Unavailable => self.repeat_write(ticket, actions),
-            StoreReply::Got { .. } => return false,
-        }
-        true
-    }
-
-    /// Processes a row. It may be the pending one, delivered by the subscription before or instead of the reply.
-    /// Returns true if it was new.
-    fn see(&mut self, now: Time, revision: Revision, value: FarmValue, actions: &mut Vec<FarmAction>) -> bool {
-        match value {
-            FarmValue::Zone(row) => self.see_zone(now, revision, &row, actions),
-            FarmValue::Agent(row) => {
-                // An agent that is not here is known from before a restart of the Master, and its lease begins again.
-                // Rows that arrive later were written by this Master itself, for agents that may have left meanwhile.
-                let is_out = self.left_out.contains_key(&row.agent);
-                let is_new = !is_out && self.roster.get_by_name(&row.agent).is_none();
-                if is_new && row.left_out.is_some() {
-                    self.left_out.insert(row.agent.clone(), Arc::clone(&row));
-                    self.doubt_all();
-                } else if is_new
-                    && !self.caught_up
-                    && let Some(id) = self.roster.join(now, (*row).clone())
-                {
-                    self.refresh_hands(now, id);
-                }
-                self.board.see(revision, FarmValue::Agent(row));
-                is_new
+            StoreReply::CaughtUp => {
+                self.caught_up |= ticket == self.subscription;
+                StoreNews::Progress
             }
-            work @ FarmValue::Work(_) => {
-                self.board.see(revision, work);
-                true
+            StoreReply::Unavailable => {
+                self.repeat_write(ticket, actions);
+                StoreNews::Progress
             }
-            FarmValue::Page(_) => false,
+            StoreReply::Got { .. } => StoreNews::Nothing,
         }
     }
 
-    /// Processes the row of a zone: updates the counts and completes a pending write.
-    fn see_zone(&mut self, now: Time, revision: Revision, row: &Arc<ZoneRow>, actions: &mut Vec<FarmAction>) -> bool {
-        let zone = row.zone;
-        if !self.board.is_news(zone, revision) {
-            return false;
-        }
-        let rivals = self.rivals(row);
-        self.board.see(revision, FarmValue::Zone(Arc::clone(row)));
-        if let Some(rivals) = rivals {
-            self.withdraw(zone, rivals, actions);
-        }
-        actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(Arc::clone(row))));
-        self.sent.remove(&zone);
-        self.film_is_stale |= row.state != ZoneState::Done && self.composition.has(zone);
-        self.film_is_stale |= self.composition.is_outdated(row);
-        self.composition.see(row);
-        self.doubt(row);
-        self.note_cut(row);
-        // The zone may be open, or its agent has less load: agents that bid in vain may bid again
-        if matches!(row.state, ZoneState::Profiled | ZoneState::Done | ZoneState::Failed) {
-            self.recalls = true;
-            self.in_vain.clear();
-        }
-        match self.writes.get(&zone) {
-            Some(write) if revision > write.expected_revision => {
-                let is_written = Arc::ptr_eq(&write.row, row) || write.row == *row;
-                if let Some(write) = self.end_write(now, zone).filter(|_| is_written) {
-                    self.after_write(now, write, revision, actions);
-                }
-            }
-            _ => self.count(now, row),
-        }
-        true
-    }
-
-    /// Updates the ledger with a row.
-    fn count(&mut self, now: Time, row: &ZoneRow) {
-        let mut holders: Holders = [None; 2];
-        for (place, agent) in holders.iter_mut().zip(row.holders()) {
-            *place = Some(self.roster.number(agent));
-        }
-        let mut changed = std::mem::take(&mut self.changed);
-        let order_time = self.board.work().and_then(|work| row.order_time(&work.settings));
-        self.ledger.count(row, holders, order_time, &mut changed);
-        for agent in changed.drain(..) {
-            self.refresh_hands(now, agent);
-        }
-        self.changed = changed;
-    }
-
-    pub(super) fn refresh_hands(&mut self, now: Time, agent: MemberId) {
-        self.roster.set_hands(now, agent, self.ledger.load(agent));
+    /// Takes in a row as it is on the Blackboard now.
+    pub(super) fn see(&mut self, revision: Revision, value: FarmValue) {
+        self.board.see(revision, value);
     }
 
     /// Writes a zone's row if its revision is unchanged. One write per zone at a time.
-    pub(super) fn write(
-        &mut self,
-        now: Time,
-        row: impl Into<Arc<ZoneRow>>,
-        then: RowFollowUp,
-        actions: &mut Vec<FarmAction>,
-    ) {
-        let row = row.into();
+    pub(super) fn write(&mut self, row: Arc<ZoneRow>, then: RowFollowUp, actions: &mut Vec<FarmAction>) {
         let (zone, expected_revision) = (row.zone, self.board.revision(row.zone));
         let ticket = Ticket(self.number());
         let request = compare_and_set(&self.keys, expected_revision, FarmValue::Zone(Arc::clone(&row)));
         actions.push(FarmAction::Store { ticket, request });
-        self.count(now, &row);
         self.tickets.insert(ticket, zone);
         let before = self.writes.insert(zone, Write { ticket, row, expected_revision, then });
         assert!(before.is_none(), "there is one write for a zone at a time");
@@ -180,67 +183,11 @@ impl Master {
         actions.push(FarmAction::Store { ticket: again, request });
     }
 
-    /// Ends a write, successful or not: the zone counts again as on the Blackboard.
-    fn end_write(&mut self, now: Time, zone: ZoneId) -> Option<Write> {
-        let write = self.writes.remove(&zone);
-        if let Some(write) = &write {
-            self.tickets.remove(&write.ticket);
-        }
-        if let Some(row) = self.board.shared(zone).map(|(_, row)| Arc::clone(row)) {
-            self.count(now, &row);
-        } else if self.owed.contains_key(&zone) {
-            self.due.push(zone);
-        }
-        write
-    }
-
-    /// Takes the action that follows a successful write.
-    fn after_write(&mut self, now: Time, write: Write, fence: Revision, actions: &mut Vec<FarmAction>) {
-        match write.then {
-            RowFollowUp::Order(conversation) => self.send_order(now, &write.row, fence, conversation, actions),
-            RowFollowUp::Receive { confirmation, well, promise } => {
-                let name = confirmation.receivers.first().cloned();
-                let agent = name.as_ref().and_then(|agent| self.roster.find(agent));
-                actions.push(FarmAction::Send(*confirmation));
-                if let Some(name) = name.filter(|_| well) {
-                    self.succeed(&name, actions);
-                }
-                if write.row.state == ZoneState::Done {
-                    self.credit(&write.row, promise, actions);
-                }
-                if let Some(agent) = agent.filter(|_| self.config.auction != AuctionRule::Stealing) {
-                    self.help_out(now, agent, actions);
-                }
-            }
-            RowFollowUp::TakenBack => {}
-        }
-    }
-
-    /// Updates the agent's credit in proportion to T_est − T. It reaches the Blackboard later: see
-    /// [`Self::write_credits`].
-    fn credit(&mut self, row: &ZoneRow, promise: Option<KeptPromise>, actions: &mut Vec<FarmAction>) {
-        let (Some(estimated), Some(promise), Some(agent)) = (row.time_estimated, promise, &row.agent) else { return };
-        let KeptPromise { taken, worth } = promise;
-        let Some(id) = self.roster.find(agent) else { return };
-        let Some(own) = self.roster.get(id).map(Member::promised_own) else { return };
-        if let Some(row) = self.roster.update(id, |row| row.credit.learn(estimated, own, taken, worth)) {
-            actions.push(FarmAction::Effect(FarmEffect::AgentChanged(Arc::new(row.clone()))));
-            if self.credited.insert(id) {
-                self.credits_due.push_back(id);
-            }
-        }
-    }
-
-    /// Writes the changed credits of some agents, those that have waited longest first. A write after each zone would
-    /// double the number of writes, and little is lost with a Master.
-    pub(super) fn write_credits(&mut self, actions: &mut Vec<FarmAction>) {
-        for _ in 0..CREDITS_AT_ONCE {
-            let Some(id) = self.credits_due.pop_front() else { return };
-            self.credited.remove(&id);
-            if let Some(row) = self.roster.get(id).map(|member| member.row.clone()) {
-                self.put_agent(row, actions);
-            }
-        }
+    /// Ends a write, successful or not.
+    pub(super) fn end_write(&mut self, zone: ZoneId) -> Option<Write> {
+        let write = self.writes.remove(&zone)?;
+        self.tickets.remove(&write.ticket);
+        Some(write)
     }
 
     /// Writes an agent's row to the Blackboard.
@@ -250,5 +197,78 @@ impl Master {
         actions.push(FarmAction::Effect(FarmEffect::AgentChanged(Arc::clone(&row))));
         let request = StoreRequest::Put { key, value: FarmValue::Agent(row) };
         actions.push(FarmAction::Store { ticket, request });
+    }
+
+    /// A new number for a conversation or ticket.
+    pub(super) fn number(&mut self) -> u64 {
+        self.last_number += 1;
+        self.last_number
+    }
+
+    /// The rows on the Blackboard, without the pending writes.
+    pub(super) fn board(&self) -> &Blackboard {
+        &self.board
+    }
+
+    /// A zone's row and its revision.
+    pub(super) fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
+        self.board.zone(zone)
+    }
+
+    /// A zone's row, if no write of it is pending.
+    pub(super) fn settled_zone(&self, zone: ZoneId) -> Option<&ZoneRow> {
+        self.board.zone(zone).filter(|_| !self.is_being_written(zone)).map(|(_, row)| row)
+    }
+
+    /// True if a write of a zone's row is pending.
+    pub(super) fn is_being_written(&self, zone: ZoneId) -> bool {
+        self.writes.contains_key(&zone)
+    }
+
+    /// The pending write of a zone's row.
+    pub(super) fn pending_write(&self, zone: ZoneId) -> Option<&Write> {
+        self.writes.get(&zone)
+    }
+
+    /// True if writes are pending.
+    pub(super) fn has_writes(&self) -> bool {
+        !self.writes.is_empty()
+    }
+
+    /// The pending writes that are followed by an order, in no order.
+    pub(super) fn pending_orders(&self) -> impl Iterator<Item = &ZoneRow> {
+        self.writes.values().filter(|write| matches!(write.then, RowFollowUp::Order(_))).map(|write| &*write.row)
+    }
+
+    /// True if the subscription has delivered all existing rows.
+    pub(super) fn is_caught_up(&self) -> bool {
+        self.caught_up
+    }
+
+    /// The row of a zone after cutting it so that `share` of it is left; `None` if it cannot be cut.
+    pub(super) fn cut(&self, zone: ZoneId, share: f64) -> Option<ZoneRow> {
+        let (work, (revision, row)) = (self.board.work()?, self.board.zone(zone)?);
+        // The row of an earlier piece must exist, because it is derived from the current row.
+        let is_whole = row.cut.is_none_or(|cut| self.board.zone(cut.zone).is_some());
+        // The piece's id is derived from the revision, which admits one write only, so that ids are unique.
+        let offcut = ZoneId(u32::try_from(revision.0).ok()?.checked_add(work.zone_count)?);
+        let is_free =
+            is_whole && row.votes.is_empty() && self.board.zone(offcut).is_none() && !self.is_being_written(zone);
+        row.cut_to(share, offcut, &work.settings.frame, work.settings.goal.grid()).filter(|_| is_free)
+    }
+
+    /// The agents, with their fencing tokens, whose orders become void when a zone held by two agents gets `row`.
+    pub(super) fn voided_orders(&self, row: &ZoneRow) -> Option<Vec<(AgentId, Revision)>> {
+        let (revision, before) = self.board.zone(row.zone)?;
+        if before.rival.is_none() || row.is_in_hand() {
+            return None;
+        }
+        let void = before.holders().filter(|agent| row.agent.as_ref() != Some(agent));
+        let void = void.filter_map(|agent| Some((agent.clone(), before.fence_of(agent, revision)?)));
+        Some(void.collect())
+    }
+
+    pub(super) fn assert_invariants(&self) {
+        assert_eq!(self.tickets.len(), self.writes.len(), "each write has one open ticket");
     }
 }

@@ -1,211 +1,66 @@
 //! Stalls: zones wait although an agent is free. The Master then restarts from the Blackboard.
 
-use super::{roster::Member, *};
+use std::{collections::BTreeMap, time::Duration};
 
-impl Master {
-    /// The number of zones that wait for an agent and of agents that are free; `None` if either is zero. A zone whose
-    /// order is not on the Blackboard yet counts as waiting, and an agent without other orders as free.
+use bottega_agents::Time;
+
+use super::{assignments::Assignments, roster::Member};
+use crate::{MemberId, Watchdog};
+
+/// Zones that have waited although agents are free.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stall {
+    /// The time without progress.
+    pub(super) waited: Duration,
+    /// Number of waiting zones.
+    pub(super) zones: usize,
+    /// Number of free agents.
+    pub(super) free: usize,
+}
+
+/// Detects stalls. Its default knows no wait.
+#[derive(Clone, Debug, Default)]
+pub(super) struct StallWatch {
+    watchdog: Watchdog,
+}
+
+impl StallWatch {
+    /// The stall if zones have waited for [`STALLED_AFTER`](crate::STALLED_AFTER) although an agent is free.
     ///
-    /// An agent that refuses zones is not free. While others paint, neither is one that was passed over because another
-    /// agent finishes the zone sooner.
-    fn waits_in_vain(&self) -> Option<(usize, usize)> {
-        let mut ordered: BTreeMap<MemberId, usize> = BTreeMap::new();
-        let mut being_given = 0;
-        for write in self.writes.values().filter(|write| matches!(write.then, RowFollowUp::Order(_))) {
-            being_given += 1;
-            for agent in write.row.holders().filter_map(|agent| self.roster.find(agent)) {
-                *ordered.entry(agent).or_default() += 1;
-            }
-        }
-        let zones = self.ledger.waiting_count() + being_given;
-        if zones == 0 {
-            return None;
-        }
-        let somebody_paints = self.ledger.in_hand_count() > being_given;
-        let is_dealt = self.config.auction == AuctionRule::Stealing;
-        let is_free = |member: &&Member| {
-            let in_hand = self.ledger.load(member.id).0 - ordered.get(&member.id).copied().unwrap_or_default();
-            let is_wanted = !somebody_paints || !is_dealt && !member.is_passed_over();
-            in_hand == 0 && member.is_willing() && is_wanted
-        };
-        let free = self.roster.iter().filter(is_free).count();
-        (free > 0).then_some((zones, free))
-    }
-
-    /// Restarts this Master from the Blackboard if zones have waited for [`STALLED_AFTER`](crate::STALLED_AFTER)
-    /// although an agent is free.
-    pub(super) fn watch_stall(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        let is_at_work = self.begun && !self.stopping && !self.finished;
-        let in_vain = if is_at_work { self.waits_in_vain() } else { None };
-        let waited = self.watchdog.look(now, in_vain.is_some(), self.orders_sent);
-        if let (Some(waited), Some((zones, free))) = (waited, in_vain) {
-            tracing::warn!(zones, free, "nothing begins, so the Master begins again from the Blackboard");
-            actions.push(FarmAction::Effect(FarmEffect::Stalled { waited, zones, free }));
-            self.must_begin_again = true;
-        }
-        // Wait until the film has answered, so that no tile of the old film enters the next one
-        if self.must_begin_again && self.composition.composing_count() == 0 {
-            self.begin_again(now, actions);
-        }
-    }
-
-    /// Resets this Master to its initial state and reads the Blackboard again. Numbers continue, so that late replies
-    /// do not match new requests.
-    fn begin_again(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        let mut fresh = Self::new(self.config.clone());
-        fresh.last_number = self.last_number;
-        fresh.registrant = self.registrant.take();
-        fresh.kept = std::mem::take(&mut self.kept);
-        fresh.watch = Ticket(fresh.number());
-        fresh.next_look = self.next_look;
-        fresh.expects_until = now + self.config.timing.lease;
-        *self = fresh;
-        self.watch_rows(actions);
+    /// - `is_at_work`: true if the Master gives out zones.
+    pub(super) fn check(&mut self, now: Time, is_at_work: bool, assignments: &Assignments) -> Option<Stall> {
+        let in_vain = if is_at_work { waits_in_vain(assignments) } else { None };
+        let waited = self.watchdog.look(now, in_vain.is_some(), assignments.orders_sent());
+        let (waited, (zones, free)) = waited.zip(in_vain)?;
+        Some(Stall { waited, zones, free })
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use bottega_agents::{AclMessage, Entry, Key};
-    use bottega_engines::Tunables;
-    use bottega_image::Rect;
-
-    use super::*;
-    use crate::{InputRanges, NeighborDifference, Optimization, TaskFeatures, Timing, WorkSettings};
-
-    const STEP: Duration = Duration::from_millis(500);
-
-    /// A Master of one zone, its store, and an agent that says that it lives.
-    struct Farm {
-        master: Master,
-        rows: BTreeMap<Key, (Revision, FarmValue)>,
-        agent: AgentId,
-        now: Time,
-        /// Answers of the store that are on their way.
-        replies: Vec<FarmEvent>,
-        /// Orders that the agent was sent, and times that the Master has begun again.
-        orders: usize,
-        stalls: usize,
-    }
-
-    impl Farm {
-        fn new() -> Self {
-            let config = MasterConfig {
-                id: AgentId::new("master"),
-                work: WorkId(1),
-                auction: AuctionRule::default(),
-                prefetch: 2,
-                shares_tail: true,
-                verify: 1,
-                compares_by_look: false,
-                secret: 1,
-                credits: Arc::default(),
-                goals: GoalRules::default(),
-                timing: Timing::default(),
-                registration: None,
-            };
-            let frame = Rect::of_size(32, 32);
-            let settings = WorkSettings {
-                picture: frame,
-                frame,
-                samples: 64,
-                goal: crate::Goal::Samples,
-                tunables: Tunables { max_depth: 8, light_samples: 1 },
-                optimization: Optimization::Off,
-            };
-            let zone = ZoneRow::open(WorkId(1), ZoneId(0), frame, 1024.0, NeighborDifference::default());
-            let ranges = InputRanges::of([zone.clone()]);
-            let features = TaskFeatures::default();
-            let work = WorkRow { work: WorkId(1), settings, zone_count: 1, ranges, features };
-            let keys = WorkKeys::new(WorkId(1));
-            let values = [FarmValue::Work(Arc::new(work)), FarmValue::Zone(Arc::new(zone))];
-            let rows = values.into_iter().map(|value| (keys.of(&value), (Revision(5), value))).collect();
-            let agent = AgentId::new("agent");
-            Self {
-                master: Master::new(config),
-                rows,
-                agent,
-                now: Time::ZERO,
-                replies: Vec::new(),
-                orders: 0,
-                stalls: 0,
-            }
-        }
-
-        fn say(&mut self, performative: Performative, protocol: &'static str, content: FarmContent) {
-            let to = vec![self.master.config.id.clone()];
-            let said: FarmMessage = message(performative, protocol, &self.agent, to, content);
-            self.feed(FarmEvent::Message(AclMessage { conversation_id: 1, ..said }));
-        }
-
-        /// - `lost`: by how much the numbers are too high that the Master knows of the rows.
-        fn tell_rows(&mut self, ticket: Ticket, lost: u64) {
-            let rows: Vec<_> = self.rows.iter().map(|(key, row)| (key.clone(), row.clone())).collect();
-            for (key, (revision, value)) in rows {
-                let entry = Entry { key, revision: Revision(revision.0 + lost), value };
-                self.feed(FarmEvent::Store { ticket, reply: StoreReply::Changed(entry) });
-            }
-            self.feed(FarmEvent::Store { ticket, reply: StoreReply::CaughtUp });
-        }
-
-        fn feed(&mut self, event: FarmEvent) {
-            let mut actions = Vec::new();
-            self.master.handle(self.now, event, &mut actions);
-            for action in actions {
-                match action {
-                    FarmAction::Store { ticket, request: StoreRequest::Watch { .. } } if self.stalls > 0 => {
-                        self.tell_rows(ticket, 0);
-                    }
-                    FarmAction::Store {
-                        ticket,
-                        request: StoreRequest::CompareAndSet { key, expected_revision, value },
-                    } => {
-                        let (revision, known) = self.rows[&key].clone();
-                        let reply = if revision == expected_revision {
-                            self.rows.insert(key.clone(), (Revision(revision.0 + 1), value));
-                            StoreReply::Written { key, revision: Revision(revision.0 + 1) }
-                        } else {
-                            let entry = Some(Entry { key: key.clone(), revision, value: known });
-                            StoreReply::Conflict { key, entry }
-                        };
-                        self.replies.push(FarmEvent::Store { ticket, reply });
-                    }
-                    FarmAction::Store { request: StoreRequest::Put { key, value }, .. } => {
-                        self.rows.insert(key, (Revision(9), value));
-                    }
-                    FarmAction::Effect(FarmEffect::Stalled { zones, free, .. }) => {
-                        assert_eq!((zones, free), (1, 1));
-                        self.stalls += 1;
-                    }
-                    FarmAction::Send(sent) if matches!(sent.content, FarmContent::Profile(_)) => self.orders += 1,
-                    _ => {}
-                }
-            }
-        }
-
-        /// Lets time pass, in which the store answers and the agent says that it lives.
-        fn pass(&mut self, time: Duration) {
-            let end = self.now + time;
-            while self.now < end && self.orders == 0 {
-                self.now = self.now + STEP;
-                std::mem::take(&mut self.replies).into_iter().for_each(|reply| self.feed(reply));
-                let alive = FarmContent::Alive { power: RelativePower::REFERENCE, hands: Vec::new() };
-                self.say(Performative::Inform, protocol::SUBSCRIBE, alive);
-                self.feed(FarmEvent::Deadline);
-            }
+/// The number of zones that wait for an agent and of agents that are free; `None` if either is zero. A zone whose order is
+/// not on the Blackboard yet counts as waiting, and an agent without other orders as free.
+///
+/// An agent that refuses zones is not free. While others paint, neither is one that was passed over because another
+/// agent finishes the zone sooner.
+fn waits_in_vain(assignments: &Assignments) -> Option<(usize, usize)> {
+    let Assignments { config, rows, ledger, roster, .. } = assignments;
+    let mut ordered: BTreeMap<MemberId, usize> = BTreeMap::new();
+    let mut being_given = 0;
+    for row in rows.pending_orders() {
+        being_given += 1;
+        for agent in row.holders().filter_map(|agent| roster.find(agent)) {
+            *ordered.entry(agent).or_default() += 1;
         }
     }
-
-    #[test]
-    fn a_master_that_knows_rows_which_the_store_has_lost_begins_again_from_those_that_there_are() {
-        let mut farm = Farm::new();
-        farm.feed(FarmEvent::Start);
-        farm.tell_rows(Ticket(0), 3);
-        let subscription = FarmContent::Subscription { power: RelativePower::REFERENCE, lanes: 1.0 };
-        farm.say(Performative::Subscribe, protocol::SUBSCRIBE, subscription);
-        farm.pass(Duration::from_secs(29));
-        assert_eq!((farm.orders, farm.stalls), (0, 0), "each write meets a row with another number");
-        farm.pass(Duration::from_secs(3));
-        assert_eq!((farm.orders, farm.stalls), (1, 1));
+    let zones = ledger.waiting_count() + being_given;
+    if zones == 0 {
+        return None;
     }
+    let somebody_paints = ledger.in_hand_count() > being_given;
+    let is_free = |member: &&Member| {
+        let in_hand = ledger.load(member.id).0 - ordered.get(&member.id).copied().unwrap_or_default();
+        let is_wanted = !somebody_paints || !config.deals() && !member.is_passed_over();
+        in_hand == 0 && member.is_willing() && is_wanted
+    };
+    let free = roster.iter().filter(is_free).count();
+    (free > 0).then_some((zones, free))
 }

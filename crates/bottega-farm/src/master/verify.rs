@@ -6,8 +6,12 @@
 //! only this Master can compute. An agent found wrong is excluded, and everything accepted on its word alone is painted
 //! again.
 
-use super::*;
-use crate::Vote;
+use std::{sync::Arc, time::Duration};
+
+use bottega_agents::{AgentId, Time};
+
+use super::{assignments::Assignments, comparisons::Comparisons, config::MasterConfig, trust::Trust};
+use crate::{FarmAction, FarmEffect, FarmMessage, Painting, ResultRef, Vote, ZoneId, ZoneRow, ZoneState};
 
 /// Number of confirmed paintings from which an agent may be believed.
 const BELIEVED_FROM: u32 = 10;
@@ -23,33 +27,43 @@ const LACKING_MAX: u32 = 10;
 /// The agents found right and wrong by a comparison.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Verdict {
-    right: Vec<AgentId>,
-    wrong: Vec<AgentId>,
+    pub(super) right: Vec<AgentId>,
+    pub(super) wrong: Vec<AgentId>,
 }
 
-impl Master {
-    /// True if paintings are compared.
-    pub(super) fn verifies(&self) -> bool {
-        self.config.verify > 1
+/// The comparison of paintings: votes, pixels, and the machines that are needed.
+#[derive(Clone, Debug)]
+pub(super) struct Verification {
+    config: Arc<MasterConfig>,
+    comparisons: Comparisons,
+    /// Number of consecutive checks with too few machines to compare paintings.
+    lacking: u32,
+}
+
+impl Verification {
+    pub(super) fn new(config: Arc<MasterConfig>) -> Self {
+        Self { config, comparisons: Comparisons::default(), lacking: 0 }
     }
 
     /// The row after a valid report: accepted, or waiting for further votes.
     ///
     /// - `accepted`: the row if the report is accepted.
-    pub(super) fn compared(
+    pub(super) fn vote(
         &self,
         before: &ZoneRow,
         accepted: ZoneRow,
         painting: &Painting,
         agent: &AgentId,
+        trust: &Trust,
+        assignments: &Assignments,
     ) -> (ZoneRow, Verdict) {
         let accepted = ZoneRow { agent: Some(agent.clone()), rival: None, ..accepted };
-        if !self.verifies() {
+        if !self.config.verifies() {
             return (accepted, Verdict::default());
         }
         let zone = before.zone;
-        let is_there = |vote: &Vote| !self.is_gone(zone, &vote.painting);
-        let counts = |vote: &&Vote| vote.agent != *agent && !self.is_wrong(&vote.agent) && is_there(vote);
+        let is_there = |vote: &Vote| !self.is_missing(zone, &vote.painting);
+        let counts = |vote: &&Vote| vote.agent != *agent && !trust.is_wrong(&vote.agent) && is_there(vote);
         // Collect the votes that count, including the new one
         let mut votes: Vec<Vote> = before.votes.iter().filter(counts).cloned().collect();
         votes.push(Vote { agent: agent.clone(), painting: *painting });
@@ -57,7 +71,8 @@ impl Master {
         let (same, other): (Vec<&Vote>, Vec<&Vote>) =
             votes.iter().partition(|vote| vote.agent == *agent || self.is_same(zone, painting, &vote.painting));
         let is_last = accepted.state == ZoneState::Done;
-        let is_believed = || is_last && other.is_empty() && same.iter().any(|vote| self.believes(vote, zone));
+        let is_believed =
+            || is_last && other.is_empty() && same.iter().any(|vote| self.believes(vote, zone, assignments));
         // Wait for further votes, unless enough agree or the agent is believed
         if same.len() < self.config.verify as usize && !is_believed() {
             let state = if before.state == ZoneState::Profiling { ZoneState::Open } else { ZoneState::Profiled };
@@ -79,9 +94,9 @@ impl Master {
 
     /// True if an agent's painting is accepted without comparison: it was right often enough, and the painting is not
     /// in the random share that is compared anyway. That share falls with the number of confirmed paintings.
-    fn believes(&self, vote: &Vote, zone: ZoneId) -> bool {
-        let member = self.roster.get_by_name(&vote.agent).map(|member| &member.row);
-        let agreed = member.or_else(|| self.board.agent(&vote.agent)).map_or(0, |row| row.agreed);
+    fn believes(&self, vote: &Vote, zone: ZoneId, assignments: &Assignments) -> bool {
+        let member = assignments.roster.get_by_name(&vote.agent).map(|member| &member.row);
+        let agreed = member.or_else(|| assignments.rows.board().agent(&vote.agent)).map_or(0, |row| row.agreed);
         if agreed < BELIEVED_FROM {
             return false;
         }
@@ -96,105 +111,114 @@ impl Master {
         f64::from(u32::from_le_bytes(bits)) >= share * f64::from(u32::MAX)
     }
 
-    /// Counts confirmed paintings, and excludes agents found wrong.
-    pub(super) fn pronounce(&mut self, now: Time, zone: ZoneId, verdict: &Verdict, actions: &mut Vec<FarmAction>) {
-        for agent in &verdict.right {
-            let Some(id) = self.roster.find(agent) else { continue };
-            let row = self.roster.update(id, |row| row.agreed = row.agreed.saturating_add(1)).cloned();
-            row.into_iter().for_each(|row| self.put_agent(row, actions));
+    /// True if two paintings of a zone agree: bit for bit, or by their look.
+    fn is_same(&self, zone: ZoneId, one: &Painting, other: &Painting) -> bool {
+        if !self.config.compares_by_look {
+            return one.is_same(other);
         }
-        let right: Vec<&str> = verdict.right.iter().map(|agent| &*agent.name).collect();
-        for agent in &verdict.wrong {
-            let reason = format!("what it painted of {zone} is not what {} painted", right.join(" and "));
-            self.convict(now, agent, reason, actions);
+        let pair = (zone, one.result.digest, other.result.digest);
+        one.may_look_like(other) && (pair.1 == pair.2 || self.comparisons.result(&pair) == Some(true))
+    }
+
+    /// True if the tile of a vote could not be fetched, so the vote does not count.
+    fn is_missing(&self, zone: ZoneId, painting: &Painting) -> bool {
+        self.comparisons.is_missing(zone, painting.result.digest)
+    }
+
+    /// The same for a reported tile, whose mark is removed: the next report of it may be of a tile that exists.
+    pub(super) fn take_missing(&mut self, zone: ZoneId, painting: &Painting) -> bool {
+        self.comparisons.take_missing(zone, painting.result.digest)
+    }
+
+    /// True if the votes of others can be compared with this report now. If not, a comparison of pixels is pending, and
+    /// the report is processed after it.
+    pub(super) fn can_compare(
+        &mut self,
+        before: &ZoneRow,
+        painting: &Painting,
+        report: &FarmMessage,
+        trust: &Trust,
+        actions: &mut Vec<FarmAction>,
+    ) -> bool {
+        if !self.config.verifies() || !self.config.compares_by_look {
+            return true;
         }
-    }
-
-    /// Excludes an agent that painted something wrong, and discards everything accepted on its word alone.
-    fn convict(&mut self, now: Time, agent: &AgentId, reason: String, actions: &mut Vec<FarmAction>) {
-        if self.is_wrong(agent) {
-            return;
+        let zone = before.zone;
+        if self.comparisons.is_awaited(zone) {
+            // The agent repeats its report later; so does another agent whose report is not the waiting one
+            return false;
         }
-        let known = self.roster.get_by_name(agent).map(|member| member.row.clone());
-        let known = known.or_else(|| self.left_out.get(agent).map(|row| (**row).clone()));
-        let known = known.or_else(|| self.board.agent(agent).cloned());
-        let row = known.unwrap_or_else(|| AgentRow::new(agent.clone(), RelativePower::REFERENCE, 1.0));
-        let id = self.roster.number(agent);
-        self.exclude(now, id, AgentRow { failures: 0, agreed: 0, ..row }, reason, actions);
-        self.doubt_all();
+        let is_open = |vote: &&Vote| {
+            let pair = (zone, painting.result.digest, vote.painting.result.digest);
+            vote.agent != report.sender
+                && !trust.is_wrong(&vote.agent)
+                && !self.is_missing(zone, &vote.painting)
+                && painting.may_look_like(&vote.painting)
+                && pair.1 != pair.2
+                && self.comparisons.result(&pair).is_none()
+        };
+        let Some(vote) = before.votes.iter().find(is_open).filter(|_| !self.is_missing(zone, painting)) else {
+            return true;
+        };
+        let results = [painting.result, vote.painting.result];
+        self.comparisons.postpone(zone, report.clone());
+        actions.push(FarmAction::Effect(FarmEffect::Compare { zone, results }));
+        false
     }
 
-    /// True if an agent is excluded for a wrong painting, not for failures.
-    pub(super) fn is_wrong(&self, agent: &AgentId) -> bool {
-        !self.left_out.is_empty() && self.left_out.get(agent).is_some_and(|row| !Self::only_failed(row))
-    }
-
-    /// True if a row depends on an agent found wrong, or counts its vote.
-    fn is_dubious(&self, row: &ZoneRow) -> bool {
-        let mut said = row.votes.iter().map(|vote| &vote.agent).chain(&row.word_of);
-        said.any(|agent| self.is_wrong(agent))
-    }
-
-    /// Checks a new row. Cheap unless an agent was found wrong.
-    pub(super) fn doubt(&mut self, row: &ZoneRow) {
-        if self.verifies() && !self.left_out.is_empty() && self.is_dubious(row) {
-            self.dubious.push(row.zone);
+    /// Records a comparison of two tiles. Returns the report that waited for it.
+    ///
+    /// - `outcome`: true if they may be the same picture; or the tile that could not be fetched.
+    pub(super) fn take_comparison(
+        &mut self,
+        zone: ZoneId,
+        results: [ResultRef; 2],
+        outcome: Result<bool, ResultRef>,
+    ) -> Option<FarmMessage> {
+        let [one, other] = results.map(|result| result.digest);
+        match outcome {
+            Ok(is_same) => self.comparisons.record((zone, one, other), is_same),
+            Err(missing) => self.comparisons.record_missing(zone, missing.digest),
         }
+        self.comparisons.take_postponed(zone)
     }
 
-    /// Checks all zones for votes and paintings of agents found wrong.
-    pub(super) fn doubt_all(&mut self) {
-        if self.verifies() && !self.left_out.is_empty() {
-            let zones = self.board.zones().filter(|row| self.is_dubious(row)).map(|row| row.zone);
-            self.dubious = zones.collect();
-        }
-    }
-
-    /// Opens zones again that were accepted on the word of an agent found wrong, and removes its votes elsewhere.
-    pub(super) fn repaint_dubious(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        while let Some(zone) = self.dubious.pop() {
-            // Zones that are held or being written are checked again afterwards
-            let row = self.board.zone(zone).map(|(_, row)| row).filter(|row| !row.is_in_hand() && self.is_dubious(row));
-            let Some(row) = row.filter(|_| !self.writes.contains_key(&zone)) else { continue };
-            let row = if row.word_of.as_ref().is_some_and(|agent| self.is_wrong(agent)) {
-                row.unpainted()
-            } else {
-                let votes = row.votes.iter().filter(|vote| !self.is_wrong(&vote.agent)).cloned().collect();
-                ZoneRow { votes, ..row.clone() }
-            };
-            self.write(now, row, RowFollowUp::TakenBack, actions);
+    /// Drops the comparisons of a zone without votes.
+    pub(super) fn forget(&mut self, row: &ZoneRow) {
+        if row.votes.is_empty() {
+            self.comparisons.forget(row.zone);
         }
     }
 
     /// Assigns zones that need further votes to agents on machines that have not voted.
-    pub(super) fn give_out_comparisons(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        if !self.verifies() || !self.roster.has_free() {
+    pub(super) fn order_comparisons(&self, now: Time, assignments: &mut Assignments, actions: &mut Vec<FarmAction>) {
+        if !self.config.verifies() || !assignments.roster.has_free() {
             return;
         }
-        let zones: Vec<ZoneId> = self.ledger.comparisons(LARGEST_LOOKED_AT, NEXT_LOOKED_AT);
+        let zones: Vec<ZoneId> = assignments.ledger.comparisons(LARGEST_LOOKED_AT, NEXT_LOOKED_AT);
         for zone in zones {
-            let Some((_, row)) = self.board.zone(zone).filter(|_| !self.writes.contains_key(&zone)) else { continue };
-            let Some(agent) = self.roster.first_free(|agent| row.is_new_to(agent)) else { continue };
-            let agent = Some(self.roster.name(agent).clone());
+            let Some(row) = assignments.rows.settled_zone(zone) else { continue };
+            let Some(agent) = assignments.roster.first_free(|agent| row.is_new_to(agent)) else { continue };
+            let agent = Some(assignments.roster.name(agent).clone());
             let state = if row.state == ZoneState::Open { ZoneState::Profiling } else { ZoneState::Awarded };
             let row = ZoneRow { state, agent, ..row.clone() };
-            let conversation = self.number();
-            self.write(now, row, RowFollowUp::Order(conversation), actions);
+            assignments.order(now, row, actions);
         }
     }
 
     /// Reports that zones wait for more machines than there are, once that lasts.
-    pub(super) fn count_machines(&mut self, actions: &mut Vec<FarmAction>) {
-        if !self.verifies() || !self.begun || self.finished {
+    pub(super) fn count_machines(&mut self, assignments: &Assignments, actions: &mut Vec<FarmAction>) {
+        if !self.config.verifies() {
             return;
         }
-        let mut machines: Vec<&str> = self.roster.iter().map(|member| member.row.agent.home()).collect();
+        let Assignments { roster, ledger, .. } = assignments;
+        let mut machines: Vec<&str> = roster.iter().map(|member| member.row.agent.home()).collect();
         machines.sort_unstable();
         machines.dedup();
         let (present, wanted) = (machines.len(), self.config.verify as usize);
         // No agent is working, and zones wait for one that has not voted
-        let is_stuck = self.ledger.in_hand_count() == 0 && self.ledger.comparison_count() > 0;
-        let lacks = present < wanted || is_stuck && self.ledger.open.is_empty() && self.ledger.next_unseen().is_none();
+        let is_stuck = ledger.in_hand_count() == 0 && ledger.comparison_count() > 0;
+        let lacks = present < wanted || is_stuck && ledger.open.is_empty() && ledger.next_unseen().is_none();
         self.lacking = if lacks { self.lacking.saturating_add(1) } else { 0 };
         if self.lacking == LACKING_MAX {
             let needed = wanted.max(present + 1);

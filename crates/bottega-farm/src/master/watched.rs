@@ -27,19 +27,19 @@ pub(super) struct LongestOrder {
 
 impl WatchedZones {
     /// Takes in the progress of an agent's orders. Returns the oldest one; the others may be waiting for their turn.
-    pub(super) fn see(&mut self, now: Time, hands: &[Holding]) -> Option<LongestOrder> {
+    pub(super) fn see(&mut self, now: Time, held: &[Holding]) -> Option<LongestOrder> {
         let is_same = |a: &Holding, b: &Holding| (a.zone, a.fence) == (b.zone, b.fence);
         let longest_before = self.orders.first().map(|(known, _)| *known);
-        self.orders.retain(|(known, _)| hands.iter().any(|hand| is_same(hand, known)));
+        self.orders.retain(|(known, _)| held.iter().any(|order| is_same(order, known)));
         let known_count = self.orders.len();
-        for hand in hands {
-            match self.orders.iter_mut().find(|(known, _)| is_same(hand, known)) {
-                Some((known, moved)) if known.progress < hand.progress => (*known, *moved) = (*hand, now),
+        for order in held {
+            match self.orders.iter_mut().find(|(known, _)| is_same(order, known)) {
+                Some((known, moved)) if known.progress < order.progress => (*known, *moved) = (*order, now),
                 Some(_) => {}
-                None => self.orders.push((*hand, now)),
+                None => self.orders.push((*order, now)),
             }
         }
-        self.orders[known_count..].sort_unstable_by_key(|(hand, _)| hand.fence);
+        self.orders[known_count..].sort_unstable_by_key(|(order, _)| order.fence);
         let (order, moved) = self.orders.first_mut()?;
         if longest_before.is_none_or(|before| !is_same(&before, order)) {
             (*moved, self.since) = (now, now);

@@ -12,6 +12,15 @@ pub(super) struct ZoneWorth {
     by_agent: BTreeMap<MemberId, Measured>,
 }
 
+/// The measurement of a promise to paint a zone.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KeptPromise {
+    /// Time from order to report, by this Master's clock.
+    pub(super) taken: Duration,
+    /// Time expected for the order from other agents' measurements, in reference-machine time; `None`: no measurements.
+    pub(super) worth: Option<Duration>,
+}
+
 /// Sums over painted zones.
 #[derive(Clone, Copy, Debug, Default)]
 struct Measured {

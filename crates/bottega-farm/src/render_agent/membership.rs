@@ -1,78 +1,128 @@
-//! Membership of a Render Agent: it finds its Master in the yellow pages, and is suspended, resumed and ended by the
-//! AMS.
+//! FarmMembership of a Render Agent: its Master, its subscription, and its registration at the directories.
 
-use bottega_agents::{
-    Performative, Time,
-    platform::{LifeCycleRequest, LifeCycleState},
+use bottega_agents::{AclMessage, AgentId, Performative, Time, platform::LifeCycleRequest};
+
+use super::speed::Speed;
+use crate::{
+    FarmAction, FarmContent, FarmMessage,
+    contents::{answer, message},
+    protocol,
+    registrant::{DirectoryNews, MasterSource, Registrant},
 };
 
-use super::RenderAgent;
-use crate::{FarmAction, FarmContent, FarmEffect, FarmMessage, contents::message, protocol, registrant::DirectoryNews};
+/// The state of the membership.
+#[derive(Clone, Debug)]
+pub(super) struct FarmMembership {
+    id: AgentId,
+    /// Its Master; `None` until it is found.
+    master: Option<AgentId>,
+    /// The registration at the directories, if there are any.
+    registrant: Option<Box<Registrant>>,
+    /// True if the Master has added it to its list.
+    is_subscribed: bool,
+    /// Suspended by the AMS: it has left its Master.
+    is_suspended: bool,
+    /// Excluded by its Master.
+    is_excluded: bool,
+}
 
-impl RenderAgent {
+impl FarmMembership {
+    pub(super) fn new(id: AgentId, source: &MasterSource) -> Self {
+        let (master, registrant) = source.of(&id);
+        Self { id, master, registrant, is_subscribed: false, is_suspended: false, is_excluded: false }
+    }
+
+    /// True if the Master has added the agent to its list.
+    pub(super) fn is_subscribed(&self) -> bool {
+        self.is_subscribed
+    }
+
+    /// True if the AMS has suspended the agent.
+    pub(super) fn is_suspended(&self) -> bool {
+        self.is_suspended
+    }
+
+    /// True if its Master has excluded it.
+    pub(super) fn is_excluded(&self) -> bool {
+        self.is_excluded
+    }
+
+    /// True if it belongs to no Master and may subscribe.
+    pub(super) fn may_subscribe(&self) -> bool {
+        !self.is_subscribed && !self.is_suspended
+    }
+
+    /// The Master, if it is known.
+    pub(super) fn master(&self) -> Option<&AgentId> {
+        self.master.as_ref()
+    }
+
+    /// Sets the Master that a directory names.
+    pub(super) fn set_master(&mut self, master: AgentId) {
+        self.master = Some(master);
+    }
+
+    /// Notes that the Master has added the agent to its list.
+    pub(super) fn note_subscribed(&mut self) {
+        (self.is_subscribed, self.is_excluded) = (true, false);
+    }
+
+    /// Notes that the agent is no longer on the Master's list. Returns true if it was.
+    pub(super) fn note_unsubscribed(&mut self) -> bool {
+        std::mem::replace(&mut self.is_subscribed, false)
+    }
+
+    /// Notes that the Master has excluded the agent. Returns true if this is new.
+    pub(super) fn note_excluded(&mut self) -> bool {
+        !std::mem::replace(&mut self.is_excluded, true)
+    }
+
     /// Subscribes if the Master is given; otherwise searches the DF first, because the Master may have changed.
-    pub(super) fn seek_master(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+    pub(super) fn seek_master(
+        &mut self,
+        now: Time,
+        speed: &Speed,
+        reply_by: Option<Time>,
+        actions: &mut Vec<FarmAction>,
+    ) {
         match &mut self.registrant {
             Some(registrant) => registrant.seek_master(now),
-            None => self.subscribe(actions),
+            None => self.subscribe(speed, reply_by, actions),
         }
     }
 
-    /// Processes a message of a directory.
-    pub(super) fn hear_directories(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
-        let news = self.registrant.as_mut().and_then(|registrant| registrant.hear(now, message));
-        match news {
-            Some(DirectoryNews::Master(master)) => {
-                self.master = Some(master);
-                if !self.subscribed && !self.is_suspended && self.adaptation.is_some() {
-                    self.subscribe(actions);
-                }
-            }
-            Some(DirectoryNews::LifeCycle(request)) => self.obey(now, message, request, actions),
-            // The AMS's request may have been lost, so follow the state it lists
-            Some(DirectoryNews::State(LifeCycleState::Suspended)) => self.suspend(actions),
-            Some(DirectoryNews::State(LifeCycleState::Active)) => self.resume(now, actions),
-            Some(DirectoryNews::State(_)) => {}
-            None => {}
+    /// Sends the subscription, which is repeated at `reply_by`.
+    pub(super) fn subscribe(&self, speed: &Speed, reply_by: Option<Time>, actions: &mut Vec<FarmAction>) {
+        let content = FarmContent::Subscription { power: speed.power(), lanes: speed.lanes() };
+        let subscription = self.to_master(Performative::Subscribe, protocol::SUBSCRIBE, content);
+        actions.push(FarmAction::Send(AclMessage { reply_by, ..subscription }));
+    }
+
+    /// Sends the Master a goodbye, if there is one.
+    pub(super) fn unsubscribe(&self, actions: &mut Vec<FarmAction>) {
+        if self.master.is_some() {
+            let content = FarmContent::Unsubscription;
+            let goodbye = self.to_master(Performative::Cancel, protocol::SUBSCRIBE, content);
+            actions.push(FarmAction::Send(goodbye));
         }
     }
 
-    /// Carries out a request of the AMS and confirms it.
-    fn obey(&mut self, now: Time, message: &FarmMessage, request: LifeCycleRequest, actions: &mut Vec<FarmAction>) {
-        match request {
-            LifeCycleRequest::Suspend => self.suspend(actions),
-            LifeCycleRequest::Resume => self.resume(now, actions),
-            LifeCycleRequest::Quit | LifeCycleRequest::Destroy => {
-                self.unsubscribe(actions);
-                self.hand_back(actions);
-                let reason = format!("ended by {}", message.sender);
-                actions.push(FarmAction::Effect(FarmEffect::Dismissed { reason }));
-            }
-        }
-        if let Some(registrant) = &self.registrant {
-            registrant.obeyed(message, request, actions);
-        }
-        if matches!(request, LifeCycleRequest::Quit | LifeCycleRequest::Destroy) {
-            self.leave(actions);
-        }
-    }
-
-    /// Leaves the Master until resumed.
-    fn suspend(&mut self, actions: &mut Vec<FarmAction>) {
-        if !std::mem::replace(&mut self.is_suspended, true) {
+    /// Leaves the Master until resumed. Returns true if this is new.
+    pub(super) fn suspend(&mut self, actions: &mut Vec<FarmAction>) -> bool {
+        let is_new = !std::mem::replace(&mut self.is_suspended, true);
+        if is_new {
             self.unsubscribe(actions);
-            self.hand_back(actions);
         }
+        is_new
     }
 
-    fn resume(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
-        if std::mem::replace(&mut self.is_suspended, false) && self.adaptation.is_some() {
-            self.seek_master(now, actions);
-        }
+    /// Ends the suspension by the AMS. Returns true if there was one.
+    pub(super) fn resume(&mut self) -> bool {
+        std::mem::replace(&mut self.is_suspended, false)
     }
 
     /// Repeats the goodbye to a Master that still sends requests to a suspended agent. Returns true if it did.
-    pub(super) fn says_goodbye(&self, message: &FarmMessage, actions: &mut Vec<FarmAction>) -> bool {
+    pub(super) fn repeat_goodbye(&self, message: &FarmMessage, actions: &mut Vec<FarmAction>) -> bool {
         let is_wanted = matches!(
             (message.performative, &message.content),
             (Performative::Agree, FarmContent::Subscribed)
@@ -86,26 +136,54 @@ impl RenderAgent {
         is_wanted
     }
 
-    fn unsubscribe(&self, actions: &mut Vec<FarmAction>) {
-        let Some(master) = &self.master else { return };
-        let (id, to) = (&self.config.id, vec![master.clone()]);
-        let goodbye = message(Performative::Cancel, protocol::SUBSCRIBE, id, to, FarmContent::Unsubscription);
-        actions.push(FarmAction::Send(goodbye));
+    /// Processes a message of a directory.
+    pub(super) fn hear_directory(&mut self, now: Time, message: &FarmMessage) -> Option<DirectoryNews> {
+        self.registrant.as_mut().and_then(|registrant| registrant.hear(now, message))
     }
 
-    /// Gives up all zones that it holds.
-    pub(super) fn hand_back(&mut self, actions: &mut Vec<FarmAction>) {
-        for (zone, hand) in self.hands.iter().filter(|(_, hand)| hand.begun) {
-            actions.push(FarmAction::Effect(FarmEffect::Drop { zone, fence: hand.order.fence }));
+    /// Confirms a request of the AMS.
+    pub(super) fn confirm(&self, message: &FarmMessage, request: LifeCycleRequest, actions: &mut Vec<FarmAction>) {
+        if let Some(registrant) = &self.registrant {
+            registrant.obeyed(message, request, actions);
         }
-        self.let_go();
     }
 
-    /// Ends the agent.
-    pub(super) fn leave(&mut self, actions: &mut Vec<FarmAction>) {
+    /// Leaves the directories, and ends the agent.
+    pub(super) fn end(&mut self, actions: &mut Vec<FarmAction>) {
         if let Some(mut registrant) = self.registrant.take() {
             registrant.leave(actions);
         }
         actions.push(FarmAction::Stop);
+    }
+
+    pub(super) fn tick(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
+        if let Some(registrant) = &mut self.registrant {
+            registrant.tick(now, actions);
+        }
+    }
+
+    pub(super) fn next_deadline(&self) -> Option<Time> {
+        self.registrant.as_ref().and_then(|registrant| registrant.next_deadline())
+    }
+
+    /// A message to the Master; without a receiver if it is unknown.
+    pub(super) fn to_master(
+        &self,
+        performative: Performative,
+        protocol: &'static str,
+        content: FarmContent,
+    ) -> FarmMessage {
+        message(performative, protocol, &self.id, self.master.iter().cloned().collect(), content)
+    }
+
+    /// Replies to a message.
+    pub(super) fn answer(
+        &self,
+        to: &FarmMessage,
+        performative: Performative,
+        content: FarmContent,
+        actions: &mut Vec<FarmAction>,
+    ) {
+        actions.push(FarmAction::Send(answer(to, &self.id, performative, content)));
     }
 }

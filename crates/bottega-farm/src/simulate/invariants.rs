@@ -5,7 +5,7 @@ use std::time::Duration;
 use bottega_agents::{AgentId, Time, driver::Simulator};
 use bottega_image::Rect;
 
-use super::{film::BROKEN_MAX, studio::SimulatedFarm};
+use super::{film::BROKEN_MAX, simulated_farm::SimulatedFarm};
 use crate::{FarmAgent, FarmValue, Partition, ResultRef, Watchdog, WorkKeys, WorkRow, ZoneId, ZoneRow, ZoneState};
 
 /// Virtual time between checks for stalls.
@@ -34,20 +34,20 @@ impl IdleWatch {
             return;
         }
         self.next_look = now + LOOK_EVERY;
-        let studio = simulator.world();
+        let world = simulator.world();
         let waiting = match simulator.machine(&self.master) {
             Some(FarmAgent::Master(master)) => master.waiting_count(),
             _ => 0,
         };
         let mut free = 0;
         let mut is_idle = waiting > 0;
-        for name in studio.names.iter().take_while(|_| waiting > 0) {
+        for name in world.names.iter().take_while(|_| waiting > 0) {
             if let Some(FarmAgent::Render(agent)) = simulator.machine(name) {
                 free += usize::from(agent.is_free());
-                is_idle &= agent.hands().next().is_none();
+                is_idle &= agent.held_zones().next().is_none();
             }
         }
-        if let Some(waited) = self.watchdog.look(now, is_idle && free > 0, studio.orders_begun) {
+        if let Some(waited) = self.watchdog.look(now, is_idle && free > 0, world.orders_begun) {
             let seconds = waited.as_secs();
             self.broken = Some(format!("{waiting} zones waited for {seconds} s, and all of {free} agents were free"));
         }
@@ -66,8 +66,8 @@ impl IdleWatch {
 /// - Credits are finite.
 /// - A live agent holds only valid orders or orders that were taken from it.
 pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &WorkRow, verify: u32) -> Vec<String> {
-    let studio = simulator.world();
-    let film = &studio.film;
+    let world = simulator.world();
+    let film = &world.film;
     let mut broken = film.broken.clone();
     let mut must = |holds: bool, what: &dyn Fn() -> String| {
         if !holds && broken.len() < 2 * BROKEN_MAX {
@@ -92,7 +92,7 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &Work
                         if let Some(agent) = &row.word_of {
                             words.push(agent.clone());
                         }
-                        let whose = film.whose(row.zone, fence).map(|agent| &studio.names[agent]);
+                        let whose = film.whose(row.zone, fence).map(|agent| &world.names[agent]);
                         must(whose == row.agent.as_ref(), &|| format!("{} was painted by {whose:?}", row.zone));
                     }
                     (ZoneState::Failed, _) => given_up.push(row.zone),
@@ -112,7 +112,7 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &Work
     let is_convict = |agent: &&AgentId| convicts.contains(agent);
     must(!words.iter().any(|agent| is_convict(&agent)), &|| format!("the word of one of {convicts:?} counts"));
     given_up.sort_unstable();
-    must(given_up == *failed, &|| format!("{given_up:?} were given up, and {failed:?} are told"));
+    must(given_up == *failed, &|| format!("{given_up:?} were given up, and {failed:?} are reported"));
     let done = zones.len() - given_up.len();
     must(done == film.composed_count(), &|| format!("{done} zones are done, and {} composed", film.composed_count()));
     let rects: Vec<Rect> = zones.iter().filter(|row| row.root.is_none()).map(|row| row.rect).collect();
@@ -120,9 +120,9 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &Work
     for root in torn(zones, &work.settings.frame) {
         must(false, &|| format!("the pieces of {root} do not cover it once"));
     }
-    for name in &studio.names {
+    for name in &world.names {
         let Some(FarmAgent::Render(agent)) = simulator.machine(name) else { continue };
-        for (zone, fence) in agent.hands() {
+        for (zone, fence) in agent.held_zones() {
             let valid = film.is_valid(zone, fence) && !film.is_taken_over(zone) && film.is_composed(zone);
             must(!valid, &|| format!("{name} still has {zone} in hand under a valid order"));
         }

@@ -1,18 +1,18 @@
 //! Simulation of the farm in virtual time, with the same state machines that paint real pictures.
 //!
 //! A [`Workpiece`] gives the costs of zones: measured in a real run (a [`Record`], made by a [`Recorder`]), or drawn
-//! from a distribution. A [`CrewSpec`] gives the agents, their speeds and their faults. [`simulate`] runs a Master and
+//! from a distribution. A [`FarmSpec`] gives the agents, their speeds and their faults. [`simulate`] runs a Master and
 //! Render Agents over them. It returns the time taken and its lower bound, and checks that nothing was lost, painted
 //! twice or accepted under an invalid order.
 
-mod crew;
+mod farm_spec;
 mod film;
 mod invariants;
 mod machines;
 mod record;
 mod record_json;
 mod recorder;
-mod studio;
+mod simulated_farm;
 mod workpiece;
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
@@ -24,15 +24,15 @@ use bottega_agents::{
 };
 
 pub use self::{
-    crew::{AgentSpec, CREW_MAX, CrewError, CrewSpec, Incident, IncidentKind, MachineSpec},
+    farm_spec::{AgentSpec, FarmSpec, FarmSpecError, Incident, IncidentKind, MachineSpec, SIMULATED_AGENTS_MAX},
     record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedRules, RecordedZone},
     recorder::Recorder,
-    studio::{SPANS_MAX, Span, SpanKind, TimeLeft},
+    simulated_farm::{SPANS_MAX, Span, SpanKind, TimeLeft},
     workpiece::{SyntheticSpread, Workpiece, WorkpieceError, ZONES_MAX},
 };
 use self::{
     invariants::IdleWatch,
-    studio::{Seat, SimulatedFarm},
+    simulated_farm::{SimulatedFarm, SimulatedPainter},
 };
 use crate::{
     AdaptationRule, AuctionRule, Credit, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
@@ -47,8 +47,8 @@ const AFTERWARDS: Duration = Duration::from_secs(20);
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The agents.
-    pub crew: CrewSpec,
-    /// Faults of the network. Agents that it kills come back; those of [`CrewSpec::incidents`] do not.
+    pub farm: FarmSpec,
+    /// Faults of the network. Agents that it kills come back; those of [`FarmSpec::incidents`] do not.
     pub faults: Faults,
     /// `true`: it may kill the Master.
     pub master_may_crash: bool,
@@ -88,10 +88,10 @@ pub struct Plan {
 impl Plan {
     /// A plan with these agents on a fast network without faults. Zones are shared at the end if agents have machines
     /// of their own.
-    pub fn calm(crew: CrewSpec, seed: u64) -> Self {
+    pub fn calm(farm: FarmSpec, seed: u64) -> Self {
         Self {
-            shares_tail: crew.machines.len() >= crew.agents.len(),
-            crew,
+            shares_tail: farm.machines.len() >= farm.agents.len(),
+            farm,
             faults: Faults::NONE,
             master_may_crash: false,
             failures: 0.0,
@@ -140,7 +140,7 @@ pub struct SimulationOutcome {
     pub rounds: Vec<RoundSummary>,
     /// The thefts, in order.
     pub thefts: Vec<Theft>,
-    /// The agents, in the order of the crew.
+    /// The agents, in the order of the farm.
     pub agents: Vec<AgentOutcome>,
     /// The spans of all agents, in the order of their ends.
     pub spans: Vec<Span>,
@@ -190,12 +190,13 @@ impl SimulationOutcome {
     /// - `from`: share of the cost, 0..1.
     pub fn worst_time_left(&self, from: f64) -> Option<f64> {
         let borne = 1.0_f64.max(self.makespan.as_secs_f64() / 20.0);
-        let wrong = |told: &TimeLeft| {
-            let (said, true_left) = (told.said.as_secs_f64(), self.makespan.saturating_sub(told.at).as_secs_f64());
+        let wrong = |predicted: &TimeLeft| {
+            let (said, true_left) =
+                (predicted.said.as_secs_f64(), self.makespan.saturating_sub(predicted.at).as_secs_f64());
             let factor = said.max(true_left) / said.min(true_left).max(1e-9);
             if (said - true_left).abs() <= borne { 1.0 } else { factor }
         };
-        self.times_left.iter().filter(|told| told.done >= from).map(wrong).reduce(f64::max)
+        self.times_left.iter().filter(|predicted| predicted.done >= from).map(wrong).reduce(f64::max)
     }
 
     /// Messages per zone.
@@ -243,7 +244,7 @@ pub enum SimulationError {
 pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome, SimulationError> {
     let mut play = Play::new(piece, plan)?;
     let work: f64 = piece.zone_seconds().sum();
-    let least = plan.crew.least_time(piece.survey, work);
+    let least = plan.farm.least_time(piece.survey, work);
     let limit = least.unwrap_or(piece.survey).saturating_mul(100).saturating_add(Duration::from_secs(3600));
     play.run(Time::since_start(limit));
     if let Some(broken) = play.idle.broken.take() {
@@ -264,11 +265,11 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome
         return Err(SimulationError::Broken { broken });
     }
     let work = painted_seconds(&play.simulator, piece);
-    let least = plan.crew.least_time(piece.survey, work);
-    let fastest = plan.crew.machines.iter().map(|machine| machine.speed).fold(f64::MIN_POSITIVE, f64::max);
+    let least = plan.farm.least_time(piece.survey, work);
+    let fastest = plan.farm.machines.iter().map(|machine| machine.speed).fold(f64::MIN_POSITIVE, f64::max);
     let longest = piece.zone_seconds().fold(0.0, f64::max) / fastest;
     let trace = play.simulator.trace();
-    let studio = play.simulator.world_mut();
+    let world = play.simulator.world_mut();
     Ok(SimulationOutcome {
         makespan: end.elapsed(),
         least,
@@ -276,16 +277,16 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome
         work: Duration::from_secs_f64(work),
         zones: piece.zone_count(),
         failed: failed.len(),
-        wrong: studio.film.wrong_count(),
-        lacked_machines: studio.lacked_machines,
+        wrong: world.film.wrong_count(),
+        lacked_machines: world.lacked_machines,
         messages,
-        films: studio.film.films,
-        rounds: std::mem::take(&mut studio.rounds),
-        thefts: std::mem::take(&mut studio.thefts),
-        spans: std::mem::take(&mut studio.spans),
-        spans_left_out: studio.spans_left_out,
-        times_left: std::mem::take(&mut studio.times_left),
-        agents: agents(plan, studio),
+        films: world.film.films,
+        rounds: std::mem::take(&mut world.rounds),
+        thefts: std::mem::take(&mut world.thefts),
+        spans: std::mem::take(&mut world.spans),
+        spans_left_out: world.spans_left_out,
+        times_left: std::mem::take(&mut world.times_left),
+        agents: agents(plan, world),
         trace,
     })
 }
@@ -301,18 +302,18 @@ fn painted_seconds(simulator: &Simulator<FarmAgent, SimulatedFarm>, piece: &Work
     simulator.store().with_prefix(&prefix).map(|entry| seconds(&entry.value)).sum()
 }
 
-fn agents(plan: &Plan, studio: &SimulatedFarm) -> Vec<AgentOutcome> {
-    let outcome = |(name, seat): (&AgentId, &Seat)| AgentOutcome {
+fn agents(plan: &Plan, world: &SimulatedFarm) -> Vec<AgentOutcome> {
+    let outcome = |(name, simulated): (&AgentId, &SimulatedPainter)| AgentOutcome {
         name: name.to_string(),
-        speed: plan.crew.machines[seat.machine].speed,
-        lanes: seat.lanes,
-        busy: Duration::from_secs_f64(seat.busy),
-        orders: seat.orders,
-        left_out: seat.left_out.clone(),
-        credit: seat.known.as_ref().map(|row| row.credit).unwrap_or_default(),
-        power: seat.known.as_ref().map_or(seat.power, |row| row.power),
+        speed: plan.farm.machines[simulated.machine].speed,
+        lanes: simulated.lanes,
+        busy: Duration::from_secs_f64(simulated.busy),
+        orders: simulated.orders,
+        left_out: simulated.left_out.clone(),
+        credit: simulated.known.as_ref().map(|row| row.credit).unwrap_or_default(),
+        power: simulated.known.as_ref().map_or(simulated.power, |row| row.power),
     };
-    studio.names.iter().zip(&studio.seats).map(outcome).collect()
+    world.names.iter().zip(&world.agents).map(outcome).collect()
 }
 
 /// An event at a given time, independent of the agents.
@@ -336,20 +337,20 @@ struct Play<'a> {
 
 impl<'a> Play<'a> {
     fn new(piece: &'a Arc<Workpiece>, plan: &'a Plan) -> Result<Self, SimulationError> {
-        let CrewSpec { machines, agents, incidents } = &plan.crew;
+        let FarmSpec { machines, agents, incidents } = &plan.farm;
         if agents.is_empty() {
             return Err(SimulationError::NoAgents);
         }
-        let mut studio = SimulatedFarm::new(
+        let mut world = SimulatedFarm::new(
             Arc::clone(piece),
             [plan.fetch, plan.faults.latency_min],
             plan.failures,
             plan.inexact,
             plan.seed,
         );
-        studio.tally = plan.tells_time_left.then(|| Tally::new(false, plan.auction == AuctionRule::Stealing));
+        world.tally = plan.tells_time_left.then(|| Tally::new(false, plan.auction == AuctionRule::Stealing));
         for machine in machines {
-            studio.add_machine(f64::from(machine.processors), machine.speed);
+            world.add_machine(f64::from(machine.processors), machine.speed);
         }
         let mut neighbors = vec![0_u32; machines.len()];
         agents.iter().for_each(|agent| neighbors[agent.machine] += 1);
@@ -357,7 +358,7 @@ impl<'a> Play<'a> {
         for (index, agent) in agents.iter().enumerate() {
             let MachineSpec { processors, speed } = machines[agent.machine];
             let error = 1.0 + plan.benchmark_error * (2.0 * random.unit() - 1.0);
-            let seat = Seat {
+            let simulated = SimulatedPainter {
                 machine: agent.machine,
                 joins: agent.joins,
                 power: RelativePower::new(piece.relative_power / speed * error),
@@ -371,7 +372,7 @@ impl<'a> Play<'a> {
                 left_out: None,
                 known: None,
             };
-            studio.add_agent(AgentId::new(format!("agent-{index}")), seat);
+            world.add_agent(AgentId::new(format!("agent-{index}")), simulated);
         }
         let joins = agents.iter().enumerate().map(|(index, agent)| (agent.joins, Happening::Joins(index)));
         let befall = incidents.iter().map(|incident| (incident.at, Happening::Befalls(incident.agent, incident.kind)));
@@ -379,7 +380,7 @@ impl<'a> Play<'a> {
             std::iter::once((piece.survey, Happening::Analyzed)).chain(befall).chain(joins).collect();
         timeline.sort_by_key(|(at, _)| *at);
         timeline.reverse();
-        let mut simulator = Simulator::new(plan.seed, plan.faults.clone(), studio);
+        let mut simulator = Simulator::new(plan.seed, plan.faults.clone(), world);
         if plan.trace {
             simulator.record_trace();
         }
@@ -456,16 +457,16 @@ impl<'a> Play<'a> {
                 self.simulator.world_mut().hang(now, index);
             }
             Happening::Befalls(index, IncidentKind::Break(share)) => {
-                self.simulator.world_mut().seats[index].breaks = share;
+                self.simulator.world_mut().agents[index].breaks = share;
             }
             Happening::Befalls(index, IncidentKind::Boast(factor)) => {
-                self.simulator.world_mut().seats[index].boasts = factor;
+                self.simulator.world_mut().agents[index].boasts = factor;
             }
             Happening::Befalls(index, IncidentKind::Load(seconds)) => {
-                self.simulator.world_mut().seats[index].loads = seconds;
+                self.simulator.world_mut().agents[index].loads = seconds;
             }
             Happening::Befalls(index, IncidentKind::Lie(share)) => {
-                self.simulator.world_mut().seats[index].lies = share;
+                self.simulator.world_mut().agents[index].lies = share;
             }
             Happening::Befalls(index, IncidentKind::Fail) => {
                 let id = name(index);

@@ -245,7 +245,7 @@ impl Workpiece {
             rect: row.painted(&choice, &self.work.settings.frame),
             samples: 0..row.samples_done(),
             tunables: choice.tunables,
-            leaning: EnginePreference::default(),
+            preference: EnginePreference::default(),
             from: None,
             error_use: ErrorUse::None,
             samples_max: choice.samples,
@@ -271,7 +271,7 @@ impl Workpiece {
                     rect: zone.rect,
                     samples: 0..samples,
                     tunables: self.work.settings.tunables,
-                    leaning: EnginePreference::default(),
+                    preference: EnginePreference::default(),
                     from: None,
                     error_use: ErrorUse::None,
                     samples_max: samples,
@@ -343,7 +343,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::{
-        super::{CrewSpec, Plan, record_json::tests::example, simulate},
+        super::{FarmSpec, Plan, record_json::tests::example, simulate},
         *,
     };
     use crate::Partition;
@@ -354,8 +354,8 @@ mod tests {
             let (preparation, shared_preparation) = (Duration::from_secs(10), Duration::from_secs(shared));
             let record = Record { preparation, shared_preparation, shared_stages: shared as u32 / 4, ..example() };
             let piece = Arc::new(Workpiece::recorded(&record, 8).unwrap());
-            let crew: CrewSpec = agents.parse().unwrap();
-            simulate(&piece, &Plan::calm(crew, 1)).unwrap().makespan.as_secs_f64()
+            let farm: FarmSpec = agents.parse().unwrap();
+            simulate(&piece, &Plan::calm(farm, 1)).unwrap().makespan.as_secs_f64()
         };
         let saved = |agents| makespan(0, agents) - makespan(8, agents);
         // Two stages of ten milliseconds for those who look at each other.

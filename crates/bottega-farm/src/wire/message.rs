@@ -49,7 +49,7 @@ pub(super) enum ContentRecord<'a> {
     Alive {
         power: f64,
         /// Zone, fence and progress.
-        hands: Vec<(u32, u64, u64)>,
+        orders: Vec<(u32, u64, u64)>,
     },
     LeftOut {
         reason: &'a str,
@@ -124,9 +124,9 @@ impl<'a> From<&'a FarmContent> for ContentRecord<'a> {
                 Self::Refused { zone: zone.0, fence: fence.0, reason: short_reason(reason) }
             }
             FarmContent::Withdrawn { zone, fence } => Self::Withdrawn { zone: zone.0, fence: fence.0 },
-            FarmContent::Alive { power, hands } => {
-                let hands = hands.iter().map(|hand| (hand.zone.0, hand.fence.0, hand.progress)).collect();
-                Self::Alive { power: power.get(), hands }
+            FarmContent::Alive { power, orders } => {
+                let orders = orders.iter().map(|order| (order.zone.0, order.fence.0, order.progress)).collect();
+                Self::Alive { power: power.get(), orders }
             }
             FarmContent::LeftOut { reason } => Self::LeftOut { reason: short_reason(reason) },
             FarmContent::Neighbors(agents) => Self::Neighbors(agents.iter().map(name).collect()),
@@ -178,12 +178,12 @@ impl TryFrom<ContentRecord<'_>> for FarmContent {
                 let (zone, fence) = token(zone, fence);
                 Self::Withdrawn { zone, fence }
             }
-            ContentRecord::Alive { power, hands } => {
-                let hand = |(zone, fence, progress)| {
+            ContentRecord::Alive { power, orders } => {
+                let order = |(zone, fence, progress)| {
                     let (zone, fence) = token(zone, fence);
                     Ok(Holding { zone, fence, progress })
                 };
-                Self::Alive { power: read_power(power)?, hands: list("the list of orders in hand", hands, hand)? }
+                Self::Alive { power: read_power(power)?, orders: list("the list of orders in hand", orders, order)? }
             }
             ContentRecord::LeftOut { reason: why } => Self::LeftOut { reason: reason(why)? },
             ContentRecord::Neighbors(agents) => Self::Neighbors(list("the list of neighbors", agents, agent)?),

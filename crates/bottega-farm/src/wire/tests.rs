@@ -114,7 +114,7 @@ fn contents(row: ZoneRow) -> Vec<FarmContent> {
         FarmContent::Received { zone, fence },
         FarmContent::Refused { zone, fence, reason: "too late".to_owned() },
         FarmContent::Withdrawn { zone, fence },
-        FarmContent::Alive { power, hands: vec![Holding { zone, fence, progress: 7 }] },
+        FarmContent::Alive { power, orders: vec![Holding { zone, fence, progress: 7 }] },
         FarmContent::LeftOut { reason: "it failed".to_owned() },
         FarmContent::Neighbors(vec![AgentId::new("agent-1"), AgentId::new("agent-2")]),
         FarmContent::Steal { own: 0.25, load: Duration::from_millis(40) },
@@ -280,7 +280,7 @@ fn a_list_that_announces_more_than_there_is_costs_nothing() {
         };
         refused(&with_list(&ContentRecord::Offers(Vec::new()), announced));
         refused(&with_list(&ContentRecord::Bids { room: 1, bids: Vec::new() }, announced));
-        refused(&with_list(&ContentRecord::Alive { power: 1.0, hands: Vec::new() }, announced));
+        refused(&with_list(&ContentRecord::Alive { power: 1.0, orders: Vec::new() }, announced));
     }
 }
 

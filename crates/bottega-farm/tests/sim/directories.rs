@@ -36,7 +36,7 @@ fn run_for(play: &mut Play, seconds: f64) {
 /// Zones in the hand of an agent.
 fn hands(play: &Play, agent: &str) -> usize {
     match play.simulator.machine(&AgentId::new(agent)) {
-        Some(FarmAgent::Render(agent)) => agent.hands().count(),
+        Some(FarmAgent::Render(agent)) => agent.held_zones().count(),
         _ => 0,
     }
 }

@@ -3,19 +3,17 @@
 use std::time::Duration;
 
 use super::account::Account;
-use super::bin::Bin;
-use super::bin_log::{BinLog, BinReport};
+use super::bin_log::BinReport;
 use super::cable::CableBytes;
 use super::choice::LaneChoice;
-use super::demand::Demand;
 use super::flow::Flow;
 use super::incident::{Fault, Incidents};
 use super::lane::{Flight, Health, LaneState, Launch};
-use super::length::BinLength;
-use super::plan::PlannedPacket;
-use super::roster::Capabilities;
+use super::placement::Placement;
+use super::resource_states::ResourceStates;
 use super::time::Time;
 use super::unit::{Chunk, Unit};
+use super::waiting::WaitingWork;
 use crate::{
     Activity, CostBook, DataId, Expiries, HraConfig, Primitive, ResourceDescriptor, ResourceId, Transfer, Window,
 };
@@ -23,26 +21,18 @@ use crate::{
 /// State and decisions of an allocator whose units carry a `T`.
 pub(crate) struct Core<T> {
     pub(super) config: HraConfig,
-    pub(super) lanes: Vec<LaneState>,
-    pub(super) roster: Capabilities,
-    pub(super) bin: Bin<T>,
-    pub(super) length: BinLength,
-    bin_log: BinLog,
-    pub(super) demand: Demand,
+    pub(super) lanes: ResourceStates,
+    pub(super) waiting: WaitingWork<T>,
+    pub(super) placement: Placement,
     pub(super) incidents: Incidents,
     pub(super) expiries: Expiries,
-    pub(super) planned: Option<PlannedPacket>,
     pub(super) closed: bool,
-    /// Number of resources that wait to be woken.
-    pub(super) dozing: usize,
-    /// Number of resources that were woken and have not asked yet.
-    pub(super) called: usize,
 }
 
 /// The next step of a resource.
 pub(crate) enum Next<T> {
     /// Compute this packet.
-    Packet(Packet<T>),
+    Packet(DrawnPacket<T>),
     /// Evict this data, because after such a failure its contents are unknown; recover, and report the result.
     Recover(Vec<DataId>),
     /// Ask again when woken, when something is answered, and at this time.
@@ -52,7 +42,7 @@ pub(crate) enum Next<T> {
 }
 
 /// Units given to a resource together; all of one primitive and on the same data.
-pub(crate) struct Packet<T> {
+pub(crate) struct DrawnPacket<T> {
     pub(crate) sequence: u64,
     pub(crate) units: Vec<Unit<T>>,
     /// Data to evict first.
@@ -119,7 +109,6 @@ impl<T> Core<T> {
         resources: Vec<(ResourceDescriptor, Option<Window>)>,
         book: &CostBook,
     ) -> Self {
-        let descriptors: Vec<_> = resources.iter().map(|(descriptor, _)| descriptor.clone()).collect();
         let lane = |(descriptor, window): (ResourceDescriptor, Option<Window>)| {
             let flow = window.map(|window| Flow::new(window.packets, window.units_per_packet));
             let patience = window.map_or(config.hang_max, |window| window.patience);
@@ -129,22 +118,14 @@ impl<T> Core<T> {
             lane.keeps_data = window.is_some_and(|window| window.keeps_data);
             lane
         };
-        let mut demand = Demand::default();
-        demand.ran_dry(Time::ZERO);
-        let length = BinLength::new(&config, descriptors.len());
+        let lanes = ResourceStates::new(resources.into_iter().map(lane).collect());
         Self {
-            roster: Capabilities::new(&descriptors),
-            lanes: resources.into_iter().map(lane).collect(),
-            bin: Bin::new(),
-            bin_log: BinLog::new(length.capacity()),
-            length,
-            demand,
+            waiting: WaitingWork::new(&config, lanes.count()),
+            lanes,
+            placement: Placement::default(),
             incidents: Incidents::default(),
             expiries: Expiries::default(),
-            planned: None,
             closed: false,
-            dozing: 0,
-            called: 0,
             config,
         }
     }
@@ -153,32 +134,32 @@ impl<T> Core<T> {
 
     /// Current capacity of the bin.
     pub(crate) fn capacity(&self) -> usize {
-        self.length.capacity()
+        self.waiting.length.capacity()
     }
 
     /// Number of waiting units.
     pub(crate) fn waiting(&self) -> usize {
-        self.bin.len()
+        self.waiting.bin.len()
     }
 
     /// True if arrivals must be reported at once: some resource waits to be woken, and none is about to ask.
     pub(crate) fn listens(&self) -> bool {
-        self.dozing > 0 && self.called == 0
+        self.lanes.listen()
     }
 
     /// The maximum size of data for `primitive`; `None` if no resource supports it.
     pub(crate) fn most_data(&self, primitive: Primitive) -> Option<u64> {
-        self.roster.most_data(primitive)
+        self.lanes.capabilities.most_data(primitive)
     }
 
     /// Announces work that will be submitted as soon as there is room.
     pub(crate) fn announce(&mut self, primitive: Primitive, items: u64) {
-        self.demand.announce(primitive, items);
+        self.waiting.demand.announce(primitive, items);
     }
 
     /// Withdraws announced work.
     pub(crate) fn retract(&mut self, primitive: Primitive, items: u64) {
-        self.demand.arrived(primitive, items);
+        self.waiting.demand.arrived(primitive, items);
     }
 
     /// Takes in units. After shutdown, or if no resource can do them, they come back as orphans.
@@ -186,31 +167,31 @@ impl<T> Core<T> {
         let Some(front) = chunk.front() else { return };
         let needs = front.needs();
         let (primitive, data) = (needs.primitive, needs.data);
-        self.length.may_wait(front.late.since(front.submitted));
+        self.waiting.length.may_wait(front.late.since(front.submitted));
         if chunk.announced {
-            self.demand.arrived(primitive, chunk.items());
+            self.waiting.demand.arrived(primitive, chunk.items());
         }
-        if self.closed || !self.roster.anybody_can(primitive, data.map_or(0, |data| data.bytes)) {
+        if self.closed || !self.lanes.capabilities.anybody_can(primitive, data.map_or(0, |data| data.bytes)) {
             out.orphans.extend(std::iter::from_fn(|| chunk.pop()));
             return;
         }
         if !chunk.announced {
-            self.demand.came(now);
+            self.waiting.demand.came(now);
         }
         let units = chunk.len();
-        self.bin.push(chunk);
-        self.note_bin(now);
-        self.call(now, &needs, units, out);
+        self.waiting.bin.push(chunk);
+        self.waiting.note_level(now);
+        self.lanes.call(now, &needs, units, &mut out.wake);
     }
 
     /// Removes the waiting units for which `wanted` holds.
     pub(crate) fn cancel(&mut self, wanted: impl Fn(&Unit<T>) -> bool) -> Vec<Unit<T>> {
-        self.bin.extract(wanted)
+        self.waiting.bin.extract(wanted)
     }
 
     /// Ends the life time of the units for which `over` holds.
     pub(crate) fn expire(&mut self, now: Time, over: impl Fn(&Unit<T>) -> bool, out: &mut FollowUps<T>) {
-        let expired = self.bin.extract(over);
+        let expired = self.waiting.bin.extract(over);
         self.expiries.note_waiting(now, expired.len() as u64);
         out.expired.extend(expired);
     }
@@ -223,14 +204,14 @@ impl<T> Core<T> {
     /// Removes expired waiting units.
     fn take_expired(&mut self, now: Time, out: &mut FollowUps<T>) {
         let before = out.expired.len();
-        self.bin.take_expired(now, &mut out.expired);
+        self.waiting.bin.take_expired(now, &mut out.expired);
         self.expiries.note_waiting(now, (out.expired.len() - before) as u64);
     }
 
     /// Stops handing out work; returns the waiting units.
     pub(crate) fn close(&mut self) -> Vec<Unit<T>> {
         self.closed = true;
-        self.bin.extract(|_| true)
+        self.waiting.bin.extract(|_| true)
     }
 
     // ---- The resources' side.
@@ -238,9 +219,8 @@ impl<T> Core<T> {
     /// Returns the next step of a resource.
     pub(crate) fn next(&mut self, now: Time, id: ResourceId, out: &mut FollowUps<T>) -> Next<T> {
         self.take_expired(now, out);
-        let lane = &mut self.lanes[id.index()];
-        self.dozing -= usize::from(std::mem::take(&mut lane.dozes));
-        self.called -= usize::from(std::mem::take(&mut lane.called));
+        self.lanes.note_asking(id);
+        let lane = &mut self.lanes[id];
         match lane.health {
             Health::Retired => return Next::End,
             _ if self.closed => return if lane.flights.is_empty() { Next::End } else { Next::Wait(None) },
@@ -256,14 +236,14 @@ impl<T> Core<T> {
         if !lane.has_room(now) {
             return Next::Wait(None);
         }
-        let (packet, until) = match self.choose(now, id) {
+        let (packet, until) = match self.placement.choose(now, id, &self.config, &self.lanes, &mut self.waiting) {
             LaneChoice::Retry(unit) => (self.launch(now, id, vec![unit]), None),
             LaneChoice::Draw { head, bound } => {
-                let drawn = self.bin.draw(&head, bound);
+                let drawn = self.waiting.bin.draw(&head, bound);
                 (self.launch(now, id, drawn), None)
             }
             LaneChoice::Decline { until, sooner } => {
-                sooner.into_iter().for_each(|id| self.wake(id, out));
+                sooner.into_iter().for_each(|id| self.lanes.wake(id, &mut out.wake));
                 (None, Some(until))
             }
             LaneChoice::Nothing => {
@@ -272,27 +252,22 @@ impl<T> Core<T> {
             }
         };
         if let Some(packet) = packet {
-            self.call_for_rest(now, out);
+            self.lanes.call_for_rest(now, &self.waiting.bin, &mut out.wake);
             return Next::Packet(packet);
         }
-        self.lanes[id.index()].dozes = true;
-        self.dozing += 1;
+        self.lanes.doze(id);
         Next::Wait(until)
     }
 
-    fn note_bin(&mut self, now: Time) {
-        self.bin_log.note(now, self.bin.len(), self.length.capacity());
-    }
-
     fn note_if_dry(&mut self, now: Time) {
-        if self.bin.len() == 0 && self.lanes.iter().all(|lane| lane.flights.is_empty()) {
-            self.demand.ran_dry(now);
+        if self.waiting.bin.len() == 0 && self.lanes.iter().all(|(lane, _)| lane.flights.is_empty()) {
+            self.waiting.demand.ran_dry(now);
         }
     }
 
     /// Sends a packet. `None`: the resource lacks memory for its data at the moment, and the units are back in the bin.
-    fn launch(&mut self, now: Time, id: ResourceId, units: Vec<Unit<T>>) -> Option<Packet<T>> {
-        let lane = &mut self.lanes[id.index()];
+    fn launch(&mut self, now: Time, id: ResourceId, units: Vec<Unit<T>>) -> Option<DrawnPacket<T>> {
+        let lane = &mut self.lanes[id];
         let first = &units.first()?.meta;
         let (primitive, data) = (first.primitive, first.data);
         let admission = match data {
@@ -300,7 +275,7 @@ impl<T> Core<T> {
             Some(data) => match lane.residency.admit(data) {
                 Some(admission) => Some(admission),
                 None => {
-                    units.into_iter().for_each(|unit| self.bin.push_retry(unit));
+                    units.into_iter().for_each(|unit| self.waiting.bin.push_retry(unit));
                     return None;
                 }
             },
@@ -313,11 +288,10 @@ impl<T> Core<T> {
             Launch { primitive, units: units.len(), items, bytes, data: data.map(|data| data.id), moved_bytes };
         let sequence = lane.launch(now, &launch, &self.config);
         lane.account.enter(Activity::Working, now);
-        self.length.taken(now, units.len(), self.bin.len());
-        self.bin_log.note(now, self.bin.len(), self.length.capacity());
+        self.waiting.note_taken(now, units.len());
         let hang_min = self.config.hang_min;
         let deadline = lane.flights.get(&sequence).map_or(Time::NEVER, |flight| flight.next_look(now, hang_min));
-        Some(Packet { sequence, units, evicted, deadline })
+        Some(DrawnPacket { sequence, units, evicted, deadline })
     }
 
     /// Takes in the result of a packet. `None`: it was given up before, so its result must be dropped.
@@ -329,7 +303,7 @@ impl<T> Core<T> {
         landing: PacketLanding,
         out: &mut FollowUps<T>,
     ) -> Option<LandedPacket> {
-        let lane = &mut self.lanes[id.index()];
+        let lane = &mut self.lanes[id];
         let Some(mut flight) = lane.land(sequence) else {
             self.returned(now, id);
             return None;
@@ -370,26 +344,13 @@ impl<T> Core<T> {
                 self.fail(now, id, fault, &reason, out);
             }
         }
-        self.settle_activity(now, id);
+        self.lanes.settle_activity(now, id);
         Some(landed)
-    }
-
-    /// Updates the account with the resource's current activity.
-    pub(super) fn settle_activity(&mut self, now: Time, id: ResourceId) {
-        let lane = &mut self.lanes[id.index()];
-        let activity = match lane.health {
-            Health::Retired => Activity::Retired,
-            Health::Hung => Activity::Suspended,
-            _ if !lane.flights.is_empty() => Activity::Working,
-            Health::Paused(_) | Health::Recovering => Activity::Suspended,
-            Health::Up => Activity::Idle,
-        };
-        lane.account.enter(activity, now);
     }
 
     /// Takes in the free memory that the resource reports.
     pub(crate) fn set_memory_free(&mut self, id: ResourceId, bytes: u64) {
-        self.lanes[id.index()].residency.set_free(bytes);
+        self.lanes[id].residency.set_free(bytes);
     }
 
     // ---- Time.
@@ -397,12 +358,12 @@ impl<T> Core<T> {
     /// Handles the passing of time: expired units and overdue packets.
     pub(crate) fn tick(&mut self, now: Time, out: &mut FollowUps<T>) {
         self.take_expired(now, out);
-        for (lane, id) in self.lanes.iter().zip(0..) {
+        for (lane, id) in self.lanes.iter() {
             let overdue = lane.flights.iter().filter(|(_, flight)| flight.deadline <= now);
-            out.overdue.extend(overdue.map(|(&sequence, _)| (ResourceId(id), sequence)));
-            let is_doubtful = |flight: &Flight| flight.deadline > now && self.is_doubtful(now, ResourceId(id), flight);
+            out.overdue.extend(overdue.map(|(&sequence, _)| (id, sequence)));
+            let is_doubtful = |flight: &Flight| flight.deadline > now && self.is_doubtful(now, id, flight);
             let doubtful = lane.flights.iter().filter(|(_, flight)| is_doubtful(flight));
-            out.doubtful.extend(doubtful.map(|(&sequence, _)| (ResourceId(id), sequence)));
+            out.doubtful.extend(doubtful.map(|(&sequence, _)| (id, sequence)));
         }
     }
 
@@ -410,36 +371,36 @@ impl<T> Core<T> {
     /// resource could have done it several times since it was sent, or could at least have tried.
     fn is_doubtful(&self, now: Time, id: ResourceId, flight: &Flight) -> bool {
         let age = now.since(flight.sent);
-        if self.bin.len() > 0 || age < flight.doubt_after {
+        if self.waiting.bin.len() > 0 || age < flight.doubt_after {
             return false;
         }
-        let is_far_better = |(lane, other): (&LaneState, u32)| {
+        let is_far_better = |(lane, other): (&LaneState, ResourceId)| {
             let is_sound = lane.health == Health::Up && !lane.backoff.has_failed();
-            let is_free = ResourceId(other) != id && is_sound && lane.flights.is_empty();
+            let is_free = other != id && is_sound && lane.flights.is_empty();
             let takes = lane.predict_ns(flight.primitive, flight.items).filter(|_| lane.knows(flight.primitive));
             let is_far_older = |ns: f64| ns * self.config.hang_factor <= age.as_nanos() as f64;
-            let can = || self.roster.primitives(ResourceId(other)).contains(flight.primitive);
+            let can = || self.lanes.capabilities.primitives(other).contains(flight.primitive);
             is_free && takes.map_or_else(can, is_far_older)
         };
-        self.lanes.iter().zip(0..).any(is_far_better)
+        self.lanes.iter().any(is_far_better)
     }
 
     /// The time at which [`Core::tick`] must be called next.
     pub(crate) fn next_event(&self, now: Time) -> Option<Time> {
         let look = |flight: &Flight| flight.next_look(now, self.config.hang_min);
-        let flights = self.lanes.iter().filter_map(|lane| lane.flights.values().map(look).min());
-        flights.chain(self.bin.next_expiry()).min()
+        let flights = self.lanes.iter().filter_map(|(lane, _)| lane.flights.values().map(look).min());
+        flights.chain(self.waiting.bin.next_expiry()).min()
     }
 
     // ---- The user's side.
 
     pub(crate) fn lanes(&self) -> &[LaneState] {
-        &self.lanes
+        self.lanes.states()
     }
 
     /// The fill level of the bin until now.
     pub(crate) fn bin_report(&mut self, now: Time) -> BinReport {
-        self.bin_log.report(now)
+        self.waiting.report(now)
     }
 
     pub(crate) fn incidents(&self) -> &Incidents {

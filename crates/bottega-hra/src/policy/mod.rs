@@ -10,6 +10,7 @@ pub(crate) mod bin;
 pub(crate) mod bin_log;
 pub(crate) mod book;
 pub(crate) mod cable;
+pub(crate) mod capabilities;
 mod choice;
 pub(crate) mod core;
 pub(crate) mod cost;
@@ -24,10 +25,11 @@ pub(crate) mod length;
 pub(crate) mod placement;
 pub(crate) mod plan;
 pub(crate) mod residency;
-pub(crate) mod roster;
+pub(crate) mod resource_states;
 pub(crate) mod time;
 pub(crate) mod timeline;
 pub(crate) mod unit;
+pub(crate) mod waiting;
 
 #[cfg(test)]
 mod tests;

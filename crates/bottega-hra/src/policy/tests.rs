@@ -313,8 +313,8 @@ fn units_past_their_life_time_are_told() {
     core.expire(ms(15), |unit| unit.load == 3, &mut out);
     assert_eq!(out.expired.iter().map(|unit| unit.load).collect::<Vec<_>>(), [0, 3]);
     assert_eq!(order(&mut core, A, ms(25)), [2], "nobody does the others");
-    let told = core.expiries();
-    assert_eq!((told.waiting, told.late, told.first, told.last), (3, 0, ms(12), ms(25)));
+    let expiries = core.expiries();
+    assert_eq!((expiries.waiting, expiries.late, expiries.first, expiries.last), (3, 0, ms(12), ms(25)));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::device::{Fate, Parcel, SimulatedDevice};
 use super::load::{Arrival, Load};
 use super::model::Model;
 use crate::policy::cable::CableBytes;
-use crate::policy::core::{Core, FollowUps, Next, Packet, PacketLanding};
+use crate::policy::core::{Core, DrawnPacket, FollowUps, Next, PacketLanding};
 use crate::policy::faults::GiveUp;
 use crate::policy::incident::Fault;
 use crate::policy::ledger::Ledger;
@@ -325,8 +325,8 @@ impl<'a> VirtualWorld<'a> {
         }
     }
 
-    fn send(&mut self, id: ResourceId, packet: Packet<usize>) {
-        let Packet { sequence, units, evicted, .. } = packet;
+    fn send(&mut self, id: ResourceId, packet: DrawnPacket<usize>) {
+        let DrawnPacket { sequence, units, evicted, .. } = packet;
         let device = &mut self.devices[id.index()];
         evicted.into_iter().for_each(|data| device.evict(data));
         let Some(first) = units.first().map(|unit| &unit.meta) else { return };

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use super::settle::Attempt;
 use super::shared::{AllocatorState, LaneEnd, UnitPayload};
 use super::sync::lock;
-use crate::policy::core::{Next, Packet};
+use crate::policy::core::{DrawnPacket, Next};
 use crate::policy::incident::Fault;
 use crate::policy::unit::Unit;
 use crate::{Failed, Resource, ResourceId, Work};
@@ -54,9 +54,9 @@ fn serve<W: Work>(
     shared: &AllocatorState<W>,
     id: ResourceId,
     resource: &mut dyn Resource<W>,
-    packet: Packet<UnitPayload<W>>,
+    packet: DrawnPacket<UnitPayload<W>>,
 ) -> Next<UnitPayload<W>> {
-    let Packet { sequence, mut units, evicted, deadline } = packet;
+    let DrawnPacket { sequence, mut units, evicted, deadline } = packet;
     let lane = &shared.lanes[id.index()];
     for data in evicted {
         quietly(|| resource.evict(data));
@@ -106,8 +106,8 @@ fn perform<W: Work>(resource: &mut dyn Resource<W>, works: Vec<W>) -> (Vec<(Atte
         let attempt = match catch_unwind(AssertUnwindSafe(|| resource.perform(work))) {
             Ok(Ok(output)) => Attempt::Done(output),
             Ok(Err(Failed { work, reason })) => {
-                let asked = catch_unwind(AssertUnwindSafe(|| resource.is_out_of_memory()));
-                let fault = if matches!(asked, Ok(true)) { Fault::OutOfMemory } else { Fault::Refused };
+                let out_of_memory = catch_unwind(AssertUnwindSafe(|| resource.is_out_of_memory()));
+                let fault = if matches!(out_of_memory, Ok(true)) { Fault::OutOfMemory } else { Fault::Refused };
                 Attempt::Failed { fault, reason, work: Some(work) }
             }
             Err(panic) => Attempt::Failed { fault: Fault::Died, reason: panic_message(&*panic), work: None },

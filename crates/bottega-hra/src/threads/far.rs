@@ -177,7 +177,7 @@ impl<W: Work> Driver<'_, W> {
         }
     }
 
-    fn send(&mut self, packet: crate::policy::core::Packet<super::shared::UnitPayload<W>>) {
+    fn send(&mut self, packet: crate::policy::core::DrawnPacket<super::shared::UnitPayload<W>>) {
         let lane = &self.shared.lanes[self.id.index()];
         for data in packet.evicted {
             quietly(|| self.resource.evict(data));

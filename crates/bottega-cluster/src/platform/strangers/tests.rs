@@ -110,7 +110,7 @@ impl Door {
             rect: Rect::new(8, 0, 16, 8),
             samples: 0..4,
             tunables: bottega_engines::Tunables { max_depth: 8, light_samples: 1 },
-            leaning: Default::default(),
+            preference: Default::default(),
             from: None,
             error_use: Default::default(),
             samples_max: 4,

@@ -255,20 +255,23 @@ impl HostileAgent {
     /// What it says of its orders when it says that it lives.
     fn alive(&mut self) -> FarmContent {
         let claims = self.has(Vice::Claims);
-        let mut hands: Vec<Holding> = Vec::new();
+        let mut holdings: Vec<Holding> = Vec::new();
         if !claims || self.chance(0.5) {
             self.progress += u64::from(claims);
             let progress = self.progress;
             let hold = |(order, _): &(Order, u64)| Holding { zone: order.row.zone, fence: order.fence, progress };
-            hands.extend(self.orders.iter().map(hold));
+            holdings.extend(self.orders.iter().map(hold));
         }
         while claims && self.chance(0.5) {
             let (zone, fence) = (self.zone(), self.fence());
             let progress = self.one_of(&[0, 1, u64::MAX]);
-            hands.push(Holding { zone, fence, progress });
+            holdings.push(Holding { zone, fence, progress });
         }
         let power = self.power();
-        FarmContent::Alive { power: if self.has(Vice::Declines) { RelativePower::new(0.0) } else { power }, hands }
+        FarmContent::Alive {
+            power: if self.has(Vice::Declines) { RelativePower::new(0.0) } else { power },
+            orders: holdings,
+        }
     }
 
     fn impersonate(&mut self) -> FarmAction {
@@ -449,7 +452,7 @@ fn whole(order: &Order) -> PaintOrder {
         rect: order.row.painted(&choice, &settings.frame),
         samples: 0..order.row.goal_samples(&choice),
         tunables: choice.tunables,
-        leaning: Default::default(),
+        preference: Default::default(),
         from: None,
         error_use: ErrorUse::None,
         samples_max: choice.samples,

@@ -255,7 +255,7 @@ fn assert_whole(platform: &Platform, siege: &Siege, seed: u64) {
         let left_out = world.left_out.get(&id).filter(|reason| !by_two(reason));
         assert_eq!(left_out, None, "seed {seed}: {id} is left out");
         let Some(AnyAgent::Farm(FarmAgent::Render(agent))) = platform.machine(&id) else { continue };
-        for (zone, fence) in agent.hands() {
+        for (zone, fence) in agent.held_zones() {
             let is_taken = world.zones[&zone].result.is_some_and(|result| result.fence == fence);
             assert!(!is_taken, "seed {seed}: {id} has {zone} in hand, and it is composed of that");
         }

@@ -70,7 +70,7 @@ pub enum SpanKind {
 
 /// The state of an agent in the environment.
 #[derive(Clone, Debug)]
-pub(super) struct Seat {
+pub(super) struct SimulatedPainter {
     pub(super) machine: usize,
     /// The time at which it joins.
     pub(super) joins: Duration,
@@ -103,7 +103,7 @@ pub(super) struct SimulatedFarm {
     /// A hash map for speed; never iterated.
     index: FxHashMap<AgentId, usize>,
     pub(super) names: Vec<AgentId>,
-    pub(super) seats: Vec<Seat>,
+    pub(super) agents: Vec<SimulatedPainter>,
     /// Share of all orders that fails.
     failures: f64,
     /// `true`: agents are not bit-identical.
@@ -144,7 +144,7 @@ impl SimulatedFarm {
             machines: Machines::default(),
             index: FxHashMap::default(),
             names: Vec::new(),
-            seats: Vec::new(),
+            agents: Vec::new(),
             failures,
             inexact,
             fetch,
@@ -166,17 +166,17 @@ impl SimulatedFarm {
         self.machines.add(processors, speed);
     }
 
-    pub(super) fn add_agent(&mut self, name: AgentId, seat: Seat) {
-        self.index.insert(name.clone(), self.seats.len());
+    pub(super) fn add_agent(&mut self, name: AgentId, simulated: SimulatedPainter) {
+        self.index.insert(name.clone(), self.agents.len());
         self.names.push(name);
-        self.seats.push(seat);
+        self.agents.push(simulated);
     }
 
     /// Time of preparation for an agent that joins now: its shared part is divided among the machines present.
     fn preparation(&self, now: Time) -> Duration {
         let Workpiece { preparation, shared_preparation, shared_stages, .. } = *self.piece;
-        let is_there = |seat: &&Seat| Time::ZERO + seat.joins <= now;
-        let there: BTreeSet<usize> = self.seats.iter().filter(is_there).map(|seat| seat.machine).collect();
+        let is_there = |simulated: &&SimulatedPainter| Time::ZERO + simulated.joins <= now;
+        let there: BTreeSet<usize> = self.agents.iter().filter(is_there).map(|simulated| simulated.machine).collect();
         let peers = there.len().max(1) as u32;
         let of_stage = if peers > 1 { LOOK_AT_OTHERS + MESSAGES_OF_STAGE * self.latency } else { Duration::ZERO };
         self.fetch + preparation - shared_preparation + shared_preparation / peers + shared_stages * of_stage
@@ -184,17 +184,17 @@ impl SimulatedFarm {
 
     /// Slows the agent's machine down by a factor.
     pub(super) fn slow_down(&mut self, now: Time, agent: usize, factor: f64) {
-        self.machines.set_speed(now, self.seats[agent].machine, factor.recip());
+        self.machines.set_speed(now, self.agents[agent].machine, factor.recip());
     }
 
     /// Makes the agent's machine hang.
     pub(super) fn hang(&mut self, now: Time, agent: usize) {
-        self.machines.set_speed(now, self.seats[agent].machine, HUNG);
+        self.machines.set_speed(now, self.agents[agent].machine, HUNG);
     }
 
     /// Progress of an order, in millionths of a second of finished work.
     fn progress(&mut self, now: Time, agent: usize, zone: ZoneId, fence: Revision) -> Option<u64> {
-        let left = self.machines.left(now, self.seats[agent].machine, zone, fence)?;
+        let left = self.machines.left(now, self.agents[agent].machine, zone, fence)?;
         Some((1_u64 << 50).saturating_sub((left.max(0.0) * 1e6) as u64))
     }
 
@@ -202,13 +202,13 @@ impl SimulatedFarm {
         self.orders_begun += 1;
         self.film.order(order.zone, order.fence, agent);
         let (mut left, width) = self.piece.cost(order);
-        let seat = &mut self.seats[agent];
-        left += std::mem::take(&mut seat.loads) * self.machines.speed(seat.machine) * seat.lanes;
+        let simulated = &mut self.agents[agent];
+        left += std::mem::take(&mut simulated.loads) * self.machines.speed(simulated.machine) * simulated.lanes;
         let (zone, fence, samples) = (order.zone, order.fence, order.samples.end);
         let first = order.samples.start == 0;
         let flaw = order.from.map_or(0, |from| flaw(&from.digest));
         let job = PaintJob { agent, zone, fence, samples, flaw, first, begun: now, left, width, busy: 0.0 };
-        self.machines.begin(now, self.seats[agent].machine, job);
+        self.machines.begin(now, self.agents[agent].machine, job);
     }
 
     fn tell_time_left(&mut self, now: Time, row: &ZoneRow) {
@@ -219,9 +219,9 @@ impl SimulatedFarm {
     }
 
     fn end(&mut self, now: Time, job: &PaintJob, kind: SpanKind) {
-        let seat = &mut self.seats[job.agent];
-        seat.busy += job.busy;
-        seat.orders += u32::from(kind != SpanKind::Lost);
+        let simulated = &mut self.agents[job.agent];
+        simulated.busy += job.busy;
+        simulated.orders += u32::from(kind != SpanKind::Lost);
         if self.spans.len() < SPANS_MAX {
             self.spans.push(Span { agent: job.agent as u32, zone: job.zone, begin: job.begun, end: now, kind });
         } else {
@@ -231,7 +231,7 @@ impl SimulatedFarm {
 
     fn finished(&mut self, now: Time, job: &PaintJob) -> FarmCompletion {
         let (zone, fence) = (job.zone, job.fence);
-        let Seat { breaks, lies, boasts, .. } = self.seats[job.agent];
+        let SimulatedPainter { breaks, lies, boasts, .. } = self.agents[job.agent];
         let failures = self.failures.max(breaks);
         let failed = failures > 0.0 && self.random.unit() < failures;
         let lie = if lies > 0.0 && self.random.unit() < lies { 1 + self.random.below(1 << 30) as u64 } else { 0 };
@@ -266,7 +266,7 @@ impl World<FarmAgent> for SimulatedFarm {
         let index = self.index.get(agent).copied();
         match (effect, index) {
             (FarmEffect::Benchmark, Some(index)) => {
-                let Seat { power, lanes, boasts, .. } = self.seats[index];
+                let SimulatedPainter { power, lanes, boasts, .. } = self.agents[index];
                 let power = RelativePower::new(power.get() / boasts);
                 reports.push((BENCHMARK, FarmCompletion::Benchmarked { power, lanes }));
             }
@@ -299,7 +299,7 @@ impl World<FarmAgent> for SimulatedFarm {
                 reports.push((Duration::ZERO, FarmCompletion::Surveyed(Err("nobody looks".to_owned()))));
             }
             (FarmEffect::Drop { zone, fence }, Some(index)) => {
-                let machine = self.seats[index].machine;
+                let machine = self.agents[index].machine;
                 let unwanted = |job: &PaintJob| (job.agent, job.zone, job.fence) == (index, zone, fence);
                 for job in self.machines.drop_jobs(now, machine, unwanted) {
                     self.end(now, &job, SpanKind::Lost);
@@ -318,7 +318,7 @@ impl World<FarmAgent> for SimulatedFarm {
             }
             (FarmEffect::LeftOut { agent, reason }, _) => {
                 if let Some(&index) = self.index.get(&agent) {
-                    self.seats[index].left_out = Some(reason);
+                    self.agents[index].left_out = Some(reason);
                 }
             }
             (FarmEffect::TooFew { .. }, _) => self.lacked_machines = true,
@@ -332,7 +332,7 @@ impl World<FarmAgent> for SimulatedFarm {
                     tally.see_agent(&row);
                 }
                 if let Some(&index) = self.index.get(&row.agent) {
-                    self.seats[index].known = Some(row);
+                    self.agents[index].known = Some(row);
                 }
             }
             (FarmEffect::Analyzed { .. } | FarmEffect::Dismissed { .. }, _)
@@ -356,7 +356,7 @@ impl World<FarmAgent> for SimulatedFarm {
 
     fn gone(&mut self, now: Time, agent: &AgentId) {
         let Some(&index) = self.index.get(agent) else { return };
-        for job in self.machines.drop_jobs(now, self.seats[index].machine, |job| job.agent == index) {
+        for job in self.machines.drop_jobs(now, self.agents[index].machine, |job| job.agent == index) {
             self.end(now, &job, SpanKind::Lost);
         }
     }

@@ -1,4 +1,4 @@
-//! The roster of resources and their capabilities.
+//! The capabilities of the resources.
 
 use super::unit::{Data, Meta};
 use crate::{Primitive, PrimitiveSet, ResourceDescriptor, ResourceId};
@@ -16,9 +16,9 @@ impl Capabilities {
     pub(crate) fn new(descriptors: &[ResourceDescriptor]) -> Self {
         let able = descriptors.iter().map(|descriptor| descriptor.primitives).collect();
         let memory = descriptors.iter().map(|descriptor| descriptor.memory_bytes.unwrap_or(u64::MAX)).collect();
-        let mut roster = Self { able, memory, counts: [0; Primitive::COUNT], roomiest: [0; Primitive::COUNT] };
-        roster.count();
-        roster
+        let mut capabilities = Self { able, memory, counts: [0; Primitive::COUNT], roomiest: [0; Primitive::COUNT] };
+        capabilities.count();
+        capabilities
     }
 
     fn count(&mut self) {

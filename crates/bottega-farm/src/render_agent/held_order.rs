@@ -9,7 +9,7 @@ use crate::{Choice, Expert, FarmAction, FarmEffect, Order, PaintOrder, RelativeP
 
 /// A zone held by a Render Agent.
 #[derive(Clone, Debug)]
-pub(super) struct ZoneInHand {
+pub(super) struct HeldOrder {
     pub(super) order: Order,
     pub(super) choice: Choice,
     /// True if T_est is of these settings, except for the number of samples.
@@ -27,7 +27,7 @@ pub(super) struct ZoneInHand {
     pub(super) conversation: u64,
 }
 
-impl ZoneInHand {
+impl HeldOrder {
     /// T_est of the order's samples; when profiling, of the first samples.
     pub(super) fn time(&self, expert: &Expert) -> Option<Duration> {
         let (row, settings) = (&self.order.row, &self.order.work.settings);
@@ -54,7 +54,7 @@ impl ZoneInHand {
             rect: row.painted(&self.choice, &self.order.work.settings.frame),
             samples,
             tunables: self.choice.tunables,
-            leaning: expert.leaning(&self.order.work, row),
+            preference: expert.preference(&self.order.work, row),
             error_use: self.order.work.settings.goal.error_use(),
             samples_max: self.choice.samples,
             from,

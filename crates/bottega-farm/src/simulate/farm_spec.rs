@@ -5,7 +5,7 @@ use std::{str::FromStr, time::Duration};
 use bottega_agents::driver::Random;
 
 /// Maximum number of agents of a simulation, as of a Master.
-pub const CREW_MAX: usize = 1 << 14;
+pub const SIMULATED_AGENTS_MAX: usize = 1 << 14;
 
 /// Bounds of speeds and times in a specification.
 const SPEED_RANGE: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
@@ -13,7 +13,7 @@ const SECONDS_MAX: f64 = 1e7;
 
 /// The agents of a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct CrewSpec {
+pub struct FarmSpec {
     /// The machines.
     pub machines: Vec<MachineSpec>,
     /// The agents; their names are `agent-0`, `agent-1` and so on.
@@ -74,7 +74,7 @@ pub enum IncidentKind {
 
 /// An error in a specification of agents.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum CrewError {
+pub enum FarmSpecError {
     /// A word is invalid.
     #[error("`{item}` says nothing of agents: {problem}")]
     Item {
@@ -86,8 +86,8 @@ pub enum CrewError {
     /// There are no agents.
     #[error("nobody paints: give a number of agents, such as 8 or 4x1.0,4x0.25")]
     Empty,
-    /// There are more agents than [`CREW_MAX`].
-    #[error("{found} agents are too many: a Master takes {CREW_MAX}")]
+    /// There are more agents than [`SIMULATED_AGENTS_MAX`].
+    #[error("{found} agents are too many: a Master takes {SIMULATED_AGENTS_MAX}")]
     TooMany {
         /// The number of agents.
         found: usize,
@@ -102,12 +102,12 @@ pub enum CrewError {
     },
 }
 
-impl CrewSpec {
+impl FarmSpec {
     /// A number of agents with speed 1, each with a processor of its own.
     pub fn equal(count: usize) -> Self {
-        let mut crew = Self::default();
-        crew.add(count, MachineSpec { processors: 1, speed: 1.0 });
-        crew
+        let mut farm = Self::default();
+        farm.add(count, MachineSpec { processors: 1, speed: 1.0 });
+        farm
     }
 
     /// A number of agents that share one machine of speed 1, like those of one process.
@@ -221,8 +221,8 @@ fn speed_changes(machine: &MachineSpec, mut marks: Vec<MachineMark>) -> Vec<(f64
     changes
 }
 
-impl FromStr for CrewSpec {
-    type Err = CrewError;
+impl FromStr for FarmSpec {
+    type Err = FarmSpecError;
 
     /// Parses words separated by commas, white space or line ends; `#` starts a comment that extends to the end of the
     /// line.
@@ -234,30 +234,31 @@ impl FromStr for CrewSpec {
     ///   fail), `agent-3@lie=5s:0.1` (a tenth of its paintings is wrong), `agent-3@boast=0s:2` (claims to be twice as
     ///   fast as it is), `agent-3@load=0s:60` (loads something for 60 s during its next zone, and measures that as
     ///   painting).
-    fn from_str(text: &str) -> Result<Self, CrewError> {
+    fn from_str(text: &str) -> Result<Self, FarmSpecError> {
         let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
         let words: Vec<&str> = lines
             .flat_map(|line| line.split([',', ' ', '\t']))
             .map(str::trim)
             .filter(|word| !word.is_empty())
             .collect();
-        let mut crew = Self::default();
+        let mut farm = Self::default();
         let (incidents, groups): (Vec<&str>, Vec<&str>) = words.into_iter().partition(|word| word.contains('@'));
         for word in groups {
-            let (count, machine) = group(word).map_err(|problem| CrewError::Item { item: word.to_owned(), problem })?;
-            let found = crew.agents.len().saturating_add(count);
-            if found > CREW_MAX {
-                return Err(CrewError::TooMany { found });
+            let (count, machine) =
+                group(word).map_err(|problem| FarmSpecError::Item { item: word.to_owned(), problem })?;
+            let found = farm.agents.len().saturating_add(count);
+            if found > SIMULATED_AGENTS_MAX {
+                return Err(FarmSpecError::TooMany { found });
             }
-            crew.add(count, machine);
+            farm.add(count, machine);
         }
-        if crew.agents.is_empty() {
-            return Err(CrewError::Empty);
+        if farm.agents.is_empty() {
+            return Err(FarmSpecError::Empty);
         }
         for word in incidents {
-            crew.befall(word)?;
+            farm.befall(word)?;
         }
-        Ok(crew)
+        Ok(farm)
     }
 }
 
@@ -273,10 +274,10 @@ fn group(word: &str) -> Result<(usize, MachineSpec), &'static str> {
     Ok((count, MachineSpec { processors, speed }))
 }
 
-impl CrewSpec {
+impl FarmSpec {
     /// Parses `agent-N@KIND=TIME[:FACTOR]`.
-    fn befall(&mut self, word: &str) -> Result<(), CrewError> {
-        let wrong = |problem| CrewError::Item { item: word.to_owned(), problem };
+    fn befall(&mut self, word: &str) -> Result<(), FarmSpecError> {
+        let wrong = |problem| FarmSpecError::Item { item: word.to_owned(), problem };
         let (agent, what) = word.split_once('@').unwrap_or((word, ""));
         let agent: usize = agent
             .strip_prefix("agent-")
@@ -287,7 +288,7 @@ impl CrewSpec {
         let (time, factor) = time.split_once(':').map_or((time, None), |(time, factor)| (time, Some(factor)));
         let at = seconds(time).ok_or_else(|| wrong("the time must be a number of seconds, such as 12s"))?;
         let count = self.agents.len();
-        let member = self.agents.get_mut(agent).ok_or(CrewError::NoSuchAgent { agent, count })?;
+        let member = self.agents.get_mut(agent).ok_or(FarmSpecError::NoSuchAgent { agent, count })?;
         let kind = match what {
             "join" => {
                 member.joins = at;
@@ -336,16 +337,16 @@ mod tests {
 
     #[test]
     fn a_specification_says_who_and_what_befalls_them() {
-        let crew: CrewSpec =
+        let farm: FarmSpec =
             "2x1.0, 1x0.25:4 # the old one\nagent-2@join=5s,agent-0@fail=1500ms agent-1@slow=10s:4".parse().unwrap();
-        assert_eq!(crew.agents.len(), 3);
-        assert_eq!(crew.machines[2], MachineSpec { processors: 4, speed: 0.25 });
-        assert_eq!(crew.agents[2].joins, Duration::from_secs(5));
-        assert_eq!(crew.incidents[0], Incident { at: Duration::from_millis(1500), agent: 0, kind: IncidentKind::Fail });
-        assert_eq!(crew.incidents[1].kind, IncidentKind::Slow(4.0));
-        assert_eq!("8".parse(), Ok(CrewSpec::equal(8)));
-        let crew: CrewSpec = "2,agent-0@hang=1s,agent-1@lie=2s:0.5,agent-1@break=3s".parse().unwrap();
-        let kinds: Vec<IncidentKind> = crew.incidents.iter().map(|incident| incident.kind).collect();
+        assert_eq!(farm.agents.len(), 3);
+        assert_eq!(farm.machines[2], MachineSpec { processors: 4, speed: 0.25 });
+        assert_eq!(farm.agents[2].joins, Duration::from_secs(5));
+        assert_eq!(farm.incidents[0], Incident { at: Duration::from_millis(1500), agent: 0, kind: IncidentKind::Fail });
+        assert_eq!(farm.incidents[1].kind, IncidentKind::Slow(4.0));
+        assert_eq!("8".parse(), Ok(FarmSpec::equal(8)));
+        let farm: FarmSpec = "2,agent-0@hang=1s,agent-1@lie=2s:0.5,agent-1@break=3s".parse().unwrap();
+        let kinds: Vec<IncidentKind> = farm.incidents.iter().map(|incident| incident.kind).collect();
         assert_eq!(kinds, [IncidentKind::Hang, IncidentKind::Lie(0.5), IncidentKind::Break(1.0)]);
     }
 
@@ -366,33 +367,33 @@ mod tests {
             ("2,agent-1@slow=1s:0", "slower"),
             ("2,agent-1@lie=1s:2", "share"),
         ] {
-            let error = text.parse::<CrewSpec>().unwrap_err().to_string();
+            let error = text.parse::<FarmSpec>().unwrap_err().to_string();
             assert!(error.contains(names), "{text}: {error}");
         }
     }
 
     #[test]
     fn the_least_time_counts_who_is_there() {
-        let crew = CrewSpec::equal(2);
-        assert_eq!(crew.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(6)));
-        let crew: CrewSpec = "2,agent-1@join=5s".parse().unwrap();
-        assert_eq!(crew.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(8)));
-        let crew: CrewSpec = "2,agent-1@fail=3s,agent-0@slow=5s:2".parse().unwrap();
+        let farm = FarmSpec::equal(2);
+        assert_eq!(farm.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(6)));
+        let farm: FarmSpec = "2,agent-1@join=5s".parse().unwrap();
+        assert_eq!(farm.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(8)));
+        let farm: FarmSpec = "2,agent-1@fail=3s,agent-0@slow=5s:2".parse().unwrap();
         // 4 until 3 s, 2 until 5 s, and half a second's worth a second from there.
-        assert_eq!(crew.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(13)));
-        let crew: CrewSpec = "1,agent-0@fail=3s".parse().unwrap();
-        assert_eq!(crew.least_time(Duration::ZERO, 10.0), None);
-        assert_eq!(CrewSpec::sharing(3, 2).least_time(Duration::ZERO, 10.0), Some(Duration::from_secs(5)));
+        assert_eq!(farm.least_time(Duration::from_secs(1), 10.0), Some(Duration::from_secs(13)));
+        let farm: FarmSpec = "1,agent-0@fail=3s".parse().unwrap();
+        assert_eq!(farm.least_time(Duration::ZERO, 10.0), None);
+        assert_eq!(FarmSpec::sharing(3, 2).least_time(Duration::ZERO, 10.0), Some(Duration::from_secs(5)));
     }
 
     #[test]
     fn some_fail_by_share_and_seed() {
-        let mut crew = CrewSpec::equal(100);
-        crew.fail_some(0.05, Duration::from_secs(10), 7);
-        assert_eq!(crew.incidents.len(), 5);
-        let mut agents: Vec<usize> = crew.incidents.iter().map(|incident| incident.agent).collect();
+        let mut farm = FarmSpec::equal(100);
+        farm.fail_some(0.05, Duration::from_secs(10), 7);
+        assert_eq!(farm.incidents.len(), 5);
+        let mut agents: Vec<usize> = farm.incidents.iter().map(|incident| incident.agent).collect();
         agents.dedup();
         assert_eq!(agents.len(), 5);
-        assert!(crew.incidents.iter().all(|incident| incident.at < Duration::from_secs(10)));
+        assert!(farm.incidents.iter().all(|incident| incident.at < Duration::from_secs(10)));
     }
 }

@@ -1,0 +1,75 @@
+//! The configuration of a Master.
+
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
+
+use bottega_agents::AgentId;
+
+use crate::{AuctionRule, Credit, GoalRules, RegistrationConfig, WorkId};
+
+/// The timeouts of the Master.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// Time for bids; an agent without a bid by then has refused.
+    pub bids: Duration,
+    /// Interval of the Master's checks, and of the agents' heartbeats.
+    pub heartbeat: Duration,
+    /// Time without a message after which an agent counts as gone.
+    pub lease: Duration,
+}
+
+impl Timing {
+    /// Shorter lease for agents on several machines, which disappear without notice more often than processes do.
+    pub const AMONG_MACHINES: Self = Self {
+        bids: Duration::from_millis(500),
+        heartbeat: Duration::from_millis(500),
+        lease: Duration::from_millis(2500),
+    };
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Self { bids: Duration::from_millis(500), heartbeat: Duration::from_secs(1), lease: Duration::from_secs(5) }
+    }
+}
+
+/// The configuration of a Master.
+#[derive(Clone, Debug)]
+pub struct MasterConfig {
+    /// The Master's own id.
+    pub id: AgentId,
+    /// The id of the work.
+    pub work: WorkId,
+    /// The rule of the auction.
+    pub auction: AuctionRule,
+    /// Maximum number of zones an agent holds: as [`RenderAgentConfig::prefetch`](crate::RenderAgentConfig::prefetch).
+    pub prefetch: u32,
+    /// `true`: near the end, zones are cut and zones of slow agents are also given to idle ones. Useful if agents have
+    /// machines of their own; agents that share a machine use all its processors anyway.
+    pub shares_tail: bool,
+    /// Number of agents on different machines whose paintings of a zone must agree; 1: paintings are not compared.
+    pub verify: u32,
+    /// `true`: the engine is not bit-identical between agents, so paintings are compared by their look.
+    pub compares_by_look: bool,
+    /// A secret that selects which paintings of believed agents are compared anyway.
+    pub secret: u64,
+    /// Credit of machines in earlier works, by [name](bottega_agents::machine_of).
+    pub credits: Arc<BTreeMap<String, Credit>>,
+    /// The rules for goals of error and time.
+    pub goals: GoalRules,
+    /// The timeouts.
+    pub timing: Timing,
+    /// The platform at which it registers; `None`: it does not.
+    pub registration: Option<RegistrationConfig>,
+}
+
+impl MasterConfig {
+    /// True if paintings are compared.
+    pub(super) fn verifies(&self) -> bool {
+        self.verify > 1
+    }
+
+    /// True if zones are dealt out and agents take them from one another, instead of auctions.
+    pub(super) fn deals(&self) -> bool {
+        self.auction == AuctionRule::Stealing
+    }
+}
