@@ -10,7 +10,7 @@
 //! give the indirect light on matte surfaces. Where they do not know, gathering rays are traced that end where agents
 //! know.
 
-mod eye;
+mod gather;
 mod paint;
 mod place;
 mod sense;
@@ -21,10 +21,13 @@ use bottega_scene::MediumId;
 
 use super::{path::PathIntegrator, record::Wanted};
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, View,
+    error::RenderError,
     photon::{Passes, cache::IrradianceCache},
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{PathSettings, PhotonSettings, View},
 };
-pub(crate) use eye::Hands;
+pub(crate) use gather::GatherBuffers;
 pub(crate) use sense::{SensorPlace, sensing_settings};
 
 /// Greatest total size of the maps of a progressive picture, in bytes. Samples beyond the affordable number of passes
