@@ -2,8 +2,8 @@
 //!
 //! `cargo bench -p bottega-render --bench photon_gather`
 //!
-//! Photons lie on the walls of a room, as they do, and are asked for near these. Both are asked the same, one after the
-//! other on one thread, the rounds in turn. `kiddo` is asked for what it does fastest: unsorted, its memory kept.
+//! Photons lie on the walls of a room, and lookups are near the walls. Both get the same lookups, one after the
+//! other on one thread, the rounds in turn. `kiddo` uses its fastest lookup: unsorted, its memory kept.
 #![allow(clippy::print_stdout)]
 
 use std::{hint::black_box, num::NonZeroUsize, time::Instant};
@@ -38,7 +38,7 @@ impl Numbers {
     }
 }
 
-/// Questions to be answered; the sum of all distances is what comes of it.
+/// Lookups to perform; the result is the sum of all distances.
 struct OwnMap<'a> {
     map: &'a PhotonMap,
     questions: &'a [Vec3],

@@ -43,6 +43,6 @@ pub enum RenderError {
     #[error("the work that is shared out with others was left before its end")]
     Left,
     /// A resource returned an answer of the wrong kind, or none.
-    #[error("a unit of work was not answered as asked")]
+    #[error("a unit of work was answered with the wrong kind of result")]
     Unanswered,
 }

@@ -14,7 +14,7 @@ mod words;
 
 use bottega_scene::{AlphaMode, TextureMap};
 
-use crate::{PreparedScene, surfaces::used_materials};
+use crate::{prepare::PreparedScene, surfaces::used_materials};
 
 pub use layout::{
     CameraRecord, EnvironmentRecord, FilterRecord, InstanceRecord, LIGHT_WORDS, MeshRecord, NONE, ParallelRecord,

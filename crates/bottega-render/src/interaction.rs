@@ -19,7 +19,7 @@ use relief::{bumped_normal, mapped_normal};
 use crate::{
     bsdf::{LiftedNormal, anisotropy_at},
     camera::RayCone,
-    mapping::{Spot, TexturePlace},
+    mapping::{MappingPoint, TexturePlace},
     sampling::orthonormal_basis,
     surfaces::{PreparedMaterial, Surfaces},
 };
@@ -338,14 +338,14 @@ impl Interaction {
 
     /// Returns the point as input of texture mappings.
     #[inline(always)]
-    pub(crate) fn spot(&self) -> Spot {
-        Spot { p: self.p, normal: self.ng, beam: self.beam, cosine: self.wo.dot(self.ng) }
+    pub(crate) fn mapping_point(&self) -> MappingPoint {
+        MappingPoint { p: self.p, normal: self.ng, beam: self.beam, cosine: self.wo.dot(self.ng) }
     }
 
     /// Returns the point as input of texture lookups.
     #[inline(always)]
     pub(crate) fn texture_place(&self) -> TexturePlace {
-        TexturePlace { uvs: self.uvs, spot: self.spot() }
+        TexturePlace { uvs: self.uvs, mapping_point: self.mapping_point() }
     }
 
     /// Returns the radiance of an unlit surface of that colour: at most 1 per channel, like every base colour, including
@@ -371,6 +371,12 @@ impl Interaction {
     #[inline(always)]
     pub(crate) fn is_reflection(&self, wi: Vec3) -> bool {
         (wi.dot(self.ng) > 0.0) == self.front
+    }
+
+    /// Returns the geometric normal on the side of `wo`.
+    #[inline(always)]
+    pub(crate) fn facing_ng(&self) -> Vec3 {
+        if self.front { self.ng } else { -self.ng }
     }
 
     /// Returns the origin of a ray that leaves in direction `wi`.
@@ -430,8 +436,8 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
         return material.opacity_at(scene, uvs, 0.0, alpha);
     }
     let local = interpolate(&mesh.positions, vertices, b.0, b.1).unwrap_or_default();
-    let spot = Spot::sharp(instance.world_from_object.transform_point3(local));
-    material.opacity_at(scene, TexturePlace { uvs, spot }, 0.0, alpha)
+    let mapping_point = MappingPoint::sharp(instance.world_from_object.transform_point3(local));
+    material.opacity_at(scene, TexturePlace { uvs, mapping_point }, 0.0, alpha)
 }
 
 /// Returns the opacity of a sphere at a point on it, in [0, 1].
@@ -440,8 +446,8 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
 pub(crate) fn opacity_of_sphere(scene: &Scene, sphere: &Sphere, from_center: Vec3) -> f32 {
     let material = &scene.materials[sphere.material as usize];
     let uv = sphere_uv(sphere, from_center.normalize_or(Vec3::Y));
-    let spot = Spot::sharp(sphere.center + from_center);
-    material.opacity_at(scene, TexturePlace { uvs: [uv; 2], spot }, 0.0, 1.0)
+    let mapping_point = MappingPoint::sharp(sphere.center + from_center);
+    material.opacity_at(scene, TexturePlace { uvs: [uv; 2], mapping_point }, 0.0, 1.0)
 }
 
 /// Bit by which a surface's random number for shadow rays differs from that for paths.
@@ -468,8 +474,8 @@ impl SurfaceQuery {
 
     /// Returns the key of a surface's random number; it differs between entering and leaving a sphere.
     fn number_of(self, hit: &Hit, is_left: bool) -> u64 {
-        let asked = if self == Self::Shadow { u64::from(ASKS_AS_SHADOW) } else { 0 };
-        u64::from(hit.instance) << 32 | u64::from(hit.primitive) ^ asked ^ u64::from(is_left)
+        let kind_bit = if self == Self::Shadow { u64::from(ASKS_AS_SHADOW) } else { 0 };
+        u64::from(hit.instance) << 32 | u64::from(hit.primitive) ^ kind_bit ^ u64::from(is_left)
     }
 }
 
@@ -493,14 +499,14 @@ pub(crate) fn is_there(
     surfaces: &Surfaces,
     ray: &Ray,
     hit: &Hit,
-    asks: SurfaceQuery,
+    query: SurfaceQuery,
     chance: impl FnOnce(u64) -> f32,
 ) -> bool {
-    if asks == SurfaceQuery::Camera && surfaces.culls_backs() && is_culled(surfaces.scene(), ray, hit) {
+    if query == SurfaceQuery::Camera && surfaces.culls_backs() && is_culled(surfaces.scene(), ray, hit) {
         return false;
     }
     let (opacity, is_left) = opacity_of(surfaces, ray, hit);
-    opacity >= 1.0 || (opacity > 0.0 && chance(asks.number_of(hit, is_left)) < opacity)
+    opacity >= 1.0 || (opacity > 0.0 && chance(query.number_of(hit, is_left)) < opacity)
 }
 
 /// Returns true if a candidate hit is the back of a surface that is invisible to the camera from there.

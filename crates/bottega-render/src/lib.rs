@@ -9,9 +9,11 @@
 //! |---|---|
 //! | prepared scenes: surfaces, everything | `src/surfaces.rs`, `src/prepare.rs` |
 //! | prepass of a picture | `src/prepass.rs` |
+//! | luminance | `src/color.rs` |
 //! | quasi-random numbers | `src/sampler.rs`, `src/sampler/sobol.rs` |
 //! | BSDFs; the BSDF at a point | `src/bsdf/`, `src/shading.rs` |
 //! | light sampling: light tree, portals | `src/lights/tree.rs`, `src/lights/portal.rs` |
+//! | steps of all integrators at a vertex; the rays that leave it | `src/vertex.rs`, `src/segment.rs` |
 //! | textures mapped by position | `src/mapping.rs` |
 //! | media: homogeneous, varying in space | `src/media.rs`, `src/media/varying.rs` |
 //! | path tracing: direct light and continuation, interleaved paths, media | `src/integrator/path.rs`, `src/integrator/path/`, `src/integrator/turns.rs`, `src/integrator/volume.rs` |
@@ -22,7 +24,7 @@
 //! | extent of the visible part; plans of photons and agents | `src/extent.rs`, `src/photon/extent.rs`, `src/photon/plan.rs`, `src/lights/emission/plan.rs` |
 //! | light by its number of bounces | `src/photon/bounces.rs` |
 //! | photon integrator, irradiance cache | `src/integrator/photon/`, `src/photon/cache.rs` |
-//! | lighting agents: by the paper, by expected error; their use by the integrator | `src/ala/sense.rs`, `src/ala/paper/`, `src/ala/own/`, `src/integrator/photon/eye.rs` |
+//! | lighting agents: by the paper, by expected error; their use by the integrator | `src/ala/sense.rs`, `src/ala/paper/`, `src/ala/own/`, `src/integrator/photon/gather.rs` |
 //! | useful data density | `src/ala/ludd.rs` |
 //! | casting shared among machines; serialized photons and agents | `src/sharing.rs`, `src/photon/bytes.rs`, `src/ala/bytes.rs` |
 //! | survey, its probes of cost; glimpses for preview | `src/survey.rs`, `src/survey/probe.rs`, `src/survey/glimpse.rs` |
@@ -41,6 +43,7 @@ pub mod photon;
 pub mod sampler;
 pub mod survey;
 
+mod color;
 mod error;
 mod extent;
 mod guide;
@@ -52,11 +55,13 @@ mod parts;
 mod prepare;
 mod prepass;
 mod sampling;
+mod segment;
 mod settings;
 mod shading;
 mod sharing;
 mod speed;
 mod surfaces;
+mod vertex;
 mod wave_work;
 mod work;
 
@@ -73,8 +78,3 @@ pub use surfaces::Surfaces;
 pub use survey::survey;
 pub use wave_work::WaveWork;
 pub use work::{BlockOutput, BlockWork, ProbeWork, RenderOutput, RenderWork};
-
-/// Returns the luminance of linear Rec. 709 RGB.
-pub(crate) fn luminance(color: bottega_scene::Spectrum) -> f32 {
-    color.dot(glam::Vec3::new(0.2126, 0.7152, 0.0722))
-}

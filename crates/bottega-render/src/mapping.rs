@@ -8,7 +8,7 @@ use glam::{Mat3, Vec2, Vec3};
 
 /// A point in the world with the width of its beam: the input of mappings.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Spot {
+pub struct MappingPoint {
     /// Position in world space.
     pub p: Vec3,
     /// Normal of the surface at the point, unit length.
@@ -19,7 +19,7 @@ pub struct Spot {
     pub cosine: f32,
 }
 
-impl Spot {
+impl MappingPoint {
     /// Returns a point with a beam of width 0.
     pub(crate) fn sharp(p: Vec3) -> Self {
         Self { p, ..Self::default() }
@@ -32,7 +32,7 @@ pub(crate) struct TexturePlace {
     /// Both sets of texture coordinates of the surface.
     pub(crate) uvs: [Vec2; 2],
     /// Position, for textures that are mapped by position.
-    pub(crate) spot: Spot,
+    pub(crate) mapping_point: MappingPoint,
 }
 
 impl Uvs for TexturePlace {
@@ -40,22 +40,25 @@ impl Uvs for TexturePlace {
     fn of(&self, scene: &Scene, map: &TextureMap, footprint: f32) -> (Vec2, f32) {
         match map.mapping(scene) {
             None => self.uvs.of(scene, map, footprint),
-            Some(mapping) => mapped(mapping, &self.spot, footprint > 0.0),
+            Some(mapping) => mapped(mapping, &self.mapping_point, footprint > 0.0),
         }
     }
 }
 
 /// Returns the coordinates of a point, and the width of its beam in texture coordinates.
 #[cold]
-fn mapped(mapping: &Mapping, spot: &Spot, is_wide: bool) -> (Vec2, f32) {
-    let uv = uv_of(mapping, spot.p);
-    if !is_wide || spot.beam <= 0.0 {
+fn mapped(mapping: &Mapping, mapping_point: &MappingPoint, is_wide: bool) -> (Vec2, f32) {
+    let uv = uv_of(mapping, mapping_point.p);
+    if !is_wide || mapping_point.beam <= 0.0 {
         return (uv, 0.0);
     }
     // Area in texture coordinates per unit area of the surface. The beam's oblique cross-section is represented by the
     // geometric mean of its axes
-    let [u, v] = gradients(mapping, spot.p);
-    (uv, spot.beam * (u.cross(v).dot(spot.normal) / spot.cosine.abs().max(0.01)).abs().sqrt())
+    let [u, v] = gradients(mapping, mapping_point.p);
+    (
+        uv,
+        mapping_point.beam * (u.cross(v).dot(mapping_point.normal) / mapping_point.cosine.abs().max(0.01)).abs().sqrt(),
+    )
 }
 
 /// Returns the coordinates of a position. Undefined ones (at a pole, at the centre of a sphere) are 0.
@@ -106,7 +109,7 @@ mod tests {
     use super::*;
     use crate::camera::RayCone;
     use crate::interaction::{Interaction, SurfaceQuery, is_there};
-    use crate::{PrepareOptions, PreparedScene};
+    use crate::prepare::{PrepareOptions, PreparedScene};
 
     const KINDS: [MappingKind; 4] =
         [MappingKind::Planar, MappingKind::Spherical, MappingKind::Cylindrical, MappingKind::Cells];
@@ -148,8 +151,8 @@ mod tests {
                 for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
                     const STEP: f32 = 1e-2;
                     let grown = (uv_of(&mapping, p + axis * STEP) - uv_of(&mapping, p - axis * STEP)) / (2.0 * STEP);
-                    let told = Vec2::new(u.dot(axis), v.dot(axis));
-                    assert!((grown - told).length() < 2e-3, "{kind:?} {p} {axis}: {grown} {told}");
+                    let expected = Vec2::new(u.dot(axis), v.dot(axis));
+                    assert!((grown - expected).length() < 2e-3, "{kind:?} {p} {axis}: {grown} {expected}");
                 }
             }
         }
@@ -158,11 +161,11 @@ mod tests {
     #[test]
     fn a_beam_covers_as_much_of_a_picture_as_of_the_surface() {
         // On a sphere of radius 2, at its equator: once around in v, from pole to pole in u.
-        let spot = Spot { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::X, beam: 0.1, cosine: 0.25 };
-        let (_, width) = mapped(&plain(MappingKind::Spherical), &spot, true);
+        let mapping_point = MappingPoint { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::X, beam: 0.1, cosine: 0.25 };
+        let (_, width) = mapped(&plain(MappingKind::Spherical), &mapping_point, true);
         let expected = 0.2 / (2.0 * PI * 2.0 * PI * 2.0).sqrt();
         assert!((width / expected - 1.0).abs() < 1e-5, "{width} {expected}");
-        assert_eq!(mapped(&plain(MappingKind::Spherical), &spot, false).1, 0.0);
+        assert_eq!(mapped(&plain(MappingKind::Spherical), &mapping_point, false).1, 0.0);
     }
 
     /// A material with a mapped picture, on a square of four units in the plane z = 0 without texture coordinates, or on
@@ -277,8 +280,8 @@ mod tests {
             for mapping_from_world in [Affine3A::IDENTITY, singular, huge] {
                 let mapping = Mapping { kind, mapping_from_world };
                 for p in [Vec3::ZERO, Vec3::Z, Vec3::NEG_Z, Vec3::splat(1e18), Vec3::splat(-1e-30)] {
-                    let spot = Spot { p, normal: Vec3::Y, beam: 1.0, cosine: 0.0 };
-                    let (uv, width) = mapped(&mapping, &spot, true);
+                    let mapping_point = MappingPoint { p, normal: Vec3::Y, beam: 1.0, cosine: 0.0 };
+                    let (uv, width) = mapped(&mapping, &mapping_point, true);
                     let color = slope().eval(&TextureMap::new(ImageId(0)), uv, width);
                     assert!(uv.is_finite() && color.is_finite(), "{kind:?} {p}: {uv} {width} {color}");
                 }

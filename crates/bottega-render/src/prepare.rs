@@ -13,12 +13,13 @@ use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, Spher
 use bottega_scene::{Camera, Instance, MediumId, Mesh, Scene, Sphere};
 
 use crate::{
-    RenderError, View,
+    error::RenderError,
     lights::Lights,
     media::{
         Filling, Homogeneous,
         varying::{Majorants, Varying},
     },
+    settings::View,
     surfaces::{Surfaces, used_materials},
 };
 
@@ -40,7 +41,7 @@ impl Default for PrepareOptions {
 
 /// A scene with its acceleration structure and light tables. Immutable and shared by all who render it, except that
 /// cameras can be added ([`Self::add_camera`]) and removed. Data learnt before a picture is in a
-/// [`Prepass`](crate::Prepass).
+/// [`Prepass`](crate::prepass::Prepass).
 pub struct PreparedScene {
     surfaces: Surfaces,
     /// Cameras of the scene, then added ones. A removed camera leaves `None`, so that numbers are not reused.

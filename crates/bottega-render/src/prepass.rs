@@ -3,10 +3,11 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::{
-    AgentUse, PathSettings, PhotonSettings, PreparedScene, View,
     ala::{AgentReport, Agents},
     guide::{Guide, UnreadGuide},
     photon::{MapBytes, Passes, PhotonPlan, PhotonPlans, PhotonStore},
+    prepare::PreparedScene,
+    settings::{AgentUse, PathSettings, PhotonSettings, View},
 };
 
 /// Data learnt from one scene before its pictures, shared by all threads that render them. Each part is created by the

@@ -34,7 +34,7 @@ pub(crate) fn bsdf_at<'a>(
     }
     let point = SurfacePoint {
         uvs: point.uvs,
-        spot: point.spot(),
+        mapping_point: point.mapping_point(),
         footprint: point.footprint,
         vertex_color: point.color,
         front: point.front,

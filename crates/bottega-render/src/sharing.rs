@@ -5,8 +5,9 @@ use std::{cell::Cell, ops::Range};
 use bottega_hra::{HraClient, WorkUnit};
 
 use crate::{
-    RenderError, RenderOutput, RenderWork,
+    error::RenderError,
     photon::bytes::{ByteForm, Reader, Writer},
+    work::{RenderOutput, RenderWork},
 };
 
 /// Smallest number of work units that are shared.
@@ -34,14 +35,14 @@ pub trait Sharing: Send + Sync {
 }
 
 /// The executors of work for one picture: local devices, and possibly other machines.
-pub(crate) struct Hands<'a> {
+pub(crate) struct Executors<'a> {
     client: &'a HraClient<RenderWork>,
     others: Option<&'a dyn Sharing>,
     /// Number of stages so far.
     stage: Cell<u32>,
 }
 
-impl<'a> Hands<'a> {
+impl<'a> Executors<'a> {
     /// Creates the executors: `client` for local devices; `others`: machines to share with, if any.
     pub(crate) fn new(client: &'a HraClient<RenderWork>, others: Option<&'a dyn Sharing>) -> Self {
         Self { client, others, stage: Cell::new(0) }
@@ -81,13 +82,13 @@ pub(crate) fn in_parts<T: ByteForm>(
 ) -> Result<Vec<T>, RenderError> {
     let size = count.div_ceil(parts).max(1);
     let part = |number: usize| number * size..count.min((number + 1) * size);
-    let told = others.share(stage, count.div_ceil(size) as u32, &mut |number| {
+    let results = others.share(stage, count.div_ceil(size) as u32, &mut |number| {
         let mut to = Writer::default();
         here(part(number as usize))?.iter().for_each(|found| found.write(&mut to));
         Ok(to.0)
     })?;
     let mut all = Vec::with_capacity(count);
-    for (number, bytes) in told.iter().enumerate() {
+    for (number, bytes) in results.iter().enumerate() {
         // Perform parts with unreadable results locally
         match found(bytes, part(number).len()) {
             Some(mut found) => all.append(&mut found),

@@ -8,7 +8,13 @@ use bottega_scene::{
 };
 use glam::{Affine3A, Vec3};
 
-use crate::{Filter, PathSettings, PrepareOptions, PreparedScene, RenderError, View, survey::probe};
+use crate::{
+    error::RenderError,
+    filter::Filter,
+    prepare::{PrepareOptions, PreparedScene},
+    settings::{PathSettings, View},
+    survey::probe,
+};
 
 /// Side of the picture in pixels.
 const SIDE: u32 = 24;
@@ -50,7 +56,7 @@ impl SpeedProbe {
     pub fn paint(&self) -> Result<f32, RenderError> {
         let view = View { camera: 0, width: SIDE, height: SIDE };
         let pixels = probe(&self.scene, view, &self.settings, Rect::of_size(SIDE, SIDE), SAMPLES)?;
-        let sum: f32 = pixels.iter().map(|pixel| crate::luminance(Vec3::from(pixel.color))).sum();
+        let sum: f32 = pixels.iter().map(|pixel| crate::color::luminance(Vec3::from(pixel.color))).sum();
         Ok(sum / pixels.len() as f32)
     }
 }

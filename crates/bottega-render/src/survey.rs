@@ -14,14 +14,18 @@ use bottega_kernels::{Hit, Ray};
 use glam::Vec3;
 
 use crate::{
-    Filter, PathSettings, PreparedScene, ProbeWork, RenderError, RenderOutput, RenderWork, View,
     bsdf::LobeFlags,
     camera::RayCone,
+    error::RenderError,
+    filter::Filter,
     integrator::PathIntegrator,
     interaction::{Interaction, SurfaceQuery, is_there},
+    prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
+    settings::{PathSettings, View},
     shading::bsdf_at,
     sharing::run,
+    work::{ProbeWork, RenderOutput, RenderWork},
 };
 
 pub use glimpse::{GlimpseOptions, glimpse};

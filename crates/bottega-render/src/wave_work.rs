@@ -5,8 +5,11 @@ use std::{ops::Range, sync::Arc};
 use bottega_image::{Aov, Layout, Rect, Tile};
 
 use crate::{
-    PathSettings, PreparedScene, Prepass, RenderError, View,
+    error::RenderError,
     integrator::{PathIntegrator, Wave, WaveAnswers},
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{PathSettings, View},
 };
 
 /// A work unit that advances a wave of paths from the hits of its rays to its next rays.
@@ -72,11 +75,11 @@ impl Wave {
             return Some("photons and lighting agents follow rays of their own");
         }
         if prepared.has_media() || prepared.has_boundaries() {
-            return Some("its media and panes are asked while rays are under way");
+            return Some("it has media or panes, which change light along a ray");
         }
         if prepared.has_opacity() || hides_emitters {
-            return Some("surfaces that let rays pass are asked while these are under way");
+            return Some("it has surfaces that let rays pass");
         }
-        layout.offset(Aov::Cost).map(|_| "what rays cost (layer `cost`) is not told by those who follow them")
+        layout.offset(Aov::Cost).map(|_| "devices that trace rays do not count their cost (layer `cost`)")
     }
 }

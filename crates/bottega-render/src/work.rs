@@ -7,11 +7,15 @@ use bottega_image::{Aov, Rect, Tile};
 use bottega_kernels::{Hit, Ray};
 
 use crate::{
-    PathSettings, PreparedScene, Prepass, RenderError, View, WaveWork,
     ala::{Agent, AgentWork, SensorReadings, SensorWork},
+    error::RenderError,
     integrator::{Integrator, Wanted, Wave},
     photon::{IrradiancePlaces, IrradianceWork, PhotonWork, TracedPhotons},
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{PathSettings, View},
     survey::{SurveyPixel, probe},
+    wave_work::WaveWork,
 };
 
 /// Number of samples whose paths are traced before they are added to their pixels.

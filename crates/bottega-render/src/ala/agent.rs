@@ -13,7 +13,8 @@ use crate::{
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
     sampling::orthonormal_basis,
-    shading::{BLEND, bsdf_at, is_broad, is_matte},
+    shading::{is_broad, is_matte},
+    vertex::bsdf_at_vertex,
 };
 
 /// Key of the random numbers of agents, distinct from pixels and photons.
@@ -108,7 +109,7 @@ impl Casting<'_> {
             distance += hit.t;
             gap += hit.t;
             let point = Interaction::new(self.prepared, &hit, origin, direction, RayCone::default());
-            let normal = if point.front { point.ng } else { -point.ng };
+            let normal = point.facing_ng();
             // Store it at the surface, unless this is its own light, and send a scout
             let is_own = self.prepared.lights().light_of(self.prepared, &hit) == Some(light);
             if !is_own && point.p.is_finite() && distance.is_finite() {
@@ -154,7 +155,7 @@ impl Casting<'_> {
             return;
         }
         if let Some([is_matte, is_glossy]) = self.spreads(&place, &sampler) {
-            let normal = if place.front { place.ng } else { -place.ng };
+            let normal = place.facing_ng();
             agents.push(Agent {
                 p: place.p,
                 normal,
@@ -173,9 +174,8 @@ impl Casting<'_> {
     /// Returns `true` for matte and for glossy surfaces, in this order. `None`: mirrors and clear glass, where agents
     /// are not needed.
     fn spreads(&self, point: &Interaction, sampler: &PixelSampler) -> Option<[bool; 2]> {
-        let mut place = None;
-        let chance = || sampler.hashed(BLEND ^ u64::from(point.material));
-        let bsdf = bsdf_at(self.prepared, point, chance, &mut place);
+        let mut storage = None;
+        let bsdf = bsdf_at_vertex(self.prepared, point, sampler, 0, &mut storage);
         bsdf.has_non_delta().then(|| [is_matte(bsdf), is_broad(bsdf, point.to_local(point.wo))])
     }
 }

@@ -11,13 +11,13 @@ use super::{
     visibility::Visibility,
 };
 use crate::{
-    AgentSettings, Oracle,
     extent::Extent,
     photon::{
         IrradianceMap, IrradiancePlaces,
         bytes::{ByteForm, Reader, Writer},
         cache::{IrradianceCache, IrradianceRecord},
     },
+    settings::{AgentSettings, Oracle},
 };
 
 impl ByteForm for Vec<Agent> {

@@ -11,8 +11,14 @@ use super::{
     units::{AgentWork, SensorWork},
 };
 use crate::{
-    PhotonSettings, PreparedScene, Prepass, RenderError, RenderOutput, RenderWork, View, parts::parts, photon::Passes,
-    sharing::Hands,
+    error::RenderError,
+    parts::parts,
+    photon::Passes,
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{PhotonSettings, View},
+    sharing::Executors,
+    work::{RenderOutput, RenderWork},
 };
 
 /// Casts the agents of a picture and runs their sensing tasks as units of work. The caustic photons must exist.
@@ -23,7 +29,7 @@ pub(crate) fn cast_agents(
     photons: PhotonSettings,
     seed: u64,
     passes: &Arc<Passes>,
-    hands: &Hands<'_>,
+    executors: &Executors<'_>,
 ) -> Result<Agents, RenderError> {
     let settings = photons.agents.unwrap_or_default();
     let begun = Instant::now();
@@ -32,7 +38,7 @@ pub(crate) fn cast_agents(
         RenderWork::Agents(AgentWork { scene, prepass, view, seed, indices, has_scouts: settings.has_scouts() })
     });
     let answer = |output| if let RenderOutput::Agents(part) = output { Some(part) } else { None };
-    let agents = hands.run(works.collect(), answer)?;
+    let agents = executors.run(works.collect(), answer)?;
     let plan = passes.plan();
     let swarm = || Swarm::new(plan.sources.source_count(), plan.extent(), agents.concat(), &settings);
     let swarm = Arc::new(scene.on_threads(swarm));
@@ -45,7 +51,7 @@ pub(crate) fn cast_agents(
     };
     let run = |errands: Vec<SensingTask>| {
         let answer = |output| if let RenderOutput::Sensors(part) = output { Some(part) } else { None };
-        hands.run(errands.into_iter().map(work).collect(), answer).map(joined)
+        executors.run(errands.into_iter().map(work).collect(), answer).map(joined)
     };
     Agents::sense(scene, *passes.plan().extent(), settings, &swarm, &network, run, [casting, begun.elapsed() - casting])
 }

@@ -4,8 +4,11 @@ use rayon::prelude::*;
 
 use super::ludd::{Dot, first_place};
 use crate::{
-    AgentSettings, PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, View,
+    error::RenderError,
     integrator::{PathIntegrator, PhotonIntegrator},
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{AgentSettings, PathSettings, PhotonSettings, View},
 };
 
 /// Half the width of a link, as a share of the visible radius.

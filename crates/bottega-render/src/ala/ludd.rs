@@ -11,11 +11,14 @@ use rayon::prelude::*;
 
 use super::Agents;
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, View,
+    color::luminance,
+    error::RenderError,
     integrator::{PathIntegrator, PhotonIntegrator},
-    luminance,
     photon::{Estimator, Nearest, Photon, PhotonMap, traced, tracer},
+    prepare::PreparedScene,
+    prepass::Prepass,
     sampler::PixelSampler,
+    settings::{PathSettings, PhotonSettings, View},
 };
 
 /// Number of visible points that the importance of a point is estimated from.

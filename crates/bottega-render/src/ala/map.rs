@@ -11,13 +11,13 @@ use super::{
     visibility::{ShadowVerdict, Visibility},
 };
 use crate::{
-    AgentSettings,
     extent::Extent,
     photon::{
         BounceShares, Nearest, Photon, PhotonMap,
         cache::{Estimate, IrradianceCache, IrradianceRecord, Surroundings},
     },
     prepare::PreparedScene,
+    settings::AgentSettings,
 };
 
 /// Greatest radius of a record, as a share of the visible radius.

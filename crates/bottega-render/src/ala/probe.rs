@@ -58,7 +58,7 @@ impl Probe<'_> {
             return None;
         }
         let point = Interaction::new(self.prepared, &hit, origin, -normal, RayCone::default());
-        (is_alike(side(&point), normal) && point.p.is_finite()).then_some(point)
+        (is_alike(point.facing_ng(), normal) && point.p.is_finite()).then_some(point)
     }
 
     /// Returns the point of a sensor on the plane of its agent, in a random direction.
@@ -91,7 +91,7 @@ impl Probe<'_> {
         let [u, v, ..] = self.numbers(SensorKind::Penumbra, 1, number);
         let sample = lights.sample_place(self.prepared, self.agent.light, point.p_outside, [u, v])?;
         let mut count = 1;
-        if sample.wi.dot(side(point)) <= 0.0 {
+        if sample.wi.dot(point.facing_ng()) <= 0.0 {
             // The sensor's own surface is in the way
             count += 1;
         } else {
@@ -107,9 +107,4 @@ impl Probe<'_> {
         }
         Some((count, sample.distance))
     }
-}
-
-/// Returns the geometric normal on the side that the ray came from.
-pub(super) fn side(point: &Interaction) -> Vec3 {
-    if point.front { point.ng } else { -point.ng }
 }

@@ -20,12 +20,13 @@ use super::{
     visibility::Visibility,
 };
 use crate::{
-    AgentSettings, Oracle, RenderError,
+    error::RenderError,
     extent::Extent,
     integrator::PhotonIntegrator,
     parts::parts,
     photon::{IrradianceMap, PhotonMaps, PhotonPlan},
     prepare::PreparedScene,
+    settings::{AgentSettings, Oracle},
 };
 
 impl Task for Sensing<'_> {

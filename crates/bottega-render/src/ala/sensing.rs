@@ -4,7 +4,7 @@ use std::{ops::Range, sync::Arc};
 
 use super::{agent::Agent, map::Agents, network::Network, probe::Probe, swarm::Swarm};
 use crate::{
-    RenderError,
+    error::RenderError,
     integrator::PhotonIntegrator,
     photon::{IrradiancePlaces, PhotonMaps, cache::IrradianceRecord},
     prepare::PreparedScene,

@@ -2,10 +2,10 @@
 
 use super::agent::Agent;
 use crate::{
-    AgentSettings,
     extent::Extent,
     lights::NO_LIGHT,
     photon::{Nearest, Photon, PhotonMap, is_alike},
+    settings::AgentSettings,
 };
 
 /// Number of agents that the local density is estimated from.
@@ -95,6 +95,6 @@ fn object_distance(extent: &Extent, agents: &[Agent]) -> f32 {
 }
 
 /// Returns `true` if a light has its own number, so agents can answer for it.
-pub(super) fn is_told(light: u32) -> bool {
+pub(super) fn has_number(light: u32) -> bool {
     light != NO_LIGHT
 }

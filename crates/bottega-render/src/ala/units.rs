@@ -11,9 +11,12 @@ use super::{
     swarm::Swarm,
 };
 use crate::{
-    PhotonSettings, PreparedScene, Prepass, RenderError, View,
+    error::RenderError,
     integrator::{PhotonIntegrator, sensing_settings},
     photon::Passes,
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{PhotonSettings, View},
 };
 
 /// A range of agents to cast.

@@ -38,7 +38,7 @@ pub(super) struct Visibility {
     /// Lights for which some agent answers other than "trace", in ascending order, with the greatest radius of such an
     /// answer. For other lights no agent is looked up.
     answered: Vec<(u32, f32)>,
-    /// Proximity network, if it is asked: neighbours by number in the map; [`NOBODY`] where there are fewer.
+    /// Proximity network, if it is used: neighbours by number in the map; [`NOBODY`] where there are fewer.
     links: Vec<[u32; LINKS]>,
 }
 

@@ -2,11 +2,11 @@
 
 use bottega_scene::Spectrum;
 
-use super::diffuse::{CoupledDiffuse, Cover};
+use super::diffuse::{CoupledDiffuse, CoverAlbedo};
 use super::film::Film;
 use super::fresnel::{DielectricFresnel, IOR_STEP_MIN};
 use super::ggx::Ggx;
-use super::interface::{Interface, Through};
+use super::interface::{Interface, TransmissionKind};
 use super::params::SurfaceParams;
 use super::tables::{Index, Mu, Rough, Tables};
 
@@ -16,7 +16,7 @@ pub const DISPERSION_SCALE: f32 = 0.025;
 
 /// A mix of metal, opaque dielectric and transmitting dielectric with common facets.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Base {
+pub(super) struct LayeredBase {
     /// Albedo tables, shared by all materials.
     pub(super) tables: &'static Tables,
     /// GGX boundary: single reflection and transmission.
@@ -26,7 +26,7 @@ pub(super) struct Base {
     rough: Rough,
     index: Index,
     /// Dielectric layer over the diffuse base.
-    cover: Cover,
+    cover: CoverAlbedo,
     diffuse: CoupledDiffuse,
     /// Diffuse light that leaves on the other side.
     diffuse_through: CoupledDiffuse,
@@ -69,20 +69,20 @@ pub(super) struct BaseAlbedo {
     pub(super) cosine_through: Spectrum,
 }
 
-impl Base {
+impl LayeredBase {
     /// Builds the base; the caller clamps `p`.
     pub(super) fn new(p: &SurfaceParams) -> Self {
         let refracting = p.ior != 0.0 && (1.0 - p.metallic) * p.transmission > 0.0;
         let through = match (refracting, p.thin) {
-            (false, _) => Through::Nothing,
-            (true, true) => Through::Thin,
-            (true, false) => Through::Solid,
+            (false, _) => TransmissionKind::Nothing,
+            (true, true) => TransmissionKind::Thin,
+            (true, false) => TransmissionKind::Solid,
         };
-        let inside = through == Through::Solid && !p.front;
+        let inside = through == TransmissionKind::Solid && !p.front;
         let ggx = Ggx::stretched(p.roughness, p.anisotropy);
         // The tables are isotropic: look up the roughness with the same mean slope
         let roughness = if p.anisotropy > 0.0 { ggx.mean_slope().sqrt() } else { p.roughness };
-        let narrow = through == Through::Solid && !ggx.is_smooth();
+        let narrow = through == TransmissionKind::Solid && !ggx.is_smooth();
         let ior = if narrow { p.ior.max(1.0 + IOR_STEP_MIN) } else { p.ior };
         // Shares of the surface: metal, transmitting dielectric, opaque dielectric
         let transmitting = if refracting { (1.0 - p.metallic) * p.transmission } else { 0.0 };
@@ -97,13 +97,17 @@ impl Base {
             ggx,
             film,
             mean_f0,
-            spread: if through == Through::Solid { (ior - 1.0) * DISPERSION_SCALE * p.dispersion } else { 0.0 },
+            spread: if through == TransmissionKind::Solid {
+                (ior - 1.0) * DISPERSION_SCALE * p.dispersion
+            } else {
+                0.0
+            },
             metal: p.metallic,
             metal_f0: p.base_color,
             dielectric: match (inside, through) {
                 // From within, the opaque share has no dielectric: that is on the other side
                 (true, _) => transmitting,
-                (false, Through::Nothing) if p.specular == 0.0 => 0.0,
+                (false, TransmissionKind::Nothing) if p.specular == 0.0 => 0.0,
                 (false, _) => 1.0 - p.metallic,
             },
             fresnel,
@@ -116,7 +120,7 @@ impl Base {
             inside,
             rough: Rough::new(roughness),
             index: Index::new(ior.max(1.0)),
-            cover: Cover::default(),
+            cover: CoverAlbedo::default(),
             diffuse: CoupledDiffuse::BLACK,
             diffuse_through: CoupledDiffuse::BLACK,
             multiple: CoupledDiffuse::BLACK,
@@ -126,7 +130,7 @@ impl Base {
             uses: Uses::default(),
         };
         // A solid has no diffuse transmission
-        let beyond = if through == Through::Solid { 0.0 } else { p.diffuse_transmission };
+        let beyond = if through == TransmissionKind::Solid { 0.0 } else { p.diffuse_transmission };
         base.balance(p.base_color, opaque * (1.0 - beyond), transmitting, opaque * beyond);
         if beyond > 0.0 {
             base.diffuse_through =
@@ -159,17 +163,17 @@ impl Base {
                 let peak = film.peak_f0(bare.f0, |cos| bare.rise(cos));
                 fresnel.f0 = film.mix(bare.f0, bare.f0.max(Spectrum::splat(peak)));
             }
-            self.cover = Cover::new(&fresnel, dielectric.max_element());
+            self.cover = CoverAlbedo::new(&fresnel, dielectric.max_element());
         }
         self.diffuse = CoupledDiffuse::new(base_color * opaque, self.cover_mean());
         match self.interface.through {
-            Through::Nothing => {}
-            Through::Thin => {
+            TransmissionKind::Nothing => {}
+            TransmissionKind::Thin => {
                 multiple += transmitting * fresnel_mean;
                 let through = transmitting * (1.0 - fresnel_mean.max_element()) * base_color;
                 self.multiple_through = CoupledDiffuse::new(through, single_mean);
             }
-            Through::Solid => self.balance_boundary(base_color, transmitting),
+            TransmissionKind::Solid => self.balance_boundary(base_color, transmitting),
         }
         self.multiple = CoupledDiffuse::new(multiple, single_mean);
     }
@@ -203,7 +207,7 @@ impl Base {
         Uses {
             single: diffuse || !(self.multiple.is_black() && self.multiple_through.is_black()),
             rise: diffuse,
-            boundary: self.interface.through == Through::Solid,
+            boundary: self.interface.through == TransmissionKind::Solid,
         }
     }
 

@@ -20,17 +20,17 @@ use bottega_scene::{Distribution, Shadowing, Spectrum};
 use glam::Vec3;
 
 use super::conductor::Conductor;
-use super::cover::Cover;
+use super::cover::RoughCover;
 use super::frame::Frame;
 use super::fresnel::{self, mean};
 use super::microfacet::Microfacets;
-use super::plastic::{Plastic, Through};
+use super::plastic::{BaseTransmission, Plastic};
 use super::scatter::{Lobes, Scatter, split};
 use super::{BsdfSample, LobeFlags, TransportMode, warp};
 
 /// The base below the layer.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Base {
+pub(super) enum StackBase {
     /// A Lambertian base of this albedo.
     Matte(Spectrum),
     /// A metal, with its index of refraction relative to the layer.
@@ -59,7 +59,7 @@ pub(super) fn matte_coated(
     color: Spectrum,
     facets: Microfacets,
     layer: &ClearLayer,
-    cover: Cover,
+    cover: RoughCover,
 ) -> Plastic {
     // Every other event within the layer is at the base
     let bounces = layer.max_depth.div_ceil(2);
@@ -67,7 +67,8 @@ pub(super) fn matte_coated(
     let beyond = |x: f32| math::powf(x, bounces as f32);
     let rest = Spectrum::new(beyond(round.x), beyond(round.y), beyond(round.z));
     let series = color * (Spectrum::ONE - rest) / (Spectrum::ONE - round);
-    let through = if facets.is_smooth() { Through::Smooth(layer.thickness) } else { Through::Rough(cover) };
+    let through =
+        if facets.is_smooth() { BaseTransmission::Smooth(layer.thickness) } else { BaseTransmission::Rough(cover) };
     Plastic::from_series(eta, series / (eta * eta), facets, through)
 }
 
@@ -77,7 +78,7 @@ pub(super) struct Stack {
     eta: f32,
     facets: Microfacets,
     layer: ClearLayer,
-    base: Base,
+    base: StackBase,
     /// GGX facets whose reflection from outside approximates that of the base through the boundary.
     proxy: Microfacets,
 }
@@ -87,8 +88,8 @@ struct Chances(SplitMix64);
 
 impl Stack {
     /// Creates a stack; `eta`: index of refraction of the layer over that of the outside; `facets`: of the boundary.
-    pub(super) fn new(eta: f32, facets: Microfacets, layer: ClearLayer, base: Base) -> Self {
-        let below = if let Base::Metal(metal) = &base { metal.alpha() } else { [1.0; 2] };
+    pub(super) fn new(eta: f32, facets: Microfacets, layer: ClearLayer, base: StackBase) -> Self {
+        let below = if let StackBase::Metal(metal) = &base { metal.alpha() } else { [1.0; 2] };
         let above = facets.alpha();
         // Refraction steepens slopes of the base by η, and each crossing of a rough boundary adds its own spread
         let seen = [0, 1].map(|i| {
@@ -103,7 +104,7 @@ impl Stack {
     /// that is smooth, too.
     fn mirrored_unscattered(&self, cos: f32) -> Spectrum {
         let surface = fresnel::dielectric(cos, self.eta);
-        let Base::Metal(metal) = self.base else { return Spectrum::splat(surface) };
+        let StackBase::Metal(metal) = self.base else { return Spectrum::splat(surface) };
         if !metal.is_smooth() {
             return Spectrum::splat(surface);
         }
@@ -124,8 +125,8 @@ impl Stack {
 
     fn is_smooth(&self) -> bool {
         let base = match &self.base {
-            Base::Matte(_) => false,
-            Base::Metal(metal) => metal.is_smooth(),
+            StackBase::Matte(_) => false,
+            StackBase::Metal(metal) => metal.is_smooth(),
         };
         base && self.facets.is_smooth() && self.layer.albedo == Spectrum::ZERO
     }
@@ -142,9 +143,9 @@ impl Stack {
         };
         let passed = math::exp(-2.0 * self.layer.thickness / self.cos_below(cos)) * (1.0 - surface);
         let (sharp, even) = match &self.base {
-            Base::Matte(color) => (0.0, mean(*color)),
-            Base::Metal(metal) if metal.is_smooth() && self.facets.is_smooth() => (0.0, 0.05),
-            Base::Metal(metal) => (mean(metal.reflectance(self.cos_below(cos))) * passed, 0.05),
+            StackBase::Matte(color) => (0.0, mean(*color)),
+            StackBase::Metal(metal) if metal.is_smooth() && self.facets.is_smooth() => (0.0, 0.05),
+            StackBase::Metal(metal) => (mean(metal.reflectance(self.cos_below(cos))) * passed, 0.05),
         };
         let even = even + (1.0 - surface - passed).max(0.0) * mean(self.layer.albedo);
         let sum = surface + sharp + even;
@@ -177,19 +178,19 @@ impl Stack {
     /// Returns f and pdf of the base for directions above it.
     fn base(&self, wo: Vec3, wi: Vec3) -> (Spectrum, f32) {
         match &self.base {
-            Base::Matte(color) => (*color / PI, warp::cosine_hemisphere_pdf(wi.z)),
-            Base::Metal(metal) => metal.eval_pdf(wo, wi, TransportMode::Importance),
+            StackBase::Matte(color) => (*color / PI, warp::cosine_hemisphere_pdf(wi.z)),
+            StackBase::Metal(metal) => metal.eval_pdf(wo, wi, TransportMode::Importance),
         }
     }
 
     /// Samples a direction above the base: returns it with its weight and its pdf (`None` for a Dirac lobe).
     fn sample_base(&self, wo: Vec3, u: [f32; 2]) -> Option<(Vec3, Spectrum, Option<f32>)> {
         match &self.base {
-            Base::Matte(color) => {
+            StackBase::Matte(color) => {
                 let wi = warp::cosine_hemisphere(u);
                 Some((wi, *color, Some(warp::cosine_hemisphere_pdf(wi.z))))
             }
-            Base::Metal(metal) => {
+            StackBase::Metal(metal) => {
                 let sample = metal.sample(wo, 0.0, u, TransportMode::Importance)?;
                 Some((sample.wi, sample.weight(), (!sample.is_delta()).then_some(sample.pdf)))
             }
@@ -234,7 +235,7 @@ impl Stack {
                         let weight = if rough_top { balance(self.crossing(wi, exit).1, phase) } else { 1.0 };
                         let left = left / -exit.z;
                         sum += carried * (phase * weight * left * self.passed(depth, exit));
-                        if let (false, Base::Metal(metal)) = (rough_top, &self.base)
+                        if let (false, StackBase::Metal(metal)) = (rough_top, &self.base)
                             && metal.is_smooth()
                         {
                             // Connect by way of the smooth base, which no other strategy finds
@@ -436,8 +437,8 @@ impl Scatter for Stack {
     fn albedo(&self, wo: Vec3) -> Spectrum {
         let surface = fresnel::dielectric(wo.z, self.eta);
         let below = match &self.base {
-            Base::Matte(color) => *color,
-            Base::Metal(metal) => metal.reflectance(self.cos_below(wo.z)),
+            StackBase::Matte(color) => *color,
+            StackBase::Metal(metal) => metal.reflectance(self.cos_below(wo.z)),
         };
         let passed = math::exp(-2.0 * self.layer.thickness / self.cos_below(wo.z));
         below * ((1.0 - surface) * passed) + surface + self.layer.albedo * ((1.0 - surface) * (1.0 - passed) * 0.5)

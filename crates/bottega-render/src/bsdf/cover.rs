@@ -40,7 +40,7 @@ pub(super) enum Mean {
 
 /// A boundary with a roughness between two nodes of the tables.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cover {
+pub(super) struct RoughCover {
     curves: [&'static CoverCurve; 2],
     fraction: f32,
 }
@@ -56,7 +56,7 @@ struct Boundary {
     mean: Mean,
 }
 
-impl Cover {
+impl RoughCover {
     /// Looks up the curves of a boundary; computes them at first use.
     ///
     /// - `eta`: index of refraction of the layer over that of the outside.
@@ -176,10 +176,10 @@ impl Boundary {
 }
 
 impl Microfacets {
-    /// Returns the transmission of a rough boundary of these facets to a base; see [`Cover::new`].
-    pub(super) fn cover(&self, eta: f32, thickness: f32, mean: Mean) -> Cover {
+    /// Returns the transmission of a rough boundary of these facets to a base; see [`RoughCover::new`].
+    pub(super) fn cover(&self, eta: f32, thickness: f32, mean: Mean) -> RoughCover {
         let [x, y] = self.alpha();
-        Cover::new(self.distribution(), self.shadowing, eta, (x * y).sqrt(), thickness, mean)
+        RoughCover::new(self.distribution(), self.shadowing, eta, (x * y).sqrt(), thickness, mean)
     }
 }
 
@@ -255,8 +255,8 @@ fn gauss<const N: usize>() -> Nodes<N> {
 mod tests {
     use super::*;
 
-    fn smooth(eta: f32) -> Cover {
-        Cover::new(Distribution::Ggx, Shadowing::Correlated, eta, 0.0, 0.0, Mean::Exact)
+    fn smooth(eta: f32) -> RoughCover {
+        RoughCover::new(Distribution::Ggx, Shadowing::Correlated, eta, 0.0, 0.0, Mean::Exact)
     }
 
     #[test]
@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn a_rough_boundary_lets_through_what_a_sum_over_all_slopes_says() {
         // Over slopes of either sign, in steps of 1/200 α, for Beckmann's facets with α = 0.1.
-        let cover = Cover::new(Distribution::Beckmann, Shadowing::Separable, 1.49, 0.1, 0.0, Mean::Exact);
+        let cover = RoughCover::new(Distribution::Beckmann, Shadowing::Separable, 1.49, 0.1, 0.0, Mean::Exact);
         for (node, expected) in [(48.0, 0.954_80), (32.0, 0.913_27), (16.0, 0.749_16), (8.0, 0.569_38)] {
             assert!((cover.through(node / 63.0) - expected).abs() < 5e-4, "{node}: {}", cover.through(node / 63.0));
         }
@@ -292,7 +292,7 @@ mod tests {
         // By reciprocity, η² (1 − back) is the mean of the transmission
         for alpha in [0.0, 0.1, 0.4] {
             for distribution in [Distribution::Ggx, Distribution::Beckmann] {
-                let cover = Cover::new(distribution, Shadowing::Correlated, 1.5, alpha, 0.0, Mean::Exact);
+                let cover = RoughCover::new(distribution, Shadowing::Correlated, 1.5, alpha, 0.0, Mean::Exact);
                 let steps = 1000;
                 let cos = |i: i32| (f64::from(i) + 0.5) / f64::from(steps);
                 let mean: f64 =
@@ -307,7 +307,8 @@ mod tests {
 
     #[test]
     fn a_thick_layer_lets_less_through() {
-        let cover = |thickness| Cover::new(Distribution::Ggx, Shadowing::Correlated, 1.5, 0.2, thickness, Mean::Exact);
+        let cover =
+            |thickness| RoughCover::new(Distribution::Ggx, Shadowing::Correlated, 1.5, 0.2, thickness, Mean::Exact);
         let (thin, thick) = (cover(0.0), cover(0.5));
         assert!((thick.through(1.0) / thin.through(1.0) - (-0.5f32).exp()).abs() < 0.01);
         assert!(thick.back() < 0.5 * thin.back());

@@ -42,14 +42,14 @@ impl CoupledDiffuse {
 /// The albedo E of a dielectric over a diffuse base, including multiple scattering, as a linear function of the
 /// single-scattering albedos with F = 1 (`single`) and with F = s (`rise`).
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Cover {
+pub(super) struct CoverAlbedo {
     single: f32,
     rise: f32,
     constant: f32,
 }
 
-impl Cover {
-    /// Creates the cover; `multiple`: share of the light not reflected once that is reflected by multiple scattering.
+impl CoverAlbedo {
+    /// Creates the albedo; `multiple`: share of the light not reflected once that is reflected by multiple scattering.
     pub(super) fn new(fresnel: &DielectricFresnel, multiple: f32) -> Self {
         // Use the strongest channel for all, so that the base does not take on the complementary colour
         let f0 = fresnel.specular * fresnel.f0.max_element();

@@ -10,7 +10,7 @@ use super::{LobeFlags, TransportMode};
 
 /// The fate of light that is not reflected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Through {
+pub(super) enum TransmissionKind {
     /// Scattered diffusely or absorbed.
     Nothing,
     /// Transmitted by a thin sheet, without refraction.
@@ -34,7 +34,7 @@ pub(super) struct Interface {
     /// Fresnel term of the dielectric.
     pub(super) fresnel: DielectricFresnel,
     /// Fate of the light that is not reflected.
-    pub(super) through: Through,
+    pub(super) through: TransmissionKind,
     /// Share of the surface that transmits light, times its colour.
     pub(super) tint: Spectrum,
     /// Thin film on the boundary.
@@ -69,7 +69,7 @@ pub(super) struct BoundarySample {
 impl Interface {
     /// Returns the index of refraction on the far side over that on the near side, for the directions.
     pub(super) fn eta(&self) -> f32 {
-        if self.through == Through::Solid { self.fresnel.eta } else { 1.0 }
+        if self.through == TransmissionKind::Solid { self.fresnel.eta } else { 1.0 }
     }
 
     /// Returns the index of refraction of each channel, far side over near side (KHR_materials_dispersion).
@@ -93,7 +93,7 @@ impl Interface {
         let metal = self.metal_f0 + (Spectrum::ONE - self.metal_f0) * fresnel::schlick_weight(cos);
         let Some(film) = &self.film else { return (metal, dielectric) };
         // The film is outside: totally reflected light from within does not reach it
-        let inside = self.through == Through::Solid && self.fresnel.eta < 1.0;
+        let inside = self.through == TransmissionKind::Solid && self.fresnel.eta < 1.0;
         let eta = if inside { self.fresnel.eta } else { 1.0 };
         let cos2 = 1.0 - (1.0 - cos * cos).max(0.0) / (eta * eta);
         if cos2 <= 0.0 {
@@ -112,7 +112,7 @@ impl Interface {
     fn split(&self, cos: f32, carried: Spectrum) -> Split {
         let (metal, dielectric) = self.reflectances(cos);
         let reflected = self.metal * metal + self.dielectric * dielectric;
-        if self.through == Through::Nothing {
+        if self.through == TransmissionKind::Nothing {
             return Split { reflected, transmitted: Spectrum::ZERO, reflection: 1.0 };
         }
         let passed = if self.is_dispersive() {
@@ -159,12 +159,12 @@ impl Interface {
         }
         match (wi.z > 0.0, self.through) {
             (true, _) => self.mirrored(wo, wi, carried, |split| (split.reflected, split.reflection)),
-            (false, Through::Nothing) => (Spectrum::ZERO, 0.0),
-            (false, Through::Thin) => {
+            (false, TransmissionKind::Nothing) => (Spectrum::ZERO, 0.0),
+            (false, TransmissionKind::Thin) => {
                 let above = Vec3::new(wi.x, wi.y, -wi.z);
                 self.mirrored(wo, above, carried, |split| (split.transmitted, 1.0 - split.reflection))
             }
-            (false, Through::Solid) => self.refracted(wo, wi, mode, carried),
+            (false, TransmissionKind::Solid) => self.refracted(wo, wi, mode, carried),
         }
     }
 
@@ -258,9 +258,9 @@ impl Interface {
             (self.eta(), split.transmitted, 1.0)
         };
         let wi = match self.through {
-            Through::Nothing => return None,
-            Through::Thin => fresnel::reflect(wo, h) * Vec3::new(1.0, 1.0, -1.0),
-            Through::Solid => fresnel::refract(wo, h, eta)?,
+            TransmissionKind::Nothing => return None,
+            TransmissionKind::Thin => fresnel::reflect(wo, h) * Vec3::new(1.0, 1.0, -1.0),
+            TransmissionKind::Solid => fresnel::refract(wo, h, eta)?,
         };
         (wi.z < 0.0).then(|| BoundarySample {
             wi,

@@ -8,10 +8,10 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::base::{Base, Rest};
+use super::base::{LayeredBase, Rest};
 use super::coat::Coat;
 use super::fresnel::mean;
-use super::interface::{BoundarySample, Interface, Through};
+use super::interface::{BoundarySample, Interface, TransmissionKind};
 use super::sheen::Sheen;
 use super::tables::Mu;
 use super::{BsdfSample, LobeFlags, SurfaceParams, TransportMode, warp};
@@ -19,7 +19,7 @@ use super::{BsdfSample, LobeFlags, SurfaceParams, TransportMode, warp};
 /// All layers of glTF's material. The [module](super) describes the local frame and the energy balance of the layers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layered {
-    base: Base,
+    base: LayeredBase,
     /// Coat on the outside of the surface; on the far side when wo is within a solid.
     coat: Option<Coat>,
     sheen: Option<Sheen>,
@@ -64,7 +64,7 @@ const LOBES: [Lobe; 5] = [Lobe::Interface, Lobe::Cosine, Lobe::CosineThrough, Lo
 impl Layered {
     /// Builds the layers; the caller clamps `p`.
     pub(super) fn new(p: &SurfaceParams) -> Self {
-        let base = Base::new(p);
+        let base = LayeredBase::new(p);
         let coat = Coat::new(p.coat, p.coat_roughness, p.coat_normal);
         let sheen = Sheen::new(base.tables, p.sheen_color, p.sheen_roughness);
         let rough_base = !base.interface.ggx.is_smooth() && !base.interface.is_black();
@@ -107,7 +107,7 @@ impl Layered {
 
     /// Returns true if light can be transmitted to the other side.
     pub(super) fn is_transmissive(&self) -> bool {
-        self.base.interface.through != Through::Nothing || self.base.is_translucent()
+        self.base.interface.through != TransmissionKind::Nothing || self.base.is_translucent()
     }
 
     /// Returns true if any lobe is not a Dirac lobe.
@@ -123,7 +123,7 @@ impl Layered {
 
     /// Returns the profile of `wi`, which may be on either side.
     fn on_side_of(&self, wi: Vec3) -> Profile {
-        let crosses = wi.z < 0.0 && self.base.interface.through == Through::Solid;
+        let crosses = wi.z < 0.0 && self.base.interface.through == TransmissionKind::Solid;
         let inside = self.base.inside != crosses;
         let mu = Mu::new(wi.z.abs());
         self.profile(wi, self.base.rest(mu, inside), inside)

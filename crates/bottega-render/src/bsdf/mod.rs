@@ -58,7 +58,7 @@ pub use scattering::{Bsdf, BsdfAt};
 pub(crate) use surface::anisotropy_at;
 pub use surface::{SurfacePoint, scattering};
 
-pub use crate::mapping::Spot;
+pub use crate::mapping::MappingPoint;
 pub use unevenness::LiftedNormal;
 
 /// The quantity that a path transports from wi to wo. The two modes differ by a factor η² in transmission, because

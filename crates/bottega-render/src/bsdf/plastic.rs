@@ -8,7 +8,7 @@ use std::f32::consts::FRAC_1_PI;
 use bottega_scene::{InnerReflection, Spectrum};
 use glam::Vec3;
 
-use super::cover::Cover;
+use super::cover::RoughCover;
 use super::fresnel::{self, mean};
 use super::microfacet::Microfacets;
 use super::scatter::{Lobes, Scatter, split};
@@ -26,15 +26,15 @@ pub(super) struct Plastic {
     specular: Spectrum,
     /// Sum of the geometric series over η².
     base: Spectrum,
-    through: Through,
+    through: BaseTransmission,
 }
 
 /// The share of the light, by cosine, that reaches the base.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Through {
+pub(super) enum BaseTransmission {
     /// A smooth boundary over a layer of this thickness, in mean free paths.
     Smooth(f32),
-    Rough(Cover),
+    Rough(RoughCover),
 }
 
 /// [`Plastic`] for one direction.
@@ -60,7 +60,7 @@ impl Plastic {
         specular: Spectrum,
         inner: InnerReflection,
         facets: Microfacets,
-        cover: Option<Cover>,
+        cover: Option<RoughCover>,
     ) -> Self {
         let back = match &cover {
             None => mean_internal_reflectance(eta),
@@ -71,18 +71,24 @@ impl Plastic {
             InnerReflection::Nonlinear => diffuse / ((Spectrum::ONE - diffuse * back) * (eta * eta)),
             InnerReflection::Lost => diffuse,
         };
-        Self { eta, facets, specular, base, through: cover.map_or(Through::Smooth(0.0), Through::Rough) }
+        Self {
+            eta,
+            facets,
+            specular,
+            base,
+            through: cover.map_or(BaseTransmission::Smooth(0.0), BaseTransmission::Rough),
+        }
     }
 
     /// Creates the BSDF from its parts: `base` is the sum of the series over η².
-    pub(super) fn from_series(eta: f32, base: Spectrum, facets: Microfacets, through: Through) -> Self {
+    pub(super) fn from_series(eta: f32, base: Spectrum, facets: Microfacets, through: BaseTransmission) -> Self {
         Self { eta, facets, specular: Spectrum::ONE, base, through }
     }
 
     fn through(&self, cos: f32) -> f32 {
         match &self.through {
-            Through::Smooth(thickness) => through_smooth(self.eta, *thickness, cos),
-            Through::Rough(cover) => cover.through(cos),
+            BaseTransmission::Smooth(thickness) => through_smooth(self.eta, *thickness, cos),
+            BaseTransmission::Rough(cover) => cover.through(cos),
         }
     }
 

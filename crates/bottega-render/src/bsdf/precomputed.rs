@@ -2,7 +2,7 @@
 
 use bottega_scene::{Distribution, Shadowing};
 
-use super::cover::{self, Cover, Mean};
+use super::cover::{self, Mean, RoughCover};
 use super::tables::{self, Tables};
 
 /// Number of values of an albedo curve: by cosine (nodes uniform in its root), the mean over the cosine-weighted
@@ -41,7 +41,7 @@ impl CoverBoundary {
     /// Returns the curves of the node at or below a roughness `alpha`, and of the next one.
     pub fn curves(&self, alpha: f32) -> [[f32; COVER_CURVE]; 2] {
         let mean = if self.is_plastic { Mean::Nodes } else { Mean::Exact };
-        Cover::new(self.distribution, self.shadowing, self.eta, alpha, self.thickness, mean).curves()
+        RoughCover::new(self.distribution, self.shadowing, self.eta, alpha, self.thickness, mean).curves()
     }
 }
 

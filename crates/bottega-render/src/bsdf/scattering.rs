@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::coated::Stack;
 use super::conductor::Conductor;
 use super::dielectric::Dielectric;
-use super::interface::{Interface, Through};
+use super::interface::{Interface, TransmissionKind};
 use super::layered::{Layered, LayeredAt};
 use super::matte::{RoughMatte, Translucent};
 use super::plastic::Plastic;
@@ -221,7 +221,7 @@ impl Bsdf {
     pub fn is_transmissive(&self) -> bool {
         match &self.kind {
             BsdfKind::Lambert(_) | BsdfKind::Black => false,
-            BsdfKind::Smooth(boundary) => boundary.through != Through::Nothing,
+            BsdfKind::Smooth(boundary) => boundary.through != TransmissionKind::Nothing,
             BsdfKind::Layered(layers) => layers.is_transmissive(),
             BsdfKind::Other(other) => other.lobes().is_transmissive,
         }

@@ -7,7 +7,7 @@ use bottega_scene::{
 };
 use glam::{Vec2, Vec3, Vec4};
 
-use super::coated::{Base, ClearLayer, Stack, matte_coated};
+use super::coated::{ClearLayer, Stack, StackBase, matte_coated};
 use super::conductor::Conductor;
 use super::cover::Mean;
 use super::dielectric::Dielectric;
@@ -18,7 +18,7 @@ use super::principled::{Principled, PrincipledParams, PrincipledSheet};
 use super::scatter::split;
 use super::scattering::Other;
 use super::{Bsdf, LiftedNormal, SurfaceParams};
-use crate::mapping::{Spot, TexturePlace};
+use crate::mapping::{MappingPoint, TexturePlace};
 
 /// A point on a surface with the inputs that the evaluation of a material needs.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +26,7 @@ pub struct SurfacePoint {
     /// Both sets of texture coordinates of the surface.
     pub uvs: [Vec2; 2],
     /// Position of the point, for textures that are mapped by position.
-    pub spot: Spot,
+    pub mapping_point: MappingPoint,
     /// Width of texture lookups in texture coordinates; 0: unfiltered.
     pub footprint: f32,
     /// Vertex colour, which multiplies the base colour; white for a mesh without vertex colours.
@@ -46,7 +46,7 @@ impl SurfacePoint {
     pub fn plain(front: bool) -> Self {
         Self {
             uvs: [Vec2::ZERO; 2],
-            spot: Spot::default(),
+            mapping_point: MappingPoint::default(),
             footprint: 0.0,
             vertex_color: Vec4::ONE,
             front,
@@ -57,7 +57,7 @@ impl SurfacePoint {
     }
 
     fn place(&self) -> TexturePlace {
-        TexturePlace { uvs: self.uvs, spot: self.spot }
+        TexturePlace { uvs: self.uvs, mapping_point: self.mapping_point }
     }
 
     fn color(&self, scene: &Scene, param: &ColorParam) -> Spectrum {
@@ -203,13 +203,13 @@ fn of_coated(scene: &Scene, coated: &Coated, point: &SurfacePoint) -> Other {
                 let cover = facets.cover(eta, layer.thickness, Mean::Exact);
                 Other::Plastic(matte_coated(eta, color, facets, &layer, cover))
             } else {
-                Other::Stack(Stack::new(eta, facets, layer, Base::Matte(color)))
+                Other::Stack(Stack::new(eta, facets, layer, StackBase::Matte(color)))
             }
         }
         CoatedBase::Conductor(conductor) => {
             let base = match of_conductor(scene, conductor, point, eta) {
-                Some(metal) => Base::Metal(metal),
-                None => Base::Matte(Spectrum::ZERO),
+                Some(metal) => StackBase::Metal(metal),
+                None => StackBase::Matte(Spectrum::ZERO),
             };
             Other::Stack(Stack::new(eta, facets, layer, base))
         }

@@ -2,10 +2,12 @@
 
 use super::Words;
 use crate::{
-    PreparedScene, RenderError, View,
     camera::CameraRays,
+    error::RenderError,
     filter::{Filter, FilterSampler},
+    prepare::PreparedScene,
     sampler,
+    settings::View,
 };
 
 /// Camera and filter of a picture as 32-bit words: a [`PictureRecord`](super::PictureRecord), then the quantiles of the

@@ -49,7 +49,7 @@ pub(super) struct Vertex {
     /// Number of vertices from here to the end of the path, including this one.
     pub(super) work: f32,
     /// The light that was sampled here; `None`: none was.
-    pub(super) asked: Option<RequestedLight>,
+    pub(super) light_sample: Option<RequestedLight>,
 }
 
 /// A direction taken.
@@ -123,9 +123,9 @@ pub(super) fn learn(vertices: &[Vertex], lights: Option<&Lights>) -> Guide {
     };
     let agent = |places: &[VertexPlace]| {
         let all = || places.iter().map(|place| &vertices[place.vertex as usize]);
-        let asked: Vec<RequestedLight> = all().filter_map(|vertex| vertex.asked).collect();
+        let light_samples: Vec<RequestedLight> = all().filter_map(|vertex| vertex.light_sample).collect();
         let left = all().map(|vertex| DepartingLight { brightness: vertex.brightness, work: vertex.work });
-        RegionAgent::new(left, lights?.learn(&asked))
+        RegionAgent::new(left, lights?.learn(&light_samples))
     };
     Guide::new(lattice, grown.into_par_iter().map(|grown| grown.filled(sample, agent)).collect())
 }
@@ -356,7 +356,7 @@ pub(super) mod tests {
                     taken: None,
                     brightness: 0.0,
                     work: 1.0,
-                    asked: None,
+                    light_sample: None,
                 };
                 Vertex { emitted, taken, ..dark }
             })

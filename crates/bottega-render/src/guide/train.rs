@@ -11,8 +11,8 @@ use super::expected::PictureParts;
 use super::learn::{DirectionSample, Vertex, learn};
 use super::tree::{Guide, face_of};
 use crate::{
+    color::luminance,
     lights::{Lights, RequestedLight},
-    luminance,
 };
 
 /// Greatest number of vertices per path that are learned from.
@@ -38,7 +38,7 @@ struct TrailStep {
     /// Direction taken; `None`: the path ended here.
     went: Option<ScatterChoice>,
     /// The light that was sampled here.
-    asked: Option<RequestedLight>,
+    light_sample: Option<RequestedLight>,
 }
 
 /// The direction that a path took at a vertex.
@@ -53,21 +53,21 @@ struct ScatterChoice {
 
 impl Trail {
     /// Records a vertex, with the throughput and the gathered radiance on arrival.
-    pub(crate) fn come(&mut self, p: Vec3, normal: Vec3, throughput: Spectrum, radiance: Spectrum) {
+    pub(crate) fn record_vertex(&mut self, p: Vec3, normal: Vec3, throughput: Spectrum, radiance: Spectrum) {
         if self.steps.len() < VERTICES_MAX {
-            self.steps.push(TrailStep { p, normal, throughput, radiance, went: None, asked: None });
+            self.steps.push(TrailStep { p, normal, throughput, radiance, went: None, light_sample: None });
         }
     }
 
     /// Records the first light sample at the last vertex.
-    pub(crate) fn ask(&mut self, asked: RequestedLight) {
+    pub(crate) fn record_light(&mut self, light_sample: RequestedLight) {
         if let Some(step) = self.steps.last_mut() {
-            step.asked.get_or_insert(asked);
+            step.light_sample.get_or_insert(light_sample);
         }
     }
 
     /// Records the direction from the last vertex, with its densities and the radiance gathered so far.
-    pub(crate) fn go(&mut self, wi: Vec3, bsdf_pdf: f32, pdf: f32, radiance: Spectrum) {
+    pub(crate) fn record_direction(&mut self, wi: Vec3, bsdf_pdf: f32, pdf: f32, radiance: Spectrum) {
         if let Some(step) = self.steps.last_mut()
             && step.went.is_none()
         {
@@ -98,7 +98,7 @@ impl Trail {
                     ((radiance - step.radiance) / step.throughput.max(Spectrum::splat(1e-9))).max_element(),
                 ),
                 work: (self.steps.len() - index) as f32,
-                asked: step.asked.filter(|asked| asked.found.is_finite()),
+                light_sample: step.light_sample.filter(|light_sample| light_sample.found.is_finite()),
             });
         }
         self.steps.clear();

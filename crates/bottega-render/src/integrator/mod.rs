@@ -11,7 +11,7 @@ mod wave;
 
 pub use path::{PathIntegrator, learn_together};
 pub use photon::PhotonIntegrator;
-pub(crate) use photon::{Hands, SensorPlace, sensing_settings};
+pub(crate) use photon::{GatherBuffers, SensorPlace, sensing_settings};
 pub(crate) use record::{PathRecord, Wanted};
 pub(crate) use transport::shadow_ray;
 pub use transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
@@ -20,7 +20,12 @@ pub use wave::{Wave, WaveAnswers};
 
 use bottega_kernels::compiled;
 
-use crate::{PathSettings, PreparedScene, Prepass, RenderError, View};
+use crate::{
+    error::RenderError,
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{PathSettings, View},
+};
 
 /// The integrator that the settings ask for.
 pub(crate) enum Integrator<'a> {

@@ -23,11 +23,12 @@ use crate::{
     bsdf::Bsdf,
     camera::CameraRay,
     guide::{Guide, Trail},
-    interaction::{Interaction, SurfaceQuery, is_there, shines},
+    interaction::Interaction,
     lights::Receiver,
     sampler::{DimensionSet, PixelSampler, Quad},
-    shading::{BLEND, DEPTH_SHIFT, bsdf_at, exp},
+    segment::SegmentRays,
     surfaces::PreparedMaterial,
+    vertex::{SurfaceVertex, attenuate, bsdf_at_vertex, receiver_at},
 };
 use guidance::{Guidance, NO_LEAF};
 pub use learn::learn_together;
@@ -137,8 +138,8 @@ impl Path<'_> {
             return false;
         }
         // Evaluate the BSDF's parameters
-        let mut place = None;
-        let bsdf = self.bsdf(&point, known, &mut place);
+        let mut storage = None;
+        let bsdf = self.bsdf(&point, known, &mut storage);
         let wo = point.to_local(point.wo);
         let is_delta_only = bsdf.is_delta_only();
         // Record the albedo of the first surface that is not a perfect mirror
@@ -157,12 +158,11 @@ impl Path<'_> {
             return false;
         }
         // Sample direct illumination and the next direction, once per branch
-        let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
-        let receiver = Receiver { p: point.p_outside, n };
-        let bsdf = &bsdf.at_carrying(wo, self.throughput);
-        let vertex = PathVertex { point: &point, receiver, bsdf, is_delta_only, guidance };
+        let (receiver, bsdf) = (receiver_at(&point, known), &bsdf.at_carrying(wo, self.throughput));
+        let surface = SurfaceVertex { point: &point, bsdf, receiver, wo };
+        let vertex = PathVertex { surface, is_delta_only, guidance };
         if !is_delta_only && let Some(trail) = &mut self.trail {
-            trail.come(point.p, point.frame[2], self.throughput, self.radiance);
+            trail.record_vertex(point.p, point.frame[2], self.throughput, self.radiance);
         }
         self.leave::<AGENTS, DEFERS>(&vertex, [u_light, u_scattering], count, branches, deferred)
     }
@@ -172,9 +172,7 @@ impl Path<'_> {
     #[inline(always)]
     fn arrive(&mut self, hit: &Hit) -> Interaction {
         self.record.vertex_count += 1;
-        if self.absorption != Spectrum::ZERO {
-            self.throughput *= exp(-self.absorption * hit.t);
-        }
+        attenuate(&mut self.throughput, self.absorption, hit.t);
         self.cone = self.cone.at(hit.t);
         let point = Interaction::new(self.integrator.prepared, hit, self.origin, self.direction, self.cone);
         if self.depth == 0 {
@@ -199,14 +197,13 @@ impl Path<'_> {
         }
     }
 
-    /// Returns the BSDF at a point: a shared constant one, or one evaluated from textures and stored in `place`.
+    /// Returns the BSDF at a point: a shared constant one, or one evaluated from textures and stored in `storage`.
     #[inline(always)]
-    fn bsdf<'b>(&mut self, point: &Interaction, known: &PreparedMaterial, place: &'b mut Option<Bsdf>) -> &'b Bsdf
+    fn bsdf<'b>(&mut self, point: &Interaction, known: &PreparedMaterial, storage: &'b mut Option<Bsdf>) -> &'b Bsdf
     where
         Self: 'b,
     {
-        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << DEPTH_SHIFT ^ u64::from(point.material));
-        let bsdf = bsdf_at(self.integrator.prepared, point, chance, place);
+        let bsdf = bsdf_at_vertex(self.integrator.prepared, point, &self.sampler, self.depth, storage);
         if self.integrator.wanted.cost {
             self.record.counts.meet(bsdf, known);
         }
@@ -277,24 +274,18 @@ impl Path<'_> {
             }
         }
         // Filter hits on emitters hidden from the camera and on transparent parts of surfaces
+        let rays = self.rays();
         if self.depth == 0 && self.integrator.hides_emitters {
-            let is_seen = |hit: &Hit| !shines(prepared, hit) && self.is_there(&ray, hit, SurfaceQuery::Path);
-            prepared.accel().intersect_filtered(&ray, is_seen)
-        } else if prepared.has_opacity() {
-            prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Path))
+            rays.intersect_unlit(&ray)
         } else {
-            prepared.accel().intersect(&ray)
+            rays.intersect(&ray)
         }
     }
 
-    /// Returns `true` if a candidate hit counts, by opacity and visibility. The result depends only on the path's
-    /// segment and the surface, so one ray may test its candidates in any order and more than once.
+    /// Returns the rays that leave the path's current vertex.
     #[inline(always)]
-    fn is_there(&self, ray: &Ray, hit: &Hit, asks: SurfaceQuery) -> bool {
-        let asks = asks.of_vertex(self.depth);
-        is_there(self.integrator.prepared, ray, hit, asks, |surface| {
-            self.sampler.hashed(surface ^ u64::from(self.depth) << DEPTH_SHIFT)
-        })
+    fn rays(&self) -> SegmentRays<'_> {
+        SegmentRays::of_path(self.integrator.prepared, &self.sampler, self.depth)
     }
 
     /// Traces a shadow ray. Returns `true` if something opaque is hit.
@@ -309,11 +300,7 @@ impl Path<'_> {
             return occluded;
         }
         self.record.values.cost += SHADOW_STEPS;
-        if prepared.has_opacity() {
-            prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, SurfaceQuery::Shadow))
-        } else {
-            prepared.accel().occluded(ray)
-        }
+        self.rays().is_occluded(ray)
     }
 
     /// Returns the record of a path that has ended.

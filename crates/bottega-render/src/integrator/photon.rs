@@ -13,7 +13,7 @@
 //! Sources: Jensen 1996, *Global Illumination using Photon Maps*; Christensen 1999, *Faster Photon Map Global
 //! Illumination*.
 
-mod eye;
+mod gather;
 mod paint;
 mod place;
 mod sense;
@@ -24,10 +24,13 @@ use bottega_scene::MediumId;
 
 use super::{path::PathIntegrator, record::Wanted};
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, View,
+    error::RenderError,
     photon::{Passes, cache::IrradianceCache},
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{PathSettings, PhotonSettings, View},
 };
-pub(crate) use eye::Hands;
+pub(crate) use gather::GatherBuffers;
 pub(crate) use sense::{SensorPlace, sensing_settings};
 
 /// Greatest total size of the maps of a progressive picture, in bytes. Samples beyond the affordable number of passes

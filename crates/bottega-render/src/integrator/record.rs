@@ -4,7 +4,7 @@ use bottega_image::SampleValues;
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use crate::{bsdf::Bsdf, luminance, surfaces::PreparedMaterial};
+use crate::{bsdf::Bsdf, color::luminance, surfaces::PreparedMaterial};
 
 /// Optional values of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,7 +75,7 @@ impl PathRecord {
 
     /// Stores the radiance of a path that has ended; drops it if it is not finite.
     ///
-    /// - `most`: greatest channel; see [`PathSettings::sample_max`](crate::PathSettings::sample_max).
+    /// - `most`: greatest channel; see [`PathSettings::sample_max`](crate::settings::PathSettings::sample_max).
     #[inline(always)]
     pub(super) fn keep(&mut self, radiance: Spectrum, most: f32) {
         self.is_dropped = !radiance.is_finite();

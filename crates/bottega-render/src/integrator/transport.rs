@@ -1,11 +1,13 @@
-//! Terms that all integrators share: MIS weights, Russian roulette, shadow rays.
+//! Terms that all integrators share: MIS weights, Russian roulette, shadow rays, ray cones.
 
 use bottega_kernels::Ray;
 use bottega_scene::Spectrum;
 
 use crate::{
+    camera::RayCone,
     interaction::{Interaction, emitted, emitted_by_sphere},
     lights::LightSample,
+    settings::DirectLight,
     surfaces::Surfaces,
 };
 
@@ -59,13 +61,44 @@ pub(crate) fn shadow_ray(point: &Interaction, light: &LightSample) -> Ray {
     Ray { origin, t_min: 0.0, direction: target - origin, t_max: 1.0 - SHADOW_MARGIN }
 }
 
-/// Returns the MIS weight of the strategy with density `chosen` against one with density `other` (Veach 1997, eq. 9.13,
-/// β = 2).
+/// Returns the MIS weight of the strategy with density `chosen` against those with densities `others` (Veach 1997,
+/// eq. 9.13, β = 2).
 #[inline(always)]
-pub(in crate::integrator) fn power_heuristic(chosen: f32, other: f32) -> f32 {
-    // Use the ratio: squares of large densities overflow
-    let ratio = other / chosen;
-    1.0 / (1.0 + ratio * ratio)
+pub(in crate::integrator) fn power_heuristic<const N: usize>(chosen: f32, others: [f32; N]) -> f32 {
+    // Use the ratios: squares of large densities overflow
+    let mut sum = 1.0;
+    for other in others {
+        let ratio = other / chosen;
+        sum += ratio * ratio;
+    }
+    1.0 / sum
+}
+
+/// Returns the MIS weight of an emitter that a path hit.
+///
+/// - `strategy`: the picture's strategy for direct light.
+/// - `pdf`: density of the path's direction, in sr⁻¹; `None`: no other strategy finds the light.
+/// - `light_pdfs`: returns the densities with which the other strategies find it; called only if they count.
+#[inline(always)]
+pub(in crate::integrator) fn weight_of_hit<const N: usize>(
+    strategy: DirectLight,
+    pdf: Option<f32>,
+    light_pdfs: impl FnOnce() -> [f32; N],
+) -> f32 {
+    let Some(pdf) = pdf else { return 1.0 };
+    match strategy {
+        DirectLight::LightSampling => 0.0,
+        DirectLight::BsdfSampling => 1.0,
+        DirectLight::Combined => power_heuristic(pdf, light_pdfs()),
+    }
+}
+
+/// Widens a ray cone by the spread of the lobe that its direction was drawn from.
+///
+/// - `pdf`: density of the direction, in sr⁻¹; infinite for specular lobes, which keep the cone.
+#[inline(always)]
+pub(in crate::integrator) fn widen(cone: &mut RayCone, pdf: f32) {
+    cone.spread = cone.spread.max(SCATTERED_SPREAD / pdf.sqrt());
 }
 
 #[cfg(test)]
@@ -75,8 +108,8 @@ mod tests {
     #[test]
     fn weights_of_two_strategies_add_up_to_one() {
         for (a, b) in [(1.0, 2.0), (1e30, 1e-3), (1e-20, 1e20), (3.0, 0.0)] {
-            assert!((power_heuristic(a, b) + power_heuristic(b, a) - 1.0).abs() < 1e-6, "{a} {b}");
+            assert!((power_heuristic(a, [b]) + power_heuristic(b, [a]) - 1.0).abs() < 1e-6, "{a} {b}");
         }
-        assert_eq!(power_heuristic(1.0, f32::INFINITY), 0.0);
+        assert_eq!(power_heuristic(1.0, [f32::INFINITY]), 0.0);
     }
 }

@@ -20,19 +20,19 @@ use glam::Vec3;
 use super::{
     path::PathIntegrator,
     record::PathRecord,
-    transport::{SCATTERED_SPREAD, survives},
+    transport::{survives, widen},
 };
 use crate::{
     bsdf::BsdfAt,
     camera::CameraRay,
-    interaction::{Interaction, SurfaceQuery},
+    interaction::Interaction,
     lights::{Receiver, Segment},
     media::{
         Filling, Homogeneous, Phase, channel_probabilities,
         varying::{CarriedLight, Line, Varying},
     },
     sampler::{DimensionSet, PixelSampler},
-    shading::{BLEND, DEPTH_SHIFT, bsdf_at},
+    vertex::{LeavingDirection, SurfaceVertex, bsdf_at_vertex, leaving_direction, receiver_at},
 };
 use passage::{BOUNDARIES_MAX, STEPS, numbers};
 use state::{MediumPath, PreviousVertex, SegmentPoint};
@@ -87,7 +87,7 @@ impl MediumPath<'_> {
         let reach = std::mem::replace(&mut self.reach, f32::INFINITY);
         let ray = Ray { t_max: reach, ..Ray::new(self.origin, self.direction) };
         // Intersect the ray with the scene
-        let hit = prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Path));
+        let hit = prepared.accel().intersect_filtered(&ray, |hit| self.meets(&ray, hit));
         self.record.values.cost += STEPS;
         self.record.counts.media += u32::from(self.medium.is_some());
         self.segment += 1;
@@ -220,12 +220,11 @@ impl MediumPath<'_> {
                 return false;
             }
         }
-        let mut place = None;
         // Evaluate the BSDF's parameters
-        let chance = || self.sampler.hashed(BLEND ^ u64::from(self.depth) << DEPTH_SHIFT ^ u64::from(point.material));
-        let bsdf = bsdf_at(prepared, point, chance, &mut place);
+        let mut storage = None;
+        let bsdf = bsdf_at_vertex(prepared, point, &self.sampler, self.depth, &mut storage);
         if self.wants_cost {
-            self.record.counts.meet(bsdf, prepared.material(point.material).1);
+            self.record.counts.meet(bsdf, known);
         }
         let wo = point.to_local(point.wo);
         // Treat panes of glass without refraction separately
@@ -240,21 +239,17 @@ impl MediumPath<'_> {
         if is_last {
             return false;
         }
-        let bsdf = bsdf.at_carrying(wo, self.throughput);
-        let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
-        let receiver = Receiver { p: point.p_outside, n };
+        let (receiver, bsdf) = (receiver_at(point, known), &bsdf.at_carrying(wo, self.throughput));
+        let vertex = SurfaceVertex { point, bsdf, receiver, wo };
+        // Sample direct illumination
         if !is_delta_only && self.samples_lights() {
-            // Sample direct illumination
-            self.add_direct_light(point, &bsdf, &receiver);
+            self.add_direct_light(&vertex);
         }
-        let u = self.sampler.quad(DimensionSet::scattering(self.depth));
         // Sample the BSDF
+        let u = self.sampler.quad(DimensionSet::scattering(self.depth));
         let Some(sample) = bsdf.sample(u[0], [u[1], u[2]]) else { return false };
-        let wi = point.to_world(sample.wi);
-        let is_reflection = point.is_reflection(wi);
-        if (sample.wi.z > 0.0) != is_reflection {
-            return false;
-        }
+        let Some(LeavingDirection { wi, is_reflection }) = leaving_direction(point, &sample) else { return false };
+        // Update throughput and medium, and move on
         self.throughput *= sample.weight();
         self.medium = self.medium_towards(point, wi);
         if !is_reflection {
@@ -270,11 +265,7 @@ impl MediumPath<'_> {
         let [u_lobe, u_roulette] =
             [0, 1].map(|number| self.sampler.hashed(PANE ^ u64::from(self.segment) << 1 ^ number));
         let Some(sample) = bsdf.sample(u_lobe, [0.5; 2]) else { return false };
-        let wi = point.to_world(sample.wi);
-        let is_reflection = point.is_reflection(wi);
-        if (sample.wi.z > 0.0) != is_reflection {
-            return false;
-        }
+        let Some(LeavingDirection { wi, is_reflection }) = leaving_direction(point, &sample) else { return false };
         self.throughput *= sample.weight();
         if !is_reflection {
             return self.pass_boundary(point);
@@ -299,7 +290,7 @@ impl MediumPath<'_> {
 
     /// Continues along `wi`, which was drawn with density `pdf`. Returns `false` when Russian roulette ends the path.
     fn go_on(&mut self, origin: Vec3, wi: Vec3, pdf: f32, u: f32) -> bool {
-        self.cone.spread = self.cone.spread.max(SCATTERED_SPREAD / pdf.sqrt());
+        widen(&mut self.cone, pdf);
         self.origin = origin;
         self.direction = wi;
         self.depth += 1;

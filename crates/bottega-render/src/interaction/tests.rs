@@ -4,7 +4,11 @@ use bottega_scene::{Instance, Layered, Mesh, ScalarParam};
 use glam::Affine3A;
 
 use super::*;
-use crate::{PrepareOptions, PreparedScene, sampler::PixelSampler, sampling::uniform_sphere};
+use crate::{
+    prepare::{PrepareOptions, PreparedScene},
+    sampler::PixelSampler,
+    sampling::uniform_sphere,
+};
 
 fn numbers(i: u32) -> impl FnMut() -> f32 {
     let sampler = PixelSampler::new(5, i, 0, 0);

@@ -25,7 +25,7 @@ const SHARES: [f32; 4] = [0.0, 0.5, 0.75, 0.9];
 /// Factor by which the mean square must fall for a choice to be used: the mixture evaluates the tree twice.
 const GAIN_MIN: f64 = 1.05;
 /// Smallest number of shadow rays from which a choice is learnt.
-const ASKED_MIN: usize = 64;
+const SAMPLES_MIN: usize = 64;
 
 /// A light sample and its visibility, from which choices learn.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,7 +71,7 @@ struct CutPart {
 #[derive(Clone, Copy, Default)]
 struct CutTally {
     /// Number of samples.
-    asked: u32,
+    samples: u32,
     /// Number of samples with an unoccluded contribution; `seen`: number of those that are visible.
     wanted: u32,
     seen: u32,
@@ -81,12 +81,12 @@ struct CutTally {
 }
 
 impl CutTally {
-    fn add(&mut self, asked: &RequestedLight, index: usize) {
-        self.asked += 1;
-        if asked.found > 0.0 {
+    fn add(&mut self, sample: &RequestedLight, index: usize) {
+        self.samples += 1;
+        if sample.found > 0.0 {
             self.wanted += 1;
-            if asked.is_seen {
-                let square = f64::from(asked.found) * f64::from(asked.found);
+            if sample.is_seen {
+                let square = f64::from(sample.found) * f64::from(sample.found);
                 self.seen += 1;
                 self.square += square;
                 self.halves[index % 2] += square;
@@ -96,7 +96,7 @@ impl CutTally {
 
     /// Returns a weight proportional to the root mean square of the part's light when it is the only one sampled.
     fn weight(&self, square: f64) -> f64 {
-        (square * f64::from(self.asked)).sqrt()
+        (square * f64::from(self.samples)).sqrt()
     }
 
     /// Returns the visible share of the light by Jeffreys' estimate, which is cautious for few samples.
@@ -107,19 +107,19 @@ impl CutTally {
 
 impl Choice {
     /// Learns from the samples of one place. `None`: they are too few.
-    fn learn(tree: &LightTree, asked: &[RequestedLight]) -> Option<Self> {
-        if asked.len() < ASKED_MIN {
+    fn learn(tree: &LightTree, samples: &[RequestedLight]) -> Option<Self> {
+        if samples.len() < SAMPLES_MIN {
             return None;
         }
         let tally = |is_of: &dyn Fn(u32) -> bool| {
             let mut tally = CutTally::default();
-            for (index, asked) in asked.iter().enumerate().filter(|(_, asked)| is_of(asked.light)) {
-                tally.add(asked, index);
+            for (index, sample) in samples.iter().enumerate().filter(|(_, sample)| is_of(sample.light)) {
+                tally.add(sample, index);
             }
             tally
         };
         let parts = cut(tree, &|first, end| tally(&|light| (first..end).contains(&light)));
-        Some(Self::from_parts(&parts, &tally(&|light| light == NO_LIGHT), asked.len()))
+        Some(Self::from_parts(&parts, &tally(&|light| light == NO_LIGHT), samples.len()))
     }
 
     fn from_parts(parts: &[CutPart], far: &CutTally, count: usize) -> Self {
@@ -133,8 +133,8 @@ impl Choice {
         let learnt = [by(&|tally| tally.halves[0]), by(&|tally| tally.halves[1])];
         let squares = |share: f32| {
             let of = |which: usize| {
-                tallies().zip(&learnt[which]).filter(|(tally, _)| tally.asked > 0).map(move |(tally, &own)| {
-                    let tree = f64::from(tally.asked) / count as f64;
+                tallies().zip(&learnt[which]).filter(|(tally, _)| tally.samples > 0).map(move |(tally, &own)| {
+                    let tree = f64::from(tally.samples) / count as f64;
                     let share = f64::from(share);
                     tally.halves[1 - which] * tree / ((1.0 - share) * tree + share * own)
                 })
@@ -252,8 +252,8 @@ fn cut(tree: &LightTree, tally: &impl Fn(u32, u32) -> CutTally) -> Vec<CutPart> 
 
 impl Lights {
     /// Learns from the samples of one place. `None`: they are too few.
-    pub(crate) fn learn(&self, asked: &[RequestedLight]) -> Option<Choice> {
-        Choice::learn(&self.tree, asked)
+    pub(crate) fn learn(&self, samples: &[RequestedLight]) -> Option<Choice> {
+        Choice::learn(&self.tree, samples)
     }
 
     /// Returns the probability of sampling lights at infinity by the mixture.

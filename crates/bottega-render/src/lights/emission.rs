@@ -18,7 +18,7 @@ use bottega_scene::{Environment, Light as SceneLight, LightKind, Portal, Spectru
 use glam::{Vec2, Vec3};
 
 use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual};
-use crate::{extent::Extent, luminance, prepare::PreparedScene, sampler::Quad, sampling::uniform_sphere};
+use crate::{color::luminance, extent::Extent, prepare::PreparedScene, sampler::Quad, sampling::uniform_sphere};
 use place::{Spread, Start};
 use plan::{AIMED, FIRST, STEP};
 pub(crate) use plan::{Aim, EmissionPlan};

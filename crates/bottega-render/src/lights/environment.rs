@@ -15,8 +15,8 @@ use glam::{Mat3, Vec2, Vec3};
 use super::distribution::{Bilinear, Cells};
 use super::portal::Portals;
 use crate::{
+    color::luminance,
     flat::{EnvironmentRecord, NONE, Record as _, TableRecord, Words, code, place_of},
-    luminance,
     sampler::Quad,
     sampling::uniform_sphere,
 };

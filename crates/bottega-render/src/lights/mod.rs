@@ -29,7 +29,7 @@ use glam::Vec3;
 
 use crate::{
     bsdf::warp::ONE_MINUS_EPSILON,
-    luminance,
+    color::luminance,
     sampler::Quad,
     surfaces::{PreparedInstance, PreparedMaterial, Surfaces},
 };

@@ -8,7 +8,7 @@ use bottega_scene::{Portal, Spectrum};
 use glam::{Mat3, Vec3};
 
 use super::window::{UnitWindow, WindowTable};
-use crate::{luminance, sampler::Quad};
+use crate::{color::luminance, sampler::Quad};
 
 /// Largest number of cells per side of the table, which covers directions within half a turn in both angles.
 const SIDE_MAX: usize = 1024;

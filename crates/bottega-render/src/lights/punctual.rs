@@ -18,7 +18,7 @@ use super::{
     bounds::{Cone, LightBounds},
     environment::{direction_of_square, square_of},
 };
-use crate::{luminance, sampling::around};
+use crate::{color::luminance, sampling::around};
 
 /// Returns the bounds of the light, for the light tree; `None` for a parallel light.
 pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {

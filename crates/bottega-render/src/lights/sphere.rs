@@ -11,8 +11,8 @@ use glam::Vec3;
 
 use super::{LightSample, NO_LIGHT, bounds::LightBounds};
 use crate::{
+    color::luminance,
     interaction::{emitted_by_sphere, opacity_of_sphere},
-    luminance,
     sampling::{orthonormal_basis, uniform_sphere},
 };
 

@@ -18,9 +18,9 @@ use super::{
     triangle::SphericalTriangle,
 };
 use crate::{
+    color::luminance,
     flat::{SurfaceLightRecord, code},
     interaction::{emitted, opacity_at},
-    luminance,
     sampling::uniform_triangle,
     surfaces::Surfaces,
 };

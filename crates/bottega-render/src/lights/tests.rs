@@ -7,7 +7,11 @@ use bottega_scene::{Environment, Image, ImageId, Light as SceneLight, Material, 
 use glam::Vec2;
 
 use super::*;
-use crate::{PrepareOptions, PreparedScene, sampler::PixelSampler, sampling::uniform_sphere};
+use crate::{
+    prepare::{PrepareOptions, PreparedScene},
+    sampler::PixelSampler,
+    sampling::uniform_sphere,
+};
 
 /// Pseudo-random numbers.
 fn numbers(key: u32) -> impl FnMut() -> f32 {
@@ -186,7 +190,7 @@ fn all_lights_are_chosen_as_often_as_stated() {
 }
 
 #[test]
-fn who_runs_into_a_light_is_told_the_density_of_its_sample() {
+fn a_path_that_hits_a_light_gets_the_density_of_its_sample() {
     let prepared = prepare(of_all_kinds(120));
     let lights = prepared.lights();
     let (mut met, mut same) = (0, 0);
@@ -218,9 +222,9 @@ fn two_triangles_that_make_a_rectangle_are_one_light() {
     add(&mut scene, rectangle(Vec3::new(1.0, 2.0, 3.0), Vec3::X * 2.0, Vec3::Z), Material::lamp(Vec3::ONE));
     // Almost a right angle, and two oblique triangles that share an edge
     add(&mut scene, rectangle(Vec3::ZERO, Vec3::X, Vec3::new(0.1, 1.0, 0.0)), Material::lamp(Vec3::ONE));
-    let mut leaning = rectangle(Vec3::ZERO, Vec3::X, Vec3::Y);
-    leaning.positions[3].z = 0.2;
-    add(&mut scene, leaning, Material::lamp(Vec3::ONE));
+    let mut tilted = rectangle(Vec3::ZERO, Vec3::X, Vec3::Y);
+    tilted.positions[3].z = 0.2;
+    add(&mut scene, tilted, Material::lamp(Vec3::ONE));
     let prepared = prepare(scene);
     assert_eq!(prepared.lights().lights.len(), 1 + 2 + 2);
 }
@@ -322,7 +326,7 @@ fn is_seen(light: u32) -> bool {
 }
 
 /// Returns light samples of a place from which some lights are visible.
-fn asked(prepared: &PreparedScene, receiver: &Receiver, count: u32) -> Vec<RequestedLight> {
+fn requested(prepared: &PreparedScene, receiver: &Receiver, count: u32) -> Vec<RequestedLight> {
     let one = |i: u32| {
         let mut next = numbers(20_000 + i);
         let sample = prepared.lights().sample(prepared, receiver, [next(), next(), next(), next()])?;
@@ -341,7 +345,7 @@ fn a_choice_that_was_learnt_draws_as_often_as_stated_and_finds_what_is_seen() {
     let count = lights.lights.len() as u32;
     let (mut learnt, mut by_choice, mut by_tree) = (0, 0.0, 0.0);
     for receiver in receivers() {
-        let Some(choice) = lights.learn(&asked(&prepared, &receiver, 2000)) else { continue };
+        let Some(choice) = lights.learn(&requested(&prepared, &receiver, 2000)) else { continue };
         assert_eq!(Choice::from_numbers(&choice.to_numbers()), Some(choice));
         learnt += 1;
         // Each light is drawn with its stated probability, light from infinity with the remaining one

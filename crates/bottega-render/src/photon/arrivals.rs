@@ -62,12 +62,12 @@ impl Arrivals {
     /// - `indirect`: photons that have scattered.
     pub(super) fn new(indirect: &PhotonMap, estimator: &Estimator) -> Self {
         let count = (indirect.len() as u32).div_ceil(STEP);
-        let told = |found: &mut Nearest, number: u32| {
+        let distribution = |found: &mut Nearest, number: u32| {
             let photon = indirect.photon(number * STEP);
             let n = photon.mark().normal();
             light_of_cells(indirect, photon.p, n, estimator.reach_at(photon.p), found).map(|light| (photon, light))
         };
-        let found = (0..count).into_par_iter().map_init(|| Nearest::new(GATHERED), told);
+        let found = (0..count).into_par_iter().map_init(|| Nearest::new(GATHERED), distribution);
         let found: Vec<_> = found.collect::<Vec<_>>().into_iter().flatten().collect();
         let uneven: f32 = found.iter().map(|(_, light)| unevenness(light)).sum();
         if uneven < UNEVEN * found.len() as f32 {
@@ -239,10 +239,10 @@ mod tests {
 
     use super::*;
     use crate::{
-        PhotonSettings,
         bsdf::warp::{cosine_hemisphere, uniform_hemisphere},
         extent::Extent,
         photon::Photon,
+        settings::PhotonSettings,
     };
 
     fn estimator() -> Estimator {
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_to_others_is_the_same() {
+    fn shared_distributions_are_the_same() {
         let arrivals = lit_from_a_side();
         let mut to = Writer::default();
         arrivals.write(&mut to);

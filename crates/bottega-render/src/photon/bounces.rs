@@ -90,12 +90,12 @@ impl IrradiancePlaces {
     /// - `irradiance`: by number of bounces.
     pub(crate) fn push(&mut self, place: Photon, irradiance: &ByBounces) {
         let count = irradiance.iter().rposition(|part| *part != Spectrum::ZERO).map_or(0, |last| last + 1);
-        let is_told = self.lists.len() + count < NUMBERS_MAX;
-        let label = if is_told { (self.lists.len() as u32) << COUNT_BITS | count as u32 } else { 0 };
+        let has_room = self.lists.len() + count < NUMBERS_MAX;
+        let label = if has_room { (self.lists.len() as u32) << COUNT_BITS | count as u32 } else { 0 };
         let mut sum = Spectrum::ZERO;
         for (part, i) in irradiance[..count].iter().zip(1..) {
             sum += *part;
-            if i < count && is_told {
+            if i < count && has_room {
                 self.lists.push(shared_exponent(sum));
             }
         }
@@ -195,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn irradiance_is_told_apart_by_bounces() {
+    fn irradiance_is_kept_apart_by_bounces() {
         let light = |parts: &[(usize, f32)]| {
             let mut all = [Spectrum::ZERO; BOUNCES_KEPT];
             parts.iter().for_each(|&(bounces, value)| all[bounces] = Spectrum::splat(value));

@@ -16,7 +16,7 @@ use super::{
     bytes::{Reader, Writer},
     record::Photon,
 };
-use crate::luminance;
+use crate::color::luminance;
 use record::{EFFORT_MAX, Reach};
 pub(crate) use record::{IrradianceRecord, Measurement, RAYS, direction};
 use surroundings::Speakers;
@@ -143,17 +143,17 @@ impl IrradianceCache {
             }
             record.around.is_some()
         })?;
-        Some((estimate, speakers.told(estimate.irradiance)))
+        Some((estimate, speakers.finish(estimate.irradiance)))
     }
 
-    /// Interpolates between the records for which `is_asked` returns `true`, given each record and its weight.
+    /// Interpolates between the records for which `counts` returns `true`, given each record and its weight.
     #[inline(always)]
     fn estimate_by<'a>(
         &'a self,
         p: Vec3,
         n: Vec3,
         bounces: u32,
-        mut is_asked: impl FnMut(&'a IrradianceRecord, f32) -> bool,
+        mut counts: impl FnMut(&'a IrradianceRecord, f32) -> bool,
     ) -> Option<Estimate> {
         let (mut sum, mut weights, mut squares) = (Spectrum::ZERO, 0.0, 0.0);
         let (mut weights_squared, mut noise, mut presence) = (0.0, 0.0, 0.0);
@@ -161,7 +161,7 @@ impl IrradianceCache {
             // Smoother than Ward's weight, which peaks at every record
             let nearness = record.nearness(p, n, self.tolerance);
             let weight = nearness * nearness * record.effort as f32;
-            if weight > 0.0 && is_asked(record, weight) {
+            if weight > 0.0 && counts(record, weight) {
                 let value = record.at(p, n) * record.share(bounces);
                 sum += value * weight;
                 squares += luminance(value) * luminance(value) * weight;
@@ -437,9 +437,9 @@ mod tests {
         // The byte form keeps the walls.
         let mut to = Writer::default();
         cache.write(&mut to);
-        let told = IrradianceCache::read(0.3, &mut Reader(&to.0)).unwrap();
-        assert!(told.estimate(Vec3::X * 0.45, Vec3::Y, u32::MAX).is_none());
-        assert!(told.estimate(Vec3::X * 0.35, Vec3::Y, u32::MAX).is_some());
+        let read_back = IrradianceCache::read(0.3, &mut Reader(&to.0)).unwrap();
+        assert!(read_back.estimate(Vec3::X * 0.45, Vec3::Y, u32::MAX).is_none());
+        assert!(read_back.estimate(Vec3::X * 0.35, Vec3::Y, u32::MAX).is_some());
     }
 
     #[test]
@@ -483,9 +483,9 @@ mod tests {
             for i in 0..4000 {
                 let p = Vec3::new(2.4 * part(i, 23) - 1.2, 0.3 * part(i, 37) - 0.15, 2.4 * part(i, 41) - 1.2);
                 let found = [&cache, &settled].map(|it| it.estimate(p, turned(i + 5), u32::MAX));
-                let told = found.map(|it| it.map(|it| (it.irradiance, it.error, it.count, it.presence)));
-                assert_eq!(told[0], told[1], "{p}");
-                known += u32::from(told[0].is_some());
+                let estimates = found.map(|it| it.map(|it| (it.irradiance, it.error, it.count, it.presence)));
+                assert_eq!(estimates[0], estimates[1], "{p}");
+                known += u32::from(estimates[0].is_some());
             }
             assert!(known > 20, "{known} places are known at {tolerance}");
         }

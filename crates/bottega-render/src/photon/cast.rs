@@ -12,11 +12,15 @@ use super::{
     units::{IrradianceWork, PhotonWork},
 };
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, Prepass, RenderError, RenderOutput, RenderWork, View,
     ala::cast_agents,
+    error::RenderError,
     integrator::PhotonIntegrator,
     parts::parts,
-    sharing::{Hands, Sharing},
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{PathSettings, PhotonSettings, View},
+    sharing::{Executors, Sharing},
+    work::{RenderOutput, RenderWork},
 };
 
 /// Photons per unit of work: some milliseconds.
@@ -39,17 +43,17 @@ pub fn cast_photons(
     others: Option<&dyn Sharing>,
 ) -> Result<(), RenderError> {
     let Some(photons) = settings.photons else { return Ok(()) };
-    let hands = Hands::new(client, others);
+    let executors = Executors::new(client, others);
     let integrator = PhotonIntegrator::new(scene, prepass, view, settings, photons)?;
     if photons.progressive {
         return Ok(());
     }
     let passes = prepass.passes(scene, view, photons, settings.seed, 1);
     if !passes.is_made() {
-        passes.put(maps(scene, prepass, view, photons, settings.seed, &hands)?);
+        passes.put(maps(scene, prepass, view, photons, settings.seed, &executors)?);
     }
     if photons.agents.is_some() && !passes.has_agents() {
-        passes.put_agents(cast_agents(scene, prepass, view, photons, settings.seed, &passes, &hands)?);
+        passes.put_agents(cast_agents(scene, prepass, view, photons, settings.seed, &passes, &executors)?);
     }
     integrator.cast(0..1);
     Ok(())
@@ -62,7 +66,7 @@ fn maps(
     view: View,
     photons: PhotonSettings,
     seed: u64,
-    hands: &Hands<'_>,
+    executors: &Executors<'_>,
 ) -> Result<PhotonMaps, RenderError> {
     let plan = prepass.photon_plan(scene, view);
     let trace = |count: u32, only_caustics: bool| {
@@ -72,7 +76,7 @@ fn maps(
         };
         let works = parts(count, PHOTONS).map(work).map(|work| RenderWork::Photons(Box::new(work))).collect();
         let found =
-            hands.run(works, |output| if let RenderOutput::Photons(part) = output { Some(part) } else { None })?;
+            executors.run(works, |output| if let RenderOutput::Photons(part) = output { Some(part) } else { None })?;
         Ok::<_, RenderError>(found.into_iter().fold(TracedPhotons::default(), |mut all, part| {
             all.append(part);
             all
@@ -87,7 +91,7 @@ fn maps(
             RenderWork::Irradiance(IrradianceWork { scene, all, estimator: maps.estimator, points })
         });
         let answer = |output| if let RenderOutput::Irradiance(part) = output { Some(part) } else { None };
-        let known = hands.run(works.collect(), answer)?;
+        let known = executors.run(works.collect(), answer)?;
         maps.irradiance = scene.on_threads(|| IrradianceMap::new(joined(known)));
     }
     Ok(maps)

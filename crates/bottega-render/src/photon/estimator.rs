@@ -10,7 +10,10 @@ use super::{
     record::Photon,
     trace::is_alike,
 };
-use crate::{PhotonSettings, extent::Extent, settings::PhotonFilter};
+use crate::{
+    extent::Extent,
+    settings::{PhotonFilter, PhotonSettings},
+};
 
 /// Greatest distance of a photon off the plane of the surface, as a share of the search radius.
 pub(super) const FLATNESS: f32 = 0.25;

@@ -6,7 +6,7 @@
 use glam::Vec3;
 
 use super::lookouts::places_seen;
-use crate::{View, extent::Extent, prepare::PreparedScene};
+use crate::{extent::Extent, prepare::PreparedScene, settings::View};
 
 /// Camera rays along a side of the picture.
 const SIDE: u32 = 32;
@@ -49,8 +49,10 @@ mod tests {
 
     use super::*;
     use crate::{
-        PhotonSettings, PrepareOptions, Prepass,
         photon::{PhotonMaps, lookouts::Lookout},
+        prepare::PrepareOptions,
+        prepass::Prepass,
+        settings::PhotonSettings,
     };
 
     const VIEW: View = View { camera: 0, width: 48, height: 48 };
@@ -114,11 +116,11 @@ mod tests {
             let settings = PhotonSettings { progressive: true, count: 20_000, ..PhotonSettings::default() };
             let plan = Prepass::default().photon_plan(scene, VIEW);
             let maps = PhotonMaps::new(scene, &plan, &settings, 0, 0);
-            let mut asked = 0_u64;
+            let mut lookups = 0_u64;
             for Lookout { p, .. } in places_seen(scene, VIEW, SIDE) {
-                maps.seen.within(p, maps.reach_at(p).powi(2), |_, _| asked += 1);
+                maps.seen.within(p, maps.reach_at(p).powi(2), |_, _| lookups += 1);
             }
-            (maps.seen.len() as f64, asked as f64)
+            (maps.seen.len() as f64, lookups as f64)
         };
         let alone = work(&room(None));
         for half in [50.0, 500.0, 5000.0] {

@@ -89,7 +89,7 @@ impl IrradianceAt<'_> {
             return None;
         }
         let point = Interaction::new(self.prepared, &hit, origin, -normal, RayCone::default());
-        let there = if point.front { point.ng } else { -point.ng };
+        let there = point.facing_ng();
         let is_same = is_alike(there, normal) && point.p.is_finite();
         is_same.then(|| Photon::new(point.p, photon.mark().to_light(), there, photon.mark().power()))
     }

@@ -12,13 +12,13 @@ use super::{
     trace::is_alike,
 };
 use crate::{
-    PathSettings, View,
     camera::RayCone,
     integrator::PathIntegrator,
     interaction::Interaction,
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
-    shading::{BLEND, bsdf_at},
+    settings::{PathSettings, View},
+    vertex::bsdf_at_vertex,
 };
 
 /// Camera rays along a side of the picture.
@@ -111,12 +111,13 @@ fn place_seen(
             return None;
         }
         let point = Interaction::new(prepared, &hit, origin, direction, RayCone::default());
-        let mut place = None;
-        let chance = || sampler.hashed(BLEND ^ u64::from(vertex) << 56 ^ u64::from(point.material));
-        let bsdf = bsdf_at(prepared, &point, chance, &mut place);
+        // Evaluate the BSDF, and stop at the first surface that is not specular
+        let mut storage = None;
+        let bsdf = bsdf_at_vertex(prepared, &point, sampler, vertex, &mut storage);
         if bsdf.has_non_delta() {
-            return Some(Lookout { p: point.p, normal: if point.front { point.ng } else { -point.ng } });
+            return Some(Lookout { p: point.p, normal: point.facing_ng() });
         }
+        // Follow the mirror or the glass
         let u = sampler.quad(DimensionSet::scattering(vertex));
         let sample = bsdf.sample(point.to_local(point.wo), u[0], [u[1], u[2]])?;
         direction = point.to_world(sample.wi);

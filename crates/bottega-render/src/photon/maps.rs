@@ -16,7 +16,7 @@ use super::{
     record::Photon,
     trace::{TracedPhotons, Tracer, Tracing, is_alike, visibility_tag},
 };
-use crate::{PhotonSettings, extent::Extent, prepare::PreparedScene};
+use crate::{extent::Extent, prepare::PreparedScene, settings::PhotonSettings};
 
 /// Photons that one thread traces in a row.
 const BATCH: u32 = 4096;

@@ -4,10 +4,10 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::{lookouts::Lookouts, projection::Projection, trial::try_out};
 use crate::{
-    View,
     extent::Extent,
     lights::{Emission, EmissionPlan},
     prepare::PreparedScene,
+    settings::View,
 };
 
 /// The emission plan of a view.

@@ -8,7 +8,11 @@ use super::{
     maps::PhotonMaps,
     plan::PhotonPlan,
 };
-use crate::{PhotonSettings, View, ala::Agents, prepare::PreparedScene};
+use crate::{
+    ala::Agents,
+    prepare::PreparedScene,
+    settings::{PhotonSettings, View},
+};
 
 /// Number of pictures whose maps are kept.
 const PICTURES_MAX: usize = 2;

@@ -14,11 +14,12 @@ use super::{
 use crate::{
     bsdf::{BsdfAt, BsdfSample, LobeFlags, TransportMode},
     camera::RayCone,
-    interaction::{Interaction, SurfaceQuery, is_there, opacity_of},
+    interaction::{Interaction, opacity_of},
     lights::{Aim, Emission, EmissionPlan, EmittedPhoton},
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler, Quad},
-    shading::{BLEND, bsdf_at, exp},
+    segment::SegmentRays,
+    vertex::{LeavingDirection, absorption_behind, attenuate, bsdf_at_vertex, leaving_direction},
 };
 
 /// Key of the random numbers of photons, distinct from pixels.
@@ -146,15 +147,13 @@ impl Tracer<'_> {
         let mut absorption = Spectrum::ZERO;
         let (mut is_specular, mut is_direct) = (true, true);
         for depth in 0..self.bounces {
-            let ray = Ray::new(origin, direction);
             // Intersect, and attenuate inside solids
-            let hit = self.intersect(&ray, &sampler, depth);
+            let ray = Ray::new(origin, direction);
+            let hit = SegmentRays::of_photon(self.prepared, &sampler, depth).intersect(&ray);
             if hit.is_none() {
                 return;
             }
-            if absorption != Spectrum::ZERO {
-                power *= exp(-absorption * hit.t);
-            }
+            attenuate(&mut power, absorption, hit.t);
             let mut point = Interaction::new(self.prepared, &hit, origin, direction, RayCone::default());
             let (material, known) = self.prepared.material(point.material);
             if matches!(material.surface, Surface::Unlit(_)) {
@@ -162,15 +161,15 @@ impl Tracer<'_> {
             }
             // Keep the relief's shadowing apart: it depends on the direction of the light
             let lifted = point.lifted.take();
-            let mut place = None;
             // Evaluate the BSDF's parameters
-            let chance = || sampler.hashed(BLEND ^ u64::from(depth) << 56 ^ u64::from(point.material));
-            let bsdf = bsdf_at(self.prepared, &point, chance, &mut place).with_mode(TransportMode::Importance);
+            let mut storage = None;
+            let bsdf = bsdf_at_vertex(self.prepared, &point, &sampler, depth, &mut storage);
+            let bsdf = bsdf.with_mode(TransportMode::Importance);
             let wo = point.to_local(point.wo);
             // Photon density follows the geometric normal; scattering follows the shading normal
             let arriving = (wo.z / point.wo.dot(point.ng).abs()).min(NORMALS_RATIO_MAX);
             if bsdf.has_non_delta() {
-                let normal = if point.front { point.ng } else { -point.ng };
+                let normal = point.facing_ng();
                 let power = power * (arriving / self.opacity(&ray, &hit));
                 // Store the photon by its kind
                 let photon = Photon::new(point.p, point.wo, normal, power).with_bounces(depth);
@@ -186,11 +185,7 @@ impl Tracer<'_> {
             let aim = if bsdf.has_non_delta() { self.plan.aim(point.p) } else { None };
             let bsdf = bsdf.at_carrying(wo, power);
             let Some((sample, is_aimed)) = scattered(&bsdf, aim, &point, u, &sampler, depth) else { return };
-            let wi = point.to_world(sample.wi);
-            let is_reflection = point.is_reflection(wi);
-            if (sample.wi.z > 0.0) != is_reflection {
-                return;
-            }
+            let Some(LeavingDirection { wi, is_reflection }) = leaving_direction(&point, &sample) else { return };
             // Correct for the shading normal: the adjoint BSDF (Veach 1997, eq. 5.19)
             let leaving = wi.dot(point.ng).abs() / sample.wi.z.abs();
             let mut next = power * sample.weight() * (arriving * leaving);
@@ -205,8 +200,8 @@ impl Tracer<'_> {
                 return;
             }
             power = next / survival;
-            if !is_reflection && known.parts_media {
-                absorption = known.absorption[usize::from(point.front)];
+            if !is_reflection {
+                absorption = absorption_behind(&point, known, absorption);
             }
             // Spawn the next ray
             is_specular &= sample.is_delta();
@@ -216,19 +211,6 @@ impl Tracer<'_> {
             is_direct = false;
             (origin, direction) = (point.ray_origin(wi), wi);
         }
-    }
-
-    /// Returns the closest hit of a photon's ray.
-    #[inline(always)]
-    fn intersect(&self, ray: &Ray, sampler: &PixelSampler, depth: u32) -> Hit {
-        if !self.prepared.has_opacity() {
-            return self.prepared.accel().intersect(ray);
-        }
-        self.prepared.accel().intersect_filtered(ray, |hit| {
-            is_there(self.prepared, ray, hit, SurfaceQuery::Path, |surface| {
-                sampler.hashed(surface ^ u64::from(depth) << 56)
-            })
-        })
     }
 
     /// Returns the share of photons that a semi-transparent surface stops. Stored photons are divided by it: camera
@@ -249,7 +231,7 @@ impl Tracer<'_> {
                 return;
             }
             let point = Interaction::new(self.prepared, &hit, origin, emitted.direction, RayCone::default());
-            let normal = if point.front { point.ng } else { -point.ng };
+            let normal = point.facing_ng();
             let tag = visibility_tag(emitted.light, number == 0);
             traced.visibility.push(Photon::tagged(point.p, point.wo, normal, tag));
             origin = point.ray_origin(emitted.direction);

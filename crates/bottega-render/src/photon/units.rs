@@ -12,7 +12,11 @@ use super::{
     maps::{caustic_tracer, tracer},
     trace::{TracedPhotons, Tracing},
 };
-use crate::{PhotonSettings, PreparedScene, Prepass, View};
+use crate::{
+    prepare::PreparedScene,
+    prepass::Prepass,
+    settings::{PhotonSettings, View},
+};
 
 /// A range of photons to trace.
 #[derive(Clone)]

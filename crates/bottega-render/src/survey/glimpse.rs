@@ -6,7 +6,12 @@ use bottega_hra::{HraClient, UnitError, WorkUnit};
 use bottega_image::{Picture, Rect};
 
 use super::{SurveyPixel, probe_settings, take_in};
-use crate::{PreparedScene, ProbeWork, RenderError, RenderOutput, RenderWork, View};
+use crate::{
+    error::RenderError,
+    prepare::PreparedScene,
+    settings::View,
+    work::{ProbeWork, RenderOutput, RenderWork},
+};
 
 /// Side of a block, in pixels: at most some milliseconds, as a glimpse can be canceled only between blocks.
 const BLOCK_SIDE: u32 = 8;

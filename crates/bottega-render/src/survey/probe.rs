@@ -5,9 +5,11 @@ use bottega_kernels::compiled;
 use glam::Vec3;
 
 use crate::{
-    PathSettings, PreparedScene, RenderError, View,
+    color::luminance,
+    error::RenderError,
     integrator::{Painting, PathIntegrator, PathRecord, Wanted},
-    luminance,
+    prepare::PreparedScene,
+    settings::{PathSettings, View},
 };
 
 /// Result of the survey for one pixel; means over its samples.

@@ -133,20 +133,20 @@ fn no_material_scatters_more_than_it_receives() {
 }
 
 #[test]
-fn the_albedo_that_is_told_is_the_one_that_is_measured() {
+fn the_reported_albedo_is_the_measured_one() {
     let mut uniform = Uniform::new(11);
     for case in 0..120 {
-        // Of a film the mean alone is told.
+        // A film reports only its mean.
         let params = SurfaceParams { transmission: 0.0, coat_normal: Vec3::Z, iridescence: 0.0, ..uniform.material() };
         let bsdf = bsdf_of(&params);
         let wo = at(0.25 + 0.7 * uniform.next(), 1.0);
         let (mean, error) = measured_albedo(&bsdf, wo, 4000, case);
-        let (told, slack) = (bsdf.albedo(wo), 4.0 * error);
+        let (reported, slack) = (bsdf.albedo(wo), 4.0 * error);
         // Coat and sheen take a little more than they are said to from what is below them.
         let layered = params.coat > 0.0 || params.sheen_color != Spectrum::ZERO;
         let above = if layered { 0.2 } else { 0.02 };
-        assert!((told - mean - slack).max_element() < above, "{told} told, {mean} ± {error}; {params:?}");
-        assert!((mean - told - slack).max_element() < 0.02, "{told} told, {mean} ± {error}; {params:?}");
+        assert!((reported - mean - slack).max_element() < above, "{reported} reported, {mean} ± {error}; {params:?}");
+        assert!((mean - reported - slack).max_element() < 0.02, "{reported} reported, {mean} ± {error}; {params:?}");
     }
 }
 

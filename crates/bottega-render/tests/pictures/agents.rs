@@ -34,7 +34,7 @@ fn painted(scene: &Arc<PreparedScene>, oracle: Oracle, decides_shadows: bool) ->
     };
     let tile = work.perform().expect("a picture").tile;
     let mean = |x: u32, y: u32| [0, 1, 2].map(|channel| tile.pixel(x, y)[channel] / SAMPLES as f32);
-    let report = prepass.lighting_agents(&scene, view, photons, settings.seed).expect("agents that were asked");
+    let report = prepass.lighting_agents(&scene, view, photons, settings.seed).expect("the requested agents");
     (Picture::from_fn(SIDE, SIDE, mean), report)
 }
 

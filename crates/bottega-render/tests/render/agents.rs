@@ -1,4 +1,4 @@
-//! Whatever agents are asked for, pictures have the mean of those for which nobody is asked; and it takes less.
+//! Pictures by agents have the same mean as pictures without agents, for less work.
 
 use std::{
     collections::BTreeMap,
@@ -58,7 +58,7 @@ fn noises(a: &Tile, b: &Tile) -> [f64; 2] {
 
 /// Steps through the scene that a sample took, and what rays towards lights count for.
 fn work(tile: &Tile) -> f64 {
-    let offset = tile.layout().offset(Aov::Cost).expect("it was asked for");
+    let offset = tile.layout().offset(Aov::Cost).expect("the cost layer");
     tile.rect().pixels().map(|(x, y)| f64::from(tile.pixel(x, y)[offset])).sum()
 }
 
@@ -149,8 +149,8 @@ fn a_picture_goes_by_what_was_learnt_where_that_pays_and_nowhere_else() {
     let of = |agents, seed| PathSettings { guiding: agents == ALL, ..settings(agents, seed, 32) };
     let calm = prepare(cornell());
     let part = Rect::new(20, 20, 84, 84);
-    let [asked, plain] = [ALL, NOTHING].map(|agents| paint(&calm, &of(agents, 1), part, &[0, 4]));
-    assert!(asked == plain, "where paths agree, the picture is that without a guide, bit for bit");
+    let [with_agents, plain] = [ALL, NOTHING].map(|agents| paint(&calm, &of(agents, 1), part, &[0, 4]));
+    assert!(with_agents == plain, "where paths agree, the picture is that without a guide, bit for bit");
     let rare = prepare(around_a_corner());
     let helped = whole(&rare, &of(ALL, 1), 32);
     let (noise, work) = held_to("rare light", &helped, plain_around_a_corner());
@@ -175,11 +175,11 @@ fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
     let (one, three) = (by(1), by(3));
     let expected = whole(&one, &settings, 4);
     let learnt = one.prepass.learnt(&one.scene, VIEW, &settings).expect("it was painted");
-    let told = by(1);
-    told.prepass.learn_from(&told.scene, VIEW, &settings, &learnt).expect("what was learnt");
-    assert!(told.prepass.learnt(&told.scene, VIEW, &settings).as_ref() == Some(&learnt));
+    let received = by(1);
+    received.prepass.learn_from(&received.scene, VIEW, &settings, &learnt).expect("what was learnt");
+    assert!(received.prepass.learnt(&received.scene, VIEW, &settings).as_ref() == Some(&learnt));
     assert!(whole(&one, &PathSettings { agents: NOTHING, ..settings }, 4) != expected);
-    for scene in [&three, &told] {
+    for scene in [&three, &received] {
         for (x0, y0, side) in [(0, 0, 37), (58, 61, 38), (40, 75, 5)] {
             let part = paint(scene, &settings, Rect::new(x0, y0, x0 + side, y0 + side.min(SIDE - y0)), &[0, 1, 3, 4]);
             for (x, y) in part.rect().pixels() {

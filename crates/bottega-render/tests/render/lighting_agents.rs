@@ -37,7 +37,7 @@ fn report(scene: &Subject, settings: &PathSettings) -> AgentReport {
 fn report_of(scene: &Subject, (width, height): (u32, u32), settings: &PathSettings) -> AgentReport {
     let view = View { camera: 0, width, height };
     let found = scene.prepass.lighting_agents(&scene.scene, view, settings.photons.unwrap(), settings.seed);
-    found.expect("agents that were asked")
+    found.expect("the requested agents")
 }
 
 /// The room with a spherical light, as the scene of the paper has it.
@@ -160,24 +160,24 @@ fn glossy_surfaces_are_told_where_light_comes_from() {
         let error: f32 = tile.rect().pixels().map(error).sum();
         (error, report(&scene, &settings).tally.irradiance_computed)
     };
-    let (told, alone) = (by_asking(true), by_asking(false));
-    assert!(told.0 < 0.8 * alone.0 && 2 * told.1 < alone.1, "{told:?} {alone:?}");
+    let (with_network, alone) = (by_asking(true), by_asking(false));
+    assert!(with_network.0 < 0.8 * alone.0 && 2 * with_network.1 < alone.1, "{with_network:?} {alone:?}");
 }
 
 #[test]
-fn who_is_not_asked_decides_nothing() {
+fn agents_decide_only_what_is_left_to_them() {
     let scene = prepare(room_with_sphere());
     for (oracle, most) in [(Oracle::Paper, 6), (Oracle::Error, 2)] {
         let nothing = AgentSettings { decides_shadows: false, decides_irradiance: false, ..few(oracle) };
         let shadows = AgentSettings { decides_irradiance: false, ..few(oracle) };
         let settings = [by(nothing, 1), by(shadows, 1)];
-        let [alone, asked] = settings.map(|settings| paint(&scene, SIZE, 32, settings));
+        let [alone, with_shadows] = settings.map(|settings| paint(&scene, SIZE, 32, settings));
         let [none, some] = settings.map(|settings| report(&scene, &settings).tally);
         assert_eq!((none.shadow_spared, none.irradiance_interpolated, some.irradiance_interpolated), (0, 0, 0));
         assert!(some.shadow_spared > some.shadow_traced, "{some:?}");
         // The same samples: they differ where an agent was wrong alone.
         let differs = |&(x, y): &(u32, u32)| {
-            let (a, b) = (color(&alone, x, y), color(&asked, x, y));
+            let (a, b) = (color(&alone, x, y), color(&with_shadows, x, y));
             (a - b).abs().max_element() > 0.1 * a.max_element()
         };
         let wrong = alone.rect().pixels().filter(differs).count();
@@ -346,7 +346,7 @@ fn a_few_sensors_differ_as_much_as_many_photons() {
 }
 
 #[test]
-fn whoever_is_told_of_the_maps_paints_the_same_bits() {
+fn a_picture_with_received_maps_has_the_same_bits() {
     let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
     let photons = PhotonSettings { count: 20_000, shadow_photons: true, ..PhotonSettings::default() };
     let by_photons = PathSettings { photons: Some(photons), seed: 6, guiding: false, ..PathSettings::default() };
@@ -355,7 +355,7 @@ fn whoever_is_told_of_the_maps_paints_the_same_bits() {
         assert!(one.prepass.learnt(&one.scene, view, &settings).is_none());
         let expected = paint(&one, SIZE, 2, settings);
         let bytes = one.prepass.learnt(&one.scene, view, &settings).expect("maps that were made");
-        other.prepass.learn_from(&other.scene, view, &settings, &bytes).expect("what was told");
+        other.prepass.learn_from(&other.scene, view, &settings, &bytes).expect("maps that can be read");
         assert!(other.prepass.learnt(&other.scene, view, &settings).as_ref() == Some(&bytes));
         assert_eq!(paint(&other, SIZE, 2, settings).sums(), expected.sums());
         // What is cut off, or damaged in its counts, is refused; what is damaged elsewhere harms nobody.

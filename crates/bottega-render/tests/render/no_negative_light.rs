@@ -26,7 +26,7 @@ use crate::render::scenes::{Subject, cornell, matte, room_under_sky};
 const LEARNING_SIDE: u32 = 128;
 /// Photons learn nothing of the view.
 const SIDE: u32 = 16;
-/// Samples a pixel that paths are told there will be, so that they learn, and those that are painted.
+/// Planned samples per pixel, by which paths learn, and painted samples.
 const PLANNED_SAMPLES: u32 = 32;
 const SAMPLES: u32 = 2;
 
@@ -101,7 +101,7 @@ fn guides() -> Vec<(&'static str, PathSettings)> {
     ]
 }
 
-/// Agents that are asked all that can be asked.
+/// Agents that decide all that they can.
 fn all_questions(agents: AgentSettings) -> AgentSettings {
     AgentSettings { decides_halting: true, asks_network: true, ..agents }
 }

@@ -58,7 +58,7 @@ fn maps_that_are_kept_apart_show_the_same() {
         let scene = prepare(scene);
         let found = |photons| mean_of_seeds(&scene, 16, |seed| by_photons(photons, seed, 16));
         let (expected, apart) = (found(few()), found(PhotonSettings { separate_maps: true, ..few() }));
-        assert!(apart != expected, "{name}: the maps are not asked");
+        assert!(apart != expected, "{name}: the maps are not used");
         let distance = distance(apart, expected, 0.012);
         assert!(distance < 4.0, "{name}: {apart:?} {expected:?}, {distance}");
     }

@@ -246,8 +246,8 @@ fn depth_is_the_same_number_of_bounces_for_all() {
             let ratio = found.0 / expected.0;
             assert!(is_near(found), "{name} {max_depth} {mode}: {found:?} {expected:?}, {ratio}");
             // A bounce more or less is seen.
-            let is_told_apart = max_depth > 3 || (found.0 - more.0).x.abs() > 2.0 * (found.0 - expected.0).x.abs();
-            assert!(is_told_apart, "{name} {max_depth} {mode}: {found:?} {expected:?} {more:?}");
+            let is_distinct = max_depth > 3 || (found.0 - more.0).x.abs() > 2.0 * (found.0 - expected.0).x.abs();
+            assert!(is_distinct, "{name} {max_depth} {mode}: {found:?} {expected:?} {more:?}");
         }
     };
     for (max_depth, count) in [(2, 6), (3, 5), (4, 3), (8, 2)] {

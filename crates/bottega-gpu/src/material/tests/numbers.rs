@@ -1,6 +1,6 @@
 //! Random numbers, directions, textures and points.
 
-use bottega_render::bsdf::{LiftedNormal, Spot, SurfacePoint};
+use bottega_render::bsdf::{LiftedNormal, MappingPoint, SurfacePoint};
 use bottega_scene::{Channel, ColorParam, Image, ImageId, ScalarParam, Spectrum, TextureMap, Wrap};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
@@ -93,7 +93,7 @@ impl Numbers {
         let lifted = self.chance(0.1).then(|| ((Vec3::Z + 0.7 * self.direction()).normalize(), self.chance(0.5)));
         let point = SurfacePoint {
             uvs: [uv(self), uv(self)],
-            spot: Spot::default(),
+            mapping_point: MappingPoint::default(),
             footprint: if self.chance(0.3) { 0.0 } else { 2.0_f32.powf(self.within(-9.0, 1.0)) },
             vertex_color: if self.chance(0.7) { Vec4::ONE } else { self.color().extend(self.next()) },
             front: self.chance(0.6),

@@ -6,7 +6,7 @@ use super::super::{
     network::Network,
     probe::SensorKind,
     sensing::{Discovery, Sensing, SensorReadings},
-    swarm::{Swarm, is_told},
+    swarm::{Swarm, has_number},
     visibility::ShadowVerdict,
 };
 
@@ -68,8 +68,8 @@ impl Discovery {
 }
 
 /// Returns `true` if an agent can answer for its light.
-pub(super) fn is_asked(swarm: &Swarm, index: u32) -> bool {
-    is_told(swarm.agents[index as usize].light)
+pub(super) fn can_answer(swarm: &Swarm, index: u32) -> bool {
+    has_number(swarm.agents[index as usize].light)
 }
 
 /// Returns the readings of the agents' own flights: lit if it came directly from its light, else shaded.

@@ -5,7 +5,7 @@ use super::super::{
     probe::SensorKind,
     sensing::{Candidate, Sensing, SensorReadings},
 };
-use crate::integrator::{Hands, SensorPlace as Place};
+use crate::integrator::{GatherBuffers, SensorPlace as Place};
 
 /// Least radius of a record on the back of a surface, relative to that on the front.
 const BACK_REACH: f32 = 0.05;
@@ -13,7 +13,7 @@ const BACK_REACH: f32 = 0.05;
 /// Measures irradiance at those candidates whose light the other records do not know.
 pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: &Agents) -> SensorReadings {
     let mut sensed = SensorReadings::default();
-    let mut hands = Hands::of_sensor(sensing.integrator);
+    let mut buffers = GatherBuffers::of_sensor(sensing.integrator);
     for &Candidate { index, is_back } in who {
         let probe = sensing.probe(index);
         let normal = if is_back { -probe.agent.normal } else { probe.agent.normal };
@@ -28,7 +28,7 @@ pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: 
         let reach = [if is_back { BACK_REACH * least } else { least }, most];
         let effort = others.effort_at(probe.agent.p, normal);
         let place = Place { point, width: probe.reach, reach, effort, is_directed };
-        let record = sensing.integrator.record(sensing.maps, place, sampler, others, &mut hands);
+        let record = sensing.integrator.record(sensing.maps, place, sampler, others, &mut buffers);
         sensed.records.push(record);
         sensed.sensors[SensorKind::Irradiance as usize] += 1;
     }

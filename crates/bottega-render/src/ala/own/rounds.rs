@@ -13,7 +13,7 @@ use super::{
     },
     look::{self, ALL, FIRST},
 };
-use crate::{AgentSettings, RenderError, extent::Extent, parts::parts, prepare::PreparedScene};
+use crate::{error::RenderError, extent::Extent, parts::parts, prepare::PreparedScene, settings::AgentSettings};
 
 /// Number of candidates in the first round of measurements; each round has twice as many.
 const FIRST_ROUND: usize = 128;
@@ -66,7 +66,7 @@ fn look_for_lights(
     run: &mut Run<'_>,
 ) -> Result<Vec<ShadowVerdict>, RenderError> {
     let mut discoveries: Vec<Discovery> = look::arrivals(swarm);
-    let mut who: Vec<u32> = (0..swarm.len() as u32).filter(|&index| look::is_asked(swarm, index)).collect();
+    let mut who: Vec<u32> = (0..swarm.len() as u32).filter(|&index| look::can_answer(swarm, index)).collect();
     for numbers in [0..FIRST, FIRST..ALL] {
         let round: Arc<[u32]> = who.into();
         let errand = |part| SensingTask::Look { who: Arc::clone(&round), part, numbers: numbers.clone() };
@@ -74,7 +74,7 @@ fn look_for_lights(
         round.iter().zip(found.discoveries).for_each(|(&index, part)| discoveries[index as usize].join(part));
         sensors.iter_mut().zip(found.sensors).for_each(|(sum, part)| *sum += part);
         who = look::doubtful(network, &discoveries);
-        who.retain(|&index| look::is_asked(swarm, index));
+        who.retain(|&index| look::can_answer(swarm, index));
     }
     Ok(look::answers(network, &discoveries))
 }
@@ -82,9 +82,9 @@ fn look_for_lights(
 /// Returns the candidates for measurements, in the order of their identities. Any first part of that stratified
 /// sequence covers the whole scene.
 fn candidates(swarm: &Swarm, settings: AgentSettings) -> Vec<Candidate> {
-    let is_asked = |agent: &Agent| agent.is_matte || (agent.is_glossy && settings.decides_radiance);
+    let can_measure = |agent: &Agent| agent.is_matte || (agent.is_glossy && settings.decides_radiance);
     // Scouts are sent to fronts; agents behind a surface cover its back
     let sides = |agent: &Agent| if agent.is_scout() { &[false][..] } else { &[false, true] };
-    let asked = swarm.agents.iter().zip(0..).filter(|(agent, _)| is_asked(agent));
-    asked.flat_map(|(agent, index)| sides(agent).iter().map(move |&is_back| Candidate { index, is_back })).collect()
+    let measuring = swarm.agents.iter().zip(0..).filter(|(agent, _)| can_measure(agent));
+    measuring.flat_map(|(agent, index)| sides(agent).iter().map(move |&is_back| Candidate { index, is_back })).collect()
 }

@@ -11,16 +11,16 @@ use glam::Vec3;
 use super::{
     super::{
         agent::meets,
-        probe::{Probe, SURFACES_MAX, SensorKind, side},
+        probe::{Probe, SURFACES_MAX, SensorKind},
         sensing::{Discovery, Sensing, SensorReadings},
-        swarm::{NEAREST, is_told},
+        swarm::{NEAREST, has_number},
     },
     miner::{Miner, Tool},
 };
 use crate::{
-    integrator::Hands,
+    color::luminance,
+    integrator::GatherBuffers,
     interaction::Interaction,
-    luminance,
     photon::{Nearest, Photon, is_alike},
     sampling::uniform_sphere,
 };
@@ -49,11 +49,11 @@ const IRRADIANCE_GRADIENT: f32 = 0.12;
 /// Lets agents dig for gold, one after the other.
 pub(in crate::ala) fn dig(sensing: &Sensing<'_>, indices: Range<u32>) -> SensorReadings {
     let mut sensed = SensorReadings::default();
-    let (mut found, mut hands) = (Nearest::new(2 * NEAREST), Hands::new(sensing.integrator).telling_bounces());
+    let (mut found, mut buffers) = (Nearest::new(2 * NEAREST), GatherBuffers::new(sensing.integrator).with_bounces());
     for index in indices {
         let probe = sensing.probe(index);
-        let (found, hands, sensed) = (&mut found, &mut hands, &mut sensed);
-        let discovery = Scout { sensing, probe, index, found, hands, sensed: &mut *sensed }.look_around();
+        let (found, buffers, sensed) = (&mut found, &mut buffers, &mut sensed);
+        let discovery = Scout { sensing, probe, index, found, buffers, sensed: &mut *sensed }.look_around();
         sensed.discoveries.push(discovery);
     }
     sensed
@@ -65,7 +65,7 @@ struct Scout<'a, 'b> {
     probe: Probe<'a>,
     index: u32,
     found: &'b mut Nearest,
-    hands: &'b mut Hands,
+    buffers: &'b mut GatherBuffers,
     sensed: &'b mut SensorReadings,
 }
 
@@ -114,7 +114,7 @@ impl Scout<'_, '_> {
 
     /// Returns the geometry gradient of one sensor: (1/3) Σ 1/d over three directions.
     fn geometry_at(&self, point: &Interaction, number: u32) -> f32 {
-        let n = side(point);
+        let n = point.facing_ng();
         let inverse = |part: u32| {
             let [u, v, ..] = self.probe.numbers(SensorKind::Geometry, 1, 3 * number + part);
             let w = uniform_sphere([u, v]);
@@ -154,7 +154,7 @@ impl Scout<'_, '_> {
             other.light == self.probe.agent.light && is_alike(other.normal, self.probe.agent.normal)
         };
         let count = self.found.iter().filter(|&(number, _)| is_like(number)).count();
-        let from = if is_told(self.probe.agent.light) { self.probe.agent.distance } else { swarm.object_distance };
+        let from = if has_number(self.probe.agent.light) { self.probe.agent.distance } else { swarm.object_distance };
         let radius = PROXIMITY_DISC * from;
         count as f32 * radius * radius / self.found.farthest().max(f32::MIN_POSITIVE)
     }
@@ -162,7 +162,7 @@ impl Scout<'_, '_> {
     /// Returns the number of penumbra sensors that see the light, and that do not.
     fn sense_penumbra(&mut self, excitement: f32) -> [u32; 2] {
         let mut counts = [0; 2];
-        if !is_told(self.probe.agent.light) || self.probe.prepared.has_opacity() {
+        if !has_number(self.probe.agent.light) || self.probe.prepared.has_opacity() {
             return counts;
         }
         let tool = Tool { few: 4, many: 16, most: 24, step: self.probe.reach / 12.0, excitement };
@@ -221,13 +221,13 @@ impl Scout<'_, '_> {
 
     /// Stores the irradiance at a sensor, and returns its luminance.
     fn irradiance_at(&mut self, point: Interaction, number: u32, width: f32) -> f32 {
-        let (p, n) = (point.p, side(&point));
+        let (p, n) = (point.p, point.facing_ng());
         let side_number = u32::from(n.dot(self.probe.agent.normal) < 0.0);
         let sampler = self.probe.sampler(2 * number + side_number, 1);
-        let irradiance = self.sensing.integrator.irradiance(self.sensing.maps, point, width, sampler, self.hands);
+        let irradiance = self.sensing.integrator.irradiance(self.sensing.maps, point, width, sampler, self.buffers);
         // Skip dark backs: nobody looks behind a wall
         if side_number == 0 || irradiance != Spectrum::ZERO {
-            self.sensed.irradiance.push(Photon::new(p, n, n, irradiance), self.hands.bounces());
+            self.sensed.irradiance.push(Photon::new(p, n, n, irradiance), self.buffers.bounces());
         }
         luminance(irradiance)
     }

@@ -11,10 +11,14 @@ use super::{
     trial::{AllTrials, LEARNING_SEED, Trial},
 };
 use crate::{
-    PathSettings, PreparedScene, Prepass, RenderError, Sharing, View,
     camera::CameraRay,
+    error::RenderError,
     guide::{FoundLight, Guide, LearningBudget, LearningPath, PaintPlan, PaintingWay, Trail, Training},
+    prepare::PreparedScene,
+    prepass::Prepass,
     sampler::{DimensionSet, PixelSampler},
+    settings::{PathSettings, View},
+    sharing::Sharing,
 };
 
 /// Greatest number of bounces of the paths that the guide learns from.

@@ -3,15 +3,15 @@
 use bottega_scene::Spectrum;
 
 use super::{
-    super::transport::{emitted_at, power_heuristic, shadow_ray},
+    super::transport::{emitted_at, power_heuristic, shadow_ray, weight_of_hit},
     state::Path,
     suspended::DeferredLight,
     vertex::PathVertex,
 };
 use crate::{
+    color::luminance,
     interaction::Interaction,
     lights::{LightSample, Receiver, RequestedLight},
-    luminance,
     sampler::{DimensionSet, Quad},
     settings::DirectLight,
 };
@@ -63,14 +63,9 @@ impl Path<'_> {
     #[inline(always)]
     fn found_by_bsdf(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         let settings = self.integrator.settings;
-        let Some(pdf) = self.previous.pdf else { return 1.0 };
-        match settings.direct_light {
-            DirectLight::LightSampling => 0.0,
-            DirectLight::BsdfSampling => 1.0,
-            DirectLight::Combined => {
-                power_heuristic(pdf, settings.light_samples.max(1) as f32 * light_pdf(&self.previous.receiver))
-            }
-        }
+        weight_of_hit(settings.direct_light, self.previous.pdf, || {
+            [settings.light_samples.max(1) as f32 * light_pdf(&self.previous.receiver)]
+        })
     }
 
     /// Samples lights at a vertex (next-event estimation).
@@ -97,14 +92,14 @@ impl Path<'_> {
             let choice = if AGENTS { vertex.guidance.lights() } else { None };
             let looks_rarely = AGENTS && self.integrator.looks_rarely;
             let drawn = match choice.filter(|_| settings.agents.lights) {
-                Some(choice) => prepared.lights().sample_by(prepared, &vertex.receiver, choice, u),
-                None => prepared.lights().sample(prepared, &vertex.receiver, u),
+                Some(choice) => prepared.lights().sample_by(prepared, &vertex.surface.receiver, choice, u),
+                None => prepared.lights().sample(prepared, &vertex.surface.receiver, u),
             };
             let Some(light) = drawn else { continue };
             // Compute the contribution if it is visible
             let contribution = self.light_contribution(vertex, &light, count as f32);
             if self.trail.is_some() {
-                self.add_asked(vertex.point, &light, contribution);
+                self.add_and_record(vertex.surface.point, &light, contribution);
                 continue;
             }
             if contribution == Spectrum::ZERO {
@@ -117,7 +112,7 @@ impl Path<'_> {
                 continue;
             }
             // Add the light if it is visible, or defer the test
-            let ray = shadow_ray(vertex.point, &light);
+            let ray = shadow_ray(vertex.surface.point, &light);
             if DEFERS {
                 self.record.counts.shadow_rays += 1;
                 deferred.push(DeferredLight { ray, light: self.throughput * contribution / share });
@@ -159,33 +154,26 @@ impl Path<'_> {
     }
 
     /// Adds a light sample if it is visible, and records the result for learning.
-    fn add_asked(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum) {
+    fn add_and_record(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum) {
         let is_seen = contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, light));
         if is_seen {
             self.radiance += self.throughput * contribution;
         }
         if let Some(trail) = &mut self.trail {
-            trail.ask(RequestedLight { light: light.light, found: luminance(contribution), is_seen });
+            trail.record_light(RequestedLight { light: light.light, found: luminance(contribution), is_seen });
         }
     }
 
     /// Returns what one of `count` light samples adds if it is visible, weighted by MIS, without the throughput.
     #[inline(always)]
     fn light_contribution(&self, vertex: &PathVertex<'_>, light: &LightSample, count: f32) -> Spectrum {
-        let point = vertex.point;
-        let wi = point.to_local(light.wi);
-        // Prevent light leaks by the shading normal
-        if (wi.z > 0.0) != point.is_reflection(light.wi) {
-            return Spectrum::ZERO;
-        }
-        let (value, bsdf_pdf) = vertex.bsdf.eval_pdf(wi);
-        if value == Spectrum::ZERO {
-            return Spectrum::ZERO;
-        }
-        // Weight by MIS
-        let expected = count * light.pdf;
         let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
-        let weight = if is_shared { power_heuristic(expected, vertex.guidance.pdf(light.wi, bsdf_pdf)) } else { 1.0 };
-        value * light.radiance * (wi.z.abs() * weight / expected)
+        let mis_weight = |expected: f32, bsdf_pdf: f32| {
+            if is_shared { power_heuristic(expected, [vertex.guidance.pdf(light.wi, bsdf_pdf)]) } else { 1.0 }
+        };
+        match vertex.surface.light_weight(light, count, mis_weight) {
+            Some(weight) => weight.value * light.radiance * weight.factor,
+            None => Spectrum::ZERO,
+        }
     }
 }

@@ -1,46 +1,42 @@
 //! Scattering: the next direction of a path.
 
 use super::{
-    super::transport::{SCATTERED_SPREAD, survives},
+    super::transport::{survives, widen},
     guidance::NO_LEAF,
     state::{Path, Previous},
     vertex::PathVertex,
 };
-use crate::sampler::Quad;
+use crate::{
+    sampler::Quad,
+    vertex::{LeavingDirection, SurfaceVertex, absorption_behind, leaving_direction},
+};
 
 impl Path<'_> {
     /// Samples the next direction, moves the path on, and applies Russian roulette. Returns `false` when the path ends.
     #[inline(always)]
     pub(super) fn scatter<const AGENTS: bool>(&mut self, vertex: &PathVertex<'_>, u: Quad) -> bool {
-        let PathVertex { point, receiver, guidance, .. } = *vertex;
+        let PathVertex { surface: SurfaceVertex { point, bsdf, receiver, .. }, guidance, .. } = *vertex;
         // Sample the guide or the BSDF
-        let Some((sample, bsdf_pdf)) = guidance.sample(point, vertex.bsdf, u) else { return false };
-        let wi = point.to_world(sample.wi);
+        let Some((sample, bsdf_pdf)) = guidance.sample(point, bsdf, u) else { return false };
         // Reject directions on which shading normal and surface disagree
-        let is_reflection = point.is_reflection(wi);
-        if (sample.wi.z > 0.0) != is_reflection {
-            return false;
-        }
+        let Some(LeavingDirection { wi, is_reflection }) = leaving_direction(point, &sample) else { return false };
         // Record the direction for learning
         let is_delta = sample.is_delta();
         if let Some(trail) = &mut self.trail
             && !is_delta
         {
-            trail.go(wi, bsdf_pdf, sample.pdf, self.radiance);
+            trail.record_direction(wi, bsdf_pdf, sample.pdf, self.radiance);
         }
         // Update throughput, absorption and roulette scale
         self.throughput *= sample.weight();
         if !is_reflection {
             let known = self.integrator.prepared.material(point.material).1;
-            // Into the solid when the path came from its outside, else out of it.
-            if known.parts_media {
-                self.absorption = known.absorption[usize::from(point.front)];
-            }
+            self.absorption = absorption_behind(point, known, self.absorption);
             self.roulette_scale *= sample.eta * sample.eta;
         }
         // Widen the ray cone by the spread of the sampled lobe
         if !is_delta {
-            self.cone.spread = self.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
+            widen(&mut self.cone, sample.pdf);
             if guidance.is_guided() {
                 self.roulette_scale *= sample.pdf / bsdf_pdf.max(1e-6);
             }

@@ -7,11 +7,13 @@ use glam::Vec2;
 
 use super::super::record::Wanted;
 use crate::{
-    PathSettings, PreparedScene, RenderError, View,
     camera::{CameraRay, CameraRays},
+    error::RenderError,
     filter::FilterSampler,
     guide::{Guide, PaintingWay},
+    prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
+    settings::{PathSettings, View},
 };
 
 /// The path tracer of one picture. Cheap to create: one per block of work.

@@ -14,12 +14,12 @@ use rayon::prelude::*;
 
 use super::{super::record::PathRecord, setup::PathIntegrator};
 use crate::{
-    RenderError, Sharing,
+    error::RenderError,
     guide::{Guide, PaintPlan, PaintingWay},
     integrator::turns::Painting,
     photon::bytes::{ByteForm, Reader, Writer},
     sampler::{DimensionSet, PixelSampler},
-    sharing::in_parts,
+    sharing::{Sharing, in_parts},
 };
 
 /// Seed of the paths that the guide learns from and of the trials. No picture uses it: what is learned must not depend
@@ -172,7 +172,8 @@ impl<'a> Trial<'a> {
     /// Renders some pixels.
     fn tried(&self, pixels: &[(u32, u32)]) -> Vec<AllTrials> {
         let Self { integrator: plain, guide, samples: count, .. } = *self;
-        let settings = [1, 2].map(|seed| crate::PathSettings { seed: LEARNING_SEED + seed, ..*plain.settings });
+        let settings =
+            [1, 2].map(|seed| crate::settings::PathSettings { seed: LEARNING_SEED + seed, ..*plain.settings });
         let of_chunk = |pixels: &[(u32, u32)]| {
             let samples: Vec<_> =
                 pixels.iter().flat_map(|&(x, y)| (0..count).map(move |sample| (x, y, sample))).collect();

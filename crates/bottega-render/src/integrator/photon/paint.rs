@@ -7,7 +7,7 @@ use bottega_kernels::compiled::{self, Task};
 use super::{
     super::record::PathRecord,
     PhotonIntegrator,
-    eye::{Eye, Hands, KnownLight},
+    gather::{GatherBuffers, GatherPath, KnownLight},
     place,
 };
 use crate::{ala::Agents, camera::CameraRay, photon::cache::IrradianceCache, sampler::PixelSampler};
@@ -51,18 +51,18 @@ impl PhotonIntegrator<'_> {
     /// same order.
     pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
         records.clear();
-        let mut hands = Hands::new(self);
+        let mut buffers = GatherBuffers::new(self);
         let (cache, agents) = (self.cache(), self.agents());
         for &(x, y, index) in samples {
             let sampler = PixelSampler::new(self.base.settings().seed, x, y, index);
             let (ray, factor) = self.base.camera_ray(&sampler, x, y);
             let maps = self.passes.of_sample(self.base.prepared(), index);
             let known = KnownLight { maps, cache, agents };
-            let sample = PixelSample { integrator: self, known, sampler, ray, hands: &mut hands };
+            let sample = PixelSample { integrator: self, known, sampler, ray, buffers: &mut buffers };
             records.push(compiled::run(sample).scaled(factor));
         }
         if let Some(agents) = agents {
-            agents.count(&hands.tally);
+            agents.count(&buffers.tally);
         }
     }
 }
@@ -73,7 +73,7 @@ struct PixelSample<'a> {
     known: KnownLight<'a>,
     sampler: PixelSampler,
     ray: CameraRay,
-    hands: &'a mut Hands,
+    buffers: &'a mut GatherBuffers,
 }
 
 impl Task for PixelSample<'_> {
@@ -81,6 +81,6 @@ impl Task for PixelSample<'_> {
 
     #[inline(always)]
     fn run(self) -> PathRecord {
-        Eye::new(self.integrator, self.known, self.sampler, self.hands).look(&self.ray)
+        GatherPath::new(self.integrator, self.known, self.sampler, self.buffers).trace(&self.ray)
     }
 }

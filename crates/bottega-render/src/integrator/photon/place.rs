@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::{
     PhotonIntegrator,
-    eye::{Eye, Hands, KnownLight, Spot},
+    gather::{GatherBuffers, GatherPath, KnownLight, RecordPoint},
 };
 use crate::{
     camera::BEAM,
@@ -87,19 +87,20 @@ impl Task for Search<'_> {
         let Self { integrator, maps, cache, x, y } = self;
         let sampler = PixelSampler::new(integrator.base.settings().seed ^ RECORD_SEED, x, y, 0);
         let (ray, _) = integrator.base.camera_ray(&sampler, x, y);
-        let mut hands = Hands::new(integrator).telling_bounces();
+        let mut buffers = GatherBuffers::new(integrator).with_bounces();
         let known = KnownLight { maps, cache: None, agents: None };
-        let mut eye = Eye::new(integrator, known, sampler, &mut hands);
-        let spot: Spot = eye.spot(&ray).filter(|spot| cache.at(spot.p(), spot.n(), u32::MAX).is_none())?;
-        let n: Vec3 = spot.n();
-        let looks: Vec<_> = (0..RAYS)
+        let mut path = GatherPath::new(integrator, known, sampler, &mut buffers);
+        let point: RecordPoint =
+            path.find_record_point(&ray).filter(|point| cache.at(point.p(), point.n(), u32::MAX).is_none())?;
+        let n: Vec3 = point.n();
+        let samples: Vec<_> = (0..RAYS)
             .map(|index| {
                 let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, RAYS);
-                eye.look_from(&spot, direction(n, index, [u, v]), index)
+                path.gather_from(&point, direction(n, index, [u, v]), index)
             })
             .collect();
-        let radius_max = SHARE_MAX * integrator.passes.plan().extent().length_at(spot.p());
-        let reach = [PIXELS_MIN / BEAM * spot.width(), radius_max];
-        Some(IrradianceRecord::new(spot.p(), n, &Measurement::new(looks, 1), reach).with_bounces(hands.bounces()))
+        let radius_max = SHARE_MAX * integrator.passes.plan().extent().length_at(point.p());
+        let reach = [PIXELS_MIN / BEAM * point.width(), radius_max];
+        Some(IrradianceRecord::new(point.p(), n, &Measurement::new(samples, 1), reach).with_bounces(buffers.bounces()))
     }
 }

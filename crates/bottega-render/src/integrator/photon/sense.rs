@@ -7,20 +7,22 @@ use glam::Vec3;
 
 use super::{
     PhotonIntegrator,
-    eye::{Eye, Hands, KnownLight, Spot},
+    gather::{GatherBuffers, GatherPath, KnownLight, RecordPoint},
 };
 use crate::{
-    PathSettings, PhotonSettings, PreparedScene, RenderError, View,
     ala::Agents,
     bsdf::warp::cosine_hemisphere,
+    error::RenderError,
     integrator::path::PathIntegrator,
     interaction::Interaction,
     photon::{
         Passes, PhotonMaps, PhotonPlan,
         cache::{self, GatherSample, IrradianceRecord, Measurement},
     },
+    prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
     sampling::orthonormal_basis,
+    settings::{PathSettings, PhotonSettings, View},
 };
 
 /// Number of rays of an irradiance sensor, and the number after which it counts as dark if none found light.
@@ -88,21 +90,20 @@ impl<'a> PhotonIntegrator<'a> {
     /// is light over mirrors and glass alone, which photons give.
     ///
     /// - `width`: width of the surroundings that the sensor represents.
-    /// - `width`: of the surroundings that the sensor stands for.
     pub(crate) fn irradiance(
         &self,
         maps: &PhotonMaps,
         point: Interaction,
         width: f32,
         sampler: PixelSampler,
-        hands: &mut Hands,
+        buffers: &mut GatherBuffers,
     ) -> Spectrum {
         let n: Vec3 = point.frame[2];
         let (s, t) = orthonormal_basis(n);
-        let spot = Spot::new(point, width);
+        let place = RecordPoint::new(point, width);
         let known = KnownLight { maps, cache: None, agents: None };
-        hands.clear_bounces();
-        let mut eye = Eye::new(self, known, sampler, &mut *hands);
+        buffers.clear_bounces();
+        let mut path = GatherPath::new(self, known, sampler, &mut *buffers);
         let mut sum = Spectrum::ZERO;
         for index in 0..RAYS {
             // Stop early in the dark
@@ -112,9 +113,9 @@ impl<'a> PhotonIntegrator<'a> {
             let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, RAYS);
             // Sample a cosine-weighted direction and trace it
             let local = cosine_hemisphere([u, v]);
-            sum += eye.look_from(&spot, s * local.x + t * local.y + n * local.z, index).radiance;
+            sum += path.gather_from(&place, s * local.x + t * local.y + n * local.z, index).radiance;
         }
-        hands.scale_bounces(PI / RAYS as f32);
+        buffers.scale_bounces(PI / RAYS as f32);
         sum * (PI / RAYS as f32)
     }
 
@@ -127,22 +128,22 @@ impl<'a> PhotonIntegrator<'a> {
         place: SensorPlace,
         sampler: PixelSampler,
         others: &Agents,
-        hands: &mut Hands,
+        buffers: &mut GatherBuffers,
     ) -> IrradianceRecord {
         let SensorPlace { point, width, reach, effort, is_directed } = place;
-        let spot = Spot::new(point, width);
+        let place = RecordPoint::new(point, width);
         let known = KnownLight { maps, cache: None, agents: Some(others) };
-        let n = spot.n();
-        hands.clear_bounces();
-        let mut eye = Eye::new(self, known, sampler, &mut *hands);
-        let look = |index: u32| {
+        let n = place.n();
+        buffers.clear_bounces();
+        let mut path = GatherPath::new(self, known, sampler, &mut *buffers);
+        let gather = |index: u32| {
             let [u, v, ..] = sampler.split_quad(DimensionSet::scattering(0), index, cache::RAYS * effort);
-            eye.look_from(&spot, cache::direction(n, index / effort, [u, v]), index)
+            path.gather_from(&place, cache::direction(n, index / effort, [u, v]), index)
         };
         // Trace all rays: stopping after dark ones takes dim corners for dark
-        let looks: Vec<GatherSample> = (0..cache::RAYS * effort).map(look).collect();
-        let found = Measurement::new(looks, effort);
-        let record = IrradianceRecord::new(spot.p(), n, &found, reach).with_bounces(hands.bounces());
+        let samples: Vec<GatherSample> = (0..cache::RAYS * effort).map(gather).collect();
+        let found = Measurement::new(samples, effort);
+        let record = IrradianceRecord::new(place.p(), n, &found, reach).with_bounces(buffers.bounces());
         if is_directed { record.with_directions(&found) } else { record }
     }
 }

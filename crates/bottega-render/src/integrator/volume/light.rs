@@ -4,16 +4,16 @@ use bottega_scene::{Spectrum, Surface};
 use glam::Vec3;
 
 use super::{
-    super::transport::emitted_at,
+    super::transport::{emitted_at, power_heuristic, weight_of_hit},
     state::{MediumPath, SegmentPoint},
 };
 use crate::{
-    bsdf::BsdfAt,
     interaction::Interaction,
     lights::{LightSample, NO_LIGHT, Receiver, Segment},
     media::{Homogeneous, Phase, channel_probabilities},
     sampler::DimensionSet,
     settings::DirectLight,
+    vertex::SurfaceVertex,
 };
 
 impl MediumPath<'_> {
@@ -69,15 +69,10 @@ impl MediumPath<'_> {
     /// - `pdfs`: returns the densities of both other ways to find it from the previous vertex: by a light sample there,
     ///   and by a distance drawn for the light.
     fn found_by_direction(&self, pdfs: impl FnOnce(&Receiver) -> (f32, f32)) -> f32 {
-        let Some(pdf) = self.previous.pdf else { return 1.0 };
-        match self.settings.direct_light {
-            DirectLight::LightSampling => 0.0,
-            DirectLight::BsdfSampling => 1.0,
-            DirectLight::Combined => {
-                let (sampled, along) = pdfs(&self.previous.receiver);
-                power_heuristic(pdf, [self.light_samples() as f32 * sampled, along])
-            }
-        }
+        weight_of_hit(self.settings.direct_light, self.previous.pdf, || {
+            let (sampled, along) = pdfs(&self.previous.receiver);
+            [self.light_samples() as f32 * sampled, along]
+        })
     }
 
     /// Returns the number of light samples per vertex, at least 1.
@@ -158,29 +153,20 @@ impl MediumPath<'_> {
     }
 
     /// Samples lights at a surface (next-event estimation).
-    pub(super) fn add_direct_light(&mut self, point: &Interaction, bsdf: &BsdfAt<'_>, receiver: &Receiver) {
+    pub(super) fn add_direct_light(&mut self, vertex: &SurfaceVertex<'_>) {
+        let (point, receiver) = (vertex.point, &vertex.receiver);
         let count = self.light_samples();
         for part in 0..count {
+            // Sample a light
             let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
             let Some(light) = self.prepared.lights().sample(self.prepared, receiver, u) else { continue };
-            let wi = point.to_local(light.wi);
-            // Prevent light leaks by the shading normal
-            if (wi.z > 0.0) != point.is_reflection(light.wi) {
-                continue;
-            }
-            let (value, pdf) = bsdf.eval_pdf(wi);
-            let expected = count as f32 * light.pdf;
-            let weight = power_heuristic(expected, [self.shared(&light, pdf), 0.0]);
-            let contribution = self.throughput * value * light.radiance * (wi.z.abs() * weight / expected);
+            // Compute the contribution if it is visible
+            let mis_weight = |expected: f32, pdf: f32| power_heuristic(expected, [self.shared(&light, pdf)]);
+            let Some(weight) = vertex.light_weight(&light, count as f32, mis_weight) else { continue };
+            let contribution = self.throughput * weight.value * light.radiance * weight.factor;
+            // Add the light, attenuated by all that is in the way
             let medium = self.medium_towards(point, light.wi);
             self.add_if_seen(contribution, receiver.p, point.ray_origin(light.wi), &light, medium);
         }
     }
-}
-
-/// Returns the MIS weight of the strategy with density `chosen` against two others (Veach 1997, eq. 9.13, β = 2).
-fn power_heuristic(chosen: f32, others: [f32; 2]) -> f32 {
-    // Use the ratios: squares of large densities overflow
-    let ratios = others.map(|other| other / chosen);
-    1.0 / (1.0 + ratios[0] * ratios[0] + ratios[1] * ratios[1])
 }

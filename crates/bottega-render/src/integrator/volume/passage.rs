@@ -7,11 +7,13 @@ use glam::Vec3;
 use super::{super::transport::SHADOW_MARGIN, state::MediumPath};
 use crate::{
     camera::RayCone,
-    interaction::{Interaction, SurfaceQuery, is_there, material_of},
+    interaction::{Interaction, material_of},
     lights::LightSample,
     media::{Filling, varying::Line},
     sampler::PixelSampler,
-    shading::{DEPTH_SHIFT, bsdf_at},
+    segment::SegmentRays,
+    shading::bsdf_at,
+    surfaces::PreparedMaterial,
 };
 
 /// Greatest number of boundaries that a path or a shadow ray crosses without scattering.
@@ -22,17 +24,22 @@ pub(super) const STEPS: f32 = 8.0;
 const TRACKING: u64 = 0x7472_6163_6b69_6e67;
 
 impl MediumPath<'_> {
-    /// Returns `true` if a candidate hit counts; see [`is_there`]. Boundaries between two media always count.
-    pub(super) fn is_there(&self, ray: &Ray, hit: &Hit, asks: SurfaceQuery) -> bool {
+    /// Returns `true` if a candidate hit of a ray that looks for the next vertex counts. Boundaries between two media
+    /// always count.
+    pub(super) fn meets(&self, ray: &Ray, hit: &Hit) -> bool {
         let known = self.prepared.material(material_of(self.prepared, hit)).1;
-        if known.shines && asks == SurfaceQuery::Path && self.depth == 0 && self.hides_emitters {
-            return false;
-        }
-        let asks = asks.of_vertex(self.depth);
-        known.is_null && known.media[0] != known.media[1]
-            || is_there(self.prepared, ray, hit, asks, |surface| {
-                self.sampler.hashed(surface ^ u64::from(self.depth) << DEPTH_SHIFT)
-            })
+        let is_hidden = known.shines && self.depth == 0 && self.hides_emitters;
+        !is_hidden && (is_boundary(known) || self.rays().meets(ray, hit))
+    }
+
+    /// Returns `true` if a candidate hit of a shadow ray counts. Boundaries between two media always count.
+    fn blocks(&self, ray: &Ray, hit: &Hit) -> bool {
+        is_boundary(self.prepared.material(material_of(self.prepared, hit)).1) || self.rays().blocks(ray, hit)
+    }
+
+    /// Returns the rays that leave the path's current vertex.
+    fn rays(&self) -> SegmentRays<'_> {
+        SegmentRays::of_path(self.prepared, &self.sampler, self.depth)
     }
 
     /// Returns the medium on the side of `wi`; `None`: vacuum.
@@ -81,8 +88,8 @@ impl MediumPath<'_> {
             let ray = Ray { origin, t_min: 0.0, direction, t_max: length * (1.0 - SHADOW_MARGIN) };
             // Find the next surface, or only test for occlusion
             let hit = if prepared.has_boundaries() {
-                prepared.accel().intersect_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Shadow))
-            } else if prepared.accel().occluded_filtered(&ray, |hit| self.is_there(&ray, hit, SurfaceQuery::Shadow)) {
+                prepared.accel().intersect_filtered(&ray, |hit| self.blocks(&ray, hit))
+            } else if prepared.accel().occluded_filtered(&ray, |hit| self.blocks(&ray, hit)) {
                 return;
             } else {
                 Hit::NONE
@@ -119,9 +126,9 @@ impl MediumPath<'_> {
             return if known.is_null { Spectrum::ONE } else { Spectrum::ZERO };
         }
         self.numbers_drawn += 1;
-        let mut place = None;
+        let mut storage = None;
         let chance = || self.sampler.hashed(TRACKING ^ self.numbers_drawn);
-        let bsdf = bsdf_at(self.prepared, point, chance, &mut place);
+        let bsdf = bsdf_at(self.prepared, point, chance, &mut storage);
         bsdf.straight(point.to_local(point.wo))
     }
 }
@@ -132,4 +139,9 @@ pub(super) fn numbers(sampler: PixelSampler, drawn: &mut u64) -> impl FnMut() ->
         *drawn += 1;
         sampler.hashed(TRACKING ^ *drawn)
     }
+}
+
+/// Returns `true` if a surface is a boundary between two media without a surface of its own.
+fn is_boundary(known: &PreparedMaterial) -> bool {
+    known.is_null && known.media[0] != known.media[1]
 }

@@ -5,10 +5,11 @@ use glam::Vec3;
 
 use super::super::record::PathRecord;
 use crate::{
-    PathSettings, PreparedScene,
     camera::RayCone,
     lights::{Receiver, Segment},
+    prepare::PreparedScene,
     sampler::PixelSampler,
+    settings::PathSettings,
 };
 
 /// The previous vertex, as multiple importance sampling needs it.

@@ -8,8 +8,8 @@ use glam::Vec3;
 use super::super::{sphere, surface::SurfaceLight};
 use crate::{
     bsdf::warp::cosine_hemisphere,
+    color::luminance,
     interaction::{CLEARANCE, EXTENT_CLEARANCE},
-    luminance,
     sampling::{orthonormal_basis, uniform_sphere, uniform_triangle},
 };
 

@@ -9,8 +9,8 @@ use glam::{Affine3A, Mat3, Vec2, Vec3};
 
 use super::*;
 use crate::{
-    PrepareOptions,
     lights::Receiver,
+    prepare::PrepareOptions,
     sampler::{DimensionSet, PixelSampler},
 };
 
@@ -97,7 +97,7 @@ fn kinds() -> Vec<(&'static str, Scene)> {
     let towards = glam::camera::rh::view::look_at_mat4(position, MIDDLE + 0.3 * Vec3::Y, Vec3::Y).inverse();
     let (x, y) = (Vec3::new(0.9, 0.1, 0.0), Vec3::new(-0.1, 0.9, 0.3));
     let square = panel(position, x, y, position + x + y);
-    let leaning = panel(position, x, y, position + x * 1.4 + y * 1.1);
+    let tilted = panel(position, x, y, position + x * 1.4 + y * 1.1);
     let portal = Portal { corner: Vec3::new(-1.0, 2.0, 1.2), edges: [2.0 * Vec3::Z, 1.5 * Vec3::X] };
     vec![
         ("point", lit(LightKind::Point { position, intensity })),
@@ -127,8 +127,8 @@ fn kinds() -> Vec<(&'static str, Scene)> {
         ("back of a square", shining(panel(position, y, x, position + x + y), Sides::Back, false)),
         ("front of a square", shining(square.clone(), Sides::Front, false)),
         ("picture on a square", shining(square, Sides::Both, true)),
-        ("triangles", shining(leaning.clone(), Sides::Both, false)),
-        ("picture on triangles", shining(leaning, Sides::Both, true)),
+        ("triangles", shining(tilted.clone(), Sides::Both, false)),
+        ("picture on triangles", shining(tilted, Sides::Both, true)),
         ("sphere", ball(Sides::Front, false)),
         ("picture on a sphere", ball(Sides::Front, true)),
         ("uniform sky", sky(Vec3::ONE, None, Vec::new())),

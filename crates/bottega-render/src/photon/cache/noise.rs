@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::{EFFORT_MAX, IrradianceCache, IrradianceRecord};
 use crate::{
-    luminance,
+    color::luminance,
     photon::{Nearest, Photon, PhotonMap, is_alike},
 };
 
@@ -47,8 +47,8 @@ impl IrradianceCache {
             let light = light.max(faint * count);
             if variance > 0.0 { variance * count / (light * light * record.effort as f32) } else { 0.0 }
         };
-        let told: Vec<f32> = all.par_iter().map_init(|| Nearest::new(TOGETHER), noise).collect();
-        self.records.iter_mut().chain(new).zip(told).for_each(|(record, noise)| record.noise = noise);
+        let noises: Vec<f32> = all.par_iter().map_init(|| Nearest::new(TOGETHER), noise).collect();
+        self.records.iter_mut().chain(new).zip(noises).for_each(|(record, noise)| record.noise = noise);
     }
 
     /// Returns the number of rays per cell that brings the noise at a point below `error`, by the records near it.
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn more_rays_are_asked_for_where_it_is_noisy() {
+    fn more_rays_are_requested_where_it_is_noisy() {
         let cache = some_find_it(1);
         assert_eq!(cache.effort_for(Vec3::X, Vec3::Y, 0.1), EFFORT_MAX);
         assert_eq!(cache.effort_for(Vec3::X, Vec3::Y, 2.0), 1);

@@ -11,7 +11,7 @@ use super::super::{
     bounces::{BOUNCES_KEPT, ByBounces, kept},
     bytes::{Reader, Writer},
 };
-use crate::{luminance, sampling::orthonormal_basis};
+use crate::{color::luminance, sampling::orthonormal_basis};
 
 /// Cells of the hemisphere, which have equal cosine-weighted solid angles, and the least number of rays per record.
 pub(crate) const RAYS: u32 = (RINGS * SECTORS) as u32;

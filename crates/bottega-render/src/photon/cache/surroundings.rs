@@ -34,7 +34,7 @@ impl<'a> Speakers<'a> {
     /// Returns the interpolated light.
     ///
     /// - `irradiance`: at the point.
-    pub(super) fn told(self, irradiance: Spectrum) -> Surroundings<'a> {
+    pub(super) fn finish(self, irradiance: Spectrum) -> Surroundings<'a> {
         let mut records = self.0;
         let weights: f32 = records.iter().flatten().map(|&(_, weight)| weight).sum();
         records.iter_mut().flatten().for_each(|(_, weight)| *weight /= weights);

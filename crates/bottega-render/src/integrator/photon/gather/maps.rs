@@ -6,46 +6,47 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use super::{
-    Eye,
-    hands::Hands,
-    walk::{ArrivalKind, Place, Walk, is_sharp},
+    GatherPath,
+    buffers::GatherBuffers,
+    state::{ArrivalKind, GatherState, is_sharp},
 };
 use crate::{
     bsdf::Bsdf,
     photon::{PhotonContribution, kept},
     shading::is_matte,
+    vertex::SurfaceVertex,
 };
 
-impl Eye<'_> {
+impl GatherPath<'_> {
     /// Adds the reflection of interpolated indirect light at a matte surface. Returns the share of it that is known, in
     /// [0, 1]: fractional only where the camera sees the surface, so that the agents' regions have no visible edges.
-    pub(super) fn add_interpolated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> f32 {
-        let Some(agents) = self.agents else { return f32::from(u8::from(self.add_cached(walk, place, bsdf))) };
-        let point = place.point;
-        let normals = [if point.front { point.ng } else { -point.ng }, point.frame[2]];
-        let bounces = self.bounces_left(walk);
-        let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.hands.sensors);
+    pub(super) fn add_interpolated(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> f32 {
+        let Some(agents) = self.agents else { return f32::from(u8::from(self.add_cached(state, vertex, bsdf))) };
+        let point = vertex.point;
+        let normals = [point.facing_ng(), point.frame[2]];
+        let bounces = self.bounces_left(state);
+        let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.buffers.sensors);
         let known = is_matte(bsdf).then(ask).flatten();
         let share = match known {
-            Some(known) if matches!(walk.comes, ArrivalKind::Camera) => known.share,
+            Some(known) if matches!(state.comes, ArrivalKind::Camera) => known.share,
             Some(_) => 1.0,
             None => 0.0,
         };
-        self.hands.tally.irradiance_computed += u64::from(share < 1.0);
-        self.hands.tally.irradiance_interpolated += u64::from(share == 1.0);
+        self.buffers.tally.irradiance_computed += u64::from(share < 1.0);
+        self.buffers.tally.irradiance_interpolated += u64::from(share == 1.0);
         if let Some(known) = known.filter(|_| bounces >= 2) {
-            let light = walk.throughput * bsdf.albedo(place.wo) * known.irradiance * (FRAC_1_PI * share);
-            self.add_shared(light, walk.depth, |_| agents.shares_at(point.p, normals[1], bounces));
+            let light = state.throughput * bsdf.albedo(vertex.wo) * known.irradiance * (FRAC_1_PI * share);
+            self.add_shared(light, state.depth, |_| agents.shares_at(point.p, normals[1], bounces));
         }
         share
     }
 
     /// Adds the light of the photons at the place.
-    pub(super) fn add_photons(&mut self, walk: &Walk, place: &Place<'_>, is_gathered: bool) {
-        let Place { point, bsdf, .. } = place;
-        let normal = if point.front { point.ng } else { -point.ng };
-        let (prepared, most) = (self.prepared, self.bounces_left(walk));
-        let Hands { found, by_bounces, .. } = &mut *self.hands;
+    pub(super) fn add_photons(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, is_gathered: bool) {
+        let SurfaceVertex { point, bsdf, .. } = vertex;
+        let normal = point.facing_ng();
+        let (prepared, most) = (self.prepared, self.bounces_left(state));
+        let GatherBuffers { found, by_bounces, .. } = &mut *self.buffers;
         let mut sum = Spectrum::ZERO;
         let take = |photon: &PhotonContribution| {
             // Count the scattering here
@@ -59,10 +60,10 @@ impl Eye<'_> {
             if is_gathered && is_sharp(prepared, pdf) {
                 return;
             }
-            let light = walk.throughput * f * photon.light;
+            let light = state.throughput * f * photon.light;
             sum += light;
             if let Some(sums) = by_bounces {
-                sums[kept(walk.depth + 1 + photon.bounces)] += light;
+                sums[kept(state.depth + 1 + photon.bounces)] += light;
             }
         };
         let maps = self.maps;
@@ -77,38 +78,38 @@ impl Eye<'_> {
     }
 
     /// Adds the reflection of all light that the map has for a matte surface. Returns `false` if it has none there.
-    pub(super) fn add_known(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
-        let point = place.point;
-        let normal = if point.front { point.ng } else { -point.ng };
+    pub(super) fn add_known(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> bool {
+        let point = vertex.point;
+        let normal = point.facing_ng();
         if self.integrator.photons.separate_maps {
-            return self.add_estimated(walk, place, bsdf, normal);
+            return self.add_estimated(state, vertex, bsdf, normal);
         }
         let Some(number) = self.maps.irradiance_near(point.p, normal) else { return false };
-        let reflected = walk.throughput * bsdf.albedo(place.wo) * FRAC_1_PI;
+        let reflected = state.throughput * bsdf.albedo(vertex.wo) * FRAC_1_PI;
         // Count the scattering here
-        let most = self.bounces_left(walk).saturating_sub(1);
+        let most = self.bounces_left(state).saturating_sub(1);
         let known = &self.maps.irradiance;
         self.radiance += reflected * known.irradiance(number, most);
-        if let Some(sums) = &mut self.hands.by_bounces {
+        if let Some(sums) = &mut self.buffers.by_bounces {
             for (light, bounces) in known.by_bounces(number).iter().zip(0..=most) {
-                sums[kept(walk.depth + 1 + bounces)] += reflected * *light;
+                sums[kept(state.depth + 1 + bounces)] += reflected * *light;
             }
         }
         true
     }
 
     /// The same from separate maps: estimates the density of the photons near the place.
-    fn add_estimated(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf, normal: Vec3) -> bool {
-        let reflected = walk.throughput * bsdf.albedo(place.wo) * FRAC_1_PI;
-        let most = self.bounces_left(walk);
-        let Hands { found, by_bounces, .. } = &mut *self.hands;
+    fn add_estimated(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf, normal: Vec3) -> bool {
+        let reflected = state.throughput * bsdf.albedo(vertex.wo) * FRAC_1_PI;
+        let most = self.bounces_left(state);
+        let GatherBuffers { found, by_bounces, .. } = &mut *self.buffers;
         let mut sum = Spectrum::ZERO;
-        let is_known = self.maps.all_light_at(place.point.p, normal, found, |photon| {
+        let is_known = self.maps.all_light_at(vertex.point.p, normal, found, |photon| {
             // Count the scattering here
             if photon.bounces < most {
                 sum += reflected * photon.light;
                 if let Some(sums) = by_bounces {
-                    sums[kept(walk.depth + 1 + photon.bounces)] += reflected * photon.light;
+                    sums[kept(state.depth + 1 + photon.bounces)] += reflected * photon.light;
                 }
             }
         });
@@ -117,12 +118,12 @@ impl Eye<'_> {
     }
 
     /// Adds the reflection of cached indirect light at a matte surface. Returns `false` if the cache has none there.
-    pub(super) fn add_cached(&mut self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> bool {
+    pub(super) fn add_cached(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> bool {
         let Some(cache) = self.cache.filter(|_| is_matte(bsdf)) else { return false };
-        let bounces = self.bounces_left(walk);
-        let Some(irradiance) = cache.at(place.point.p, place.point.frame[2], bounces) else { return false };
+        let bounces = self.bounces_left(state);
+        let Some(irradiance) = cache.at(vertex.point.p, vertex.point.frame[2], bounces) else { return false };
         if bounces >= 2 {
-            self.radiance += walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI;
+            self.radiance += state.throughput * bsdf.albedo(vertex.wo) * irradiance * FRAC_1_PI;
         }
         true
     }

@@ -4,26 +4,27 @@ use bottega_scene::Spectrum;
 
 use super::{
     super::super::transport::{emitted_at, power_heuristic, shadow_ray},
-    Eye,
-    gathering::Aiming,
-    walk::{ArrivalKind, LightShare, Place, Walk},
+    GatherPath,
+    directions::Aiming,
+    state::{ArrivalKind, GatherState, LightShare},
 };
 use crate::{
     interaction::Interaction,
     lights::{NO_LIGHT, Receiver},
     sampler::{DimensionSet, Quad},
+    vertex::SurfaceVertex,
 };
 
-impl Eye<'_> {
+impl GatherPath<'_> {
     /// Returns the MIS weight of light that the path hit; 0 where photons account for it.
     ///
     /// - `light_pdf`: returns the density with which light sampling finds it from the last BSDF that was not specular.
-    fn found(&self, walk: &Walk, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
-        match &walk.comes {
+    fn found(&self, state: &GatherState, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
+        match &state.comes {
             ArrivalKind::Camera | ArrivalKind::Mirrored { sharply: true } => 1.0,
             ArrivalKind::Mirrored { sharply: false } => 0.0,
             ArrivalKind::Spread { receiver, pdf, .. } => {
-                power_heuristic(*pdf, self.light_samples() as f32 * light_pdf(receiver))
+                power_heuristic(*pdf, [self.light_samples() as f32 * light_pdf(receiver)])
             }
         }
     }
@@ -34,26 +35,26 @@ impl Eye<'_> {
     }
 
     /// Adds the environment's radiance along the ray, weighted by MIS.
-    pub(super) fn add_environment(&mut self, walk: &Walk) {
-        let from = match &walk.comes {
-            ArrivalKind::Camera | ArrivalKind::Mirrored { .. } => walk.origin,
+    pub(super) fn add_environment(&mut self, state: &GatherState) {
+        let from = match &state.comes {
+            ArrivalKind::Camera | ArrivalKind::Mirrored { .. } => state.origin,
             ArrivalKind::Spread { receiver, .. } => receiver.p,
         };
         let lights = self.prepared.lights();
-        let radiance = lights.environment_radiance(self.prepared.scene(), from, walk.direction);
+        let radiance = lights.environment_radiance(self.prepared.scene(), from, state.direction);
         if radiance != Spectrum::ZERO {
-            let weight = self.found(walk, |from| lights.environment_pdf(from, walk.direction));
-            self.add(walk.throughput * radiance * weight, walk.depth);
+            let weight = self.found(state, |from| lights.environment_pdf(from, state.direction));
+            self.add(state.throughput * radiance * weight, state.depth);
         }
     }
 
     /// Adds the emission of a surface towards the path, weighted by MIS.
-    pub(super) fn add_emission(&mut self, walk: &Walk, point: &Interaction) {
+    pub(super) fn add_emission(&mut self, state: &GatherState, point: &Interaction) {
         let prepared = self.prepared;
         let radiance = emitted_at(prepared, point);
         if radiance != Spectrum::ZERO {
-            let weight = self.found(walk, |from| prepared.lights().hit_pdf(prepared, &point.hit, from, point.p));
-            self.add(walk.throughput * radiance * weight, walk.depth);
+            let weight = self.found(state, |from| prepared.lights().hit_pdf(prepared, &point.hit, from, point.p));
+            self.add(state.throughput * radiance * weight, state.depth);
         }
     }
 
@@ -63,8 +64,8 @@ impl Eye<'_> {
     /// - `aiming`: distribution that gathering rays are drawn from in addition to the BSDF.
     pub(super) fn add_direct_light(
         &mut self,
-        walk: &Walk,
-        place: &Place<'_>,
+        state: &GatherState,
+        vertex: &SurfaceVertex<'_>,
         share: LightShare,
         aiming: Option<Aiming<'_>>,
     ) {
@@ -75,32 +76,30 @@ impl Eye<'_> {
         let count = self.light_samples();
         for part in 0..count {
             // Sample a light
-            let u: Quad = self.sampler.split_quad(DimensionSet::light(walk.vertex), part, count);
-            let Some(light) = prepared.lights().sample(prepared, &place.receiver, u) else { continue };
-            let wi = place.point.to_local(light.wi);
-            if (wi.z > 0.0) != place.point.is_reflection(light.wi) {
-                continue;
-            }
-            let (value, own_pdf) = place.bsdf.eval_pdf(wi);
+            let u: Quad = self.sampler.split_quad(DimensionSet::light(state.vertex), part, count);
+            let Some(light) = prepared.lights().sample(prepared, &vertex.receiver, u) else { continue };
             // Weight by MIS, against the density that gathering rays are drawn with
-            let bsdf_pdf = aiming.map_or(own_pdf, |aiming| aiming.pdf(light.wi, own_pdf));
-            let expected = count as f32 * light.pdf;
-            let is_whole = light.is_delta || share == LightShare::All;
-            let weight = if is_whole { 1.0 } else { power_heuristic(expected, bsdf_pdf) };
-            let contribution = value * light.radiance * (wi.z.abs() * weight / expected);
+            let mis_weight = |expected: f32, bsdf_pdf: f32| {
+                if light.is_delta || share == LightShare::All {
+                    return 1.0;
+                }
+                power_heuristic(expected, [aiming.map_or(bsdf_pdf, |aiming| aiming.pdf(light.wi, bsdf_pdf))])
+            };
+            let Some(weight) = vertex.light_weight(&light, count as f32, mis_weight) else { continue };
+            let contribution = weight.value * light.radiance * weight.factor;
             if contribution == Spectrum::ZERO {
                 continue;
             }
             // Look up the visibility, or trace a shadow ray
-            let known = self.known_visibility(place.point, light.light);
-            self.hands.tally.shadow_spared += u64::from(known.is_some());
-            self.hands.tally.shadow_traced += u64::from(known.is_none());
+            let known = self.known_visibility(vertex.point, light.light);
+            self.buffers.tally.shadow_spared += u64::from(known.is_some());
+            self.buffers.tally.shadow_traced += u64::from(known.is_none());
             let is_lit = match known {
                 Some(is_lit) => is_lit,
-                None => !self.is_occluded(&shadow_ray(place.point, &light), walk.vertex),
+                None => !self.is_occluded(&shadow_ray(vertex.point, &light), state.vertex),
             };
             if is_lit {
-                self.add(walk.throughput * contribution, walk.depth + 1);
+                self.add(state.throughput * contribution, state.depth + 1);
             }
         }
     }
@@ -109,13 +108,13 @@ impl Eye<'_> {
     /// ray.
     fn known_visibility(&mut self, point: &Interaction, light: u32) -> Option<bool> {
         // Unknown: semi-transparent surfaces cast partial shadows, and the environment has no light number
-        let is_told = light != NO_LIGHT && !self.prepared.has_opacity();
-        let normal = if point.front { point.ng } else { -point.ng };
+        let is_known = light != NO_LIGHT && !self.prepared.has_opacity();
+        let normal = point.facing_ng();
         match self.agents {
-            _ if !is_told => None,
+            _ if !is_known => None,
             Some(agents) => agents.visibility_at(point.p, normal, light),
             None if self.integrator.photons.shadow_photons => {
-                self.maps.visibility_at(point.p, normal, light, &mut self.hands.found)
+                self.maps.visibility_at(point.p, normal, light, &mut self.buffers.found)
             }
             None => None,
         }

@@ -2,11 +2,12 @@
 
 use glam::Vec3;
 
-use super::walk::{ArrivalKind, Place, Walk};
+use super::state::{ArrivalKind, GatherState};
 use crate::{
     bsdf::{BsdfSample, LobeFlags},
     photon::LightDirections,
     sampler::Quad,
+    vertex::SurfaceVertex,
 };
 
 /// Settings of the final gathering at a surface.
@@ -45,24 +46,24 @@ impl Aiming<'_> {
 impl Gathering<'_> {
     /// Draws a direction. Returns it with its density by the BSDF, and the density that it was drawn with, in sr⁻¹.
     #[inline(always)]
-    pub(super) fn drawn(&self, place: &Place<'_>, u: Quad) -> Option<(BsdfSample, f32)> {
+    pub(super) fn drawn(&self, vertex: &SurfaceVertex<'_>, u: Quad) -> Option<(BsdfSample, f32)> {
         let Some(aiming) = self.aiming else {
-            let sample = place.bsdf.sample(u[0], [u[1], u[2]])?;
+            let sample = vertex.bsdf.sample(u[0], [u[1], u[2]])?;
             return Some((sample, sample.pdf));
         };
         if !aiming.is_matte && u[3] >= LightDirections::SHARE {
-            let sample = place.bsdf.sample(u[0], [u[1], u[2]])?;
-            return Some((sample, aiming.pdf(place.point.to_world(sample.wi), sample.pdf)));
+            let sample = vertex.bsdf.sample(u[0], [u[1], u[2]])?;
+            return Some((sample, aiming.pdf(vertex.point.to_world(sample.wi), sample.pdf)));
         }
         let w = aiming.arrival.sample([u[1], u[2]]);
-        let wi = place.point.to_local(w);
-        let (value, pdf) = place.bsdf.eval_pdf(wi);
+        let wi = vertex.point.to_local(w);
+        let (value, pdf) = vertex.bsdf.eval_pdf(wi);
         let sample = BsdfSample { wi, value, pdf, lobe: LobeFlags::DIFFUSE, eta: 1.0 };
         (pdf > 0.0).then_some((sample, aiming.pdf(w, pdf)))
     }
 }
 
-impl Walk {
+impl GatherState {
     /// Corrects throughput and MIS density of a path that has just scattered: its direction was drawn with `density`,
     /// not with the BSDF's density `own`.
     #[inline(always)]

@@ -3,13 +3,13 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::super::super::transport::{self, SCATTERED_SPREAD};
+use super::super::super::transport::{self, widen};
 use crate::{
-    PreparedScene,
-    bsdf::{BsdfAt, BsdfSample},
+    bsdf::BsdfSample,
     camera::{CameraRay, RayCone},
-    interaction::Interaction,
     lights::Receiver,
+    prepare::PreparedScene,
+    vertex::{LeavingDirection, SurfaceVertex, absorption_behind, leaving_direction},
 };
 
 /// The origin of a path segment, which decides how emission at its end counts.
@@ -31,7 +31,7 @@ pub(super) enum ArrivalKind {
 
 /// The state of a path.
 #[derive(Clone, Copy)]
-pub(super) struct Walk {
+pub(super) struct GatherState {
     /// Start of the next ray.
     pub(super) origin: Vec3,
     /// Direction of the next ray; unit length.
@@ -59,7 +59,7 @@ pub(super) struct Walk {
     pub(super) unknown: f32,
 }
 
-impl Walk {
+impl GatherState {
     /// Starts a path at a camera ray.
     pub(super) fn of_camera(ray: &CameraRay) -> Self {
         Self {
@@ -86,7 +86,7 @@ pub(super) enum Remainder {
     /// None: the path ends.
     Nothing,
     /// Only the emission of the surface.
-    Lamps,
+    Emission,
     /// All light that arrives there.
     Light,
 }
@@ -100,71 +100,52 @@ pub(super) enum LightShare {
     Mis,
 }
 
-/// A surface point with its BSDF.
-pub(super) struct Place<'b> {
-    /// The interaction at the point.
-    pub(super) point: &'b Interaction,
-    /// Its BSDF, for `wo`.
-    pub(super) bsdf: &'b BsdfAt<'b>,
-    /// The point as light sampling sees it.
-    pub(super) receiver: Receiver,
-    /// Direction towards the previous vertex, in the shading frame.
-    pub(super) wo: Vec3,
-}
-
 /// Moves the path on along a sampled direction. Returns `false` where shading normal and surface disagree on its side.
 ///
 /// - `part`: factor of the throughput.
 pub(super) fn scatter(
     prepared: &PreparedScene,
-    walk: &mut Walk,
-    place: &Place<'_>,
+    state: &mut GatherState,
+    vertex: &SurfaceVertex<'_>,
     sample: &BsdfSample,
     part: f32,
 ) -> bool {
-    let point = place.point;
-    let wi = point.to_world(sample.wi);
-    let is_reflection = point.is_reflection(wi);
-    if (sample.wi.z > 0.0) != is_reflection {
-        return false;
-    }
+    let point = vertex.point;
+    let Some(LeavingDirection { wi, is_reflection }) = leaving_direction(point, sample) else { return false };
     // Update throughput and medium
-    walk.throughput *= sample.weight() * part;
+    state.throughput *= sample.weight() * part;
     if !is_reflection {
-        let known = prepared.material(point.material).1;
-        if known.parts_media {
-            walk.absorption = known.absorption[usize::from(point.front)];
-        }
-        walk.squeezed *= sample.eta * sample.eta;
+        state.absorption = absorption_behind(point, prepared.material(point.material).1, state.absorption);
+        state.squeezed *= sample.eta * sample.eta;
     }
     // Remember the lobe, for the weight of emission at the next surface
     if sample.is_delta() {
-        if let ArrivalKind::Spread { is_sharp, .. } = walk.comes {
-            walk.comes = ArrivalKind::Mirrored { sharply: is_sharp };
+        if let ArrivalKind::Spread { is_sharp, .. } = state.comes {
+            state.comes = ArrivalKind::Mirrored { sharply: is_sharp };
         }
     } else {
-        walk.cone.spread = walk.cone.spread.max(SCATTERED_SPREAD / sample.pdf.sqrt());
-        let (receiver, pdf) = (place.receiver, sample.pdf);
-        walk.comes = ArrivalKind::Spread { receiver, pdf, is_sharp: is_sharp(prepared, pdf) };
+        widen(&mut state.cone, sample.pdf);
+        let (receiver, pdf) = (vertex.receiver, sample.pdf);
+        state.comes = ArrivalKind::Spread { receiver, pdf, is_sharp: is_sharp(prepared, pdf) };
     }
     // Spawn the next ray
-    (walk.origin, walk.direction) = (point.ray_origin(wi), wi);
-    walk.depth += 1;
-    walk.vertex += 1;
+    (state.origin, state.direction) = (point.ray_origin(wi), wi);
+    state.depth += 1;
+    state.vertex += 1;
     true
 }
 
 /// Applies Russian roulette, as in path tracing. Returns `true` if the path survives.
 ///
 /// - `worth`: further probability of survival, in (0, 1], from the path's importance.
-pub(super) fn survives(walk: &mut Walk, worth: f32, u: f32) -> bool {
+pub(super) fn survives(state: &mut GatherState, worth: f32, u: f32) -> bool {
     /// Number of bounces before Russian roulette starts.
     const SURE: u32 = 3;
     if u >= worth {
         return false;
     }
-    walk.throughput /= worth;
-    transport::survives(&mut walk.throughput, walk.squeezed, walk.depth <= SURE, u / worth)
+    state.throughput /= worth;
+    transport::survives(&mut state.throughput, state.squeezed, state.depth <= SURE, u / worth)
 }
 
 /// Returns `true` if light in a lobe over mirrors and glass is found by tracing the path on and not by photons: too few

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Reusable buffers of a thread, kept from sample to sample.
-pub(crate) struct Hands {
+pub(crate) struct GatherBuffers {
     /// Photons that the last lookup found.
     pub(super) found: Nearest,
     /// Irradiance sensors found.
@@ -20,7 +20,7 @@ pub(crate) struct Hands {
     pub(super) by_bounces: Option<Box<ByBounces>>,
 }
 
-impl Hands {
+impl GatherBuffers {
     /// Creates buffers for camera paths.
     pub(crate) fn new(integrator: &PhotonIntegrator<'_>) -> Self {
         Self::gathering(integrator.photons.gather)
@@ -29,7 +29,7 @@ impl Hands {
     /// Creates buffers for a sensor. It looks up fewer photons: the mean over its rays smooths caustics.
     pub(crate) fn of_sensor(integrator: &PhotonIntegrator<'_>) -> Self {
         const GATHERED: u32 = 12;
-        Self::gathering(integrator.photons.gather.min(GATHERED)).telling_bounces()
+        Self::gathering(integrator.photons.gather.min(GATHERED)).with_bounces()
     }
 
     /// Creates buffers for lookups of `count` photons.
@@ -39,7 +39,7 @@ impl Hands {
     }
 
     /// Returns these buffers with sums by number of bounces.
-    pub(crate) fn telling_bounces(self) -> Self {
+    pub(crate) fn with_bounces(self) -> Self {
         Self { by_bounces: Some(Box::new([Spectrum::ZERO; BOUNCES_KEPT])), ..self }
     }
 

@@ -1,42 +1,42 @@
 //! A camera path of photon mapping, and the final gathering rays that it sends out.
 
-mod gathering;
-mod hands;
+mod buffers;
+mod directions;
 mod light;
 mod maps;
-mod spot;
+mod record_point;
+mod state;
 mod surroundings;
-mod walk;
 mod ways;
 
 use std::f32::consts::FRAC_1_PI;
 
 use bottega_kernels::{Hit, Ray};
 use bottega_scene::{Spectrum, Surface};
-use glam::Vec3;
 
 use super::{super::record::PathRecord, PhotonIntegrator};
 use crate::{
-    PreparedScene,
     ala::Agents,
     bsdf::Bsdf,
     camera::CameraRay,
-    interaction::{Interaction, SurfaceQuery, is_there, shines},
-    lights::Receiver,
-    luminance,
+    color::luminance,
+    interaction::Interaction,
     photon::{
         BOUNCES_KEPT, BounceShares, PhotonMaps,
         cache::{IrradianceCache, Surroundings},
         kept,
     },
+    prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
-    shading::{BLEND, bsdf_at, exp, is_broad_sample, is_matte},
+    segment::SegmentRays,
+    shading::{is_broad_sample, is_matte},
+    vertex::{SurfaceVertex, attenuate, bsdf_at_vertex, receiver_at},
 };
 
-use gathering::{Aiming, Gathering};
-pub(crate) use hands::Hands;
-pub(super) use spot::Spot;
-use walk::{ArrivalKind, LightShare, Place, Remainder, Walk, scatter, survives};
+pub(crate) use buffers::GatherBuffers;
+use directions::{Aiming, Gathering};
+pub(super) use record_point::RecordPoint;
+use state::{ArrivalKind, GatherState, LightShare, Remainder, scatter, survives};
 
 /// Number of vertices of a camera path with their own random numbers; those of gathering rays follow.
 const VERTICES: u32 = 64;
@@ -59,12 +59,12 @@ pub(crate) struct KnownLight<'a> {
     pub(crate) agents: Option<&'a Agents>,
 }
 
-impl Eye<'_> {
+impl GatherPath<'_> {
     /// Adds light that scattered `bounces` times.
     #[inline(always)]
     pub(super) fn add(&mut self, light: Spectrum, bounces: u32) {
         self.radiance += light;
-        if let Some(sums) = &mut self.hands.by_bounces {
+        if let Some(sums) = &mut self.buffers.by_bounces {
             sums[kept(bounces)] += light;
         }
     }
@@ -75,11 +75,11 @@ impl Eye<'_> {
     #[inline(always)]
     fn add_shared(&mut self, light: Spectrum, behind: u32, shares: impl FnOnce(&Self) -> Option<BounceShares>) {
         self.radiance += light;
-        if self.hands.by_bounces.is_none() {
+        if self.buffers.by_bounces.is_none() {
             return;
         }
         let shares = shares(self);
-        let Some(sums) = &mut self.hands.by_bounces else { return };
+        let Some(sums) = &mut self.buffers.by_bounces else { return };
         match shares {
             Some(shares) => {
                 shares
@@ -94,33 +94,33 @@ impl Eye<'_> {
 
     /// Returns how often light that arrives at a surface may have scattered, including the scattering there.
     #[inline(always)]
-    fn bounces_left(&self, walk: &Walk) -> u32 {
-        self.integrator.base.settings().max_depth.saturating_sub(walk.depth)
+    fn bounces_left(&self, state: &GatherState) -> u32 {
+        self.integrator.base.settings().max_depth.saturating_sub(state.depth)
     }
 }
 
 /// A camera path: one sample of a pixel.
-pub(super) struct Eye<'a> {
+pub(super) struct GatherPath<'a> {
     integrator: &'a PhotonIntegrator<'a>,
     prepared: &'a PreparedScene,
     maps: &'a PhotonMaps,
     cache: Option<&'a IrradianceCache>,
     agents: Option<&'a Agents>,
     sampler: PixelSampler,
-    hands: &'a mut Hands,
+    buffers: &'a mut GatherBuffers,
     radiance: Spectrum,
     wants_albedo: bool,
     record: PathRecord,
 }
 
-impl<'a> Eye<'a> {
+impl<'a> GatherPath<'a> {
     /// Creates the path of one sample, with empty sums.
     #[inline(always)]
     pub(super) fn new(
         integrator: &'a PhotonIntegrator<'a>,
         known: KnownLight<'a>,
         sampler: PixelSampler,
-        hands: &'a mut Hands,
+        buffers: &'a mut GatherBuffers,
     ) -> Self {
         let KnownLight { maps, cache, agents } = known;
         Self {
@@ -130,7 +130,7 @@ impl<'a> Eye<'a> {
             cache,
             agents,
             sampler,
-            hands,
+            buffers,
             radiance: Spectrum::ZERO,
             wants_albedo: integrator.base.wanted().albedo,
             record: PathRecord::default(),
@@ -139,10 +139,10 @@ impl<'a> Eye<'a> {
 
     /// Traces the sample of a camera ray, with all its gathering rays.
     #[inline(always)]
-    pub(super) fn look(mut self, ray: &CameraRay) -> PathRecord {
+    pub(super) fn trace(mut self, ray: &CameraRay) -> PathRecord {
         debug_assert!(self.integrator.camera_medium().is_none());
-        let mut walk = Walk::of_camera(ray);
-        while self.step(&mut walk) {}
+        let mut state = GatherState::of_camera(ray);
+        while self.step(&mut state) {}
         self.record.keep(self.radiance, self.integrator.base.settings().sample_max);
         let (vertices, shadow_rays) = (self.record.vertex_count as f32, self.record.counts.shadow_rays as f32);
         self.record.values.cost = vertices * VERTEX_STEPS + shadow_rays * SHADOW_STEPS;
@@ -150,58 +150,56 @@ impl<'a> Eye<'a> {
     }
 
     /// Traces the next ray of a path. Returns `false` when the path ends.
-    fn step(&mut self, walk: &mut Walk) -> bool {
-        let t_max = std::mem::replace(&mut walk.reach, f32::INFINITY);
-        let ray = Ray { t_max, ..Ray::new(walk.origin, walk.direction) };
-        let hides_emitters = walk.vertex == 0 && self.integrator.base.hides_emitters();
+    fn step(&mut self, state: &mut GatherState) -> bool {
+        let t_max = std::mem::replace(&mut state.reach, f32::INFINITY);
+        let ray = Ray { t_max, ..Ray::new(state.origin, state.direction) };
+        let hides_emitters = state.vertex == 0 && self.integrator.base.hides_emitters();
         // Intersect the ray with the scene
-        let hit = if hides_emitters { self.intersect_unlit(&ray) } else { self.intersect(&ray, walk.vertex) };
+        let rays = self.rays(state.vertex);
+        let hit = if hides_emitters { rays.intersect_unlit(&ray) } else { rays.intersect(&ray) };
         // Add the environment if the ray left the scene
         if hit.is_none() && hides_emitters {
             return false;
         }
         if hit.is_none() {
-            self.add_environment(walk);
+            self.add_environment(state);
             return false;
         }
-        self.arrive(walk, hit)
+        self.arrive(state, hit)
     }
 
     /// Shades the surface that was hit, and scatters the path. Returns `false` when the path ends.
-    fn arrive(&mut self, walk: &mut Walk, hit: Hit) -> bool {
+    fn arrive(&mut self, state: &mut GatherState, hit: Hit) -> bool {
         self.record.vertex_count += 1;
         // Attenuate, and compute the interaction at the hit
-        if walk.absorption != Spectrum::ZERO {
-            walk.throughput *= exp(-walk.absorption * hit.t);
-        }
-        walk.cone = walk.cone.at(hit.t);
+        attenuate(&mut state.throughput, state.absorption, hit.t);
+        state.cone = state.cone.at(hit.t);
         let prepared = self.prepared;
-        let point = Interaction::new(prepared, &hit, walk.origin, walk.direction, walk.cone);
-        if walk.vertex == 0 {
-            self.record.record_first(walk.start + hit.t, point.frame[2]);
+        let point = Interaction::new(prepared, &hit, state.origin, state.direction, state.cone);
+        if state.vertex == 0 {
+            self.record.record_first(state.start + hit.t, point.frame[2]);
         }
         // Add the color of an unlit surface and stop
         let (material, known) = prepared.material(point.material);
         if let Surface::Unlit(color) = &material.surface {
             let color = point.unlit(prepared.scene(), color);
-            self.add(walk.throughput * walk.unknown * color, walk.depth);
+            self.add(state.throughput * state.unknown * color, state.depth);
             self.record.record_albedo(&mut self.wants_albedo, color);
             return false;
         }
         // Add emission
         if known.shines && material.emission_sides.has(point.front) {
-            self.add_emission(walk, &point);
+            self.add_emission(state, &point);
         }
-        walk.throughput *= std::mem::replace(&mut walk.unknown, 1.0);
+        state.throughput *= std::mem::replace(&mut state.unknown, 1.0);
         // Stop at the maximum depth, or where only emission was looked for
-        let is_last = walk.depth >= self.integrator.base.settings().max_depth || walk.is_short;
+        let is_last = state.depth >= self.integrator.base.settings().max_depth || state.is_short;
         if is_last && !self.wants_albedo {
             return false;
         }
         // Evaluate the BSDF's parameters
-        let mut place = None;
-        let chance = || self.sampler.hashed(BLEND ^ u64::from(walk.vertex) << 56 ^ u64::from(point.material));
-        let bsdf = bsdf_at(prepared, &point, chance, &mut place);
+        let mut storage = None;
+        let bsdf = bsdf_at_vertex(prepared, &point, &self.sampler, state.vertex, &mut storage);
         self.record.counts.meet(bsdf, known);
         let wo = point.to_local(point.wo);
         if self.wants_albedo && (is_last || !bsdf.is_delta_only()) {
@@ -211,35 +209,34 @@ impl<'a> Eye<'a> {
             return false;
         }
         // Add direct, cached and gathered light at surfaces that are not specular
-        let n = if known.transmits { Vec3::ZERO } else { point.frame[2] };
-        let receiver = Receiver { p: point.p_outside, n };
-        let place = Place { point: &point, bsdf: &bsdf.at_carrying(wo, walk.throughput), receiver, wo };
+        let receiver = receiver_at(&point, known);
+        let vertex = SurfaceVertex { point: &point, bsdf: &bsdf.at_carrying(wo, state.throughput), receiver, wo };
         let mut surroundings = None;
         if bsdf.has_non_delta() {
-            match self.meet(walk, &place, bsdf, hit.t, &mut surroundings) {
+            match self.meet(state, &vertex, bsdf, hit.t, &mut surroundings) {
                 Remainder::Nothing => return false,
-                Remainder::Lamps => (walk.is_short, walk.unknown) = (true, 0.0),
+                Remainder::Emission => (state.is_short, state.unknown) = (true, 0.0),
                 Remainder::Light => {}
             }
         }
-        if matches!(walk.comes, ArrivalKind::Camera)
+        if matches!(state.comes, ArrivalKind::Camera)
             && bsdf.is_delta_only()
-            && let Some(ways) = self.ways_worth_going(walk, &place)
+            && let Some(ways) = self.ways_worth_going(state, &vertex)
         {
-            return self.go_both_ways(walk, &place, ways);
+            return self.go_both_ways(state, &vertex, ways);
         }
         // Sample the BSDF and continue, if Russian roulette lets the path survive
-        let u = self.sampler.quad(DimensionSet::scattering(walk.vertex));
+        let u = self.sampler.quad(DimensionSet::scattering(state.vertex));
         // Camera paths continue only over the mirrors of a surface: the rest was gathered
-        let only_mirrors = bsdf.has_non_delta() && matches!(walk.comes, ArrivalKind::Camera);
-        match place.bsdf.sample(u[0], [u[1], u[2]]) {
+        let only_mirrors = bsdf.has_non_delta() && matches!(state.comes, ArrivalKind::Camera);
+        match vertex.bsdf.sample(u[0], [u[1], u[2]]) {
             Some(sample) if !only_mirrors || sample.is_delta() => {
                 if let Some(known) = surroundings.filter(|_| is_broad_sample(&sample)) {
-                    self.add_from(walk, &place, &known, &sample, 1.0);
-                    (walk.is_short, walk.unknown) = (true, 0.0);
+                    self.add_from(state, &vertex, &known, &sample, 1.0);
+                    (state.is_short, state.unknown) = (true, 0.0);
                 }
-                let worth = self.worth(walk, &place, bsdf);
-                scatter(prepared, walk, &place, &sample, 1.0) && survives(walk, worth, u[3])
+                let worth = self.worth(state, &vertex, bsdf);
+                scatter(prepared, state, &vertex, &sample, 1.0) && survives(state, worth, u[3])
             }
             _ => false,
         }
@@ -252,26 +249,26 @@ impl<'a> Eye<'a> {
     /// - `surroundings`: receives the directional light that agents know, for the path's next direction.
     fn meet(
         &mut self,
-        walk: &Walk,
-        place: &Place<'_>,
+        state: &GatherState,
+        vertex: &SurfaceVertex<'_>,
         bsdf: &Bsdf,
         distance: f32,
         surroundings: &mut Option<Surroundings<'a>>,
     ) -> Remainder {
         let photons = &self.integrator.photons;
         // End a gathering ray at the photon map
-        let is_first = matches!(walk.comes, ArrivalKind::Camera);
+        let is_first = matches!(state.comes, ArrivalKind::Camera);
         let (is_gathered, has_agents) = (self.is_gathered(), photons.agents.is_some());
         if !is_first && !has_agents {
-            let is_near = distance < NEAR * self.maps.irradiance_reach_at(place.point.p);
-            if is_gathered && is_matte(bsdf) && !is_near && self.add_known(walk, place, bsdf) {
+            let is_near = distance < NEAR * self.maps.irradiance_reach_at(vertex.point.p);
+            if is_gathered && is_matte(bsdf) && !is_near && self.add_known(state, vertex, bsdf) {
                 return Remainder::Nothing;
             }
         }
         // Interpolate indirect light between agents or cache records
-        let known = if has_agents && photons.indirect { self.surroundings(walk, place, bsdf) } else { None };
+        let known = if has_agents && photons.indirect { self.surroundings(state, vertex, bsdf) } else { None };
         let unknown = match photons.indirect {
-            true if (is_first || has_agents) && known.is_none() => 1.0 - self.add_interpolated(walk, place, bsdf),
+            true if (is_first || has_agents) && known.is_none() => 1.0 - self.add_interpolated(state, vertex, bsdf),
             true => 1.0,
             false => f32::from(u8::from(!is_matte(bsdf))),
         };
@@ -280,107 +277,86 @@ impl<'a> Eye<'a> {
         let is_end = is_interpolated && self.prepared.lights().are_all_found();
         let share = if is_end { LightShare::All } else { LightShare::Mis };
         // Sample direct illumination
-        let aiming = if is_first && !is_interpolated { self.aim(place, bsdf) } else { None };
-        self.add_direct_light(walk, place, share, aiming);
+        let aiming = if is_first && !is_interpolated { self.aim(vertex, bsdf) } else { None };
+        self.add_direct_light(state, vertex, share, aiming);
         // Add caustic photons
-        if self.bounces_left(walk) >= 2 {
-            self.add_photons(walk, place, is_gathered);
+        if self.bounces_left(state) >= 2 {
+            self.add_photons(state, vertex, is_gathered);
         }
         if !is_first {
             // Return what is left for a path that was scattered before
             *surroundings = known;
             return match (is_end, is_interpolated) {
                 (true, _) => Remainder::Nothing,
-                (false, true) => Remainder::Lamps,
+                (false, true) => Remainder::Emission,
                 (false, false) => Remainder::Light,
             };
         }
         // Add directional light from agents
         if let Some(known) = &known {
-            self.add_surroundings(walk, place, known);
+            self.add_surroundings(state, vertex, known);
         }
         if !is_end {
             // Gather the rest
             let is_short = is_interpolated || !is_gathered || !photons.indirect;
             // Trace rays in proportion to the unknown share
             let count = if is_short { 1 } else { (photons.final_rays as f32 * unknown).ceil().max(1.0) as u32 };
-            self.gather(walk, place, &Gathering { count, is_short, unknown, is_known: known.is_some(), aiming });
+            self.gather(state, vertex, &Gathering { count, is_short, unknown, is_known: known.is_some(), aiming });
         }
         // Matte surfaces have no mirrors to continue over
         if is_matte(bsdf) { Remainder::Nothing } else { Remainder::Light }
     }
 
     /// Traces final gathering rays from a surface, each to its end.
-    fn gather(&mut self, walk: &Walk, place: &Place<'_>, how: &Gathering<'_>) {
+    fn gather(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, how: &Gathering<'_>) {
         let Gathering { count, is_known, .. } = *how;
         for part in 0..count {
-            let u = self.sampler.split_quad(DimensionSet::scattering(VERTICES + walk.vertex), part, count);
+            let u = self.sampler.split_quad(DimensionSet::scattering(VERTICES + state.vertex), part, count);
             // Draw a direction; perfect mirrors are followed by the path itself
-            let Some((sample, density)) = how.drawn(place, u) else { continue };
+            let Some((sample, density)) = how.drawn(vertex, u) else { continue };
             if sample.is_delta() {
                 continue;
             }
             let is_short = how.is_short || (is_known && is_broad_sample(&sample));
             let unknown = if is_known && is_short { 0.0 } else { how.unknown };
             // Trace the ray to its end
-            let mut ray = Walk { vertex: VERTICES * (2 + walk.depth * count + part), is_short, unknown, ..*walk };
-            if scatter(self.prepared, &mut ray, place, &sample, 1.0 / count as f32) {
+            let mut ray =
+                GatherState { vertex: VERTICES * (2 + state.depth * count + part), is_short, unknown, ..*state };
+            if scatter(self.prepared, &mut ray, vertex, &sample, 1.0 / count as f32) {
                 ray.redraw(sample.pdf, density);
                 while self.step(&mut ray) {}
             }
         }
     }
 
-    /// Returns the closest hit of a ray.
-    fn intersect(&self, ray: &Ray, vertex: u32) -> Hit {
-        if self.prepared.has_opacity() {
-            self.prepared.accel().intersect_filtered(ray, |hit| self.is_there(ray, hit, vertex, SurfaceQuery::Path))
-        } else {
-            self.prepared.accel().intersect(ray)
-        }
-    }
-
-    /// Returns the closest hit of a camera ray that does not see emitters.
-    fn intersect_unlit(&self, ray: &Ray) -> Hit {
-        let is_seen = |hit: &Hit| !shines(self.prepared, hit) && self.is_there(ray, hit, 0, SurfaceQuery::Path);
-        self.prepared.accel().intersect_filtered(ray, is_seen)
-    }
-
-    /// Returns `true` if a candidate hit counts, by opacity and visibility.
-    fn is_there(&self, ray: &Ray, hit: &Hit, vertex: u32, asks: SurfaceQuery) -> bool {
-        let asks = asks.of_vertex(vertex);
-        is_there(self.prepared, ray, hit, asks, |surface| {
-            self.sampler.hashed(surface ^ u64::from(vertex) << 56 ^ u64::from(vertex) >> 8)
-        })
+    /// Returns the rays that leave a vertex. Vertices of gathering rays have numbers above 255.
+    fn rays(&self, vertex: u32) -> SegmentRays<'_> {
+        SegmentRays::of_path(self.prepared, &self.sampler, vertex).with_high_bits(vertex)
     }
 
     /// Traces a shadow ray. Returns `true` if something opaque is hit.
     fn is_occluded(&mut self, ray: &Ray, vertex: u32) -> bool {
         self.record.counts.shadow_rays += 1;
-        if self.prepared.has_opacity() {
-            self.prepared.accel().occluded_filtered(ray, |hit| self.is_there(ray, hit, vertex, SurfaceQuery::Shadow))
-        } else {
-            self.prepared.accel().occluded(ray)
-        }
+        self.rays(vertex).is_occluded(ray)
     }
 
     /// Returns the probability of continuing a path at a surface, by the agents' estimate of its contribution relative
     /// to a part of the radiance found so far. Unbiased whatever they estimate: survivors are weighted by its inverse.
-    fn worth(&self, walk: &Walk, place: &Place<'_>, bsdf: &Bsdf) -> f32 {
+    fn worth(&self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> f32 {
         /// Contribution that is always worth tracing, as a share of the radiance found so far.
         const PART: f32 = 0.05;
         const WORTH_MIN: f32 = 0.1;
-        let ask = |agents: &Agents| agents.rough_irradiance_at(place.point.p, place.point.frame[2]);
-        let Some(irradiance) = self.agents.filter(|_| !matches!(walk.comes, ArrivalKind::Camera)).and_then(ask) else {
+        let ask = |agents: &Agents| agents.rough_irradiance_at(vertex.point.p, vertex.point.frame[2]);
+        let Some(irradiance) = self.agents.filter(|_| !matches!(state.comes, ArrivalKind::Camera)).and_then(ask) else {
             return 1.0;
         };
-        let light = luminance(walk.throughput * bsdf.albedo(place.wo) * irradiance * FRAC_1_PI);
+        let light = luminance(state.throughput * bsdf.albedo(vertex.wo) * irradiance * FRAC_1_PI);
         let found = PART * luminance(self.radiance);
         if light < found { (light / found).max(WORTH_MIN) } else { 1.0 }
     }
 
     /// Returns the distribution of indirect light at a gathering surface, if it is wanted and the photons give one.
-    fn aim(&self, place: &Place<'_>, bsdf: &Bsdf) -> Option<Aiming<'a>> {
+    fn aim(&self, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> Option<Aiming<'a>> {
         let photons = &self.integrator.photons;
         // A lobe as narrow as that of a polished surface guides better than some hundred photons
         const ROUGHNESS_MIN: f32 = 0.3;
@@ -389,8 +365,8 @@ impl<'a> Eye<'a> {
         if !is_wanted || bsdf.is_transmissive() {
             return None;
         }
-        let normal = if place.point.front { place.point.ng } else { -place.point.ng };
-        let arrival = self.maps.arrival_at(place.point.p, [normal, place.point.frame[2]])?;
+        let normal = vertex.point.facing_ng();
+        let arrival = self.maps.arrival_at(vertex.point.p, [normal, vertex.point.frame[2]])?;
         Some(Aiming { arrival, is_matte: is_matte(bsdf) })
     }
 
