@@ -1,4 +1,4 @@
-//! What users do with a farm: submit pictures and animations, send files, control jobs, fetch pictures.
+//! The use of a farm: submitting pictures and animations, sending files, controlling jobs, fetching pictures.
 
 pub mod animation;
 mod asked_again;

@@ -5,6 +5,7 @@ use std::{fmt, fs, path::PathBuf, str::FromStr};
 use bottega_agents::driver::nats::{Login, Pin};
 
 use bottega_platform::folders::state_folder;
+use thiserror::Error as ThisError;
 
 use crate::error::Error;
 
@@ -54,17 +55,34 @@ pub struct JoinWord {
     pub pin: Pin,
 }
 
-impl FromStr for JoinWord {
-    type Err = String;
+/// The reason why a text is not the address of a farm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ThisError)]
+pub enum AddressError {
+    /// The word to join is cut off or damaged.
+    #[error("the word is not whole: copy all of the line that `bottega up` printed")]
+    Word,
+    /// There is no scheme, and the text is not a word to join.
+    #[error("an address such as bottega://WORD@host:4222 is needed")]
+    NoScheme,
+    /// The scheme is not one of a farm.
+    #[error("an address such as bottega://WORD@host:4222 or nats://TOKEN@host:4222 is needed")]
+    Scheme,
+    /// A host is missing.
+    #[error("the address names no host")]
+    NoHost,
+}
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || "the word is not whole: copy all of the line that `bottega up` printed".to_owned();
-        let group = Group::ALL.into_iter().find(|group| text.starts_with(group.letter())).ok_or_else(wrong)?;
-        let (secret, pin) = text[1..].split_at_checked(SECRET_DIGITS).ok_or_else(wrong)?;
+impl FromStr for JoinWord {
+    type Err = AddressError;
+
+    fn from_str(text: &str) -> Result<Self, AddressError> {
+        let wrong = AddressError::Word;
+        let group = Group::ALL.into_iter().find(|group| text.starts_with(group.letter())).ok_or(wrong)?;
+        let (secret, pin) = text[1..].split_at_checked(SECRET_DIGITS).ok_or(wrong)?;
         if !secret.bytes().all(|byte| byte.is_ascii_hexdigit()) {
-            return Err(wrong());
+            return Err(wrong);
         }
-        Ok(Self { group, secret: secret.to_owned(), pin: pin.parse().map_err(|()| wrong())? })
+        Ok(Self { group, secret: secret.to_owned(), pin: pin.parse().map_err(|()| wrong)? })
     }
 }
 
@@ -109,12 +127,12 @@ impl FarmAddress {
 }
 
 impl FromStr for FarmAddress {
-    type Err = String;
+    type Err = AddressError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, AddressError> {
         let (scheme, rest) = text.split_once("://").unwrap_or(("", text));
         if scheme.is_empty() {
-            let word = rest.parse().map_err(|_| "an address such as bottega://WORD@host:4222 is needed".to_owned())?;
+            let word = rest.parse().map_err(|_| AddressError::NoScheme)?;
             return Ok(Self { servers: Vec::new(), operator: Operator::Up(word), farm: FARM.to_owned() });
         }
         let (rest, farm) = rest.split_once('/').map_or((rest, FARM), |(rest, farm)| (rest, farm.trim_end_matches('/')));
@@ -122,14 +140,10 @@ impl FromStr for FarmAddress {
         let operator = match scheme {
             "bottega" => Operator::Up(user.parse()?),
             "nats" | "tls" => Operator::Other { login: login(user), written: user.to_owned(), tls: scheme == "tls" },
-            _ => {
-                return Err(
-                    "an address such as bottega://WORD@host:4222 or nats://TOKEN@host:4222 is needed".to_owned()
-                );
-            }
+            _ => return Err(AddressError::Scheme),
         };
         if servers.split(',').any(str::is_empty) {
-            return Err("the address names no host".to_owned());
+            return Err(AddressError::NoHost);
         }
         let with_port = |server: &str| {
             let has_port = server.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());

@@ -13,6 +13,7 @@ use bottega_agents::{
 };
 
 use super::{
+    failure::FarmFailure,
     ontology::{
         JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish, row_term,
     },
@@ -61,13 +62,13 @@ pub(super) enum JobsEffect {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum JobsReport {
     /// The rows of a job's zones, or why they cannot be read.
-    Rows { ticket: u64, rows: Result<Vec<ZoneEvent>, String> },
+    Rows { ticket: u64, rows: Result<Vec<ZoneEvent>, FarmFailure> },
     /// The current state of the farm.
     Farm(Arc<FarmView>),
     /// The farm's server does not answer: the last state may be outdated.
     Silent,
     /// A change was made, or why it was not.
-    Changed { ticket: u64, result: Result<(), String> },
+    Changed { ticket: u64, result: Result<(), FarmFailure> },
 }
 
 /// The state machine of the jobs agent.
@@ -248,22 +249,22 @@ impl JobsAgent {
         Ok(())
     }
 
-    fn read(&mut self, ticket: u64, rows: Result<Vec<ZoneEvent>, String>, send: &mut Vec<Message>) {
+    fn read(&mut self, ticket: u64, rows: Result<Vec<ZoneEvent>, FarmFailure>, send: &mut Vec<Message>) {
         let Some((message, asked, zone)) = self.reading.remove(&ticket) else { return };
         send.push(match rows {
             Ok(rows) => {
                 let wanted = rows.iter().filter(|row| zone.is_none_or(|zone| row.id == zone));
                 talk::result(&message, &self.id, &asked, Term::call("sequence", wanted.map(row_term)))
             }
-            Err(why) => talk::failure(&message, &self.id, &asked, &why),
+            Err(why) => talk::failure(&message, &self.id, &asked, &why.to_string()),
         });
     }
 
-    fn changed(&mut self, ticket: u64, result: Result<(), String>, send: &mut Vec<Message>) {
+    fn changed(&mut self, ticket: u64, result: Result<(), FarmFailure>, send: &mut Vec<Message>) {
         let Some((message, asked)) = self.changing.remove(&ticket) else { return };
         send.push(match result {
             Ok(()) => talk::done(&message, &self.id, &asked),
-            Err(why) => talk::failure(&message, &self.id, &asked, &why),
+            Err(why) => talk::failure(&message, &self.id, &asked, &why.to_string()),
         });
     }
 

@@ -4,6 +4,7 @@
 //! to the agents, and applies the changes that they request, one after another: so an agent that is told that its change
 //! was made sees it in all later reports.
 
+mod failure;
 mod jobs_agent;
 mod ontology;
 mod progress;
@@ -25,6 +26,7 @@ use bottega_agents::{
     AgentId,
     driver::node::{Node, Reports},
 };
+use failure::FarmFailure;
 use jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport};
 use ontology::JobChange;
 use render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings};
@@ -51,18 +53,18 @@ const RESERVED: [&str; 5] = ["ams", "df", "start", "acc", jobs_agent::LOCAL_NAME
 const NAME_BYTES_MAX: usize = 200;
 
 /// A function that reads the rows of a job.
-type ReadRows = Box<dyn FnOnce() -> Result<Vec<ZoneEvent>, String> + Send>;
+type ReadRows = Box<dyn FnOnce() -> Result<Vec<ZoneEvent>, FarmFailure> + Send>;
 
 /// The interface of a farm to its agents.
 trait Farm: Send + 'static {
     /// Returns the current state; `None`: its server does not answer.
     fn look(&mut self) -> Option<FarmView>;
     /// Gives a machine a command.
-    fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String>;
+    fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), FarmFailure>;
     /// Changes a job.
     ///
     /// - `by`: the name of the agent that requests it.
-    fn change(&self, number: u32, change: JobChange, by: &str) -> Result<(), String>;
+    fn change(&self, number: u32, change: JobChange, by: &str) -> Result<(), FarmFailure>;
     /// Returns a function that reads the rows of a job's zones, which may take long.
     fn rows(&self, number: u32) -> ReadRows;
     /// Renews the claim to host the agents.
@@ -84,11 +86,11 @@ impl Farm for BoardFarm {
         self.board.uplink.is_connected().then(|| FarmView::of(&self.board, &mut self.roster))
     }
 
-    fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), String> {
-        self.board.tell(machine, order).map_err(|error| error.error_chain())
+    fn give(&self, machine: &str, order: &MachineOrder) -> Result<(), FarmFailure> {
+        Ok(self.board.tell(machine, order)?)
     }
 
-    fn change(&self, number: u32, change: JobChange, by: &str) -> Result<(), String> {
+    fn change(&self, number: u32, change: JobChange, by: &str) -> Result<(), FarmFailure> {
         let by = &format!("the agent {by}");
         let changed = match change {
             JobChange::Pause => steer(&self.board, number, &JobState::Paused, by),
@@ -96,14 +98,14 @@ impl Farm for BoardFarm {
             JobChange::Cancel => steer(&self.board, number, &JobState::Cancelled, by),
             JobChange::Priority(priority) => set_priority(&self.board, number, priority, by),
         };
-        changed.map_err(|error| error.error_chain())
+        Ok(changed?)
     }
 
     fn rows(&self, number: u32) -> ReadRows {
         let board = self.board.clone();
         Box::new(move || {
-            let job = board.get(number).ok_or_else(|| format!("there is no job {number} any more"))?;
-            let rows = board.rows(&job).map_err(|error| error.error_chain())?;
+            let job = board.get(number).ok_or(FarmFailure::NoJob { number })?;
+            let rows = board.rows(&job)?;
             let zone = |row| match row {
                 Event::Zone(row) => Some(*row),
                 _ => None,
@@ -268,7 +270,8 @@ impl<F: Farm> Watch<F> {
             jobs.tell(JobsReport::Rows { ticket, rows: read() });
         });
         if let Err(error) = begun {
-            self.jobs.tell(JobsReport::Rows { ticket, rows: Err(format!("cannot start a thread: {error}")) });
+            let failure = FarmFailure::NoThread { problem: error.to_string() };
+            self.jobs.tell(JobsReport::Rows { ticket, rows: Err(failure) });
         }
     }
 

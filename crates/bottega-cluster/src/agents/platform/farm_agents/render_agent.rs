@@ -20,6 +20,7 @@ use bottega_agents::{
 };
 
 use super::{
+    failure::FarmFailure,
     ontology::{MachineFunction, ONTOLOGY, machine_term, read_machine_function},
     talk::{self, Message},
     terms::{Unread, reason},
@@ -69,7 +70,7 @@ pub(super) enum MachineReport {
     /// The farm's server does not answer, so the state of the machine is unknown.
     Silent,
     /// A command was given, or why it was not. The last state reported includes it.
-    Given { ticket: u64, result: Result<(), String> },
+    Given { ticket: u64, result: Result<(), FarmFailure> },
 }
 
 /// A request whose sender waits for the machine to obey.
@@ -270,12 +271,12 @@ impl RenderAgent {
         Ok(())
     }
 
-    fn given(&mut self, ticket: u64, result: Result<(), String>, actions: &mut RenderActions) {
+    fn given(&mut self, ticket: u64, result: Result<(), FarmFailure>, actions: &mut RenderActions) {
         let change = self.giving.remove(&ticket).flatten();
         match (change, result) {
             (Some(change), Ok(())) => self.changes.push(change),
             (Some(change), Err(why)) => {
-                actions.push(talk::send(talk::failure(&change.message, &self.id, &change.asked, &why)));
+                actions.push(talk::send(talk::failure(&change.message, &self.id, &change.asked, &why.to_string())));
             }
             // The machine stays as it was, and the directories will show so.
             (None, Err(_)) => self.is_destroyed = false,

@@ -14,6 +14,7 @@ use bottega_agents::{
 use bottega::events::ZoneEvent;
 
 use super::{
+    failure::FarmFailure,
     jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport},
     ontology::{JobChange, ONTOLOGY, asked},
     render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings},
@@ -23,6 +24,10 @@ use crate::job::{
     presence::{Presence, PresenceState},
     view::{FarmView, JobView, MachineView},
 };
+
+fn nobody_answers() -> FarmFailure {
+    FarmFailure::Farm { chain: "nobody answers".to_owned() }
+}
 
 fn id(name: &str) -> AgentId {
     AgentId::new(name)
@@ -169,14 +174,14 @@ fn an_order_that_the_farm_does_not_take_is_undone_in_the_white_pages() {
     let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     let came = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
     let ticket = came.effects[0].ticket;
-    let result = Err("nobody answers".to_owned());
+    let result = Err(nobody_answers());
     let came = after(&mut agent, millis(3000), Event::Completed(MachineReport::Given { ticket, result }));
     assert!(matches!(&came.asked[..], [(by, function)] if by == "jobs@b" && resumes(function)), "{came:?}");
     // The AMS destroys it, but the command fails: it registers again.
     let came = after(&mut agent, millis(3001), life_cycle(LifeCycleRequest::Destroy));
     let ticket = came.effects[0].ticket;
     assert!(came.asked.iter().any(|(_, function)| matches!(function, Function::Deregister(_))), "{came:?}");
-    let result = Err("nobody answers".to_owned());
+    let result = Err(nobody_answers());
     let came = after(&mut agent, millis(9000), Event::Completed(MachineReport::Given { ticket, result }));
     assert!(came.asked.iter().any(|(_, function)| matches!(function, Function::RegisterAgent(_))), "{came:?}");
 }
@@ -315,7 +320,7 @@ fn jobs_are_told_of_and_changed_by_those_who_may() {
         let told = [(from.to_owned(), P::Refuse, format!("({} {why})", action(function)))];
         assert_eq!((&came.told[..], came.effects.len()), (&told[..], 0), "{function}");
     }
-    for (result, act) in [(Ok(()), P::Inform), (Err("nobody answers".to_owned()), P::Failure)] {
+    for (result, act) in [(Ok(()), P::Inform), (Err(nobody_answers()), P::Failure)] {
         let came = after(&mut agent, millis(3), to_jobs("boss@jade", "(set-priority :job 2 :priority 30)"));
         assert_eq!(came.told[0].1, P::Agree);
         let [JobsEffect::Change(ChangeJob { ticket, number: 2, change: JobChange::Priority(30), by })] =
@@ -341,7 +346,7 @@ fn the_rows_of_a_job_are_read_by_anybody() {
             P::Inform,
             "(sequence (row :work 77 :zone 4 :size 12 ",
         ),
-        ("(read-rows :job 2)", Err("nobody answers".to_owned()), P::Failure, "(internal-error \"nobody answers\")"),
+        ("(read-rows :job 2)", Err(nobody_answers()), P::Failure, "(internal-error \"nobody answers\")"),
     ] {
         let came = after(&mut agent, millis(1), to_jobs("probe@jade", function));
         let [JobsEffect::ReadRows { ticket, number: 2 }] = came.effects[..] else { panic!("{came:?}") };

@@ -19,8 +19,10 @@ use axum::{
     response::{IntoResponse, Response},
     routing::{get, put},
 };
+use bottega::error::error_chain;
 use bottega_farm::{Link, PaintOrder, ResultRef};
-use bottega_image::{AovSet, Layout, ReadLimits, Tile, luminance, read_image_bytes};
+use bottega_image::{AovSet, ImageError, Layout, ReadLimits, Tile, luminance, read_image_bytes};
+use thiserror::Error as ThisError;
 use tokio::{sync::Semaphore, time::timeout};
 use tokio_util::io::ReaderStream;
 
@@ -169,9 +171,23 @@ async fn deliver(State(shared): State<DeskState>, Path(key): Path<String>, body:
 #[derive(Debug)]
 struct DeliveryRefusal(StatusCode, String);
 
+/// The reason why a picture is not that of a zone.
+#[derive(Debug, ThisError)]
+enum UnfitPicture {
+    /// The file cannot be read.
+    #[error("{}", error_chain(.0))]
+    Unreadable(#[from] ImageError),
+    /// The size is not that of the zone.
+    #[error("the picture has {width}x{height} pixels, and {wanted_width}x{wanted_height} are wanted")]
+    Size { width: u32, height: u32, wanted_width: u32, wanted_height: u32 },
+    /// A pixel is not finite, or too bright.
+    #[error("the pixel ({x}, {y}) of the picture is no number")]
+    Pixel { x: u32, y: u32 },
+}
+
 /// Reads a picture and stores its samples for the Master.
 fn take(bytes: &[u8], expected: &ExpectedDelivery) -> Result<(), DeliveryRefusal> {
-    let unfit = |why: String| DeliveryRefusal(StatusCode::UNPROCESSABLE_ENTITY, why);
+    let unfit = |why: UnfitPicture| DeliveryRefusal(StatusCode::UNPROCESSABLE_ENTITY, why.to_string());
     let order = &expected.order;
     let away = |why| DeliveryRefusal(StatusCode::SERVICE_UNAVAILABLE, why);
     let stop = bottega_farm::StopSwitch::new();
@@ -183,19 +199,19 @@ fn take(bytes: &[u8], expected: &ExpectedDelivery) -> Result<(), DeliveryRefusal
 }
 
 /// Returns the sample sums of a zone from a picture, which is the mean of the ordered samples.
-fn tile_of(bytes: &[u8], order: &PaintOrder) -> Result<Tile, String> {
+fn tile_of(bytes: &[u8], order: &PaintOrder) -> Result<Tile, UnfitPicture> {
     let (rect, layout) = (order.rect, Layout::new(AovSet::NONE));
     let limits = ReadLimits { max_pixels: rect.area() };
-    let file = read_image_bytes("the picture.exr", bytes, limits).map_err(|error| chain(&error))?;
+    let file = read_image_bytes("the picture.exr", bytes, limits)?;
     let picture = file.picture;
     if picture.size() != (rect.width(), rect.height()) {
-        let ((width, height), (x, y)) = (picture.size(), (rect.width(), rect.height()));
-        return Err(format!("the picture has {width}x{height} pixels, and {x}x{y} are wanted"));
+        let ((width, height), (wanted_width, wanted_height)) = (picture.size(), (rect.width(), rect.height()));
+        return Err(UnfitPicture::Size { width, height, wanted_width, wanted_height });
     }
     let is_sound = |value: &f32| value.is_finite() && value.abs() <= LARGEST;
     if let Some(place) = picture.data.iter().position(|pixel| !pixel.iter().all(is_sound)) {
         let (x, y) = (place as u32 % rect.width(), place as u32 / rect.width());
-        return Err(format!("the pixel ({x}, {y}) of the picture is no number"));
+        return Err(UnfitPicture::Pixel { x, y });
     }
     let count = (order.samples.end - order.samples.start) as f32;
     let mut tile = Tile::new(rect, layout);
@@ -211,8 +227,4 @@ fn tile_of(bytes: &[u8], order: &PaintOrder) -> Result<Tile, String> {
         sums[Layout::ALPHA] += count;
     }
     Ok(tile)
-}
-
-fn chain(error: &dyn std::error::Error) -> String {
-    bottega::error::error_chain(error)
 }
