@@ -51,6 +51,42 @@ mod tests {
         }
     }
 
+    /// Crates and modules that may hold `unsafe` code; ARCHITECTURE.md says why.
+    const UNSAFE: &[&str] = &[
+        "bottega-kernels/",
+        "bottega-platform/",
+        "bottega-bench/src/rays/embree.rs",
+        "bottega-denoise/src/library.rs",
+        "bottega-gpu/src/memory.rs",
+        "bottega-gpu/src/pipeline_cache.rs",
+        "bottega-gpu/src/traversal.rs",
+        "bottega-python/src/arrays.rs",
+    ];
+
+    #[test]
+    fn unsafe_code_is_allowed_in_the_modules_that_the_architecture_names() {
+        let crates = root().join("crates");
+        let allows = |text: &str| text.contains("allow(unsafe_code") || text.contains("expect(unsafe_code");
+        let files = sources(&crates, &[]).into_iter();
+        let found = files.filter(|file| allows(&fs::read_to_string(file).expect("a source")));
+        let found: Vec<String> = found
+            .filter_map(|file| Some(file.strip_prefix(&crates).ok()?.to_string_lossy().replace('\\', "/")))
+            .collect();
+        for file in &found {
+            assert!(UNSAFE.iter().any(|place| file.starts_with(place)), "{file} may not hold unsafe code");
+        }
+        for place in UNSAFE {
+            assert!(found.iter().any(|file| file.starts_with(place)), "{place} holds no unsafe code any more");
+        }
+        let page = fs::read_to_string(root().join("ARCHITECTURE.md")).expect("the page");
+        for place in UNSAFE {
+            assert!(
+                page.contains(&format!("`{}`", place.trim_end_matches('/'))),
+                "ARCHITECTURE.md does not name {place}"
+            );
+        }
+    }
+
     fn sources(folder: &Path, left_out: &[PathBuf]) -> Vec<PathBuf> {
         let entries = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
         let mut found = Vec::new();

@@ -59,7 +59,7 @@ pub(crate) fn number(least: f64, greatest: f64) -> impl Fn(&str) -> Result<f64, 
 pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let sides = text.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
     let (width, height) = sides.ok_or("two numbers of pixels with an x between are needed, such as 1280x720")?;
-    check_size([width, height], None)?;
+    check_size([width, height], None).map_err(|error| error.to_string())?;
     Ok((width, height))
 }
 

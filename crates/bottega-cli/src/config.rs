@@ -13,7 +13,7 @@ use std::{
     sync::OnceLock,
 };
 
-use bottega_cluster::{Credentials, FarmAddress, energy::EnergyPrice};
+use bottega_cluster::{Credentials, FarmAddress, address::AddressError, energy::EnergyPrice};
 use bottega_platform::folders::config_folder;
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
@@ -125,7 +125,8 @@ impl ConfigFile {
             .map_err(|error| self.wrong(error.span().unwrap_or_else(|| name.span()), error.message()))?;
         let FarmTable { address, creds, nkey, tls_ca, tls_cert, tls_key, price_per_kwh, currency } = file.farm;
         let address = address.map(|address| address.parse()).transpose();
-        let address = address.map_err(|error: String| self.wrong(name.span(), &format!("farm.address: {error}")))?;
+        let address =
+            address.map_err(|error: AddressError| self.wrong(name.span(), &format!("farm.address: {error}")))?;
         let beside = |path: PathBuf| self.path.parent().unwrap_or(Path::new(".")).join(path);
         let credentials = Credentials {
             creds: creds.map(beside),

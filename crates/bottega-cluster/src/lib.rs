@@ -5,110 +5,71 @@
 //!
 //! # Modules
 //!
+//! Six folders; each uses only those above it. Other crates use the modules and types that this page re-exports.
+//!
 //! | what | where |
 //! |---|---|
-//! | the NATS server of a farm, run as a child process, and its configuration | [`up`], `src/server.rs`, `src/keeper.rs`, [`room`]; a server for one test or measurement: [`own_server`] |
-//! | members of a farm and their permissions | `src/admission.rs`, `src/members.rs` |
-//! | ports of a farm | [`ports`] |
-//! | removal of old data of a farm | `src/upkeep.rs` |
-//! | connecting to a farm: addresses, discovery on the local network, names | [`link`](mod@link), [`address`], `src/discovery.rs`, [`names`] |
-//! | retries while a farm does not answer | `src/patience.rs` |
-//! | the record of a job: a [`Request`](bottega::Request) and the digests of its files | [`job`](mod@job) |
-//! | the jobs of a farm, their leaders and progress | [`job_board`], [`view`]; machines that refuse a job: [`refusals`] |
-//! | submitting a picture; an animation | [`client`], [`animation`] |
-//! | the Blackboard rows of a job; its agents, its auction and the credit of machines | [`blackboard`], [`society`] |
-//! | processor time and energy of jobs: counters, totals, prices | [`usage`], `src/power_counters.rs`; [`energy`] |
-//! | learned zone times of machines | `src/experience.rs` |
-//! | what a user may see of a farm; guests see only their own jobs | `src/shown_farm.rs` |
-//! | the presence of a machine; its activity | `src/presence.rs`, `src/activity.rs` |
-//! | detection of jobs that wait although machines are free | `src/stall_watch.rs` |
-//! | messages between the agents of a job, for observers | [`messages`] |
-//! | the fuzzy rules of a job, evaluated for a zone | [`rules_of_job`] |
-//! | commands to jobs and machines | [`jobs`], [`machine`]; rendering zones again: `src/requeue.rs` |
-//! | the preview of a job while it is rendered; before its first zone | [`job_preview`]; `src/first_look.rs` |
-//! | uploads in pieces from clients that are not machines of the farm, and jobs submitted with them | [`uploads`] |
-//! | requests of jobs, to be submitted again with the same files | `src/asked_again.rs` |
+//! | **`files`**: scene files by content hash; chunks, pieces, the cache of a machine | `src/files/sent_files.rs`, `src/files/chunks.rs`, `src/files/pieces.rs`, [`cache`] |
+//! | **`job`**: the record of a job: a [`Request`](bottega::Request) and the digests of its files | `src/job/record.rs` |
+//! | the jobs of a farm, their leaders and progress | `src/job/board.rs`, [`view`]; jobs that wait although machines are free: `src/job/stall_watch.rs` |
+//! | the presence of a machine; its activity, usage and refusals; commands to it | [`presence`], `src/job/activity.rs`, [`usage`], [`refusals`], [`machines`] |
+//! | the Blackboard rows of a job; its agents, its auction and the credit of machines; zones to render again | [`blackboard`], [`society`], `src/job/requeue.rs` |
+//! | messages between the agents of a job, for observers; their transport over NATS | [`messages`]; `src/job/transport.rs` |
+//! | the fuzzy rules of a job, evaluated for a zone; learned zone times of machines | [`rules_of_job`]; `src/job/experience.rs` |
+//! | the preview of a job while it is rendered; before its first zone | [`job_preview`]; `src/job/first_look.rs` |
+//! | stored photons and lighting agents; energy and its price | `src/job/shared_parts.rs`; [`energy`] |
+//! | **`server`**: the NATS server of a farm, run as a child process, and its configuration | [`up`], `src/server/process.rs`, `src/server/supervisor.rs`, [`room`]; a server for one test or measurement: [`own_server`] |
+//! | members of a farm and their permissions | `src/server/admission.rs`, `src/server/members.rs` |
+//! | connecting to a farm: addresses, discovery on the local network, ports | [`link`](mod@link), [`address`], `src/server/discovery.rs`, [`ports`] |
+//! | retries while a farm does not answer; removal of old data | `src/server/patience.rs`, `src/server/upkeep.rs` |
 //! | secrets that the HTTP servers of one farm share: token, certificate; access tokens of users; the log of actions | [`web_secrets`]; [`web_tokens`]; [`deed_log`] |
-//! | transfer of scenes: files, pieces, sending, the cache | `src/sent_files.rs`, `src/chunks.rs`, `src/pieces.rs`, `src/transfer.rs`, [`cache`] |
-//! | a machine that works for a farm; its choice of a job | [`worker`]; `src/shares.rs` |
-//! | when the owner of a machine lets it work | [`owner`] |
-//! | the transport between the processes of a job, over NATS | `src/transport.rs` |
-//! | a job prepared on this machine; led or helped | `src/prepared_job.rs`, `src/part.rs`, `src/part_observer.rs` |
-//! | photons and lighting agents, shared by all machines | `src/together.rs` |
-//! | the farm as a FIPA platform; its jobs and machines as agents; painting agents of other platforms | [`platform`]; `src/platform/farm_agents/`; `src/platform/strangers/` |
+//! | **`machine`**: a machine that works for a farm; its choice of a job | [`worker`]; `src/machine/shares.rs`, `src/machine/member.rs` |
+//! | when the owner of a machine lets it work; its processor time and energy | [`owner`]; [`usage_meter`], `src/machine/power_counters.rs` |
+//! | a job prepared on this machine; led or helped | `src/machine/prepared_job.rs`, `src/machine/part.rs`, `src/machine/part_observer.rs` |
+//! | photons and lighting agents, shared by all machines | `src/machine/together.rs` |
+//! | **`client`**: submitting a picture; an animation; commands to jobs | [`client`]: `src/client/submit.rs`, [`animation`], [`jobs`] |
+//! | sending scenes; uploads in pieces from clients that are not machines of the farm; requests of jobs, submitted again | `src/client/transfer.rs`; [`uploads`]; `src/client/asked_again.rs` |
+//! | what a user may see of a farm; guests see only their own jobs | `src/client/shown_farm.rs` |
+//! | **`agents`**: the farm as a FIPA platform; its jobs and machines as agents; painting agents of other platforms | [`platform`]; `src/agents/platform/farm_agents/`; `src/agents/platform/strangers/` |
 //! | agents of jobs in the directories; removal of those whose process was killed | [`directories`] |
-//! | the build identity of this farm process | [`build`](mod@build) |
+//! | names, the clock, the build identity of this farm process, errors | [`names`], `src/clock.rs`, [`build`](mod@build), [`error`] |
 //! | submitting a picture from a program | `examples/submit.rs` |
 
-mod activity;
-pub mod address;
-mod admission;
-pub mod animation;
-mod asked_again;
-pub mod blackboard;
+mod agents;
 pub mod build;
-pub mod cache;
-mod chunks;
 pub mod client;
 mod clock;
-pub mod deed_log;
-pub mod directories;
-mod discovery;
-pub mod energy;
 pub mod error;
-mod experience;
-mod first_look;
-pub mod job;
-pub mod job_board;
-pub mod job_preview;
-pub mod jobs;
-mod keeper;
-pub mod link;
-pub mod machine;
-mod member;
-mod members;
-pub mod messages;
+mod files;
+mod job;
+mod machine;
 pub mod names;
-pub mod own_server;
-pub mod owner;
-mod part;
-mod part_observer;
-mod patience;
-mod pieces;
-pub mod platform;
-pub mod ports;
-mod power_counters;
-mod prepared_job;
-mod presence;
-pub mod refusals;
-mod requeue;
-pub mod room;
-pub mod rules_of_job;
-mod sent_files;
 mod server;
-mod shares;
-mod shown_farm;
-pub mod society;
-mod stall_watch;
-mod together;
-mod transfer;
-mod transport;
-pub mod up;
-mod upkeep;
-pub mod uploads;
-pub mod usage;
-pub mod view;
-pub mod web_secrets;
-pub mod web_tokens;
-pub mod worker;
 
 pub use self::{
-    activity::Activity,
-    address::FarmAddress,
-    client::{SubmittedJob, render},
+    agents::{directories, platform},
+    client::{
+        animation, jobs,
+        submit::{SubmittedJob, render},
+        uploads,
+    },
     error::Error,
-    job::{Job, JobState},
-    job_board::JobBoard,
-    link::{Credentials, FarmLink, link, link_as},
-    transport::job_link,
+    files::cache,
+    job::{
+        activity::Activity,
+        blackboard,
+        board::JobBoard,
+        energy, job_preview, machines, messages, presence,
+        record::{Job, JobState, LogLine, unix_seconds},
+        refusals, rules_of_job, society,
+        transport::job_link,
+        usage, view,
+    },
+    machine::{owner, usage_meter, worker},
+    server::{
+        address::{self, FarmAddress},
+        deed_log,
+        link::{self, Credentials, FarmLink, link, link_as},
+        own_server, ports, room, up, web_secrets, web_tokens,
+    },
 };

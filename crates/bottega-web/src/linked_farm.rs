@@ -15,17 +15,16 @@ use std::{
 use axum::http::StatusCode;
 use bottega::{Request, events::Event};
 use bottega_cluster::{
-    Job, JobBoard, JobState,
+    Job, JobBoard, JobState, LogLine,
     blackboard::RowNews,
     cache::Cache,
     energy::JobEnergy,
-    job::LogLine,
-    job_board::Presence,
     job_preview::JobPreview,
     jobs,
-    machine::{MachineOrder, PresenceState},
+    machines::MachineOrder,
     messages::SeenMessages,
     names::host_name,
+    presence::{Presence, PresenceState},
     rules_of_job::{JobRules, ZoneRules},
     society::Society,
     uploads::{Submission, UploadOffer, UploadState},
@@ -357,7 +356,7 @@ impl ShownFarm for LinkedFarm {
             });
             let machine = seat.name.split('.').next().unwrap_or_default();
             let refusal =
-                |it: &bottega_cluster::refusals::Refusal| MachineRefusal { job: it.job, reason: it.reason.clone() };
+                |it: &bottega_cluster::presence::Refusal| MachineRefusal { job: it.job, reason: it.reason.clone() };
             MachineStatus {
                 state: seat.standing.word(),
                 ordered: board.order_to(&seat.name).standing.word(),

@@ -7,10 +7,10 @@ use bottega::{
     events::{AgentEvent, Event},
 };
 use bottega_cluster::{
+    LogLine,
     energy::{JobEnergy, MachineEnergy},
-    job::LogLine,
-    machine::PresenceState,
     messages::SeenMessages,
+    presence::PresenceState,
     rules_of_job::{JobRules, ZoneRules},
     uploads::{Submission, UploadOffer, UploadState},
     view::JobView,

@@ -1,74 +1,89 @@
 //! The built-in engine, prepared for the picture of a request.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 
-use bottega_engines::{BuiltinEngine, BuiltinOptions, Urgency};
-use bottega_farm::{Expert, Goal, JobReport, JobSettings};
+use bottega_engines::{BuiltinEngine, BuiltinOptions, CancelSwitch, Urgency};
+use bottega_farm::{Goal, JobReport};
 use bottega_image::Metadata;
 use bottega_render::{PathSettings, integrator::Wave};
 
 use crate::{
-    devices::{DeviceChoice, DeviceSet, PainterWish, are_worth_waves, costs, incident_line, left_alone},
+    devices::{DeviceSet, PainterWish, are_worth_waves, costs, incident_line, left_alone},
     error::Error,
     journal::name_of,
     loaded_scene::LoadedScene,
-    method::Method,
+    plan::Plan,
     request::Request,
     session::Reporter,
-    settings::{
-        asks_for_agents, directions, filter, guide_agents, job_settings, max_depth, planned_samples, samples_in_time,
-    },
     text::shown,
 };
 
-/// The built-in engine with scene, devices, method and job settings of a picture.
+/// The built-in engine with scene, devices and plan of a picture.
 pub(crate) struct BuiltinPainter {
     pub(crate) subject: LoadedScene,
     pub(crate) engine: Arc<BuiltinEngine>,
     pub(crate) crew: DeviceSet,
-    pub(crate) method: Method,
-    pub(crate) settings: JobSettings,
+    pub(crate) plan: Plan,
 }
 
 impl BuiltinPainter {
-    /// Chooses method, settings and devices, and makes the engine.
+    /// Gathers the devices of a plan that support the scene, and makes the engine.
     ///
-    /// - `subject`: the scene of the request.
-    /// - `goal`: condition under which a zone is finished.
-    /// - `urgency`: raised to [`Urgency::Crop`] if the request has a crop.
-    pub(crate) fn open(
-        request: &Request,
-        subject: LoadedScene,
-        experts: Vec<Expert>,
-        goal: Goal,
-        urgency: Urgency,
-    ) -> Result<Self, Error> {
-        let method = Method::of(request, &subject, max_depth(request, &subject));
-        let settings = JobSettings { goal, ..job_settings(request, &subject, experts)? };
-        let urgency = urgency.max(if request.film.crop.is_some() { Urgency::Crop } else { Urgency::Picture });
-        let (engine, crew) = engine_for(request, &subject, &settings, urgency)?;
-        Ok(Self { subject, engine: Arc::new(engine), crew, method, settings })
+    /// # Errors
+    /// A device requested by name is missing or does not support this picture.
+    pub(crate) fn open(plan: Plan, subject: LoadedScene) -> Result<Self, Error> {
+        // Gather the devices that support the scene
+        let Plan { job, paths, .. } = &plan;
+        let wanted =
+            PainterWish { threads: job.processors, memory: plan.gpu_memory, joins: plan.urgency == Urgency::Look };
+        let has_photons = paths.photons.is_some();
+        let mut crew = DeviceSet::gather(&plan.devices, &wanted, &subject.prepared, &job.layout, has_photons)?;
+        if !(crew.boards.is_empty() || wants_waves(&plan, &crew)) {
+            crew.notes.push(left_alone(&crew.boards, crew.threads, &crew.gpus));
+            crew.boards.clear();
+        }
+        // Make the engine, with rays as work units if that pays off
+        let wavefront =
+            wants_waves(&plan, &crew) && Wave::refusal(&subject.prepared, subject.view, paths, &job.layout).is_none();
+        let engine = |planned_samples| {
+            let options = BuiltinOptions {
+                view: subject.view,
+                settings: PathSettings { planned_samples, ..*paths },
+                layout: job.layout.clone(),
+                threads: crew.threads,
+                wavefront,
+            };
+            let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
+            BuiltinEngine::on(scene, prepass, options, Arc::clone(&crew.resources)).with_urgency(plan.urgency)
+        };
+        let mut made = engine(paths.planned_samples);
+        // Only CPU threads learn guides, for a number of samples that must be estimated if the goal is a time.
+        if matches!(job.goal, Goal::Time(_)) && crew.threads > 0 {
+            made = engine(samples_in_time(&plan, &made));
+        }
+        Ok(Self { subject, engine: Arc::new(made), crew, plan })
     }
 
     /// Returns a text with everything that determines the pixels; see [`name_of`].
     pub(crate) fn name(&self, request: &Request) -> String {
-        name_of(request, &self.subject, &self.settings)
+        name_of(request, &self.subject, &self.plan)
     }
 
     /// Returns the warnings to report before rendering begins.
-    pub(crate) fn notes(&self, request: &Request) -> Vec<String> {
-        let mut notes: Vec<String> = self.subject.warnings.iter().map(ToString::to_string).collect();
-        notes.extend(self.method.note.clone());
-        notes.extend(self.crew.notes.iter().cloned());
-        let has_paths = self.method.photons.is_none()
-            && self.subject.prepared.can_learn(self.subject.view, planned_samples(&self.settings));
-        if wants_waves(request, &self.crew) {
-            let paths = PathSettings { photons: self.method.photons, ..PathSettings::default() };
-            let (prepared, layout) = (&self.subject.prepared, &self.settings.layout);
-            let refusal = Wave::refusal(prepared, self.subject.view, &paths, layout);
+    pub(crate) fn notes(&self) -> Vec<String> {
+        let Self { subject, crew, plan, .. } = self;
+        let mut notes = plan.notes.clone();
+        notes.extend(subject.warnings.iter().map(ToString::to_string));
+        notes.extend(plan.method.note.clone());
+        notes.extend(crew.notes.iter().cloned());
+        if wants_waves(plan, crew) {
+            let paths = PathSettings { photons: plan.paths.photons, ..PathSettings::default() };
+            let refusal = Wave::refusal(&subject.prepared, subject.view, &paths, &plan.job.layout);
             notes.extend(refusal.map(|why| format!("--wavefront and boards do nothing here: {why}")));
         }
-        if asks_for_agents(&request.guide) && !has_paths {
+        let learns_paths =
+            plan.paths.photons.is_none() && subject.prepared.can_learn(subject.view, plan.paths.planned_samples);
+        if plan.wants_agents && !learns_paths {
             let why = "--guide ala does nothing here: it is for paths in clear air, pictures of 128 × 128 pixels or more, \
                        and 524288 samples or more, all pixels together";
             notes.push(why.to_owned());
@@ -93,7 +108,7 @@ impl BuiltinPainter {
 
     /// Returns the metadata of the picture: how it was made.
     pub(crate) fn metadata(&self, request: &Request, report: &JobReport) -> Metadata {
-        let Self { subject, crew, method, settings, .. } = self;
+        let Self { subject, crew, plan: Plan { method, job: settings, paths, .. }, .. } = self;
         let mut metadata = Metadata::new();
         metadata.set("scene", shown(&request.scene.file));
         metadata.set("scene_digest", &*subject.scene().digest);
@@ -115,7 +130,7 @@ impl BuiltinPainter {
         if let Some(hint) = &subject.hints.integrator {
             metadata.set("integrator_of_scene", &*hint.name);
         }
-        metadata.set("filter", format!("{:?}", filter(request, subject)));
+        metadata.set("filter", format!("{:?}", paths.filter));
         metadata.set("optimize", settings.optimization.to_string());
         metadata.set("level", request.work.level.to_string());
         metadata.set("agents", settings.agents.to_string());
@@ -129,69 +144,23 @@ impl BuiltinPainter {
 }
 
 /// Returns true if rays are work units of their own. Boards trace only such rays; a GPU renders whole paths much faster.
-fn wants_waves(request: &Request, crew: &DeviceSet) -> bool {
-    request.integrator.wavefront || (crew.gpus.is_empty() && are_worth_waves(&crew.boards, crew.threads))
+fn wants_waves(plan: &Plan, crew: &DeviceSet) -> bool {
+    plan.wants_waves || (crew.gpus.is_empty() && are_worth_waves(&crew.boards, crew.threads))
 }
 
-/// Makes the built-in engine for a scene, and gathers the devices that render for it.
-///
-/// # Errors
-/// A device requested by name is missing or does not support this picture.
-pub fn own_engine(
-    request: &Request,
-    subject: &LoadedScene,
-    job: &JobSettings,
-) -> Result<(BuiltinEngine, DeviceSet), Error> {
-    engine_for(request, subject, job, Urgency::Picture)
-}
-
-fn engine_for(
-    request: &Request,
-    subject: &LoadedScene,
-    job: &JobSettings,
-    urgency: Urgency,
-) -> Result<(BuiltinEngine, DeviceSet), Error> {
-    // Collect the settings of the integrator
-    let depth = max_depth(request, subject);
-    let photons = Method::of(request, subject, depth).photons;
-    let settings = PathSettings {
-        seed: request.seed,
-        max_depth: depth,
-        light_samples: request.integrator.light_samples,
-        filter: filter(request, subject),
-        sample_max: subject.hints.sample_max.unwrap_or(f32::INFINITY),
-        guiding: directions(&request.guide),
-        agents: guide_agents(&request.guide),
-        planned_samples: planned_samples(job),
-        photons,
-        ..PathSettings::default()
-    };
-    // Gather the devices that support the scene
-    let choice = DeviceChoice::of(&request.devices.names)
-        .map_err(|allowed| Error::usage("these devices cannot be chosen", allowed))?
-        .exactly(request.devices.exact)?;
-    let memory = request.devices.memory_mb.map(|mib| u64::from(mib) << 20);
-    let wanted = PainterWish { threads: job.processors, memory, joins: urgency == Urgency::Look };
-    let mut crew = DeviceSet::gather(&choice, &wanted, &subject.prepared, &job.layout, photons.is_some())?;
-    if !(crew.boards.is_empty() || wants_waves(request, &crew)) {
-        crew.notes.push(left_alone(&crew.boards, crew.threads, &crew.gpus));
-        crew.boards.clear();
+/// Returns the samples per pixel that a time limit allows, measured with a short trial of the engine under the present load.
+/// Learning is planned for this number.
+fn samples_in_time(plan: &Plan, engine: &BuiltinEngine) -> u32 {
+    /// Columns and rows of the trial, and the share of the time spent on tracing paths.
+    const LOOK: (u32, u32) = (48, 36);
+    const PAINTING: f64 = 0.8;
+    let planned = plan.paths.planned_samples;
+    let Goal::Time(time) = plan.job.goal else { return planned };
+    let begun = Instant::now();
+    if !matches!(engine.glimpse(LOOK, 1, &CancelSwitch::default()), Ok(Some(_))) {
+        return planned;
     }
-    // Make the engine, with rays as work units if that pays off
-    let wavefront =
-        wants_waves(request, &crew) && Wave::refusal(&subject.prepared, subject.view, &settings, &job.layout).is_none();
-    let options =
-        BuiltinOptions { view: subject.view, settings, layout: job.layout.clone(), threads: crew.threads, wavefront };
-    let engine = |options| {
-        let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
-        BuiltinEngine::on(scene, prepass, options, Arc::clone(&crew.resources)).with_urgency(urgency)
-    };
-    let first = engine(options.clone());
-    // Only CPU threads learn guides, for a number of samples that must be estimated if the goal is a time.
-    if !matches!(job.goal, Goal::Time(_)) || crew.threads == 0 {
-        return Ok((first, crew));
-    }
-    let settings = PathSettings { planned_samples: samples_in_time(job, &first), ..settings };
-    let timed = engine(BuiltinOptions { settings, ..options });
-    Ok((timed, crew))
+    let path = begun.elapsed().as_secs_f64() / f64::from(LOOK.0 * LOOK.1);
+    let samples = PAINTING * time.as_secs_f64() / (path * plan.job.crop.area() as f64).max(1e-9);
+    (samples as u32).clamp(1, planned)
 }

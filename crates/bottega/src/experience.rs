@@ -10,10 +10,11 @@ use std::{
     time::Instant,
 };
 
-use bottega_farm::{Experience, JobLesson, JobSettings, RelativePower, benchmark};
-use serde::{Deserialize, Serialize};
-
+use bottega_farm::{Experience, ExperienceError, JobLesson, JobSettings, RelativePower, benchmark};
+use bottega_image::{ImageError, write_whole};
 use bottega_platform::folders::state_folder;
+use serde::{Deserialize, Serialize};
+use thiserror::Error as ThisError;
 
 use crate::{error::error_chain, identity::identity};
 
@@ -49,33 +50,64 @@ pub fn read() -> (Experience, Option<String>) {
     }
 }
 
-fn read_file(path: &Path) -> Result<Option<Experience>, String> {
+/// The reason why the experience of this machine cannot be read or stored.
+#[derive(Debug, ThisError)]
+pub enum ExperienceFileError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    Unreadable(#[from] io::Error),
+    /// The file does not hold an experience.
+    #[error("{}", error_chain(.0))]
+    Damaged(#[from] ExperienceError),
+    /// The file with earlier experience cannot be used.
+    #[error("{}: {source}", .path.display())]
+    Earlier {
+        /// The path of the file.
+        path: PathBuf,
+        /// The problem.
+        source: Box<Self>,
+    },
+    /// The folder cannot be used.
+    #[error("{}: {source}", .folder.display())]
+    Folder {
+        /// The path of the folder.
+        folder: PathBuf,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// The file cannot be written.
+    #[error("{}", error_chain(.0))]
+    Unwritten(#[from] ImageError),
+}
+
+fn read_file(path: &Path) -> Result<Option<Experience>, ExperienceFileError> {
     let file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(error.to_string()),
+        Err(error) => return Err(error.into()),
     };
     let mut text = String::new();
     // One byte above the limit shows that the file is too long.
-    file.take(BYTES_MAX + 1).read_to_string(&mut text).map_err(|error| error.to_string())?;
-    Experience::from_json(&text).map(Some).map_err(|error| error_chain(&error))
+    file.take(BYTES_MAX + 1).read_to_string(&mut text)?;
+    Ok(Some(Experience::from_json(&text)?))
 }
 
 /// Adds the lesson of a job to the file. An unusable file is left as it is, for the user to inspect.
 ///
 /// # Errors
 /// The file cannot be read, is invalid, or cannot be written.
-pub fn keep(lesson: &JobLesson) -> Result<(), String> {
+pub fn keep(lesson: &JobLesson) -> Result<(), ExperienceFileError> {
     let path = path();
     let folder = state_folder();
-    let cannot = |error: io::Error| format!("{}: {error}", folder.display());
+    let cannot = |source| ExperienceFileError::Folder { folder: folder.clone(), source };
     fs::create_dir_all(&folder).map_err(cannot)?;
     let lock = File::create(folder.join("experience.lock")).map_err(cannot)?;
     lock.lock().map_err(cannot)?;
-    let before = read_file(&path).map_err(|reason| format!("{}: {reason}", path.display()))?;
+    let earlier = |source| ExperienceFileError::Earlier { path: path.clone(), source: Box::new(source) };
+    let before = read_file(&path).map_err(earlier)?;
     let mut experience = before.unwrap_or_default();
     experience.learn(lesson);
-    bottega_image::write_whole(&path, experience.to_json().as_bytes()).map_err(|error| error_chain(&error))
+    Ok(write_whole(&path, experience.to_json().as_bytes())?)
 }
 
 /// Removes the experience and the benchmark of this machine. Returns true if there was anything to remove.
@@ -114,7 +146,7 @@ pub fn power() -> RelativePower {
         let path = benchmark_path();
         _ = path.parent().map(fs::create_dir_all);
         let text = serde_json::to_string(&kept).unwrap_or_default();
-        if let Err(error) = bottega_image::write_whole(&path, text.as_bytes()) {
+        if let Err(error) = write_whole(&path, text.as_bytes()) {
             // The next run measures it again.
             tracing::debug!(%error, "the benchmark was not kept");
         }

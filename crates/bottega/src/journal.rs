@@ -6,16 +6,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bottega_farm::{JobSettings, Journal, JournalContents, JournalWriter, ZoneStore};
+use bottega_farm::{Journal, JournalContents, JournalWriter, ZoneStore};
 
-use crate::{
-    error::Error,
-    identity::identity,
-    loaded_scene::LoadedScene,
-    method::Method,
-    request::Request,
-    settings::{directions, filter, guide_agents},
-};
+use crate::{error::Error, identity::identity, loaded_scene::LoadedScene, plan::Plan, request::Request};
 
 /// The journal of a picture, opened for writing, with the zones it already holds.
 pub struct PictureJournal {
@@ -92,8 +85,8 @@ impl PictureJournal {
 
 /// Returns a text with everything that determines the pixels: two works with the same name give the same bits. It does not hold
 /// the number of agents and threads, so that another machine can resume the work.
-pub fn name_of(request: &Request, subject: &LoadedScene, settings: &JobSettings) -> String {
-    let method = Method::of(request, subject, settings.tunables.max_depth);
+pub fn name_of(request: &Request, subject: &LoadedScene, plan: &Plan) -> String {
+    let Plan { method, paths, job: settings, .. } = plan;
     [
         format!("version={}", identity()),
         format!("scene={}", subject.scene().digest),
@@ -108,9 +101,9 @@ pub fn name_of(request: &Request, subject: &LoadedScene, settings: &JobSettings)
         format!("seed={}", request.seed),
         format!("integrator={:?}", method.integrator),
         format!("photons={:?}", method.photons),
-        format!("guiding={}", directions(&request.guide)),
-        format!("agents={:?}", guide_agents(&request.guide)),
-        format!("filter={:?}", filter(request, subject)),
+        format!("guiding={}", paths.guiding),
+        format!("agents={:?}", paths.agents),
+        format!("filter={:?}", paths.filter),
         format!("optimize={}", settings.optimization),
         format!("error={:?}", request.goal.error),
         format!("timed={}", request.goal.time.is_some()),

@@ -24,7 +24,8 @@
 //! | from a request to a picture | [`session`]: `src/session/mod.rs`, `src/session/painting.rs`, `src/session/painter.rs`, `src/session/looking.rs` |
 //! | events of a job, and their receivers | [`events`]; `src/session/reporter.rs`, `src/session/watcher.rs` |
 //! | the picture, its files and its metadata | [`picture`] |
-//! | settings of engines and farm from a request | [`settings`]; its scene: [`loaded_scene`]; its integrator: [`method`] |
+//! | every choice made for a picture; single choices as settings of engines and farm | [`plan`]: `src/plan/job.rs`, `src/plan/part.rs`, `src/plan/agent_rules.rs`; [`settings`] |
+//! | the scene of a request; its integrator | [`loaded_scene`]; [`method`] |
 //! | the built-in engine, prepared for a picture | `src/builtin.rs` |
 //! | external engines; the layers of their pictures; the files that a farm needs | [`engines`]: `src/engines/painter.rs`, `src/engines/layers.rs`, `src/engines/scene_files.rs` |
 //! | scenes that the built-in engine does not read: the engine that does, the format to export | `src/engines/of_scene.rs`, `src/formats.rs` |
@@ -58,6 +59,7 @@ pub mod json;
 pub mod loaded_scene;
 pub mod method;
 pub mod picture;
+pub mod plan;
 mod preview;
 pub mod request;
 pub mod rule_view;
@@ -75,7 +77,6 @@ pub use bottega_scene as scene;
 pub use glam;
 
 pub use self::{
-    builtin::own_engine,
     error::Error,
     events::Event,
     picture::Picture,

@@ -14,6 +14,7 @@ use std::{
 
 use bottega_image::{Film, Layout, Rect, Tile};
 use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
+use thiserror::Error as ThisError;
 
 use crate::error::Error;
 
@@ -79,13 +80,27 @@ impl TevMirror {
     }
 
     /// Sends the finished picture.
-    pub(crate) fn finish(&self, film: &Film) -> Result<(), String> {
+    ///
+    /// # Errors
+    /// The connection is lost, or the thread that sends has failed.
+    pub(crate) fn finish(&self, film: &Film) -> Result<(), TevError> {
         self.sender.lock().unwrap_or_else(PoisonError::into_inner).take();
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some(thread) = thread else { return Ok(()) };
-        let image = thread.join().map_err(|_| "its thread has failed".to_owned())?;
-        image.and_then(|mut image| image.send(film)).map_err(|error| error.to_string())
+        let image = thread.join().map_err(|_| TevError::Thread)?;
+        Ok(image?.send(film)?)
     }
+}
+
+/// The reason why tev does not show the finished picture.
+#[derive(Debug, ThisError)]
+pub(crate) enum TevError {
+    /// The connection to tev failed.
+    #[error(transparent)]
+    Connection(#[from] io::Error),
+    /// The thread that sends has failed.
+    #[error("its thread has failed")]
+    Thread,
 }
 
 impl TevImage {

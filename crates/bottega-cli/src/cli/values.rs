@@ -38,7 +38,7 @@ pub(crate) fn parse_size(text: &str) -> Result<Size, String> {
     let side = |text: &str| text.trim().parse::<u32>().map_err(|_| format!("`{text}` is not a number of pixels"));
     let size = Size { width: side(width)?, height: side(height)? };
     // A crop may reduce the number of pixels, so only the sides are checked.
-    check_sides([size.width, size.height])?;
+    check_sides([size.width, size.height]).map_err(|error| error.to_string())?;
     Ok(size)
 }
 

@@ -5,13 +5,13 @@ use std::{path::PathBuf, process::ExitCode, time::Duration};
 use bottega::{request::PRIORITY_MAX, text::duration};
 use bottega_cluster::{
     Job, JobBoard, JobState,
-    job::unix_seconds,
     jobs::{fetch, known, remove, set_priority, steer},
-    machine::PresenceState,
     names::host_name,
+    presence::PresenceState,
     refusals::RefusalWatch,
     room::{MAKE_ROOM, bytes_said},
     society::Society,
+    unix_seconds,
     view::JobView,
 };
 use bottega_image::printable;

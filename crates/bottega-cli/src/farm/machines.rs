@@ -4,9 +4,9 @@ use std::process::ExitCode;
 
 use bottega_cluster::{
     JobBoard,
-    job_board::Presence,
-    machine::{MachineOrder, PresenceState},
+    machines::MachineOrder,
     names::host_name,
+    presence::{Presence, PresenceState},
     view::MachineView,
 };
 use bottega_image::printable;

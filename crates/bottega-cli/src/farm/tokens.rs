@@ -5,8 +5,8 @@ use std::process::ExitCode;
 use bottega_cluster::{
     JobBoard,
     address::{FarmAddress, LocalAddresses, saved_address},
-    job::unix_seconds,
     names::host_name,
+    unix_seconds,
     web_secrets::{TokenRole, WebSecrets},
 };
 use clap::{Args, Subcommand, ValueEnum};

@@ -8,7 +8,7 @@ use std::{
 };
 
 use bottega::StopSwitch;
-use bottega_cluster::{JobBoard, job::unix_seconds, view::JobView};
+use bottega_cluster::{JobBoard, unix_seconds, view::JobView};
 
 use super::{
     args::NotificationArgs,

@@ -13,7 +13,7 @@ use std::{
 
 use bottega::{Event, Watcher};
 use bottega_agents::Time;
-use bottega_cluster::{JobBoard, job::unix_seconds, names::host_name, view::JobView};
+use bottega_cluster::{JobBoard, names::host_name, unix_seconds, view::JobView};
 use bottega_farm::FarmMessage;
 
 use super::{

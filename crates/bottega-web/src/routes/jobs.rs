@@ -11,8 +11,8 @@ use axum::{
 };
 use bottega::{Event, Request as PictureRequest, events::ZoneEvent, request::PRIORITY_MAX};
 use bottega_cluster::{
+    LogLine,
     energy::JobEnergy,
-    job::LogLine,
     messages::SeenMessages,
     rules_of_job::{JobRules, ZoneRules},
     uploads::Submission,

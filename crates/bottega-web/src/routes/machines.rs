@@ -5,7 +5,7 @@ use axum::{
     extract::State,
     routing::{get, post},
 };
-use bottega_cluster::machine::PresenceState;
+use bottega_cluster::presence::PresenceState;
 
 use crate::{
     limits::ANSWER_TIME,

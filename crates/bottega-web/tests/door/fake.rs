@@ -13,11 +13,11 @@ use bottega::{
     events::{AgentEvent, Event, ZoneEvent},
 };
 use bottega_cluster::{
+    LogLine,
     deed_log::DeedLog,
     energy::{JobEnergy, MachineEnergy},
-    job::LogLine,
-    machine::PresenceState,
     messages::{MessageEvent, SeenMessages},
+    presence::PresenceState,
     rules_of_job::{JobRules, ZoneRules},
     uploads::{Submission, UploadOffer, UploadState},
     usage::EnergySource,

@@ -22,13 +22,14 @@ use glam::Mat4;
 
 use super::{absolute, layers, located, parameters};
 use crate::{
-    builtin::own_engine,
+    builtin::BuiltinPainter,
     devices::threads,
     error::Error,
     identity::identity,
     loaded_scene::LoadedScene,
+    plan::{AgentRules, PicturePart, Plan, check_crop, crop, samples_unasked, shared_settings},
     request::{BUILTIN, DEPTH_MAX, IntegratorChoice, Request, SAMPLES_MAX, check_size},
-    settings::{agents, check_crop, crop, job_settings, samples_unasked, shared_settings},
+    settings::agents,
     text::shown,
 };
 
@@ -47,6 +48,8 @@ pub struct ExternalPainter {
     pub mix: Option<Mix>,
     /// The settings of the job.
     pub settings: JobSettings,
+    /// Warnings about the rules.
+    pub notes: Vec<String>,
     scene: PathBuf,
     opening: SceneRequest,
     /// True if the engine gets a maximum number of bounces.
@@ -64,11 +67,9 @@ pub struct Mix {
 impl ExternalPainter {
     /// Finds the engine, opens the scene with it and makes the settings of the job.
     ///
-    /// - `sent`: folder of the files that another machine has sent; `None`: the scene is the user's own.
-    ///
     /// # Errors
     /// The engine is not installed, does not read the scene, or does not support what the request asks for.
-    pub fn open(asked: &Request, experts: Vec<Expert>, sent: Option<&Path>) -> Result<Self, Error> {
+    pub fn open(asked: &Request, rules: AgentRules, part: &PicturePart<'_>) -> Result<Self, Error> {
         // Find the engine, and check that it reads the scene
         check(asked)?;
         let (name, is_mixed) = asked.engine.other()?;
@@ -83,7 +84,7 @@ impl ExternalPainter {
         }
         let failed = |source| Error::External { engine: name.to_owned(), source };
         // Open the scene; without a camera, again with that of the built-in engine
-        let mut opening = opening(asked, &located, sent)?;
+        let mut opening = opening(asked, &located, part.sent_files())?;
         if is_mixed {
             // Each engine gets half of the processors.
             opening.threads = (opening.threads / 2).max(1);
@@ -97,11 +98,11 @@ impl ExternalPainter {
         opening.size = Some((opened.width, opened.height));
         // Choose layers and settings, shared with the built-in engine if both render
         let layout = layers::layout(asked, &opened, &manifest.title, is_mixed)?;
-        let own =
-            is_mixed.then(|| own(asked, &opened, &manifest.title, experts.clone(), layout.clone())).transpose()?;
+        let notes = rules.notes.clone();
+        let own = is_mixed.then(|| own(asked, &opened, &manifest.title, rules.clone(), layout.clone())).transpose()?;
         let settings = match &own {
             Some(own) => own.settings.clone(),
-            None => settings(asked, &located, &opened, experts, layout)?,
+            None => settings(asked, &located, &opened, rules.experts, layout)?,
         };
         let depth = asked.integrator.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
         // If the scene gives no number of bounces, both engines must use the same one.
@@ -132,8 +133,8 @@ impl ExternalPainter {
             Mix { own, mixed: Arc::new(MixedEngine::new(both, usize::from(!is_first))) }
         });
         let agents = agents_of(asked, &engine) + usize::from(is_mixed);
-        let settings = JobSettings { agents, ..settings };
-        Ok(Self { located, engine, mix, settings, scene: scene.clone(), opening, has_depth: depth.is_some() })
+        let settings = JobSettings { agents, goal: part.goal(asked), engine_choice: rules.choice, ..settings };
+        Ok(Self { located, engine, mix, settings, notes, scene: scene.clone(), opening, has_depth: depth.is_some() })
     }
 
     /// Returns the engine that renders zones: the external one, or both as one.
@@ -366,13 +367,7 @@ struct OwnEngine {
 }
 
 /// Prepares the built-in engine for the same picture; it reads size, samples, depth and filter from the same file.
-fn own(
-    asked: &Request,
-    opened: &Opened,
-    title: &str,
-    experts: Vec<Expert>,
-    layout: Layout,
-) -> Result<OwnEngine, Error> {
+fn own(asked: &Request, opened: &Opened, title: &str, rules: AgentRules, layout: Layout) -> Result<OwnEngine, Error> {
     let asked = as_opened(asked, opened);
     let mut subject = LoadedScene::load(&asked)?;
     if subject.hints.is_sky_added {
@@ -381,7 +376,6 @@ fn own(
             "put light into the scene, or let one engine paint it",
         ));
     }
-    let settings = JobSettings { layout, ..job_settings(&asked, &subject, experts)? };
     // Both engines must use the same pixel filter.
     let Some(filter) = opened.filter else {
         return Err(Error::failed(
@@ -390,9 +384,13 @@ fn own(
         ));
     };
     subject.hints.filter = Some(filter);
+    let plan = Plan::of(&asked, &subject, rules, &PicturePart::BesideEngine)?;
+    let settings = JobSettings { layout, ..plan.job };
+    // Each engine gets half of the processors.
     let half = JobSettings { processors: (settings.processors / 2).max(1), ..settings.clone() };
-    let (engine, _) = own_engine(&asked, &subject, &half)?;
-    Ok(OwnEngine { engine: Arc::new(engine), settings, has_depth: subject.hints.max_depth.is_some() })
+    let has_depth = subject.hints.max_depth.is_some();
+    let own = BuiltinPainter::open(Plan { job: half, ..plan }, subject)?;
+    Ok(OwnEngine { engine: own.engine, settings, has_depth })
 }
 
 /// Returns the number of agents: one per process of the engine, as more have to wait for each other.
@@ -412,9 +410,8 @@ fn surveyor(asked: &Request, located: &LocatedEngine, opened: &Opened) -> Option
         let _one = once.lock().unwrap_or_else(PoisonError::into_inner);
         let look = || -> Result<Survey, Error> {
             let subject = LoadedScene::load(&asked)?;
-            let settings = job_settings(&asked, &subject, vec![Expert::path_tracing()])?;
-            let (engine, _) = own_engine(&asked, &subject, &settings)?;
-            Ok(engine.survey(width, height)?)
+            let plan = Plan::of(&asked, &subject, AgentRules::built_in(), &PicturePart::BesideEngine)?;
+            Ok(BuiltinPainter::open(plan, subject)?.engine.survey(width, height)?)
         };
         // If the built-in engine cannot read the scene, the external one surveys it.
         look().inspect_err(|error| tracing::debug!(%error, "the scene is surveyed by its engine")).ok()

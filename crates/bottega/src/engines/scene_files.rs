@@ -9,7 +9,7 @@ use bottega_engines::external::Files;
 use bottega_scene::SceneFile;
 
 use super::{absolute, located};
-use crate::{error::Error, loaded_scene::LoadedScene, method::Method, request::Request, settings::max_depth};
+use crate::{error::Error, loaded_scene::LoadedScene, method::Method, request::Request};
 
 /// The files of a scene, and the engine that renders it.
 #[derive(Clone, Debug, Default)]
@@ -26,18 +26,19 @@ pub struct SceneFiles {
 
 impl SceneFiles {
     /// Returns the files of a scene that the built-in engine has loaded.
-    pub fn of(request: &Request, subject: &LoadedScene) -> Self {
-        let method = Method::of(request, subject, max_depth(request, subject));
+    ///
+    /// - `method`: the integrator planned for the scene.
+    pub fn of(subject: &LoadedScene, method: &Method) -> Self {
         let warnings = subject.warnings.iter().map(ToString::to_string).chain(method.note.clone()).collect();
         let method = method.note.clone().unwrap_or_else(|| format!("painted by {}", method.name()));
         Self { files: subject.files.clone(), engine: None, warnings, method: Some(method) }
     }
 
-    /// Loads the scene, or asks the external engine for the files that the scene refers to.
+    /// Asks the external engine of a request for the files that its scene refers to.
+    ///
+    /// # Errors
+    /// The engine is not installed, or cannot list the files.
     pub fn gather(request: &Request) -> Result<Self, Error> {
-        if request.engine.is_builtin() {
-            return Ok(Self::of(request, &LoadedScene::load(request)?));
-        }
         // Ask the engine for the files of the scene
         let (name, _) = request.engine.other()?;
         let engine = located(&request.engine.manifests, name)?;

@@ -30,7 +30,7 @@ pub enum FramesError {
     #[error(
         "`{found}` is neither a frame nor a range of frames: write 7, 1..24, 1..24:2, -5..5 or a list such as 1,4,7..9"
     )]
-    JobPart {
+    Selection {
         /// The part of the list.
         found: String,
     },
@@ -92,7 +92,7 @@ impl FromStr for Frames {
     fn from_str(text: &str) -> Result<Self, FramesError> {
         let (mut frames, mut seen) = (Vec::new(), BTreeSet::new());
         for part in text.split(',') {
-            let JobPart { mut next, count, step } = part.trim().parse()?;
+            let FrameSelection { mut next, count, step } = part.trim().parse()?;
             if count as usize > COUNT_MAX {
                 return Err(FramesError::TooMany);
             }
@@ -112,17 +112,17 @@ impl FromStr for Frames {
 }
 
 /// A single frame or a range of frames.
-struct JobPart {
+struct FrameSelection {
     next: i32,
     count: u32,
     step: i32,
 }
 
-impl FromStr for JobPart {
+impl FromStr for FrameSelection {
     type Err = FramesError;
 
     fn from_str(text: &str) -> Result<Self, FramesError> {
-        let wrong = || FramesError::JobPart { found: text.to_owned() };
+        let wrong = || FramesError::Selection { found: text.to_owned() };
         let Some((first, rest)) = text.split_once("..") else {
             return if text.is_empty() || text.contains(':') {
                 Err(wrong())

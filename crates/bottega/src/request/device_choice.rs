@@ -2,8 +2,10 @@
 
 use std::str::FromStr;
 
+use thiserror::Error as ThisError;
+
 use super::InvalidField;
-use crate::devices::board_address;
+use crate::devices::board_address::{self, BoardAddressError};
 
 /// The word for the processors in a list of devices.
 const PROCESSORS: &str = "cpu";
@@ -11,6 +13,24 @@ const PROCESSORS: &str = "cpu";
 pub const AUTO: &str = "auto";
 /// The prefix of the address of a board.
 const BOARD: &str = "tcp://";
+
+/// The reason why names of devices cannot be chosen. Its text says which names are allowed.
+#[derive(Clone, Debug, PartialEq, Eq, ThisError)]
+pub enum DeviceNamesError {
+    /// A name is empty, or `auto` stands beside others.
+    #[error(
+        "`{auto}`, or names with commas between them: `{cpu}`, parts of GPUs' names, tcp://HOST:PORT of boards",
+        auto = AUTO,
+        cpu = PROCESSORS
+    )]
+    Names,
+    /// Boards stand without the processors.
+    #[error("`{cpu}` beside boards, which follow rays and shade nothing", cpu = PROCESSORS)]
+    NoProcessors,
+    /// The address of a board cannot be used.
+    #[error(transparent)]
+    Board(#[from] BoardAddressError),
+}
 
 /// The devices that a request names for rendering.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -68,22 +88,20 @@ impl DeviceChoice {
     /// Parses a list of names.
     ///
     /// # Errors
-    /// The names that are allowed, as text.
-    pub fn of(names: &[String]) -> Result<Self, String> {
+    /// A name is not allowed.
+    pub fn of(names: &[String]) -> Result<Self, DeviceNamesError> {
         if names == [AUTO] {
             return Ok(Self::Auto);
         }
         if names.is_empty() || names.iter().any(|name| name.trim().is_empty() || name == AUTO) {
-            return Err(format!(
-                "`{AUTO}`, or names with commas between them: `{PROCESSORS}`, parts of GPUs' names, tcp://HOST:PORT of boards"
-            ));
+            return Err(DeviceNamesError::Names);
         }
         let others = names.iter().filter(|name| *name != PROCESSORS).cloned();
         let (boards, gpus): (Vec<String>, _) = others.partition(|name| name.starts_with(BOARD));
         boards.iter().try_for_each(|name| board_address::check(name))?;
         let processors = names.iter().any(|name| name == PROCESSORS);
         if !boards.is_empty() && !processors {
-            return Err(format!("`{PROCESSORS}` beside boards, which follow rays and shade nothing"));
+            return Err(DeviceNamesError::NoProcessors);
         }
         Ok(Self::These { processors, gpus, boards })
     }
@@ -101,9 +119,9 @@ impl DeviceChoice {
 }
 
 impl FromStr for DeviceChoice {
-    type Err = String;
+    type Err = DeviceNamesError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, DeviceNamesError> {
         Self::of(&text.split(',').map(|name| name.trim().to_owned()).collect::<Vec<_>>())
     }
 }

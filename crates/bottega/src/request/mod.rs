@@ -14,14 +14,14 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use self::validate::{TAG_FORM, check_sides, check_size, is_tag};
+pub use self::validate::{SizeError, TAG_FORM, check_sides, check_size, is_tag};
 pub use self::{
     choices::{
         AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, GuideChoice, GuideUse, ImportanceChoice,
         IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
         WordChoice,
     },
-    device_choice::{AUTO, DeviceChoice},
+    device_choice::{AUTO, DeviceChoice, DeviceNamesError},
     field::InvalidField,
     json::{REQUEST_BYTES_MAX, RequestError},
     limits::*,

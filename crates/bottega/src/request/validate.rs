@@ -6,6 +6,7 @@ use bottega_farm::VERIFY_MAX;
 use bottega_image::{ImageError, OutputFormat};
 use bottega_scene::{COORDINATE_MAX, Camera};
 use glam::{Affine3A, DVec3};
+use thiserror::Error as ThisError;
 
 use super::{
     BandChoice, CameraPose, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions,
@@ -234,7 +235,7 @@ impl FilmOptions {
     fn validate(&self) -> Checked {
         if let Some([width, height]) = self.size {
             check_size([width, height], self.crop)
-                .map_err(|allowed| InvalidField::new("film.size", format!("{width}x{height}"), allowed))?;
+                .map_err(|allowed| InvalidField::new("film.size", format!("{width}x{height}"), allowed.to_string()))?;
         }
         match self.crop {
             Some([x0, y0, x1, y1]) if x0 >= x1 || y0 >= y1 => Err(InvalidField::new(
@@ -247,19 +248,30 @@ impl FilmOptions {
     }
 }
 
+/// The reason why a picture cannot have a size. Its text says which sizes are allowed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ThisError)]
+pub enum SizeError {
+    /// A side is empty or too long.
+    #[error("each side must be from 1 to {most}", most = SIDE_MAX)]
+    Side,
+    /// The rendered part has too many pixels.
+    #[error("more than {most} pixels: paint a smaller picture, or parts of one with a crop", most = PIXELS_MAX)]
+    Pixels,
+}
+
 /// Checks that a picture of this size, or a part of it, is within the limits.
 ///
 /// - `crop`: the rendered part, as x0, y0, x1, y1 in pixels; `None`: the whole picture.
 ///
 /// # Errors
-/// The sizes that are allowed, as text.
-pub fn check_size(size: [u32; 2], crop: Option<[u32; 4]>) -> Result<(), String> {
+/// It is too large, or a side is empty.
+pub fn check_size(size: [u32; 2], crop: Option<[u32; 4]>) -> Result<(), SizeError> {
     check_sides(size)?;
     let [width, height] = size;
     let [x0, y0, x1, y1] = crop.unwrap_or([0, 0, width, height]);
     let length = |from: u32, to: u32, side: u32| u64::from(to.min(side).saturating_sub(from));
     if length(x0, x1, width) * length(y0, y1, height) > PIXELS_MAX {
-        return Err(format!("more than {PIXELS_MAX} pixels: paint a smaller picture, or parts of one with a crop"));
+        return Err(SizeError::Pixels);
     }
     Ok(())
 }
@@ -267,12 +279,12 @@ pub fn check_size(size: [u32; 2], crop: Option<[u32; 4]>) -> Result<(), String> 
 /// Checks width and height of a picture, regardless of its number of pixels.
 ///
 /// # Errors
-/// The allowed width and height, as text.
-pub fn check_sides(size: [u32; 2]) -> Result<(), String> {
+/// A side is empty or too long.
+pub fn check_sides(size: [u32; 2]) -> Result<(), SizeError> {
     if size.iter().all(|side| (1..=SIDE_MAX).contains(side)) {
         return Ok(());
     }
-    Err(format!("each side must be from 1 to {SIDE_MAX}"))
+    Err(SizeError::Side)
 }
 
 impl GoalOptions {
@@ -370,8 +382,8 @@ impl DeviceOptions {
         maybe_within("devices.threads", self.threads, 1..=AGENTS_MAX)?;
         maybe_within("devices.memory_mb", self.memory_mb, 1..=u32::MAX)?;
         let names = || format!("`{}`", self.names.join(","));
-        let choice =
-            DeviceChoice::of(&self.names).map_err(|allowed| InvalidField::new("devices.names", names(), allowed))?;
+        let choice = DeviceChoice::of(&self.names)
+            .map_err(|allowed| InvalidField::new("devices.names", names(), allowed.to_string()))?;
         match choice {
             DeviceChoice::These { gpus, .. } if self.exact && !gpus.is_empty() => Err(InvalidField::new(
                 "devices.names",

@@ -1,9 +1,6 @@
 //! Another view of a session's scene, without loading it again.
 
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::{sync::Arc, time::Instant};
 
 use bottega_denoise::Denoiser;
 use bottega_engines::BuiltinEngine;
@@ -11,13 +8,11 @@ use bottega_engines::BuiltinEngine;
 use super::{Session, painter::Painter};
 use crate::{
     builtin::BuiltinPainter,
-    engines::agent_rules,
     error::Error,
     journal::PictureJournal,
     loaded_scene::LoadedScene,
+    plan::{AgentRules, PicturePart},
     request::{Request, ViewOptions},
-    rules::experts,
-    settings::goal,
 };
 
 impl Session {
@@ -40,10 +35,10 @@ impl Session {
             return Err(Error::usage("other engines see a scene as its file says", "leave out the engine"));
         };
         let BuiltinPainter { subject, .. } = *own;
-        let (experts, notes) = experts(agent_rules(request)?)?;
-        let (scene, goal) = (subject.seen_as(request)?, goal(request, begun, Duration::ZERO));
-        let own = BuiltinPainter::open(request, scene, experts, goal, options.urgency)?;
-        let painter = Painter::Own(Box::new(own));
+        let rules = AgentRules::of(request)?;
+        let notes = rules.notes.clone();
+        let part = PicturePart::Whole { begun, urgency: options.urgency };
+        let painter = Painter::of_scene(request, subject.seen_as(request)?, rules, &part)?;
         let session = Self { denoiser, ..Self::new(request, options, painter, notes, begun) };
         let resume = session.options.resume;
         let journal = PictureJournal::of_request(request, &session.name()?, resume)?;

@@ -12,14 +12,15 @@ use std::{
     io,
     path::{Path, PathBuf},
     sync::Arc,
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use bottega_denoise::Denoiser;
 use bottega_engines::RenderEngine;
 pub use bottega_engines::Urgency;
 use bottega_farm::{
-    JobError, JobReport, JobSettings, JournalContents, Observer, StopSwitch, ZoneStore, simulate::Recorder, survey_size,
+    Goal, JobError, JobReport, JobSettings, JournalContents, Observer, StopSwitch, ZoneStore, simulate::Recorder,
+    survey_size,
 };
 use bottega_image::{Film, Metadata, Rect, Tile, check_writable};
 use bottega_scene::Scene;
@@ -27,18 +28,17 @@ use bottega_scene::Scene;
 use self::painter::Painter;
 pub use self::{painting::ActiveSession, reporter::Reporter, watcher::Watcher};
 use crate::{
-    builtin::BuiltinPainter,
     denoise,
-    engines::{ExternalPainter, SceneFiles, agent_rules, choice_rules},
+    engines::{ExternalPainter, SceneFiles},
     error::Error,
     experience::{self, measured},
     journal::PictureJournal,
     loaded_scene::LoadedScene,
     picture::{Picture, finishing},
+    plan::{AgentRules, PicturePart, Plan, time_goal},
     preview::{LivePreview, PreviewView, check_preview},
     request::Request,
-    rules::{engine_choice, experts},
-    settings::{goal, job_settings, shared_goal, tone},
+    settings::tone,
     tev::TevMirror,
 };
 
@@ -123,21 +123,11 @@ impl Session {
         let begun = options.begun.unwrap_or_else(Instant::now);
         let request = &request.by_engine_of_scene();
         Self::check(request, &options)?;
-        let (experts, notes) = experts(agent_rules(request)?)?;
-        let (painter, notes) = if request.engine.is_builtin() {
-            let (scene, goal) = (LoadedScene::load(request)?, goal(request, begun, Duration::ZERO));
-            let own = BuiltinPainter::open(request, scene, experts, goal, options.urgency)?;
-            let notes = notes.into_iter().chain(own.notes(request)).collect();
-            (Painter::Own(Box::new(own)), notes)
-        } else {
-            let choice = choice_rules(request)?.map(engine_choice).transpose()?;
-            let mut other = ExternalPainter::open(request, experts, None)?;
-            other.settings.engine_choice = choice;
-            other.settings.goal = goal(request, begun, Duration::ZERO);
-            (Painter::Other(Box::new(other)), notes)
-        };
+        // Read rules and scene, choose everything for the picture, and make its engine
+        let painter = Painter::open(request, &PicturePart::Whole { begun, urgency: options.urgency })?;
         // Report a missing denoiser before anything is written.
         let denoiser = denoise::ready(request)?;
+        let notes = painter.notes();
         let session = Self { denoiser, ..Self::new(request, options, painter, notes, begun) };
         let journal = PictureJournal::of_request(request, &session.name()?, session.options.resume)?;
         Ok(Self { journal, ..session })
@@ -168,12 +158,10 @@ impl Session {
         if !request.engine.is_builtin() {
             return Err(Error::usage("only our own engine paints a scene that is in no file", "leave out the engine"));
         }
-        let (experts, notes) = experts(agent_rules(request)?)?;
-        let subject = LoadedScene::of_scene(scene, request)?;
-        let own =
-            BuiltinPainter::open(request, subject, experts, goal(request, begun, Duration::ZERO), options.urgency)?;
-        let notes = own.notes(request).into_iter().chain(notes).collect();
-        let painter = Painter::Own(Box::new(own));
+        let part = PicturePart::Whole { begun, urgency: options.urgency };
+        let rules = AgentRules::of(request)?;
+        let painter = Painter::of_scene(request, LoadedScene::of_scene(scene, request)?, rules, &part)?;
+        let notes = painter.notes();
         let denoiser = denoise::ready(request)?;
         Ok(Self { denoiser, ..Self::new(request, options, painter, notes, begun) })
     }
@@ -186,39 +174,20 @@ impl Session {
     pub fn for_others(request: &Request, part: JobPart<'_>) -> Result<Self, Error> {
         let begun = Instant::now();
         request.validate()?;
-        let (mut experts, notes) = experts(agent_rules(request)?)?;
-        // Machines carry the rule sets in turn, as the agents of one process do.
-        let turn = part.turn % experts.len();
-        experts.rotate_left(turn);
-        let goal = shared_goal(request);
-        let choice = choice_rules(request)?.map(engine_choice).transpose()?;
-        let painter = match part.engine {
-            None => {
-                let mut own =
-                    BuiltinPainter::open(request, LoadedScene::load(request)?, experts, goal, Urgency::Picture)?;
-                own.settings.agents = 1;
-                Painter::Own(Box::new(own))
-            }
-            Some(wanted) => {
-                let mut painter = ExternalPainter::open(request, experts, Some(part.files))?;
-                let here = painter.located.identity();
-                if here != wanted {
-                    return Err(Error::failed(
-                        format!("the job is for {wanted}, this machine has {here}"),
-                        "install the same version of the engine, and the same manifest, on all machines",
-                    ));
-                }
-                painter.engine.watch_faults(|fault| tracing::warn!("{fault}"));
-                painter.settings.goal = goal;
-                Painter::Other(Box::new(painter))
-            }
-        };
-        if let Painter::Own(own) = &painter {
-            own.crew.notes.iter().for_each(|note| tracing::warn!("{note}"));
+        let painter = Painter::open(request, &PicturePart::Zones { files: part.files, turn: part.turn })?;
+        // All machines must have the same engine
+        let here = painter.identity();
+        if here.as_deref() != part.engine {
+            let name = |engine: Option<&str>| engine.unwrap_or("our own engine").to_owned();
+            return Err(Error::failed(
+                format!("the job is for {}, this machine has {}", name(part.engine), name(here.as_deref())),
+                "install the same version of the engine, and the same manifest, on all machines",
+            ));
         }
+        painter.log_faults();
+        let notes = painter.notes();
         let session = Self::new(request, SessionOptions::default(), painter, notes, begun);
-        let settings = JobSettings { engine_choice: choice, ..session.settings.clone() };
-        Ok(Self { settings, asked: part.asked.clone(), ..session })
+        Ok(Self { asked: part.asked.clone(), ..session })
     }
 
     /// Makes a session without denoiser and journal.
@@ -256,12 +225,12 @@ impl Session {
     }
 
     fn examine_scene(request: &Request) -> Result<SceneFiles, Error> {
-        let (experts, notes) = experts(agent_rules(request)?)?;
-        choice_rules(request)?.map(engine_choice).transpose()?;
+        let rules = AgentRules::of(request)?;
+        let notes = rules.notes.clone();
         let mut files = if request.engine.is_builtin() {
             let scene = LoadedScene::load(request)?;
-            job_settings(request, &scene, experts)?;
-            SceneFiles::of(request, &scene)
+            let part = PicturePart::Whole { begun: Instant::now(), urgency: Urgency::Picture };
+            SceneFiles::of(&scene, &Plan::of(request, &scene, rules, &part)?.method)
         } else {
             SceneFiles::gather(request)?
         };
@@ -335,7 +304,7 @@ impl Session {
     /// The engine cannot list the files that its scene refers to.
     pub fn scene_files(&self) -> Result<SceneFiles, Error> {
         match &self.painter {
-            Painter::Own(own) => Ok(SceneFiles::of(&self.request, &own.subject)),
+            Painter::Own(own) => Ok(SceneFiles::of(&own.subject, &own.plan.method)),
             Painter::Other(_) => SceneFiles::gather(&self.request),
         }
     }
@@ -382,9 +351,9 @@ impl Session {
         let tev = self.show(&reporter, kept.as_ref())?;
         reporter.watch(self.painter.counter());
         // Subtract loading and finishing from the time limit
-        if self.settings.goal != shared_goal(&self.request) {
+        if let (Goal::Time(_), Some(time)) = (self.settings.goal, self.request.goal.time) {
             let finishing = finishing(&self.request, &self.settings, self.denoiser.is_some());
-            self.settings.goal = goal(&self.request, self.begun, finishing);
+            self.settings.goal = time_goal(time, self.begun, finishing);
         }
         // Record the times of zones
         let (engine, observer): (Arc<dyn RenderEngine>, Arc<dyn Observer>) =

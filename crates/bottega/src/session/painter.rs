@@ -13,7 +13,9 @@ use crate::{
     engines::ExternalPainter,
     error::Error,
     events::{EngineShare, Event, corners},
+    loaded_scene::LoadedScene,
     picture::REQUEST_KEY,
+    plan::{AgentRules, PicturePart, Plan},
     request::Request,
     text::shown,
 };
@@ -28,6 +30,56 @@ pub(super) enum Painter {
 }
 
 impl Painter {
+    /// Loads the scene of a request and makes its engine.
+    ///
+    /// # Errors
+    /// The scene, the rules or the engine of the request cannot be used.
+    pub(super) fn open(request: &Request, part: &PicturePart<'_>) -> Result<Self, Error> {
+        let rules = AgentRules::of(request)?.turned(part.turn());
+        if request.engine.is_builtin() {
+            return Self::of_scene(request, LoadedScene::load(request)?, rules, part);
+        }
+        Ok(Self::Other(Box::new(ExternalPainter::open(request, rules, part)?)))
+    }
+
+    /// Plans the picture of a loaded scene and makes the built-in engine for it.
+    ///
+    /// # Errors
+    /// The scene cannot be rendered as the request asks.
+    pub(super) fn of_scene(
+        request: &Request,
+        scene: LoadedScene,
+        rules: AgentRules,
+        part: &PicturePart<'_>,
+    ) -> Result<Self, Error> {
+        let plan = Plan::of(request, &scene, rules, part)?;
+        Ok(Self::Own(Box::new(BuiltinPainter::open(plan, scene)?)))
+    }
+
+    /// Returns the identity of an external engine, the same on all machines that have it; `None`: the built-in engine.
+    pub(super) fn identity(&self) -> Option<String> {
+        match self {
+            Self::Own(_) => None,
+            Self::Other(painter) => Some(painter.located.identity()),
+        }
+    }
+
+    /// Logs what is wrong with devices and engines on this machine, which nobody watches.
+    pub(super) fn log_faults(&self) {
+        match self {
+            Self::Own(own) => own.crew.notes.iter().for_each(|note| tracing::warn!("{note}")),
+            Self::Other(painter) => painter.engine.watch_faults(|fault| tracing::warn!("{fault}")),
+        }
+    }
+
+    /// Returns the warnings to report before rendering begins.
+    pub(super) fn notes(&self) -> Vec<String> {
+        match self {
+            Self::Own(own) => own.notes(),
+            Self::Other(painter) => painter.notes.clone(),
+        }
+    }
+
     pub(super) fn engine(&self) -> Arc<dyn RenderEngine> {
         match self {
             Self::Own(own) => Arc::clone(&own.engine) as _,
@@ -37,7 +89,7 @@ impl Painter {
 
     pub(super) fn settings(&self) -> &JobSettings {
         match self {
-            Self::Own(own) => &own.settings,
+            Self::Own(own) => &own.plan.job,
             Self::Other(painter) => &painter.settings,
         }
     }
@@ -47,9 +99,9 @@ impl Painter {
     pub(super) fn technique(&self, settings: &JobSettings) -> String {
         let mut technique = match self {
             Self::Own(own) => {
-                let progressive = own.method.photons.is_some_and(|photons| photons.progressive);
+                let progressive = own.plan.method.photons.is_some_and(|photons| photons.progressive);
                 let devices = own.crew.gpus.iter().map(|gpu| format!(" on {gpu}")).collect::<String>();
-                format!("builtin {}{}{devices}", own.method.word(), if progressive { " progressive" } else { "" })
+                format!("builtin {}{}{devices}", own.plan.method.word(), if progressive { " progressive" } else { "" })
             }
             Self::Other(painter) => painter.title(),
         };
@@ -96,13 +148,13 @@ impl Painter {
     pub(super) fn started(&self, request: &Request, settings: &JobSettings) -> Event {
         let (integrator, method, painters, triangles, threads, gpus, progressive) = match self {
             Self::Own(own) => (
-                own.method.word().to_owned(),
-                own.method.name().to_owned(),
+                own.plan.method.word().to_owned(),
+                own.plan.method.name().to_owned(),
                 own.crew.names(),
                 Some(own.subject.scene().triangle_count()),
                 own.crew.threads,
                 own.crew.gpus.clone(),
-                own.method.photons.is_some_and(|photons| photons.progressive),
+                own.plan.method.photons.is_some_and(|photons| photons.progressive),
             ),
             Self::Other(painter) => {
                 let title = painter.title();

@@ -1,0 +1,4 @@
+//! The farm as a FIPA platform, with its directories.
+
+pub mod directories;
+pub mod platform;

@@ -1,0 +1,525 @@
+//! Tests of the farm's agents as state machines.
+
+mod answers;
+
+use std::{collections::VecDeque, sync::Arc, time::Duration};
+
+use bottega_agents::{
+    AclMessage, Action, ActionOf, AgentId, Event, EventOf, Performative as P, StateMachine, Time,
+    gateway::PlainContent,
+    platform::{Function, LifeCycleRequest, LifeCycleState, ManagementContent, Outcome},
+    wire::WireMessage,
+};
+
+use bottega::events::ZoneEvent;
+
+use super::{
+    failure::FarmFailure,
+    jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport},
+    ontology::{JobChange, ONTOLOGY, asked},
+    render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings},
+    talk::Message,
+};
+use crate::job::{
+    presence::{Presence, PresenceState},
+    view::{FarmView, JobView, MachineView},
+};
+
+fn nobody_answers() -> FarmFailure {
+    FarmFailure::Farm { chain: "nobody answers".to_owned() }
+}
+
+fn id(name: &str) -> AgentId {
+    AgentId::new(name)
+}
+
+fn around() -> Surroundings {
+    let trusted = Arc::new([id("boss@jade")]);
+    Surroundings { ams: id("ams@b"), df: id("df@b"), jobs: id("jobs@b"), trusted }
+}
+
+fn millis(millis: u64) -> Time {
+    Time::since_start(Duration::from_millis(millis))
+}
+
+/// Returns a message from an agent of another platform, in its first conversation.
+fn says(from: &str, to: &str, act: P, content: &str) -> Message {
+    let wire =
+        WireMessage { content: Some(content.to_owned()), ontology: Some(ONTOLOGY.to_owned()), ..WireMessage::new(act) };
+    let content = PlainContent::Foreign(Arc::new(wire));
+    AclMessage { conversation_id: 1, reply_with: 1, ..AclMessage::new(act, id(from), id(to), content) }
+}
+
+fn of_management(from: &str, to: &str, act: P, content: ManagementContent) -> Message {
+    AclMessage::new(act, id(from), id(to), PlainContent::Management(content))
+}
+
+/// The actions that an event has caused; the directories carry out requests at once.
+#[derive(Debug)]
+struct ReceivedEnvelope<E> {
+    /// Messages to agents of other platforms: receiver, act, content.
+    told: Vec<(String, P, String)>,
+    /// Requests to the directories: sender and function.
+    asked: Vec<(String, Function)>,
+    effects: Vec<E>,
+}
+
+fn after<M>(machine: &mut M, now: Time, event: EventOf<M>) -> ReceivedEnvelope<M::Effect>
+where
+    M: StateMachine<Content = PlainContent>,
+{
+    let mut actions: VecDeque<ActionOf<M>> = VecDeque::new();
+    let handle = |machine: &mut M, event, actions: &mut VecDeque<ActionOf<M>>| {
+        let mut more = Vec::new();
+        machine.handle(now, event, &mut more);
+        actions.extend(more);
+    };
+    handle(machine, event, &mut actions);
+    let mut came = ReceivedEnvelope { told: Vec::new(), asked: Vec::new(), effects: Vec::new() };
+    while let Some(action) = actions.pop_front() {
+        match action {
+            Action::Effect(effect) => came.effects.push(effect),
+            Action::Send(message) => match &message.content {
+                PlainContent::Foreign(wire) => {
+                    let content = wire.content.clone().unwrap_or_default();
+                    came.told.push((message.receivers[0].to_string(), message.performative, content));
+                }
+                PlainContent::Management(ManagementContent::Action(function)) => {
+                    came.asked.push((message.sender.to_string(), function.clone()));
+                    if is_answered(&message, function) {
+                        let done = ManagementContent::Done(function.clone(), Outcome::Done);
+                        let done = message.reply(P::Inform, id("x@b"), PlainContent::Management(done));
+                        handle(machine, Event::Message(done), &mut actions);
+                    }
+                }
+                PlainContent::Management(ManagementContent::Cancel) => {
+                    came.told.push((message.receivers[0].to_string(), message.performative, "over".to_owned()));
+                }
+                PlainContent::Management(_) => {}
+            },
+            _ => panic!("nothing else is done"),
+        }
+    }
+    came
+}
+
+/// Changes that a machine requests in the name of the jobs agent are answered to that agent, not to the machine.
+fn is_answered(message: &Message, function: &Function) -> bool {
+    message.sender != id("jobs@b") || matches!(function, Function::Register(_) | Function::Modify(_))
+}
+
+fn machine(standing: PresenceState, ordered: PresenceState) -> MachineView {
+    let seat = Presence { standing, ..Presence::new("m-1", 8, Some(3)) };
+    MachineView { seat, ordered }
+}
+
+fn render_agent(view: MachineView) -> RenderAgent {
+    let mut agent = RenderAgent::new(id("m-1@b"), around(), view, None);
+    let came = after(&mut agent, millis(0), Event::Start);
+    assert!(matches!(&came.asked[..], [(_, Function::ModifyAgent(_)), (_, Function::Register(_))]), "{came:?}");
+    agent
+}
+
+fn seen(view: MachineView) -> EventOf<RenderAgent> {
+    Event::Completed(MachineReport::Seen(view, None))
+}
+
+fn life_cycle(request: LifeCycleRequest) -> EventOf<RenderAgent> {
+    Event::Message(of_management("ams@b", "m-1@b", P::Request, ManagementContent::LifeCycle(request)))
+}
+
+fn to_machine(from: &str, function: &str) -> EventOf<RenderAgent> {
+    Event::Message(says(from, "m-1@b", P::Request, &asked(&id("m-1@b"), function)))
+}
+
+const AID: &str = "(agent-identifier :name m-1@b)";
+
+#[test]
+fn what_the_ams_wants_of_a_machine_becomes_an_order_and_what_strangers_want_waits_until_it_is_resumed() {
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
+    let came = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
+    let [GiveOrder { ticket, order }] = &came.effects[..] else { panic!("{came:?}") };
+    assert_eq!((order.standing, &*order.by), (PresenceState::Suspended, "ams@b of the platform"));
+    // A state seen before the command was applied changes nothing in the white pages.
+    let came = after(&mut agent, millis(2000), seen(machine(PresenceState::Active, PresenceState::Active)));
+    assert!(came.asked.iter().all(|(_, function)| !resumes(function)), "{came:?}");
+    after(&mut agent, millis(2001), seen(machine(PresenceState::Active, PresenceState::Suspended)));
+    after(&mut agent, millis(2002), Event::Completed(MachineReport::Given { ticket: *ticket, result: Ok(()) }));
+    let came = after(&mut agent, millis(2003), to_machine("boss@jade", "(suspend-machine)"));
+    assert!(came.told.is_empty() && came.effects.is_empty(), "{came:?}");
+    after(&mut agent, millis(2500), seen(machine(PresenceState::Suspended, PresenceState::Suspended)));
+    let came = after(&mut agent, millis(3000), to_machine("probe@jade", "(describe-machine)"));
+    let result = format!(
+        "((result (action {AID} (describe-machine)) (machine :name m-1 :state suspended :threads 8 :job 3 :version \
+         \"{}\")))",
+        crate::build::build().identity()
+    );
+    assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)], "only painting is suspended");
+    // It is resumed elsewhere in the farm: only the platform may change its entry.
+    let came = after(&mut agent, millis(4000), seen(machine(PresenceState::Suspended, PresenceState::Active)));
+    assert!(matches!(&came.asked[0], (by, function) if by == "jobs@b" && resumes(function)), "{came:?}");
+    let came = after(&mut agent, millis(4001), life_cycle(LifeCycleRequest::Resume));
+    // Requests that waited are carried out now.
+    let told: Vec<_> = came.told.iter().map(|(to, act, _)| (to.as_str(), *act)).collect();
+    assert_eq!(told, [("boss@jade", P::Agree)], "{came:?}");
+    assert!(matches!(&came.effects[..], [GiveOrder { order, .. }] if *order.by == *"boss@jade"), "{came:?}");
+}
+
+fn resumes(function: &Function) -> bool {
+    matches!(function, Function::ModifyAgent(agent) if agent.state == Some(LifeCycleState::Active))
+}
+
+#[test]
+fn an_order_that_the_farm_does_not_take_is_undone_in_the_white_pages() {
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
+    let came = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
+    let ticket = came.effects[0].ticket;
+    let result = Err(nobody_answers());
+    let came = after(&mut agent, millis(3000), Event::Completed(MachineReport::Given { ticket, result }));
+    assert!(matches!(&came.asked[..], [(by, function)] if by == "jobs@b" && resumes(function)), "{came:?}");
+    // The AMS destroys it, but the command fails: it registers again.
+    let came = after(&mut agent, millis(3001), life_cycle(LifeCycleRequest::Destroy));
+    let ticket = came.effects[0].ticket;
+    assert!(came.asked.iter().any(|(_, function)| matches!(function, Function::Deregister(_))), "{came:?}");
+    let result = Err(nobody_answers());
+    let came = after(&mut agent, millis(9000), Event::Completed(MachineReport::Given { ticket, result }));
+    assert!(came.asked.iter().any(|(_, function)| matches!(function, Function::RegisterAgent(_))), "{came:?}");
+}
+
+#[test]
+fn a_stranger_has_a_machine_suspended_if_it_may_and_is_told_when_it_is_so() {
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
+    let action = format!("(action {AID} (suspend-machine))");
+    let came = after(&mut agent, millis(1), to_machine("probe@jade", "(suspend-machine)"));
+    assert_eq!(came.told, [("probe@jade".to_owned(), P::Refuse, format!("({action} (unauthorised))"))]);
+    let came = after(&mut agent, millis(2), to_machine("Boss@jade", "(suspend-machine)"));
+    assert_eq!(came.told, [("Boss@jade".to_owned(), P::Agree, format!("({action} true)"))]);
+    let [GiveOrder { ticket, order }] = &came.effects[..] else { panic!("{came:?}") };
+    assert_eq!(&*order.by, "Boss@jade");
+    let came = after(&mut agent, millis(3), Event::Completed(MachineReport::Given { ticket: *ticket, result: Ok(()) }));
+    assert!(came.told.is_empty(), "it paints yet: {came:?}");
+    let came = after(&mut agent, millis(4), seen(machine(PresenceState::Suspended, PresenceState::Suspended)));
+    assert_eq!(came.told, [("Boss@jade".to_owned(), P::Inform, format!("((done {action}))"))]);
+
+    // A machine that does not obey, and one that disappears meanwhile.
+    for (event, at) in [(Event::Deadline, 61_001), (Event::Completed(MachineReport::Gone), 5)] {
+        let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
+        let came = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
+        let ticket = came.effects[0].ticket;
+        after(&mut agent, millis(2), Event::Completed(MachineReport::Given { ticket, result: Ok(()) }));
+        let came = after(&mut agent, millis(at), event);
+        assert!(matches!(&came.told[..], [(_, P::Failure, _)]), "{came:?}");
+    }
+}
+
+#[test]
+fn what_a_machine_does_not_do_is_refused() {
+    let mut fixed = machine(PresenceState::Active, PresenceState::Active);
+    fixed.seat.takes_orders = false;
+    let mut agent = render_agent(fixed);
+    let came = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
+    assert!(matches!(&came.told[..], [(_, P::Refuse, why)] if why.ends_with("(takes-no-orders))")), "{came:?}");
+    // The AMS cannot suspend it either; its entry is set back.
+    let came = after(&mut agent, millis(3000), life_cycle(LifeCycleRequest::Suspend));
+    assert!(came.effects.is_empty() && matches!(&came.asked[0], (by, function) if by == "jobs@b" && resumes(function)));
+    after(&mut agent, millis(3001), life_cycle(LifeCycleRequest::Resume));
+    let came = after(&mut agent, millis(3002), to_machine("boss@jade", "(dance :well true)"));
+    assert!(matches!(&came.told[..], [(_, P::Refuse, why)] if why.ends_with("(unsupported-function dance))")));
+    for (act, content, why) in [
+        (P::Request, "((action", "((unrecognised-value content))"),
+        (P::Request, "(a b)", "((a b) (unrecognised-value content))"),
+        (P::CallForProposal, "()", "((unsupported-act cfp))"),
+    ] {
+        let came = after(&mut agent, millis(4000), Event::Message(says("boss@jade", "m-1@b", act, content)));
+        assert_eq!(came.told, [("boss@jade".to_owned(), P::NotUnderstood, why.to_owned())], "{content}");
+    }
+    let came = after(&mut agent, millis(5000), Event::Message(says("boss@jade", "m-1@b", P::Inform, "((what))")));
+    assert!(came.told.is_empty(), "nobody answers an answer");
+}
+
+#[test]
+fn a_machine_leaves_the_directories_when_its_seat_is_silent_and_comes_back() {
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
+    let came = after(&mut agent, millis(2000), Event::Completed(MachineReport::Gone));
+    let out = |function: &Function| matches!(function, Function::DeregisterAgent(_) | Function::Deregister(_));
+    assert!(came.asked.len() == 2 && came.asked.iter().all(|(_, function)| out(function)), "{came:?}");
+    let came = after(&mut agent, millis(2500), to_machine("probe@jade", "(describe-machine)"));
+    assert!(matches!(&came.told[..], [(_, P::Failure, _)]), "{came:?}");
+    let came = after(&mut agent, millis(9000), seen(machine(PresenceState::Active, PresenceState::Active)));
+    assert!(matches!(&came.asked[..2], [(_, Function::RegisterAgent(_)), (_, Function::Register(_))]), "{came:?}");
+}
+
+fn job(number: u32, state: &'static str, done: f64) -> JobView {
+    JobView {
+        number,
+        state,
+        reason: None,
+        done,
+        zones_done: 0,
+        zones: 24,
+        seconds_left: None,
+        seen: false,
+        priority: 10,
+        require: Vec::new(),
+        machines: 1,
+        leader: None,
+        from: "m-1".to_owned(),
+        submitted: 5,
+        scene: "a scene.glb".to_owned(),
+        output: "o.exr".to_owned(),
+        animation: None,
+        stirs: 0,
+        kept: false,
+        is_over: state == "done",
+    }
+}
+
+fn farm(jobs: Vec<JobView>) -> Arc<FarmView> {
+    Arc::new(FarmView { jobs, machines: vec![machine(PresenceState::Active, PresenceState::Active)] })
+}
+
+fn jobs_agent(jobs: Vec<JobView>) -> JobsAgent {
+    let mut agent = JobsAgent::new(around(), "b".to_owned(), farm(jobs));
+    after(&mut agent, millis(0), Event::Start);
+    agent
+}
+
+fn to_jobs(from: &str, function: &str) -> EventOf<JobsAgent> {
+    Event::Message(says(from, "jobs@b", P::Request, &asked(&id("jobs@b"), function)))
+}
+
+fn news(jobs: Vec<JobView>) -> EventOf<JobsAgent> {
+    Event::Completed(JobsReport::Farm(farm(jobs)))
+}
+
+#[test]
+fn jobs_are_told_of_and_changed_by_those_who_may() {
+    let mut agent = jobs_agent(vec![job(1, "done", 1.0), job(2, "active", 0.25)]);
+    let one = "(job :number 2 :state active :done 0.25 :zones-done 0 :zones 24 :priority 10 :machines 1 :from m-1 \
+               :submitted 5 :scene \"a scene.glb\" :output o.exr :kept false)";
+    let action = |function: &str| format!("(action (agent-identifier :name jobs@b) {function})");
+    let came = after(&mut agent, millis(1), to_jobs("probe@jade", "(describe-job :job 2)"));
+    let result = format!("((result {} {one}))", action("(describe-job :job 2)"));
+    assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)]);
+    let came = after(&mut agent, millis(1), to_jobs("probe@jade", "(list-jobs)"));
+    assert!(came.told[0].2.ends_with(&format!(" {one})))")), "{came:?}");
+    let came = after(&mut agent, millis(1), to_jobs("probe@jade", "(list-machines)"));
+    assert!(came.told[0].2.contains("(sequence (machine :name m-1 "), "{came:?}");
+    for (from, function, why) in [
+        ("probe@jade", "(pause-job :job 2)", "(unauthorised)"),
+        ("boss@jade", "(pause-job :job 1)", "(job-is-over done)"),
+        ("boss@jade", "(pause-job :job 7)", "(unrecognised-parameter-value pause-job job)"),
+        ("boss@jade", "(describe-job :job 7)", "(unrecognised-parameter-value describe-job job)"),
+        (
+            "boss@jade",
+            "(set-priority :job 2 :priority 4000000000)",
+            "(unrecognised-parameter-value set-priority priority)",
+        ),
+    ] {
+        let came = after(&mut agent, millis(2), to_jobs(from, function));
+        let told = [(from.to_owned(), P::Refuse, format!("({} {why})", action(function)))];
+        assert_eq!((&came.told[..], came.effects.len()), (&told[..], 0), "{function}");
+    }
+    for (result, act) in [(Ok(()), P::Inform), (Err(nobody_answers()), P::Failure)] {
+        let came = after(&mut agent, millis(3), to_jobs("boss@jade", "(set-priority :job 2 :priority 30)"));
+        assert_eq!(came.told[0].1, P::Agree);
+        let [JobsEffect::Change(ChangeJob { ticket, number: 2, change: JobChange::Priority(30), by })] =
+            &came.effects[..]
+        else {
+            panic!("{came:?}")
+        };
+        assert_eq!(by, "boss@jade");
+        let ticket = *ticket;
+        let came = after(&mut agent, millis(4), Event::Completed(JobsReport::Changed { ticket, result }));
+        assert_eq!(came.told[0].1, act, "{came:?}");
+    }
+}
+
+#[test]
+fn the_rows_of_a_job_are_read_by_anybody() {
+    let mut agent = jobs_agent(vec![job(2, "active", 0.25)]);
+    let row = |id| ZoneEvent { id, work: 77, size: 12, state: "done".to_owned(), ..ZoneEvent::default() };
+    for (function, rows, act, told) in [
+        (
+            "(read-rows :job 2 :zone 4)",
+            Ok(vec![row(3), row(4)]),
+            P::Inform,
+            "(sequence (row :work 77 :zone 4 :size 12 ",
+        ),
+        ("(read-rows :job 2)", Err(nobody_answers()), P::Failure, "(internal-error \"nobody answers\")"),
+    ] {
+        let came = after(&mut agent, millis(1), to_jobs("probe@jade", function));
+        let [JobsEffect::ReadRows { ticket, number: 2 }] = came.effects[..] else { panic!("{came:?}") };
+        assert!(came.told.is_empty());
+        let came = after(&mut agent, millis(2), Event::Completed(JobsReport::Rows { ticket, rows }));
+        assert!(came.told[0].1 == act && came.told[0].2.contains(told), "{came:?}");
+    }
+    let came = after(&mut agent, millis(3), to_jobs("probe@jade", "(read-rows :job 9)"));
+    assert!(came.told[0].1 == P::Refuse && came.effects.is_empty(), "{came:?}");
+}
+
+#[test]
+fn while_the_farm_does_not_answer_every_question_is_a_failure() {
+    let mut agent = jobs_agent(vec![job(2, "active", 0.25)]);
+    after(&mut agent, millis(1000), Event::Completed(JobsReport::Silent));
+    after(&mut agent, millis(2000), Event::Completed(JobsReport::Silent));
+    for function in ["(list-jobs)", "(list-machines)", "(describe-job :job 2)", "(pause-job :job 2)"] {
+        let came = after(&mut agent, millis(8500), to_jobs("boss@jade", function));
+        assert_eq!((came.told.len(), came.told[0].1, came.effects.len()), (1, P::Failure, 0), "{came:?}");
+        assert!(came.told[0].2.ends_with("(internal-error \"the farm has not answered for 7 s\"))"), "{came:?}");
+    }
+    let told = subscribe(&mut agent, millis(8600)).told;
+    assert!(matches!(&told[..], [(_, P::Failure, _)]), "{told:?}");
+    let came = after(&mut agent, millis(8700), to_jobs("boss@jade", "(dance)"));
+    assert_eq!(came.told[0].1, P::Refuse, "what is never done is refused: {came:?}");
+    after(&mut agent, millis(9000), news(vec![job(2, "active", 0.5)]));
+    let came = after(&mut agent, millis(9001), to_jobs("boss@jade", "(list-machines)"));
+    assert_eq!(came.told[0].1, P::Inform);
+
+    let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
+    after(&mut agent, millis(1000), Event::Completed(MachineReport::Silent));
+    for function in ["(describe-machine)", "(suspend-machine)"] {
+        let came = after(&mut agent, millis(3000), to_machine("boss@jade", function));
+        assert!(matches!(&came.told[..], [(_, P::Failure, why)] if why.contains("for 2 s")), "{came:?}");
+    }
+    after(&mut agent, millis(4000), seen(machine(PresenceState::Active, PresenceState::Active)));
+    assert_eq!(after(&mut agent, millis(4001), to_machine("boss@jade", "(describe-machine)")).told[0].1, P::Inform);
+}
+
+const WISH: &str = "((iota ?x (result (action (agent-identifier :name jobs@b) (describe-job :job 2)) ?x)))";
+
+fn subscribe(agent: &mut JobsAgent, now: Time) -> ReceivedEnvelope<JobsEffect> {
+    after(agent, now, Event::Message(says("probe@jade", "jobs@b", P::Subscribe, WISH)))
+}
+
+#[test]
+fn a_subscriber_is_told_twice_a_second_at_most_and_always_of_the_end() {
+    let mut agent = jobs_agent(vec![job(2, "active", 0.0)]);
+    let came = subscribe(&mut agent, millis(100));
+    let acts: Vec<P> = came.told.iter().map(|(_, act, _)| *act).collect();
+    assert_eq!(acts, [P::Agree, P::Inform], "{came:?}");
+    assert_eq!(came.told[0].2, format!("({} true)", &WISH[1..WISH.len() - 1]));
+    let mut told = vec![100];
+    let mut last = String::new();
+    // A change every 70 ms for 7 s; the last one is the end.
+    for step in 1..=100_u32 {
+        let state = if step == 100 { "done" } else { "active" };
+        let (from, to) = (u64::from(step) * 70 + 100, u64::from(step) * 70 + 170);
+        let mut came = after(&mut agent, millis(from), news(vec![job(2, state, f64::from(step) / 100.0)])).told;
+        let deadline = agent.next_deadline().filter(|at| *at < millis(to));
+        let mut times: Vec<u64> = came.iter().map(|_| from).collect();
+        if let Some(at) = deadline {
+            let later = after(&mut agent, at, Event::Deadline).told;
+            times.extend(later.iter().map(|_| at.elapsed().as_millis() as u64));
+            came.extend(later);
+        }
+        for ((_, act, content), time) in came.into_iter().zip(times) {
+            assert_eq!(act, P::Inform);
+            if content != "over" {
+                told.push(time);
+            }
+            last = content;
+        }
+    }
+    while let Some(at) = agent.next_deadline().filter(|at| *at < millis(9000)) {
+        for (_, _, content) in after(&mut agent, at, Event::Deadline).told {
+            last = content;
+        }
+    }
+    assert_eq!(last, "over");
+    assert!(told.windows(2).all(|pair| pair[1] - pair[0] >= 500), "{told:?}");
+    assert!(told.len() >= 13, "{told:?}");
+    let came = after(&mut agent, millis(9999), news(vec![job(2, "done", 0.5)]));
+    assert!(came.told.is_empty(), "it is over: {came:?}");
+}
+
+#[test]
+fn the_last_that_a_subscriber_hears_of_a_job_is_how_it_stands() {
+    let mut agent = jobs_agent(vec![job(2, "active", 0.0)]);
+    subscribe(&mut agent, millis(0));
+    assert!(after(&mut agent, millis(100), news(vec![job(2, "active", 0.1)])).told.is_empty());
+    assert!(after(&mut agent, millis(200), news(vec![job(2, "done", 1.0)])).told.is_empty());
+    assert_eq!(agent.next_deadline(), Some(millis(500)));
+    let told = after(&mut agent, millis(500), Event::Deadline).told;
+    assert!(told.len() == 2 && told[0].2.contains(":state done :done 1 ") && told[1].2 == "over", "{told:?}");
+    // For a job that is over already, there is a single report, at once.
+    let told = subscribe(&mut agent, millis(600)).told;
+    assert_eq!(told.iter().map(|(_, act, _)| *act).collect::<Vec<_>>(), [P::Agree, P::Inform, P::Inform]);
+}
+
+#[test]
+fn a_subscription_is_refused_cancelled_or_forgotten() {
+    let mut agent = jobs_agent(vec![job(2, "active", 0.0)]);
+    let says = |act, content: &str| Event::Message(says("probe@jade", "jobs@b", act, content));
+    let came = after(&mut agent, millis(0), says(P::Subscribe, &WISH.replace(":job 2", ":job 9")));
+    assert!(
+        matches!(&came.told[..], [(_, P::Refuse, why)] if why.ends_with("(unrecognised-parameter-value describe-job job))"))
+    );
+    let came = after(&mut agent, millis(0), says(P::Subscribe, &WISH.replace("describe", "pause")));
+    assert!(matches!(&came.told[..], [(_, P::Refuse, why)] if why.ends_with("(unsupported-function pause-job))")));
+    let came = after(&mut agent, millis(0), says(P::Subscribe, "((all ?x ?x))"));
+    assert!(matches!(&came.told[..], [(_, P::NotUnderstood, _)]), "{came:?}");
+    let came = after(&mut agent, millis(0), says(P::Cancel, WISH));
+    assert!(matches!(&came.told[..], [(_, P::NotUnderstood, why)] if why == "((unexpected-act cancel))"), "{came:?}");
+    subscribe(&mut agent, millis(1));
+    let came = after(&mut agent, millis(2), says(P::Cancel, "no SL ("));
+    assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, "over".to_owned())]);
+    assert!(after(&mut agent, millis(2000), news(vec![job(2, "active", 0.5)])).told.is_empty());
+
+    // An unreachable subscriber is tried again, for a while.
+    subscribe(&mut agent, millis(10_000));
+    let lost = || {
+        let content = ManagementContent::Undelivered { receiver: id("Probe@jade"), reason: "no connection".to_owned() };
+        Event::Message(of_management("ams@b", "jobs@b", P::Failure, content))
+    };
+    let mut tries = 0;
+    let mut now = millis(10_000);
+    let told = loop {
+        let told = after(&mut agent, now + Duration::from_secs(3), lost()).told;
+        if !told.is_empty() {
+            break told;
+        }
+        now = agent.next_deadline().expect("another try");
+        assert_eq!(after(&mut agent, now, Event::Deadline).told.len(), 1);
+        tries += 1;
+        assert!(tries < 10);
+    };
+    assert!(tries >= 2 && matches!(&told[..], [(_, P::Failure, _)]), "{tries}: {told:?}");
+    let came = after(&mut agent, now + Duration::from_secs(60), news(vec![job(2, "active", 0.9)]));
+    assert!(came.told.is_empty(), "it is forgotten: {came:?}");
+    // A job that was removed from the farm is a failure.
+    subscribe(&mut agent, now + Duration::from_secs(61));
+    let came = after(&mut agent, now + Duration::from_secs(62), news(Vec::new()));
+    assert!(matches!(&came.told[..], [(_, P::Failure, _)]), "{came:?}");
+}
+
+#[test]
+fn machines_that_went_while_nobody_looked_are_taken_out() {
+    let mut agent = jobs_agent(Vec::new());
+    let mut actions = Vec::new();
+    agent.handle(millis(5000), Event::Deadline, &mut actions);
+    let search = actions.iter().find_map(|action| match action {
+        Action::Send(message) => match &message.content {
+            PlainContent::Management(ManagementContent::Action(Function::SearchAgents(..))) => Some(message.clone()),
+            _ => None,
+        },
+        _ => None,
+    });
+    let search = search.expect("a search");
+    let agents = ["m-1@b", "m-2@b", "stranger@jade"]
+        .map(|name| bottega_agents::platform::AmsAgentDescription { name: Some(id(name)), ..Default::default() });
+    let PlainContent::Management(ManagementContent::Action(function)) = &search.content else { unreachable!() };
+    let found = ManagementContent::Done(function.clone(), Outcome::Agents(agents.to_vec()));
+    let answer = search.reply(P::Inform, id("ams@b"), PlainContent::Management(found));
+    let came = after(&mut agent, millis(5001), Event::Message(answer));
+    let gone: Vec<String> = came
+        .asked
+        .iter()
+        .map(|(_, function)| match function {
+            Function::DeregisterAgent(agent) => agent.name.as_ref().unwrap().to_string(),
+            Function::Deregister(offer) => offer.name.as_ref().unwrap().to_string(),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(gone, ["m-2@b", "m-2@b"]);
+}

@@ -1,0 +1,176 @@
+//! The farm as a FIPA platform: Start Service, AMS, DF and message transport over the directories of the farm, with its
+//! jobs and machines as agents.
+//!
+//! The pages of the directories are notices of the farm, so any process of it may serve the platform, and several may at
+//! once. The agents of the farm live in the first of them; the others are views of the same pages.
+
+mod farm_agents;
+mod host;
+mod strangers;
+mod talk;
+mod terms;
+
+use std::{
+    net::{Ipv4Addr, SocketAddr, TcpListener},
+    sync::Arc,
+    time::Duration,
+};
+
+use bottega_agents::{
+    AgentId,
+    driver::{
+        nats::NoticePages,
+        node::{Node, NodeConfig, TraceLine},
+    },
+    gateway::FirstForms,
+};
+
+pub use self::host::{PlatformHost, host_of};
+use self::{
+    farm_agents::{FarmAgents, jobs_id},
+    host::HostSeat,
+    strangers::Strangers,
+};
+
+use crate::{
+    error::Error,
+    files::cache::Cache,
+    job::board::JobBoard,
+    server::ports::{Port, bind, bind_near},
+};
+
+/// The default name of a farm's platform.
+pub const NAME: &str = bottega_farm::PLATFORM;
+/// The default address of its message transport.
+pub const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 7779);
+
+/// The options of a served platform.
+#[derive(Clone)]
+pub struct PlatformOptions {
+    /// The name of the platform: the part after `@` in the names of its agents.
+    pub name: String,
+    /// The address to listen on; none: [`LISTEN`], or any free local port if that is taken.
+    pub listen: Option<SocketAddr>,
+    /// The `host:port` that other platforms connect to, if it differs from the listening address.
+    pub public: Option<String>,
+    /// Directories of other platforms that its DF includes in searches.
+    pub federates: Vec<AgentId>,
+    /// The longest lease that its DF grants; none: no limit.
+    pub lease_max: Option<Duration>,
+    /// Agents of other platforms that may change things.
+    pub trusted: Vec<AgentId>,
+    /// Logs a line for each message that passes.
+    pub trace_line: TraceLine,
+    /// The encoding of first messages to agents that have not written before.
+    pub first_forms: FirstForms,
+}
+
+impl PlatformOptions {
+    /// Checks that other platforms can connect.
+    ///
+    /// # Errors
+    /// It listens on all addresses, and no public one is given.
+    pub fn validate(&self) -> Result<(), Error> {
+        match self.listen.filter(|listen| listen.ip().is_unspecified() && self.public.is_none()) {
+            Some(listen) => Err(Error::usage(
+                format!("nobody can connect to {listen}"),
+                "say what others shall connect to: the address of this machine, or with `platform serve` --public HOST:PORT",
+            )),
+            None => Ok(()),
+        }
+    }
+
+    /// Binds the listening port.
+    ///
+    /// - `port`: the purpose of the port, for errors.
+    ///
+    /// # Errors
+    /// The port is taken, or other platforms cannot connect to it.
+    pub fn bind(&self, port: Port) -> Result<TcpListener, Error> {
+        self.validate()?;
+        self.listen.map_or_else(|| bind_near(port, LISTEN, 0), |listen| bind(port, listen))
+    }
+}
+
+/// A platform of a farm, served by this process.
+pub struct FarmPlatform {
+    node: Arc<Node>,
+    /// The agents of the farm, if this process hosts them.
+    agents: Option<FarmAgents>,
+    /// The admission of agents of other platforms, if this process hosts it.
+    strangers: Option<Strangers>,
+    jobs: AgentId,
+}
+
+impl FarmPlatform {
+    /// Serves the platform over the directories of a farm.
+    ///
+    /// - `listener`: the bound port: see [`PlatformOptions::bind`].
+    ///
+    /// # Errors
+    /// This machine is a guest of the farm, the name is invalid, or a thread cannot be started.
+    pub fn serve(listener: TcpListener, board: JobBoard, options: &PlatformOptions) -> Result<Self, Error> {
+        // The platform shows all machines and jobs of the farm.
+        board.refuse_guests()?;
+        // The jobs agent acts for the farm: it resumes machines, which only the platform may do.
+        let jobs = jobs_id(&options.name);
+        let seat = HostSeat::claim(&board, &options.name);
+        let node = Arc::new(start_node(listener, &board, options, &jobs, seat.is_some())?);
+        let Some(seat) = seat else { return Ok(Self { agents: None, strangers: None, node, jobs }) };
+        let seat = seat.at(node.address());
+        let agents = FarmAgents::begin(&node, &options.name, board.clone(), seat, &options.trusted)?;
+        let strangers = Strangers::begin(strangers::StrangersConfig {
+            node: Arc::clone(&node),
+            board,
+            platform: options.name.clone(),
+            cache: Cache::of_user(),
+        })?;
+        Ok(Self { agents: Some(agents), strangers: Some(strangers), node, jobs })
+    }
+
+    /// Returns the node with the services and the message transport.
+    pub fn node(&self) -> &Node {
+        &self.node
+    }
+
+    /// Returns the name of the jobs agent.
+    pub fn jobs(&self) -> &AgentId {
+        &self.jobs
+    }
+
+    /// True if this process hosts the farm's agents; false if it is a view of their pages.
+    pub fn has_agents(&self) -> bool {
+        self.agents.is_some()
+    }
+
+    /// Deregisters the agents and stops.
+    pub fn stop(self) {
+        drop((self.agents, self.strangers));
+        // They held the other references to the node.
+        if let Some(node) = Arc::into_inner(self.node) {
+            node.stop();
+        }
+    }
+}
+
+fn start_node(
+    listener: TcpListener,
+    board: &JobBoard,
+    options: &PlatformOptions,
+    jobs: &AgentId,
+    is_host: bool,
+) -> Result<Node, Error> {
+    let config = NodeConfig {
+        name: options.name.clone(),
+        public: options.public.clone(),
+        store: Box::new(NoticePages::new(board.uplink.notices().clone(), &options.name)),
+        lease_max: options.lease_max,
+        federates: options.federates.clone(),
+        administrators: vec![jobs.clone()],
+        trusted: options.trusted.clone(),
+        permanent: Some(jobs.clone()).filter(|_| is_host).into_iter().collect(),
+        trace_line: options.trace_line,
+        first_forms: options.first_forms.clone(),
+    };
+    Node::start(listener, config).map_err(Error::Platform)
+}

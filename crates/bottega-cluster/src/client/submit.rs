@@ -1,0 +1,353 @@
+//! Submits a picture to a farm, renders it together with the other machines, and receives the result.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+    thread,
+    time::Duration,
+};
+
+use bottega::{
+    Event, Picture, Request, Session, SessionOptions, StopSwitch, Watcher, denoise,
+    devices::{DeviceChoice, beside_processors, threads},
+    engines::SceneFiles,
+    request::EnvironmentLight,
+    session::{PaintingTools, Reporter},
+    text::shown,
+};
+use bottega_farm::{JobError, JobReport};
+
+use crate::{
+    build::build,
+    client::transfer::{self, SentPieces},
+    error::Error,
+    files::sent_files::SentFiles,
+    job::{
+        board::{JobBoard, ended_badly},
+        record::{Job, JobSpec, JobState, for_others, unix_seconds},
+        refusals::RefusalWatch,
+    },
+    machine::{
+        member::Member,
+        part::{Leading, PartOutcome, take_part},
+    },
+    names::fresh_number,
+    server::{
+        address::FarmAddress,
+        link::{Credentials, FarmLink, link},
+        patience::{meanwhile, patiently},
+    },
+};
+
+/// Interval between checks of a job that this process does not take part in.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+/// A job that this process submitted.
+pub struct SubmittedJob {
+    member: Member,
+    /// The number of the job at the farm.
+    pub number: u32,
+    work: u64,
+}
+
+/// The outcome of a job, before its picture is written.
+enum JobOutcome {
+    /// This process led the job and has the pixels; no [`Leading`] if it stopped early.
+    Here(Box<JobReport>, Option<Leading>),
+    /// Another process led it: the bytes of the picture file.
+    Elsewhere(Vec<u8>),
+}
+
+/// The outcome of a picture on a farm.
+pub enum RenderOutcome {
+    /// This process led the job; the picture is complete and written.
+    Local(Box<Picture>),
+    /// Another machine led the job; the picture is written to this file.
+    Remote(PathBuf),
+}
+
+/// Renders a picture with the machines of a farm, and writes it to the output file of the request.
+///
+/// - `farm`: the address; none: the farm that runs on this machine.
+///
+/// # Errors
+/// There is no such farm, the request cannot be rendered, or the picture cannot be written.
+pub fn render(
+    farm: Option<&FarmAddress>,
+    credentials: &Credentials,
+    request: &Request,
+    options: SessionOptions,
+    watcher: Arc<dyn Watcher>,
+    stop: &StopSwitch,
+) -> Result<RenderOutcome, Error> {
+    let request = &request.by_engine_of_scene();
+    let session = Session::open_with(request, options)?;
+    let (material, name) = (session.scene_files()?, session.name()?);
+    let reporter = Arc::new(Reporter::new(watcher));
+    let (painting, tools) = session.begin(Arc::clone(&reporter))?;
+    let job = SubmittedJob::submit((farm, credentials), request, &material, Some(&name), stop, &reporter)?;
+    match job.paint(tools, &reporter)? {
+        JobOutcome::Here(report, leading) => {
+            let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
+            let failed = picture.report().failed.len();
+            if let Some(leading) = leading
+                && let Err(error) = job.finish(&leading, failed, &reporter)
+            {
+                reporter.warn(format!("the picture is written, and the farm does not know of it: {error}"));
+            }
+            Ok(RenderOutcome::Local(Box::new(picture.close()?)))
+        }
+        JobOutcome::Elsewhere(picture) => {
+            painting.leave();
+            let output = request.output.file.clone().unwrap_or_default();
+            write_picture(&output, &picture).map_err(|error| unfetched(job.number, &error))?;
+            if let Some(lacking) = denoise::lacking(request, &output, &picture) {
+                reporter.warn(lacking);
+            }
+            if let Some(journal) = painting.journal()
+                && let Err(error) = std::fs::remove_file(journal)
+            {
+                reporter.warn(format!("cannot remove {}: {error}", journal.display()));
+            }
+            reporter.tell(Event::Fetched { output: shown(&output) });
+            Ok(RenderOutcome::Remote(output))
+        }
+    }
+}
+
+/// Submits a picture to a farm and returns its job number, without waiting for it.
+///
+/// # Errors
+/// As for [`render`].
+pub fn submit(
+    farm: Option<&FarmAddress>,
+    credentials: &Credentials,
+    request: &Request,
+    watcher: Arc<dyn Watcher>,
+    stop: &StopSwitch,
+) -> Result<u32, Error> {
+    let reporter = Reporter::new(watcher);
+    let request = &request.by_engine_of_scene();
+    let material = Session::examine(request)?;
+    material.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
+    let job = SubmittedJob::submit((farm, credentials), request, &material, None, stop, &reporter)?;
+    Ok(job.number)
+}
+
+impl SubmittedJob {
+    /// Sends the scene and submits the job.
+    ///
+    /// - `journal`: the name of the picture in the journal beside the output, if there is one.
+    fn submit(
+        (farm, credentials): (Option<&FarmAddress>, &Credentials),
+        request: &Request,
+        material: &SceneFiles,
+        journal: Option<&str>,
+        stop: &StopSwitch,
+        reporter: &Reporter,
+    ) -> Result<Self, Error> {
+        let FarmLink { uplink, name, .. } = link(farm, credentials)?;
+        let board = JobBoard { uplink };
+        board.refuse_guests()?;
+        board.sweep();
+        let (order, sent) = order(&board, &name, request, material, stop, reporter)?;
+        let order = JobSpec { journal: journal.map(str::to_owned), ..order };
+        let mut job = new_job(request, material, &name);
+        if let Some(lacking) = board.lacks_tagged(&job.require) {
+            job.say(lacking.clone());
+            reporter.warn(lacking);
+        }
+        let number = board.submit(&job, &order)?;
+        sent.keep();
+        reporter.tell(Event::Asked { job: number, last_job: None });
+        let member = Member::new(board, name, (threads(request), devices_of(request)), stop);
+        Ok(Self { member, number, work: job.work })
+    }
+
+    /// Renders together with the other machines until the picture is complete or the user stops. Warns of machines that
+    /// refuse the job.
+    fn paint(&self, tools: PaintingTools, reporter: &Reporter) -> Result<JobOutcome, Error> {
+        let mut watch = RefusalWatch::default();
+        let tell = || {
+            let seats = self.member.board.presences();
+            for (seat, refusal) in watch.news(&seats, |work| work == self.work) {
+                reporter.warn(format!("{} is left out: {}", seat.name, refusal.reason));
+            }
+        };
+        meanwhile(LOOK_EVERY, tell, || self.paint_with_others(tools, reporter))
+    }
+
+    fn paint_with_others(&self, mut tools: PaintingTools, reporter: &Reporter) -> Result<JobOutcome, Error> {
+        let Member { board, stop, .. } = &self.member;
+        let say = |line: &str| reporter.say(line);
+        let mut said_paused = false;
+        let mut helped = None;
+        loop {
+            let job = board.get(self.number).ok_or_else(|| {
+                Error::failed(format!("job {} is gone", self.number), "somebody has removed it; ask again")
+            })?;
+            if let Some(error) = ended_badly(self.number, &job.state) {
+                return Err(error);
+            }
+            if job.state == JobState::Done {
+                let picture = patiently(stop, say, || board.picture(&job))?;
+                return picture.map(JobOutcome::Elsewhere).ok_or_else(|| {
+                    Error::failed("the job is done, and its picture is nowhere", "see `bottega jobs log`")
+                });
+            }
+            let is_led = board.lead(self.number).is_some_and(|lead| lead.leader.is_some());
+            if job.state == JobState::Paused || helped == Some(job.turn()) && is_led {
+                if job.state == JobState::Paused && !std::mem::replace(&mut said_paused, true) {
+                    reporter.say(&format!("paused; go on with `bottega jobs resume {}`", self.number));
+                }
+                if stop.is_requested() {
+                    return Err(self.called_off());
+                }
+                thread::sleep(LOOK_EVERY);
+                continue;
+            }
+            said_paused = false;
+            helped = None;
+            let part = || take_part(&self.member, self.number, &job, &mut tools, || false);
+            match patiently(stop, say, part) {
+                Ok(PartOutcome::Led(report, leading)) => return Ok(JobOutcome::Here(report, Some(leading))),
+                Ok(PartOutcome::Left(Some(report))) if stop.is_requested() => {
+                    self.call_off();
+                    return Ok(JobOutcome::Here(report, None));
+                }
+                Ok(PartOutcome::Left(None)) if stop.is_requested() => return Err(self.called_off()),
+                Ok(PartOutcome::Left(_)) => {}
+                Ok(PartOutcome::Helped) => helped = Some(job.turn()),
+                // Let the machines that can render it continue.
+                Err(Error::Bottega(bottega::Error::Job(JobError::LeftOut { reason }))) => {
+                    reporter.warn(format!("this machine is left out: {reason}"));
+                    helped = Some(job.turn());
+                }
+                Err(error) if error.may_pass() => return Err(self.called_off()),
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Marks the job as over: its picture is written on this machine.
+    fn finish(&self, leading: &Leading, failed: usize, reporter: &Reporter) -> Result<(), Error> {
+        let state = match failed {
+            0 => JobState::Done,
+            failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
+        };
+        let Member { board, stop, .. } = &self.member;
+        patiently(stop, |line| reporter.say(line), || leading.finish(board, self.number, &state, false))
+    }
+
+    /// Returns the error for a picture that could not be written here. The next leader of the job stores the picture at the
+    /// farm.
+    fn unwritten(&self, error: &Error) -> Error {
+        let number = self.number;
+        Error::failed(
+            error.error_chain(),
+            format!(
+                "the farm has all that is painted: the next machine that leads job {number} has it keep the picture, and \
+                 `bottega jobs fetch {number} -o FILE` writes it, where there is room; `bottega jobs cancel {number}` calls it off"
+            ),
+        )
+    }
+
+    fn called_off(&self) -> Error {
+        self.call_off();
+        Error::failed("stopped before there was a picture", "ask again")
+    }
+
+    /// Cancels the job on behalf of its submitter.
+    fn call_off(&self) {
+        let off = self.member.board.change(self.number, |job| {
+            let is_over = job.state.is_over();
+            if !is_over {
+                job.say("called off by the one who asked");
+                job.state = JobState::Cancelled;
+            }
+            !is_over
+        });
+        if let Err(error) = off {
+            tracing::warn!(%error, "the job could not be called off");
+        }
+    }
+}
+
+impl Drop for SubmittedJob {
+    fn drop(&mut self) {
+        self.member.board.leave(&self.member.name);
+    }
+}
+
+/// Returns the error for a picture that the farm has and that could not be written on this machine.
+pub(crate) fn unfetched(number: u32, error: &Error) -> Error {
+    let remedy =
+        format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it, where there is room");
+    Error::failed(error.error_chain(), remedy)
+}
+
+/// Writes the picture file of another process, completely or not at all.
+pub fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|source| Error::write(path.to_owned(), source))?;
+    Ok(bottega_image::write_whole(path, bytes)?)
+}
+
+/// Returns the record of a new job.
+pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> Job {
+    let number = fresh_number();
+    let mut job = Job {
+        version: build().identity().to_owned(),
+        commit: build().commit().to_owned(),
+        origin: number,
+        work: number,
+        stirs: 0,
+        kept: false,
+        scene: shown(&request.scene.file),
+        output: request.output.file.as_deref().map(shown).unwrap_or_default(),
+        from: from.to_owned(),
+        submitted: unix_seconds(),
+        priority: request.farm.priority,
+        require: request.farm.require.clone(),
+        animation: None,
+        state: JobState::Active,
+        log: Vec::new(),
+    };
+    job.say(format!("asked for by {from}"));
+    material.method.iter().for_each(|method| job.say(method.clone()));
+    job
+}
+
+/// Returns the devices of this machine that render the request, without the CPU.
+pub(crate) fn devices_of(request: &Request) -> Vec<String> {
+    beside_processors(&DeviceChoice::of(&request.devices.names).unwrap_or_default())
+}
+
+/// Returns the job's spec in a form that other machines understand, and sends the scene. The files are withdrawn when the
+/// returned [`SentPieces`] is dropped without `keep`.
+///
+/// - `me`: the process that submits.
+pub(crate) fn order<'a>(
+    board: &'a JobBoard,
+    me: &'a str,
+    request: &Request,
+    material: &SceneFiles,
+    stop: &StopSwitch,
+    reporter: &Reporter,
+) -> Result<(JobSpec, SentPieces<'a>), Error> {
+    if request.goal.time.is_some() {
+        return Err(Error::usage(
+            "a farm paints until there are samples enough, or the error is small enough; it keeps no time",
+            "leave out the time, or the farm",
+        ));
+    }
+    let environment = match &request.environment.light {
+        Some(EnvironmentLight::File(path)) => Some(path.as_path()),
+        _ => None,
+    };
+    let (files, transfer) = SentFiles::read(&request.scene.file, &material.files, environment)?;
+    let sent = transfer::send(&transfer, board, me, stop, reporter)?;
+    let request = for_others(request)?;
+    request.to_value().map_err(|source| bottega::Error::Request { origin: "the options".to_owned(), source })?;
+    Ok((JobSpec { request, files, engine: material.engine.clone(), journal: None }, sent))
+}

@@ -1,0 +1,169 @@
+//! Files as chunks named by content hash, and the chunks that a store lacks.
+
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{Read, Seek, SeekFrom},
+    path::{Path, PathBuf},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
+};
+
+use crate::{
+    error::Error,
+    files::chunks::{CHUNK_BYTES, ChunkStore, Contents, PREFIX, blob_name, hash_of, several},
+};
+
+/// A chunk of a file on disk.
+#[derive(Debug)]
+pub(crate) struct Piece {
+    path: PathBuf,
+    at: u64,
+    pub(crate) bytes: usize,
+}
+
+impl Piece {
+    /// Reads the chunk, and checks that the file has not changed.
+    fn read(&self, hash: &str) -> Result<Vec<u8>, Error> {
+        let mut bytes = vec![0; self.bytes];
+        let read = File::open(&self.path)
+            .and_then(|mut file| file.seek(SeekFrom::Start(self.at)).map(|_| file))
+            .and_then(|mut file| file.read_exact(&mut bytes));
+        read.map_err(|source| Error::read(self.path.clone(), source))?;
+        if hash_of(&bytes) != hash {
+            let problem = format!("`{}` was changed while it was sent", self.path.display());
+            return Err(Error::failed(problem, "ask again when nobody writes to it"));
+        }
+        Ok(bytes)
+    }
+}
+
+/// The chunks of the files to send, by content hash.
+#[derive(Debug, Default)]
+pub(crate) struct Pieces {
+    pieces: BTreeMap<String, Piece>,
+}
+
+impl Pieces {
+    /// Adds the chunks of a file.
+    pub(crate) fn add(&mut self, path: &Path) -> Result<Contents, Error> {
+        let wrong = |source| Error::read(path.to_owned(), source);
+        let mut file = File::open(path).map_err(wrong)?;
+        let (mut hasher, mut chunks, mut at) = (blake3::Hasher::new(), Vec::new(), 0);
+        loop {
+            let mut bytes = Vec::new();
+            Read::by_ref(&mut file).take(CHUNK_BYTES as u64).read_to_end(&mut bytes).map_err(wrong)?;
+            if bytes.is_empty() {
+                return Ok(Contents::new(hasher.finalize().to_hex().to_string(), chunks));
+            }
+            hasher.update(&bytes);
+            let hash = hash_of(&bytes);
+            self.pieces.insert(hash.clone(), Piece { path: path.to_owned(), at, bytes: bytes.len() });
+            chunks.push(hash);
+            at += bytes.len() as u64;
+        }
+    }
+
+    /// True if a blob name in a store is one of these chunks.
+    pub(crate) fn includes(&self, name: &str) -> bool {
+        name.strip_prefix(PREFIX).is_some_and(|hash| self.pieces.contains_key(hash))
+    }
+
+    /// Returns the chunks that a store lacks.
+    pub(crate) fn missing(&self, store: &dyn ChunkStore) -> Result<Vec<(&str, &Piece)>, Error> {
+        let all: Vec<(&str, &Piece)> = self.pieces.iter().map(|(hash, piece)| (&**hash, piece)).collect();
+        let lacking = Mutex::new(Vec::new());
+        several(all.len(), &|i| {
+            if !store.has(&blob_name(all[i].0)).map_err(Error::Blob)? {
+                lacking.lock().unwrap_or_else(PoisonError::into_inner).push(all[i]);
+            }
+            Ok(())
+        })?;
+        let mut lacking = lacking.into_inner().unwrap_or_else(PoisonError::into_inner);
+        // In the order of the files, so that the disk reads them once.
+        lacking.sort_by_key(|&(_, piece)| (&piece.path, piece.at));
+        Ok(lacking)
+    }
+
+    /// Sends the chunks that a store lacks.
+    #[cfg(test)]
+    pub(crate) fn send_to(&self, store: &dyn ChunkStore) -> Result<(), Error> {
+        let keep = |name: &str, bytes: &[u8]| store.put(name, bytes).map_err(Error::Blob);
+        Self::put(&self.missing(store)?, &keep, &SentCount::default())
+    }
+
+    /// Sends chunks to a store, and records their names in `sent`.
+    ///
+    /// - `keep`: stores a chunk.
+    pub(crate) fn put(pieces: &[(&str, &Piece)], keep: Keep<'_>, sent: &SentCount) -> Result<(), Error> {
+        several(pieces.len(), &|i| {
+            let (hash, piece) = pieces[i];
+            let name = blob_name(hash);
+            keep(&name, &piece.read(hash)?)?;
+            sent.note(name, piece.bytes);
+            Ok(())
+        })
+    }
+}
+
+/// A function that stores a chunk.
+pub(crate) type Keep<'a> = &'a (dyn Fn(&str, &[u8]) -> Result<(), Error> + Sync);
+
+/// The chunks sent so far.
+#[derive(Debug, Default)]
+pub(crate) struct SentCount {
+    pub(crate) names: Mutex<Vec<String>>,
+    pub(crate) bytes: AtomicU64,
+}
+
+impl SentCount {
+    fn note(&self, name: String, bytes: usize) {
+        self.names.lock().unwrap_or_else(PoisonError::into_inner).push(name);
+        self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::chunks::tests::Shelf;
+
+    fn keep_in(shelf: &Shelf) -> impl Fn(&str, &[u8]) -> Result<(), Error> + Sync + '_ {
+        |name, bytes| shelf.put(name, bytes).map_err(Error::Blob)
+    }
+
+    #[test]
+    fn pieces_are_sent_once_and_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f");
+        let content: Vec<u8> = (0..2 * CHUNK_BYTES + 17).map(|i| (i / 1000 * 7 + i % 251) as u8).collect();
+        std::fs::write(&path, &content).unwrap();
+        let (mut pieces, shelf, counted) = (Pieces::default(), Shelf::default(), SentCount::default());
+        let contents = pieces.add(&path).unwrap();
+        assert_eq!(pieces.add(&path).unwrap(), contents, "the same file twice is one");
+        assert_eq!(contents.hash, hash_of(&content));
+        let missing = pieces.missing(&shelf).unwrap();
+        assert_eq!(
+            missing.iter().map(|(_, piece)| piece.at).collect::<Vec<_>>(),
+            [0, 1, 2].map(|i| i * CHUNK_BYTES as u64)
+        );
+        Pieces::put(&missing, &keep_in(&shelf), &counted).unwrap();
+        assert_eq!(counted.bytes.into_inner(), content.len() as u64);
+        assert!(pieces.missing(&shelf).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_file_that_changes_meanwhile_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f");
+        std::fs::write(&path, [1; 100]).unwrap();
+        let (mut pieces, shelf) = (Pieces::default(), Shelf::default());
+        pieces.add(&path).unwrap();
+        std::fs::write(&path, [2; 100]).unwrap();
+        let missing = pieces.missing(&shelf).unwrap();
+        let error = Pieces::put(&missing, &keep_in(&shelf), &SentCount::default()).unwrap_err();
+        assert!(error.to_string().contains("was changed"), "{error}");
+    }
+}

@@ -1,0 +1,169 @@
+//! The preview of a job while it is rendered, from what the farm stores, so it does not depend on the leader.
+
+use std::{
+    collections::BTreeMap,
+    path::Path,
+    sync::{Mutex, PoisonError},
+};
+
+use bottega::settings::tone;
+use bottega_agents::BlobId;
+use bottega_farm::{ResultRef, StopSwitch, WorkId, ZoneId};
+use bottega_image::{Canvas, Preview, ReadLimits, Rect, ToneMap, read_image_bytes};
+
+use crate::{
+    error::Error,
+    files::chunks::several,
+    job::{board::JobBoard, record::Job, transport::job_link},
+};
+
+/// The largest picture that is shown, in pixels.
+const PIXELS_MAX: u64 = 1 << 26;
+/// The most zones whose pixels are fetched at once; the others follow at the next call.
+const ZONES_AT_A_TIME: usize = 256;
+
+/// The preview of a job, tone mapped for display.
+pub struct JobPreview {
+    exposure: f32,
+    tone: ToneMap,
+    /// The preview and the rectangle it covers; none before the picture is divided into zones.
+    canvas: Option<(Rect, Preview)>,
+    /// The pixels of each zone that are shown.
+    shown: BTreeMap<ZoneId, BlobId>,
+    png: Option<Vec<u8>>,
+    /// The state of the job when a stored picture was loaded: the number of its painting, and whether it was over.
+    is_final: Option<(u64, bool)>,
+}
+
+impl JobPreview {
+    /// Returns an empty preview.
+    ///
+    /// # Errors
+    /// The farm does not have the job's specification.
+    pub fn new(board: &JobBoard, job: &Job) -> Result<Self, Error> {
+        let output = board.spec(job)?.request.output;
+        let (exposure, tone) = (output.exposure, tone(output.tonemap));
+        Ok(Self { exposure, tone, canvas: None, shown: BTreeMap::new(), png: None, is_final: None })
+    }
+
+    /// Returns the current preview as the bytes of a PNG file; while a job is rendered again, its previous picture until
+    /// the new one is complete. `None`: nothing is rendered yet, or the farm does not store the picture of a finished job.
+    ///
+    /// # Errors
+    /// The farm does not answer, or the picture is too large to show.
+    pub fn renew(&mut self, board: &JobBoard, job: &Job) -> Result<Option<Vec<u8>>, Error> {
+        let is_whole = job.state.is_over() || job.kept;
+        let shown = Some((job.work, job.state.is_over()));
+        if is_whole && self.is_final == shown {
+            return Ok(self.png.clone());
+        }
+        if !is_whole {
+            if self.fetch_news(board, job)?
+                && let Some((_, preview)) = &self.canvas
+            {
+                self.png = Some(preview.to_png()?);
+            }
+            return Ok(self.png.clone());
+        }
+        if let Some(picture) = board.picture(job)? {
+            self.png = Some(self.of_picture(&job.output, picture)?);
+        }
+        self.is_final = shown;
+        Ok(self.png.clone())
+    }
+
+    /// Returns a finished picture as a PNG file, tone mapped like the preview.
+    fn of_picture(&self, name: &str, picture: Vec<u8>) -> Result<Vec<u8>, Error> {
+        const PNG: &[u8] = b"\x89PNG";
+        if picture.starts_with(PNG) {
+            return Ok(picture);
+        }
+        let read = read_image_bytes(Path::new(name), &picture, ReadLimits::default())?.picture;
+        Ok(Canvas::of_picture(&read, self.exposure, self.tone).to_png()?)
+    }
+
+    /// Fetches the new pixels. Returns `true` if there are any.
+    fn fetch_news(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
+        let rows = board.zone_rows(job)?;
+        let Some(rect) = rows.iter().map(|row| row.rect).reduce(around) else { return self.look_first(board, job) };
+        if self.canvas.as_ref().is_none_or(|(before, _)| *before != rect) {
+            if rect.area() > PIXELS_MAX {
+                let problem = format!("the picture has {} pixels, and at most {PIXELS_MAX} are shown", rect.area());
+                return Err(Error::usage(problem, "wait until it is done, and fetch it"));
+            }
+            let preview = Preview::new(rect, self.exposure, self.tone);
+            board.first_look(job)?.filter(|look| look.crop() == rect).iter().for_each(|look| look.show(&preview));
+            self.canvas = Some((rect, preview));
+            self.shown.clear();
+        }
+        let is_news = |zone: &ZoneId, result: &ResultRef| self.shown.get(zone) != Some(&result.digest);
+        let results = rows.iter().filter_map(|row| Some((row.zone, row.result?)));
+        let news: Vec<(ZoneId, ResultRef)> =
+            results.filter(|(zone, result)| is_news(zone, result)).take(ZONES_AT_A_TIME).collect();
+        let Some((_, preview)) = &self.canvas else { return Ok(false) };
+        let link = job_link(board.uplink.clone(), WorkId(job.work), None, String::new());
+        // Do not wait for a server that does not answer.
+        let impatient = StopSwitch::new();
+        impatient.request();
+        let fetched = Mutex::new(Vec::new());
+        several(news.len(), &|i| {
+            let (zone, result) = &news[i];
+            // Its zone may be rendered again right now; then it is shown at the next call.
+            if let Ok(tile) = link.get(result, &impatient) {
+                preview.show(&tile);
+                fetched.lock().unwrap_or_else(PoisonError::into_inner).push((*zone, result.digest));
+            }
+            Ok(())
+        })?;
+        let fetched = fetched.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let is_new = !fetched.is_empty();
+        self.shown.extend(fetched);
+        Ok(is_new)
+    }
+}
+
+impl JobPreview {
+    /// Shows the leader's first look, before the picture is divided into zones. Returns `true` if it is new.
+    fn look_first(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
+        if self.canvas.is_some() {
+            return Ok(false);
+        }
+        let Some(look) = board.first_look(job)?.filter(|look| look.crop().area() <= PIXELS_MAX) else {
+            return Ok(false);
+        };
+        let preview = Preview::new(look.crop(), self.exposure, self.tone);
+        look.show(&preview);
+        self.canvas = Some((look.crop(), preview));
+        Ok(true)
+    }
+}
+
+/// Returns the smallest rectangle around two.
+fn around(a: Rect, b: Rect) -> Rect {
+    Rect::new(a.x0.min(b.x0), a.y0.min(b.y0), a.x1.max(b.x1), a.y1.max(b.y1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_that_is_done_is_shown_as_its_display_would() {
+        let preview = JobPreview {
+            exposure: 0.0,
+            tone: ToneMap::Linear,
+            canvas: None,
+            shown: BTreeMap::new(),
+            png: None,
+            is_final: None,
+        };
+        let png = Canvas::new(2, 1, [9; 3]).to_png().unwrap();
+        assert_eq!(preview.of_picture("a.png", png.clone()).unwrap(), png, "a PNG file is shown as it is");
+        let radiance = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x00\x00\x00\x00".to_vec();
+        let shown = preview.of_picture("a.hdr", radiance).unwrap();
+        let read = read_image_bytes("shown.png", &shown, ReadLimits::default()).unwrap().picture;
+        assert_eq!((read.width, read.height), (2, 1));
+        assert!(read.data[0][0] > 0.9 && read.data[1][0] < 0.01, "{:?}", read.data);
+        assert!(preview.of_picture("a.exr", b"nothing".to_vec()).is_err());
+    }
+}

@@ -1,0 +1,126 @@
+//! The machines of a farm: which are present, and commands to them.
+//!
+//! - `order/NAME`: the command to a machine, which obeys and shows its state in its presence (see [`worker`](crate::machine::worker)).
+
+use std::{
+    collections::BTreeMap,
+    thread,
+    time::{Duration, Instant},
+};
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    error::Error,
+    job::{
+        board::{JobBoard, order_name},
+        presence::{Presence, PresenceState},
+    },
+};
+
+/// The time for which a process that just connected watches for renewals; live machines renew twice a second.
+const LOOK_FOR: Duration = Duration::from_millis(1500);
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// A command to a machine.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MachineOrder {
+    /// The state that the machine must take.
+    pub standing: PresenceState,
+    /// The name of the user who gave it, for display.
+    pub by: String,
+}
+
+/// Distinguishes live presences from stale ones of crashed machines: a presence counts once it was renewed.
+#[derive(Debug, Default)]
+pub struct Roster {
+    /// The first revision seen of each presence.
+    first: BTreeMap<String, u64>,
+}
+
+impl Roster {
+    /// Takes the current presences with their revisions. Returns those that are live.
+    pub fn look(&mut self, seats: Vec<(Presence, u64)>) -> Vec<Presence> {
+        let mut first = BTreeMap::new();
+        let mut there = Vec::new();
+        for (seat, revision) in seats {
+            let seen = self.first.get(&seat.name).copied().unwrap_or(revision);
+            first.insert(seat.name.clone(), seen);
+            if seen != revision {
+                there.push(seat);
+            }
+        }
+        self.first = first;
+        there
+    }
+
+    /// Returns the number of presences that are still undecided.
+    fn open(&self, there: usize) -> usize {
+        self.first.len() - there
+    }
+}
+
+impl JobBoard {
+    /// Returns the command to a machine; by default, to work.
+    pub fn order_to(&self, machine: &str) -> MachineOrder {
+        self.read_notice(&order_name(machine)).unwrap_or_default()
+    }
+
+    /// Gives a machine a command.
+    pub fn tell(&self, machine: &str, order: &MachineOrder) -> Result<(), Error> {
+        self.refuse_guests()?;
+        self.put_notice(&order_name(machine), order)
+    }
+
+    /// Returns the live machines, for a process that just connected and cannot know how old a presence is.
+    pub fn present(&self) -> Vec<Presence> {
+        let mut roster = Roster::default();
+        let begun = Instant::now();
+        loop {
+            let there = roster.look(self.seated());
+            if roster.open(there.len()) == 0 || begun.elapsed() >= LOOK_FOR {
+                return there;
+            }
+            thread::sleep(LOOK_EVERY);
+        }
+    }
+}
+
+impl JobBoard {
+    /// Returns the reason why no machine may render a job with these tags: none with all of them is present. `None`: one is.
+    pub(crate) fn lacks_tagged(&self, tags: &[String]) -> Option<String> {
+        let has_all = |seat: &Presence| seat.takes_orders && tags.iter().all(|tag| seat.tags.contains(tag));
+        if tags.is_empty() || self.present().iter().any(has_all) {
+            return None;
+        }
+        let (named, options): (Vec<_>, Vec<_>) =
+            tags.iter().map(|tag| (format!("`{tag}`"), format!("--tag {tag}"))).unzip();
+        Some(format!(
+            "no machine that is there is tagged {}: the job waits until one joins by `bottega join {}`",
+            named.join(" and "),
+            options.join(" ")
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seat_counts_once_it_was_renewed_and_until_it_is_silent() {
+        let mut roster = Roster::default();
+        let seat = |name: &str| Presence::new(name, 1, None);
+        let mut look = |seats: &[(&str, u64)]| {
+            let seats = seats.iter().map(|(name, revision)| (seat(name), *revision)).collect();
+            roster.look(seats).into_iter().map(|seat| seat.name).collect::<Vec<_>>()
+        };
+        assert!(look(&[("a", 1), ("left", 2)]).is_empty());
+        assert_eq!(look(&[("a", 3), ("left", 2)]), ["a"]);
+        assert_eq!(look(&[("a", 3), ("b", 4)]), ["a"]);
+        assert_eq!(look(&[("b", 5)]), ["b"]);
+        // A machine that comes back must be renewed again.
+        assert_eq!(look(&[("a", 3), ("b", 5)]), ["b"]);
+        assert_eq!(look(&[("a", 6), ("b", 5)]), ["a", "b"]);
+    }
+}

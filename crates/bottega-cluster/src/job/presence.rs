@@ -1,0 +1,102 @@
+//! The presence of a machine at a farm, as it announces itself.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    build::build,
+    job::{activity::Activity, usage::JobUsage},
+};
+
+/// The state of a machine, commanded or actual.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PresenceState {
+    /// The machine works on jobs.
+    #[default]
+    Active,
+    /// The machine stays in the farm, but its processors are free for other programs.
+    Suspended,
+    /// The machine leaves the farm.
+    Terminated,
+}
+
+impl PresenceState {
+    /// Returns the name of the state for display.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Active => "active",
+            Self::Suspended => "suspended",
+            Self::Terminated => "terminated",
+        }
+    }
+}
+
+/// A job that a machine refuses to render.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refusal {
+    /// The number of the job.
+    pub job: u32,
+    /// The unique number of the painting that it refuses; it may accept a later one.
+    pub work: u64,
+    /// The reason, as text for the submitter.
+    pub reason: String,
+}
+
+/// The presence of a machine: its properties and current work.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Presence {
+    /// The name of the process.
+    pub name: String,
+    /// The number of its threads.
+    pub threads: usize,
+    /// Its other devices: names of GPUs, addresses of boards.
+    #[serde(default)]
+    pub devices: Vec<String>,
+    /// The identity of its build.
+    pub version: String,
+    /// The job that it works on; none: it waits for one.
+    pub job: Option<u32>,
+    /// Its actual state, which follows the command to it.
+    pub standing: PresenceState,
+    /// Its activity at its job.
+    #[serde(default)]
+    pub activity: Activity,
+    /// A counter that changes when it starts or finishes something.
+    #[serde(default)]
+    pub moves: u64,
+    /// True if it obeys commands; false for a process that submitted a job and only works on that.
+    pub takes_orders: bool,
+    /// True if it may only render.
+    #[serde(default)]
+    pub is_guest: bool,
+    /// Its tags, which jobs can require.
+    #[serde(default)]
+    pub tags: Vec<String>,
+    /// Its last refusals of jobs.
+    #[serde(default)]
+    pub refusals: Vec<Refusal>,
+    /// The resources that it has used for its last jobs.
+    #[serde(default)]
+    pub usages: Vec<JobUsage>,
+}
+
+impl Presence {
+    /// Returns the presence of a machine of this build that works on a job or waits for one.
+    pub fn new(name: &str, threads: usize, job: Option<u32>) -> Self {
+        Self {
+            name: name.to_owned(),
+            threads,
+            devices: Vec::new(),
+            version: build().identity().to_owned(),
+            job,
+            standing: PresenceState::Active,
+            activity: Activity::Waiting,
+            moves: 0,
+            takes_orders: true,
+            is_guest: false,
+            tags: Vec::new(),
+            refusals: Vec::new(),
+            usages: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! The assignment of machines to jobs, in proportion to the jobs' priorities.
+
+use crate::job::presence::Presence;
+
+/// A job that needs machines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct JobClaim {
+    pub(crate) number: u32,
+    pub(crate) priority: u32,
+}
+
+/// Returns the job that a free machine should take: the one with the fewest machines for its priority, and the older one of
+/// equals.
+///
+/// - `seats`: all other machines.
+pub(crate) fn choose(jobs: &[JobClaim], seats: &[Presence]) -> Option<u32> {
+    jobs.iter()
+        .map(|job| (share(job, seated(job.number, seats) + 1), job.number))
+        .min_by(|a, b| {
+            let by_share = a.0.total_cmp(&b.0);
+            by_share.then(a.1.cmp(&b.1))
+        })
+        .map(|(_, number)| number)
+}
+
+/// True if the machine `me` should leave job `number` for another one. Of the machines of one job, only the last by name
+/// moves, so that they do not all move at once.
+///
+/// - `seats`: all machines, including this one.
+pub(crate) fn should_move(me: &str, number: u32, jobs: &[JobClaim], seats: &[Presence]) -> bool {
+    let Some(own) = jobs.iter().find(|job| job.number == number) else { return true };
+    let is_last = seats.iter().filter(|seat| seat.job == Some(number)).all(|seat| &*seat.name <= me);
+    let mine = share(own, seated(number, seats));
+    let others = jobs.iter().filter(|job| job.number != number);
+    is_last && others.map(|job| share(job, seated(job.number, seats) + 1)).any(|share| share < mine)
+}
+
+/// Returns the number of machines that work on a job.
+fn seated(number: u32, seats: &[Presence]) -> usize {
+    seats.iter().filter(|seat| seat.job == Some(number)).count()
+}
+
+fn share(job: &JobClaim, seats: usize) -> f64 {
+    seats as f64 / f64::from(job.priority.max(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn settle(jobs: &[JobClaim], count: usize) -> Vec<Presence> {
+        let seat = |i: usize| Presence::new(&format!("m{i:03}"), 1, None);
+        let mut seats: Vec<Presence> = (0..count).map(seat).collect();
+        for i in 0..count {
+            seats[i].job = choose(jobs, &seats);
+        }
+        seats
+    }
+
+    #[test]
+    fn machines_are_shared_by_priority() {
+        let jobs = [JobClaim { number: 1, priority: 10 }, JobClaim { number: 2, priority: 30 }];
+        let seats = settle(&jobs, 12);
+        assert_eq!((seated(1, &seats), seated(2, &seats)), (3, 9));
+    }
+
+    proptest! {
+        #[test]
+        fn when_a_job_comes_or_goes_machines_move_and_then_rest(
+            priorities in prop::collection::vec(1_u32..50, 1..6),
+            machines in 1_usize..30,
+            before in 1_usize..6,
+        ) {
+            let numbered = priorities.iter().zip(1..);
+            let jobs: Vec<JobClaim> = numbered.map(|(&priority, number)| JobClaim { number, priority }).collect();
+            let mut seats = settle(&jobs[..before.min(jobs.len())], machines);
+            let mut moves = 0;
+            while let Some(i) = (0..machines).find(|&i| should_move(&seats[i].name, seats[i].job.unwrap(), &jobs, &seats)) {
+                seats[i].job = None;
+                seats[i].job = choose(&jobs, &seats);
+                moves += 1;
+                prop_assert!(moves <= machines * jobs.len(), "machines go round in circles");
+            }
+            let all: u32 = priorities.iter().sum();
+            for job in &jobs {
+                let fair = machines as f64 * f64::from(job.priority) / f64::from(all);
+                prop_assert!(seated(job.number, &seats) as f64 + 1.0 > fair.floor());
+            }
+        }
+    }
+}

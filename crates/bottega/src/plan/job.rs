@@ -1,0 +1,116 @@
+//! The settings of a picture's job: film, samples, zones and agents.
+
+use bottega_engines::Tunables;
+use bottega_farm::{Expert, JobSettings};
+use bottega_image::{Layout, Rect};
+
+use crate::{
+    devices::threads,
+    error::Error,
+    loaded_scene::LoadedScene,
+    request::{Request, SAMPLES_MAX},
+    settings::{
+        adaptation_rule, agents, auction_rule, band_width, importance_function, level, optimization, own_layers,
+        zone_limits,
+    },
+};
+
+/// Samples per pixel if neither request nor scene gives a number.
+const DEFAULT_SAMPLES: u32 = 64;
+/// Maximum samples per pixel with a goal of error, if the request gives none.
+const MOST_SAMPLES: u32 = 4096;
+/// Maximum samples per pixel with a goal of time, if the request gives none; a picture may render all night.
+const MOST_SAMPLES_IN_TIME: u32 = 1 << 16;
+
+/// Returns the settings of a job for the built-in engine, with samples as its goal.
+///
+/// # Errors
+/// The crop does not lie within the picture, or a layer is unknown.
+pub(super) fn settings(
+    request: &Request,
+    scene: &LoadedScene,
+    experts: Vec<Expert>,
+    max_depth: u32,
+) -> Result<JobSettings, Error> {
+    // Choose the crop
+    let frame = scene.frame();
+    let crop = crop(request).or_else(|| hinted_crop(scene)).unwrap_or(frame);
+    check_crop(&crop, &frame)?;
+    let threads = threads(request);
+    let tunables = Tunables { max_depth, light_samples: request.integrator.light_samples };
+    let goal = &request.goal;
+    let hinted = scene.hints.samples.filter(|_| goal.error.is_none() && goal.time.is_none());
+    let samples =
+        goal.samples.or(hinted).unwrap_or_else(|| samples_unasked(request, DEFAULT_SAMPLES)).clamp(1, SAMPLES_MAX);
+    let layout = Layout::new(own_layers(request.film.layers.as_deref(), request.film.denoise)?);
+    Ok(JobSettings {
+        agents: agents(request.work.agents, threads),
+        ..shared_settings(
+            request,
+            crop,
+            experts,
+            JobSettings::new(frame.width(), frame.height(), samples, tunables, layout),
+        )
+    })
+}
+
+/// Adds the settings of the request that do not depend on the engine.
+pub(crate) fn shared_settings(
+    request: &Request,
+    crop: Rect,
+    experts: Vec<Expert>,
+    settings: JobSettings,
+) -> JobSettings {
+    JobSettings {
+        crop,
+        level: level(request.work.level),
+        optimization: optimization(request.work.optimization),
+        experts,
+        processors: threads(request),
+        importance: importance_function(&request.work),
+        auction: auction_rule(request.work.auction),
+        adaptation: adaptation_rule(request.work.adaptation),
+        zones: request.work.zones,
+        zone_limits: zone_limits(&request.work),
+        bands: band_width(request.work.bands),
+        verify: request.farm.verify.unwrap_or(1),
+        strangers: request.farm.strangers,
+        ..settings
+    }
+}
+
+/// Returns the crop of the request.
+pub(crate) fn crop(request: &Request) -> Option<Rect> {
+    request.film.crop.map(|[x0, y0, x1, y1]| Rect::new(x0, y0, x1, y1))
+}
+
+/// Checks that a crop lies within the picture.
+///
+/// # Errors
+/// The crop does not lie within the picture.
+pub(crate) fn check_crop(crop: &Rect, frame: &Rect) -> Result<(), Error> {
+    if frame.encloses(crop) {
+        return Ok(());
+    }
+    Err(Error::usage(
+        format!("the crop {crop} is not within the picture of {}x{}", frame.width(), frame.height()),
+        "x1 and y1 may be at most the picture's width and height",
+    ))
+}
+
+/// Returns the samples per pixel if the request gives none: `usual`, or the maximum if an error or a time ends the picture.
+pub(crate) fn samples_unasked(request: &Request, usual: u32) -> u32 {
+    match (request.goal.error, request.goal.time) {
+        (Some(_), _) => MOST_SAMPLES.max(usual),
+        (_, Some(_)) => MOST_SAMPLES_IN_TIME.max(usual),
+        _ => usual,
+    }
+}
+
+/// Returns the crop of the scene file, clipped to the picture.
+fn hinted_crop(scene: &LoadedScene) -> Option<Rect> {
+    let [x, y, width, height] = scene.hints.crop?;
+    let frame = scene.frame();
+    let (x1, y1) = (x.saturating_add(width).min(frame.x1), y.saturating_add(height).min(frame.y1));
+    (x < x1 && y < y1).then(|| Rect::new(x, y, x1, y1))
+}

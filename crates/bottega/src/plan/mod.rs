@@ -1,0 +1,108 @@
+//! The plan of a picture: every choice made for it, from the request and the loaded scene.
+//!
+//! A plan holds values alone; `src/builtin.rs` makes the engine of it. The environment belongs to the scene, so it is chosen where
+//! the scene is loaded: see [`loaded_scene`](crate::loaded_scene).
+
+mod agent_rules;
+mod job;
+mod part;
+
+use bottega_engines::Urgency;
+use bottega_farm::{Goal, JobSettings};
+use bottega_render::PathSettings;
+
+pub use self::{agent_rules::AgentRules, part::PicturePart};
+pub(crate) use self::{
+    job::{check_crop, crop, samples_unasked, shared_settings},
+    part::time_goal,
+};
+use crate::{
+    devices::DeviceChoice,
+    error::Error,
+    loaded_scene::LoadedScene,
+    method::Method,
+    request::Request,
+    settings::{asks_for_agents, directions, filter, guide_agents, max_depth},
+};
+
+/// Largest number of samples per pixel for which the guide is planned if the final number is unknown.
+const PLANNED_SAMPLES_MAX: u32 = 256;
+
+/// Every choice made for a picture by the built-in engine.
+pub struct Plan {
+    /// The integrator, with its settings of photons.
+    pub method: Method,
+    /// The settings of paths: depth, pixel filter, guiding, and the samples per pixel that learning is planned for.
+    pub paths: PathSettings,
+    /// The settings of the job: film, layers, samples, goal, zones, agents and their rules.
+    pub job: JobSettings,
+    /// The devices that the request allows.
+    pub devices: DeviceChoice,
+    /// The most memory of a GPU that may be used, in bytes; `None`: no limit.
+    pub gpu_memory: Option<u64>,
+    /// The urgency of the picture among all pictures that this process renders.
+    pub urgency: Urgency,
+    /// Warnings about the rules.
+    pub notes: Vec<String>,
+    /// True if the request asks for rays as work units of their own.
+    pub wants_waves: bool,
+    /// True if the request explicitly asks for lighting agents as guides.
+    pub wants_agents: bool,
+}
+
+impl Plan {
+    /// Makes all choices for a picture.
+    ///
+    /// # Errors
+    /// The crop does not lie within the picture, or a layer or a device cannot be used.
+    pub fn of(
+        request: &Request,
+        scene: &LoadedScene,
+        rules: AgentRules,
+        part: &PicturePart<'_>,
+    ) -> Result<Self, Error> {
+        // Choose the integrator
+        let max_depth = max_depth(request, scene);
+        let method = Method::of(request, scene, max_depth);
+        // Choose film, samples, goal and agents
+        let settings = job::settings(request, scene, rules.experts, max_depth)?;
+        let agents = part.agents().unwrap_or(settings.agents);
+        let job = JobSettings { goal: part.goal(request), engine_choice: rules.choice, agents, ..settings };
+        // Choose depth, filter and guiding of paths
+        let paths = PathSettings {
+            seed: request.seed,
+            max_depth,
+            light_samples: request.integrator.light_samples,
+            filter: filter(request, scene),
+            sample_max: scene.hints.sample_max.unwrap_or(f32::INFINITY),
+            guiding: directions(&request.guide),
+            agents: guide_agents(&request.guide),
+            planned_samples: planned_samples(&job),
+            photons: method.photons,
+            ..PathSettings::default()
+        };
+        // Choose devices
+        let devices = DeviceChoice::of(&request.devices.names)
+            .map_err(|allowed| Error::usage("these devices cannot be chosen", allowed.to_string()))?
+            .exactly(request.devices.exact)?;
+        Ok(Self {
+            method,
+            paths,
+            job,
+            devices,
+            gpu_memory: request.devices.memory_mb.map(|mib| u64::from(mib) << 20),
+            urgency: part.urgency(request),
+            notes: rules.notes,
+            wants_waves: request.integrator.wavefront,
+            wants_agents: asks_for_agents(&request.guide),
+        })
+    }
+}
+
+/// Returns the samples per pixel for which learning is planned, as known before rendering.
+fn planned_samples(job: &JobSettings) -> u32 {
+    match job.goal {
+        Goal::Samples => job.samples,
+        Goal::Error(_) | Goal::Time(_) => job.samples.min(PLANNED_SAMPLES_MAX),
+    }
+}
