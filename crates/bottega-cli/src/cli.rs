@@ -2,7 +2,7 @@
 
 mod choice;
 mod engine;
-mod light;
+mod fields;
 mod render;
 mod request;
 mod scene;
@@ -18,6 +18,7 @@ use clap::{Args, Parser, Subcommand, ValueHint};
 use self::values::{parse_criterion, parse_share};
 pub(crate) use self::{
     choice::choice,
+    fields::SET_FIELDS,
     render::RenderArgs,
     request::{RequestCommand, RequestCommandArgs, read as read_request},
     scene::{ImportArgs, SceneArgs},

@@ -66,7 +66,7 @@ impl BuiltinPainter {
             let paths = PathSettings { photons: self.method.photons, ..PathSettings::default() };
             let (prepared, layout) = (&self.subject.prepared, &self.settings.layout);
             let refusal = Wave::refusal(prepared, self.subject.view, &paths, layout);
-            notes.extend(refusal.map(|why| format!("--wavefront and boards do nothing here: {why}")));
+            notes.extend(refusal.map(|why| format!("integrator.wavefront and boards do nothing here: {why}")));
         }
         if asks_for_agents(&request.guide) && !has_paths {
             let why = "--guide ala does nothing here: it is for paths in clear air, pictures of 128 × 128 pixels or more, \
