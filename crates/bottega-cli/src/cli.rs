@@ -22,7 +22,7 @@ pub(crate) use self::{
     render::RenderArgs,
     request::{RequestCommand, RequestCommandArgs, read as read_request},
     scene::{ImportArgs, SceneArgs},
-    values::{Size, parse_define, parse_duration, parse_size},
+    values::{Size, parse_define, parse_size},
     words::{line, words},
 };
 use crate::{

@@ -13,7 +13,7 @@
 //! | display of errors | `src/error.rs` |
 //! | `-h`; groups of commands; suggestions for unknown words | `src/short_help.rs`; `src/command_groups.rs`; `src/suggestions.rs` |
 //! | the configuration file, environment variables | `src/config/`, `src/variables.rs` |
-//! | prices, watts; the error of option values | `src/energy_values.rs`; `src/option_value.rs` |
+//! | prices, watts; values of options that several commands share | `src/energy_values.rs`; `src/option_value.rs` |
 //! | Ctrl-C; the start time of the process | `src/signals.rs`; `src/process_start.rs` |
 //! | `--on`: notifications of ends and stalls | `src/notifications/` |
 //! | `analyze`; drawings of useful data density; accuracy of predicted times | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |

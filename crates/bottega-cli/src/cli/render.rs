@@ -22,9 +22,9 @@ use super::{
     fields::{help, option_of},
     request::RequestArgs,
     scene::{SceneArgs, change, set},
-    values::{LayerNames, parse_rect, parse_seconds},
+    values::{LayerNames, parse_rect},
 };
-use crate::{error::CliError, farm_args::LoginArgs, notifications::NotificationArgs};
+use crate::{error::CliError, farm_args::LoginArgs, notifications::NotificationArgs, option_value::parse_seconds};
 
 #[derive(Clone, Debug, Args)]
 pub(crate) struct RenderArgs {

@@ -1,8 +1,8 @@
 //! Parsers of option values.
 
-use std::{convert::Infallible, path::PathBuf, str::FromStr, time::Duration};
+use std::{convert::Infallible, path::PathBuf, str::FromStr};
 
-use bottega::request::{EnvironmentLight, SECONDS, check_sides};
+use bottega::request::{EnvironmentLight, check_sides};
 use bottega_image::Rect;
 use bottega_render::ala::Criterion;
 
@@ -77,21 +77,6 @@ pub(crate) fn parse_define(text: &str) -> Result<(String, String), InvalidValue>
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
         _ => Err("a name, `=` and a value are needed, such as spp=64".into()),
-    }
-}
-
-pub(crate) fn parse_duration(text: &str) -> Result<Duration, InvalidValue> {
-    parse_seconds(text).map(Duration::from_secs_f64)
-}
-
-/// Parses a duration, in seconds.
-pub(super) fn parse_seconds(text: &str) -> Result<f64, InvalidValue> {
-    let units = [("h", 3600.0), ("m", 60.0), ("s", 1.0)];
-    let (number, unit) =
-        units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit))).unwrap_or((text, 1.0));
-    match number.trim().parse::<f64>() {
-        Ok(time) if SECONDS.contains(&(time * unit)) => Ok(time * unit),
-        _ => Err("a time such as 90, 90s, 10m or 1.5h is needed, of 0.1 seconds at least".into()),
     }
 }
 

@@ -4,7 +4,10 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::{Args, Subcommand, ValueHint};
 
-use crate::cli::{Size, parse_define, parse_duration, parse_size};
+use crate::{
+    cli::{Size, parse_define, parse_size},
+    option_value::parse_duration,
+};
 
 #[derive(Debug, Args)]
 pub(crate) struct EnginesArgs {

@@ -17,11 +17,10 @@ use bottega_cluster::{
 use clap::{Args, ValueHint};
 
 use crate::{
-    cli::parse_duration,
     energy_values::parse_watts,
     error::CliError,
     farm_args::{LoginArgs, parse_gigabytes},
-    option_value::InvalidValue,
+    option_value::{InvalidValue, parse_duration},
     output::print_report,
     signals::stop_on_signal,
 };

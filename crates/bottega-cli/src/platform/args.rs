@@ -9,9 +9,8 @@ use bottega_cluster::FarmAddress;
 
 use super::peer::{Peer, parse_peer};
 use crate::{
-    cli::parse_duration,
     farm_args::{FarmArgs, LoginArgs},
-    option_value::InvalidValue,
+    option_value::{InvalidValue, parse_duration},
     output::Purpose,
 };
 
