@@ -251,11 +251,11 @@ impl Bar {
         command.arg("render").arg(scene).arg("-o").arg(&output).args([
             "--engine",
             self.engine,
-            "--level",
-            "3",
+            "--set",
+            "work.level=3",
             "--json",
         ]);
-        command.args(["--size", self.size, "--zones", &ZONES.to_string()]);
+        command.args(["--size", self.size, "--set", &format!("work.zones={ZONES}")]);
         command.args(["--spp", &self.samples.to_string(), "--seed", &seed.to_string()]);
         command.env("XDG_STATE_HOME", scratch).stdin(Stdio::null()).stderr(Stdio::piped());
         let done = command.output().with_context(|| format!("cannot start {}", program.display()))?;

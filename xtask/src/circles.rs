@@ -24,22 +24,22 @@ use crate::modules::{Meaning, Modules, ReadFile};
 
 /// The reason why a module depends on another one: the place of a name.
 #[derive(Clone, Debug)]
-struct Reason {
-    line: usize,
-    path: String,
+pub(crate) struct Reason {
+    pub(crate) line: usize,
+    pub(crate) path: String,
 }
 
 /// Dependencies between modules, by the index of their scopes.
-type Edges = BTreeMap<usize, BTreeMap<usize, Reason>>;
+pub(crate) type Edges = BTreeMap<usize, BTreeMap<usize, Reason>>;
 
 /// The modules of a crate, and their dependencies.
-struct Graph {
-    modules: Modules,
-    edges: Edges,
+pub(crate) struct Graph {
+    pub(crate) modules: Modules,
+    pub(crate) edges: Edges,
 }
 
 impl Graph {
-    fn read(root: &Path, read_file: ReadFile<'_>) -> Result<Self> {
+    pub(crate) fn read(root: &Path, read_file: ReadFile<'_>) -> Result<Self> {
         let modules = Modules::read(root, read_file)?;
         let edges = edges(&modules);
         Ok(Self { modules, edges })

@@ -34,7 +34,12 @@ pub(crate) struct FarmArgs {
     #[arg(long, default_value = "scenes/goblets.glb")]
     scene: PathBuf,
     /// More words for `bottega render`, such as `--allow-outside`.
-    #[arg(long, value_delimiter = ' ', allow_hyphen_values = true, default_value = "--size 640x480 --zones 96")]
+    #[arg(
+        long,
+        value_delimiter = ' ',
+        allow_hyphen_values = true,
+        default_value = "--size 640x480 --set work.zones=96"
+    )]
     render: Vec<String>,
     /// Samples a pixel: pictures should take half a minute.
     #[arg(long, default_value_t = 512)]

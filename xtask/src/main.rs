@@ -15,6 +15,8 @@ mod engines;
 mod farm;
 #[cfg(test)]
 mod features;
+#[cfg(test)]
+mod folders;
 mod fresh;
 mod fuzzy_reference;
 mod layers;
@@ -42,6 +44,8 @@ mod symbols;
 mod systems;
 #[cfg(test)]
 mod type_names;
+#[cfg(test)]
+mod vocabulary;
 mod wheel;
 
 use anyhow::Result;

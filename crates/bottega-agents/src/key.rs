@@ -10,12 +10,12 @@ use std::{fmt, sync::Arc};
 pub struct Key {
     /// The part up to and including the last `/`.
     pub(crate) folder: Arc<str>,
-    pub(crate) name: Name,
+    pub(crate) name: EntryName,
 }
 
-/// The part after the last `/`.
+/// The name of an entry in its folder: the part of the key after the last `/`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) enum Name {
+pub(crate) enum EntryName {
     /// A number in its canonical form, without sign or leading zeros.
     Number(u64),
     /// Any other text.
@@ -26,7 +26,7 @@ impl Key {
     /// The key of a number in a folder. Panics unless `folder` ends with `/`.
     pub fn numbered(folder: &Arc<str>, number: u64) -> Self {
         assert!(folder.ends_with('/'), "the name of a folder ends with a stroke");
-        Self { folder: Arc::clone(folder), name: Name::Number(number) }
+        Self { folder: Arc::clone(folder), name: EntryName::Number(number) }
     }
 
     /// The key of a name in a folder. Panics unless `folder` ends with `/`.
@@ -35,14 +35,14 @@ impl Key {
         if name.contains('/') {
             return Self::from(format!("{folder}{name}"));
         }
-        let number = number(name).map(Name::Number);
-        Self { folder: Arc::clone(folder), name: number.unwrap_or_else(|| Name::Text(Arc::clone(name))) }
+        let number = number(name).map(EntryName::Number);
+        Self { folder: Arc::clone(folder), name: number.unwrap_or_else(|| EntryName::Text(Arc::clone(name))) }
     }
 
     /// True if the key, as text, starts with `prefix`.
     pub fn starts_with(&self, prefix: &Self) -> bool {
         match &prefix.name {
-            Name::Text(rest) if rest.is_empty() => self.folder.starts_with(&*prefix.folder),
+            EntryName::Text(rest) if rest.is_empty() => self.folder.starts_with(&*prefix.folder),
             _ => self.to_string().starts_with(&prefix.to_string()),
         }
     }
@@ -59,15 +59,18 @@ impl<T: AsRef<str>> From<T> for Key {
     fn from(name: T) -> Self {
         let name = name.as_ref();
         let (folder, name) = name.split_at(name.rfind('/').map_or(0, |stroke| stroke + 1));
-        Self { folder: folder.into(), name: number(name).map_or_else(|| Name::Text(name.into()), Name::Number) }
+        Self {
+            folder: folder.into(),
+            name: number(name).map_or_else(|| EntryName::Text(name.into()), EntryName::Number),
+        }
     }
 }
 
 impl fmt::Display for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.name {
-            Name::Number(number) => write!(f, "{}{number}", self.folder),
-            Name::Text(name) => write!(f, "{}{name}", self.folder),
+            EntryName::Number(number) => write!(f, "{}{number}", self.folder),
+            EntryName::Text(name) => write!(f, "{}{name}", self.folder),
         }
     }
 }

@@ -73,7 +73,7 @@
 //! | the protocols | `src/protocol/` |
 //! | other platforms: gateway, channel, HTTP transport, complete node | `src/gateway/`, `src/acc.rs`, `src/driver/http/`, `src/driver/node.rs` |
 //! | agents in one process; in virtual time, with planned faults | `src/driver/local/`; `src/driver/simulator.rs`, `src/driver/network.rs`, `src/driver/plan.rs` |
-//! | messages, rows and pixels between machines; rights of a server's users | `src/driver/nats/`, `src/driver/nats/rights.rs` |
+//! | messages, rows and payloads between machines; rights of a server's users | `src/driver/nats/`, `src/driver/nats/rights.rs` |
 //! | shared entries and their keys | `src/store.rs`, `src/key.rs` |
 //! | a platform's pages in a file; the framing of logs | `src/file_store/`; `src/framing.rs` |
 //! | test: a platform of two processes on a faulty network | `tests/sim/` |

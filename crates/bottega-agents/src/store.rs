@@ -11,7 +11,7 @@ use std::{
 use rustc_hash::FxHashMap;
 
 pub use crate::key::Key;
-use crate::{key::Name, number_map::NumberMap};
+use crate::{key::EntryName, number_map::NumberMap};
 
 /// The number of a write to the store. Increases over all keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -172,17 +172,17 @@ impl<V> Default for Folder<V> {
 }
 
 impl<V> Folder<V> {
-    fn get(&self, name: &Name) -> Option<&Entry<V>> {
+    fn get(&self, name: &EntryName) -> Option<&Entry<V>> {
         match name {
-            Name::Number(number) => self.numbered.get(*number),
-            Name::Text(name) => self.named.get(name),
+            EntryName::Number(number) => self.numbered.get(*number),
+            EntryName::Text(name) => self.named.get(name),
         }
     }
 
     fn insert(&mut self, entry: Entry<V>) {
         match &entry.key.name {
-            Name::Number(number) => _ = self.numbered.insert(*number, entry),
-            Name::Text(name) => {
+            EntryName::Number(number) => _ = self.numbered.insert(*number, entry),
+            EntryName::Text(name) => {
                 let name = Arc::clone(name);
                 if self.named.insert(Arc::clone(&name), entry).is_none() {
                     self.names.insert(name);

@@ -43,7 +43,7 @@ pub(crate) struct EnginesOptions {
     /// How often both are measured, in turn.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
     pairs: u16,
-    /// More words for `bottega render`, with spaces between, such as "--zones 4".
+    /// More words for `bottega render`, with spaces between, such as "--set work.zones=4".
     #[arg(long, value_name = "WORDS", value_delimiter = ' ', allow_hyphen_values = true)]
     render: Vec<String>,
     /// A parameter of the engine's own.

@@ -26,6 +26,7 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     request.goal.samples = Some(args.spp);
     request.work.agents = args.agents;
     request.validate().map_err(bottega::Error::from)?;
+    let request = args.scene.set_fields(request)?;
     let subject = LoadedScene::load(&request)?;
     // --verify measures the time of one processor.
     let is_single = !args.verify.is_empty() && request.devices.threads.is_none();

@@ -6,7 +6,7 @@ use bottega::devices::processors;
 use bottega_board::{BoardOptions, BoardServer};
 use clap::Args;
 
-use crate::error::CliError;
+use crate::{error::CliError, option_value::InvalidValue};
 
 /// Options of `bottega board`.
 #[derive(Debug, Args)]
@@ -27,8 +27,8 @@ pub(crate) struct BoardArgs {
     memory: u32,
 }
 
-fn parse_bandwidth(text: &str) -> Result<f64, String> {
-    let allowed = || "a number of MB a second above 0, such as 12.5".to_owned();
+fn parse_bandwidth(text: &str) -> Result<f64, InvalidValue> {
+    let allowed = || "a number of MB a second above 0, such as 12.5".into();
     text.parse::<f64>().ok().filter(|value| *value > 0.0 && value.is_finite()).ok_or_else(allowed)
 }
 

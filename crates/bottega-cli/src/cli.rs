@@ -2,7 +2,7 @@
 
 mod choice;
 mod engine;
-mod light;
+mod fields;
 mod render;
 mod request;
 mod scene;
@@ -18,10 +18,11 @@ use clap::{Args, Parser, Subcommand, ValueHint};
 use self::values::{parse_criterion, parse_share};
 pub(crate) use self::{
     choice::choice,
+    fields::SET_FIELDS,
     render::RenderArgs,
     request::{RequestCommand, RequestCommandArgs, read as read_request},
     scene::{ImportArgs, SceneArgs},
-    values::{Size, parse_define, parse_duration, parse_size},
+    values::{Size, parse_define, parse_size},
     words::{line, words},
 };
 use crate::{

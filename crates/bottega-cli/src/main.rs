@@ -4,7 +4,8 @@
 //!
 //! | subject | files |
 //! |---|---|
-//! | options, and their conversion to a request | `src/cli.rs`, `src/cli/render.rs`, `src/cli/scene.rs`, `src/cli/light.rs`, `src/cli/engine.rs` |
+//! | options, and their conversion to a request | `src/cli.rs`, `src/cli/render.rs`, `src/cli/scene.rs`, `src/cli/engine.rs` |
+//! | the request fields that have an option; their help | `src/cli/fields.rs` |
 //! | reading requests; converting a request to options | `src/cli/request.rs`, `src/cli/words.rs` |
 //! | `render`, `request` | `src/render.rs`, `src/request.rs` |
 //! | the progress bar, lines of text and JSON, the trace | `src/console_watcher.rs` |
@@ -12,12 +13,12 @@
 //! | display of errors | `src/error.rs` |
 //! | `-h`; groups of commands; suggestions for unknown words | `src/short_help.rs`; `src/command_groups.rs`; `src/suggestions.rs` |
 //! | the configuration file, environment variables | `src/config/`, `src/variables.rs` |
-//! | prices, watts | `src/energy_values.rs` |
+//! | prices, watts; values of options that several commands share | `src/energy_values.rs`; `src/option_value.rs` |
 //! | Ctrl-C; the start time of the process | `src/signals.rs`; `src/process_start.rs` |
 //! | `--on`: notifications of ends and stalls | `src/notifications/` |
 //! | `analyze`; drawings of useful data density; accuracy of predicted times | `src/analyze.rs`; `src/analyze/ludd.rs`, `src/analyze/verify.rs` |
 //! | `diff`, `info` | `src/diff.rs`, `src/info.rs` |
-//! | `up`, `web`, `join`, `jobs`, `machines` | `src/farm/` |
+//! | `up`, `web`, `join`, `jobs`, `machines`; the options that select a farm | `src/farm/`; `src/farm_args.rs` |
 //! | `engines` | `src/engines/` |
 //! | `rules` | `src/rules/` |
 //! | `devices` | `src/devices.rs` |
@@ -43,9 +44,11 @@ mod energy_values;
 mod engines;
 mod error;
 mod farm;
+mod farm_args;
 mod info;
 mod manual;
 mod notifications;
+mod option_value;
 mod platform;
 mod process_start;
 mod render;

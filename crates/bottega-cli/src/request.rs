@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use bottega::{Request, picture::request_of};
+use bottega::{Request, RequestError, picture::request_of};
 
 use crate::{
     cli::{RequestCommand, RequestCommandArgs, line, read_request, words},
@@ -17,13 +17,16 @@ pub(crate) fn run(args: &RequestCommandArgs) -> Result<ExitCode, CliError> {
             return Ok(ExitCode::SUCCESS);
         }
         RequestCommand::Options { file } => {
-            println!("bottega render {}", line(&words(&read_request(file)?)?));
+            println!("bottega render {}", line(&words(&read_request(file)?).map_err(unwritable)?));
             return Ok(ExitCode::SUCCESS);
         }
         RequestCommand::Check { file } => read_request(file)?,
         RequestCommand::Show { picture } => request_of(picture)?,
     };
-    let json = request.to_json();
-    print!("{}\n", json.map_err(|source| bottega::Error::Request { origin: "what was given".to_owned(), source })?);
+    print!("{}\n", request.to_json().map_err(unwritable)?);
     Ok(ExitCode::SUCCESS)
+}
+
+fn unwritable(source: RequestError) -> CliError {
+    bottega::Error::Request { origin: "what was given".to_owned(), source }.into()
 }

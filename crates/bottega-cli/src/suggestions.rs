@@ -8,6 +8,8 @@ use clap::{
     error::{ContextKind, ContextValue, ErrorKind},
 };
 
+use crate::cli::SET_FIELDS;
+
 /// Words of other programs, and the corresponding option. An option that the command does not have is not suggested, so a word
 /// may stand in several rows.
 const OPTIONS: &[(&str, &[&str])] = &[
@@ -18,7 +20,6 @@ const OPTIONS: &[(&str, &[&str])] = &[
     ("threads", &["cores", "cpus", "processors", "jobs", "parallel", "workers", "nthreads", "num-threads"]),
     ("devices", &["gpu", "gpus", "device", "cuda", "cpu", "vulkan", "backend"]),
     ("gpu", &["device", "devices"]),
-    ("gpu-memory", &["vram", "memory"]),
     ("error", &["noise", "noise-threshold", "quality", "threshold", "tolerance", "accuracy"]),
     ("time", &["timeout", "time-limit", "limit", "seconds", "duration", "budget"]),
     ("env", &["environment", "hdri", "hdr", "background", "sky", "envmap", "world", "ibl"]),
@@ -79,6 +80,13 @@ pub(crate) fn command_meant(command: &Command, word: &str) -> Option<&'static st
     COMMANDS.iter().find(|(name, words)| words.contains(&&*word) && has(name)).map(|(name, _)| *name)
 }
 
+/// Returns the setting of the request field that an unknown option of a command stands for, such as `photons.count=500000`.
+pub(crate) fn field_meant(command: &Command, word: &str) -> Option<&'static str> {
+    let word = word.trim_start_matches('-');
+    let has_set = command.get_arguments().any(|known| known.get_long() == Some("set"));
+    SET_FIELDS.iter().find(|(former, _)| *former == word && has_set).map(|(_, field)| *field)
+}
+
 /// Makes an error about an unknown word suggest the corresponding option or command, if known; else the suggestion by spelling
 /// stays.
 ///
@@ -89,9 +97,11 @@ pub(crate) fn by_meaning(mut error: clap::Error, program: &Command, words: &[OsS
         _ => None,
     };
     let meant = match error.kind() {
-        ErrorKind::UnknownArgument => text(ContextKind::InvalidArg)
-            .and_then(|word| option_meant(called(program, words), &word))
-            .map(|option| format!("the option for that is '--{option}'")),
+        ErrorKind::UnknownArgument => text(ContextKind::InvalidArg).and_then(|word| {
+            let command = called(program, words);
+            let field = field_meant(command, &word).map(|field| format!("set its field, such as '--set {field}'"));
+            field.or_else(|| Some(format!("the option for that is '--{}'", option_meant(command, &word)?)))
+        }),
         ErrorKind::InvalidSubcommand => text(ContextKind::InvalidSubcommand).and_then(|word| {
             let command = called(program, words);
             let named = command_meant(command, &word).map(|name| format!("the command for that is '{name}'"));
@@ -148,6 +158,14 @@ mod tests {
             let told = told(line);
             assert!(told.contains(&format!("the option for that is '{option}'")), "{told}");
             assert!(!told.contains("similar") && !told.contains("--frames"), "{told}");
+        }
+        for (line, field) in [
+            ("bottega render a.glb -o a.png --photons 4", "--set photons.count=500000"),
+            ("bottega render a.glb -o a.png --wavefront", "--set integrator.wavefront=true"),
+            ("bottega analyze a.glb -o a --importance=visual", "--set work.importance=visual"),
+        ] {
+            let told = told(line);
+            assert!(told.contains(&format!("set its field, such as '{field}'")), "{told}");
         }
         // Unknown words get a suggestion by spelling.
         assert!(told("bottega render a.glb -o a.png --theads 2").contains("'--threads'"));

@@ -258,7 +258,7 @@ fn a_failure_and_a_stall_are_told_and_an_end_that_nobody_asked_for_is_not() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("told");
     let on = format!("failed,stalled=cat >> {}", text(&out));
-    let words = ["--size", "96x72", "--zones", "2", "--spp", "300", "--stalled-after", "0.3", "--on", &on];
+    let words = ["--size", "96x72", "--set", "work.zones=2", "--spp", "300", "--stalled-after", "0.3", "--on", &on];
     let (code, said) = paint(folder.path(), &words[..]);
     assert_eq!(code, Some(2), "options were given twice: {said}");
     let output = folder.path().join("q.png");

@@ -79,7 +79,7 @@ impl BuiltinPainter {
         if wants_waves(plan, crew) {
             let paths = PathSettings { photons: plan.paths.photons, ..PathSettings::default() };
             let refusal = Wave::refusal(&subject.prepared, subject.view, &paths, &plan.job.layout);
-            notes.extend(refusal.map(|why| format!("--wavefront and boards do nothing here: {why}")));
+            notes.extend(refusal.map(|why| format!("integrator.wavefront and boards do nothing here: {why}")));
         }
         let learns_paths =
             plan.paths.photons.is_none() && subject.prepared.can_learn(subject.view, plan.paths.planned_samples);

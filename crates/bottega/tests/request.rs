@@ -275,6 +275,11 @@ fn fields_are_set_by_their_paths() {
     );
     assert_eq!(with("work.bands", "off").unwrap().work.bands, BandChoice::Off);
     assert_eq!(with("work.bands", r#"{"pixels": 12}"#).unwrap().work.bands, BandChoice::Pixels(12));
+    assert_eq!(with("work.bands.pixels", "12").unwrap().work.bands, BandChoice::Pixels(12));
+    assert_eq!(with("film.size", "640,480").unwrap().film.size, Some([640, 480]));
+    assert_eq!(with("guide.uses", "lights,roulette").unwrap().guide.uses, [GuideUse::Lights, GuideUse::Roulette]);
+    assert_eq!(with("farm.require", "2").unwrap().farm.require, ["2"]);
+    assert_eq!(with("engine.names", "blender").unwrap().engine.names, ["blender"]);
     assert_eq!(with("film.size", "null").unwrap(), request);
     let animated = with("output.file", "a.exr").unwrap().with("frames.list", "1..3").unwrap();
     assert_eq!(animated.frames.unwrap().list.iter().collect::<Vec<_>>(), [1, 2, 3]);
@@ -283,6 +288,7 @@ fn fields_are_set_by_their_paths() {
         ("film.size.width", "1", "film.size"),
         ("scene.file.name", "1", "has no fields"),
         ("goal.samples", "many", "goal.samples"),
+        ("guide.uses", "lights,cats", "`guide.uses[1]` is `cats`"),
         ("", "1", "there is no field"),
     ] {
         let error = with(field, value).unwrap_err().to_string();

@@ -75,7 +75,7 @@ fn where_rays_cannot_be_left_to_others_that_is_said() {
     request.integrator.wavefront = true;
     let (_, notes) = paint(&request, SessionOptions::default());
     assert!(
-        notes.warnings().iter().any(|it| it.contains("--wavefront and boards do nothing here")),
+        notes.warnings().iter().any(|it| it.contains("integrator.wavefront and boards do nothing here")),
         "{:?}",
         notes.warnings()
     );

@@ -15,7 +15,7 @@ pub(super) struct PictureKind {
 }
 
 /// The options that all kinds share.
-const COMMON: [&str; 3] = ["--size=64x48", "--seed=5", "--zones=16"];
+const COMMON: [&str; 3] = ["--size=64x48", "--seed=5", "--set=work.zones=16"];
 
 impl PictureKind {
     /// Renders each kind once.
@@ -24,8 +24,8 @@ impl PictureKind {
     pub(super) fn all(run: &dyn Fn(&[&str]) -> Result<String>, scene: &Path, folder: &Path) -> Result<Vec<Self>> {
         const KINDS: [&[&str]; 3] = [
             &["--spp=48"],
-            &["--spp=6", "--integrator=photon", "--photons=60000"],
-            &["--spp=6", "--integrator=ala", "--lighting-agents=6000"],
+            &["--spp=6", "--integrator=photon", "--set=photons.count=60000"],
+            &["--spp=6", "--integrator=ala", "--set=lighting_agents.cast=6000"],
         ];
         let paint = |(number, words): (usize, &[&'static str])| {
             let path = folder.join(format!("alone-{number}.exr"));

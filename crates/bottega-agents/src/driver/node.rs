@@ -18,7 +18,7 @@ use super::{
     fitted::{Fitted, own},
     http::{
         PATH, client,
-        server::{self, Service as HttpService},
+        server::{self, HttpService},
     },
     local::{LocalPlatform, Mailbox, NameTaken},
 };

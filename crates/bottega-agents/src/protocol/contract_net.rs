@@ -41,7 +41,7 @@ pub struct Proposal<C> {
 
 /// The outcome of an awarded task.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Outcome<C> {
+pub enum TaskOutcome<C> {
     /// It is done, with this result.
     Done(C),
     /// It failed, for this reason.
@@ -60,7 +60,7 @@ pub enum InitiatorNews<C> {
         /// The contractor.
         contractor: AgentId,
         /// The outcome.
-        outcome: Outcome<C>,
+        outcome: TaskOutcome<C>,
     },
 }
 
@@ -161,9 +161,9 @@ impl<C: Clone> ContractNetInitiator<C> {
                 self.set(&message.sender, P::Ended);
                 let content = || message.content.clone();
                 let outcome = match message.performative {
-                    A::Inform => Outcome::Done(content()),
-                    A::Failure => Outcome::Failed(content()),
-                    _ => Outcome::Lost,
+                    A::Inform => TaskOutcome::Done(content()),
+                    A::Failure => TaskOutcome::Failed(content()),
+                    _ => TaskOutcome::Lost,
                 };
                 return Ok(Some(InitiatorNews::Ended { contractor: message.sender.clone(), outcome }));
             }
@@ -186,7 +186,7 @@ impl<C: Clone> ContractNetInitiator<C> {
             for (contractor, state) in &mut self.participants {
                 if *state == Participant::Accepted {
                     *state = Participant::Ended;
-                    news.push(InitiatorNews::Ended { contractor: contractor.clone(), outcome: Outcome::Lost });
+                    news.push(InitiatorNews::Ended { contractor: contractor.clone(), outcome: TaskOutcome::Lost });
                 }
             }
         }
@@ -510,7 +510,7 @@ mod tests {
         assert!(!initiator.is_finished());
         assert!(responders[1].done(&(AgentId::new("m"), 5), 70, &mut wire));
         let news = initiator.handle_message(at(4), &wire.remove(0), &mut wire).unwrap();
-        assert_eq!(news, Some(InitiatorNews::Ended { contractor: b, outcome: Outcome::Done(70) }));
+        assert_eq!(news, Some(InitiatorNews::Ended { contractor: b, outcome: TaskOutcome::Done(70) }));
         assert!(initiator.is_finished() && wire.is_empty());
     }
 
@@ -529,7 +529,7 @@ mod tests {
         initiator.award(&[(a.clone(), 0)], at(20), &mut wire);
         assert_eq!(initiator.next_deadline(), Some(at(20)));
         let news = initiator.handle_time(at(20));
-        assert_eq!(news, [InitiatorNews::Ended { contractor: a, outcome: Outcome::Lost }]);
+        assert_eq!(news, [InitiatorNews::Ended { contractor: a, outcome: TaskOutcome::Lost }]);
         assert!(initiator.is_finished());
         assert_eq!(initiator.next_deadline(), None);
     }

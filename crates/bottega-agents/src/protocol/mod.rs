@@ -9,8 +9,8 @@ mod request;
 mod subscribe;
 
 pub use contract_net::{
-    Call, ContractNetInitiator, ContractNetResponder, Conversation, InitiatorNews, Outcome, Proposal, RESPONSES_MAX,
-    ResponderNews,
+    Call, ContractNetInitiator, ContractNetResponder, Conversation, InitiatorNews, Proposal, RESPONSES_MAX,
+    ResponderNews, TaskOutcome,
 };
 pub use request::{Answer, RequestInitiator};
 pub use subscribe::{SUBSCRIBERS_MAX, SubscribeNews, Subscriptions, TooManySubscribers};

@@ -18,8 +18,8 @@ impl DateTime {
         let bad = || bad_value("date-time", text);
         let relative = text.starts_with('+');
         let fields = text.strip_prefix('+').unwrap_or(text).as_bytes();
-        let (fields, zone) = fields.split_at_checked(18).ok_or_else(bad)?;
-        let zone_ok = match zone {
+        let (fields, suffix) = fields.split_at_checked(18).ok_or_else(bad)?;
+        let is_suffix = match suffix {
             [] => true,
             [letter] => letter.is_ascii_alphabetic(),
             _ => false,
@@ -36,7 +36,7 @@ impl DateTime {
             && digits(11..13).is_some_and(|minutes| minutes < 60)
             && digits(13..15).is_some_and(|seconds| seconds < 61)
             && digits(15..18).is_some();
-        if in_bounds && zone_ok && matches!(fields[8], b'T' | b'Z') { Ok(Self(text.to_owned())) } else { Err(bad()) }
+        if in_bounds && is_suffix && matches!(fields[8], b'T' | b'Z') { Ok(Self(text.to_owned())) } else { Err(bad()) }
     }
 
     /// The date-time as written.
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn both_middles_zones_and_relative_times_are_read_and_nothing_else() {
+    fn both_middles_suffixes_and_relative_times_are_read_and_nothing_else() {
         for good in ["20261121T022548103", "20261121Z022548103", "20261121T022548103Z", "+00000000T000010000"] {
             assert_eq!(DateTime::parse(good).unwrap().as_str(), good);
         }

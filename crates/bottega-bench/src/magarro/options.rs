@@ -69,9 +69,9 @@ impl MagarroPicture {
         let options = [
             format!("--scale={scale}"),
             format!("--spp={spp}"),
-            format!("--light-samples={light_samples}"),
+            format!("--set=integrator.light_samples={light_samples}"),
             format!("--max-depth={max_depth}"),
-            format!("--zones={zones}"),
+            format!("--set=work.zones={zones}"),
         ];
         [scene.into_os_string()].into_iter().chain(options.map(OsString::from)).collect()
     }

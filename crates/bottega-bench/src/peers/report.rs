@@ -52,14 +52,14 @@ impl Report for PeersReport {
     }
 }
 
-/// Ratios of our efficiency to the best of the others: number of threads, one ratio per scene, and their geometric mean.
-type Ratios = (usize, Vec<(String, f64)>, f64);
+/// EfficiencyRatios of our efficiency to the best of the others: number of threads, one ratio per scene, and their geometric mean.
+type EfficiencyRatios = (usize, Vec<(String, f64)>, f64);
 
 /// An efficiency: by relative error, or by the error of the displayed image.
 type Measure = fn(&PeerRow) -> f64;
 
 /// Returns the ratios by number of threads.
-fn ratios(rows: &[PeerRow], efficiency: Measure) -> Vec<Ratios> {
+fn ratios(rows: &[PeerRow], efficiency: Measure) -> Vec<EfficiencyRatios> {
     let mut threads: Vec<usize> = rows.iter().map(|row| row.threads).collect();
     threads.sort_unstable();
     threads.dedup();

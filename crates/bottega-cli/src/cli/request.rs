@@ -9,7 +9,6 @@ use std::{
 use bottega::{Error, Request, picture::request_of, request::REQUEST_BYTES_MAX};
 use clap::{Args, Subcommand, ValueHint};
 
-use super::values::parse_define;
 use crate::error::CliError;
 
 #[derive(Clone, Debug, Args)]
@@ -22,15 +21,17 @@ pub(crate) struct RequestArgs {
     /// Paint what this picture is of, once more: it holds its request.
     #[arg(long, value_name = "PICTURE", value_hint = ValueHint::FilePath)]
     from: Option<PathBuf>,
-    /// Set a field of the request, such as film.size=[640,480] or goal.samples=16; may be repeated.
-    #[arg(long = "set", value_name = "FIELD=VALUE", value_parser = parse_define)]
-    fields: Vec<(String, String)>,
     /// Print the request that the options make, and paint nothing.
     #[arg(long)]
     pub(crate) dry_run: bool,
 }
 
 impl RequestArgs {
+    /// True if a request is given.
+    pub(super) fn is_given(&self) -> bool {
+        self.file.is_some() || self.from.is_some()
+    }
+
     /// Reads the request, if one is given.
     pub(super) fn read(&self) -> Result<Option<Request>, CliError> {
         match (&self.file, &self.from) {
@@ -38,15 +39,6 @@ impl RequestArgs {
             (None, Some(picture)) => Ok(Some(request_of(picture)?)),
             (None, None) => Ok(None),
         }
-    }
-
-    /// Applies `--set` to the request.
-    pub(super) fn set(&self, request: Request) -> Result<Request, CliError> {
-        let with = |request: Request, (field, value): &(String, String)| {
-            let origin = format!("--set {field}={value}");
-            request.with(field, value).map_err(|source| Error::Request { origin, source })
-        };
-        Ok(self.fields.iter().try_fold(request, with)?)
     }
 }
 

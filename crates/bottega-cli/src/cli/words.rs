@@ -1,214 +1,112 @@
 //! Conversion of a request to the options that produce it.
 
-use std::path::Path;
+use bottega::{Request, RequestError};
+use serde_json::{Map, Value};
 
-use bottega::{
-    Request,
-    request::{BandChoice, EnvironmentLight, GuideChoice, RulesSource, SceneOptions, WordChoice},
-};
+use super::fields::{FIELD_OPTIONS, FieldOption, OptionForm};
 
-use crate::error::CliError;
-
-/// The words of a command line under construction.
-struct OptionWords(Vec<String>);
-
-impl OptionWords {
-    /// Adds a switch if it is on.
-    fn switch(&mut self, option: &str, is_on: bool) {
-        if is_on {
-            self.0.push(option.to_owned());
-        }
-    }
-
-    /// Adds an option if it has a value.
-    fn option(&mut self, option: &str, value: Option<impl ToString>) {
-        if let Some(value) = value {
-            // Use one word, so that a value that begins with `-` is not taken for an option.
-            self.0.push(format!("{option}={}", value.to_string()));
-        }
-    }
-
-    /// Adds an option if its value differs from the default.
-    fn changed<T: PartialEq + ToString>(&mut self, option: &str, value: &T, usual: &T) {
-        self.option(option, (value != usual).then(|| value.to_string()));
-    }
-
-    fn choice<T: WordChoice>(&mut self, option: &str, value: T, usual: T) {
-        self.option(option, (value != usual).then(|| value.word()));
-    }
-
-    fn path(&mut self, option: &str, value: &Path) {
-        self.option(option, Some(value.display()));
-    }
-
-    fn rules(&mut self, option: &str, field: &str, rules: &RulesSource) -> Result<(), CliError> {
-        match rules {
-            RulesSource::File(file) => {
-                self.path(option, file);
-                Ok(())
-            }
-            RulesSource::Text(_) => Err(no_option(&format!("rules as text in `{field}`"))),
-        }
-    }
-}
-
-fn no_option(what: &str) -> CliError {
-    CliError::usage(format!("there is no option for {what}"), "paint the request itself: bottega render --request FILE")
-}
-
-/// Returns the words after `bottega render` that produce a request.
+/// Returns the words after `bottega render` that produce a request: options, and `--set` for fields without one.
 ///
 /// # Errors
-/// The request contains something that no option can express.
-pub(crate) fn words(request: &Request) -> Result<Vec<String>, CliError> {
-    let (mut words, usual) = (OptionWords(Vec::new()), Request::new(&request.scene.file));
-    words.0.push(request.scene.file.display().to_string());
-    request.output.file.iter().for_each(|file| words.path("--output", file));
-    let empty = [
-        ("lighting_agents.decides", request.lighting_agents.decides.is_empty()),
-        ("work.channels", request.work.channels.as_ref().is_some_and(Vec::is_empty)),
-    ];
-    if let Some((field, _)) = empty.into_iter().find(|(_, is_empty)| *is_empty) {
-        return Err(no_option(&format!("an empty `{field}`")));
-    }
-    scene(&mut words, &request.scene);
-    picture(&mut words, request, &usual);
-    light(&mut words, request, &usual);
-    engine(&mut words, request, &usual)?;
-    work(&mut words, request, &usual)?;
-    output(&mut words, request, &usual);
-    Ok(words.0)
-}
-
-fn scene(words: &mut OptionWords, scene: &SceneOptions) {
-    words.switch("--strict", scene.strict);
-    words.switch("--allow-outside", scene.allow_outside);
-    scene.asset_roots.iter().for_each(|root| words.path("--asset-root", root));
-    words.switch("--cull-backfaces", scene.cull_backfaces);
-    scene.defines.iter().for_each(|(name, value)| words.option("--define", Some(format!("{name}={value}"))));
-    words.option("--at", scene.time);
-    words.option("--animation", scene.animation.as_ref());
-    words.option("--variant", scene.variant.as_ref());
-}
-
-fn picture(words: &mut OptionWords, request: &Request, usual: &Request) {
-    let (view, film, environment) = (&request.view, &request.film, &request.environment);
-    words.option("--camera", view.camera.as_ref());
-    words.option("--lens-radius", view.lens_radius);
-    words.option("--focus-distance", view.focus_distance);
-    words.option("--size", film.size.map(|[width, height]| format!("{width}x{height}")));
-    words.option("--crop", film.crop.map(|[x0, y0, x1, y1]| format!("{x0},{y0},{x1},{y1}")));
-    words.option("--filter", film.filter.map(WordChoice::word));
-    let layers = |names: &Vec<String>| if names.is_empty() { "none".to_owned() } else { names.join(",") };
-    words.option("--aov", film.layers.as_ref().map(layers));
-    words.switch("--denoise", film.denoise);
-    words.option(
-        "--env",
-        environment.light.as_ref().map(|light| match light {
-            EnvironmentLight::File(file) => file.display().to_string(),
-            EnvironmentLight::Radiance([r, g, b]) => format!("{r},{g},{b}"),
-            EnvironmentLight::Sky => "sky".to_owned(),
-        }),
-    );
-    words.changed("--env-rotate", &environment.rotate, &usual.environment.rotate);
-    words.changed("--env-strength", &environment.strength, &usual.environment.strength);
-}
-
-fn light(words: &mut OptionWords, request: &Request, usual: &Request) {
-    let (goal, integrator, photons) = (&request.goal, &request.integrator, &request.photons);
-    words.option("--spp", goal.samples);
-    words.option("--error", goal.error);
-    words.option("--time", goal.time);
-    words.changed("--seed", &request.seed, &usual.seed);
-    words.option("--integrator", integrator.method.map(WordChoice::word));
-    words.option("--max-depth", integrator.max_depth);
-    words.changed("--light-samples", &integrator.light_samples, &usual.integrator.light_samples);
-    words.switch("--wavefront", integrator.wavefront);
-    words.option("--photons", photons.count);
-    words.option("--photon-gather", photons.gather);
-    words.option("--photon-radius", photons.radius);
-    words.option("--final-rays", photons.final_rays);
-    words.option("--irradiance-cache", photons.irradiance_cache);
-    words.changed("--photon-lookouts", &photons.lookouts, &usual.photons.lookouts);
-    words.switch("--shadow-photons", photons.shadow_photons);
-    words.option("--gather-directions", photons.gather_directions);
-    words.switch("--separate-maps", photons.separate_maps);
-    words.switch("--no-indirect", !photons.indirect);
-    words.switch("--progressive", photons.progressive);
-    let (agents, usual_agents) = (&request.lighting_agents, &usual.lighting_agents);
-    words.changed("--lighting-agents", &agents.cast, &usual_agents.cast);
-    words.choice("--oracle", agents.oracle, usual_agents.oracle);
-    words.option("--oracle-decides", (agents.decides != usual_agents.decides).then(|| list(&agents.decides)));
-    words.switch("--oracle-network", agents.network);
-    words.changed("--oracle-error", &agents.error, &usual_agents.error);
-    words.changed("--oracle-memory", &agents.memory_mb, &usual_agents.memory_mb);
-    words.option("--guide", request.guide.by.map(GuideChoice::word));
-    words.option("--ala", (!request.guide.uses.is_empty()).then(|| list(&request.guide.uses)));
-}
-
-fn engine(words: &mut OptionWords, request: &Request, usual: &Request) -> Result<(), CliError> {
-    let engine = &request.engine;
-    words.option("--engine", (engine.names != usual.engine.names).then(|| engine.names.join(",")));
-    engine.rules.iter().try_for_each(|rules| words.rules("--engine-rules", "engine.rules", rules))?;
-    engine.manifests.iter().for_each(|folder| words.path("--engines", folder));
-    engine.options.iter().for_each(|(name, value)| words.option("--engine-option", Some(format!("{name}={value}"))));
-    words.switch("--trust", engine.trust);
-    words.option("--frame", engine.frame);
-    Ok(())
-}
-
-fn work(words: &mut OptionWords, request: &Request, usual: &Request) -> Result<(), CliError> {
-    let (work, devices, farm) = (&request.work, &request.devices, &request.farm);
-    words.option("--agents", work.agents);
-    words.changed("--level", &work.level, &usual.work.level);
-    words.choice("--importance", work.importance, usual.work.importance);
-    let names = |channels: &Vec<bottega_farm::Channel>| {
-        channels.iter().map(|channel| channel.name()).collect::<Vec<_>>().join(",")
+/// The request is invalid, or a file name in it is not Unicode.
+pub(crate) fn words(request: &Request) -> Result<Vec<String>, RequestError> {
+    // Numbers are taken from the text, which has the fewest digits that a number needs
+    let tree = |request: &Request| -> Result<Value, RequestError> {
+        Ok(serde_json::from_str(&request.to_line()?).unwrap_or_default())
     };
-    words.option("--channels", work.channels.as_ref().map(names));
-    words.option("--zones", work.zones);
-    words.changed("--zone-min-size", &work.zone_min_size, &usual.work.zone_min_size);
-    words.option("--zone-max-complexity", work.zone_max_complexity);
-    words.changed("--zone-similarity", &work.zone_similarity, &usual.work.zone_similarity);
-    words.choice("--zone-balance", work.zone_balance, usual.work.zone_balance);
-    words.choice("--auction", work.auction, usual.work.auction);
-    words.choice("--adaptation", work.adaptation, usual.work.adaptation);
-    words.choice("--optimize", work.optimization, usual.work.optimization);
-    work.rules.iter().try_for_each(|rules| words.rules("--rules", "work.rules", rules))?;
-    let bands = match work.bands {
-        BandChoice::Off => Some("off".to_owned()),
-        BandChoice::Rules => None,
-        BandChoice::Pixels(pixels) => Some(pixels.to_string()),
-    };
-    words.option("--bands", bands);
-    words.option("--threads", devices.threads);
-    words.option("--devices", (devices.names != usual.devices.names).then(|| devices.names.join(",")));
-    words.switch("--exact", devices.exact);
-    words.option("--gpu-memory", devices.memory_mb);
-    words.option("--frames", request.frames.as_ref().map(|frames| String::from(frames.list.clone())));
-    words.option("--fps", request.frames.as_ref().map(|frames| frames.fps));
-    if *farm != usual.farm {
-        words.0.push("--farm".to_owned());
-        words.changed("--priority", &farm.priority, &usual.farm.priority);
-        words.option("--verify", farm.verify);
-        words.switch("--strangers", farm.strangers);
-        farm.require.iter().for_each(|tag| words.option("--require", Some(tag)));
+    let (mut tree, usual) = (tree(request)?, tree(&Request::new(&request.scene.file))?);
+    let mut words = vec![request.scene.file.display().to_string()];
+    let mut is_of_farm = false;
+    for row in FIELD_OPTIONS {
+        let pointer = format!("/{}", row.field.replace('.', "/"));
+        let usual = usual.pointer(&pointer).unwrap_or(&Value::Null);
+        let Some(value) = tree.pointer_mut(&pointer).filter(|value| *value != usual) else { continue };
+        if let Some(written) = option_words(row, value) {
+            if row.field.starts_with("farm.") && !is_of_farm {
+                words.push("--farm".to_owned());
+                is_of_farm = true;
+            }
+            words.extend(written);
+            *value = usual.clone();
+        }
     }
-    Ok(())
+    set_words("", &tree, &usual, &mut words);
+    Ok(words)
 }
 
-fn output(words: &mut OptionWords, request: &Request, usual: &Request) {
-    let (output, usual) = (&request.output, &usual.output);
-    words.changed("--exposure", &output.exposure, &usual.exposure);
-    words.choice("--tonemap", output.tonemap, usual.tonemap);
-    words.choice("--encoding", output.encoding, usual.encoding);
-    words.switch("--alpha", output.alpha);
-    words.switch("--half", output.half);
-    words.switch("--tiled", output.tiled);
+/// Returns the words of an option with a value. `None`: the option cannot express it.
+fn option_words(row: &FieldOption, value: &Value) -> Option<Vec<String>> {
+    let option = row.option;
+    // Use one word, so that a value that begins with `-` is not taken for an option.
+    let with = |value: String| format!("{option}={value}");
+    let list = |value: &Value| value.as_array()?.iter().map(plain).collect::<Option<Vec<String>>>();
+    match row.form {
+        OptionForm::Plain => Some(vec![with(plain(value)?)]),
+        OptionForm::Switch => Some(vec![option.to_owned()]),
+        OptionForm::List => {
+            let values = list(value)?;
+            match (values.is_empty(), row.option) {
+                (false, _) => Some(vec![with(values.join(","))]),
+                (true, "--aov") => Some(vec![with("none".to_owned())]),
+                (true, _) => None,
+            }
+        }
+        OptionForm::Repeated => Some(list(value)?.into_iter().map(with).collect()),
+        OptionForm::Pairs => {
+            let pair = |(name, value): (&String, &Value)| Some(with(format!("{name}={}", plain(value)?)));
+            value.as_object()?.iter().map(pair).collect()
+        }
+        OptionForm::Size => Some(vec![with(list(value)?.join("x"))]),
+        OptionForm::Environment => {
+            let written = match (value.get("file"), value.get("radiance")) {
+                (Some(file), _) => plain(file)?,
+                (None, Some(radiance)) => list(radiance)?.join(","),
+                (None, None) => plain(value)?,
+            };
+            Some(vec![with(written)])
+        }
+        OptionForm::Rules => value.as_array()?.iter().map(|rules| Some(with(plain(rules.get("file")?)?))).collect(),
+    }
 }
 
-fn list<T: WordChoice>(choices: &[T]) -> String {
-    choices.iter().map(|choice| choice.word()).collect::<Vec<_>>().join(",")
+/// Returns a text or a number as an option writes it.
+fn plain(value: &Value) -> Option<String> {
+    match value {
+        Value::String(text) => Some(text.clone()),
+        Value::Number(number) => Some(number.to_string().trim_end_matches(".0").to_owned()),
+        _ => None,
+    }
+}
+
+/// Appends `--set` for each field that differs from its default.
+fn set_words(path: &str, value: &Value, usual: &Value, words: &mut Vec<String>) {
+    if value == usual {
+        return;
+    }
+    let inner = |fields: &Map<String, Value>, words: &mut Vec<String>| {
+        for (name, value) in fields {
+            let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+            set_words(&path, value, usual.get(name).unwrap_or(&Value::Null), words);
+        }
+    };
+    match (value, usual) {
+        (Value::Object(fields), Value::Object(_)) => inner(fields, words),
+        // The fields of `frames` are options
+        (Value::Object(fields), Value::Null) if fields.values().all(Value::is_null) => {}
+        _ => words.push(format!("--set={path}={}", set_text(value))),
+    }
+}
+
+/// Returns a value as `--set` reads it: a word as it is, a list of words with commas, anything else as JSON.
+fn set_text(value: &Value) -> String {
+    let is_word = |text: &str| !text.is_empty() && !text.contains(',') && serde_json::from_str::<Value>(text).is_err();
+    match value {
+        Value::String(text) if is_word(text) => text.clone(),
+        Value::Array(values) if !values.is_empty() && values.iter().all(|it| it.as_str().is_some_and(is_word)) => {
+            values.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(",")
+        }
+        _ => value.to_string(),
+    }
 }
 
 /// Joins words to a line for a shell.
@@ -227,8 +125,9 @@ pub(crate) fn line(words: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use bottega::request::{
-        AdaptationChoice, AuctionChoice, BalanceChoice, FrameOptions, GuideUse, ImportanceChoice, IntegratorChoice,
-        OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
+        AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, CameraPose, EnvironmentLight, FrameOptions,
+        GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion,
+        PixelFilter, PngEncoding, RulesSource, RulesText, ToneCurve, WordChoice,
     };
     use bottega_farm::Channel;
     use clap::Parser;
@@ -356,19 +255,24 @@ mod tests {
         assert_eq!((paper.importance, paper.zone_balance), (ImportanceChoice::Paper, BalanceChoice::Ratio));
         assert_eq!((paper.auction, paper.adaptation), (AuctionChoice::Paper, AdaptationChoice::Paper));
         assert_eq!(paper.rules, [RulesSource::File("paper".into())]);
-        let other = made(&["--zone-balance", "time", "--rules", "./paper"]);
+        let other = made(&["--set", "work.zone_balance=time", "--rules", "./paper"]);
         assert_eq!((other.zone_balance, other.auction), (BalanceChoice::Time, AuctionChoice::Paper));
         assert_eq!(other.rules, [RulesSource::File("./paper".into())]);
     }
 
     #[test]
-    fn rules_as_text_have_no_option() {
+    fn a_field_without_an_option_is_set() {
         let mut request = Request::new("a.glb");
-        let text = bottega::request::RulesText { name: "a.fcl".into(), text: String::new() };
+        request.output.file = Some("a.exr".into());
+        let text = RulesText { name: "a.fcl".into(), text: "FUNCTION_BLOCK a".to_owned() };
         request.work.rules = vec![RulesSource::Text(text)];
-        assert!(words(&request).unwrap_err().is_usage());
-        let mut request = Request::new("a.glb");
         request.lighting_agents.decides.clear();
-        assert!(words(&request).unwrap_err().to_string().contains("lighting_agents.decides"));
+        request.photons.count = Some(2000);
+        request.guide.uses = vec![GuideUse::Lights, GuideUse::Roulette];
+        request.view.pose = Some(CameraPose { eye: [0.0, 1.0, 5.5], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov: None });
+        let words = words(&request).unwrap();
+        assert!(words.contains(&"--set=photons.count=2000".to_owned()), "{words:?}");
+        assert!(words.contains(&"--set=guide.uses=lights,roulette".to_owned()), "{words:?}");
+        assert_eq!(made(&words), request, "{}", line(&words));
     }
 }

@@ -15,7 +15,7 @@ use toml::{
 use super::{ConfigFile, FARM, PROFILE, PROFILE_VARIABLE, kind};
 use crate::{
     error::CliError,
-    suggestions::{command_meant, option_meant},
+    suggestions::{command_meant, field_meant, option_meant},
 };
 
 /// The prefix of environment variables that stand for options: `BOTTEGA_RENDER_SPP`.
@@ -267,6 +267,12 @@ fn check_entry(file: &ConfigFile, (name, value): NamedValue<'_>, command: &Comma
     } else {
         command.get_arguments().filter_map(|option| option.get_long()).collect()
     };
+    let field = field_meant(command, key).filter(|_| table(value).is_none());
+    if let Some(field) = field {
+        let problem =
+            format!("`{}` has no option `{key}`: set its field, such as set = [\"{field}\"]", command.get_name());
+        return Err(file.wrong(name.span(), &problem));
+    }
     let meant = if table(value).is_some() { command_meant(command, key) } else { option_meant(command, key) };
     let near = known.into_iter().map(|known| (distance(known, key), known)).min().filter(|(far, _)| *far <= 2);
     let near = meant.or(near.map(|(_, known)| known)).map(|known| format!("; did you mean `{known}`?"));
@@ -361,6 +367,10 @@ mod tests {
         for (config, told) in [
             ("[render]\nssp = 16", "line 2, column 1: `render` has no option `ssp`; did you mean `spp`?"),
             ("[render]\nsamples = 16", "`render` has no option `samples`; did you mean `spp`?"),
+            (
+                "[render]\nzones = 16",
+                "`render` has no option `zones`: set its field, such as set = [\"work.zones=64\"]",
+            ),
             ("[rendr]\nspp = 16", "line 1, column 2: `bottega` has no command `rendr`; did you mean `render`?"),
             ("[render]\ndenoise = 1", "line 2, column 11: `denoise` is a switch"),
             ("[render]\nspp = 2026-01-01", "line 2, column 7: `spp` cannot be a date"),

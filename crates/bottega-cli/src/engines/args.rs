@@ -4,7 +4,10 @@ use std::{path::PathBuf, time::Duration};
 
 use clap::{Args, Subcommand, ValueHint};
 
-use crate::cli::{Size, parse_define, parse_duration, parse_size};
+use crate::{
+    cli::{Size, parse_define, parse_size},
+    option_value::parse_duration,
+};
 
 #[derive(Debug, Args)]
 pub(crate) struct EnginesArgs {
@@ -17,7 +20,7 @@ pub(crate) enum EnginesCommand {
     /// List the engines that there are manifests for, and whether they are installed here.
     List(ListArgs),
     /// Check a manifest, and whether its engine is found and answers.
-    Check(CheckArgs),
+    Check(EngineCheckArgs),
     /// Have an engine paint a small picture of a scene, whole and in windows, and compare the two.
     Try(TryArgs),
     /// Let an engine paint again that failed so often on this machine that it is not used any more.
@@ -38,7 +41,7 @@ pub(crate) struct ListArgs {
 }
 
 #[derive(Debug, Args)]
-pub(crate) struct CheckArgs {
+pub(crate) struct EngineCheckArgs {
     /// The engine, or the file of a manifest.
     pub(crate) name: String,
     /// More manifests of engines: the files NAME.toml of this folder.

@@ -20,7 +20,7 @@ use bottega_engines::external::{
 };
 use serde_json::json;
 
-use super::args::{CheckArgs, ListArgs, ReleaseArgs};
+use super::args::{EngineCheckArgs, ListArgs, ReleaseArgs};
 use crate::{
     error::{CliError, report},
     output::print_report,
@@ -202,7 +202,7 @@ fn determinism(manifest: &Manifest) -> &'static str {
     }
 }
 
-pub(super) fn check(args: &CheckArgs) -> Result<ExitCode, CliError> {
+pub(super) fn check(args: &EngineCheckArgs) -> Result<ExitCode, CliError> {
     let path = Path::new(&args.name);
     let entry = if path.extension().is_some_and(|extension| extension == "toml") {
         let text = fs::read_to_string(path).map_err(|source| CliError::read(path.to_owned(), source))?;

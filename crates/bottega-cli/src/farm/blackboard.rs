@@ -10,8 +10,7 @@ use bottega_cluster::{Job, JobBoard, blackboard::RowNews, jobs::known};
 use bottega_image::printable;
 use clap::Args;
 
-use super::args::FarmArgs;
-use crate::{error::CliError, signals};
+use crate::{error::CliError, farm_args::FarmArgs, signals};
 
 /// See the Blackboard of a job: each zone with its size, complexity, estimated and measured time and agent; the agents with
 /// their speed and credit.

@@ -18,8 +18,8 @@ use bottega_image::printable;
 use clap::{Args, Subcommand, ValueHint};
 use serde_json::json;
 
-use super::{args::FarmArgs, energy};
-use crate::{config, error::CliError};
+use super::energy;
+use crate::{config, error::CliError, farm_args::FarmArgs};
 
 /// See and steer the jobs of a farm.
 #[derive(Debug, Args)]

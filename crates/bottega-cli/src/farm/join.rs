@@ -16,9 +16,13 @@ use bottega_cluster::{
 };
 use clap::{Args, ValueHint};
 
-use super::args::{LoginArgs, parse_gigabytes};
 use crate::{
-    cli::parse_duration, energy_values::parse_watts, error::CliError, output::print_report, signals::stop_on_signal,
+    energy_values::parse_watts,
+    error::CliError,
+    farm_args::{LoginArgs, parse_gigabytes},
+    option_value::{InvalidValue, parse_duration},
+    output::print_report,
+    signals::stop_on_signal,
 };
 
 /// Offer this machine to a farm.
@@ -126,32 +130,33 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
 }
 
 /// Parses a tag, such as `gpu`.
-fn parse_tag(text: &str) -> Result<String, String> {
-    is_tag(text).then(|| text.to_owned()).ok_or_else(|| TAG_FORM.to_owned())
+fn parse_tag(text: &str) -> Result<String, InvalidValue> {
+    is_tag(text).then(|| text.to_owned()).ok_or_else(|| TAG_FORM.into())
 }
 
 /// Parses the name of a machine, such as `studio-a`.
-fn parse_name(text: &str) -> Result<String, String> {
+fn parse_name(text: &str) -> Result<String, InvalidValue> {
     let fits = text.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
-    let wrong =
-        || format!("a name of letters, digits and hyphens is needed, {MACHINE_NAME_MAX} at most, such as studio-a");
+    let wrong = || {
+        format!("a name of letters, digits and hyphens is needed, {MACHINE_NAME_MAX} at most, such as studio-a").into()
+    };
     (fits && (1..=MACHINE_NAME_MAX).contains(&text.len())).then(|| text.to_owned()).ok_or_else(wrong)
 }
 
 /// Parses a part of the day, such as `20:00-08:00`.
-fn parse_hours(text: &str) -> Result<DailyHours, String> {
+fn parse_hours(text: &str) -> Result<DailyHours, InvalidValue> {
     let minute = |text: &str| {
         let (hours, minutes) = text.trim().split_once(':')?;
         let (hours, minutes): (u16, u16) = (hours.parse().ok()?, minutes.parse().ok()?);
         (hours < 24 && minutes < 60 || (hours, minutes) == (24, 0)).then_some(hours * 60 + minutes)
     };
     let parts = text.split_once('-').and_then(|(from, to)| Some(DailyHours { from: minute(from)?, to: minute(to)? }));
-    parts.filter(|hours| hours.from != hours.to).ok_or_else(|| "hours such as 20:00-08:00 are needed".to_owned())
+    parts.filter(|hours| hours.from != hours.to).ok_or_else(|| "hours such as 20:00-08:00 are needed".into())
 }
 
-fn parse_load(text: &str) -> Result<f32, String> {
+fn parse_load(text: &str) -> Result<f32, InvalidValue> {
     let load = text.parse().ok().filter(|load: &f32| (0.0..=4096.0).contains(load));
-    load.ok_or_else(|| "a number of processors is needed, such as 0.5".to_owned())
+    load.ok_or_else(|| "a number of processors is needed, such as 0.5".into())
 }
 
 #[cfg(test)]

@@ -7,8 +7,7 @@ use bottega_cluster::JobBoard;
 use bottega_farm::{Experience, LearntFactor};
 use serde_json::json;
 
-use super::args::FarmArgs;
-use crate::error::CliError;
+use crate::{error::CliError, farm_args::FarmArgs};
 
 /// Shows the experience of a machine: one of the farm by name, or this one.
 pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, CliError> {

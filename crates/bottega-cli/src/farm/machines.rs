@@ -13,8 +13,8 @@ use bottega_image::printable;
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::{args::FarmArgs, learnt};
-use crate::error::CliError;
+use super::learnt;
+use crate::{error::CliError, farm_args::FarmArgs};
 
 /// See and steer the machines of a farm.
 #[derive(Debug, Args)]

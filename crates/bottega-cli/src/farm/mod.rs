@@ -1,6 +1,5 @@
 //! `bottega up`, `web`, `join`, `jobs`, `machines` and `tokens`: the commands for farms.
 
-mod args;
 mod blackboard;
 mod energy;
 mod jobs;
@@ -12,7 +11,6 @@ mod up;
 mod web;
 
 pub(crate) use self::{
-    args::{FarmArgs, LoginArgs},
     blackboard::{BlackboardArgs, run as blackboard},
     jobs::{JobsArgs, run as jobs},
     join::{JoinArgs, run as join},

@@ -12,8 +12,8 @@ use bottega_cluster::{
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::json;
 
-use super::{args::FarmArgs, jobs::ago};
-use crate::error::CliError;
+use super::jobs::ago;
+use crate::{error::CliError, farm_args::FarmArgs};
 
 /// List, make and revoke the tokens that let people and programs in at the page and the HTTP API of a farm.
 #[derive(Debug, Args)]

@@ -17,12 +17,12 @@ use bottega_web::Door;
 use clap::{Args, ValueHint};
 
 use super::{
-    args::parse_gigabytes,
     energy::TariffArgs,
     web::{WebArgs, door_said},
 };
 use crate::{
     error::CliError,
+    farm_args::parse_gigabytes,
     notifications::{NotificationArgs, watch_farm},
     platform::{parse_agent, passed::line},
     signals::stop_on_signal,

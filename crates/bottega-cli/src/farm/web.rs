@@ -19,8 +19,7 @@ use bottega_cluster::{
 use bottega_web::{Door, DoorOptions, LinkedFarm, ServeError};
 use clap::Args;
 
-use super::args::FarmArgs;
-use crate::{error::CliError, signals::stop_on_signal};
+use crate::{error::CliError, farm_args::FarmArgs, signals::stop_on_signal};
 
 /// The default address; if its port is taken, one of the next free ports.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080);

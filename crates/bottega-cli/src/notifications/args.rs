@@ -5,7 +5,7 @@ use std::{env, fs, path::PathBuf, time::Duration};
 use clap::{Args, ValueHint};
 
 use super::{post::Secret, target::EventSubscription};
-use crate::{cli::parse_duration, error::CliError};
+use crate::{error::CliError, option_value::parse_duration};
 
 /// The environment variable that holds the secret.
 pub(super) const SECRET_VARIABLE: &str = "BOTTEGA_ON_SECRET";

@@ -4,6 +4,8 @@ use std::str::FromStr;
 
 use hyper::Uri;
 
+use crate::option_value::InvalidValue;
+
 /// An event that can be reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WorkEvent {
@@ -58,27 +60,27 @@ pub(crate) struct EventSubscription {
 }
 
 impl FromStr for EventSubscription {
-    type Err = String;
+    type Err = InvalidValue;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, InvalidValue> {
         let form = "write events, `=` and who is told, such as done,failed=https://example.org/hook, done=desktop or \
                     failed='mail -s failed me'";
-        let (events, target) = text.split_once('=').ok_or_else(|| form.to_owned())?;
+        let (events, target) = text.split_once('=').ok_or(form)?;
         let events: Vec<WorkEvent> = events.split(',').map(|word| event(word.trim())).collect::<Result<_, _>>()?;
         Ok(Self { events, target: parse_target(target.trim())? })
     }
 }
 
-fn event(word: &str) -> Result<WorkEvent, String> {
+fn event(word: &str) -> Result<WorkEvent, InvalidValue> {
     let all = [WorkEvent::Done, WorkEvent::Failed, WorkEvent::Stalled];
     all.into_iter()
         .find(|event| event.word() == word)
-        .ok_or_else(|| format!("there is no event `{word}`: use done, failed or stalled, with commas between"))
+        .ok_or_else(|| format!("there is no event `{word}`: use done, failed or stalled, with commas between").into())
 }
 
-fn parse_target(text: &str) -> Result<NotificationTarget, String> {
+fn parse_target(text: &str) -> Result<NotificationTarget, InvalidValue> {
     if text.is_empty() {
-        return Err("nobody is named after `=`: write a URL, a command or `desktop`".to_owned());
+        return Err("nobody is named after `=`: write a URL, a command or `desktop`".into());
     }
     if text == "desktop" {
         return Ok(NotificationTarget::Desktop);
@@ -89,7 +91,7 @@ fn parse_target(text: &str) -> Result<NotificationTarget, String> {
     match scheme.filter(|scheme| is_scheme(scheme)) {
         None => Ok(NotificationTarget::Command(text.to_owned())),
         Some(scheme) if !matches!(scheme.to_ascii_lowercase().as_str(), "http" | "https") => {
-            Err(format!("`{scheme}://` is unsupported: use http:// or https://"))
+            Err(format!("`{scheme}://` is unsupported: use http:// or https://").into())
         }
         Some(_) => {
             let url: Uri = text.parse().map_err(|error| format!("`{text}` is not a URL: {error}"))?;
@@ -97,11 +99,11 @@ fn parse_target(text: &str) -> Result<NotificationTarget, String> {
             if authority.as_str().contains('@') {
                 return Err(
                     "a URL with a name and a password is unsupported: use a secret in the path, or --on-secret-file"
-                        .to_owned(),
+                        .into(),
                 );
             }
             if authority.host().is_empty() {
-                return Err(format!("`{text}` names no host"));
+                return Err(format!("`{text}` names no host").into());
             }
             Ok(NotificationTarget::Url(url))
         }
@@ -112,7 +114,7 @@ fn parse_target(text: &str) -> Result<NotificationTarget, String> {
 mod tests {
     use super::*;
 
-    fn parse(text: &str) -> Result<EventSubscription, String> {
+    fn parse(text: &str) -> Result<EventSubscription, InvalidValue> {
         text.parse()
     }
 
@@ -141,7 +143,7 @@ mod tests {
             ("done=http:///x", "is not a URL"),
             ("done=http://me:word@host/", "--on-secret-file"),
         ] {
-            let error = parse(text).expect_err(text);
+            let error = parse(text).expect_err(text).to_string();
             assert!(error.contains(told), "{text}: {error}");
         }
     }

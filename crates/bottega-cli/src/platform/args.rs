@@ -9,8 +9,8 @@ use bottega_cluster::FarmAddress;
 
 use super::peer::{Peer, parse_peer};
 use crate::{
-    cli::parse_duration,
-    farm::{FarmArgs, LoginArgs},
+    farm_args::{FarmArgs, LoginArgs},
+    option_value::{InvalidValue, parse_duration},
     output::Purpose,
 };
 
@@ -160,30 +160,30 @@ pub(crate) struct TraceArgs {
     pub(crate) json: bool,
 }
 
-fn parse_form(text: &str) -> Result<Form, String> {
+fn parse_form(text: &str) -> Result<Form, InvalidValue> {
     match text {
         "string" => Ok(Form::String),
         "xml" => Ok(Form::Xml),
-        _ => Err("string or xml is needed".to_owned()),
+        _ => Err("string or xml is needed".into()),
     }
 }
 
-fn parse_first_form(text: &str) -> Result<FirstForm, String> {
+fn parse_first_form(text: &str) -> Result<FirstForm, InvalidValue> {
     match text.rsplit_once('=') {
-        Some(("", _)) => Err("a platform is needed before the =".to_owned()),
+        Some(("", _)) => Err("a platform is needed before the =".into()),
         Some((platform, form)) => Ok(FirstForm { platform: Some(platform.to_owned()), form: parse_form(form)? }),
         None => Ok(FirstForm { platform: None, form: parse_form(text)? }),
     }
 }
 
-pub(crate) fn parse_agent(text: &str) -> Result<String, String> {
+pub(crate) fn parse_agent(text: &str) -> Result<String, InvalidValue> {
     match text.split_once('@') {
         Some((local, platform)) if !local.is_empty() && !platform.is_empty() => Ok(text.to_owned()),
-        _ => Err("the name of an agent, such as boss@jade, is needed".to_owned()),
+        _ => Err("the name of an agent, such as boss@jade, is needed".into()),
     }
 }
 
-fn parse_public(text: &str) -> Result<String, String> {
+fn parse_public(text: &str) -> Result<String, InvalidValue> {
     match text.rsplit_once(':') {
         Some((host, port))
             if port.parse::<u16>().is_ok()
@@ -192,6 +192,6 @@ fn parse_public(text: &str) -> Result<String, String> {
         {
             Ok(text.to_owned())
         }
-        _ => Err("a host and a port such as render.example.org:7779 are needed".to_owned()),
+        _ => Err("a host and a port such as render.example.org:7779 are needed".into()),
     }
 }

@@ -10,7 +10,7 @@ use std::{
 use bottega_agents::{AgentId, driver::http::client::parse_address, sl};
 use bottega_cluster::{address::LocalAddresses, platform};
 
-use crate::error::CliError;
+use crate::{error::CliError, option_value::InvalidValue};
 
 /// The timeout for asking a platform's name.
 const NAME_WAIT: Duration = Duration::from_secs(5);
@@ -27,7 +27,7 @@ pub(crate) struct Peer {
 }
 
 /// Parses `URL` or `NAME=URL`; the default path is `/acc`.
-pub(crate) fn parse_peer(text: &str) -> Result<Peer, String> {
+pub(crate) fn parse_peer(text: &str) -> Result<Peer, InvalidValue> {
     let (name, url) = match text.split_once("=http") {
         Some((name, rest)) => (Some(name.to_owned()), format!("http{rest}")),
         None => (None, text.to_owned()),
@@ -35,7 +35,7 @@ pub(crate) fn parse_peer(text: &str) -> Result<Peer, String> {
     let (_, path) =
         parse_address(&url).map_err(|_| "an address such as http://127.0.0.1:7779/acc is needed".to_owned())?;
     if name.as_deref().is_some_and(str::is_empty) {
-        return Err("a name is needed before the =".to_owned());
+        return Err("a name is needed before the =".into());
     }
     let url = if path == "/" { format!("{}/acc", url.trim_end_matches('/')) } else { url };
     Ok(Peer { name, url })

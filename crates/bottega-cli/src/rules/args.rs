@@ -6,7 +6,7 @@ use bottega::rules::{Source, laid_out};
 use bottega_fuzzy::FunctionBlock;
 use clap::{Args, Subcommand, ValueHint};
 
-use crate::error::CliError;
+use crate::{error::CliError, option_value::InvalidValue};
 
 #[derive(Debug, Args)]
 pub(crate) struct RulesArgs {
@@ -17,7 +17,7 @@ pub(crate) struct RulesArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum RulesCommand {
     /// Look for mistakes, and for what is most likely not meant: contradictions, dead rules, cases without a rule.
-    Check(CheckArgs),
+    Check(RulesCheckArgs),
     /// Say what the rules decide for some values of their inputs, and why.
     #[command(
         after_help = "For example: bottega rules eval path-tracing complexity=4.2 neighbor_difference=0.3 size=900 \
@@ -34,7 +34,7 @@ pub(crate) enum RulesCommand {
 }
 
 #[derive(Debug, Args)]
-pub(crate) struct CheckArgs {
+pub(crate) struct RulesCheckArgs {
     /// FCL texts, or rules that come with the program: path-tracing, paper, photon-mapping, engine-choice, or the name of an engine.
     #[arg(value_name = "FILE", required = true, value_hint = ValueHint::FilePath)]
     pub(crate) files: Vec<PathBuf>,
@@ -100,32 +100,32 @@ pub(crate) struct PlotArgs {
     pub(crate) over: Option<[String; 2]>,
 }
 
-fn number(text: &str) -> Result<f64, String> {
+fn number(text: &str) -> Result<f64, InvalidValue> {
     let number = text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
-    number.ok_or_else(|| format!("`{}` is not a number", text.trim()))
+    number.ok_or_else(|| format!("`{}` is not a number", text.trim()).into())
 }
 
-fn parse_value(text: &str) -> Result<(String, f64), String> {
+fn parse_value(text: &str) -> Result<(String, f64), InvalidValue> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), number(value)?)),
-        _ => Err("the name of an input, `=` and a number are needed, such as size=900".to_owned()),
+        _ => Err("the name of an input, `=` and a number are needed, such as size=900".into()),
     }
 }
 
-fn parse_range(text: &str) -> Result<(String, f64, f64), String> {
+fn parse_range(text: &str) -> Result<(String, f64, f64), InvalidValue> {
     let named = text.split_once('=').filter(|(name, _)| !name.trim().is_empty());
     match named.and_then(|(name, range)| Some((name, range.split_once("..")?))) {
         Some((name, (min, max))) => Ok((name.trim().to_owned(), number(min)?, number(max)?)),
-        None => Err("an input, `=` and two numbers with `..` between are needed, such as size=256..4096".to_owned()),
+        None => Err("an input, `=` and two numbers with `..` between are needed, such as size=256..4096".into()),
     }
 }
 
-fn parse_axes(text: &str) -> Result<[String; 2], String> {
+fn parse_axes(text: &str) -> Result<[String; 2], InvalidValue> {
     match text.split_once(',').map(|(x, y)| [x.trim(), y.trim()]) {
         Some([x, y]) if !x.is_empty() && !y.is_empty() && !y.contains(',') && !x.eq_ignore_ascii_case(y) => {
             Ok([x.to_owned(), y.to_owned()])
         }
-        _ => Err("two inputs with a comma between are needed, such as complexity,size".to_owned()),
+        _ => Err("two inputs with a comma between are needed, such as complexity,size".into()),
     }
 }
 

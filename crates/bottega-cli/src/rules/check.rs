@@ -8,13 +8,13 @@ use serde_json::{Value, json};
 
 use bottega::rules::Source;
 
-use super::args::CheckArgs;
+use super::args::RulesCheckArgs;
 use crate::{
     error::{CliError, report},
     output::print_report,
 };
 
-pub(super) fn run(args: &CheckArgs) -> Result<ExitCode, CliError> {
+pub(super) fn run(args: &RulesCheckArgs) -> Result<ExitCode, CliError> {
     let (mut errors, mut warnings) = (0, 0);
     for path in &args.files {
         match Source::read(path) {

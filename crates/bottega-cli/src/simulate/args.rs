@@ -5,7 +5,7 @@ use std::{path::PathBuf, time::Duration};
 use bottega::request::{AdaptationChoice, AuctionChoice};
 use clap::{Args, ValueHint};
 
-use crate::cli::choice;
+use crate::{cli::choice, option_value::InvalidValue};
 
 /// One of a record and a synthetic work is needed.
 #[derive(Debug, Args)]
@@ -92,40 +92,40 @@ pub(crate) struct SimulateArgs {
     pub(crate) json: bool,
 }
 
-fn parse_share(text: &str) -> Result<f64, String> {
+fn parse_share(text: &str) -> Result<f64, InvalidValue> {
     let share = match text.strip_suffix('%') {
         Some(percent) => percent.parse::<f64>().map(|percent| percent / 100.0),
         None => text.parse(),
     };
     match share {
         Ok(share) if (0.0..1.0).contains(&share) => Ok(share),
-        _ => Err("a share from 0 to below 1 is needed, such as 0.05 or 5%".to_owned()),
+        _ => Err("a share from 0 to below 1 is needed, such as 0.05 or 5%".into()),
     }
 }
 
-fn parse_time(text: &str) -> Result<Duration, String> {
+fn parse_time(text: &str) -> Result<Duration, InvalidValue> {
     let (number, unit) = match (text.strip_suffix("ms"), text.strip_suffix('s')) {
         (Some(number), _) => (number, 1e-3),
         (_, Some(number)) => (number, 1.0),
-        _ => return Err("a time with its unit is needed, such as 5ms or 0.1s".to_owned()),
+        _ => return Err("a time with its unit is needed, such as 5ms or 0.1s".into()),
     };
     match number.parse::<f64>().map(|number| number * unit) {
         Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(Duration::from_secs_f64(seconds)),
-        _ => Err("a time from 0 to an hour is needed, such as 5ms or 0.1s".to_owned()),
+        _ => Err("a time from 0 to an hour is needed, such as 5ms or 0.1s".into()),
     }
 }
 
-fn parse_positive(text: &str) -> Result<f64, String> {
+fn parse_positive(text: &str) -> Result<f64, InvalidValue> {
     match text.parse::<f64>() {
         Ok(number) if (1e-6..=1e6).contains(&number) => Ok(number),
-        _ => Err("a number from 0.000001 to 1000000 is needed".to_owned()),
+        _ => Err("a number from 0.000001 to 1000000 is needed".into()),
     }
 }
 
-fn parse_spread(text: &str) -> Result<f64, String> {
+fn parse_spread(text: &str) -> Result<f64, InvalidValue> {
     match text.parse::<f64>() {
         Ok(number) if (0.0..=4.0).contains(&number) => Ok(number),
-        _ => Err("a number from 0 to 4 is needed".to_owned()),
+        _ => Err("a number from 0 to 4 is needed".into()),
     }
 }
 

@@ -87,8 +87,18 @@ impl Stage {
 
     fn render(&self, more: &[&str]) -> Output {
         let (scene, output) = (self.path("scene.toy"), self.path("out.exr"));
-        let usual =
-            ["render", text(&scene), "--engine", "hostile", "-o", text(&output), "--level", "1", "--zones", "4"];
+        let usual = [
+            "render",
+            text(&scene),
+            "--engine",
+            "hostile",
+            "-o",
+            text(&output),
+            "--set",
+            "work.level=1",
+            "--set",
+            "work.zones=4",
+        ];
         self.command(&[&usual, more].concat()).output().expect("the program starts")
     }
 
@@ -352,7 +362,7 @@ fn what_an_engine_lacks_is_told_before_anything_is_painted() {
     refuse(&["--camera", "x"], "--camera is for our own engine");
     refuse(&["--aov", "albedo"], "Hostile makes no layer `albedo` of this scene");
     refuse(&["--engine-option", "speed=11"], "Hostile has no option `speed`");
-    refuse(&["--engine-rules", "x.fcl"], "for pictures that two engines paint");
+    refuse(&["--set", "engine.rules.file=x.fcl"], "for pictures that two engines paint");
     refuse(&["-D", "a=b"], "--define means nothing to Hostile");
     refuse(&["--crop", "0,0,97,64"], "not within the picture");
     fs::rename(stage.path("scene.toy"), stage.path("scene.glb")).expect("renamed");
@@ -428,7 +438,7 @@ output = "out.exr"
     .expect("written");
     let (scene, output) = (stage.path("scene.toy"), stage.path("out.exr"));
     let arguments =
-        ["render", text(&scene), "--engine", "line", "-o", text(&output), "--size", "40x30", "--zones", "4"];
+        ["render", text(&scene), "--engine", "line", "-o", text(&output), "--size", "40x30", "--set", "work.zones=4"];
     let done = stage.command(&arguments).output().expect("the program starts");
     assert!(done.status.success(), "{}", told(&done));
     assert_eq!(stage.picture(), Picture::from_fn(40, 30, |x, y| [x as f32, y as f32, 1.0]));

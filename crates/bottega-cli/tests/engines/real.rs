@@ -64,8 +64,8 @@ fn check(name: &str, scene: &Path, spp: &str) {
         assert!(done.status.success(), "{name}: {}", told(&done.stderr));
         read_picture(output).expect("a picture")
     };
-    let whole = paint("whole.exr", &["--level", "0"]);
-    let zones = paint("zones.exr", &["--level", "3", "--zones", "6"]);
+    let whole = paint("whole.exr", &["--set", "work.level=0"]);
+    let zones = paint("zones.exr", &["--set", "work.level=3", "--set", "work.zones=6"]);
     assert_eq!(whole.size(), (96, 72));
     assert!((mean(&zones) / mean(&whole) - 1.0).abs() < 0.02, "{name}: {} and {}", mean(&zones), mean(&whole));
     if name == "cycles" {
@@ -177,7 +177,7 @@ fn layers_of_a_picture_in_zones_are_those_of_the_whole_frame() {
     let output = at("zones.exr");
     // Two passes of each zone, of different numbers of samples, and bands where zones overlap.
     let scene = at("scene.xml");
-    let words = ["render", text(&scene), "--engine", "mitsuba", "--spp", "32", "--zones", "7"];
+    let words = ["render", text(&scene), "--engine", "mitsuba", "--spp", "32", "--set", "work.zones=7"];
     let done = bottega(&[&words[..], &["--quiet", "-o", text(&output)]].concat()).output().expect("the program starts");
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let pairs = [
@@ -226,8 +226,8 @@ fn two_engines_paint_one_picture() {
             engine,
             "--spp",
             "64",
-            "--zones",
-            "8",
+            "--set",
+            "work.zones=8",
             "--verbose",
             "-o",
             text(&output),
@@ -295,7 +295,7 @@ fn a_gltf_without_a_camera_is_seen_alike_by_cycles_and_by_our_own_engine() {
     let folder = tempfile::tempdir().expect("a folder");
     let paint = |engine: &str| {
         let output = folder.path().join(format!("{engine}.exr"));
-        let size = ["--size", "64x64", "--spp", "64", "--max-depth", "8", "--zones", "4"];
+        let size = ["--size", "64x64", "--spp", "64", "--max-depth", "8", "--set", "work.zones=4"];
         let words = ["render", text(&scene), "--engine", engine, "-o", text(&output)];
         let done = bottega(&[&words[..], &size].concat()).output().expect("the program starts");
         let told = String::from_utf8_lossy(&done.stderr).into_owned();

@@ -39,8 +39,17 @@ fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
     fs::write(farm.path("scene.xml"), SCENE).expect("written");
     fs::write(farm.path("meshes/square.ply"), SQUARE).expect("written");
     let (scene, output) = (farm.path("scene.xml"), farm.path("a.exr"));
-    let words =
-        ["render", text(&scene), "--engine", "mitsuba", "-o", text(&output), "--spp=16", "--zones=6", "--quiet"];
+    let words = [
+        "render",
+        text(&scene),
+        "--engine",
+        "mitsuba",
+        "-o",
+        text(&output),
+        "--spp=16",
+        "--set=work.zones=6",
+        "--quiet",
+    ];
     let alone = farm.path("alone.exr");
     farm.succeed(&["render", text(&scene), "--engine", "mitsuba", "-o", text(&alone), "--spp=16", "--quiet"]);
     farm.succeed(&[&words, ["--farm", "--detach"].as_slice()].concat());
@@ -84,8 +93,18 @@ fn a_picture_of_a_farm_is_denoised_as_a_whole() {
     }
     let farm = Farm::start(&server);
     let (farmed, alone) = (farm.path("farmed.exr"), farm.path("alone.exr"));
-    let usual =
-        ["render", "cornell-box.glb", "--size", "64x48", "--spp", "64", "--zones=9", "--denoise", "--quiet", "-o"];
+    let usual = [
+        "render",
+        "cornell-box.glb",
+        "--size",
+        "64x48",
+        "--spp",
+        "64",
+        "--set=work.zones=9",
+        "--denoise",
+        "--quiet",
+        "-o",
+    ];
     farm.succeed(&[&usual[..], &[text(&alone)]].concat());
     let _one = farm.join("one");
     farm.succeed(&[&usual[..], &[text(&farmed), "--farm"]].concat());
@@ -122,7 +141,7 @@ fn an_animation_is_painted_by_machines_with_povray_and_a_lost_frame_alone() {
     let words = |output: &str| {
         let output = farm.path(output);
         let words = ["render", text(&scene), "--engine", "povray", "--frames", "1..3", "-o", text(&output)];
-        let quality = ["--size=64x48", "--spp=4", "--zones=4", "--quiet"];
+        let quality = ["--size=64x48", "--spp=4", "--set=work.zones=4", "--quiet"];
         words.into_iter().chain(quality).map(str::to_owned).collect::<Vec<_>>()
     };
     let run = |words: &[String]| farm.succeed(&words.iter().map(String::as_str).collect::<Vec<_>>());

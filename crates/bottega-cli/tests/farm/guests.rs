@@ -115,15 +115,15 @@ fn hostile(farm: &Farm) {
     assert!(evil.blobs().put("file/x", b"evil").is_err());
     // Its own seat, and pixels, which are believed only with their digest.
     assert!(evil.notices().put(&format!("seat/{member}/{member}.1"), b"{}").is_ok());
-    assert!(evil.tiles().put("work-1/tile-x", b"pixels").is_ok());
+    assert!(evil.payloads().put("work-1/tile-x", b"pixels").is_ok());
     // It writes over nobody's pixels; who wrote them may say so twice.
     let large = vec![7; 700_000];
     for own in [&b"own"[..], &large] {
         let name = format!("work-1/tile-{}", own.len());
-        assert!(link.tiles().put(&name, own).is_ok());
-        assert!(evil.tiles().put(&name, b"evil").is_err_and(|error| error.is_lasting));
-        assert!(link.tiles().put(&name, own).is_ok());
-        assert_eq!(link.tiles().get(&name, 1 << 20).unwrap().as_deref(), Some(own));
+        assert!(link.payloads().put(&name, own).is_ok());
+        assert!(evil.payloads().put(&name, b"evil").is_err_and(|error| error.is_lasting));
+        assert!(link.payloads().put(&name, own).is_ok());
+        assert_eq!(link.payloads().get(&name, 1 << 20).unwrap().as_deref(), Some(own));
     }
     assert_eq!(link.notices().get("job/1").map(|job| job.revision), Some(before.revision));
     assert!(link.notices().get("job/77").is_none() && link.notices().get("seat/other/other.1").is_none());

@@ -53,7 +53,7 @@ fn three_machines_and_any_server_give_the_bits_of_one() {
         // What was kept for it has gone; what a machine put there after the end, when somebody asks for the next one.
         assert!(farm.render("b.exr", &["--detach"]).wait(), "{}", farm.logs());
         let uplink = link(&farm);
-        let left = uplink.tiles().folders();
+        let left = uplink.payloads().folders();
         assert!(left.is_empty(), "{left:?}");
     }
 }
@@ -83,8 +83,10 @@ fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_o
     const SAMPLES: &str = "--spp=64";
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
-    let ways: [&[&str]; 2] =
-        [&["--integrator", "photon", "--photons", "400000"], &["--integrator", "ala", "--lighting-agents", "30000"]];
+    let ways: [&[&str]; 2] = [
+        &["--integrator", "photon", "--set", "photons.count=400000"],
+        &["--integrator", "ala", "--set", "lighting_agents.cast=30000"],
+    ];
     let (mut one, mut two) = (farm.join("one"), farm.join("two"));
     let uplink = link(&farm);
     for (number, way) in (1..).zip(ways) {

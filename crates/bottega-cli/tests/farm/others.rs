@@ -216,7 +216,8 @@ fn when_the_server_has_no_room_the_job_waits_until_it_has() {
             "authorization {{ token: \"word\" }}\njetstream {{ store_dir: \"STORE\", max_file_store: {room} }}\n"
         ))
     };
-    let picture = ["render", "goblets.glb", "--size", "640x480", "--spp", "4", "--zones", "64", "--quiet", "-o"];
+    let picture =
+        ["render", "goblets.glb", "--size", "640x480", "--spp", "4", "--set", "work.zones=64", "--quiet", "-o"];
     let [plain, farm] = ["plain.exr", "farm.exr"].map(|name| other.path(name));
     support::succeed(&[&picture[..], &[text(&plain)]].concat());
     let mut small = start("3M");

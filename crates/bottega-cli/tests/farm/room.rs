@@ -34,7 +34,7 @@ fn large_scene(path: &Path, megabytes: usize) {
 fn used(farm: &Farm) -> u64 {
     let link = link(farm);
     let blobs: u64 = link.blobs().list().iter().map(|blob| blob.bytes).sum();
-    blobs + link.tiles().bytes_by_folder().values().sum::<u64>()
+    blobs + link.payloads().bytes_by_folder().values().sum::<u64>()
 }
 
 #[test]

@@ -53,7 +53,8 @@ fn platform(farm: &Farm) -> SocketAddr {
 /// A job that admits strangers.
 fn paint(farm: &Farm, name: &str, spp: &str, more: &[&str]) -> Process {
     let (scene, output) = (room(farm), farm.path(name));
-    let words = ["render", text(&scene), "-o", text(&output), "--farm", "--strangers", "--spp", spp, "--zones=12"];
+    let words =
+        ["render", text(&scene), "-o", text(&output), "--farm", "--strangers", "--spp", spp, "--set=work.zones=12"];
     farm.spawn(&[&words[..], &["--threads", "1", "--quiet"], more].concat(), &format!("{name}.log"))
 }
 

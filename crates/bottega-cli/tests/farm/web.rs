@@ -253,7 +253,7 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
 /// together: it was waited for for ever.
 #[test]
 fn a_job_that_is_painted_again_keeps_its_picture_until_the_new_one_is_there() {
-    const PHOTONS: [&str; 4] = ["--integrator", "photon", "--photons", "400000"];
+    const PHOTONS: [&str; 4] = ["--integrator", "photon", "--set", "photons.count=400000"];
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start_with(&server, &["--web", "127.0.0.1:0"]);
     let [steer, _] = Web::doors(&farm, "up.log");

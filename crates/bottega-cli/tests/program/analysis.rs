@@ -66,7 +66,7 @@ fn level_3_keeps_the_expected_times_of_real_scenes_within_a_tenth() {
 #[test]
 fn a_map_without_channels_is_even() {
     let folder = tempfile::tempdir().expect("a folder");
-    let index = analyzed("goblets.glb", folder.path(), &["--channels", "depth"]);
+    let index = analyzed("goblets.glb", folder.path(), &["--set", "work.channels=depth"]);
     // Depth says nothing of time, so all zones of the first level are alike.
     let zones = zones(&index, 1);
     assert!(zones.iter().all(|(_, complexity)| (complexity / zones[0].1 - 1.0).abs() < 1e-3), "{zones:?}");

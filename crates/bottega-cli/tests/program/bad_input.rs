@@ -33,7 +33,6 @@ fn wrong_usage_is_told_before_any_work() {
         ("--spp", "0"),
         ("--agents", "0"),
         ("--threads", "0"),
-        ("--level", "4"),
         ("--optimize", "most"),
         ("--aov", "beauty"),
         ("--crop", "5,5,5,9"),
@@ -55,6 +54,12 @@ fn wrong_usage_is_told_before_any_work() {
     fails(&["render", "cornell-box.glb", "-o", "film.%4d.png", "--frames", "1..2"], 2, &["`%4d`", "%04d"]);
     fails(&["render", "cornell-box.glb", "-o", "film.%d.##.png", "--frames", "1..2"], 2, &["several places"]);
     fails(&["render", "goblets.glb", "-o", picture, "--camera", "nobody"], 2, &["nobody", "camera"]);
+    fails(
+        &["render", "cornell-box.glb", "-o", picture, "--set", "work.level=4"],
+        2,
+        &["--set work.level=4", "from 0 to 3"],
+    );
+    fails(&["render", "cornell-box.glb", "-o", picture, "--zones", "4"], 2, &["--set work.zones=64"]);
     assert!(!folder.path().join("picture.png").exists());
 }
 

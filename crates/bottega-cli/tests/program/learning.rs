@@ -18,8 +18,19 @@ fn succeed_in(state: &Path, arguments: &[&str]) -> String {
 
 /// Paints a small picture, and returns all events.
 fn paint(state: &Path, picture: &Path) -> Vec<Value> {
-    let arguments =
-        ["goblets.glb", "--size", "96x72", "--spp", "16", "--zones", "12", "--optimize", "n", "--threads", "2"];
+    let arguments = [
+        "goblets.glb",
+        "--size",
+        "96x72",
+        "--spp",
+        "16",
+        "--set",
+        "work.zones=12",
+        "--optimize",
+        "n",
+        "--threads",
+        "2",
+    ];
     let mut all = vec!["render", "--json", "-o", text(picture)];
     all.extend(arguments);
     let told = succeed_in(state, &all);

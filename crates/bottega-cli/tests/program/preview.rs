@@ -185,7 +185,8 @@ fn the_integrator_of_the_file_chooses_ours() {
     assert_eq!((chosen.as_str(), told.as_str()), ("\"path\"/false", ""));
     assert!(with_caustic > 1.05 * by_paths, "{with_caustic} and {by_paths}");
     // One that finds the same from both ends.
-    let (chosen, told, from_both_ends) = painted("bdpt", "", &["--photons", "40000", "--photon-radius", "0.05"]);
+    let (chosen, told, from_both_ends) =
+        painted("bdpt", "", &["--set", "photons.count=40000", "--set", "photons.radius=0.05"]);
     assert_eq!(chosen, photons);
     assert!(told.contains("`bdpt` is replaced"), "{told}");
     assert!((from_both_ends / with_caustic - 1.0).abs() < 0.05, "{from_both_ends} and {with_caustic}");
@@ -194,6 +195,6 @@ fn the_integrator_of_the_file_chooses_ours() {
     assert_eq!(chosen, "\"path\"/false");
     assert!(told.contains("as it was asked for"), "{told}");
     assert!((asked / by_paths - 1.0).abs() < 0.02, "{asked} and {by_paths}");
-    let (chosen, ..) = painted("sppm", "", &["--final-rays", "2", "--photons", "20000"]);
+    let (chosen, ..) = painted("sppm", "", &["--set", "photons.final_rays=2", "--set", "photons.count=20000"]);
     assert_eq!(chosen, "\"photon\"/false");
 }

@@ -33,15 +33,15 @@ proptest! {
     #[test]
     fn the_picture_does_not_depend_on_who_paints_it(
         agents in prop::sample::select(vec!["1", "2", "7"]),
-        level in prop::sample::select(vec!["0", "1", "2", "3"]),
+        level in prop::sample::select(vec!["work.level=0", "work.level=1", "work.level=2", "work.level=3"]),
         threads in prop::sample::select(vec!["1", "2"]),
         seed in 0u64..1000,
     ) {
         let folder = tempfile::tempdir().expect("a folder");
         let seed = seed.to_string();
-        let reference = painted(folder.path(), "a.exr", &["--agents", "1", "--level", "0", "--threads", "1", "--seed", &seed]);
+        let reference = painted(folder.path(), "a.exr", &["--agents", "1", "--set", "work.level=0", "--threads", "1", "--seed", &seed]);
         let other =
-            painted(folder.path(), "b.exr", &["--agents", agents, "--level", level, "--threads", threads, "--seed", &seed]);
+            painted(folder.path(), "b.exr", &["--agents", agents, "--set", level, "--threads", threads, "--seed", &seed]);
         prop_assert_eq!(reference, other);
     }
 }
@@ -53,11 +53,11 @@ fn a_picture_with_an_error_does_not_depend_on_who_paints_it() {
         let usual = ["--size", "100x70", "--spp", "200", "--error", "0.25", "--aov", "samples", "--exact"];
         painted_as(folder.path(), name, &[&usual, more].concat())
     };
-    let reference = painted("a.exr", &["--agents", "1", "--level", "0", "--threads", "1"]);
+    let reference = painted("a.exr", &["--agents", "1", "--set", "work.level=0", "--threads", "1"]);
     for (name, more) in [
-        ("b.exr", ["--agents", "7", "--level", "1", "--threads", "2"]),
-        ("c.exr", ["--agents", "3", "--level", "3", "--threads", "2"]),
-        ("d.exr", ["--agents", "2", "--zones", "12", "--threads", "1"]),
+        ("b.exr", ["--agents", "7", "--set", "work.level=1", "--threads", "2"]),
+        ("c.exr", ["--agents", "3", "--set", "work.level=3", "--threads", "2"]),
+        ("d.exr", ["--agents", "2", "--set", "work.zones=12", "--threads", "1"]),
     ] {
         assert_eq!(reference, painted(name, &more), "{more:?}");
     }

@@ -19,7 +19,8 @@ fn a_recorded_run_is_replayed_with_other_agents() {
     let folder = tempfile::tempdir().expect("a folder");
     let [picture, record, gantt, trace] =
         ["a.png", "run.json", "gantt.svg", "trace.txt"].map(|name| folder.path().join(name));
-    let painted = ["render", "goblets.glb", "-o", text(&picture), "--size", "96x72", "--spp", "40", "--zones", "12"];
+    let painted =
+        ["render", "goblets.glb", "-o", text(&picture), "--size", "96x72", "--spp", "40", "--set", "work.zones=12"];
     let recorded = ["--quiet", "--agents", "2", "--threads", "2", "--record", text(&record)];
     succeed(&[&painted[..], &recorded[..]].concat());
 
@@ -48,7 +49,8 @@ fn a_recorded_run_is_replayed_with_other_agents() {
 fn a_work_with_rules_of_its_own_is_replayed_by_them() {
     let folder = tempfile::tempdir().expect("a folder");
     let [picture, record] = ["a.png", "run.json"].map(|name| folder.path().join(name));
-    let painted = ["render", "goblets.glb", "-o", text(&picture), "--size", "96x72", "--spp", "64", "--zones", "12"];
+    let painted =
+        ["render", "goblets.glb", "-o", text(&picture), "--size", "96x72", "--spp", "64", "--set", "work.zones=12"];
     let ruled = ["--quiet", "--optimize", "b", "--rules", "paper", "--record", text(&record)];
     succeed(&[&painted[..], &ruled[..]].concat());
     let busy = |more: &[&str]| {

@@ -37,11 +37,11 @@ impl JobTransport for NatsTransport {
     }
 
     fn put_tile(&self, name: &str, bytes: &[u8]) -> Result<(), TransportError> {
-        self.0.tiles().put(name, bytes).map_err(|error| transport_error(&error))
+        self.0.payloads().put(name, bytes).map_err(|error| transport_error(&error))
     }
 
     fn get_tile(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, TransportError> {
-        self.0.tiles().get(name, bytes_max).map_err(|error| transport_error(&error))
+        self.0.payloads().get(name, bytes_max).map_err(|error| transport_error(&error))
     }
 
     fn is_connected(&self) -> bool {
@@ -54,7 +54,7 @@ impl JobTransport for NatsTransport {
 
     fn forget(&self, prefix: &Key, folder: &str) {
         self.0.forget(prefix);
-        self.0.tiles().forget(folder);
+        self.0.payloads().forget(folder);
     }
 }
 

@@ -59,7 +59,7 @@ impl JobBoard {
     /// Returns the bytes that the farm's server really stores, without rows and notices.
     fn kept_bytes(&self) -> u64 {
         let blobs: u64 = self.uplink.blobs().list().iter().map(|blob| blob.bytes).sum();
-        blobs + self.uplink.tiles().bytes_by_folder().values().sum::<u64>()
+        blobs + self.uplink.payloads().bytes_by_folder().values().sum::<u64>()
     }
 
     /// True if the server counts many deleted bytes as used: versions before 2.10 do until they are restarted.

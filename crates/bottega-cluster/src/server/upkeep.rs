@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use bottega_agents::driver::nats::Blob;
+use bottega_agents::driver::nats::StoredBlob;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -71,9 +71,9 @@ impl JobBoard {
         let jobs = self.all();
         let is_live = |work: u64| jobs.iter().any(|(_, job)| job.work == work && !job.state.is_over());
         let work = |folder: &str| folder.strip_prefix("work-")?.parse().ok();
-        for folder in self.uplink.tiles().folders() {
+        for folder in self.uplink.payloads().folders() {
             if work(&folder).is_some_and(|work| !is_live(work)) {
-                self.uplink.tiles().forget(&folder);
+                self.uplink.payloads().forget(&folder);
             }
         }
         for (_, job) in jobs.iter().filter(|(_, job)| job.state == JobState::Cancelled) {
@@ -199,8 +199,8 @@ impl JobBoard {
     /// Returns the storage that each job uses, by number.
     pub fn held(&self, jobs: &[(u32, Job)]) -> BTreeMap<u32, JobStorage> {
         let blobs = self.uplink.blobs().list();
-        let sizes: BTreeMap<&str, u64> = blobs.iter().map(|Blob { name, bytes, .. }| (&**name, *bytes)).collect();
-        let tiles = self.uplink.tiles().bytes_by_folder();
+        let sizes: BTreeMap<&str, u64> = blobs.iter().map(|StoredBlob { name, bytes, .. }| (&**name, *bytes)).collect();
+        let tiles = self.uplink.payloads().bytes_by_folder();
         let held = |job: &Job| {
             // If its specification cannot be read, its scene counts as empty.
             let pieces: BTreeSet<String> =

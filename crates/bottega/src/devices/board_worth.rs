@@ -46,12 +46,15 @@ pub(crate) fn left_alone(boards: &[ConnectedBoard], processors: usize, gpus: &[S
     let verb = if boards.len() == 1 { "is" } else { "are" };
     let alone = format!("{} {verb} left alone", names.join(", "));
     if !gpus.is_empty() {
-        return format!("{alone}: {} paints whole paths faster; --wavefront uses boards all the same", gpus.join(", "));
+        return format!(
+            "{alone}: {} paints whole paths faster; `--set integrator.wavefront=true` uses boards all the same",
+            gpus.join(", ")
+        );
     }
     let needed = SHARE_MIN * processors as f64;
     let painting = counted(processors as u64, "processor");
     format!(
-        "{alone}: beside {painting} boards save time from {} and {:.0} MB/s on; --wavefront uses them all the same",
+        "{alone}: beside {painting} boards save time from {} and {:.0} MB/s on; `--set integrator.wavefront=true` uses them all the same",
         counted(needed.ceil() as u64, "thread"),
         needed * BYTES_OF_PROCESSOR / 1e6
     )

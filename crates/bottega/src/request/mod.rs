@@ -5,6 +5,7 @@ mod device_choice;
 mod field;
 mod json;
 mod limits;
+mod schema;
 mod sections;
 mod set;
 mod validate;
@@ -25,6 +26,7 @@ pub use self::{
     field::InvalidField,
     json::{REQUEST_BYTES_MAX, RequestError},
     limits::*,
+    schema::RequestField,
     sections::{
         BandChoice, CameraPose, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FarmOptions,
         FilmOptions, FrameOptions, GoalOptions, GuideOptions, IntegratorOptions, LightingAgentOptions, OutputOptions,
@@ -121,10 +123,5 @@ impl Request {
             output: OutputOptions::default(),
             farm: FarmOptions::default(),
         }
-    }
-
-    /// Returns the JSON Schema of requests, for editors and other programs.
-    pub fn schema() -> schemars::Schema {
-        schemars::schema_for!(Self)
     }
 }

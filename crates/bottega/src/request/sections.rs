@@ -52,7 +52,7 @@ pub struct SceneOptions {
     /// Further folders below which the scene may read files.
     #[serde(default)]
     pub asset_roots: Vec<PathBuf>,
-    /// True if the camera sees through the backs of single-sided materials in glTF scenes.
+    /// True to let the camera see through the backs of single-sided materials in glTF scenes, as viewers do.
     #[serde(default)]
     pub cull_backfaces: bool,
     /// Parameters of a Mitsuba scene (its `<default>`s), by name.
@@ -180,9 +180,9 @@ sections! {
     EnvironmentOptions {
         /// The source of the light; none: that of the scene file.
         light: Option<EnvironmentLight> = None,
-        /// Rotation about the vertical axis, in degrees.
+        /// Rotation of the environment light about the vertical axis, in degrees.
         rotate: f32 = 0.0,
-        /// Factor of the radiance.
+        /// Factor of the environment light's radiance.
         strength: f32 = 1.0,
     }
 
@@ -209,7 +209,8 @@ sections! {
         /// Layers in addition to the color, by name; `all` alone: all of them. None: the engine's default; the built-in engine
         /// makes none.
         layers: Option<Vec<String>> = None,
-        /// True to denoise the picture with Open Image Denoise.
+        /// True to denoise the picture with Intel's Open Image Denoise, which must be installed; `BOTTEGA_OIDN` names its file or
+        /// folder. The EXR file then has the layers albedo, normal and noisy.
         denoise: bool = false,
     }
 
@@ -217,7 +218,8 @@ sections! {
     GoalOptions {
         /// Samples per pixel; with an error or a time the maximum per pixel. None: what the scene file asks for, or 64.
         samples: Option<u32> = None,
-        /// The relative error at which a cell of 32 x 32 pixels stops.
+        /// The estimated relative error at which a cell of 32 x 32 pixels stops, such as 0.05; the maximum of samples is then 4096
+        /// if none is given.
         error: Option<f64> = None,
         /// Time limit in seconds, from the start to the written file.
         time: Option<f64> = None,
@@ -260,7 +262,7 @@ sections! {
         separate_maps: bool = false,
         /// True for indirect light; false keeps only that over mirrors and through glass. Also for lighting agents.
         indirect: bool = true,
-        /// True for progressive photon mapping: each pass has its own photons, in a radius that shrinks.
+        /// True to use progressive photon mapping: each pass has its own photons, in a radius that shrinks.
         progressive: bool = false,
     }
 
@@ -298,7 +300,7 @@ sections! {
         options: BTreeMap<String, String> = BTreeMap::new(),
         /// Further folders with manifests of engines.
         manifests: Vec<PathBuf> = Vec::new(),
-        /// True to run scripts contained in the scene.
+        /// True to run scripts contained in the scene; only for scenes from people you trust.
         trust: bool = false,
         /// Number of the frame, for engines with frames; none: the scene's current frame.
         frame: Option<i32> = None,
@@ -343,7 +345,7 @@ sections! {
         threads: Option<u16> = None,
         /// `auto` alone (the processors, and the best GPU if there is one), or `cpu` and parts of GPUs' names.
         names: Vec<String> = vec![AUTO.to_owned()],
-        /// True for pixels that are bit-identical on every machine: only processors render.
+        /// True to make pixels bit-identical on every machine: only processors render.
         exact: bool = false,
         /// Memory limit for scenes on each GPU, in MiB; none: nearly all free memory.
         memory_mb: Option<u32> = None,

@@ -35,7 +35,7 @@ const ANSWER_WAIT: Duration = Duration::from_secs(20);
 pub const TRACE_PATH: &str = "/trace";
 
 /// The service behind the server.
-pub struct Service {
+pub struct HttpService {
     /// Accepts a message. False if there is no room at the moment.
     pub take: Box<dyn Fn(Letter) -> bool + Send + Sync>,
     /// Returns the response to a GET of [`PATH`].
@@ -45,7 +45,7 @@ pub struct Service {
 }
 
 /// Serves until dropped.
-pub async fn serve(listener: TcpListener, service: Arc<Service>) {
+pub async fn serve(listener: TcpListener, service: Arc<HttpService>) {
     let room = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let bodies = Arc::new(Semaphore::new(BODIES_KIB_MAX));
     loop {
@@ -73,7 +73,7 @@ struct Connection {
     peer: SocketAddr,
     /// Bytes read and not consumed.
     bytes: Vec<u8>,
-    service: Arc<Service>,
+    service: Arc<HttpService>,
     /// Free room for bodies, in KiB.
     bodies: Arc<Semaphore>,
 }

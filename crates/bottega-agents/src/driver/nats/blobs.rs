@@ -1,4 +1,4 @@
-//! Blobs in an object store: scenes, orders and pictures.
+//! Blobs in an object store: the input of jobs, their orders and their results.
 
 use std::{
     collections::{BTreeSet, HashMap},
@@ -75,9 +75,9 @@ fn says_full(error: &(dyn std::error::Error + 'static)) -> bool {
     false
 }
 
-/// A blob in a listing.
+/// A blob in a listing of the object store.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Blob {
+pub struct StoredBlob {
     /// Its name.
     pub name: String,
     /// Its size, in bytes.
@@ -277,9 +277,9 @@ impl NatsBlobs {
     }
 
     /// Lists all blobs.
-    pub fn list(&self) -> Vec<Blob> {
+    pub fn list(&self) -> Vec<StoredBlob> {
         let infos = self.handle.block_on(self.infos());
-        let blob = |info: ObjectInfo| Blob { age: age_of(&info), bytes: info.size as u64, name: info.name };
+        let blob = |info: ObjectInfo| StoredBlob { age: age_of(&info), bytes: info.size as u64, name: info.name };
         infos.into_iter().map(blob).collect()
     }
 

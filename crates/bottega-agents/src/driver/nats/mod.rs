@@ -1,5 +1,5 @@
 //! The link over NATS: messages on subjects, the store in a key-value bucket of JetStream, blobs in an object store,
-//! tiles in a stream.
+//! payloads in a stream.
 //!
 //! A message from A to B has the subject `bottega.FARM.to.HOME.B.from.HOME.A`: an agent subscribes to messages
 //! addressed to it, and a server that lets each member publish `from` its own home only makes senders certain
@@ -7,19 +7,19 @@
 //! revision, and our fencing token. A write that the server did not confirm counts as unknown, never as done.
 
 mod blobs;
-mod board;
 mod enrolment;
 mod error;
 mod frame;
 mod names;
+mod notices;
 mod options;
 mod paged;
 mod pages;
+mod payloads;
 mod pin;
 mod reload;
 mod rights;
 mod store;
-mod tiles;
 mod watch;
 
 use std::{
@@ -39,18 +39,18 @@ use tokio::{
 use tokio_stream::StreamExt;
 
 pub use self::{
-    blobs::{Blob, BlobError, NatsBlobs},
-    board::{Notice, NoticeBoard},
+    blobs::{BlobError, NatsBlobs, StoredBlob},
     enrolment::{MemberKey, enrol, is_public_key, newcomer},
     error::NatsError,
+    notices::{NatsNotices, Notice},
     options::{Login, NatsOptions, Tls},
     paged::PagedUplink,
     pages::{AgentPage, NoticePages},
+    payloads::NatsPayloads,
     pin::Pin,
     reload::reload_server,
     rights::Rights,
     store::EntryNews,
-    tiles::NatsTiles,
 };
 use self::{options::ANSWER_TIME, store::Bucket};
 use super::{Mailbox, Uplink};
@@ -71,8 +71,8 @@ pub struct NatsUplink<K> {
     client: Client,
     bucket: Bucket<K>,
     blobs: NatsBlobs,
-    tiles: NatsTiles,
-    notices: NoticeBoard,
+    payloads: NatsPayloads,
+    notices: NatsNotices,
     member: String,
     is_guest: bool,
     /// Outgoing messages in order, with their subjects.
@@ -121,21 +121,21 @@ impl<K: Codec> NatsUplink<K> {
     /// The server is unreachable, or cannot serve a farm.
     pub fn connect_on(thread: &Arc<NatsThread>, options: &NatsOptions, codec: K) -> Result<Self, NatsError> {
         let handle = thread.handle.clone();
-        let Opened { client, context, blackboard, notices, objects, tiles } = handle.block_on(open(options))?;
+        let Opened { client, context, blackboard, notices, objects, payloads } = handle.block_on(open(options))?;
         let (outbox, mail) = mpsc::channel(OUTBOX_MAX);
         handle.spawn(post(client.clone(), mail));
         let codec = Arc::new(codec);
         let bucket = Bucket::new(client.clone(), blackboard, Arc::clone(&codec));
-        let notices = handle.block_on(NoticeBoard::open(client.clone(), notices, handle.clone()));
+        let notices = handle.block_on(NatsNotices::open(client.clone(), notices, handle.clone()));
         let blobs = NatsBlobs::new(context.clone(), objects, names::objects(&options.farm), handle.clone());
-        let tiles = NatsTiles::new(context, tiles, &options.farm, handle.clone());
+        let payloads = NatsPayloads::new(context, payloads, &options.farm, handle.clone());
         let (farm, member, is_guest) = (options.farm.clone(), options.member.clone(), options.is_guest);
         Ok(Self {
             codec,
             client,
             bucket,
             blobs,
-            tiles,
+            payloads,
             notices,
             member,
             is_guest,
@@ -146,14 +146,14 @@ impl<K: Codec> NatsUplink<K> {
         })
     }
 
-    /// The blobs: scenes, orders and pictures.
+    /// The blobs: large data.
     pub fn blobs(&self) -> &NatsBlobs {
         &self.blobs
     }
 
-    /// The painted tiles.
-    pub fn tiles(&self) -> &NatsTiles {
-        &self.tiles
+    /// The payloads of results.
+    pub fn payloads(&self) -> &NatsPayloads {
+        &self.payloads
     }
 
     /// The name of the member that is linked: all processes of a machine are one member.
@@ -161,13 +161,13 @@ impl<K: Codec> NatsUplink<K> {
         &self.member
     }
 
-    /// True if the farm allows this member to paint only.
+    /// True if this member is a guest, see [`Rights::of_guest`].
     pub fn is_guest(&self) -> bool {
         self.is_guest
     }
 
     /// The notices of the farm.
-    pub fn notices(&self) -> &NoticeBoard {
+    pub fn notices(&self) -> &NatsNotices {
         &self.notices
     }
 
@@ -292,7 +292,7 @@ struct Opened {
     blackboard: kv::Store,
     notices: kv::Store,
     objects: (jetstream::object_store::ObjectStore, jetstream::stream::Stream),
-    tiles: jetstream::stream::Stream,
+    payloads: jetstream::stream::Stream,
 }
 
 /// Connects to the servers.
@@ -319,9 +319,9 @@ async fn open(options: &NatsOptions) -> Result<Opened, NatsError> {
     let may_make = !options.is_guest;
     let blackboard = store::open(&context, names::blackboard(farm), "the blackboard", may_make).await?;
     let notices = store::open(&context, names::notices(farm), "notices", may_make).await?;
-    let objects = blobs::open(&context, names::objects(farm), "scenes and pictures", may_make).await?;
-    let tiles = tiles::open(&context, farm, may_make).await?;
-    Ok(Opened { client, context, blackboard, notices, objects, tiles })
+    let objects = blobs::open(&context, names::objects(farm), "blobs", may_make).await?;
+    let payloads = payloads::open(&context, farm, may_make).await?;
+    Ok(Opened { client, context, blackboard, notices, objects, payloads })
 }
 
 impl<M, K> Uplink<M> for NatsUplink<K>

@@ -111,18 +111,18 @@ pub(super) fn notices(farm: &str) -> String {
     format!("bottega-{farm}-notices")
 }
 
-/// The bucket of scenes, orders and pictures.
+/// The bucket of blobs.
 pub(super) fn objects(farm: &str) -> String {
     format!("bottega-{farm}")
 }
 
-/// The stream of painted tiles.
-pub(super) fn tiles(farm: &str) -> String {
+/// The stream of payloads; its name on the wire says what they are to a farm.
+pub(super) fn payloads(farm: &str) -> String {
     format!("bottega-{farm}-tiles")
 }
 
 /// The prefix of that stream's subjects.
-pub(super) fn tiles_prefix(farm: &str) -> String {
+pub(super) fn payloads_prefix(farm: &str) -> String {
     format!("bottega.{farm}.tile.")
 }
 
@@ -189,9 +189,9 @@ mod tests {
 
     #[test]
     fn a_folder_is_watched_whole() {
-        let zone = Key::from("work/7/zone/12".to_owned());
-        assert_eq!(key(&zone), "work.7.zone.12");
-        assert_eq!(entry("work.7.zone.12"), Some(zone));
+        let row = Key::from("work/7/zone/12".to_owned());
+        assert_eq!(key(&row), "work.7.zone.12");
+        assert_eq!(entry("work.7.zone.12"), Some(row));
         assert_eq!(below(&Key::from("work/7/".to_owned())), "work.7.>");
         assert_eq!(below(&Key::from("work".to_owned())), ">");
         assert_eq!(key(&Key::from("agent/a@b c".to_owned())), "agent.a=40b=20c");

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::board::{Notice, NoticeBoard};
+use super::notices::{NatsNotices, Notice};
 use crate::{
     Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, machine_of, store::AddressedStore,
 };
@@ -14,7 +14,7 @@ const OF_AGENT: &str = "/agent/";
 
 /// A store of pages in notices. Its writes block until the server confirms them.
 pub struct NoticePages {
-    notices: NoticeBoard,
+    notices: NatsNotices,
     /// Prefix of the names of this platform's notices.
     folder: String,
     watches: Vec<PageWatch>,
@@ -34,7 +34,7 @@ type Replies = Vec<AddressedStore<String, usize>>;
 
 impl NoticePages {
     /// The pages of the platform with this name.
-    pub fn new(notices: NoticeBoard, platform: &str) -> Self {
+    pub fn new(notices: NatsNotices, platform: &str) -> Self {
         Self { notices, folder: folder(platform), watches: Vec::new(), changes: None }
     }
 
@@ -165,7 +165,7 @@ pub struct AgentPage {
 
 impl AgentPage {
     /// All entries of agents in a platform's pages, including removed ones without text.
-    pub fn all(notices: &NoticeBoard, platform: &str) -> Vec<Self> {
+    pub fn all(notices: &NatsNotices, platform: &str) -> Vec<Self> {
         let folder = folder(platform);
         let page = |notice: Notice| {
             let key = entry_name(notice.name.strip_prefix(&folder)?)?;

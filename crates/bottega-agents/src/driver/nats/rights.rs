@@ -1,7 +1,7 @@
 //! Rights on a server: which role may publish and read which subjects.
 //!
-//! A member that only paints may publish messages of its own agents, its presence and its tiles, and enter its own
-//! agents into the directories; it may read scenes and receive messages. It cannot send as a Master, write rows, jobs
+//! A guest may publish messages of its own agents, its presence and its payloads, and enter its own agents into the
+//! directories; it may read blobs and receive messages. It cannot send as a Master, write rows, jobs
 //! or leaders, or change streams.
 
 use super::names;
@@ -24,21 +24,21 @@ impl Rights {
         Self { publish: vec![names::enrolment(group)], subscribe: vec![format!("{}.>", names::inbox(NEWCOMER))] }
     }
 
-    /// The rights of a member that only paints.
+    /// The rights of a guest: a member that works for others.
     pub fn of_guest(farm: &str, member: &str) -> Self {
         let [rows, notices] = [names::blackboard(farm), names::notices(farm)].map(|bucket| format!("KV_{bucket}"));
-        let (objects, tiles) = (format!("OBJ_{}", names::objects(farm)), names::tiles(farm));
+        let (objects, payloads) = (format!("OBJ_{}", names::objects(farm)), names::payloads(farm));
         let mut publish = vec![
             names::said_by(farm, member),
             format!("$KV.{}.seat.{}.>", names::notices(farm), names::token(member)),
             // In white and yellow pages, the entries of its own agents only
             format!("$KV.{}.page.*.*.agent.{}.*", names::notices(farm), names::token(member)),
-            format!("{}>", names::tiles_prefix(farm)),
-            format!("$JS.API.DIRECT.GET.{tiles}"),
-            format!("$JS.API.DIRECT.GET.{tiles}.>"),
+            format!("{}>", names::payloads_prefix(farm)),
+            format!("$JS.API.DIRECT.GET.{payloads}"),
+            format!("$JS.API.DIRECT.GET.{payloads}.>"),
             "$JS.FC.>".to_owned(),
         ];
-        publish.extend([&rows, &notices, &objects, &tiles].map(|stream| format!("$JS.API.STREAM.INFO.{stream}")));
+        publish.extend([&rows, &notices, &objects, &payloads].map(|stream| format!("$JS.API.STREAM.INFO.{stream}")));
         for stream in [&notices, &objects] {
             for call in ["DIRECT.GET", "STREAM.MSG.GET", "CONSUMER.CREATE"] {
                 publish.push(format!("$JS.API.{call}.{stream}"));

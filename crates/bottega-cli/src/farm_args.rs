@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use bottega_cluster::{Credentials, FarmAddress, FarmLink, JobBoard, link_as};
 use clap::{Args, ValueHint};
 
-use crate::{config, error::CliError};
+use crate::{config, error::CliError, option_value::InvalidValue};
 
 /// Credentials for a remote server.
 #[derive(Clone, Debug, Default, Args)]
@@ -46,7 +46,7 @@ impl LoginArgs {
     }
 
     /// Connects as a machine with this name.
-    pub(super) fn link_as(&self, farm: Option<&FarmAddress>, name: Option<&str>) -> Result<FarmLink, CliError> {
+    pub(crate) fn link_as(&self, farm: Option<&FarmAddress>, name: Option<&str>) -> Result<FarmLink, CliError> {
         let credentials = self.credentials(farm);
         Ok(link_as(farm.cloned().or_else(config::farm_address).as_ref(), &credentials, name)?)
     }
@@ -67,7 +67,7 @@ pub(crate) struct FarmArgs {
 
 impl FarmArgs {
     /// Returns the address of the named farm, or that of the configuration file.
-    pub(super) fn address(&self) -> Option<FarmAddress> {
+    pub(crate) fn address(&self) -> Option<FarmAddress> {
         self.farm.clone().or_else(config::farm_address)
     }
 
@@ -78,8 +78,7 @@ impl FarmArgs {
 }
 
 /// Parses a size in gigabytes; returns bytes.
-pub(super) fn parse_gigabytes(text: &str) -> Result<u64, String> {
+pub(crate) fn parse_gigabytes(text: &str) -> Result<u64, InvalidValue> {
     let size = text.parse().ok().filter(|size: &f64| (0.0..=1e6).contains(size));
-    size.map(|gigabytes| (gigabytes * 1e9) as u64)
-        .ok_or_else(|| "a number of gigabytes is needed, such as 20".to_owned())
+    size.map(|gigabytes| (gigabytes * 1e9) as u64).ok_or_else(|| "a number of gigabytes is needed, such as 20".into())
 }

@@ -36,7 +36,7 @@ pub struct Notice {
 
 /// The notices by name. Reading uses a local copy; methods that write block, so call them from threads that may wait.
 #[derive(Clone)]
-pub struct NoticeBoard {
+pub struct NatsNotices {
     client: Client,
     store: kv::Store,
     handle: Handle,
@@ -64,7 +64,7 @@ struct ReceivedNote {
     listing: u64,
 }
 
-impl NoticeBoard {
+impl NatsNotices {
     /// Opens the board; returns when all notices are read.
     pub(super) async fn open(client: Client, store: kv::Store, handle: Handle) -> Self {
         let seen = KnownNotices::new();

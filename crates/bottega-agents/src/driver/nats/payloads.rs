@@ -1,8 +1,8 @@
-//! Painted tiles as small blobs, each written once and read once or twice, thousands per second.
+//! Payloads of results: small blobs, each written once and read once or twice, thousands per second.
 //!
-//! A tile is stored in a stream, in parts of some hundred kilobytes; most have one. So a tile costs one message to
+//! A payload is stored in a stream, in parts of some hundred kilobytes; most have one. So a payload costs one message to
 //! write and one to read, where an object in the object store costs three and a consumer. The first part, which gives
-//! the size, is written last: an existing tile is complete. Readers verify its digest.
+//! the size, is written last: an existing payload is complete. Readers verify its digest.
 
 use std::collections::BTreeMap;
 
@@ -20,14 +20,14 @@ use crate::Key;
 
 /// Maximum size of a part in bytes, which fits into a message of any server.
 const PART_BYTES: usize = 256 << 10;
-/// Length of the first part's header in bytes: the size of the tile.
+/// Length of the first part's header in bytes: the size of the payload.
 const HEAD_BYTES: usize = 8;
 /// Maximum number of parts being sent at a time.
 const UNDER_WAY_MAX: usize = 16;
 
-/// The tiles of a farm. Its methods block, so call them from worker threads.
+/// The payloads of a farm. Its methods block, so call them from worker threads.
 #[derive(Clone)]
-pub struct NatsTiles {
+pub struct NatsPayloads {
     context: Context,
     stream: Stream,
     /// Prefix of the subjects.
@@ -37,16 +37,16 @@ pub struct NatsTiles {
 
 /// Opens the stream of a farm, or creates it. Compares the server's description of it with the request.
 pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Result<Stream, NatsError> {
-    let keep = |reason: String| NatsError::Keep { what: "pixels", reason, is_lasting: false };
-    let name = names::tiles(farm);
+    let keep = |reason: String| NatsError::Keep { what: "payloads", reason, is_lasting: false };
+    let name = names::payloads(farm);
     let wanted = stream::Config {
         name: name.clone(),
-        description: Some("pixels".to_owned()),
-        subjects: vec![format!("{}>", names::tiles_prefix(farm))],
+        description: Some("payloads".to_owned()),
+        subjects: vec![format!("{}>", names::payloads_prefix(farm))],
         max_messages_per_subject: 1,
         storage: StorageType::File,
         discard: DiscardPolicy::New,
-        // Existing tiles are never overwritten
+        // Existing payloads are never overwritten
         discard_new_per_subject: true,
         num_replicas: 1,
         deny_delete: true,
@@ -73,23 +73,23 @@ pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Resul
     match same.iter().find(|(_, same)| !same) {
         None => Ok(stream),
         Some((other, _)) => Err(NatsError::Keep {
-            what: "pixels",
+            what: "payloads",
             reason: format!("its stream {name} has another {other} than was asked for"),
             is_lasting: true,
         }),
     }
 }
 
-impl NatsTiles {
+impl NatsPayloads {
     pub(super) fn new(context: Context, stream: Stream, farm: &str, handle: Handle) -> Self {
-        Self { context, stream, prefix: names::tiles_prefix(farm), handle }
+        Self { context, stream, prefix: names::payloads_prefix(farm), handle }
     }
 
     fn subject(&self, name: &str, part: usize) -> String {
         format!("{}{}.{part}", self.prefix, names::key(&Key::from(name.to_owned())))
     }
 
-    /// Stores a tile. An existing one is never replaced.
+    /// Stores a payload. An existing one is never replaced.
     ///
     /// # Errors
     /// The server does not accept it, or there is a different one with this name.
@@ -130,7 +130,7 @@ impl NatsTiles {
         written.map_err(|error| BlobError::passing(name, &error))
     }
 
-    /// Reads a tile; `None`: there is none of this name.
+    /// Reads a payload; `None`: there is none of this name.
     ///
     /// - `bytes_max`: larger ones are refused.
     ///
@@ -141,7 +141,7 @@ impl NatsTiles {
         self.handle.block_on(async {
             let Some(first) = self.part(name, 0).await? else { return Ok(None) };
             let Some((head, first)) = first.split_first_chunk::<HEAD_BYTES>() else {
-                return Err(wrong("it is no tile".to_owned()));
+                return Err(wrong("it is not a payload".to_owned()));
             };
             let count = usize::try_from(u64::from_le_bytes(*head)).unwrap_or(usize::MAX);
             if count > bytes_max {
@@ -153,8 +153,8 @@ impl NatsTiles {
             for begin in (1..=last).step_by(UNDER_WAY_MAX) {
                 let parts = begin..=last.min(begin + UNDER_WAY_MAX - 1);
                 let asked = parts.map(|part| {
-                    let (tiles, name) = (self.clone(), name.to_owned());
-                    tokio::spawn(async move { tiles.part(&name, part).await })
+                    let (payloads, name) = (self.clone(), name.to_owned());
+                    tokio::spawn(async move { payloads.part(&name, part).await })
                 });
                 for part in asked.collect::<Vec<_>>() {
                     let part = part.await.map_err(|error| BlobError::passing(name, &error))??;
@@ -176,7 +176,7 @@ impl NatsTiles {
         }
     }
 
-    /// The first words of the names of all tiles.
+    /// The first words of the names of all payloads.
     pub fn folders(&self) -> Vec<String> {
         let mut folders = Vec::new();
         self.handle.block_on(async {
@@ -191,7 +191,7 @@ impl NatsTiles {
         folders
     }
 
-    /// The approximate number of bytes by the first word of tiles' names: servers count messages, not bytes.
+    /// The approximate number of bytes by the first word of payloads' names: servers count messages, not bytes.
     pub fn bytes_by_folder(&self) -> BTreeMap<String, u64> {
         let mut counts: BTreeMap<String, u64> = BTreeMap::new();
         let all = self.handle.block_on(async {
@@ -209,12 +209,12 @@ impl NatsTiles {
         counts.into_iter().map(|(folder, count)| (folder, bytes(count))).collect()
     }
 
-    /// Deletes all tiles whose names start with this word and `/`.
+    /// Deletes all payloads whose names start with this word and `/`.
     pub fn forget(&self, folder: &str) {
         let subjects = format!("{}{}.>", self.prefix, names::token(folder));
         let purged = self.handle.block_on(async { self.stream.purge().filter(subjects).await });
         if let Err(error) = purged {
-            tracing::warn!(%error, folder, "tiles were not let go");
+            tracing::warn!(%error, folder, "payloads were not let go");
         }
     }
 }
