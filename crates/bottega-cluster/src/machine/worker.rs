@@ -9,7 +9,7 @@ use std::{
 
 use bottega::{
     StopSwitch,
-    devices::{beside_processors, processors},
+    devices::{beside_processors, compiling, processors},
 };
 use bottega_platform::folders::state_folder;
 
@@ -69,7 +69,7 @@ pub struct JoinOptions {
 /// Works for a farm until the user stops, or a command makes this machine leave.
 ///
 /// - `say`: shows messages to the user.
-pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(WorkerMessage<'_>)>) {
+pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dyn Fn(WorkerMessage<'_>) + Sync>) {
     let FarmLink { uplink, name, .. } = link;
     let JoinOptions { own, cache, cache_bytes, once, owner, tags, memory_bytes, watts } = options;
     let threads = own.threads.map_or_else(processors, usize::from);
@@ -105,7 +105,7 @@ pub(crate) struct Worker {
     owner: Option<OwnerWatch>,
     /// The limit of this machine's memory, if any.
     memory: Option<MemoryLimit>,
-    say: Box<dyn Fn(WorkerMessage<'_>)>,
+    say: Box<dyn Fn(WorkerMessage<'_>) + Sync>,
 }
 
 impl Worker {
@@ -120,7 +120,7 @@ impl Worker {
         cache: Cache,
         own: WorkerDevices,
         only: Option<BTreeSet<u32>>,
-        say: Box<dyn Fn(WorkerMessage<'_>)>,
+        say: Box<dyn Fn(WorkerMessage<'_>) + Sync>,
     ) -> Self {
         Self { member, cache, own, studio: None, only, helped: None, owner: None, memory: None, say }
     }
@@ -244,12 +244,21 @@ impl Worker {
             // Free the old scene first: two may not fit in memory.
             self.studio = None;
             let open = || PreparedJob::open(&self.member, job, &self.cache, &self.own);
-            let sit = || {
-                self.member.meter.count(Some(job.origin));
+            // Renew the presence meanwhile, and report devices that compile kernels.
+            let (meter, teller) = (&self.member.meter, &self.say);
+            let mut reported = BTreeSet::new();
+            let stay_present = || {
+                meter.count(Some(job.origin));
                 board.attend(&seat);
+                for (device, _) in compiling() {
+                    if !reported.contains(&device) {
+                        teller(WorkerMessage::Line(&format!("{device} compiles its kernels for this scene")));
+                        reported.insert(device);
+                    }
+                }
             };
             let is_enough = || stop.is_requested() || !self.is_wanted(number, job);
-            self.studio = Some(meanwhile(RENEW_EVERY, sit, || patiently_until(is_enough, say, open))?);
+            self.studio = Some(meanwhile(RENEW_EVERY, stay_present, || patiently_until(is_enough, say, open))?);
         }
         // Announce that it takes part.
         board.attend(&seat);
