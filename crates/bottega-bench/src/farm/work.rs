@@ -35,9 +35,9 @@ impl FarmWork {
     /// Returns the arguments that pass the work to another process of this program.
     pub(super) fn words(&self) -> [String; 3] {
         [
-            format!("--set=work.zones={}", self.zones),
+            format!("--zones={}", self.zones),
             format!("--zone-time={}s", self.zone_time.as_secs_f64()),
-            format!("--set=work.auction={}", self.auction.word()),
+            format!("--auction={}", self.auction.word()),
         ]
     }
 }

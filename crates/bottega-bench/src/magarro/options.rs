@@ -69,9 +69,9 @@ impl MagarroPicture {
         let options = [
             format!("--scale={scale}"),
             format!("--spp={spp}"),
-            format!("--set=integrator.light_samples={light_samples}"),
+            format!("--light-samples={light_samples}"),
             format!("--max-depth={max_depth}"),
-            format!("--set=work.zones={zones}"),
+            format!("--zones={zones}"),
         ];
         [scene.into_os_string()].into_iter().chain(options.map(OsString::from)).collect()
     }

@@ -52,7 +52,7 @@ impl Report for PeersReport {
     }
 }
 
-/// EfficiencyRatios of our efficiency to the best of the others: number of threads, one ratio per scene, and their geometric mean.
+/// Ratios of our efficiency to the best of the others: number of threads, one ratio per scene, and their geometric mean.
 type EfficiencyRatios = (usize, Vec<(String, f64)>, f64);
 
 /// An efficiency: by relative error, or by the error of the displayed image.

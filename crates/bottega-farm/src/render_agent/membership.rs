@@ -1,4 +1,4 @@
-//! FarmMembership of a Render Agent: its Master, its subscription, and its registration at the directories.
+//! Membership of a Render Agent in a farm: its Master, its subscription, and its registration at the directories.
 
 use bottega_agents::{AclMessage, AgentId, Performative, Time, platform::LifeCycleRequest};
 

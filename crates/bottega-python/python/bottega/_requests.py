@@ -168,7 +168,9 @@ class Fields(TypedDict, total=False):
     """
 
     error: float | None
-    """`goal.error`: The relative error at which a cell of 32 x 32 pixels stops."""
+    """`goal.error`: The estimated relative error at which a cell of 32 x 32 pixels stops, such as
+    0.05; the maximum of samples is then 4096 if none is given.
+    """
 
     time: float | None
     """`goal.time`: Time limit in seconds, from the start to the written file."""
@@ -192,7 +194,10 @@ class Fields(TypedDict, total=False):
     """
 
     denoise: bool
-    """`film.denoise`: True to denoise the picture with Open Image Denoise."""
+    """`film.denoise`: True to denoise the picture with Intel's Open Image Denoise, which must be
+    installed; `BOTTEGA_OIDN` names its file or folder. The EXR file then has the layers albedo,
+    normal and noisy.
+    """
 
     camera: str | None
     """`view.camera`: The camera, by name or by number from 0; none: the file's first."""
@@ -220,9 +225,7 @@ class Fields(TypedDict, total=False):
     """`devices.threads`: Number of CPU threads; none: all processors."""
 
     exact: bool
-    """`devices.exact`: True for pixels that are bit-identical on every machine: only processors
-    render.
-    """
+    """`devices.exact`: True to make pixels bit-identical on every machine: only processors render."""
 
     exposure: float
     """`output.exposure`: Exposure of a PNG in stops: positive is brighter."""
@@ -317,7 +320,7 @@ class DeviceOptions(Section):
     """The processors and devices of this machine that render. Other machines have their own."""
 
     exact: bool = False
-    """True for pixels that are bit-identical on every machine: only processors render."""
+    """True to make pixels bit-identical on every machine: only processors render."""
     memory_mb: int | None = None
     """Memory limit for scenes on each GPU, in MiB; none: nearly all free memory."""
     names: Sequence[str] = field(default_factory=lambda: ['auto'])
@@ -346,7 +349,7 @@ class EngineOptions(Section):
     rules: RulesSource | None = None
     """Rules that choose the engine of a zone; none: the built-in ones."""
     trust: bool = False
-    """True to run scripts contained in the scene."""
+    """True to run scripts contained in the scene; only for scenes from people you trust."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -359,9 +362,9 @@ class EnvironmentOptions(Section):
     light: EnvironmentLight | None = None
     """The source of the light; none: that of the scene file."""
     rotate: float = 0.0
-    """Rotation about the vertical axis, in degrees."""
+    """Rotation of the environment light about the vertical axis, in degrees."""
     strength: float = 1.0
-    """Factor of the radiance."""
+    """Factor of the environment light's radiance."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
@@ -397,7 +400,10 @@ class FilmOptions(Section):
     of the scene file.
     """
     denoise: bool = False
-    """True to denoise the picture with Open Image Denoise."""
+    """True to denoise the picture with Intel's Open Image Denoise, which must be installed;
+    `BOTTEGA_OIDN` names its file or folder. The EXR file then has the layers albedo, normal and
+    noisy.
+    """
     filter: PixelFilter | None = None
     """The pixel filter; none: that of the scene file, or `blackman-harris`."""
     layers: Sequence[str] | None = None
@@ -431,7 +437,9 @@ class GoalOptions(Section):
     """The goal at which the picture is finished. At most one of error and time is given."""
 
     error: float | None = None
-    """The relative error at which a cell of 32 x 32 pixels stops."""
+    """The estimated relative error at which a cell of 32 x 32 pixels stops, such as 0.05; the maximum
+    of samples is then 4096 if none is given.
+    """
     samples: int | None = None
     """Samples per pixel; with an error or a time the maximum per pixel. None: what the scene file asks
     for, or 64.
@@ -552,7 +560,7 @@ class PhotonOptions(Section):
     false: to all mirrors and glass alike. Also for lighting agents.
     """
     progressive: bool = False
-    """True for progressive photon mapping: each pass has its own photons, in a radius that shrinks."""
+    """True to use progressive photon mapping: each pass has its own photons, in a radius that shrinks."""
     radius: float | None = None
     """Largest distance of these photons, as a share of the radius of the visible scene; none: 0.1."""
     separate_maps: bool = False
@@ -590,7 +598,9 @@ class SceneOptions(Section):
     asset_roots: Sequence[str] = field(default_factory=lambda: [])
     """Further folders below which the scene may read files."""
     cull_backfaces: bool = False
-    """True if the camera sees through the backs of single-sided materials in glTF scenes."""
+    """True to let the camera see through the backs of single-sided materials in glTF scenes, as
+    viewers do.
+    """
     defines: Mapping[str, str] = field(default_factory=lambda: {})
     """Parameters of a Mitsuba scene (its `<default>`s), by name."""
     file: str
