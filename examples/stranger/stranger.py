@@ -183,6 +183,7 @@ class Stranger:
             platform = fields(parse(answer.read().decode())[0])["name"]
         df = (f"df@{platform}", self.options.platform)
         service = ["service-description", ":type", "bottega-master"]
+        is_waiting = False
         search = ["search", ["df-agent-description", ":services", ["set", service]], ["search-constraints", ":max-results", "-1"]]
         while True:
             found = self.ask("request", df, [["action", aid(*df), search]], uuid.uuid4().hex, "fipa-request",
@@ -191,6 +192,9 @@ class Stranger:
             if agents:
                 name = fields(fields(agents[0])["name"])
                 return name["name"], name["addresses"][1]
+            if not is_waiting:
+                print(f"{self.transport.name} waits for a picture of {platform}", flush=True)
+                is_waiting = True
             time.sleep(0.5)
 
     def hear(self, message):
@@ -252,6 +256,8 @@ class Stranger:
             print(f"zone {order['zone']}: {order['samples']} samples in {taken:.2f} s", flush=True)
 
     def run(self):
+        import mitsuba  # Importing takes seconds, during which no zone should wait.
+        mitsuba.set_variant(self.options.variant)
         self.master = self.find_master()
         conversation = uuid.uuid4().hex
         wish = ["iota", "?work", ["paints", ":agent", aid(self.transport.name), ":power", "1", ":lanes", "1", ":work", "?work"]]
