@@ -82,6 +82,7 @@ pub mod acc;
 mod acl;
 pub mod bus;
 pub mod codec;
+mod conversation;
 pub mod driver;
 pub mod entry_store;
 pub mod file_store;

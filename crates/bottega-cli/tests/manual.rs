@@ -65,7 +65,7 @@ impl Reader {
     fn new(server: PathBuf) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         fs::create_dir(folder.path().join("scenes")).expect("a folder");
-        for scene in fs::read_dir(scenes()).expect("scenes").flatten() {
+        for scene in fs::read_dir(scenes()).expect("scenes").flatten().filter(|entry| entry.path().is_file()) {
             fs::copy(scene.path(), folder.path().join("scenes").join(scene.file_name())).expect("a copy");
         }
         let port = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address").port();

@@ -20,7 +20,6 @@ use std::{
 pub use forms::FirstForms;
 use forms::Forms;
 use threads::Threads;
-pub(crate) use threads::has_name;
 
 use crate::{
     Action, ActionOf, AgentId, Event, EventOf, Performative, StateMachine, StoreReply, StoreRequest, Ticket, Time,

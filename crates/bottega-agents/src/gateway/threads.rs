@@ -8,7 +8,9 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::{
-    AgentId, Performative, sl,
+    AgentId, Performative,
+    conversation::{NAMELESS, STRANGE},
+    sl,
     sl::Term,
     wire::{STRING_FORM, WireMessage, parse_string, print_string},
 };
@@ -23,11 +25,6 @@ const LIVE_MAX: usize = 1 << 13;
 pub(super) const PREFIX: &str = "thread/";
 /// The parameter of an entry with the foreign agent's representation.
 const FORM: &str = "X-form";
-
-/// Bit set in numbers of foreign conversations, and in no others.
-const STRANGE: u64 = 1 << 63;
-/// Bit set in those without a conversation name.
-const NAMELESS: u64 = 1 << 62;
 
 /// A foreign message that may be answered.
 #[derive(Clone, Debug, PartialEq)]
@@ -140,11 +137,6 @@ pub(super) fn strange_number(sender: &AgentId, conversation: &str) -> u64 {
         bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
     let hash = hash & !NAMELESS | STRANGE;
     if conversation.is_empty() { hash | NAMELESS } else { hash }
-}
-
-/// True if a conversation has a name; without one, equal messages may be different.
-pub(crate) fn has_name(conversation: u64) -> bool {
-    conversation != 0 && conversation & (STRANGE | NAMELESS) != (STRANGE | NAMELESS)
 }
 
 /// A number of this platform, as text for foreign agents.

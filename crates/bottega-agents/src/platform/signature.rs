@@ -1,7 +1,7 @@
 //! The request that created an entry of the store, recorded to recognize its repetitions.
 
 use super::{ontology::Object, service::Said};
-use crate::{gateway::has_name, sl::Term};
+use crate::{conversation::has_name, sl::Term};
 
 /// The parameter of an entry that names its request.
 const REQUEST: &str = "X-request";

@@ -116,7 +116,6 @@ pub(crate) const SET_FIELDS: &[(&str, &str)] = &[
     ("oracle-error", "lighting_agents.error=0.1"),
     ("oracle-memory", "lighting_agents.memory_mb=4"),
     ("ala", "guide.uses=lights,directions"),
-    ("no-guiding", "guide.by=none"),
     ("engine-rules", "engine.rules.file=choice.fcl"),
     ("level", "work.level=3"),
     ("importance", "work.importance=visual"),
