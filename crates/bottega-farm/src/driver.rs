@@ -33,7 +33,7 @@ pub use self::{
     link::Link,
     machine::benchmark,
     observer::{MasterHandle, Observer},
-    settings::{AGENTS_MAX, JobError, JobSettings, VERIFY_MAX},
+    settings::{AGENTS_MAX, JobError, JobSettings, PREFETCH_MAX, VERIFY_MAX},
     stop::StopSwitch,
     transport::{JobTransport, JobUplink, TransportError},
 };

@@ -12,7 +12,7 @@ use bottega_image::Sides;
 use crate::{
     Choice, EngineChoice, ExpertError, Goal, Technique, WorkRow, WorkSettings, ZoneRow,
     cells::octave_end,
-    technique::{INTERPOLATION_BAND_PIXELS, INTERPOLATION_BAND_SIZE, LIGHT_SAMPLES, RECURSION_LEVEL},
+    technique::{INTERPOLATION_BAND_PIXELS, INTERPOLATION_BAND_SIZE, LIGHT_SAMPLES, RECURSION_LEVEL, SAMPLES},
     zone_inputs::{COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE, laid_out, zone_values},
 };
 
@@ -39,6 +39,17 @@ pub enum BandWidth {
     Rules,
     /// The user's width in pixels beyond each edge of each zone; at most [`BAND_MAX`].
     Pixels(u32),
+}
+
+/// The shares of the user's settings that the rules leave to a zone, each from [`SHARE_MIN`] squared to 1.
+#[derive(Clone, Copy, Debug)]
+struct Shares {
+    /// Of the maximum depth.
+    depth: f64,
+    /// Of the samples per pixel.
+    samples: f64,
+    /// Of the light samples at a bounce.
+    light_samples: f64,
 }
 
 /// The rules of an agent. Agents may have different rules.
@@ -166,7 +177,12 @@ impl Expert {
         // behind the user's settings: a zone at full quality has nothing to hide and leaves blending to its neighbors.
         // Pixels in a band are painted twice, so its width is limited. An output in pixels, as in the paper's rules, is
         // used as it is.
-        let behind = 1.0 - share(LIGHT_SAMPLES) * share(RECURSION_LEVEL);
+        let shares = Shares {
+            depth: share(RECURSION_LEVEL),
+            samples: share(SAMPLES),
+            light_samples: share(SAMPLES) * share(LIGHT_SAMPLES),
+        };
+        let behind = 1.0 - shares.depth * shares.light_samples;
         let most = f64::from(zone.rect.width().min(zone.rect.height())) * BAND_OF_SIDE;
         let band = |difference: f64| {
             let outputs = evaluate(difference)?;
@@ -176,7 +192,7 @@ impl Expert {
         };
         let Sides { left, top, right, bottom } = zone.neighbor_difference.sides;
         let bands = Sides { left: band(left)?, top: band(top)?, right: band(right)?, bottom: band(bottom)? };
-        Ok(self.scaled(settings, share(RECURSION_LEVEL), share(LIGHT_SAMPLES), bands))
+        Ok(self.scaled(settings, shares, bands))
     }
 
     /// The rules that fired, the strongest first, with their degrees: `path_tracing: 12 0.83, 22 0.40`. `None` with
@@ -210,19 +226,17 @@ impl Expert {
         }
     }
 
-    /// Scales the user's settings.
-    ///
-    /// - `depth`: share of the bounces; half a bounce rounds up, and at least one remains if the user allows any.
-    /// - `light`: share of the samples per pixel, and of the light samples per vertex.
-    fn scaled(&self, settings: &WorkSettings, depth: f64, light: f64, bands: Sides<u32>) -> Choice {
+    /// Scales the user's settings. Half a bounce rounds up, and at least one bounce and one light sample remain if the
+    /// user allows any.
+    fn scaled(&self, settings: &WorkSettings, shares: Shares, bands: Sides<u32>) -> Choice {
         let Tunables { max_depth, light_samples } = settings.tunables;
         let part = |value: u32, share: f64| (f64::from(value) * share).round() as u32;
         // Allow for rounding in the rules, which are exact to about 1e-9
-        let bounces = (f64::from(max_depth) * depth + 0.5 + 1e-6).floor() as u32;
+        let bounces = (f64::from(max_depth) * shares.depth + 0.5 + 1e-6).floor() as u32;
         let max_depth = if self.has_max_depth { bounces.clamp(max_depth.min(1), max_depth) } else { max_depth };
-        let at_vertex = part(light_samples, light).max(light_samples.min(1));
+        let at_vertex = part(light_samples, shares.light_samples).max(light_samples.min(1));
         let light_samples = if self.has_light_samples { at_vertex } else { light_samples };
-        let samples = part(settings.samples, light).max(1);
+        let samples = part(settings.samples, shares.samples).max(1);
         Choice { tunables: Tunables { max_depth, light_samples }, samples, bands }
     }
 }
@@ -299,17 +313,20 @@ mod tests {
     fn in_the_papers_rules_each_level_leaves_other_bounces() {
         let paper = Expert::parse(crate::PAPER_RULES).unwrap();
         let rows = [zone(0, 0.2, 0.0), zone(1, 3.0, 2.0)];
-        for (most, depths) in [(8, [8, 7, 5, 4, 2]), (16, [16, 13, 10, 7, 4])] {
+        for (most, depths) in [(8, [8, 8, 7, 7, 6]), (16, [16, 15, 14, 13, 12])] {
             let chosen: Vec<Choice> = Optimization::ALL[1..]
                 .iter()
                 .map(|&level| {
                     let mut work = work(level, &rows);
-                    work.settings.tunables.max_depth = most;
+                    work.settings.tunables = Tunables { max_depth: most, light_samples: 16 };
                     paper.decide(&work, &rows[1])
                 })
                 .collect();
             assert_eq!(chosen.iter().map(|choice| choice.tunables.max_depth).collect::<Vec<_>>(), depths);
-            assert_eq!(chosen.iter().map(|choice| choice.samples).collect::<Vec<_>>(), [256, 208, 160, 112, 64]);
+            let light_samples: Vec<u32> = chosen.iter().map(|choice| choice.tunables.light_samples).collect();
+            assert_eq!(light_samples, [16, 13, 10, 7, 4]);
+            // The paper's rules lower the samples of lights, not those of pixels.
+            assert!(chosen.iter().all(|choice| choice.samples == 256), "{chosen:?}");
         }
     }
 
@@ -345,9 +362,9 @@ mod tests {
         assert_eq!(bounces(ours, 8), [4, 5, 6, 7, 8]);
         assert_eq!(bounces(ours, 16), [8, 10, 12, 14, 16]);
         assert_eq!(bounces(ours, 4), [2, 3, 3, 4, 4]);
-        assert_eq!(bounces(PAPER_RULES, 8), [2, 4, 5, 7, 8]);
-        assert_eq!(bounces(PAPER_RULES, 16), [4, 7, 10, 13, 16]);
-        assert_eq!(bounces(PAPER_RULES, 4), [1, 2, 3, 3, 4]);
+        assert_eq!(bounces(PAPER_RULES, 8), [6, 7, 7, 8, 8]);
+        assert_eq!(bounces(PAPER_RULES, 16), [12, 13, 14, 15, 16]);
+        assert_eq!(bounces(PAPER_RULES, 4), [3, 3, 4, 4, 4]);
         // Never more than the user allows; none only where the user wants none.
         for rules in [ours, PAPER_RULES] {
             assert_eq!(bounces(rules, 1), [1; 5]);
@@ -361,21 +378,21 @@ mod tests {
         let paper = Expert::parse(PAPER_RULES).unwrap();
         let decide = |optimization, row: &ZoneRow| {
             let work = work(optimization, &rows);
-            let tunables = Tunables { max_depth: 8, light_samples: 8 };
+            let tunables = Tunables { max_depth: 8, light_samples: 16 };
             let settings = WorkSettings { tunables, samples: 1600, ..work.settings };
             paper.decide(&WorkRow { settings, ..work }, row)
         };
         // R11: of a complex zone that is not small, VS of the light samples and VS of the bounces.
         let choice = decide(Optimization::VeryBig, &rows[1]);
-        assert_eq!((choice.samples, choice.tunables), (400, Tunables { max_depth: 2, light_samples: 2 }));
+        assert_eq!((choice.samples, choice.tunables), (1600, Tunables { max_depth: 6, light_samples: 4 }));
         // R22: a band of VB where neighbors differ most, whatever the zone keeps.
         for optimization in &Optimization::ALL[1..] {
             assert_eq!(decide(*optimization, &rows[1]).bands, Sides::all(4));
             assert_eq!(decide(*optimization, &rows[0]).bands, Sides::all(0));
         }
         // VS takes nothing, and every level takes more.
-        let samples = Optimization::ALL.map(|level| decide(level, &rows[1]).samples);
-        assert_eq!(samples, [1600, 1600, 1300, 1000, 700, 400]);
+        let samples = Optimization::ALL.map(|level| decide(level, &rows[1]).tunables.light_samples);
+        assert_eq!(samples, [16, 16, 13, 10, 7, 4]);
     }
 
     #[test]

@@ -102,7 +102,7 @@ pub use directory::{
 };
 pub use driver::{
     AGENTS_MAX, JobAgent, JobError, JobReport, JobSettings, JobTransport, JobUplink, Link, MasterHandle, Observer,
-    StopSwitch, TransportError, VERIFY_MAX, assist, benchmark, lead, run,
+    PREFETCH_MAX, StopSwitch, TransportError, VERIFY_MAX, assist, benchmark, lead, run,
 };
 pub use engine_choice::EngineChoice;
 pub use experience::{Experience, ExperienceError, Foreknowledge, JobLesson, LearntFactor, PaintedZone};

@@ -29,7 +29,9 @@ pub const PAPER_RULES: &str = include_str!("../../../rules/paper.fcl");
 
 /// Output: share of the user's maximum depth.
 pub(crate) const RECURSION_LEVEL: &str = "recursion_level";
-/// Output: share of the user's samples.
+/// Output: share of the user's samples per pixel, and of the light samples at a bounce.
+pub(crate) const SAMPLES: &str = "samples";
+/// Output: share of the user's light samples at a bounce alone, as in the paper.
 pub(crate) const LIGHT_SAMPLES: &str = "light_samples";
 /// Output: width of the band of a zone at the lowest quality, in pixels; scaled down with higher quality.
 pub(crate) const INTERPOLATION_BAND_SIZE: &str = "interpolation_band_size";
@@ -46,12 +48,16 @@ const BAND_IN_PIXELS: OutputMeaning = OutputMeaning {
     meaning: "pixels in which a zone is blended with its neighbors, whatever it keeps of its settings",
 };
 
-const PATH_TRACING: [OutputMeaning; 4] = [
+const LIGHT_SAMPLES_ALONE: OutputMeaning =
+    OutputMeaning { name: LIGHT_SAMPLES, meaning: "share of the user's light samples at a bounce" };
+
+const PATH_TRACING: [OutputMeaning; 5] = [
     OutputMeaning { name: RECURSION_LEVEL, meaning: "share of the bounces that the user allows" },
     OutputMeaning {
-        name: LIGHT_SAMPLES,
-        meaning: "share of the user's samples of a pixel, and of those of the lights at a bounce",
+        name: SAMPLES,
+        meaning: "share of the user's samples per pixel, and of the light samples at a bounce",
     },
+    LIGHT_SAMPLES_ALONE,
     BAND,
     BAND_IN_PIXELS,
 ];
@@ -129,14 +135,15 @@ mod tests {
         for technique in Technique::ALL {
             let rules = FunctionBlock::parse(technique.rules()).unwrap();
             let (known, unknown) = technique.sort_outputs(&rules);
-            // A set has one of the two outputs for the width of bands.
-            let all = technique.outputs().iter().filter(|output| **output != BAND_IN_PIXELS);
+            // The paper's set has an output of its own for samples and for the width of bands.
+            let is_papers = |output: &OutputMeaning| [BAND_IN_PIXELS, LIGHT_SAMPLES_ALONE].contains(output);
+            let all = technique.outputs().iter().filter(|output| !is_papers(output));
             assert!(known.iter().eq(all), "{known:?}");
             assert_eq!(unknown, Vec::<String>::new());
         }
         let paper = FunctionBlock::parse(PAPER_RULES).unwrap();
         let (known, unknown) = Technique::PathTracing.sort_outputs(&paper);
-        assert_eq!((known.len(), known[2], unknown.len()), (3, BAND_IN_PIXELS, 0));
+        assert_eq!((known.len(), known[1], known[2], unknown.len()), (3, LIGHT_SAMPLES_ALONE, BAND_IN_PIXELS, 0));
         let rules = FunctionBlock::parse(Technique::PhotonMapping.rules()).unwrap();
         let (known, unknown) = Technique::PathTracing.sort_outputs(&rules);
         assert_eq!((known, unknown.len()), (vec![BAND], 5));

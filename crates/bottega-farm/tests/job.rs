@@ -380,10 +380,10 @@ fn the_slowest_conversation() {
 /// Rules that ask for this share of the light samples, whatever the zone.
 fn rules(share: f64) -> Expert {
     let text = format!(
-        "FUNCTION_BLOCK f VAR_INPUT size : REAL; END_VAR VAR_OUTPUT light_samples : REAL; END_VAR \
+        "FUNCTION_BLOCK f VAR_INPUT size : REAL; END_VAR VAR_OUTPUT samples : REAL; END_VAR \
          FUZZIFY size TERM any := (0, 1) (1e9, 1); END_FUZZIFY \
-         DEFUZZIFY light_samples TERM some := {share}; METHOD : COGS; DEFAULT := 1; END_DEFUZZIFY \
-         RULEBLOCK r RULE 1 : IF size IS any THEN light_samples IS some; END_RULEBLOCK END_FUNCTION_BLOCK"
+         DEFUZZIFY samples TERM some := {share}; METHOD : COGS; DEFAULT := 1; END_DEFUZZIFY \
+         RULEBLOCK r RULE 1 : IF size IS any THEN samples IS some; END_RULEBLOCK END_FUNCTION_BLOCK"
     );
     Expert::parse(&text).expect("rules")
 }

@@ -51,7 +51,7 @@ fn there_are_28_rules_on_the_variables_of_the_paper() {
         "interpolation_band_size",
     ];
     for (block, expected) in [
-        (path_tracing(), &["recursion_level", "light_samples", "interpolation_band_size"][..]),
+        (path_tracing(), &["recursion_level", "samples", "interpolation_band_size"][..]),
         (paper(), &["recursion_level", "light_samples", "interpolation_band_pixels"][..]),
         (photon_mapping(), &photons[..]),
     ] {
@@ -156,10 +156,10 @@ fn photon_mapping_keeps_what_photons_are_for() {
 
 #[test]
 fn very_small_leaves_everything_and_very_big_saves_most_in_large_complex_zones() {
-    for (block, least) in [(path_tracing(), (0.2, 0.5)), (paper(), (0.25, 0.25))] {
+    for (block, samples, least) in [(path_tracing(), "samples", (0.2, 0.5)), (paper(), "light_samples", (0.25, 0.75))] {
         let quality = |c, n, s, op| {
             let outputs = block.evaluate_indexed(&[c, n, s, op]).unwrap();
-            (outputs.get("light_samples").unwrap(), outputs.get("recursion_level").unwrap())
+            (outputs.get(samples).unwrap(), outputs.get("recursion_level").unwrap())
         };
         for [c, n, s] in zones() {
             let (samples, recursion) = quality(c, n, s, 1.0);
@@ -220,6 +220,6 @@ fn rules_of_engines_have_no_dead_rule_and_never_ask_for_more_at_a_higher_level()
         assert_eq!(fired.len(), block.rules().count(), "{name}: {fired:?}");
         // The least optimization is none.
         let outputs = block.evaluate(&values_for(&block, [0.5; 3], 1.0)).unwrap();
-        assert_eq!(outputs.get("light_samples"), Some(1.0), "{name}");
+        assert_eq!(outputs.get("samples"), Some(1.0), "{name}");
     }
 }

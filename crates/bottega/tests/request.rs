@@ -119,6 +119,7 @@ fn change() -> impl Strategy<Value = Apply> {
             (r.work.zone_min_size, r.work.zone_max_complexity, r.work.zone_similarity) = v;
         }),
         of(choice::<BalanceChoice>(), |r, v| r.work.zone_balance = v),
+        of((1u32..=1024, any::<bool>()), |r, v| (r.work.prefetch, r.work.share_tail) = v),
         of(bands(), |r, v| r.work.bands = v),
         of(option::of(1u16..1024), |r, v| r.devices.threads = v),
         of(select(&["auto", "cpu", "llvmpipe", "cpu,H100"][..]), |r, v| {
@@ -233,6 +234,7 @@ fn wrong_fields_are_refused_with_their_path() {
         (r#""work": {"rules": [{"text": ["a", "b"]}]}"#, &["`work.rules[0]", "is a list: an object is needed"]),
         (r#""work": {"zone_min_size": 0}"#, &["`work.zone_min_size` is 0", "from 1 to 65536"]),
         (r#""work": {"zone_max_complexity": 0}"#, &["`work.zone_max_complexity` is 0", "from 0.000001 to 1"]),
+        (r#""work": {"prefetch": 0}"#, &["`work.prefetch` is 0: from 1 to "]),
         (r#""work": {"zone_similarity": 1.5}"#, &["`work.zone_similarity` is 1.5", "from 0 to 1"]),
         (r#""work": {"zone_balance": "size"}"#, &["`work.zone_balance`", "`time` or `ratio`"]),
         (r#""work": {"bands": "on"}"#, &["`work.bands`", "`off`, `rules`, `pixels`"]),

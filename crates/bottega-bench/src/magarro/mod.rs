@@ -18,7 +18,7 @@ mod tables;
 use std::{io::Write, path::Path, sync::Arc, time::Duration};
 
 use bottega_farm::{
-    AdaptationRule, AuctionRule, Level, Optimization,
+    Level, Optimization,
     simulate::{FarmSpec, MachineSpec, Plan, Workpiece, simulate},
 };
 use bottega_image::{Canvas, ColorMap, FlipOptions, Picture, ToneMap, flip, rmse, srgb_from_linear};
@@ -110,8 +110,11 @@ impl MagarroScene<'_> {
             said(&format!("level 3, optimization {optimization}, with the paper's set of rules"));
             papers_rules.push(judged(self.row(pair, Level::Balanced, optimization, Ways::PapersRules, 0)?)?.0);
         }
-        said("level 3, optimization n, all as in the paper");
-        let (paper, _) = judged(self.row(pair, Level::Balanced, Optimization::Normal, Ways::Papers, 0)?)?;
+        let mut papers_levels = Vec::new();
+        for level in [Level::Divided, Level::Joined, Level::Balanced] {
+            said(&format!("level {}, optimization n, all as in the paper", level as u8));
+            papers_levels.push(judged(self.row(pair, level, Optimization::Normal, Ways::Papers, 0)?)?.0);
+        }
         let very_big = very_big.unwrap_or_else(|| off_picture.clone());
         let MagarroPicture { spp, light_samples, max_depth, .. } = *self.options;
         Ok(MagarroReport {
@@ -127,7 +130,7 @@ impl MagarroScene<'_> {
             levels,
             optimizations,
             papers_rules,
-            paper,
+            papers_levels,
             pictures: Pictures { off: off_picture, very_big },
         })
     }
@@ -175,8 +178,7 @@ impl MagarroScene<'_> {
             let mut plan = Plan::calm(farm, seed);
             plan.faults.latency_min = LATENCY;
             if ways == Ways::Papers {
-                plan.auction = AuctionRule::Paper;
-                plan.adaptation = AdaptationRule::Paper;
+                plan = plan.as_in_paper();
             }
             Ok(simulate(&piece, &plan)?.makespan.as_secs_f64())
         };

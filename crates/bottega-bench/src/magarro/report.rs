@@ -10,7 +10,8 @@ pub(super) enum Ways {
     Ours,
     /// The expert rules only.
     PapersRules,
-    /// All that `--as-in-paper` sets: importance, balance of zones, auction, adaptation and expert rules.
+    /// All that `--as-in-paper` sets: importance, balance of zones, auction, adaptation and expert rules; one zone per agent
+    /// at a time, none cut or taken over.
     Papers,
 }
 
@@ -81,8 +82,8 @@ pub(super) struct MagarroReport {
     pub(super) optimizations: Vec<MagarroRow>,
     /// Level 3, by `OPTIMIZATIONS`, with the paper's expert rules.
     pub(super) papers_rules: Vec<MagarroRow>,
-    /// Level 3, optimization n, everything as in the paper.
-    pub(super) paper: MagarroRow,
+    /// Optimization n, levels 1 to 3, everything as in the paper.
+    pub(super) papers_levels: Vec<MagarroRow>,
     pub(super) pictures: Pictures,
 }
 

@@ -53,6 +53,8 @@ impl<'a> MagarroScene<'a> {
                 balance: if by_the_paper { Balance::Ratio } else { Balance::Time },
                 ..ZoneLimits::default()
             },
+            prefetch: if by_the_paper { 1 } else { 2 },
+            shares_tail: !by_the_paper,
             experts: vec![if ways == Ways::Ours { Expert::path_tracing() } else { papers_rules() }],
             ..JobSettings::new(self.width, self.height, options.spp, tunables, Layout::new(AovSet::NONE))
         }

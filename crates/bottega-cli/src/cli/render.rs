@@ -7,8 +7,9 @@ use bottega::{
     devices::DeviceChoice,
     frames::Frames,
     request::{
-        AdaptationChoice, AuctionChoice, BalanceChoice, FrameOptions, GuideChoice, ImportanceChoice, IntegratorChoice,
-        InvalidField, OptimizationChoice, OutputOptions, PixelFilter, RulesSource, ToneCurve,
+        AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, FrameOptions, GuideChoice, ImportanceChoice,
+        IntegratorChoice, InvalidField, OptimizationChoice, OutputOptions, PixelFilter, RulesSource, ToneCurve,
+        WorkOptions,
     },
 };
 use bottega_cluster::FarmAddress;
@@ -25,6 +26,10 @@ use super::{
     values::{LayerNames, parse_rect},
 };
 use crate::{error::CliError, farm_args::LoginArgs, notifications::NotificationArgs, option_value::parse_seconds};
+
+/// Light samples per bounce with `--as-in-paper`: with 64 samples per pixel the 1024 light samples of the paper's pictures
+/// (MAGarRO, section 4).
+const PAPER_LIGHT_SAMPLES: u32 = 16;
 
 #[derive(Clone, Debug, Args)]
 pub(crate) struct RenderArgs {
@@ -136,8 +141,8 @@ pub(crate) struct RenderArgs {
     /// Draw the work of each processor and device, the level of the work bin, and failures: .svg, or .json as data.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "frames", help_heading = "Output")]
     pub(crate) timeline: Option<PathBuf>,
-    /// Share out the work as in the MAGarRO paper: --rules paper, work.importance=paper, work.zone_balance=ratio,
-    /// work.auction=paper and work.adaptation=paper. --rules and --set override it.
+    /// Share out the work as in the MAGarRO paper: its importance, zones, auction, adaptation and rules, 16 light samples
+    /// per bounce for its rules to lower, one zone per agent at a time, none cut or taken over. --rules and --set override it.
     #[arg(long, help_heading = "Work")]
     as_in_paper: bool,
     /// Print nothing but errors.
@@ -181,11 +186,7 @@ impl RenderArgs {
     fn apply(&self, request: &mut Request) -> Result<(), CliError> {
         change(&mut request.scene.file, self.scene_file.clone());
         if self.as_in_paper {
-            let work = &mut request.work;
-            work.importance = ImportanceChoice::Paper;
-            (work.auction, work.adaptation) = (AuctionChoice::Paper, AdaptationChoice::Paper);
-            work.zone_balance = BalanceChoice::Ratio;
-            work.rules = vec![RulesSource::File(PAPER_RULES_NAME.into())];
+            work_as_in_paper(&mut request.work);
         }
         self.scene.apply(request);
         set(&mut request.film.crop, self.crop.map(|crop| [crop.x0, crop.y0, crop.x1, crop.y1]));
@@ -201,6 +202,9 @@ impl RenderArgs {
         request.photons.progressive |= self.progressive;
         set(&mut request.guide.by, self.guide);
         self.engine.apply(&mut request.engine);
+        if self.as_in_paper && request.engine.names == [BUILTIN] {
+            request.integrator.light_samples = PAPER_LIGHT_SAMPLES;
+        }
         change(&mut request.seed, self.seed);
         self.apply_work(request);
         self.apply_output(&mut request.output);
@@ -239,4 +243,14 @@ impl RenderArgs {
         output.alpha |= self.alpha;
         output.half |= self.half;
     }
+}
+
+/// Shares out the work as the MAGarRO paper describes it, without what is ours: no zone waits in an agent's hand, none is cut
+/// near the end, none is taken over.
+fn work_as_in_paper(work: &mut WorkOptions) {
+    work.importance = ImportanceChoice::Paper;
+    work.zone_balance = BalanceChoice::Ratio;
+    (work.auction, work.adaptation) = (AuctionChoice::Paper, AdaptationChoice::Paper);
+    (work.prefetch, work.share_tail) = (1, false);
+    work.rules = vec![RulesSource::File(PAPER_RULES_NAME.into())];
 }

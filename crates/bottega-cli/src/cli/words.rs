@@ -247,11 +247,17 @@ mod tests {
 
     #[test]
     fn as_in_paper_says_all_that_the_paper_says_and_options_beside_it_win() {
-        let made = |more: &[&str]| {
+        let request = |more: &[&str]| {
             let words = ["a.glb", "-o", "b.png", "--as-in-paper"].iter().chain(more);
-            made(&words.map(|word| (*word).to_owned()).collect::<Vec<_>>()).work
+            made(&words.map(|word| (*word).to_owned()).collect::<Vec<_>>())
         };
+        let made = |more: &[&str]| request(more).work;
         let paper = made(&[]);
+        assert_eq!((paper.prefetch, paper.share_tail), (1, false));
+        assert_eq!(request(&[]).integrator.light_samples, 16);
+        assert_eq!(request(&["--set", "integrator.light_samples=1"]).integrator.light_samples, 1);
+        // Other engines have light samples of their own.
+        assert_eq!(request(&["--engine", "mitsuba"]).integrator.light_samples, 1);
         assert_eq!((paper.importance, paper.zone_balance), (ImportanceChoice::Paper, BalanceChoice::Ratio));
         assert_eq!((paper.auction, paper.adaptation), (AuctionChoice::Paper, AdaptationChoice::Paper));
         assert_eq!(paper.rules, [RulesSource::File("paper".into())]);

@@ -27,7 +27,7 @@ pub(crate) enum RulesCommand {
     /// Draw the terms of all variables, or an output over two inputs.
     #[command(
         after_help = "For example: bottega rules plot path-tracing -o terms.svg\n             bottega rules plot \
-        path-tracing -o surface.png --surface light_samples --over complexity,optimization_level size=0.5 \
+        path-tracing -o surface.png --surface samples --over complexity,optimization_level size=0.5 \
         neighbor_difference=0.2"
     )]
     Plot(PlotArgs),

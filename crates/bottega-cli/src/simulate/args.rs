@@ -61,6 +61,10 @@ pub(crate) struct SimulateArgs {
     /// Zones that an agent has in hand at most.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Agents")]
     pub(crate) prefetch: u32,
+    /// Share out the work as `bottega render --as-in-paper`: the paper's auction and adaptation, one zone per agent at a
+    /// time, none cut or taken over.
+    #[arg(long, conflicts_with_all = ["auction", "adaptation", "prefetch"], help_heading = "Agents")]
+    pub(crate) as_in_paper: bool,
     /// By how much of itself an agent's first measure of its speed may be wrong.
     #[arg(long, value_name = "SHARE", default_value = "0", value_parser = parse_share, help_heading = "Agents")]
     pub(crate) benchmark_error: f64,

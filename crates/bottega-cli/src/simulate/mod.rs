@@ -54,6 +54,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<ExitCode, CliError> {
         trace: args.trace.is_some(),
         ..Plan::calm(farm, args.seed)
     };
+    let plan = if args.as_in_paper { plan.as_in_paper() } else { plan };
     let begun = Instant::now();
     let outcome = simulate(&piece, &plan).map_err(CliError::Simulation)?;
     let took = begun.elapsed();

@@ -46,14 +46,13 @@ pub(super) fn populate(
     let source = place.clone().map_or_else(|| MasterSource::Known(master.clone()), MasterSource::Directory);
     let analyst = agent_of(link, format!("analyst@{here}"));
     let timing = link.map_or_else(Timing::default, |_| Timing::AMONG_MACHINES);
-    let JobSettings { auction, prefetch, .. } = *settings;
-    // Agents of one process share its processors, so they do not share the tail of the work.
+    let JobSettings { auction, prefetch, shares_tail, .. } = *settings;
     let master_config = MasterConfig {
         id: master.clone(),
         work: number,
         auction,
         prefetch,
-        shares_tail: link.is_some(),
+        shares_tail: shares_tail && link.is_some(),
         verify: settings.verify,
         compares_by_look: settings.strangers || !shared.engine.describe().exact_by_pixel,
         secret: secret(),

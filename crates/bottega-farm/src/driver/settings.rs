@@ -14,6 +14,8 @@ use crate::{
 pub const AGENTS_MAX: usize = 1 << 10;
 /// The most agents that must agree on a zone.
 pub const VERIFY_MAX: u32 = 16;
+/// The most zones that an agent has at a time.
+pub const PREFETCH_MAX: u32 = 1 << 10;
 /// The settings of a job.
 #[derive(Clone, Debug)]
 pub struct JobSettings {
@@ -63,8 +65,11 @@ pub struct JobSettings {
     pub technique: Arc<str>,
     /// V_cp of this machine by the [benchmark](crate::benchmark).
     pub benchmark: RelativePower,
-    /// The most zones that an agent has at a time.
+    /// The most zones that an agent has at a time; at most [`PREFETCH_MAX`].
     pub prefetch: u32,
+    /// `true`: near the end zones are cut, and idle agents take over late ones. Agents of one process never do: they
+    /// share its processors.
+    pub shares_tail: bool,
     /// The number of agents on different machines that must agree on a zone before it counts; 1: no comparison.
     pub verify: u32,
     /// `true`: agents of other platforms may take part, with other engines; then results are only compared approximately.
@@ -99,6 +104,7 @@ impl JobSettings {
             technique: "".into(),
             benchmark: RelativePower::REFERENCE,
             prefetch: 2,
+            shares_tail: true,
             verify: 1,
             strangers: false,
         }
@@ -114,7 +120,7 @@ impl JobSettings {
             ("samples", self.samples as usize, 1 << 24),
             ("agents", self.agents, AGENTS_MAX),
             ("rule sets", self.experts.len(), usize::MAX),
-            ("zones in hand", self.prefetch as usize, 1 << 10),
+            ("zones in hand", self.prefetch as usize, PREFETCH_MAX as usize),
             ("agents to compare", self.verify as usize, VERIFY_MAX as usize),
         ] {
             if value == 0 || value > most {

@@ -110,6 +110,14 @@ impl Plan {
             tells_time_left: false,
         }
     }
+
+    /// The plan with the paper's auction and adaptation, and without what the paper has not: agents hold one zone at a
+    /// time, and the end of the work is not shared.
+    #[must_use]
+    pub fn as_in_paper(self) -> Self {
+        let (auction, adaptation) = (AuctionRule::Paper, AdaptationRule::Paper);
+        Self { auction, adaptation, prefetch: 1, shares_tail: false, ..self }
+    }
 }
 
 /// The outcome of a simulation.

@@ -70,6 +70,8 @@ pub(crate) fn shared_settings(
         importance: importance_function(&request.work),
         auction: auction_rule(request.work.auction),
         adaptation: adaptation_rule(request.work.adaptation),
+        prefetch: request.work.prefetch,
+        shares_tail: request.work.share_tail,
         zones: request.work.zones,
         zone_limits: zone_limits(&request.work),
         bands: band_width(request.work.bands),

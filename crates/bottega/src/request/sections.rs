@@ -331,6 +331,12 @@ sections! {
         auction: AuctionChoice = AuctionChoice::FinishingTime,
         /// The rule by which agents adapt V_cp.
         adaptation: AdaptationChoice = AdaptationChoice::Ratio,
+        /// Most zones that an agent holds at a time: those it paints and those that wait for it. 1, as in the MAGarRO paper: only
+        /// idle agents bid.
+        prefetch: u32 = 2,
+        /// True to cut zones near the end of the job, and to give idle agents the late zones of slow ones. Only agents on
+        /// different machines share the tail.
+        share_tail: bool = true,
         /// Degree to which expert rules may trade quality for time, zone by zone.
         optimization: OptimizationChoice = OptimizationChoice::Off,
         /// The expert rules, which agents carry in turn; none: those built in or of the engine.

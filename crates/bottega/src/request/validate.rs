@@ -370,6 +370,7 @@ impl WorkOptions {
         within("work.zone_min_size", self.zone_min_size, 1..=SIDE_MAX)?;
         maybe_within("work.zone_max_complexity", self.zone_max_complexity, COMPLEXITY_SHARE)?;
         within("work.zone_similarity", self.zone_similarity, 0.0..=1.0)?;
+        within("work.prefetch", self.prefetch, 1..=PREFETCH_MAX)?;
         match self.bands {
             BandChoice::Pixels(pixels) => within("work.bands.pixels", pixels, 1..=BAND_PIXELS_MAX),
             BandChoice::Off | BandChoice::Rules => Ok(()),

@@ -14,16 +14,16 @@ use bottega_agents::{
 
 use super::{
     failure::FarmFailure,
+    JobRows,
     ontology::{
-        JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish, row_term,
+        JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish,
     },
-    progress::JobSubscriptions,
+    progress::{JobSubscriptions, SubscriberKey, row_terms},
     render_agent::{OWNERSHIP, Surroundings, described},
     talk::{self, Message},
     terms::{Unread, reason},
 };
 use crate::job::view::FarmView;
-use bottega::events::ZoneEvent;
 
 /// The local name of the agent.
 pub(super) const LOCAL_NAME: &str = "jobs";
@@ -61,14 +61,21 @@ pub(super) enum JobsEffect {
 /// A report of the farm to the agent.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum JobsReport {
-    /// The rows of a job's zones, or why they cannot be read.
-    Rows { ticket: u64, rows: Result<Vec<ZoneEvent>, FarmFailure> },
+    /// The rows of a job, or why they cannot be read.
+    Rows { ticket: u64, rows: Result<JobRows, FarmFailure> },
     /// The current state of the farm.
     Farm(Arc<FarmView>),
     /// The farm's server does not answer: the last state may be outdated.
     Silent,
     /// A change was made, or why it was not.
     Changed { ticket: u64, result: Result<(), FarmFailure> },
+}
+
+/// The agent that waits for rows.
+enum RowReader {
+    /// It sent this message with this request, for one zone or all.
+    Asker(Message, Term, Option<u32>),
+    Subscriber(SubscriberKey),
 }
 
 /// The state machine of the jobs agent.
@@ -82,8 +89,8 @@ pub(super) struct JobsAgent {
     silent: Option<Time>,
     yellow: Page<DfAgentDescription>,
     changing: BTreeMap<u64, (Message, Term)>,
-    /// Pending reads of rows, by ticket: the message, its request, and the zone if only one is wanted.
-    reading: BTreeMap<u64, (Message, Term, Option<u32>)>,
+    /// Pending reads of rows, by ticket.
+    reading: BTreeMap<u64, RowReader>,
     progress: JobSubscriptions,
     next_number: u64,
     /// The time to search for entries of machines that are gone; `None`: done.
@@ -103,7 +110,7 @@ impl JobsAgent {
         let mut yellow = Page::absent();
         let protocols = ["fipa-request", "fipa-subscribe"];
         let mut entry = described(&id, LOCAL_NAME, SERVICE_TYPE, &protocols, Vec::new());
-        let board = described(&id, "blackboard", BLACKBOARD_TYPE, &["fipa-request"], Vec::new());
+        let board = described(&id, "blackboard", BLACKBOARD_TYPE, &protocols, Vec::new());
         entry.services.extend(board.services);
         yellow.want(Some(entry));
         Self {
@@ -165,14 +172,14 @@ impl JobsAgent {
     }
 
     fn subscribe(&mut self, now: Time, message: &Message, wish: &Term, send: &mut Vec<Message>) -> Result<(), Unread> {
-        let (number, action) = read_wish(wish)?;
+        let (number, followed, action) = read_wish(wish)?;
         if self.fails_silent(now, message, wish, send) {
             return Ok(());
         }
         if self.farm.job(number).is_none() {
             return Err(no_such_job(action));
         }
-        self.progress.subscribe(message, wish, number, &self.id, send)
+        self.progress.subscribe(message, wish, (number, followed), &self.id, send)
     }
 
     fn perform(
@@ -244,20 +251,34 @@ impl JobsAgent {
             return Ok(());
         }
         let ticket = self.number();
-        self.reading.insert(ticket, (message.clone(), asked.clone(), zone));
+        self.reading.insert(ticket, RowReader::Asker(message.clone(), asked.clone(), zone));
         actions.push(bottega_agents::Action::Effect(JobsEffect::ReadRows { ticket, number }));
         Ok(())
     }
 
-    fn read(&mut self, ticket: u64, rows: Result<Vec<ZoneEvent>, FarmFailure>, send: &mut Vec<Message>) {
-        let Some((message, asked, zone)) = self.reading.remove(&ticket) else { return };
-        send.push(match rows {
-            Ok(rows) => {
-                let wanted = rows.iter().filter(|row| zone.is_none_or(|zone| row.id == zone));
-                talk::result(&message, &self.id, &asked, Term::call("sequence", wanted.map(row_term)))
-            }
-            Err(why) => talk::failure(&message, &self.id, &asked, &why.to_string()),
-        });
+    fn read(&mut self, now: Time, ticket: u64, rows: Result<JobRows, FarmFailure>, send: &mut Vec<Message>) {
+        match self.reading.remove(&ticket) {
+            Some(RowReader::Asker(message, asked, zone)) => send.push(match rows {
+                Ok(rows) => {
+                    let wanted = row_terms(&rows, zone).into_values();
+                    talk::result(&message, &self.id, &asked, Term::call("sequence", wanted))
+                }
+                Err(why) => talk::failure(&message, &self.id, &asked, &why.to_string()),
+            }),
+            Some(RowReader::Subscriber(key)) => self.progress.report_rows(now, &key, rows.as_ref(), &self.id, send),
+            None => {}
+        }
+    }
+
+    /// Reports to subscribers what is due, and reads the rows of those who follow a Blackboard.
+    fn report(&mut self, now: Time, send: &mut Vec<Message>, actions: &mut JobsActions) {
+        let farm = Arc::clone(&self.farm);
+        let room = READS_MAX.saturating_sub(self.reading.len());
+        for (key, number) in self.progress.report(now, &farm, room, &self.id, send) {
+            let ticket = self.number();
+            self.reading.insert(ticket, RowReader::Subscriber(key));
+            actions.push(bottega_agents::Action::Effect(JobsEffect::ReadRows { ticket, number }));
+        }
     }
 
     fn changed(&mut self, ticket: u64, result: Result<(), FarmFailure>, send: &mut Vec<Message>) {
@@ -336,13 +357,12 @@ impl StateMachine for JobsAgent {
             },
             Event::Completed(JobsReport::Farm(farm)) => (self.farm, self.silent) = (farm, None),
             Event::Completed(JobsReport::Silent) => _ = self.silent.get_or_insert(now),
-            Event::Completed(JobsReport::Rows { ticket, rows }) => self.read(ticket, rows, &mut send),
+            Event::Completed(JobsReport::Rows { ticket, rows }) => self.read(now, ticket, rows, &mut send),
             Event::Completed(JobsReport::Changed { ticket, result }) => self.changed(ticket, result, &mut send),
             Event::Deadline | Event::Store { .. } | Event::Presence { .. } => {}
         }
         self.tick(now, &mut send);
-        let farm = Arc::clone(&self.farm);
-        self.progress.tell(now, &farm, &self.id, &mut send);
+        self.report(now, &mut send, actions);
         actions.extend(send.into_iter().map(talk::send));
     }
 

@@ -31,7 +31,10 @@ use jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport};
 use ontology::JobChange;
 use render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings};
 
-use bottega::{Event, events::ZoneEvent};
+use bottega::{
+    Event,
+    events::{AgentEvent, ZoneEvent},
+};
 
 use super::{host::HostSeat, talk, terms};
 use crate::{
@@ -52,8 +55,15 @@ const RESERVED: [&str; 5] = ["ams", "df", "start", "acc", jobs_agent::LOCAL_NAME
 /// The longest name of a machine, in bytes.
 const NAME_BYTES_MAX: usize = 200;
 
+/// The rows of a job on the Blackboard.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct JobRows {
+    zones: Vec<ZoneEvent>,
+    agents: Vec<AgentEvent>,
+}
+
 /// A function that reads the rows of a job.
-type ReadRows = Box<dyn FnOnce() -> Result<Vec<ZoneEvent>, FarmFailure> + Send>;
+type ReadRows = Box<dyn FnOnce() -> Result<JobRows, FarmFailure> + Send>;
 
 /// The interface of a farm to its agents.
 trait Farm: Send + 'static {
@@ -65,7 +75,7 @@ trait Farm: Send + 'static {
     ///
     /// - `by`: the name of the agent that requests it.
     fn change(&self, number: u32, change: JobChange, by: &str) -> Result<(), FarmFailure>;
-    /// Returns a function that reads the rows of a job's zones, which may take long.
+    /// Returns a function that reads the rows of a job's zones and agents, which may take long.
     fn rows(&self, number: u32) -> ReadRows;
     /// Renews the claim to host the agents.
     fn attend(&mut self) {}
@@ -105,12 +115,15 @@ impl Farm for BoardFarm {
         let board = self.board.clone();
         Box::new(move || {
             let job = board.get(number).ok_or(FarmFailure::NoJob { number })?;
-            let rows = board.rows(&job)?;
-            let zone = |row| match row {
-                Event::Zone(row) => Some(*row),
-                _ => None,
-            };
-            Ok(rows.into_iter().filter_map(zone).collect())
+            let mut rows = JobRows::default();
+            for row in board.rows(&job)? {
+                match row {
+                    Event::Zone(zone) => rows.zones.push(*zone),
+                    Event::Agent(agent) => rows.agents.push(agent),
+                    _ => {}
+                }
+            }
+            Ok(rows)
         })
     }
 

@@ -34,9 +34,14 @@
 //! (job :number 3 :state active :done 0.42 :zones-done 10 :zones 24 :priority 10 :machines 2 :leader atelier-1f00aa
 //!      :from atelier-1f00aa :submitted 1795227948 :scene goblets.glb :output night.exr :kept false)
 //! (row :work 77 :zone 4 :size 768 :complexity 912.5 :time-estimated 1.25 :time-real 1.31 :agent render-1@atelier-1f00aa
-//!      :state done :x0 0 :y0 0 :x1 32 :y1 24 :samples 64 :attempt 0 :max-depth 8 :reasons "path_tracing: 12 0.83")
+//!      :power 0.8 :credit -0.25 :state done :neighbor-difference 0.4 :x0 0 :y0 0 :x1 32 :y1 24 :samples 64 :attempt 0
+//!      :max-depth 8 :light-samples 1 :samples-chosen 64 :bands (sequence 0 2 0 2) :reasons "path_tracing: 12 0.83")
 //! (machine :name atelier-1f00aa :state active :threads 8 :job 3 :version "0.1.0" :paints (job :number 3 …))
 //! ```
+//!
+//! A row begins with the seven fields of the MAGarRO paper (section 3.1). `power` and `credit` are V_cp and credit of its
+//! agent. `max-depth` and what follows are the settings that the rules chose; `bands` are the widths of the interpolation
+//! bands left, above, right and below, in pixels.
 //!
 //! A job's `state` is `active`, `paused`, `done`, `failed` (with a `reason`) or `cancelled`; `done` is the share of its
 //! cost that is painted, 0 to 1; `kept` is true if `bottega jobs fetch` can get its picture. A machine's `state` is
@@ -64,6 +69,15 @@
 //! (inform    … "((done (iota …)))")
 //! ```
 //!
+//! To follow a Blackboard, subscribe to its rows. The subscriber is informed of all rows at once, then of those that
+//! changed, at most twice a second; when the job is over, of the last changes, and that the conversation is done:
+//!
+//! ```text
+//! (subscribe … "((iota ?x (result (action (agent-identifier :name jobs@bottega) (read-rows :job 3)) ?x)))")
+//! (inform    … "((= (iota …) (sequence (row :work 77 :zone 0 :state open …) (row :work 77 :zone 1 …) …)))")
+//! (inform    … "((= (iota …) (sequence (row :work 77 :zone 1 :state awarded …))))")
+//! ```
+//!
 //! A `cancel` with the same conversation-id ends the subscription early; a subscriber that cannot be reached for a while is
 //! dropped. If a job is removed from the farm before its end was reported, the answer is a failure.
 //!
@@ -78,7 +92,7 @@ use bottega_agents::sl::Term;
 
 use super::terms::{Call, Fields, Unread, unrecognised_content};
 use crate::job::view::{JobView, MachineView};
-use bottega::events::ZoneEvent;
+use bottega::events::{AgentEvent, ZoneEvent};
 use bottega::request::PRIORITY_MAX;
 
 /// The name of the ontology.
@@ -163,13 +177,23 @@ pub(super) fn read_machine_function(action: &Term) -> Result<MachineFunction, Un
     }
 }
 
-/// Reads `(iota ?x (result (action AID (describe-job :job N)) ?x))`; the variable may have any name. Returns the job number
-/// and the inner action.
-pub(super) fn read_wish(iota: &Term) -> Result<(u32, &Term), Unread> {
+/// What a subscriber follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Followed {
+    /// The progress of a job.
+    Job,
+    /// The rows of its zones, or one of them.
+    Rows(Option<u32>),
+}
+
+/// Reads `(iota ?x (result (action AID (describe-job :job N)) ?x))`, or the same with `read-rows`; the variable may have any
+/// name. Returns the job number, what is followed of it, and the inner action.
+pub(super) fn read_wish(iota: &Term) -> Result<(u32, Followed, &Term), Unread> {
     let Some([_, result]) = iota.arguments_of("iota") else { return Err(unrecognised_content()) };
     let Some([action, _]) = result.arguments_of("result") else { return Err(unrecognised_content()) };
     match read_jobs_function(action)? {
-        JobsFunction::Describe(number) => Ok((number, action)),
+        JobsFunction::Describe(number) => Ok((number, Followed::Job, action)),
+        JobsFunction::ReadRows(number, zone) => Ok((number, Followed::Rows(zone), action)),
         _ => Err(Call::of(action)?.unsupported()),
     }
 }
@@ -197,10 +221,13 @@ pub(super) fn job_term(job: &JobView) -> Term {
 }
 
 /// Returns a zone's row as an object: the paper's seven fields first, times in seconds of the reference machine.
-pub(super) fn row_term(row: &ZoneEvent) -> Term {
+///
+/// - `agent`: the row of its agent, if it has one.
+pub(super) fn row_term(row: &ZoneEvent, agent: Option<&AgentEvent>) -> Term {
     let number_if = |fields: Fields, key: &str, value: Option<f64>| match value {
-        Some(value) => fields.number(key, &((value * 1e6).round() / 1e6)),
-        None => fields,
+        // The values come from another process: leave out what is not a number.
+        Some(value) if value.is_finite() => fields.number(key, &((value * 1e6).round() / 1e6)),
+        _ => fields,
     };
     let fields = Fields::of("row")
         .number("work", &row.work)
@@ -210,11 +237,18 @@ pub(super) fn row_term(row: &ZoneEvent) -> Term {
     let fields = number_if(fields, "time-estimated", row.seconds_estimated);
     let fields = number_if(fields, "time-real", row.seconds_measured);
     let [x0, y0, x1, y1] = row.rect;
-    let fields = fields.text_if("agent", row.agent.as_deref()).text("state", &row.state);
+    let fields = fields.text_if("agent", row.agent.as_deref());
+    let fields = number_if(fields, "power", agent.map(|agent| agent.power));
+    let fields = number_if(fields, "credit", agent.map(|agent| agent.credit));
+    let fields = number_if(fields.text("state", &row.state), "neighbor-difference", row.neighbor_difference);
     let fields = fields.number("x0", &x0).number("y0", &y0).number("x1", &x1).number("y1", &y1);
     let fields = fields.number("samples", &row.samples).number("attempt", &row.attempt);
     let fields = match row.choice {
-        Some(choice) => fields.number("max-depth", &choice.max_depth),
+        Some(choice) => fields
+            .number("max-depth", &choice.max_depth)
+            .number("light-samples", &choice.light_samples)
+            .number("samples-chosen", &choice.samples)
+            .put("bands", Term::call("sequence", choice.bands.map(|band| Term::integer(band.into())))),
         None => fields,
     };
     number_if(fields, "error", row.error).text_if("reasons", row.reasons.as_deref()).term()

@@ -1,11 +1,14 @@
-//! Subscriptions to the progress of jobs.
+//! Subscriptions to the progress of jobs, and to the rows of their Blackboards.
 
 use std::{collections::BTreeMap, time::Duration};
 
+use bottega::events::{AgentEvent, ZoneEvent};
 use bottega_agents::{AgentId, Performative, Time, sl::Term};
 
 use super::{
-    ontology::job_term,
+    JobRows,
+    failure::FarmFailure,
+    ontology::{Followed, job_term, row_term},
     talk::{self, Message},
     terms::{Unread, reason},
 };
@@ -23,29 +26,62 @@ const PATIENCE: Duration = Duration::from_secs(20);
 const FORGIVEN_AFTER: Duration = Duration::from_secs(40);
 
 /// The subscriber's name and conversation.
-type Key = (String, u64);
+pub(super) type SubscriberKey = (String, u64);
 
 #[derive(Clone, Debug)]
 struct Subscription {
     message: Message,
     /// The subscribed expression.
     wish: Term,
+    /// The number of the job.
     number: u32,
-    /// The last report, and its time.
-    told: Option<(JobView, Time)>,
+    reported: Reported,
+    /// The time of the last report.
+    last: Option<Time>,
     /// The time of the next report, if one is due.
     due: Option<Time>,
     /// The times of the first and the last lost message, if the subscriber could not be reached.
     lost: Option<(Time, Time)>,
 }
 
+/// What a subscriber knows.
+#[derive(Clone, Debug)]
+enum Reported {
+    /// The job as last reported.
+    Job(Option<Box<JobView>>),
+    Rows(RowsReported),
+}
+
+/// The rows that a subscriber knows.
+#[derive(Clone, Debug, Default)]
+struct RowsReported {
+    /// The only zone that it follows, if not all.
+    zone: Option<u32>,
+    /// The rows as last reported, by zone; `None`: nothing was reported.
+    rows: Option<BTreeMap<u32, Term>>,
+    /// True while rows are being read for it.
+    is_reading: bool,
+    /// True if the job was over when that began, so that these rows are its last.
+    is_last: bool,
+}
+
+/// Returns rows as objects, by zone.
+///
+/// - `zone`: the only zone, if not all.
+pub(super) fn row_terms(rows: &JobRows, zone: Option<u32>) -> BTreeMap<u32, Term> {
+    let agents: BTreeMap<&str, &AgentEvent> = rows.agents.iter().map(|agent| (&*agent.agent, agent)).collect();
+    let wanted = rows.zones.iter().filter(|row| zone.is_none_or(|zone| row.id == zone));
+    let agent = |row: &ZoneEvent| agents.get(row.agent.as_deref()?).copied();
+    wanted.map(|row| (row.id, row_term(row, agent(row)))).collect()
+}
+
 /// The subscriptions to all jobs.
 #[derive(Debug, Default)]
 pub(super) struct JobSubscriptions {
-    subscriptions: BTreeMap<Key, Subscription>,
+    subscriptions: BTreeMap<SubscriberKey, Subscription>,
 }
 
-fn key(message: &Message) -> Key {
+fn key(message: &Message) -> SubscriberKey {
     (message.sender.name.to_lowercase(), message.conversation_id)
 }
 
@@ -55,7 +91,7 @@ impl JobSubscriptions {
         &mut self,
         message: &Message,
         wish: &Term,
-        number: u32,
+        (number, followed): (u32, Followed),
         me: &AgentId,
         send: &mut Vec<Message>,
     ) -> Result<(), Unread> {
@@ -65,7 +101,12 @@ impl JobSubscriptions {
         }
         send.push(talk::agree(message, me, wish));
         let (message, wish) = (message.clone(), wish.clone());
-        self.subscriptions.insert(key, Subscription { message, wish, number, told: None, due: None, lost: None });
+        let reported = match followed {
+            Followed::Job => Reported::Job(None),
+            Followed::Rows(zone) => Reported::Rows(RowsReported { zone, ..RowsReported::default() }),
+        };
+        let (last, due, lost) = (None, None, None);
+        self.subscriptions.insert(key, Subscription { message, wish, number, reported, last, due, lost });
         Ok(())
     }
 
@@ -97,9 +138,44 @@ impl JobSubscriptions {
         });
     }
 
-    /// Sends all reports that are due.
-    pub(super) fn tell(&mut self, now: Time, farm: &FarmView, me: &AgentId, send: &mut Vec<Message>) {
-        self.subscriptions.retain(|_, subscription| subscription.tell(now, farm, me, send));
+    /// Sends all reports that are due. Returns the subscribers for whom rows must be read, with the number of the job.
+    ///
+    /// - `room`: the most of them.
+    pub(super) fn report(
+        &mut self,
+        now: Time,
+        farm: &FarmView,
+        room: usize,
+        me: &AgentId,
+        send: &mut Vec<Message>,
+    ) -> Vec<(SubscriberKey, u32)> {
+        let mut reads = Vec::new();
+        self.subscriptions.retain(|key, subscription| {
+            let Some(job) = farm.job(subscription.number) else {
+                send.push(talk::failure(&subscription.message, me, &subscription.wish, "the farm has forgotten the job"));
+                return false;
+            };
+            if subscription.begin_reading(now, job, reads.len() < room) {
+                reads.push((key.clone(), subscription.number));
+            }
+            subscription.report_job(now, job, me, send)
+        });
+        reads
+    }
+
+    /// Sends the rows that have changed to a subscriber.
+    pub(super) fn report_rows(
+        &mut self,
+        now: Time,
+        key: &SubscriberKey,
+        rows: Result<&JobRows, &FarmFailure>,
+        me: &AgentId,
+        send: &mut Vec<Message>,
+    ) {
+        let is_over = self.subscriptions.get_mut(key).is_some_and(|it| it.report_rows(now, rows, me, send));
+        if is_over {
+            self.subscriptions.remove(key);
+        }
     }
 
     /// Returns the time of the next report.
@@ -109,26 +185,77 @@ impl JobSubscriptions {
 }
 
 impl Subscription {
-    /// Sends a report if one is due. `false`: it was the last one.
-    fn tell(&mut self, now: Time, farm: &FarmView, me: &AgentId, send: &mut Vec<Message>) -> bool {
-        let Some(job) = farm.job(self.number) else {
-            send.push(talk::failure(&self.message, me, &self.wish, "the farm has forgotten the job"));
-            return false;
-        };
-        let is_news = self.told.as_ref().is_none_or(|(told, _)| told != job);
-        if is_news && self.due.is_none() {
-            self.due = Some(self.told.as_ref().map_or(now, |(_, at)| *at + GAP));
+    /// Reports the progress of the job if that is followed and a report is due. `false`: it was the last one.
+    fn report_job(&mut self, now: Time, job: &JobView, me: &AgentId, send: &mut Vec<Message>) -> bool {
+        let Reported::Job(reported) = &mut self.reported else { return true };
+        if reported.as_deref() != Some(job) && self.due.is_none() {
+            self.due = Some(self.last.map_or(now, |at| at + GAP));
         }
         if self.due.is_none_or(|due| now < due) {
             return true;
         }
         let news = Term::call("=", [self.wish.clone(), job_term(job)]);
         send.push(talk::answer(&self.message, me, Performative::Inform, &[news]));
-        self.told = Some((job.clone(), now));
-        self.due = None;
+        *reported = Some(Box::new(job.clone()));
+        (self.last, self.due) = (Some(now), None);
         if job.is_over {
             send.push(talk::over(&self.message, me));
         }
         !job.is_over
+    }
+
+    /// Returns `true` if rows must be read now: they are followed, due, and not being read.
+    ///
+    /// - `has_room`: `false` if too many reads are pending; it is tried again later.
+    fn begin_reading(&mut self, now: Time, job: &JobView, has_room: bool) -> bool {
+        let Reported::Rows(reported) = &mut self.reported else { return false };
+        if reported.is_reading {
+            return false;
+        }
+        let due = *self.due.get_or_insert(self.last.map_or(now, |at| at + GAP));
+        if now < due {
+            return false;
+        }
+        if !has_room {
+            self.due = Some(now + GAP);
+            return false;
+        }
+        (reported.is_reading, reported.is_last) = (true, job.is_over);
+        self.due = None;
+        true
+    }
+
+    /// Reports the rows that have changed. Returns `true` if they were the last ones.
+    fn report_rows(
+        &mut self,
+        now: Time,
+        rows: Result<&JobRows, &FarmFailure>,
+        me: &AgentId,
+        send: &mut Vec<Message>,
+    ) -> bool {
+        let Reported::Rows(reported) = &mut self.reported else { return false };
+        reported.is_reading = false;
+        self.last = Some(now);
+        // A farm that does not answer now may do so later, unless the job is over.
+        let Ok(rows) = rows else {
+            if reported.is_last {
+                send.push(talk::failure(&self.message, me, &self.wish, "the rows of the job cannot be read"));
+            }
+            return reported.is_last;
+        };
+        let rows = row_terms(rows, reported.zone);
+        let is_news = |(zone, row): &(&u32, &Term)| {
+            reported.rows.as_ref().is_none_or(|known| known.get(zone) != Some(row))
+        };
+        let changed: Vec<Term> = rows.iter().filter(is_news).map(|(_, row)| row.clone()).collect();
+        if reported.rows.is_none() || !changed.is_empty() {
+            let news = Term::call("=", [self.wish.clone(), Term::call("sequence", changed)]);
+            send.push(talk::answer(&self.message, me, Performative::Inform, &[news]));
+        }
+        reported.rows = Some(rows);
+        if reported.is_last {
+            send.push(talk::over(&self.message, me));
+        }
+        reported.is_last
     }
 }

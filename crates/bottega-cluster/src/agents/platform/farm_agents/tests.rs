@@ -11,9 +11,10 @@ use bottega_agents::{
     wire::WireMessage,
 };
 
-use bottega::events::ZoneEvent;
+use bottega::events::{AgentEvent, ZoneChoice, ZoneEvent};
 
 use super::{
+    JobRows,
     failure::FarmFailure,
     jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport},
     ontology::{JobChange, ONTOLOGY, asked},
@@ -335,16 +336,87 @@ fn jobs_are_told_of_and_changed_by_those_who_may() {
     }
 }
 
+/// A zone's row, of 4 × 3 pixels.
+fn row(id: u32, state: &str) -> ZoneEvent {
+    ZoneEvent {
+        id,
+        work: 77,
+        size: 12,
+        rect: [0, 0, 4, 3],
+        seconds_estimated: Some(1.25),
+        seconds_measured: Some(1.5),
+        agent: Some("a@m-1".to_owned()),
+        choice: Some(ZoneChoice { max_depth: 8, light_samples: 4, samples: 64, bands: [0, 2, 0, 1] }),
+        samples: 64,
+        state: state.to_owned(),
+        ..ZoneEvent::default()
+    }
+}
+
+fn rows(zones: Vec<ZoneEvent>) -> JobRows {
+    let agent = AgentEvent {
+        agent: "a@m-1".to_owned(),
+        power: 0.5,
+        lanes: 1.0,
+        credit: -0.25,
+        reliability: 1.0,
+        seconds: None,
+        failures: 0,
+        left_out: None,
+    };
+    JobRows { zones, agents: vec![agent] }
+}
+
+/// The subscriber of a Blackboard is informed of all rows, then of those that have changed, and of the end.
+#[test]
+fn a_subscriber_of_rows_is_informed_of_changes_and_of_the_end() {
+    let mut agent = jobs_agent(vec![job(2, "active", 0.25)]);
+    let wish = "((iota ?x (result (action (agent-identifier :name jobs@b) (read-rows :job 2)) ?x)))";
+    // The rows that are read for the subscriber at a time, if any are.
+    let read = |came: &ReceivedEnvelope<JobsEffect>| match came.effects[..] {
+        [JobsEffect::ReadRows { ticket, number: 2 }] => Some(ticket),
+        _ => None,
+    };
+    let report = |agent: &mut JobsAgent, at, ticket, zones| {
+        after(agent, millis(at), Event::Completed(JobsReport::Rows { ticket, rows: Ok(rows(zones)) })).told
+    };
+    let came = after(&mut agent, millis(100), Event::Message(says("probe@jade", "jobs@b", P::Subscribe, wish)));
+    assert_eq!(came.told[0].1, P::Agree);
+    let ticket = read(&came).expect("rows are read at once");
+    // All rows
+    let told = report(&mut agent, 110, ticket, vec![row(0, "open"), row(1, "open")]);
+    assert!(told.len() == 1 && told[0].2.matches(":state open").count() == 2, "{told:?}");
+    // Nothing is read before half a second is over, and nothing is sent if nothing changed
+    assert_eq!(read(&after(&mut agent, millis(300), Event::Deadline)), None);
+    let ticket = read(&after(&mut agent, millis(610), Event::Deadline)).expect("rows are read again");
+    assert_eq!(report(&mut agent, 620, ticket, vec![row(0, "open"), row(1, "open")]), []);
+    // The row that changed
+    let ticket = read(&after(&mut agent, millis(1120), Event::Deadline)).expect("rows are read again");
+    let told = report(&mut agent, 1130, ticket, vec![row(0, "open"), row(1, "awarded")]);
+    assert!(told.len() == 1 && told[0].2.contains(":zone 1") && !told[0].2.contains(":zone 0"), "{told:?}");
+    // The farm does not answer once; the subscription lasts
+    let ticket = read(&after(&mut agent, millis(1630), Event::Deadline)).expect("rows are read again");
+    let lost = Event::Completed(JobsReport::Rows { ticket, rows: Err(nobody_answers()) });
+    assert_eq!(after(&mut agent, millis(1640), lost).told, []);
+    // The end
+    after(&mut agent, millis(1700), news(vec![job(2, "done", 1.0)]));
+    let ticket = read(&after(&mut agent, millis(2200), Event::Deadline)).expect("rows are read a last time");
+    let told = report(&mut agent, 2210, ticket, vec![row(0, "done"), row(1, "done")]);
+    assert!(told.len() == 2 && told[1].2 == "over", "{told:?}");
+    assert_eq!(read(&after(&mut agent, millis(3000), Event::Deadline)), None);
+}
+
 #[test]
 fn the_rows_of_a_job_are_read_by_anybody() {
     let mut agent = jobs_agent(vec![job(2, "active", 0.25)]);
-    let row = |id| ZoneEvent { id, work: 77, size: 12, state: "done".to_owned(), ..ZoneEvent::default() };
     for (function, rows, act, told) in [
         (
             "(read-rows :job 2 :zone 4)",
-            Ok(vec![row(3), row(4)]),
+            Ok(rows(vec![row(3, "done"), row(4, "done")])),
             P::Inform,
-            "(sequence (row :work 77 :zone 4 :size 12 ",
+            "(sequence (row :work 77 :zone 4 :size 12 :complexity 0 :time-estimated 1.25 :time-real 1.5 :agent a@m-1 :power \
+             0.5 :credit -0.25 :state done :x0 0 :y0 0 :x1 4 :y1 3 :samples 64 :attempt 0 :max-depth 8 :light-samples 4 \
+             :samples-chosen 64 :bands (sequence 0 2 0 1)))",
         ),
         ("(read-rows :job 2)", Err(nobody_answers()), P::Failure, "(internal-error \"nobody answers\")"),
     ] {
