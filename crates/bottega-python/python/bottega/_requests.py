@@ -657,8 +657,16 @@ class WorkOptions(Section):
     """Level of division into zones: 0 none, 1 by importance, 2 joined, 3 balanced."""
     optimization: OptimizationChoice = 'off'
     """Degree to which expert rules may trade quality for time, zone by zone."""
+    prefetch: int = 2
+    """Most zones that an agent holds at a time: those it paints and those that wait for it. 1, as in
+    the MAGarRO paper: only idle agents bid.
+    """
     rules: Sequence[RulesSource] = field(default_factory=lambda: [])
     """The expert rules, which agents carry in turn; none: those built in or of the engine."""
+    share_tail: bool = True
+    """True to cut zones near the end of the job, and to give idle agents the late zones of slow ones.
+    Only agents on different machines share the tail.
+    """
     zone_balance: BalanceChoice = 'time'
     """The quantity that level 3 balances."""
     zone_max_complexity: float | None = None
