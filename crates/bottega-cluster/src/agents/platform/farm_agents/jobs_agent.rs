@@ -74,7 +74,7 @@ pub(super) enum JobsReport {
 /// The agent that waits for rows.
 enum RowReader {
     /// It sent this message with this request, for one zone or all.
-    Asker(Message, Term, Option<u32>),
+    Asker(Box<Message>, Term, Option<u32>),
     Subscriber(SubscriberKey),
 }
 
@@ -251,7 +251,7 @@ impl JobsAgent {
             return Ok(());
         }
         let ticket = self.number();
-        self.reading.insert(ticket, RowReader::Asker(message.clone(), asked.clone(), zone));
+        self.reading.insert(ticket, RowReader::Asker(Box::new(message.clone()), asked.clone(), zone));
         actions.push(bottega_agents::Action::Effect(JobsEffect::ReadRows { ticket, number }));
         Ok(())
     }
