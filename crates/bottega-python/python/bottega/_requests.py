@@ -116,11 +116,10 @@ is large, and answer where it is small. paper: The rules of Herubel, Biri and De
 """
 
 
-OracleQuestion = Literal["shadows", "irradiance", "radiance", "halting"]
+OracleQuestion = Literal["shadows", "irradiance", "radiance"]
 """The questions for lighting agents. shadows: Shadow rays: the agents decide which of them must be
 traced. irradiance: Indirect light: the agents decide where it is interpolated. radiance: Incident
-light at surfaces that are not matte, with the oracle `error`. halting: Path termination where the
-agents do not know the light well enough, with the oracle `error`.
+light at surfaces that are not matte, with the oracle `error`.
 """
 
 

@@ -226,19 +226,6 @@ impl Agents {
         self.share_taken(&estimate).filter(|&share| u < share).map(|_| surroundings)
     }
 
-    /// Returns the approximate indirect irradiance at a point, however uncertain; `None`: unknown, or not used by the
-    /// settings.
-    ///
-    /// - `normal`: shading normal, on the side that the light arrives at.
-    #[inline(always)]
-    pub(crate) fn rough_irradiance_at(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
-        let Indirect::Records(cache, _) = &self.indirect else { return None };
-        if !self.settings.decides_halting {
-            return None;
-        }
-        cache.estimate(p, normal, u32::MAX).map(|estimate| estimate.irradiance)
-    }
-
     /// Returns the network's answer at a point on an agent or a link; see [`super::network_dots`].
     pub(super) fn network_at(&self, p: Vec3, width: f32) -> Option<f32> {
         self.visibility.network_at(p, width)
