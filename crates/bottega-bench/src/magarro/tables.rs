@@ -80,8 +80,7 @@ fn as_text(report: &MagarroReport) -> String {
 
 /// Formats the times of levels 1 to 3 beside those of the paper's table 1.
 fn partition_table(heading: &str, levels: &[MagarroRow]) -> String {
-    let mut text =
-        format!("{heading}\nagents        level 1      level 2      level 3    level 1  level 2  level 3\n");
+    let mut text = format!("{heading}\nagents        level 1      level 2      level 3    level 1  level 2  level 3\n");
     for (index, agents) in AGENTS.iter().enumerate() {
         text += &format!("{agents:<7}");
         for row in levels {

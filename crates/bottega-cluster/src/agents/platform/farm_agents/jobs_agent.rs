@@ -13,11 +13,9 @@ use bottega_agents::{
 };
 
 use super::{
-    failure::FarmFailure,
     JobRows,
-    ontology::{
-        JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish,
-    },
+    failure::FarmFailure,
+    ontology::{JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish},
     progress::{JobSubscriptions, SubscriberKey, row_terms},
     render_agent::{OWNERSHIP, Surroundings, described},
     talk::{self, Message},

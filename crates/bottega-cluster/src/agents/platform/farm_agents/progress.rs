@@ -152,7 +152,12 @@ impl JobSubscriptions {
         let mut reads = Vec::new();
         self.subscriptions.retain(|key, subscription| {
             let Some(job) = farm.job(subscription.number) else {
-                send.push(talk::failure(&subscription.message, me, &subscription.wish, "the farm has forgotten the job"));
+                send.push(talk::failure(
+                    &subscription.message,
+                    me,
+                    &subscription.wish,
+                    "the farm has forgotten the job",
+                ));
                 return false;
             };
             if subscription.begin_reading(now, job, reads.len() < room) {
@@ -244,9 +249,8 @@ impl Subscription {
             return reported.is_last;
         };
         let rows = row_terms(rows, reported.zone);
-        let is_news = |(zone, row): &(&u32, &Term)| {
-            reported.rows.as_ref().is_none_or(|known| known.get(zone) != Some(row))
-        };
+        let is_news =
+            |(zone, row): &(&u32, &Term)| reported.rows.as_ref().is_none_or(|known| known.get(zone) != Some(row));
         let changed: Vec<Term> = rows.iter().filter(is_news).map(|(_, row)| row.clone()).collect();
         if reported.rows.is_none() || !changed.is_empty() {
             let news = Term::call("=", [self.wish.clone(), Term::call("sequence", changed)]);
