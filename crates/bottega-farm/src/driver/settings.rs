@@ -63,7 +63,7 @@ pub struct JobSettings {
     pub technique: Arc<str>,
     /// V_cp of this machine by the [benchmark](crate::benchmark).
     pub benchmark: RelativePower,
-    /// The most zones that an agent has at a time.
+    /// The number of zones that an agent works on at once.
     pub prefetch: u32,
     /// The number of agents on different machines that must agree on a zone before it counts; 1: no comparison.
     pub verify: u32,
