@@ -14,7 +14,7 @@ use crate::{
 pub const AGENTS_MAX: usize = 1 << 10;
 /// The most agents that must agree on a zone.
 pub const VERIFY_MAX: u32 = 16;
-/// The most zones that an agent has at a time.
+/// The most zones that an agent works on at once.
 pub const PREFETCH_MAX: u32 = 1 << 10;
 /// The settings of a job.
 #[derive(Clone, Debug)]
@@ -65,7 +65,7 @@ pub struct JobSettings {
     pub technique: Arc<str>,
     /// V_cp of this machine by the [benchmark](crate::benchmark).
     pub benchmark: RelativePower,
-    /// The most zones that an agent has at a time; at most [`PREFETCH_MAX`].
+    /// The number of zones that an agent works on at once; at most [`PREFETCH_MAX`].
     pub prefetch: u32,
     /// `true`: near the end zones are cut, and idle agents take over late ones. Agents of one process never do: they
     /// share its processors.
