@@ -53,6 +53,16 @@ impl<T> SharedList<T> {
         self.0[index] = element;
     }
 
+    /// Leaves out all elements from an index on.
+    pub fn truncate(&mut self, len: usize) {
+        self.0.truncate(len);
+    }
+
+    /// Removes the last element and returns it; `None`: the list is empty.
+    pub fn pop(&mut self) -> Option<Arc<T>> {
+        self.0.pop()
+    }
+
     /// Iterates over the elements.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &T> + DoubleEndedIterator + Clone {
         self.0.iter().map(AsRef::as_ref)

@@ -41,7 +41,7 @@ fn scene() -> Scene {
             projection: Projection::Perspective { vertical_fov: 0.6 },
             ..Camera::default()
         }],
-        meshes,
+        meshes: meshes.into(),
         ..Scene::default()
     }
 }
