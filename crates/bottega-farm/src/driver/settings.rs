@@ -5,9 +5,10 @@ use std::{collections::BTreeMap, sync::Arc, thread};
 use bottega_engines::Tunables;
 use bottega_image::{Layout, Rect};
 
+use super::benchmark::MachineSpeed;
 use crate::{
     AdaptationRule, AuctionRule, BandWidth, Credit, EngineChoice, Experience, Expert, Goal, ImportanceFunction, Level,
-    Optimization, RelativePower, WorkSettings, ZoneLimits,
+    Optimization, WorkSettings, ZoneLimits,
 };
 
 /// The most agents of one job.
@@ -61,8 +62,8 @@ pub struct JobSettings {
     pub experience: Arc<Experience>,
     /// The identifier of engine, integrator and other settings that affect zone times: experience is kept per technique.
     pub technique: Arc<str>,
-    /// V_cp of this machine by the [benchmark](crate::benchmark).
-    pub benchmark: RelativePower,
+    /// V_cp of this machine by its benchmark, and its load now.
+    pub benchmark: MachineSpeed,
     /// The number of zones that an agent works on at once.
     pub prefetch: u32,
     /// The number of agents on different machines that must agree on a zone before it counts; 1: no comparison.
@@ -97,7 +98,7 @@ impl JobSettings {
             credits: Arc::default(),
             experience: Arc::default(),
             technique: "".into(),
-            benchmark: RelativePower::REFERENCE,
+            benchmark: MachineSpeed::REFERENCE,
             prefetch: 2,
             verify: 1,
             strangers: false,
