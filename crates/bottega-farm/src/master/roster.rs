@@ -460,6 +460,11 @@ impl Roster {
         bidders
     }
 
+    /// The number of zones that an agent may still win.
+    pub(super) fn room(&self, id: MemberId) -> u32 {
+        self.get(id).map_or(0, |member| self.window.saturating_sub(member.held) as u32)
+    }
+
     /// The number of zones that an agent lacks to have as many as it works on at once.
     pub(super) fn lacks(&self, id: MemberId) -> u32 {
         self.get(id).map_or(0, |member| self.prefetch.saturating_sub(member.held) as u32)

@@ -251,6 +251,7 @@ fn decide_round(
     let bidder = |(agent, proposal): (MemberId, Proposal)| {
         let member = roster.get(agent)?;
         let (credit, worth, own) = (member.row.credit.sum, member.worth(), member.promised_own());
+        let proposal = Proposal { room: proposal.room.min(roster.room(agent)), ..proposal };
         Some(Bidder { agent, credit, worth, own, needs: roster.lacks(agent), proposal })
     };
     let bidders = proposals.into_iter().filter_map(bidder).collect();
