@@ -21,7 +21,7 @@ impl SceneEditor {
     pub fn put_material(&mut self, key: &str, material: Material, placing: Placing) -> Result<(), EditError> {
         self.materials.check(key, placing)?;
         let checked = self.base.check_parameters(&material);
-        checked.map_err(|problem| EditError::value(EntryKind::Material, key, problem))?;
+        checked.map_err(|problem| EditError::value(EntryKind::Material, key, &problem))?;
         self.materials.put(key, material);
         Ok(())
     }
@@ -40,7 +40,7 @@ impl SceneEditor {
     /// A value is out of range.
     pub fn put_medium(&mut self, key: &str, medium: Medium, placing: Placing) -> Result<(), EditError> {
         self.media.check(key, placing)?;
-        crate::validate::check_medium(&medium).map_err(|problem| EditError::value(EntryKind::Medium, key, problem))?;
+        crate::validate::check_medium(&medium).map_err(|problem| EditError::value(EntryKind::Medium, key, &problem))?;
         let medium = Medium { name: key.to_owned(), ..medium };
         match self.media.find(key) {
             Some(id) => self.base.media[id.0 as usize] = medium,
@@ -64,7 +64,7 @@ impl SceneEditor {
     pub fn put_light(&mut self, key: &str, light: Light, placing: Placing) -> Result<(), EditError> {
         self.lights.check(key, placing)?;
         let checked = self.base.check_light(&light.kind);
-        checked.map_err(|problem| EditError::value(EntryKind::Light, key, problem))?;
+        checked.map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;
         let hidden = self.lights.find(key).is_some_and(|before| before.hidden);
         self.lights.put(key, EditedLight { light, hidden });
         Ok(())
@@ -95,11 +95,11 @@ impl SceneEditor {
     /// A value is out of range, its matrix scales, or its medium does not exist.
     pub fn check_camera(&self, key: &str, camera: &Camera) -> Result<(), EditError> {
         let checked = self.base.check_camera(camera);
-        checked.map_err(|problem| EditError::value(EntryKind::Camera, key, problem))?;
+        checked.map_err(|problem| EditError::value(EntryKind::Camera, key, &problem))?;
         let axes = Mat3::from(camera.world_from_camera.matrix3);
         if !(axes * axes.transpose()).abs_diff_eq(Mat3::IDENTITY, ROTATION_TOLERANCE) {
             let problem = "its matrix scales or shears; normalize its first three columns";
-            return Err(EditError::value(EntryKind::Camera, key, problem));
+            return Err(EditError::value(EntryKind::Camera, key, &problem));
         }
         Ok(())
     }
@@ -126,7 +126,7 @@ impl SceneEditor {
         placing: Placing,
     ) -> Result<(), EditError> {
         self.spheres.check(key, placing)?;
-        crate::validate::check_sphere(&sphere).map_err(|problem| EditError::value(EntryKind::Sphere, key, problem))?;
+        crate::validate::check_sphere(&sphere).map_err(|problem| EditError::value(EntryKind::Sphere, key, &problem))?;
         self.materials.get(&material)?;
         let hidden = self.spheres.find(key).is_some_and(|before| before.hidden);
         self.spheres.put(key, EditedSphere { sphere, material, hidden });

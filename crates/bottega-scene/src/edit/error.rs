@@ -128,7 +128,7 @@ impl EditError {
     }
 
     /// Makes the error of a value that cannot be rendered.
-    pub(crate) fn value(kind: EntryKind, key: &str, problem: impl ToString) -> Self {
+    pub(crate) fn value(kind: EntryKind, key: &str, problem: &impl ToString) -> Self {
         Self::Value { kind, key: key.to_owned(), problem: problem.to_string() }
     }
 }

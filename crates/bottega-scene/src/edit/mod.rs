@@ -204,7 +204,7 @@ impl SceneEditor {
             EntryKind::Object => self.objects.get_mut(key)?.hidden = hidden,
             EntryKind::Sphere => self.spheres.get_mut(key)?.hidden = hidden,
             EntryKind::Light => self.lights.get_mut(key)?.hidden = hidden,
-            _ => return Err(EditError::value(kind, key, "it cannot be hidden: remove it")),
+            _ => return Err(EditError::value(kind, key, &"it cannot be hidden: remove it")),
         }
         Ok(())
     }
