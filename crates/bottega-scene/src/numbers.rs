@@ -4,7 +4,7 @@ use glam::{Affine2, Affine3A, Mat3, Quat, Vec2, Vec3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A value made of a fixed number of `f32`.
-pub(crate) trait Numbers: Sized {
+pub(crate) trait NumberArray: Sized {
     type Array: Serialize + for<'de> Deserialize<'de>;
 
     fn to_numbers(&self) -> Self::Array;
@@ -12,10 +12,10 @@ pub(crate) trait Numbers: Sized {
     fn from_numbers(numbers: Self::Array) -> Self;
 }
 
-/// Implements [`Numbers`] by the names of two of the type's methods.
+/// Implements [`NumberArray`] by the names of two of the type's methods.
 macro_rules! numbers {
     ($($kind:ty: $count:literal, $to:ident, $from:expr;)*) => {
-        $(impl Numbers for $kind {
+        $(impl NumberArray for $kind {
             type Array = [f32; $count];
 
             fn to_numbers(&self) -> Self::Array {
@@ -38,7 +38,7 @@ numbers! {
     Affine3A: 12, to_cols_array, |numbers| Affine3A::from_cols_array(&numbers);
 }
 
-impl Numbers for [Vec3; 2] {
+impl NumberArray for [Vec3; 2] {
     type Array = [[f32; 3]; 2];
 
     fn to_numbers(&self) -> Self::Array {
@@ -51,12 +51,12 @@ impl Numbers for [Vec3; 2] {
 }
 
 /// Serializes a value as its numbers, for `#[serde(with = "crate::numbers")]`.
-pub(crate) fn serialize<T: Numbers, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn serialize<T: NumberArray, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
     value.to_numbers().serialize(serializer)
 }
 
 /// Reads a value from its numbers.
-pub(crate) fn deserialize<'de, T: Numbers, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
+pub(crate) fn deserialize<'de, T: NumberArray, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
     T::Array::deserialize(deserializer).map(T::from_numbers)
 }
 

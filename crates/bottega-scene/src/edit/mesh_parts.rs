@@ -92,9 +92,9 @@ fn unique_corners(mesh: &CornerMesh<'_>) -> (Vec<u32>, Vec<u32>) {
     if !mesh.has_corner_values() {
         // Corners have nothing but their position: the vertices are those given.
         let mut corners = vec![END; mesh.positions.len()];
-        for (corner, of) in vertex_of.iter_mut().enumerate() {
-            let vertex = mesh.vertex_of(corner as i32);
-            *of = vertex as u32;
+        for (number, corner) in vertex_of.iter_mut().zip(0..) {
+            let vertex = mesh.vertex_of(corner);
+            *number = vertex as u32;
             corners[vertex] = corner as u32;
         }
         if corners.iter().all(|&corner| corner != END) {
@@ -116,7 +116,7 @@ fn unique_corners(mesh: &CornerMesh<'_>) -> (Vec<u32>, Vec<u32>) {
     // The new vertices at each given vertex form a list: its first, and the next of each.
     let mut first = vec![END; mesh.positions.len()];
     let (mut next, mut corners): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
-    for (corner, of) in vertex_of.iter_mut().enumerate() {
+    for (corner, number) in vertex_of.iter_mut().enumerate() {
         let vertex = mesh.vertex_of(corner as i32);
         let (mut candidate, mut compared) = (first[vertex], 0);
         while candidate != END && compared < COMPARED_MAX && !is_same(mesh, corners[candidate as usize], corner) {
@@ -128,7 +128,7 @@ fn unique_corners(mesh: &CornerMesh<'_>) -> (Vec<u32>, Vec<u32>) {
             next.push(first[vertex]);
             first[vertex] = candidate;
         }
-        *of = candidate;
+        *number = candidate;
     }
     (corners, vertex_of)
 }

@@ -1,4 +1,4 @@
-//! What refers to a part of the scene.
+//! Searches for something that refers to a part of the scene.
 
 use super::{EntryKind, SceneEditor};
 use crate::light::LightKind;

@@ -1,4 +1,4 @@
-//! What a viewport shows: displayable pixels, and linear ones where they are wanted.
+//! The screen of a viewport: displayable pixels, and linear ones where they are wanted.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
