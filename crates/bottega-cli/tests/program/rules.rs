@@ -232,7 +232,7 @@ fn terms_and_surfaces_are_drawn_as_svg_and_png() {
             "-o",
             &at("x.svg"),
             "--surface",
-            "light_samples",
+            "samples",
             "--over",
             "complexity,size",
         ],
