@@ -116,7 +116,7 @@ def test_what_a_callback_raises_comes_out(box: Path) -> None:
 def test_warnings_are_warnings(box: Path, tmp_path: Path) -> None:
     text = (Path(__file__).parents[3] / "rules" / "path-tracing.fcl").read_text()
     odd = tmp_path / "odd.fcl"
-    odd.write_text(text.replace("light_samples", "light_sample"))
+    odd.write_text(text.replace("samples", "sample"))
     with pytest.warns(bottega.RenderWarning):
         bottega.render(box, optimization="n", work={"rules": [{"file": str(odd)}]}, **SMALL)
 

@@ -225,17 +225,7 @@ fn terms_and_surfaces_are_drawn_as_svg_and_png() {
     );
     fails(&["rules", "plot", &fan, "-o", &at("x.svg"), "--surface", "speed", "--over", "heat,x"], 2, &["no input `x`"]);
     fails(
-        &[
-            "rules",
-            "plot",
-            "path-tracing",
-            "-o",
-            &at("x.svg"),
-            "--surface",
-            "samples",
-            "--over",
-            "complexity,size",
-        ],
+        &["rules", "plot", "path-tracing", "-o", &at("x.svg"), "--surface", "samples", "--over", "complexity,size"],
         2,
         &["has no value"],
     );

@@ -53,7 +53,7 @@ impl<'a> ByTime<'a> {
                 self.bidders.swap_remove(first);
                 continue;
             };
-            // Give a whole zone to whoever finishes it soonest
+            // Give a whole zone to the bidder that finishes it soonest
             let (index, place, share) = match gets {
                 AwardShare::All(place) => (self.soonest(first, place), place, None),
                 AwardShare::Part(place, share) => (first, place, Some(share)),

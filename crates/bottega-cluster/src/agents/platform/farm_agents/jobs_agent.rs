@@ -13,11 +13,11 @@ use bottega_agents::{
 };
 
 use super::{
-    JobRows,
     failure::FarmFailure,
     ontology::{JobChange, JobsFunction, ONTOLOGY, job_term, machine_term, no_such_job, read_jobs_function, read_wish},
-    progress::{JobSubscriptions, SubscriberKey, row_terms},
+    progress::{JobSubscriptions, SubscriberKey},
     render_agent::{OWNERSHIP, Surroundings, described},
+    rows::{JobRows, row_terms},
     talk::{self, Message},
     terms::{Unread, reason},
 };

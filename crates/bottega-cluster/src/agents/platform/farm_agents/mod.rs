@@ -9,6 +9,7 @@ mod jobs_agent;
 mod ontology;
 mod progress;
 mod render_agent;
+mod rows;
 #[cfg(test)]
 mod tests;
 
@@ -30,11 +31,9 @@ use failure::FarmFailure;
 use jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport};
 use ontology::JobChange;
 use render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings};
+use rows::JobRows;
 
-use bottega::{
-    Event,
-    events::{AgentEvent, ZoneEvent},
-};
+use bottega::Event;
 
 use super::{host::HostSeat, talk, terms};
 use crate::{
@@ -54,13 +53,6 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 const RESERVED: [&str; 5] = ["ams", "df", "start", "acc", jobs_agent::LOCAL_NAME];
 /// The longest name of a machine, in bytes.
 const NAME_BYTES_MAX: usize = 200;
-
-/// The rows of a job on the Blackboard.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct JobRows {
-    zones: Vec<ZoneEvent>,
-    agents: Vec<AgentEvent>,
-}
 
 /// A function that reads the rows of a job.
 type ReadRows = Box<dyn FnOnce() -> Result<JobRows, FarmFailure> + Send>;

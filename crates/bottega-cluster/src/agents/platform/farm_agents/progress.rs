@@ -2,13 +2,12 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use bottega::events::{AgentEvent, ZoneEvent};
 use bottega_agents::{AgentId, Performative, Time, sl::Term};
 
 use super::{
-    JobRows,
     failure::FarmFailure,
-    ontology::{Followed, job_term, row_term},
+    ontology::{Followed, job_term},
+    rows::{JobRows, row_terms},
     talk::{self, Message},
     terms::{Unread, reason},
 };
@@ -63,16 +62,6 @@ struct RowsReported {
     is_reading: bool,
     /// True if the job was over when that began, so that these rows are its last.
     is_last: bool,
-}
-
-/// Returns rows as objects, by zone.
-///
-/// - `zone`: the only zone, if not all.
-pub(super) fn row_terms(rows: &JobRows, zone: Option<u32>) -> BTreeMap<u32, Term> {
-    let agents: BTreeMap<&str, &AgentEvent> = rows.agents.iter().map(|agent| (&*agent.agent, agent)).collect();
-    let wanted = rows.zones.iter().filter(|row| zone.is_none_or(|zone| row.id == zone));
-    let agent = |row: &ZoneEvent| agents.get(row.agent.as_deref()?).copied();
-    wanted.map(|row| (row.id, row_term(row, agent(row)))).collect()
 }
 
 /// The subscriptions to all jobs.

@@ -14,11 +14,11 @@ use bottega_agents::{
 use bottega::events::{AgentEvent, ZoneChoice, ZoneEvent};
 
 use super::{
-    JobRows,
     failure::FarmFailure,
     jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport},
     ontology::{JobChange, ONTOLOGY, asked},
     render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings},
+    rows::JobRows,
     talk::Message,
 };
 use crate::job::{
