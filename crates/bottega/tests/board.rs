@@ -147,6 +147,8 @@ fn a_board_of_another_build_or_none_at_all_is_refused() {
     thread::spawn(move || {
         let (mut stream, _) = stranger.accept().unwrap();
         _ = stream.write_all(&[0; 100]);
+        // Closing while the other side writes would break its connection before it has read this.
+        _ = stream.read_to_end(&mut Vec::new());
     });
     let refused = open(&format!("tcp://{address}"));
     assert!(refused.contains("cannot be"), "{refused}");
