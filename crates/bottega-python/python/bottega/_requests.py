@@ -657,8 +657,8 @@ class WorkOptions(Section):
     optimization: OptimizationChoice = 'off'
     """Degree to which expert rules may trade quality for time, zone by zone."""
     prefetch: int = 2
-    """Most zones that an agent holds at a time: those it paints and those that wait for it. 1, as in
-    the MAGarRO paper: only idle agents bid.
+    """Number of zones that an agent works on at once: the next begins while the last pixels of one are
+    painted. 1, as in the MAGarRO paper: only idle agents bid.
     """
     rules: Sequence[RulesSource] = field(default_factory=lambda: [])
     """The expert rules, which agents carry in turn; none: those built in or of the engine."""
