@@ -11,7 +11,7 @@ use std::{
 };
 
 use bottega::{Request, Session, StopSwitch, text::shown};
-use bottega_farm::{Experience, Forecast, JobReport, JobSettings, RelativePower, benchmark};
+use bottega_farm::{BenchmarkClocks, Experience, Forecast, JobReport, JobSettings, MachineSpeed, RelativePower};
 use bottega_platform::processor_time::own_seconds;
 use clap::Args;
 use serde_json::{Value, json};
@@ -82,7 +82,8 @@ impl Measurement for LearningOptions {
         if clock().is_none() {
             return Err(Error::NoProcessorTime);
         }
-        let power = benchmark(|| clock().unwrap_or_default());
+        let clocks = BenchmarkClocks { now: || clock().unwrap_or_default(), processor: clock };
+        let power = clocks.benchmark().power;
         let mut rows = Vec::new();
         for (first, second) in &self.pairs()? {
             say(log, format_args!("{}, then {}", shown(first), shown(second)));
@@ -126,7 +127,8 @@ fn paint(request: &Request, experience: &Experience, power: RelativePower) -> Re
     let session = Session::open(request)?;
     let tools = session.tools();
     let experience = Arc::new(experience.clone());
-    let settings = JobSettings { experience, benchmark: power, agents: 1, ..tools.settings };
+    let settings =
+        JobSettings { experience, benchmark: MachineSpeed { power, load: 1.0 }, agents: 1, ..tools.settings };
     let engine = Arc::new(TimedEngine::new(tools.engine));
     let report = bottega_farm::run(&settings, engine, tools.observer, &StopSwitch::new(), None, None);
     Ok(report.map_err(bottega::Error::Job)?)

@@ -2,6 +2,7 @@
 
 mod draw;
 mod ludd;
+mod network;
 mod plot;
 mod verify;
 
@@ -41,6 +42,9 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     let mut drawn = draw::PictureFolder { folder: &args.output, files: Vec::new() };
     draw::all(&mut drawn, &subject, &analyses, &chosen)?;
     let ludd = (!args.ludd.is_empty()).then(|| ludd::all(args, &subject, &mut drawn)).transpose()?;
+    if args.network {
+        network::draw(args, &subject, &mut drawn)?;
+    }
     let files = drawn.files;
     let verified = (!args.verify.is_empty()).then(|| verify::run(args, &subject, function)).transpose()?;
     verified.iter().try_for_each(|verified| plot::all(args, verified))?;
@@ -61,6 +65,9 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<ExitCode, CliError> {
     }
     let counts: Vec<String> = analyses.iter().map(|analysis| analysis.rows.len().to_string()).collect();
     println!("{}: {} zones by level, meant for agents: {}", shown(&args.output), counts.join(", "), subject.agents);
+    if report.get("ludd").is_some() {
+        print!("\n{}", ludd::table(&report["ludd"]));
+    }
     if let Some(verified) = &verified {
         print!("\n{}\n", verify::table(verified));
     }

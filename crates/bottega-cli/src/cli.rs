@@ -12,8 +12,8 @@ mod words;
 use std::path::PathBuf;
 
 use bottega_cluster::build::build;
-use bottega_render::{AgentSettings, ala::Criterion};
-use clap::{Args, Parser, Subcommand, ValueHint};
+use bottega_render::ala::Criterion;
+use clap::{ArgGroup, Args, Parser, Subcommand, ValueHint};
 
 use self::values::{parse_criterion, parse_share};
 pub(crate) use self::{
@@ -103,6 +103,7 @@ pub(crate) enum Command {
 }
 
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("of_agents").args(["ludd", "network"]).multiple(true))]
 pub(crate) struct AnalyzeArgs {
     /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
     #[arg(value_hint = ValueHint::FilePath)]
@@ -139,9 +140,14 @@ pub(crate) struct AnalyzeArgs {
     /// Photons that leave the lights.
     #[arg(long, value_name = "N", default_value_t = 100_000, requires = "ludd", value_parser = clap::value_parser!(u32).range(1..=10_000_000), help_heading = "Useful data density")]
     pub(crate) photons: u32,
-    /// Lighting agents that the lights cast.
-    #[arg(long, value_name = "N", default_value_t = AgentSettings::default().cast, requires = "ludd", value_parser = clap::value_parser!(u32).range(0..=10_000_000), help_heading = "Useful data density")]
-    pub(crate) lighting_agents: u32,
+    /// Draw the lighting agents where the camera sees them, with the links of their network, by what they answer: lit,
+    /// shaded, or trace a shadow ray.
+    #[arg(long, help_heading = "Lighting agents")]
+    pub(crate) network: bool,
+    /// Lighting agents that the lights cast; default: 50,000 for --ludd, 2,500 for --network, whose links are not seen
+    /// where there are many.
+    #[arg(long, value_name = "N", requires = "of_agents", value_parser = clap::value_parser!(u32).range(0..=10_000_000), help_heading = "Lighting agents")]
+    pub(crate) lighting_agents: Option<u32>,
 }
 
 #[derive(Debug, Args)]

@@ -345,12 +345,13 @@ pub(crate) fn recorded(file: &str) -> String {
 
 /// Summarizes the auction in one line.
 fn told_auction(auction: &AuctionEvent) -> String {
-    let AuctionEvent { rounds, contested, credit_decided, bidders, bids, awards, thefts, stolen, .. } = auction;
+    let AuctionEvent { rounds, contested, outbid, credit_decided, bidders, bids, awards, thefts, stolen, .. } = auction;
     if *rounds == 0 {
         return format!("stealing: {stolen} zones changed hands in {thefts} thefts");
     }
     format!(
-        "auction: {awards} awards in {rounds} rounds, {contested} with several bidders, {credit_decided} decided by credit; \
+        "auction: {awards} awards in {rounds} rounds, {contested} with several bidders, {outbid} zones outbid, \
+         {credit_decided} rounds decided by credit; \
          {:.1} bidders and {:.1} bids a round",
         *bidders as f64 / *rounds as f64,
         *bids as f64 / *rounds as f64,

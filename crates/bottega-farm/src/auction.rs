@@ -2,7 +2,7 @@
 //!
 //! Source: MAGarRO, section 3.4, "Auctioning": agents try to get the more complex zones first; of several bidders the
 //! one with the most credit wins; credit changes in proportion to T_est − T. The default rule divides the finishing
-//! time an agent promises by its reliability. `docs/magarro.md` states the rules.
+//! time an agent promises by its reliability, and gives each zone to the bidder that finishes it soonest. `docs/magarro.md` states the rules.
 
 mod by_credit;
 mod by_time;
@@ -27,6 +27,9 @@ use crate::Offer;
 
 /// Maximum number of agents called in one round.
 pub(crate) const BIDDERS_MAX: usize = 16;
+/// Number of agents called in one round if too few lack zones: others then bid for a zone to come after those in their
+/// hands, so that agents of a small society compete, too.
+pub(crate) const BIDDERS_MIN: usize = 4;
 
 /// Decides one round. Each zone has at most one winner. A bidder wins at most as many zones as it has room for, and
 /// only zones that it bid for.
@@ -46,15 +49,15 @@ pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standin
             let candidate = |bidder| Candidate::new(bidder, offers, 1.0);
             by_credit::decide(offers, &mut bidders.into_iter().map(candidate).collect::<Vec<_>>())
         }
-        AuctionRule::Promised => Decision { awards: by_time(bidders, false), credit_decided: false },
+        AuctionRule::Promised => by_time(bidders, false),
         AuctionRule::FinishingTime | AuctionRule::Stealing => {
             // Check whether reliability changes the outcome: decide a second time with all promises believed.
             let first = bidders.first().map_or(1.0, |bidder| bidder.worth);
             let differ = bidders.iter().any(|bidder| bidder.worth != first);
             let at_their_word = differ.then(|| by_time(bidders.clone(), false));
-            let awards = by_time(bidders, true);
-            let credit_decided = at_their_word.is_some_and(|other| other != awards);
-            Decision { awards, credit_decided }
+            let decision = by_time(bidders, true);
+            let credit_decided = at_their_word.is_some_and(|other| other.awards != decision.awards);
+            Decision { credit_decided, ..decision }
         }
     }
 }
@@ -93,7 +96,7 @@ mod tests {
             field.set(agent, Some((own, (load > 0.0).then_some(ready))));
             let finish = |offer: &Offer| offer.time_estimated.mul_f64(own) + Duration::from_secs_f64(load);
             let bids = offers.iter().map(|offer| Bid { zone: offer.zone, finish: finish(offer) }).collect();
-            Bidder { agent, credit, worth: 1.0, own, proposal: Proposal { room, bids } }
+            Bidder { agent, credit, worth: 1.0, own, needs: room, proposal: Proposal { room, bids } }
         };
         let bidders = agents.iter().enumerate().map(bidder).collect();
         let standing = BidderStanding { field: &field, now: 0.0, open, can_cut };
@@ -124,9 +127,18 @@ mod tests {
     fn a_slow_agent_gets_the_largest_zone_that_it_finishes_in_time() {
         let times = [9.0, 9.0, 9.0, 4.0, 1.0];
         let (_, winners) = round(AuctionRule::FinishingTime, &[(4.0, 0.0, 0.0), (1.0, 20.0, 0.0)], 1, &times, None);
-        assert!(winners.contains(&whole(0, 0)), "{winners:?}");
+        assert_eq!(winners, [whole(0, 1), whole(1, 0)], "the fast one finishes the first sooner");
         let (_, winners) = round(AuctionRule::FinishingTime, &[(10.0, 0.0, 0.0), (1.0, 0.0, 0.0)], 1, &times, None);
         assert!(winners.contains(&whole(4, 0)), "{winners:?}");
+    }
+
+    #[test]
+    fn a_zone_that_two_choose_goes_to_who_finishes_it_sooner() {
+        // The slow one is idle and needs 4 s; the fast one is busy for a second and needs another.
+        let (_, winners) = round(AuctionRule::FinishingTime, &[(4.0, 0.0, 0.0), (1.0, 1.0, 0.0)], 1, &[1.0; 12], None);
+        assert_eq!(winners, [whole(0, 1), whole(1, 0)]);
+        let (_, winners) = round(AuctionRule::FinishingTime, &[(4.0, 0.0, 0.0), (1.0, 4.0, 0.0)], 1, &[1.0; 12], None);
+        assert_eq!(winners, [whole(0, 0), whole(1, 1)]);
     }
 
     #[test]

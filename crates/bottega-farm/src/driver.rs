@@ -5,6 +5,7 @@
 //! there are no messages.
 
 mod assist;
+mod benchmark;
 mod composer;
 mod effects;
 mod fetchers;
@@ -29,9 +30,9 @@ use bottega_image::{Film, Rect};
 
 pub use self::{
     assist::assist,
+    benchmark::{BenchmarkClocks, MachineSpeed},
     job_agent::JobAgent,
     link::Link,
-    machine::benchmark,
     observer::{MasterHandle, Observer},
     settings::{AGENTS_MAX, JobError, JobSettings, PREFETCH_MAX, VERIFY_MAX},
     stop::StopSwitch,

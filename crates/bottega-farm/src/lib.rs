@@ -101,8 +101,8 @@ pub use directory::{
     service_type,
 };
 pub use driver::{
-    AGENTS_MAX, JobAgent, JobError, JobReport, JobSettings, JobTransport, JobUplink, Link, MasterHandle, Observer,
-    PREFETCH_MAX, StopSwitch, TransportError, VERIFY_MAX, assist, benchmark, lead, run,
+    AGENTS_MAX, BenchmarkClocks, JobAgent, JobError, JobReport, JobSettings, JobTransport, JobUplink, Link,
+    MachineSpeed, MasterHandle, Observer, PREFETCH_MAX, StopSwitch, TransportError, VERIFY_MAX, assist, lead, run,
 };
 pub use engine_choice::EngineChoice;
 pub use experience::{Experience, ExperienceError, Foreknowledge, JobLesson, LearntFactor, PaintedZone};

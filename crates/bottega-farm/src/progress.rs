@@ -81,9 +81,9 @@ pub(crate) struct Tally {
 
 impl Tally {
     /// - `is_experienced`: true if this machine has experience from earlier works.
-    /// - `is_in_turn`: true if agents begin the zones they hold one after the other.
-    pub(crate) fn new(is_experienced: bool, is_in_turn: bool) -> Self {
-        Self { is_experienced, throughput: Throughput::new(is_in_turn), ..Self::default() }
+    /// - `at_once`: number of zones that an agent works on at once, of those it holds.
+    pub(crate) fn new(is_experienced: bool, at_once: usize) -> Self {
+        Self { is_experienced, throughput: Throughput::new(at_once), ..Self::default() }
     }
 
     /// Takes in the row of an agent, for its speed.
@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn time_left_goes_by_what_agents_say_and_then_by_what_they_do() {
-        let (mut tally, rows) = (Tally::new(false, false), open());
+        let (mut tally, rows) = (Tally::new(false, 2), open());
         let agents = ["a", "b"].map(AgentId::new);
         for agent in &agents {
             tally.see_agent(&AgentRow::new(agent.clone(), RelativePower::new(0.5), 1.0));
@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn time_left_is_never_0_before_the_end_and_not_known_when_all_is_painted() {
-        let (mut tally, rows) = (Tally::new(false, false), open());
+        let (mut tally, rows) = (Tally::new(false, 2), open());
         let agent = AgentId::new("a");
         tally.see_agent(&AgentRow::new(agent.clone(), RelativePower::new(1e-4), 1.0));
         for (second, row) in (0..).zip(&rows) {

@@ -26,8 +26,9 @@ use self::{
     thief::Thief,
 };
 use crate::{
-    AdaptationRule, Bid, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmMessage,
-    Foreknowledge, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report, WorkRow, ZoneId, ZoneState,
+    AdaptationRule, AuctionRule, Bid, Expert, FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent,
+    FarmMessage, Foreknowledge, LifeCycle, Offer, Order, PaintResult, Painting, RelativePower, Report, WorkRow, ZoneId,
+    ZoneState,
     adaptation::scaled,
     contents::{asking, message},
     protocol,
@@ -43,12 +44,12 @@ pub struct RenderAgentConfig {
     pub master: MasterSource,
     /// The rule that adapts V_cp.
     pub adaptation: AdaptationRule,
-    /// The agent bids while it holds fewer zones than this: with 2, the next zone is there before the present one ends,
-    /// and no core idles.
+    /// Number of zones that the agent works on at once; others wait in its hand. With 2, the next zone is there before
+    /// the present one ends, and no core idles.
     pub prefetch: u32,
-    /// `true`: zones are dealt to the agent, which begins them one after the other and takes zones from its neighbors
-    /// when it has none: see [`AuctionRule::Stealing`](crate::AuctionRule::Stealing).
-    pub steals: bool,
+    /// The rule of the auction: it bounds how many zones may wait in the agent's hand. Under
+    /// [`AuctionRule::Stealing`] zones are dealt to the agent, which takes zones from its neighbors when it has none.
+    pub auction: AuctionRule,
     /// Interval of heartbeats and of repeated reports.
     pub heartbeat: Duration,
     /// The rules that choose the settings of zones.
@@ -111,7 +112,14 @@ impl RenderAgent {
         if self.takes_nothing || !self.speed.is_known() {
             return 0;
         }
-        self.config.prefetch.saturating_sub(self.orders.held_count() as u32)
+        let RenderAgentConfig { auction, prefetch, .. } = self.config;
+        let hand = if self.steals() { prefetch } else { auction.window(prefetch) };
+        hand.saturating_sub(self.orders.held_count() as u32)
+    }
+
+    /// True if zones are dealt to it and it takes zones from its neighbors.
+    fn steals(&self) -> bool {
+        self.config.auction == AuctionRule::Stealing
     }
 
     /// Leaves the Master without a message. After the next subscription the agent holds nothing.
@@ -124,7 +132,7 @@ impl RenderAgent {
         if let FarmContent::Management(_) = message.content {
             return self.handle_directory_message(now, message, actions);
         }
-        if self.config.steals && message.protocol == protocol::STEALING {
+        if self.steals() && message.protocol == protocol::STEALING {
             return self.handle_neighbor_message(now, message, actions);
         }
         if self.membership.master() != Some(&message.sender) {
@@ -322,8 +330,8 @@ impl RenderAgent {
     /// Begins waiting zones, once the scene is fetched.
     fn begin_waiting(&mut self, actions: &mut Vec<FarmAction>) {
         if self.is_fetched {
-            let dealt_max = self.config.steals.then_some(self.config.prefetch as usize);
-            self.orders.begin_waiting(dealt_max, &self.speed, &self.config.expert, actions);
+            let most = self.config.prefetch as usize;
+            self.orders.begin_waiting(most, &self.speed, &self.config.expert, actions);
         }
     }
 
@@ -413,7 +421,7 @@ impl RenderAgent {
     /// Asks a neighbor for zones, if the agent has room and is not waiting for an answer.
     fn steal(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         let is_member = self.membership.is_subscribed() && !self.membership.is_suspended();
-        if !self.config.steals || !self.is_fetched || !is_member || self.room() == 0 {
+        if !self.steals() || !self.is_fetched || !is_member || self.room() == 0 {
             return;
         }
         let content = FarmContent::Steal { own: self.speed.own_seconds(), load: self.load(now) };
@@ -463,7 +471,7 @@ impl RenderAgent {
     }
 
     fn assert_invariants(&self) {
-        self.orders.assert_invariants(self.is_fetched && !self.config.steals);
+        self.orders.assert_invariants(self.config.prefetch as usize, self.is_fetched);
         let is_idle = self.orders.holds_nothing();
         assert!(!self.membership.is_suspended() || is_idle, "a suspended agent has given up its orders");
     }

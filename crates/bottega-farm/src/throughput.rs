@@ -25,8 +25,8 @@ pub(crate) struct Throughput {
     agents: BTreeMap<AgentId, AgentPace>,
     /// The agents that hold each zone.
     holders: BTreeMap<ZoneId, Vec<AgentId>>,
-    /// True if agents begin the zones they hold one after the other, instead of all at once.
-    is_in_turn: bool,
+    /// Number of zones that an agent works on at once, the first ones that it holds; others wait.
+    at_once: usize,
     all: Painted,
 }
 
@@ -71,29 +71,49 @@ impl Painted {
     }
 }
 
+/// The zones that an agent works on.
+#[derive(Clone, Copy, Debug)]
+struct BegunZones {
+    /// The turn of the last one that is no profile.
+    until: Option<u64>,
+    count: usize,
+}
+
+impl BegunZones {
+    /// The share of the agent's output that a zone gets.
+    fn share(self, zone: &HeldZone) -> f64 {
+        let is_begun = zone.estimated.is_none() || self.until.is_some_and(|until| zone.turn <= until);
+        if is_begun { (self.count.max(1) as f64).recip() } else { 0.0 }
+    }
+}
+
 impl AgentPace {
     /// Assigns the agent's output until `now` to the zones it holds.
-    fn give(&mut self, now: Time, is_in_turn: bool) {
+    fn give(&mut self, now: Time, at_once: usize) {
         let seconds = now.since(self.given_until.min(now)).as_secs_f64();
         if !self.held.is_empty() {
             self.given_until = self.given_until.max(now);
         }
         let given = seconds * self.speed;
-        if is_in_turn {
-            if let Some(first) = self.held.values_mut().min_by_key(|zone| zone.turn) {
-                first.given += given;
-            }
-        } else {
-            let share = given / self.held.len().max(1) as f64;
-            self.held.values_mut().for_each(|zone| zone.given += share);
-        }
+        let begun = self.begun(at_once);
+        self.held.values_mut().for_each(|zone| zone.given += given * begun.share(zone));
+    }
+
+    /// The zones that it works on: all profiles, and `at_once` others.
+    fn begun(&self, at_once: usize) -> BegunZones {
+        let mut turns: Vec<u64> =
+            self.held.values().filter(|zone| zone.estimated.is_some()).map(|zone| zone.turn).collect();
+        turns.sort_unstable();
+        let profiles = self.held.len() - turns.len();
+        turns.truncate(at_once);
+        BegunZones { until: turns.last().copied(), count: profiles + turns.len() }
     }
 }
 
 impl Throughput {
-    /// - `is_in_turn`: true if agents begin the zones they hold one after the other.
-    pub(crate) fn new(is_in_turn: bool) -> Self {
-        Self { is_in_turn, ..Self::default() }
+    /// - `at_once`: number of zones that an agent works on at once.
+    pub(crate) fn new(at_once: usize) -> Self {
+        Self { at_once, ..Self::default() }
     }
 
     /// Takes in the reported speed of an agent.
@@ -110,7 +130,7 @@ impl Throughput {
         for agent in held_before.iter().filter(|agent| !holders.contains(agent)) {
             let is_painter = row.state == ZoneState::Done && row.agent.as_ref() == Some(agent);
             let Some(pace) = self.agents.get_mut(agent) else { continue };
-            pace.give(now, self.is_in_turn);
+            pace.give(now, self.at_once);
             let Some(held) = pace.held.remove(&row.zone) else { continue };
             // The painter's own rules may have changed the number of samples.
             let estimated = row.time_estimated.map(|time| time.as_secs_f64()).or(held.estimated);
@@ -127,7 +147,7 @@ impl Throughput {
             if pace.held.contains_key(&row.zone) {
                 continue;
             }
-            pace.give(now, self.is_in_turn);
+            pace.give(now, self.at_once);
             if pace.held.is_empty() {
                 pace.given_until = now;
             }
@@ -155,12 +175,9 @@ impl Throughput {
             let own = pace.painted.ratio(ratio, weight);
             speed += pace.speed * own;
             let left = now.since(pace.given_until.min(now)).as_secs_f64() * pace.speed;
-            let first = pace.held.values().map(|held| held.turn).min();
+            let begun = pace.begun(self.at_once);
             for held in pace.held.values() {
-                let share = match self.is_in_turn {
-                    true => f64::from(u8::from(Some(held.turn) == first)),
-                    false => (pace.held.len() as f64).recip(),
-                };
+                let share = begun.share(held);
                 let most = (1.0 - UNPAINTED_MIN) * held.estimated.unwrap_or(0.0);
                 under_way += (own * (held.given + left * share)).min(most);
             }

@@ -10,13 +10,14 @@ use bottega_agents::{Action, ActionOf, AgentId, Event, EventOf, Performative, Re
 use rustc_hash::FxHashMap;
 
 use crate::{
-    AdaptationRule, Bid, Expert, FarmCompletion, FarmContent, FarmEffect, FarmMessage, FarmValue, MasterSource, Offer,
-    PaintOrder, PaintResult, RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing, WorkRow, ZoneId,
+    AdaptationRule, AuctionRule, Bid, Expert, FarmCompletion, FarmContent, FarmEffect, FarmMessage, FarmValue,
+    MasterSource, Offer, PaintOrder, PaintResult, RelativePower, RenderAgent, RenderAgentConfig, ResultRef, Timing,
+    WorkRow, ZoneId,
     contents::{answer, message},
     protocol,
 };
 
-/// Maximum number of zones that a visitor holds: the next one is there when it has delivered.
+/// Number of zones that a visitor paints at once: the next one is there when it has delivered. Others wait here.
 const PREFETCH: u32 = 2;
 /// Maximum number of unanswered calls for proposals; older ones are refused in its name.
 const CALLS_MAX: usize = 16;
@@ -127,8 +128,8 @@ pub struct Visitor {
     /// `true`: it has painted something since it came. The first zone's time may include reading the scene or
     /// compiling.
     is_warm: bool,
-    /// The call of the award being processed.
-    won: Option<u64>,
+    /// The call in which each of its zones was won. A hash map for speed; never iterated.
+    won: FxHashMap<ZoneId, u64>,
     is_away: bool,
 }
 
@@ -143,7 +144,7 @@ impl Visitor {
             master: MasterSource::Known(master.clone()),
             adaptation,
             prefetch: PREFETCH,
-            steals: false,
+            auction: AuctionRule::default(),
             heartbeat: timing.heartbeat,
             expert,
             knowledge: crate::Foreknowledge::default(),
@@ -156,7 +157,7 @@ impl Visitor {
             calls: Vec::new(),
             orders: FxHashMap::default(),
             is_warm: false,
-            won: None,
+            won: FxHashMap::default(),
             is_away: false,
         }
     }
@@ -194,7 +195,8 @@ impl Visitor {
                 // other pixels
                 let order = PaintOrder { samples: 0..order.samples.end, from: None, ..order };
                 self.orders.insert(order.zone, (order.fence, order.samples.end));
-                put(VisitorEffect::Paint { order: Box::new(order), call: self.won });
+                let call = self.won.remove(&order.zone);
+                put(VisitorEffect::Paint { order: Box::new(order), call });
             }
             FarmEffect::Drop { zone, fence } => {
                 self.orders.remove(&zone);
@@ -234,10 +236,9 @@ impl Visitor {
                 actions.push(Action::Effect(VisitorEffect::Welcome(Box::new((**work).clone()))));
                 self.forward(now, Event::Message(heard), actions);
             }
-            (Performative::AcceptProposal, _) => {
-                self.won = Some(heard.conversation_id);
+            (Performative::AcceptProposal, FarmContent::Award(order)) => {
+                self.won.insert(order.row.zone, heard.conversation_id);
                 self.forward(now, Event::Message(heard), actions);
-                self.won = None;
             }
             _ => self.forward(now, Event::Message(heard), actions),
         }
@@ -275,6 +276,7 @@ impl Visitor {
                 (self.is_away, self.is_warm) = (true, false);
                 self.calls.clear();
                 self.orders.clear();
+                self.won.clear();
                 self.agent.forget_master();
                 let (me, to) = (&self.id, vec![self.master.clone()]);
                 let bye = message(Performative::Cancel, protocol::SUBSCRIBE, me, to, FarmContent::Unsubscription);
@@ -380,7 +382,8 @@ mod tests {
             says(Performative::CallForProposal, FarmContent::Offers([offer].into()))
         };
         let is_called = |effects: &[VisitorEffect]| matches!(effects, [VisitorEffect::Offers { call: 7, .. }]);
-        for zone in 0..PREFETCH {
+        let hand = AuctionRule::default().window(PREFETCH);
+        for zone in 0..hand {
             let row = ZoneRow {
                 state: ZoneState::Awarded,
                 choice: Some(Choice::unchanged(&work().settings)),
@@ -389,7 +392,8 @@ mod tests {
             let fence = Revision(u64::from(zone) + 1);
             let order = Order { work: Arc::new(work()), row: Arc::new(row), fence, decides: false };
             let effects = after(&mut visitor, says(Performative::AcceptProposal, FarmContent::Award(order)));
-            assert!(matches!(&effects[..], [VisitorEffect::Paint { call: Some(7), .. }]), "{effects:?}");
+            let is_begun = matches!(&effects[..], [VisitorEffect::Paint { call: Some(7), .. }]);
+            assert_eq!(is_begun, zone < PREFETCH, "the others wait: {effects:?}");
         }
         assert!(!is_called(&after(&mut visitor, call())), "its hands are full");
         after(&mut visitor, Event::Completed(VisitorReport::Leaves));

@@ -335,7 +335,7 @@ fn agent() -> RenderAgent {
         master: bottega_farm::MasterSource::Known(AgentId::new("master")),
         adaptation: AdaptationRule::Paper,
         prefetch: 2,
-        steals: false,
+        auction: Default::default(),
         heartbeat: Duration::from_secs(1),
         expert: Expert::path_tracing(),
         knowledge: Foreknowledge::default(),

@@ -277,6 +277,35 @@ fn rounds_have_several_bidders_and_little_time_is_lost_by_them() {
     }
 }
 
+/// Two to four unequal machines: a round is called to those with full hands, too, who bid for a zone to come after those.
+#[test]
+fn in_a_small_society_most_rounds_have_several_bidders_and_zones_are_outbid() {
+    for spec in ["1x1.0,1x0.5", "1x1.0,1x0.25", "1x1.0,1x0.5,1x0.25", "1x4.0,2x1.0", "2x1.0,1x0.5,1x0.25"] {
+        let (mut contested, mut efficiency, mut outbid, mut works) = (0.0, 0.0, 0, 0);
+        for (seed, zones) in (0..12).map(|seed| (seed, [16, 64, 200][seed as usize % 3])) {
+            let latency_min = Duration::from_micros([500, 5_000][seed as usize / 3 % 2]);
+            let faults = Faults { latency_min, store_latency: latency_min / 2, ..Faults::NONE };
+            let plan = Plan { faults, benchmark_error: 0.1, ..Plan::calm(spec.parse().expect("a farm"), seed) };
+            let outcome = run(&piece(zones, 1.0, seed), &plan);
+            contested += AuctionTally::contested_of_first_half(&outcome.rounds);
+            outbid += AuctionTally::of(&outcome.rounds).outbid;
+            efficiency += outcome.efficiency();
+            works += 1;
+        }
+        let [contested, efficiency] = [contested, efficiency].map(|sum| sum / f64::from(works));
+        eprintln!(
+            "{spec}: {contested:.2} of the first half contested, {outbid} zones outbid, efficiency {efficiency:.3}"
+        );
+        assert!(contested >= 0.75 && outbid > 60 && efficiency >= 0.93, "{spec}: {contested} {outbid} {efficiency}");
+    }
+}
+
+#[test]
+fn a_single_agent_has_no_auction() {
+    let outcome = run(&piece(64, 1.0, 1), &Plan::calm(FarmSpec::equal(1), 1));
+    assert!(outcome.rounds.is_empty(), "{:?}", outcome.rounds);
+}
+
 /// An agent that reads the scene while it profiles its first zone, and takes that for painting: seen with a stranger's Mitsuba, which
 /// gained 128 s of credit in a picture of 25 s.
 #[test]

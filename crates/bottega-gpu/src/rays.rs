@@ -128,7 +128,8 @@ fn cut_out(scene: &Scene) -> Option<String> {
     if let Some(curves) = used.clone().find(|mesh| mesh.curves.is_some()) {
         return Some(curves.name.clone());
     }
-    let used = used.map(|mesh| mesh.material).chain(scene.spheres.iter().map(|sphere| sphere.material));
+    let instances = scene.instances.iter().filter(|instance| (instance.mesh as usize) < scene.meshes.len());
+    let used = instances.map(|it| scene.material_of(it)).chain(scene.spheres.iter().map(|sphere| sphere.material));
     used.filter_map(|material| scene.materials.get(material as usize))
         .find(|material| material.alpha_mode != AlphaMode::Opaque)
         .map(|material| material.name.clone())

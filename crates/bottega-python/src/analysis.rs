@@ -3,7 +3,7 @@
 use bottega::{
     Error, Request,
     analysis::{AnalyzedScene, ZoneAnalysis, zones},
-    scene::Scene,
+    scene::Loaded,
     settings::{importance_function, level},
 };
 use numpy::{IntoPyArray, PyArray2, PyUntypedArrayMethods, ndarray::Array2};
@@ -47,7 +47,7 @@ struct AnalysisArrays {
     agents: usize,
 }
 
-fn find(request: Request, scene: Option<Scene>) -> Result<AnalysisArrays, Error> {
+fn find(request: Request, scene: Option<Loaded>) -> Result<AnalysisArrays, Error> {
     let subject = match scene {
         None => AnalyzedScene::open(request)?,
         Some(scene) => AnalyzedScene::of_scene(request, scene)?,

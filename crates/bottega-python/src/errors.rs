@@ -4,6 +4,7 @@ use bottega::{
     Error,
     error::error_chain,
     request::{InvalidField, RequestError},
+    scene::EditError,
 };
 use pyo3::{PyErr, import_exception, prelude::*};
 
@@ -74,6 +75,11 @@ fn invalid_field(invalid: &InvalidField) -> PyErr {
 /// Makes a `SceneError` for an invalid argument or array.
 pub(crate) fn wrong(argument: &str, problem: &str) -> PyErr {
     python::SceneError::new_err((format!("`{argument}`: {problem}"), None::<String>))
+}
+
+/// Makes a `SceneError` for an edit that was refused.
+pub(crate) fn edit(error: &EditError) -> PyErr {
+    python::SceneError::new_err((error.to_string(), None::<String>))
 }
 
 /// Makes an `Error` for any other failure.

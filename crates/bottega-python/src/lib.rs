@@ -16,7 +16,8 @@
 //! | waiting for work on another thread: callbacks, Ctrl-C | `src/waiting.rs` |
 //! | sessions; previews | `src/session.rs` |
 //! | pictures; arrays as views of the film; files | `src/picture.rs`, `src/arrays.rs`, `src/image_file.rs` |
-//! | scenes made of arrays | `src/scene.rs`, `src/material.rs` |
+//! | scenes in memory; arrays as their input | `src/scene.rs`; `src/numpy_input.rs`, `src/image_input.rs` |
+//! | interactive views | `src/viewport.rs` |
 //! | importance maps, zones, rules, differences | `src/analysis.rs`, `src/rules.rs`, `src/difference.rs` |
 //! | farms | `src/farm.rs` |
 //! | errors as exceptions | `src/errors.rs` |
@@ -28,7 +29,8 @@ mod difference;
 mod errors;
 mod farm;
 mod image_file;
-mod material;
+mod image_input;
+mod numpy_input;
 mod picture;
 mod process;
 mod request;
@@ -36,6 +38,7 @@ mod rules;
 mod scene;
 mod session;
 mod values;
+mod viewport;
 mod waiting;
 
 /// The contents of `bottega._native`.
@@ -47,13 +50,13 @@ mod _native {
         difference::diff,
         farm::PyFarm,
         image_file::{PyImageFile, read},
-        material::PyMaterial,
         picture::PyPicture,
         process::stop_all,
         request::{check_request, schema},
         rules::{check_rules, evaluate_rules, explain_rules},
         scene::PyScene,
         session::PySession,
+        viewport::PyViewport,
     };
 
     use pyo3::prelude::*;

@@ -1,154 +1,79 @@
-//! The Python class of scenes made of arrays.
+//! The Python class of scenes in memory: a scene editor behind a lock.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bottega::{
-    glam::{Affine3A, Mat4, Quat, Vec2, Vec3},
-    scene::{Camera, Environment, Instance, Light, LightKind, Mesh, Projection, Scene, Sphere},
+    glam::Affine3A,
+    scene::{
+        Camera, CornerMesh, Density, EntryKind, Environment, ImageId, Light, Loaded, Material, Medium, MediumId,
+        PlacedObject, Placing, RenderHints, Scene, SceneEditor, Sphere, Variation, load,
+    },
 };
-use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2};
-use pyo3::{exceptions::PyTypeError, prelude::*};
+use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
+use pyo3::{exceptions::PyValueError, prelude::*};
+use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{
     errors::{self, wrong},
-    material::{PyMaterial, color},
+    image_input::{grid_of, image_of},
+    numpy_input::{InputArray, maybe_rows, transforms},
+    request::request_of,
+    waiting::Caller,
 };
 
-/// A scene in memory: meshes of arrays, materials, lights, a camera.
-///
-/// Coordinates are right-handed, +y up; the front of a face is the side from which its vertices run counter-clockwise. Every
-/// method checks its arguments, and raises `SceneError`, which names the argument.
-#[pyclass(name = "Scene", module = "bottega", frozen)]
+/// A scene in memory. The Python class `bottega.Scene` wraps it; values come and go as JSON, arrays as they are.
+#[pyclass(name = "Scene", module = "bottega._native", frozen)]
 #[derive(Default)]
 pub(crate) struct PyScene {
-    scene: Mutex<Scene>,
-}
-
-/// The kind of numbers in an array.
-#[derive(Clone, Copy, PartialEq)]
-enum NumberKind {
-    Real,
-    Whole,
-}
-
-/// Converts a value to a contiguous float64 array with `COLUMNS` columns; checks the dtype and the shape.
-fn table<'py, const COLUMNS: usize>(
-    argument: &str,
-    value: &Bound<'py, PyAny>,
-    numbers: NumberKind,
-) -> PyResult<PyReadonlyArray2<'py, f64>> {
-    let numpy = value.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (value,))?;
-    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
-    let (is_right, needed) = match numbers {
-        NumberKind::Real => (["f", "i", "u"].contains(&kind.as_str()), "real numbers, such as float32"),
-        NumberKind::Whole => (["i", "u"].contains(&kind.as_str()), "whole numbers, such as uint32"),
-    };
-    if !is_right {
-        let dtype = array.getattr("dtype")?.str()?;
-        return Err(wrong(argument, &format!("its dtype is {dtype}: {needed}, are needed")));
-    }
-    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
-    if shape.len() != 2 || shape[1] != COLUMNS {
-        return Err(wrong(argument, &format!("its shape is {shape:?}: (N, {COLUMNS}) is needed")));
-    }
-    // Whole numbers up to 2⁵³ are exact; vertices have fewer.
-    let array = numpy.call_method1("ascontiguousarray", (array, "float64"))?;
-    Ok(array.cast_into::<PyArray2<f64>>().map_err(|error| PyTypeError::new_err(error.to_string()))?.readonly())
-}
-
-/// Converts a value to rows of finite numbers.
-fn rows<const COLUMNS: usize>(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f32; COLUMNS]>> {
-    let array = table::<COLUMNS>(argument, value, NumberKind::Real)?;
-    let rows = array.as_array();
-    let row = |(index, row): (usize, numpy::ndarray::ArrayView1<'_, f64>)| {
-        let row: [f32; COLUMNS] = std::array::from_fn(|column| row[column] as f32);
-        if row.iter().all(|value| value.is_finite()) {
-            return Ok(row);
-        }
-        Err(wrong(argument, &format!("row {index} is {row:?}: finite numbers are needed")))
-    };
-    rows.rows().into_iter().enumerate().map(row).collect()
-}
-
-/// Converts a value to triangles whose vertices exist.
-fn triangles_of(value: &Bound<'_, PyAny>, vertex_count: usize) -> PyResult<Vec<[u32; 3]>> {
-    let array = table::<3>("triangles", value, NumberKind::Whole)?;
-    let rows = array.as_array();
-    let row = |(index, row): (usize, numpy::ndarray::ArrayView1<'_, f64>)| {
-        if row.iter().all(|&vertex| (0.0..vertex_count as f64).contains(&vertex)) {
-            return Ok([row[0] as u32, row[1] as u32, row[2] as u32]);
-        }
-        let row = row.to_vec();
-        Err(wrong("triangles", &format!("row {index} is {row:?}: there are vertices 0 to {}", vertex_count - 1)))
-    };
-    rows.rows().into_iter().enumerate().map(row).collect()
-}
-
-/// Converts an optional value to one row per vertex; empty if there is none.
-fn per_vertex<const COLUMNS: usize>(
-    argument: &str,
-    value: Option<&Bound<'_, PyAny>>,
-    vertex_count: usize,
-) -> PyResult<Vec<[f32; COLUMNS]>> {
-    let rows = value.map_or_else(|| Ok(Vec::new()), |value| rows(argument, value))?;
-    if rows.is_empty() || rows.len() == vertex_count {
-        return Ok(rows);
-    }
-    Err(wrong(argument, &format!("it has {} rows, and there are {vertex_count} vertices", rows.len())))
-}
-
-/// Converts a (4, 4) matrix to the transform from object to world space.
-fn placed(value: Option<&Bound<'_, PyAny>>) -> PyResult<Affine3A> {
-    let Some(value) = value else { return Ok(Affine3A::IDENTITY) };
-    let rows: Vec<[f32; 4]> = rows("transform", value)?;
-    let rows: [[f32; 4]; 4] = rows.try_into().map_err(|rows: Vec<_>| {
-        wrong("transform", &format!("its shape is ({}, 4): (4, 4) is needed, which multiplies columns", rows.len()))
-    })?;
-    if rows[3] != [0.0, 0.0, 0.0, 1.0] {
-        return Err(wrong("transform", &format!("its last row is {:?}: 0, 0, 0, 1 is needed", rows[3])));
-    }
-    let placed = Affine3A::from_mat4(Mat4::from_cols_array_2d(&rows).transpose());
-    if placed.matrix3.determinant() > 0.0 {
-        return Ok(placed);
-    }
-    Err(wrong("transform", "it is singular, or mirrors: its determinant must be above 0"))
-}
-
-fn point(argument: &str, value: [f32; 3]) -> PyResult<Vec3> {
-    let point = Vec3::from_array(value);
-    if point.is_finite() {
-        Ok(point)
-    } else {
-        Err(wrong(argument, &format!("it is {value:?}: finite numbers are needed")))
-    }
-}
-
-fn direction(argument: &str, value: [f32; 3]) -> PyResult<Vec3> {
-    let direction = point(argument, value)?.try_normalize();
-    direction.ok_or_else(|| wrong(argument, "it has no length, so it is no direction"))
-}
-
-fn above_zero(argument: &str, value: f32) -> PyResult<f32> {
-    if value > 0.0 && value.is_finite() {
-        return Ok(value);
-    }
-    Err(wrong(argument, &format!("it is {value}: above 0 is needed")))
+    editor: Mutex<SceneEditor>,
+    /// Render settings of the file that the scene was read from.
+    hints: RenderHints,
 }
 
 impl PyScene {
-    fn scene(&self) -> MutexGuard<'_, Scene> {
-        self.scene.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Returns the editor; other threads wait until it is released.
+    pub(crate) fn editor(&self) -> MutexGuard<'_, SceneEditor> {
+        self.editor.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns a copy of the scene, after checking that it has a camera.
-    pub(crate) fn finished(&self) -> PyResult<Scene> {
-        let scene = self.scene().clone();
+    /// Returns the scene as it is now, after checking that it has a camera. Meshes and images are shared.
+    pub(crate) fn finished(&self) -> PyResult<Loaded> {
+        let scene = self.editor().snapshot();
         if scene.cameras.is_empty() {
-            return Err(errors::failed("the scene has no camera", "scene.camera(eye=(0, 1, 5), target=(0, 0, 0))"));
+            let remedy = "scene.cameras[\"main\"] = bottega.Camera.looking(eye=(0, 1, 5), target=(0, 0, 0))";
+            return Err(errors::failed("the scene has no camera", remedy));
         }
-        Ok(scene)
+        Ok(self.loaded(scene))
     }
+
+    /// Returns a state of the scene with the render settings of its file.
+    pub(crate) fn loaded(&self, scene: Scene) -> Loaded {
+        Loaded { hints: self.hints.clone(), ..Loaded::from(scene) }
+    }
+}
+
+/// Returns a kind by its name.
+pub(crate) fn kind_of(name: &str) -> PyResult<EntryKind> {
+    use EntryKind::{Camera, Image, Light, Material, Medium, Mesh, Object, Sphere};
+    let kinds = [Image, Medium, Material, Mesh, Object, Sphere, Light, Camera];
+    let kind = kinds.into_iter().find(|kind| kind.to_string() == name);
+    kind.ok_or_else(|| PyValueError::new_err(format!("there is no kind `{name}` of things in a scene")))
+}
+
+/// Returns whether a key must be new.
+pub(crate) fn placing(is_new: bool) -> Placing {
+    if is_new { Placing::New } else { Placing::AddOrReplace }
+}
+
+/// Reads a value from its JSON text.
+pub(crate) fn parsed<T: DeserializeOwned>(argument: &str, json: &str) -> PyResult<T> {
+    serde_json::from_str(json).map_err(|error| errors::wrong(argument, &error.to_string()))
+}
+
+/// Returns a value as a JSON text.
+pub(crate) fn text_of(value: &impl Serialize) -> String {
+    // Values of a scene cannot fail to serialize: they have no maps.
+    serde_json::to_string(value).unwrap_or_default()
 }
 
 #[pymethods]
@@ -158,133 +83,284 @@ impl PyScene {
         Self::default()
     }
 
-    /// Adds a mesh and places it once. Returns its number, for `instance`.
-    ///
-    /// - `vertices`: (N, 3), real numbers; float64 is rounded to float32.
-    /// - `triangles`: (M, 3), whole numbers below N, counter-clockwise seen from the front.
-    /// - `normals`: (N, 3), one per vertex; normalized. Without them faces are flat.
-    /// - `uvs`: (N, 2), texture coordinates.
-    /// - `colors`: (N, 4), linear R G B A that multiply the color of a layered material.
-    /// - `transform`: (4, 4), from mesh to world space, for column vectors; its determinant must be above 0.
-    #[pyo3(signature = (vertices, triangles, material, *, normals=None, uvs=None, colors=None, transform=None, name=String::new()))]
-    fn mesh(
+    /// Reads the scene file of a request. Returns the scene and the warnings about it.
+    #[staticmethod]
+    fn read(py: Python<'_>, request: &str) -> PyResult<(Self, Vec<String>)> {
+        let request = request_of(request)?;
+        let options = request.scene.load_options();
+        let read = Caller::new(py).wait_for(move |_, _| load(&request.scene.file, &options))?.whole()?;
+        let Loaded { scene, warnings, hints, .. } = read.map_err(|error| errors::raised(&error.into()))?;
+        let editor = Mutex::new(SceneEditor::of(scene));
+        Ok((Self { editor, hints }, warnings.iter().map(ToString::to_string).collect()))
+    }
+
+    /// Returns the keys of a kind, in the order in which they were added.
+    fn keys(&self, kind: &str) -> PyResult<Vec<String>> {
+        Ok(self.editor().keys(kind_of(kind)?).into_iter().map(str::to_owned).collect())
+    }
+
+    /// Returns the number of things of a kind.
+    fn count(&self, kind: &str) -> PyResult<usize> {
+        Ok(self.editor().count(kind_of(kind)?))
+    }
+
+    /// Returns true if there is something of a kind with this key.
+    fn contains(&self, kind: &str, key: &str) -> PyResult<bool> {
+        Ok(self.editor().contains(kind_of(kind)?, key))
+    }
+
+    /// Removes something.
+    fn remove(&self, kind: &str, key: &str) -> PyResult<()> {
+        self.editor().remove(kind_of(kind)?, key).map_err(|error| errors::edit(&error))
+    }
+
+    /// Hides or shows an object, a sphere or a light.
+    fn hide(&self, kind: &str, key: &str, hidden: bool) -> PyResult<()> {
+        self.editor().hide(kind_of(kind)?, key, hidden).map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns true if something is hidden.
+    fn is_hidden(&self, kind: &str, key: &str) -> PyResult<bool> {
+        self.editor().is_hidden(kind_of(kind)?, key).map_err(|error| errors::edit(&error))
+    }
+
+    /// Adds or replaces a material, a light or a camera, from its JSON text.
+    fn put(&self, kind: &str, key: &str, json: &str, is_new: bool) -> PyResult<()> {
+        let (mut editor, placing) = (self.editor(), placing(is_new));
+        let put = match kind_of(kind)? {
+            EntryKind::Material => editor.put_material(key, parsed::<Material>(kind, json)?, placing),
+            EntryKind::Light => editor.put_light(key, parsed::<Light>(kind, json)?, placing),
+            EntryKind::Camera => editor.put_camera(key, parsed::<Camera>(kind, json)?, placing),
+            kind => return Err(PyValueError::new_err(format!("a {kind} is not put as JSON"))),
+        };
+        put.map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns a material, a light, a camera or a medium as a JSON text.
+    fn get(&self, kind: &str, key: &str) -> PyResult<String> {
+        let editor = self.editor();
+        let text = match kind_of(kind)? {
+            EntryKind::Material => editor.material(key).map(text_of),
+            EntryKind::Light => editor.light(key).map(text_of),
+            EntryKind::Camera => editor.camera(key).map(text_of),
+            EntryKind::Medium => editor.medium(key).map(text_of),
+            kind => return Err(PyValueError::new_err(format!("a {kind} is not returned as JSON"))),
+        };
+        text.map_err(|error| errors::edit(&error))
+    }
+
+    /// Adds or replaces a sphere, from its JSON text and the key of its material.
+    fn put_sphere(&self, key: &str, json: &str, material: String, is_new: bool) -> PyResult<()> {
+        let sphere: Sphere = parsed("sphere", json)?;
+        let put = self.editor().put_sphere(key, sphere, material, placing(is_new));
+        put.map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns a sphere as a JSON text, and the key of its material.
+    fn sphere(&self, key: &str) -> PyResult<(String, String)> {
+        let editor = self.editor();
+        let (sphere, material) = editor.sphere(key).map_err(|error| errors::edit(&error))?;
+        Ok((text_of(sphere), material.to_owned()))
+    }
+
+    /// Sets the environment, from a JSON text; `null`: it is black.
+    fn set_environment(&self, json: &str) -> PyResult<()> {
+        let environment: Option<Environment> = parsed("environment", json)?;
+        self.editor().set_environment(environment).map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns the environment as a JSON text; `null`: it is black.
+    fn environment(&self) -> String {
+        text_of(&self.editor().environment())
+    }
+
+    /// Returns the number by which JSON texts refer to an image or a medium.
+    fn number(&self, kind: &str, key: &str) -> PyResult<u32> {
+        let editor = self.editor();
+        let number = match kind_of(kind)? {
+            EntryKind::Image => editor.image_id(key).map(|id| id.0),
+            EntryKind::Medium => editor.medium_id(key).map(|id| id.0),
+            kind => return Err(PyValueError::new_err(format!("a {kind} has no number"))),
+        };
+        number.map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns the key of an image or a medium by its number.
+    fn key_of(&self, kind: &str, number: u32) -> PyResult<Option<String>> {
+        let editor = self.editor();
+        Ok(match kind_of(kind)? {
+            EntryKind::Image => editor.image_key(ImageId(number)).map(str::to_owned),
+            EntryKind::Medium => editor.medium_key(MediumId(number)).map(str::to_owned),
+            _ => None,
+        })
+    }
+
+    /// Returns the number of triangles that are shown, once per instance.
+    fn triangle_count(&self) -> u64 {
+        self.editor().snapshot().triangle_count()
+    }
+
+    /// Adds or replaces a mesh by corner.
+    #[pyo3(signature = (
+        key, positions, triangles, corner_vertices, normals, uvs, uvs2, colors, triangle_materials, materials, drop_empty,
+        is_new
+    ))]
+    fn put_mesh(
         &self,
-        vertices: &Bound<'_, PyAny>,
+        key: &str,
+        positions: &Bound<'_, PyAny>,
         triangles: &Bound<'_, PyAny>,
-        material: &Bound<'_, PyMaterial>,
+        corner_vertices: Option<&Bound<'_, PyAny>>,
         normals: Option<&Bound<'_, PyAny>>,
         uvs: Option<&Bound<'_, PyAny>>,
+        uvs2: Option<&Bound<'_, PyAny>>,
         colors: Option<&Bound<'_, PyAny>>,
-        transform: Option<&Bound<'_, PyAny>>,
-        name: String,
-    ) -> PyResult<u32> {
-        let positions: Vec<Vec3> = rows("vertices", vertices)?.into_iter().map(Vec3::from_array).collect();
-        let count = positions.len();
-        if count == 0 {
-            return Err(wrong("vertices", "there are none"));
-        }
-        let normals = per_vertex("normals", normals, count)?.into_iter().map(|normal| direction("normals", normal));
-        let mesh = Mesh {
-            name,
-            triangles: triangles_of(triangles, count)?,
-            normals: normals.collect::<PyResult<_>>()?,
-            uvs: [per_vertex("uvs", uvs, count)?.into_iter().map(Vec2::from_array).collect(), Vec::new()],
-            colors: per_vertex("colors", colors, count)?.into_iter().map(Into::into).collect(),
-            positions,
-            ..Mesh::default()
-        };
-        let world_from_object = placed(transform)?;
-        let mut scene = self.scene();
-        let (number, material_number) = (scene.meshes.len() as u32, scene.materials.len() as u32);
-        scene.materials.push(material.get().material.clone());
-        scene.meshes.push(Mesh { material: material_number, ..mesh });
-        scene.instances.push(Instance { mesh: number, world_from_object });
-        Ok(number)
-    }
-
-    /// Adds another instance of a mesh, by its number.
-    fn instance(&self, mesh: u32, transform: &Bound<'_, PyAny>) -> PyResult<()> {
-        let world_from_object = placed(Some(transform))?;
-        let mut scene = self.scene();
-        if mesh as usize >= scene.meshes.len() {
-            return Err(wrong("mesh", &format!("there is no mesh {mesh}: the scene has {}", scene.meshes.len())));
-        }
-        scene.instances.push(Instance { mesh, world_from_object });
-        Ok(())
-    }
-
-    /// Adds a sphere; `center` and `radius` are in scene units.
-    fn sphere(&self, center: [f32; 3], radius: f32, material: &Bound<'_, PyMaterial>) -> PyResult<()> {
-        let (center, radius) = (point("center", center)?, above_zero("radius", radius)?);
-        let mut scene = self.scene();
-        let number = scene.materials.len() as u32;
-        scene.materials.push(material.get().material.clone());
-        scene.spheres.push(Sphere { center, radius, world_from_object: Quat::IDENTITY, material: number });
-        Ok(())
-    }
-
-    /// Adds a camera at `eye` that looks at `target`. The first camera is the default.
-    ///
-    /// - `fov`: full vertical field of view, in degrees.
-    /// - `lens_radius`: in scene units; 0: everything is sharp. `focus_distance`: distance of the sharp plane; `None`: that of
-    ///   `target`.
-    #[pyo3(signature = (eye, target, *, up=[0.0, 1.0, 0.0], fov=40.0, lens_radius=0.0, focus_distance=None, name=String::new()))]
-    fn camera(
-        &self,
-        eye: [f32; 3],
-        target: [f32; 3],
-        up: [f32; 3],
-        fov: f32,
-        lens_radius: f32,
-        focus_distance: Option<f32>,
-        name: String,
+        triangle_materials: Option<&Bound<'_, PyAny>>,
+        materials: Vec<String>,
+        drop_empty: bool,
+        is_new: bool,
     ) -> PyResult<()> {
-        let (eye, target, up) = (point("eye", eye)?, point("target", target)?, direction("up", up)?);
-        let world_from_camera = Camera::looking(eye, target, up)
-            .ok_or_else(|| wrong("target", "it lies at `eye`, or straight in the direction of `up`"))?;
-        if !(fov > 0.0 && fov < 180.0) {
-            return Err(wrong("fov", &format!("it is {fov}: above 0 and below 180 degrees is needed")));
+        let positions = InputArray::<f32>::table("positions", positions, 3)?;
+        let triangles = InputArray::<i32>::table("triangles", triangles, 3)?;
+        let corner_vertices = InputArray::<i32>::maybe("corner_vertices", corner_vertices, 1)?;
+        let normals = InputArray::<f32>::maybe("normals", normals, 3)?;
+        let uvs = [InputArray::<f32>::maybe("uvs", uvs, 2)?, InputArray::<f32>::maybe("uvs2", uvs2, 2)?];
+        let colors = InputArray::<f32>::maybe("colors", colors, 4)?;
+        let slots = InputArray::<i32>::maybe("triangle_materials", triangle_materials, 1)?;
+        let mesh = CornerMesh {
+            positions: positions.rows()?,
+            corner_vertices: corner_vertices.as_ref().map(InputArray::values).transpose()?,
+            triangles: triangles.rows()?,
+            normals: maybe_rows(normals.as_ref())?,
+            uvs: [maybe_rows(uvs[0].as_ref())?, maybe_rows(uvs[1].as_ref())?],
+            colors: maybe_rows(colors.as_ref())?,
+            triangle_materials: slots.as_ref().map(InputArray::values).transpose()?,
+            drop_empty,
+        };
+        let put = self.editor().put_mesh(key, &mesh, materials, placing(is_new));
+        put.map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns vertices and triangles of a mesh, and the keys of its materials.
+    fn mesh(&self, key: &str) -> PyResult<(usize, usize, Vec<String>)> {
+        let editor = self.editor();
+        let (parts, materials) = editor.mesh(key).map_err(|error| errors::edit(&error))?;
+        let vertices = parts.iter().map(|mesh| mesh.positions.len()).sum();
+        Ok((vertices, parts.iter().map(|mesh| mesh.triangles.len()).sum(), materials.to_vec()))
+    }
+
+    /// Changes the materials of a mesh.
+    fn set_mesh_materials(&self, key: &str, materials: Vec<String>) -> PyResult<()> {
+        self.editor().set_mesh_materials(key, materials).map_err(|error| errors::edit(&error))
+    }
+
+    /// Adds or replaces an object.
+    #[pyo3(signature = (key, mesh, transforms, materials, instance_materials, hidden, is_new))]
+    fn put_object(
+        &self,
+        key: &str,
+        mesh: String,
+        transforms: &Bound<'_, PyAny>,
+        materials: Vec<String>,
+        instance_materials: Option<&Bound<'_, PyAny>>,
+        hidden: bool,
+        is_new: bool,
+    ) -> PyResult<()> {
+        let choice = InputArray::<i32>::maybe("instance_materials", instance_materials, 1)?;
+        let choice = choice.as_ref().map(InputArray::values).transpose()?.unwrap_or_default();
+        let object = PlacedObject {
+            mesh,
+            transforms: self::transforms(transforms)?,
+            materials,
+            instance_materials: choice.iter().map(|&choice| choice as u32).collect(),
+            hidden,
+        };
+        self.editor().put_object(key, object, placing(is_new)).map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns the mesh of an object, the keys of its own materials, and the number of its instances.
+    fn object(&self, key: &str) -> PyResult<(String, Vec<String>, usize)> {
+        let editor = self.editor();
+        let object = editor.object(key).map_err(|error| errors::edit(&error))?;
+        Ok((object.mesh.clone(), object.materials.clone(), object.transforms.len()))
+    }
+
+    /// Changes the own materials of an object.
+    fn set_object_materials(&self, key: &str, materials: Vec<String>) -> PyResult<()> {
+        let mut editor = self.editor();
+        let object = editor.object(key).map_err(|error| errors::edit(&error))?.clone();
+        let put = editor.put_object(key, PlacedObject { materials, ..object }, placing(false));
+        put.map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns the matrices of an object: float32, (N, 4, 4), a copy.
+    fn transforms<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let editor = self.editor();
+        let object = editor.object(key).map_err(|error| errors::edit(&error))?;
+        let row = |matrix: &Affine3A, row: usize| match row {
+            3 => [0.0, 0.0, 0.0, 1.0],
+            row => [
+                matrix.matrix3.row(row).x,
+                matrix.matrix3.row(row).y,
+                matrix.matrix3.row(row).z,
+                matrix.translation[row],
+            ],
+        };
+        let number = |(index, y, x): (usize, usize, usize)| row(&object.transforms[index], y)[x];
+        Ok(Array3::from_shape_fn((object.transforms.len(), 4, 4), number).into_pyarray(py))
+    }
+
+    /// Moves an object.
+    fn move_object(&self, key: &str, transforms: &Bound<'_, PyAny>) -> PyResult<()> {
+        let transforms = self::transforms(transforms)?;
+        self.editor().move_object(key, transforms).map_err(|error| errors::edit(&error))
+    }
+
+    /// Adds or replaces an image.
+    fn put_image(&self, key: &str, pixels: &Bound<'_, PyAny>, color_space: &str, is_new: bool) -> PyResult<()> {
+        let image = image_of(key, pixels, color_space)?;
+        self.editor().put_image(key, image, placing(is_new)).map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns columns and rows of an image.
+    fn image_size(&self, key: &str) -> PyResult<(u32, u32)> {
+        self.editor().image_size(key).map_err(|error| errors::edit(&error))
+    }
+
+    /// Adds or replaces a medium, from its JSON text and grids; with `keeps_grids` those of the medium that is replaced.
+    #[pyo3(signature = (key, json, density, albedo, emission, transform, keeps_grids, is_new))]
+    fn put_medium(
+        &self,
+        key: &str,
+        json: &str,
+        density: Option<&Bound<'_, PyAny>>,
+        albedo: Option<&Bound<'_, PyAny>>,
+        emission: Option<&Bound<'_, PyAny>>,
+        transform: Option<&Bound<'_, PyAny>>,
+        keeps_grids: bool,
+        is_new: bool,
+    ) -> PyResult<()> {
+        let mut medium: Medium = parsed("medium", json)?;
+        if let Some(density) = density {
+            let density = grid_of("density", density)?;
+            let albedo = albedo.map(|albedo| grid_of("albedo", albedo)).transpose()?;
+            let emission = emission.map(|emission| grid_of("emission_grid", emission)).transpose()?;
+            let placed = transform.map(transforms).transpose()?.unwrap_or_default();
+            let world_from_grid = placed.first().copied().unwrap_or(Affine3A::IDENTITY);
+            if !world_from_grid.matrix3.determinant().is_normal() {
+                return Err(wrong("transform", "the matrix is singular; its determinant must not be 0"));
+            }
+            let density = match albedo {
+                Some(albedo) => Density::WithAlbedo { extinction: density, albedo },
+                None => Density::Both(density),
+            };
+            let grid_from_world = world_from_grid.inverse();
+            medium.variation = Some(Arc::new(Variation { density, emission, grid_from_world }));
         }
-        if !(lens_radius >= 0.0 && lens_radius.is_finite()) {
-            return Err(wrong("lens_radius", &format!("it is {lens_radius}: from 0 is allowed")));
+        let mut editor = self.editor();
+        if keeps_grids && let Ok(before) = editor.medium(key) {
+            medium.variation.clone_from(&before.variation);
         }
-        self.scene().cameras.push(Camera {
-            name,
-            world_from_camera,
-            projection: Projection::Perspective { vertical_fov: fov.to_radians() },
-            lens_radius,
-            focus_distance: above_zero("focus_distance", focus_distance.unwrap_or(eye.distance(target)))?,
-            ..Camera::default()
-        });
-        Ok(())
-    }
-
-    /// Adds a point light. `intensity`: R G B in W·sr⁻¹.
-    fn point_light(&self, position: [f32; 3], intensity: [f32; 3]) -> PyResult<()> {
-        let kind =
-            LightKind::Point { position: point("position", position)?, intensity: color("intensity", intensity)? };
-        self.scene().lights.push(Light { name: String::new(), kind });
-        Ok(())
-    }
-
-    /// Adds a directional light. `direction`: direction of travel. `irradiance`: R G B on a perpendicular surface, in W·m⁻².
-    fn sun(&self, direction: [f32; 3], irradiance: [f32; 3]) -> PyResult<()> {
-        let direction = self::direction("direction", direction)?;
-        let kind = LightKind::Directional { direction, irradiance: color("irradiance", irradiance)? };
-        self.scene().lights.push(Light { name: String::new(), kind });
-        Ok(())
-    }
-
-    /// Adds a uniform environment light. `radiance`: R G B in W·sr⁻¹·m⁻².
-    fn environment(&self, radiance: [f32; 3]) -> PyResult<()> {
-        let radiance = color("radiance", radiance)?;
-        self.scene().environment = Some(Environment::uniform(radiance));
-        Ok(())
-    }
-
-    fn __repr__(&self) -> String {
-        let scene = self.scene();
-        let (meshes, cameras) = (scene.meshes.len(), scene.cameras.len());
-        format!("<bottega.Scene of {meshes} meshes, {} triangles, {cameras} cameras>", scene.triangle_count())
+        editor.put_medium(key, medium, placing(is_new)).map_err(|error| errors::edit(&error))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use bottega::{Error, Picture, Request, Session, SessionOptions, StopSwitch, scene::Scene};
+use bottega::{Error, Picture, Request, Session, SessionOptions, StopSwitch, scene::Loaded};
 use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
 use pyo3::{exceptions::PyValueError, prelude::*, types::PyBytes};
 
@@ -34,7 +34,7 @@ pub(crate) struct PySession {
 }
 
 /// Opens a session of the library, for a scene in memory if one is given.
-fn open(request: &Request, scene: Option<Scene>, options: SessionOptions) -> Result<Session, Error> {
+fn open(request: &Request, scene: Option<Loaded>, options: SessionOptions) -> Result<Session, Error> {
     match scene {
         None => Session::open_with(request, options),
         Some(scene) => Session::of_scene_with(request, scene, options),

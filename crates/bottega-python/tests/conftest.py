@@ -34,15 +34,23 @@ def program() -> str:
 def pyramid() -> bottega.Scene:
     """A pyramid under a lamp."""
     scene = bottega.Scene()
-    floor = np.array([[-6, 0, -6], [6, 0, -6], [6, 0, 6], [-6, 0, 6]], np.float32)
-    scene.mesh(floor, [[0, 2, 1], [0, 3, 2]], bottega.Material.matte((0.7, 0.7, 0.7)))
-    corners = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1], [0, 1.5, 0]], np.float32)
-    faces = np.array([[1, 0, 4], [2, 1, 4], [3, 2, 4], [0, 3, 4]], np.uint32)
-    scene.mesh(corners, faces, bottega.Material.layered((0.7, 0.3, 0.1), roughness=0.4))
-    lamp = np.array([[-1, 5, -1], [1, 5, -1], [1, 5, 1], [-1, 5, 1]], np.float32)
-    scene.mesh(lamp, [[0, 1, 2], [0, 2, 3]], bottega.Material.lamp((12, 12, 12)))
-    scene.environment((0.1, 0.1, 0.1))
-    scene.camera((3, 2.5, 5), (0, 0.6, 0), fov=35)
+    scene.materials["floor"] = bottega.Material.matte((0.7, 0.7, 0.7))
+    scene.materials["orange"] = bottega.Material(bottega.Layered((0.7, 0.3, 0.1), roughness=0.4))
+    scene.materials["lamp"] = bottega.Material.lamp((12, 12, 12))
+    meshes = {
+        "floor": ([[-6, 0, -6], [6, 0, -6], [6, 0, 6], [-6, 0, 6]], [[0, 2, 1], [0, 3, 2]]),
+        "orange": (
+            [[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1], [0, 1.5, 0]],
+            [[1, 0, 4], [2, 1, 4], [3, 2, 4], [0, 3, 4]],
+        ),
+        "lamp": ([[-1, 5, -1], [1, 5, -1], [1, 5, 1], [-1, 5, 1]], [[0, 1, 2], [0, 2, 3]]),
+    }
+    for key, (positions, triangles) in meshes.items():
+        arrays = np.array(positions, np.float32), np.array(triangles, np.int32)
+        scene.meshes[key] = bottega.Mesh(*arrays, materials=key)
+        scene.objects[key] = bottega.Object(key)
+    scene.environment = bottega.Environment((0.1, 0.1, 0.1))
+    scene.cameras["main"] = bottega.Camera.looking((3, 2.5, 5), (0, 0.6, 0), fov=35)
     return scene
 
 

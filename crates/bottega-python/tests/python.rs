@@ -88,8 +88,13 @@ fn requests_of_python_are_typed_and_checked() {
 }
 
 #[test]
-fn scenes_are_made_of_arrays() {
+fn scenes_in_memory_are_edited() {
     run("test_scenes.py");
+}
+
+#[test]
+fn viewports_show_scenes_in_memory() {
+    run("test_viewport.py");
 }
 
 #[test]

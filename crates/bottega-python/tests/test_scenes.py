@@ -1,18 +1,45 @@
-"""Scenes of arrays, and arrays that are none."""
+"""Scenes in memory: edits, what they refuse, and pictures that do not depend on the edits before."""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+import random
+import warnings
+from pathlib import Path
+from typing import Any, Callable
 
 import numpy as np
 import pytest
 
 import bottega
-from bottega import Material, Scene, SceneError
+from bottega import Camera, Image, Material, Mesh, Object, Scene, SceneError, Texture
 
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-FACES = np.array([[0, 1, 2]], np.uint32)
-MATTE = Material.matte()
+POSITIONS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+SEEN = Camera.looking((0.5, 0.5, 3), (0.5, 0.5, 0))
+SMALL: Any = {"spp": 2, "size": (16, 12), "exact": True}
+LARGER: Any = {"spp": 2, "size": (64, 48), "exact": True}
+# Pixels of the larger pictures in the four quarters of the square.
+UPPER_LEFT, LOWER_RIGHT, LEFT, RIGHT = (18, 26), (29, 37), (24, 26), (24, 37)
+
+
+def square(**more: Any) -> Scene:
+    """A white square before a camera, under an even sky."""
+    scene = Scene()
+    scene.materials["white"] = Material.matte()
+    scene.meshes["square"] = Mesh(POSITIONS, TRIANGLES, materials="white", **more)
+    scene.objects["square"] = Object("square")
+    scene.environment = bottega.Environment(1.0)
+    scene.cameras["main"] = SEEN
+    return scene
+
+
+def bits(scene: Scene, **more: Any) -> Any:
+    return bottega.render(scene, **{**SMALL, **more}).values.view(np.uint32)
+
+
+def same(a: Scene, b: Scene) -> bool:
+    return bool((bits(a) == bits(b)).all())
 
 
 def test_a_scene_of_arrays_is_painted(pyramid: Scene) -> None:
@@ -26,97 +53,390 @@ def test_a_scene_of_arrays_is_painted(pyramid: Scene) -> None:
     assert (picture.values.view(np.uint32) == again.values.view(np.uint32)).all()
 
 
-def painted(vertices: Any, faces: Any, **more: Any) -> Any:
+def test_corners_with_equal_values_are_one_vertex() -> None:
+    corners = np.array([0, 1, 2, 0, 2, 3], np.int32)
+    by_corner = {"corner_vertices": corners, "triangles": np.arange(6, dtype=np.int32).reshape(2, 3)}
+    scene = square()
+    scene.meshes["square"] = Mesh(POSITIONS, materials="white", **by_corner)
+    assert scene.meshes["square"].vertex_count == 4 and same(scene, square())
+    up = np.tile(np.array([0, 0, 1], np.float32), (6, 1))
+    scene.meshes["square"] = Mesh(POSITIONS, materials="white", normals=up, **by_corner)
+    assert scene.meshes["square"].vertex_count == 4
+    up[3] = [0.6, 0, 0.8]
+    scene.meshes["square"] = Mesh(POSITIONS, materials="white", normals=up, **by_corner)
+    assert scene.meshes["square"].vertex_count == 5
+
+
+def test_each_triangle_has_its_material_and_each_object_may_have_others() -> None:
+    scene = square()
+    scene.materials["red"] = Material.matte((0.8, 0.0, 0.0))
+    scene.materials["green"] = Material.matte((0.0, 0.8, 0.0))
+    slots = np.array([0, 1], np.int32)
+    scene.meshes["square"] = Mesh(POSITIONS, TRIANGLES, materials=["red", "green"], triangle_materials=slots)
+    albedo = bottega.render(scene, **LARGER, layers=["albedo"])["albedo"]
+    assert np.allclose(albedo[LOWER_RIGHT], [0.8, 0, 0]) and np.allclose(albedo[UPPER_LEFT], [0, 0.8, 0])
+    # The object's own materials, by slot; those that it has not are the mesh's.
+    scene.objects["square"].materials = "white"
+    albedo = bottega.render(scene, **LARGER, layers=["albedo"])["albedo"]
+    assert np.allclose(albedo[LOWER_RIGHT], 0.8) and np.allclose(albedo[UPPER_LEFT], [0, 0.8, 0])
+
+
+def test_many_instances_are_placed_at_once_mirrored_ones_too() -> None:
+    scene = square()
+    scene.materials["red"] = Material.matte((0.8, 0.0, 0.0))
+    left, right = np.eye(4, dtype=np.float32), np.eye(4, dtype=np.float32)
+    left[0, 0], left[0, 3], right[0, 0] = -0.5, 0.5, 0.5
+    right[0, 3] = 0.5
+    both = np.stack([left, right])
+    chosen = np.array([0, 1], np.int32)
+    scene.objects["square"] = Object("square", both, ["white", "red"], chosen)
+    albedo = bottega.render(scene, **LARGER, layers=["albedo"])["albedo"]
+    # The mirrored one shows its front all the same, on the left.
+    assert np.allclose(albedo[LEFT], 0.8) and np.allclose(albedo[RIGHT], [0.8, 0, 0])
+    assert (scene.objects["square"].transforms == both).all()
+    scene.objects["square"] = Object("square", both[:, :3])
+    assert len(scene.objects["square"].transforms) == 2 and scene.triangle_count == 4
+
+
+def test_textures_come_from_arrays() -> None:
+    scene = square(uvs=np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32))
+    pixels = np.zeros((2, 2, 3), np.uint8)
+    pixels[0, 0], pixels[1, 1] = (255, 0, 0), (0, 188, 0)
+    scene.images["colors"] = Image(pixels)
+    scene.materials["white"].reflectance = Texture("colors", smooth=False)
+    albedo = bottega.render(scene, **LARGER, layers=["albedo"])["albedo"]
+    # The upper left texel lies on the upper left, and codes of sRGB are decoded.
+    assert np.allclose(albedo[UPPER_LEFT], [1, 0, 0], atol=1e-3)
+    assert np.allclose(albedo[LOWER_RIGHT], [0, 0.5029, 0], atol=1e-3)
+    scene.images["colors"] = Image(pixels, "linear")
+    albedo = bottega.render(scene, **LARGER, layers=["albedo"])["albedo"]
+    assert np.allclose(albedo[LOWER_RIGHT], [0, 188 / 255, 0], atol=1e-3)
+    with pytest.raises(SceneError, match="image `colors` is used by the material `white`"):
+        del scene.images["colors"]
+
+
+GRAY = Texture("gray", factor=0.5, channel="g")
+
+SURFACES = [
+    bottega.Null(),
+    bottega.Unlit((0.2, 0.3, 0.4)),
+    bottega.Diffuse(Texture("gray"), roughness=0.3),
+    bottega.DiffuseTransmission(0.3, Texture("gray", factor=(0.1, 0.2, 0.3))),
+    bottega.Conductor(eta=(0.2, 0.9, 1.1), k=(3.9, 2.4, 2.2), roughness=(0.1, GRAY), distribution="beckmann"),
+    bottega.Dielectric(eta=1.5, roughness=0.1, roughness_scale="square", shadowing="separable"),
+    bottega.Plastic(diffuse=(0.1, 0.2, 0.5), inner="nonlinear", roughness=GRAY),
+    bottega.Coated(base=bottega.Conductor(eta=0.2, k=3.0, roughness=0.3), thickness=0.1, albedo=0.5, g=0.2, max_depth=20),
+    bottega.Principled(base_color=GRAY, metallic=0.2, spec_trans=0.5, clearcoat=1.0, anisotropic=0.5),
+    bottega.Layered(
+        (0.2, 0.3, 0.4),
+        metallic=GRAY,
+        anisotropy=bottega.Anisotropy(0.5, 1.0, Texture("gray")),
+        iridescence=bottega.Iridescence(0.5, 1.4, (100, 500), GRAY),
+        coat=1.0,
+        coat_normal=Texture("gray", factor=0.5),
+        sheen_color=0.3,
+    ),
+    bottega.Blend(GRAY, bottega.Diffuse(0.2), bottega.Conductor(roughness=0.2)),
+]
+
+
+@pytest.mark.parametrize("surface", SURFACES, ids=lambda surface: type(surface).__name__)
+def test_every_surface_can_be_put_painted_and_taken_out(surface: bottega.Surface) -> None:
+    scene = square(uvs=POSITIONS[:, :2].copy())
+    scene.images["gray"] = Image(np.full((4, 4), 128, np.uint8), "linear")
+    scene.media["fog"] = bottega.Medium(absorption=(0.1, 0.2, 0.3), scattering=0.2, g=0.5)
+    whole = Material(
+        surface,
+        back=bottega.Diffuse(0.1),
+        opacity=GRAY,
+        alpha="blend",
+        emission=(1, 2, 3),
+        emission_sides="front",
+        relief=bottega.BumpMap(Texture("gray", factor=0.1)),
+        interior="fog",
+    )
+    scene.materials["white"] = whole
+    assert np.isfinite(bottega.render(scene, **SMALL).color).all()
+    # What a fresh scene gives of the text that the first has kept is the same.
+    taken = scene.materials["white"]
+    again = square(uvs=POSITIONS[:, :2].copy())
+    again.images["gray"] = Image(np.full((4, 4), 128, np.uint8), "linear")
+    again.media["fog"] = scene.media["fog"].copied()
+    again.materials["white"] = taken.copied()
+    assert type(taken.surface) is type(surface) and same(scene, again)
+
+
+def test_all_lights_environments_and_cameras() -> None:
+    scene = square()
+    scene.images["map"] = Image(np.linspace(0, 2, 8 * 8 * 3, dtype=np.float32).reshape(8, 8, 3), "linear")
+    matrix = np.eye(4)
+    matrix[:3, 3] = (0.5, 0.5, 2)
+    scene.lights["point"] = bottega.PointLight((0, 1, 2), (1, 2, 3))
+    scene.lights["sun"] = bottega.SunLight.by_matrix(matrix, 2.0)
+    scene.lights["spot"] = bottega.SpotLight.by_matrix(matrix, inner=10, outer=30)
+    scene.lights["projector"] = bottega.ProjectorLight(Texture("map"), matrix)
+    scene.lights["around"] = bottega.GoniometricLight("map", (0.5, 0.5, 1))
+    scene.environment = bottega.Environment((0.1, 0.2, 0.3), image="map", rotation=np.diag([-1.0, 1.0, 1.0]))
+    before = bits(scene)
+    for key in scene.lights:
+        assert (bits(scene) == before).all()
+        scene.lights.hide(key)
+        assert scene.lights.is_hidden(key) and (bits(scene) != before).any(), key
+        scene.lights.hide(key, False)
+        scene.lights[key] = scene.lights[key].copied()
+    assert (bits(scene) == before).all(), "what was taken out and put in again is the same"
+    scene.environment.radiance = 0.0
+    assert (bits(scene) != before).any()
+    for camera in (
+        Camera(matrix, fov=60, shift=(0.5, 0), lens_radius=0.1, focus_distance=2.0),
+        Camera(matrix, projection="orthographic", height=2.0, near=0.5, far=3.0),
+        Camera(matrix, projection="equirectangular"),
+    ):
+        scene.cameras["other"] = camera
+        assert np.isfinite(bottega.render(scene, camera="other", **SMALL).color).all()
+    scene.cameras["other"].projection = "perspective"
+    assert scene.cameras["other"].far == math.inf and scene.cameras.keys() == ["main", "other"]
+
+
+def test_a_medium_of_a_grid_dims_what_is_behind_it() -> None:
+    scene = square()
+    grid = np.zeros((4, 4, 4), np.float32)
+    grid[:, :, 2:] = 1.0
+    scene.media["smoke"] = bottega.Medium(absorption=50.0, density=grid)
+    scene.materials["air"] = Material(bottega.Null(), interior="smoke")
+    scene.spheres["air"] = bottega.Sphere((0.5, 0.5, 0.5), 0.45, "air")
+    scene.environment = None
+    scene.lights["sun"] = bottega.SunLight((0, 0, -1), 3.0)
+    color = bottega.render(scene, **LARGER).color
+    assert color[LEFT].mean() > 10 * color[RIGHT].mean(), "the smoke is on the right"
+    scene.media["smoke"].absorption = 0.0
+    color = bottega.render(scene, **LARGER).color
+    assert color[RIGHT].mean() > 0.5 * color[LEFT].mean(), "the grid has stayed, and absorbs nothing"
+
+
+# An edit of a scene, and of the dictionaries by which a fresh one is made.
+Wanted = dict[str, dict[str, Any]]
+
+
+def edit(chance: random.Random, scene: Scene, wanted: Wanted) -> None:
+    """Makes one edit, in the scene and in what is wanted of it."""
+    kind = chance.choice(["materials", "meshes", "objects", "objects", "lights", "cameras", "move", "hide", "remove"])
+    key = f"{kind} {chance.randrange(3)}"
+
+    def put(kind: str, key: str, value: Any) -> None:
+        getattr(scene, kind)[key] = value
+        wanted[kind][key] = value
+
+    materials, objects = list(wanted["materials"]), list(wanted["objects"])
+    if kind == "materials":
+        color = tuple(chance.random() for _ in range(3))
+        surfaces = [bottega.Diffuse(color), bottega.Conductor(roughness=0.2), bottega.Dielectric(), bottega.Layered(color)]
+        emission = chance.choice([0.0, 0.0, 2.0])
+        alpha = chance.choice(["opaque", "blend"])
+        put(kind, key, Material(chance.choice(surfaces), emission=emission, opacity=0.5, alpha=alpha))
+    elif kind == "meshes":
+        slots = np.array([chance.randrange(2), chance.randrange(2)], np.int32)
+        chosen = [chance.choice(materials), chance.choice(materials)]
+        moved = POSITIONS + np.float32(chance.random())
+        put(kind, key, Mesh(moved, TRIANGLES, materials=chosen, triangle_materials=slots))
+    elif kind == "objects":
+        matrices = np.array([place(chance) for _ in range(chance.randrange(1, 4))])
+        own = [chance.choice(materials)] if chance.random() < 0.5 else []
+        put(kind, key, Object(chance.choice(list(wanted["meshes"])), matrices, own))
+    elif kind == "lights":
+        put(kind, key, bottega.PointLight(tuple(chance.uniform(-2, 2) for _ in range(3)), 1.0))
+    elif kind == "cameras":
+        put(kind, "main", Camera.looking((chance.uniform(-1, 1), 0.5, 4), (0.5, 0.5, 0), fov=chance.uniform(20, 60)))
+    elif kind == "move" and objects:
+        key = chance.choice(objects)
+        old = wanted["objects"][key]
+        matrices = np.array([place(chance) for _ in np.asarray(old.transforms)])
+        scene.objects[key].transforms = matrices
+        wanted["objects"][key] = Object(old.mesh, matrices, old.materials, None, old.hidden)
+    elif kind == "hide" and objects:
+        key = chance.choice(objects)
+        old = wanted["objects"][key]
+        scene.objects[key].hidden = not old.hidden
+        wanted["objects"][key] = Object(old.mesh, old.transforms, old.materials, None, not old.hidden)
+    elif kind == "remove" and objects:
+        key = chance.choice(objects)
+        del scene.objects[key], wanted["objects"][key]
+
+
+def place(chance: random.Random) -> Any:
+    matrix = np.diag([chance.choice([-1, 1]) * chance.uniform(0.3, 1), 1, 1, 1])
+    matrix[:3, 3] = [chance.uniform(-1, 1) for _ in range(3)]
+    return matrix
+
+
+def fresh(wanted: Wanted) -> Scene:
     scene = Scene()
-    scene.mesh(vertices, faces, MATTE, **more)
-    scene.environment((1, 1, 1))
-    scene.camera((0.3, 0.3, 3), (0.3, 0.3, 0))
-    return bottega.render(scene, spp=2, size=(16, 16), exact=True).color
+    for kind, values in wanted.items():
+        for key, value in values.items():
+            getattr(scene, kind).add(key, value)
+    scene.environment = bottega.Environment(0.3)
+    return scene
 
 
-@pytest.mark.parametrize(
-    ("vertices", "faces"),
-    [
-        (CORNERS.astype(np.float64), FACES.astype(np.int64)),
-        (np.asfortranarray(CORNERS), FACES.astype(np.uint8)),
-        (np.repeat(CORNERS, 2, axis=0)[::2], FACES),
-        (np.hstack([CORNERS, CORNERS])[:, :3], np.vstack([FACES, FACES])[::2]),
-        (CORNERS.tolist(), FACES.tolist()),
-        (CORNERS.astype(">f4"), FACES),
-    ],
-)
-def test_arrays_of_other_layout_are_the_same_scene(vertices: Any, faces: Any) -> None:
-    assert (painted(vertices, faces) == painted(CORNERS, FACES)).all()
+def first(scene: Scene) -> Wanted:
+    """Fills a scene; returns what is wanted of it."""
+    wanted: Wanted = {kind: {} for kind in ("materials", "meshes", "objects", "lights", "cameras")}
+    wanted["materials"]["materials 0"] = Material.matte(0.6)
+    wanted["meshes"]["meshes 0"] = Mesh(POSITIONS, TRIANGLES, materials="materials 0")
+    wanted["cameras"]["main"] = SEEN
+    for kind, values in wanted.items():
+        for key, value in values.items():
+            getattr(scene, kind)[key] = value
+    scene.environment = bottega.Environment(0.3)
+    return wanted
 
 
-def test_instances_and_transformations() -> None:
-    moved = np.eye(4)
-    moved[0, 3] = 10
-    assert (painted(CORNERS, FACES, transform=moved) != painted(CORNERS, FACES)).any()
-    back = CORNERS - [10, 0, 0]
-    assert np.allclose(painted(back, FACES, transform=moved), painted(CORNERS, FACES), atol=1e-3)
-    scene = Scene()
-    assert scene.mesh(CORNERS, FACES, MATTE) == 0 and scene.mesh(CORNERS, FACES, MATTE) == 1
-    scene.instance(1, moved)
-    with pytest.raises(SceneError, match="no mesh 2"):
-        scene.instance(2, moved)
+def test_a_picture_does_not_depend_on_the_edits_before() -> None:
+    """200 edits; after each fifth the picture is that of a scene made from the start."""
+    chance = random.Random(7)
+    for sequence in range(4):
+        scene = Scene()
+        wanted = first(scene)
+        for number in range(50):
+            edit(chance, scene, wanted)
+            if number % 5 == 4:
+                assert same(scene, fresh(wanted)), f"sequence {sequence}, edit {number}"
 
 
-def with_bad_row(row: Any) -> Any:
-    vertices = CORNERS.copy()
-    vertices[1] = row
-    return vertices
+def test_a_scene_that_was_read_has_the_bits_of_its_file_and_can_be_edited(box: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = Scene.read(box)
+    assert (bits(scene) == bottega.render(box, **SMALL).values.view(np.uint32)).all()
+    before = bottega.render(scene, **SMALL, layers=["albedo"])["albedo"]
+    keys = scene.materials.keys()
+    assert keys and scene.objects.keys() and scene.cameras.keys(), "there are keys"
+    for key in keys:
+        scene.materials[key].base_color = (0.1, 0.2, 0.3)
+        scene.materials[key].roughness = 0.2
+    assert scene.materials[keys[0]].surface.roughness == pytest.approx(0.2)
+    after = bottega.render(scene, **SMALL, layers=["albedo"])["albedo"]
+    is_blue = after[..., 2] > 1.5 * after[..., 0]
+    assert is_blue.any() and not (before[..., 2] > 1.5 * before[..., 0])[is_blue].any()
+    count = scene.triangle_count
+    scene.objects[scene.objects.keys()[0]].hidden = True
+    assert scene.triangle_count < count
+    with pytest.raises(SceneError, match=r"there is no material `glas`; the scene has"):
+        scene.materials["glas"]
+    with pytest.raises(SceneError, match=r"`roughness` is 2: from 0 to 1 is allowed"):
+        scene.materials[keys[0]].roughness = 2
+    with pytest.raises(AttributeError, match="no field `rough`"):
+        scene.materials[keys[0]].rough = 0.2
+    assert scene.materials[keys[0]].surface.roughness == pytest.approx(0.2), "what was refused has changed nothing"
+
+
+def test_values_write_back_only_while_they_are_in_the_scene() -> None:
+    scene = square()
+    old = scene.materials["white"]
+    scene.materials["white"] = Material.matte(0.5)
+    old.reflectance = 0.1
+    assert scene.materials["white"].reflectance == (0.5, 0.5, 0.5)
+    shared = bottega.Diffuse(0.3)
+    one, two = Material(shared), Material(shared)
+    one.reflectance = 0.9
+    assert two.reflectance == (0.3, 0.3, 0.3)
+
+
+def wrong_row(row: Any) -> Any:
+    positions = POSITIONS.copy()
+    positions[1] = row
+    return positions
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"vertices": CORNERS[:, :2]}, r"`vertices`: its shape is \[3, 2\]: \(N, 3\)"),
-        ({"vertices": CORNERS.ravel()}, r"its shape is \[9\]"),
-        ({"vertices": CORNERS.astype(complex)}, "`vertices`: its dtype is complex128: real numbers"),
-        ({"vertices": [["a", "b", "c"]]}, "`vertices`: its dtype is <U1"),
-        ({"vertices": with_bad_row(np.nan)}, r"`vertices`: row 1 is \[NaN"),
-        ({"vertices": with_bad_row(np.inf)}, "finite"),
-        ({"vertices": with_bad_row(1).astype(np.float64) * 1e300}, "finite"),
-        ({"vertices": np.zeros((0, 3))}, "there are none"),
-        ({"triangles": [[0, 1, 3]]}, r"`triangles`: row 0 is .*there are vertices 0 to 2"),
-        ({"triangles": [[0, 1, -1]]}, "vertices 0 to 2"),
-        ({"triangles": FACES.astype(np.float32)}, "`triangles`: its dtype is float32: whole numbers"),
-        ({"triangles": [[0, 1]]}, r"\(N, 3\)"),
-        ({"normals": CORNERS[:2]}, "`normals`: it has 2 rows, and there are 3 vertices"),
-        ({"normals": np.zeros((3, 3))}, "`normals`: it has no length"),
-        ({"uvs": CORNERS}, r"`uvs`: .*\(N, 2\)"),
-        ({"colors": CORNERS}, r"`colors`: .*\(N, 4\)"),
-        ({"transform": np.eye(3)}, r"`transform`: .*\(N, 4\)"),
-        ({"transform": np.zeros((4, 4))}, "`transform`: its last row"),
-        ({"transform": np.diag([-1.0, 1, 1, 1])}, "mirrors"),
+        ({"positions": POSITIONS[:, :2].copy()}, r"`positions`: its shape is \[4, 2\], and \(N, 3\) is needed"),
+        ({"positions": POSITIONS.astype(np.float64)}, r"`positions`: its dtype is float64, .*astype\(np.float32\)"),
+        ({"positions": POSITIONS[:, ::-1]}, r"`positions`: its values do not lie side by side.*np.ascontiguousarray"),
+        ({"positions": POSITIONS.astype(">f4")}, r"`positions`: its dtype is >f4"),
+        ({"positions": POSITIONS.tolist()}, r"`positions`: it is a list, not an array of NumPy"),
+        ({"positions": wrong_row(np.nan)}, r"`positions`, row 1: it is \[NaN"),
+        ({"positions": wrong_row(np.inf)}, r"`positions`, row 1: .*finite"),
+        ({"positions": wrong_row(1e30)}, r"`positions`, row 1: .*1e18"),
+        ({"triangles": TRIANGLES.astype(np.int64)}, r"`triangles`: its dtype is int64"),
+        ({"triangles": np.array([[0, 1, 4]], np.int32)}, r"`triangles`, row 0: it is \[0, 1, 4\]; there are corners 0 to 3"),
+        ({"triangles": np.array([[0, 1, -1]], np.int32)}, r"`triangles`, row 0"),
+        ({"triangles": np.array([[0, 1, 2], [0, 1, 1]], np.int32)}, r"`triangles`, row 1: .*no area; .*drop_empty=True"),
+        ({"corner_vertices": np.array([0, 1, 2, 9], np.int32)}, r"`corner_vertices`, row 3: it is 9; there are vertices 0 to 3"),
+        ({"corner_vertices": np.zeros(2**31, np.int32)}, r"`corner_vertices`: it has 2147483648 rows.*divide the mesh"),
+        ({"normals": POSITIONS[:2].copy()}, r"`normals`: it has 2 rows, and there are 4 corners"),
+        ({"uvs": POSITIONS}, r"`uvs`: its shape is \[4, 3\], and \(N, 2\) is needed"),
+        ({"colors": np.full((4, 4), -1, np.float32)}, r"`colors`, row 0"),
+        ({"triangle_materials": np.array([0, 1], np.int32)}, r"`triangle_materials`, row 1: it is 1; there are materials 0 to 0"),
+        ({"materials": ["gold"]}, r"there is no material `gold`; the scene has `white`"),
+        ({"materials": [3]}, r"`materials` has 3: keys of materials are needed"),
     ],
 )
-def test_arrays_that_are_none_are_refused(arguments: dict[str, Any], said: str) -> None:
-    whole = {"vertices": CORNERS, "triangles": FACES, **arguments}
+def test_wrong_arrays_are_named(arguments: dict[str, Any], said: str) -> None:
+    scene = square()
+    before = bits(scene)
+    whole = {"positions": POSITIONS, "triangles": TRIANGLES, "materials": "white", **arguments}
     with pytest.raises(SceneError, match=said):
-        Scene().mesh(material=MATTE, **whole)
+        scene.meshes["square"] = Mesh(**whole)
+    assert (bits(scene) == before).all(), "nothing has changed"
 
 
-def test_values_that_cannot_be_are_refused() -> None:
-    scene = Scene()
-    for wrong in (
-        lambda: scene.sphere((0, 0, 0), 0, MATTE),
-        lambda: scene.sphere((0, float("nan"), 0), 1, MATTE),
-        lambda: scene.camera((0, 0, 0), (0, 0, 0)),
-        lambda: scene.camera((0, 0, 0), (0, 1, 0)),
-        lambda: scene.camera((0, 0, 0), (0, 0, 1), fov=180),
-        lambda: scene.point_light((0, 0, 0), (-1, 0, 0)),
-        lambda: scene.sun((0, 0, 0), (1, 1, 1)),
-        lambda: Material.matte((0, 0, float("inf"))),
-        lambda: Material.layered(roughness=2),
-        lambda: Material.layered(ior=0.5),
-    ):
-        with pytest.raises(SceneError):
-            wrong()
-    with pytest.raises(TypeError):
-        scene.mesh(CORNERS, FACES, "matte")  # type: ignore[arg-type]
+def flat() -> Any:
+    return np.diag([1.0, 0.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda scene: scene.objects.add("square", Object("square")), "the object `square` exists already; choose another key"),
+        (lambda scene: scene.objects.add("", Object("square")), "the object has an empty key"),
+        (lambda scene: scene.objects.add("b", Object("cube")), "there is no mesh `cube`; the scene has `square`"),
+        (lambda scene: scene.objects.add("b", Object("square", np.stack([np.eye(4), flat()]))), r"`transforms`, row 1: the matrix is singular"),
+        (lambda scene: scene.objects.add("b", Object("square", np.full((4, 4), np.nan))), r"`transforms`"),
+        (lambda scene: scene.objects.add("b", Object("square", np.eye(3))), r"`transforms`: its shape is \[3, 3\]"),
+        (lambda scene: scene.objects.add("b", Object("square", np.ones((1, 4, 4)))), r"its last row is"),
+        (lambda scene: scene.objects.add("b", Object("square", None, "white", np.array([1], np.int32))), r"`instance_materials`, row 0"),
+        (lambda scene: scene.objects["c"], "there is no object `c`"),
+        (lambda scene: scene.meshes.__delitem__("square"), "mesh `square` is used by the object `square`"),
+        (lambda scene: scene.materials.__delitem__("white"), "material `white` is used by the mesh `square`"),
+        (lambda scene: scene.materials.add("b", Material(interior="fog")), "there is no medium `fog`"),
+        (lambda scene: scene.materials.add("b", Material(emission=Texture("sky"))), "there is no image `sky`"),
+        (lambda scene: scene.materials.add("b", bottega.Diffuse()), "a material cannot be a Diffuse"),
+        (lambda scene: setattr(scene.materials["white"], "reflectance", (0, 0)), "`reflectance` is .*3 numbers are needed"),
+        (lambda scene: setattr(scene.materials["white"], "opacity", math.nan), "`opacity` is nan"),
+        (lambda scene: setattr(scene.materials["white"], "alpha", "glass"), "`alpha` is 'glass': one of"),
+        (lambda scene: scene.images.add("a", Image(np.zeros((2, 2, 2), np.uint8))), r"`pixels`: its shape is \[2, 2, 2\]"),
+        (lambda scene: scene.images.add("a", Image(np.full((2, 2), np.nan, np.float32))), r"row 0, column 0 is NaN"),
+        (lambda scene: scene.lights.add("a", bottega.PointLight((0, 0, 0), (-1, 0, 0))), r"`intensity\[0\]` is -1"),
+        (lambda scene: scene.lights.add("a", bottega.SpotLight(inner=50, outer=40)), "`inner` must be the smaller angle"),
+        (lambda scene: scene.lights.add("a", bottega.SunLight((0, 0, 0))), "a direction has a length above 0"),
+        (lambda scene: scene.cameras.add("a", Camera(np.diag([2.0, 2, 2, 1]))), "the camera `a`: its matrix scales"),
+        (lambda scene: scene.cameras.add("a", Camera(near=2, far=1)), "nothing between its clip planes"),
+        (lambda scene: Camera.looking((0, 0, 0), (0, 1, 0)), "`up`"),
+        (lambda scene: scene.spheres.add("a", bottega.Sphere((0, 0, 0), 0, "white")), "its radius is not above 0"),
+        (lambda scene: scene.media.add("a", bottega.Medium(g=1)), "`g` is 1"),
+    ],
+)
+def test_wrong_edits_are_refused_and_change_nothing(change: Callable[[Scene], Any], said: str) -> None:
+    scene = square()
+    before = bits(scene)
+    with pytest.raises(SceneError, match=said):
+        change(scene)
+    assert (bits(scene) == before).all()
+
+
+def test_scenes_that_cannot_be_painted_say_so() -> None:
     with pytest.raises(bottega.Error, match="no camera"):
         bottega.render(Scene())
     with pytest.raises((bottega.Error, ValueError)):
-        bottega.render(Scene(), engine={"names": ["povray"]})
+        bottega.render(square(), engine={"names": ["povray"]})
+
+
+def test_a_session_paints_the_scene_as_it_was_opened() -> None:
+    scene = square()
+    before = bits(scene)
+    session = bottega.Session(scene, **SMALL)
+    scene.materials["white"].reflectance = 0.1
+    del scene.objects["square"]
+    assert (session.render().values.view(np.uint32) == before).all()

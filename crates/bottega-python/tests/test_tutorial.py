@@ -10,6 +10,19 @@ import pytest
 from conftest import ROOT
 
 
+def test_the_scene_of_the_tutorial_is_made_and_changed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = Path(ROOT, "docs", "tutorials", "scene-in-memory.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    shown = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
+    monkeypatch.chdir(ROOT)
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(compile(block, "scene-in-memory.md", "exec"), names)
+    assert capsys.readouterr().out == "".join(shown)
+
+
 def test_the_table_of_the_tutorial_is_made(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     page = Path(ROOT, "docs", "tutorials", "paper-table.md").read_text()
     blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)

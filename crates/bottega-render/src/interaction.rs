@@ -138,7 +138,7 @@ impl Interaction {
     #[inline(never)]
     fn on_curve(surfaces: &Surfaces, curves: &FacingCurves, hit: &Hit, ray: (Vec3, Vec3), cone: RayCone) -> Self {
         let scene = &**surfaces.scene();
-        let material_index = surfaces.mesh(hit.instance).material;
+        let material_index = surfaces.material_of(hit.instance);
         let (material, known) = surfaces.material(material_index);
         let CurveSurface { p, normal, tangent, uv, stretch, clearance } = CurveSurface::new(scene, curves, hit, ray);
         let mut point = Self {
@@ -180,7 +180,8 @@ impl Interaction {
         let area_vector = to_normal * e1.cross(e2);
         let ng = area_vector.normalize_or(-direction);
         let p = instance.world_from_object.transform_point3(local);
-        let (material, known) = surfaces.material(mesh.material);
+        let material_index = scene.material_of(instance);
+        let (material, known) = surfaces.material(material_index);
         // Rounding errors of this hit and of the next test are relative to the triangle's size and to its position
         let extent = e1.abs().max(e2.abs()).max_element() * known_instance.scale;
         let mut point = Self {
@@ -198,7 +199,7 @@ impl Interaction {
             is_colored: !mesh.colors.is_empty(),
             footprint: 0.0,
             beam: 0.0,
-            material: mesh.material,
+            material: material_index,
             hit: *hit,
         };
         // Look up texture coordinates and footprint
@@ -415,8 +416,9 @@ pub(crate) fn emitted_by_sphere(scene: &Scene, sphere: &Sphere, n: Vec3, footpri
 /// Returns the radiance that a triangle emits at barycentric coordinates.
 #[inline(always)]
 pub(crate) fn emitted(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32), footprint: f32) -> Spectrum {
-    let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
-    let emission = &scene.materials[mesh.material as usize].emission;
+    let instance = &scene.instances[instance as usize];
+    let mesh = &scene.meshes[instance.mesh as usize];
+    let emission = &scene.materials[scene.material_of(instance) as usize].emission;
     if emission.texture.is_none() {
         return emission.factor;
     }
@@ -429,7 +431,7 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
     let mesh = &scene.meshes[instance.mesh as usize];
     let vertices = mesh.triangles[triangle as usize];
     let alpha = interpolate(&mesh.colors, vertices, b.0, b.1).map_or(1.0, |color| color.w);
-    let material = &scene.materials[mesh.material as usize];
+    let material = &scene.materials[scene.material_of(instance) as usize];
     let uvs = uvs_at(mesh, vertices, b.0, b.1);
     let is_mapped = material.opacity.texture.as_ref().is_some_and(|(map, _)| map.mapping(scene).is_some());
     if !is_mapped {
@@ -484,7 +486,7 @@ pub(crate) fn material_of(surfaces: &Surfaces, hit: &Hit) -> u32 {
     let scene = surfaces.scene();
     match hit.sphere() {
         Some(sphere) => scene.spheres[sphere as usize].material,
-        None => scene.meshes[scene.instances[hit.instance as usize].mesh as usize].material,
+        None => surfaces.material_of(hit.instance),
     }
 }
 
@@ -518,7 +520,7 @@ fn is_culled(scene: &Scene, ray: &Ray, hit: &Hit) -> bool {
     }
     let instance = &scene.instances[hit.instance as usize];
     let mesh = &scene.meshes[instance.mesh as usize];
-    if !scene.materials[mesh.material as usize].culls_back {
+    if !scene.materials[scene.material_of(instance) as usize].culls_back {
         return false;
     }
     let corner = |vertex: u32| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]);
@@ -539,7 +541,7 @@ pub(crate) fn opacity_of(surfaces: &Surfaces, ray: &Ray, hit: &Hit) -> (f32, boo
             {
                 return (0.0, false);
             }
-            mesh.material
+            surfaces.material_of(hit.instance)
         }
     };
     let known = surfaces.material(material).1;

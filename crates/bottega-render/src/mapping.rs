@@ -179,7 +179,7 @@ mod tests {
         let map = TextureMap { uv_set: bottega_scene::SURFACE_UV_SETS, ..TextureMap::new(ImageId(0)) };
         let param = ScalarParam { factor: 1.0, texture: Some((map, Channel::R)) };
         let mut scene = Scene {
-            images: vec![image],
+            images: vec![image].into(),
             mappings: vec![mapping],
             materials: vec![material(param)],
             ..Scene::default()
@@ -252,7 +252,7 @@ mod tests {
     #[test]
     fn what_shines_has_the_coordinates_of_its_surface() {
         let mut scene = Scene {
-            images: vec![slope()],
+            images: vec![slope()].into(),
             mappings: vec![plain(MappingKind::Planar)],
             materials: vec![Material::lamp(Spectrum::ONE)],
             ..Scene::default()

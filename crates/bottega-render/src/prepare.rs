@@ -46,7 +46,7 @@ pub struct PreparedScene {
     surfaces: Surfaces,
     /// Cameras of the scene, then added ones. A removed camera leaves `None`, so that numbers are not reused.
     cameras: RwLock<Vec<Option<Arc<Camera>>>>,
-    accel: Accel,
+    accel: Arc<Accel>,
     /// Majorants of the media that vary in space; `None` for the others.
     majorants: Vec<Option<Majorants>>,
     lights: Lights,
@@ -70,7 +70,7 @@ impl PreparedScene {
     /// Prepares a scene whose acceleration structure exists.
     ///
     /// - `accel`: result of [`build_accel`] for the same scene.
-    pub fn with_accel(scene: Arc<Scene>, accel: Accel, options: &PrepareOptions) -> Self {
+    pub fn with_accel(scene: Arc<Scene>, accel: impl Into<Arc<Accel>>, options: &PrepareOptions) -> Self {
         let mut surfaces = Surfaces::new(scene);
         let scene = Arc::clone(surfaces.scene());
         let lights = Lights::new(&scene, &surfaces.materials, &mut surfaces.instances, options.compensate_environment);
@@ -96,7 +96,7 @@ impl PreparedScene {
         Self {
             surfaces,
             cameras,
-            accel,
+            accel: accel.into(),
             majorants,
             lights,
             has_opacity,
@@ -141,6 +141,11 @@ impl PreparedScene {
     #[inline(always)]
     pub fn accel(&self) -> &Accel {
         &self.accel
+    }
+
+    /// Returns the acceleration structure for another scene of the same shapes.
+    pub fn shared_accel(&self) -> Arc<Accel> {
+        Arc::clone(&self.accel)
     }
 
     /// Returns the id of the scene as data that may reside on a device; unique within the process.

@@ -129,8 +129,6 @@ pub struct AgentSettings {
     /// With [`Oracle::Error`], `true`: glossy surfaces ask agents for incident light by direction; `false`: they trace
     /// rays in all directions.
     pub decides_radiance: bool,
-    /// `true`: agents decide if a path continues where indirect light is not known accurately.
-    pub decides_halting: bool,
     /// `true`: the proximity network is kept, and the median over an agent and its neighbours decides which shadow rays
     /// are traced.
     pub asks_network: bool,
@@ -182,7 +180,6 @@ impl Default for AgentSettings {
             decides_shadows: true,
             decides_irradiance: true,
             decides_radiance: true,
-            decides_halting: false,
             asks_network: false,
             error: 0.1,
             memory_bytes: 4 << 20,

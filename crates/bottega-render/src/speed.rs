@@ -71,8 +71,8 @@ fn scene() -> Scene {
         thin: false,
     };
     let mut scene = Scene {
-        meshes: vec![ground()],
-        instances: vec![Instance { mesh: 0, world_from_object: Affine3A::IDENTITY }],
+        meshes: vec![ground()].into(),
+        instances: vec![Instance::new(0, Affine3A::IDENTITY)],
         materials: vec![
             Material::matte(Spectrum::new(0.5, 0.45, 0.4)),
             Material::matte(Spectrum::new(0.7, 0.3, 0.2)),

@@ -65,6 +65,12 @@ impl Surfaces {
         &self.scene.meshes[self.scene.instances[instance as usize].mesh as usize]
     }
 
+    /// Returns the material of an instance.
+    #[inline(always)]
+    pub(crate) fn material_of(&self, instance: u32) -> u32 {
+        self.scene.material_of(&self.scene.instances[instance as usize])
+    }
+
     /// Returns a material with its data.
     #[inline(always)]
     pub(crate) fn material(&self, index: u32) -> (&Material, &PreparedMaterial) {
@@ -152,6 +158,6 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
 
 /// Iterates over the materials of instances and spheres, by index; may repeat.
 pub(crate) fn used_materials(scene: &Scene) -> impl Iterator<Item = usize> {
-    let meshes = scene.instances.iter().map(|instance| scene.meshes[instance.mesh as usize].material as usize);
+    let meshes = scene.instances.iter().map(|instance| scene.material_of(instance) as usize);
     meshes.chain(scene.spheres.iter().map(|sphere| sphere.material as usize))
 }

@@ -1,11 +1,13 @@
 //! Cameras: projection, lens, clip planes and position.
 
 use glam::{Affine3A, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::medium::MediumId;
 
 /// The projection of a camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Projection {
     /// A pinhole, or a thin lens if [`Camera::lens_radius`] is above 0.
     Perspective {
@@ -24,7 +26,8 @@ pub enum Projection {
 
 /// The layout of directions on a panoramic picture. Centre and edges are as in pbrt: seen from within, the direction to
 /// the right is on the left edge of the picture, and the direction ahead a quarter of its width from there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Panorama {
     /// Longitude along the rows, from +x over −z; latitude down the columns, from +y.
     Equirectangular,
@@ -34,7 +37,8 @@ pub enum Panorama {
 }
 
 /// The extent of the picture that a camera's field of view measures. It stays the same in a picture of another aspect.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum FovAxis {
     /// From the left to the right edge.
     X,
@@ -65,11 +69,12 @@ impl FovAxis {
 }
 
 /// A camera. It looks along its own −z, +y is up and +x to the right.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// The name in the file; may be empty.
     pub name: String,
     /// Camera space to world space, without scale; may mirror.
+    #[serde(with = "crate::numbers")]
     pub world_from_camera: Affine3A,
     /// The projection and its field of view.
     pub projection: Projection,
@@ -84,6 +89,7 @@ pub struct Camera {
     /// Distance of the plane in focus, in scene units, above 0.
     pub focus_distance: f32,
     /// Offset of the optical axis from the centre of the picture: right and up, in halves of its width and height.
+    #[serde(with = "crate::numbers")]
     pub lens_shift: Vec2,
     /// The medium around the camera; `None`: vacuum.
     pub medium: Option<MediumId>,
@@ -97,11 +103,12 @@ pub struct Camera {
 /// The near and far clip planes of a camera; distances along its axis, in scene units. A camera ray starts at the near
 /// plane, and if it hits nothing before the far plane it sees the environment. Other rays ignore them. Panoramic
 /// cameras have none.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Clip {
     /// Distance of the near plane, 0 or more.
     pub near: f32,
     /// Distance of the far plane, above [`Self::near`]; may be infinite.
+    #[serde(with = "crate::numbers::maybe_infinite")]
     pub far: f32,
 }
 

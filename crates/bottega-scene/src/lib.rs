@@ -13,7 +13,8 @@
 //!
 //! | contents | files |
 //! |---|---|
-//! | the scene, and the checks of its invariants | `src/model.rs`, `src/validate.rs` |
+//! | the scene, and the checks of its invariants; lists shared between scenes | `src/model.rs`, `src/validate.rs`; `src/shared_list.rs` |
+//! | a scene that is changed part by part | `src/edit/` |
 //! | loading a scene from a path; the importers' input, options and limits | `src/load.rs`; `src/import/request.rs`,
 //! `src/options.rs`, `src/budget.rs` |
 //! | parts that the importers share: locations in text files, placed meshes, curves, skies, projected pictures | `src/import/` |
@@ -32,11 +33,13 @@
 //! | encodings of text | `src/text.rs` |
 //! | parameters that have no effect here | `src/needless.rs`, `src/mitsuba/needless.rs`, `src/pbrt/needless.rs` |
 //! | NaN, infinite and huge values; reflectances above 1 | `src/values.rs`, `src/excess.rs` |
+//! | serialized vectors and matrices | `src/numbers.rs` |
 //! | JSON and TOML readers that reject a list in place of an object | `src/objects_only.rs` |
 
 mod budget;
 mod camera;
 mod color;
+mod edit;
 mod error;
 mod eval;
 mod excess;
@@ -58,6 +61,7 @@ mod mesh_file;
 mod mitsuba;
 mod model;
 mod needless;
+mod numbers;
 pub mod objects_only;
 mod options;
 mod origin;
@@ -65,6 +69,7 @@ mod param;
 mod pbrt;
 mod resource;
 mod shapes;
+mod shared_list;
 mod sky;
 mod spectrum;
 mod summary;
@@ -76,14 +81,15 @@ mod values;
 
 pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
 pub use color::Spectrum;
+pub use edit::{CornerMesh, EditError, EntryKind, MatrixRows, PlacedObject, Placing, SceneEditor};
 pub use error::{SceneError, Warning};
 pub use eval::Uvs;
 pub use facing_curves::{CurveLook, CurveMeeting, CurvePoint, FacingCurves, ray_in_object};
 pub use grid::{Blend, Grid, GridError};
 pub use hints::{FilmFilter, Metadata, RenderHints};
-pub use image::Image;
 pub use image::pyramid::Encoding;
 pub use image::raw::{LevelTexels, linear_of_srgb_codes};
+pub use image::{Image, linear_of_srgb};
 pub use integrator::{Follows, IntegratorHint, PhotonHints};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{Loaded, load};
@@ -93,6 +99,7 @@ pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use options::LoadOptions;
 pub use param::{ColorParam, ScalarParam};
 pub use resource::SceneFile;
+pub use shared_list::SharedList;
 pub use summary::SceneSummary;
 pub use surface::{
     Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection, Iridescence,

@@ -1,12 +1,13 @@
 //! Lights without a surface, and the environment. Emissive surfaces are in their materials.
 
 use glam::{Affine3A, Mat3, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
 use crate::texture::{ImageId, TextureMap};
 
 /// A light without extent.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Light {
     /// The name in the file; may be empty.
     pub name: String,
@@ -15,22 +16,28 @@ pub struct Light {
 }
 
 /// The kinds of light without extent. Directions are of unit length, in world space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum LightKind {
     /// A point light that emits equally in all directions.
     Point {
         /// Position, world space.
+        #[serde(with = "crate::numbers")]
         position: Vec3,
         /// Radiant intensity in W·sr⁻¹.
+        #[serde(with = "crate::numbers")]
         intensity: Spectrum,
     },
     /// A point light that emits into a cone.
     Spot {
         /// Position, world space.
+        #[serde(with = "crate::numbers")]
         position: Vec3,
         /// Axis of the cone.
+        #[serde(with = "crate::numbers")]
         direction: Vec3,
         /// Radiant intensity on the axis, in W·sr⁻¹.
+        #[serde(with = "crate::numbers")]
         intensity: Spectrum,
         /// Cosine of the half angle inside which the intensity is full.
         cos_inner: f32,
@@ -43,11 +50,13 @@ pub enum LightKind {
     Projector {
         /// Light space to world space, without scale. The light is at the origin and points along its own −z, as a
         /// camera does.
+        #[serde(with = "crate::numbers")]
         world_from_light: Affine3A,
         /// The picture, (0, 0) in its upper left corner; black outside of it.
         picture: TextureMap,
         /// Factor of the picture: radiant intensity on the axis, in W·sr⁻¹. It falls off as 1/cos³ of the angle to the
         /// axis, so a screen perpendicular to the axis is lit evenly.
+        #[serde(with = "crate::numbers")]
         intensity: Spectrum,
         /// Full angle between the upper and the lower edge of the picture, in radians.
         vertical_fov: f32,
@@ -57,25 +66,31 @@ pub enum LightKind {
     /// A point light whose intensity a picture gives for each direction.
     Goniometric {
         /// Position, world space.
+        #[serde(with = "crate::numbers")]
         position: Vec3,
         /// Light space to world space: orthonormal; may mirror.
+        #[serde(with = "crate::numbers")]
         world_from_light: Mat3,
         /// The picture, of equal areas: see [`EnvironmentMapping::EqualArea`]. The mean of its channels is used.
         image: ImageId,
         /// Factor of the picture: radiant intensity in W·sr⁻¹.
+        #[serde(with = "crate::numbers")]
         intensity: Spectrum,
     },
     /// Parallel light from infinitely far away.
     Directional {
         /// Direction in which the light travels.
+        #[serde(with = "crate::numbers")]
         direction: Vec3,
         /// Irradiance on a surface perpendicular to it, in W·m⁻².
+        #[serde(with = "crate::numbers")]
         irradiance: Spectrum,
     },
 }
 
 /// The falloff of a spot light from full intensity at the inner angle to 0 at the outer one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum SpotFalloff {
     /// Square of the linear interpolation of the cosine (KHR_lights_punctual).
     #[default]
@@ -87,7 +102,8 @@ pub enum SpotFalloff {
 }
 
 /// The layout of directions on an environment's picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum EnvironmentMapping {
     /// Latitude and longitude: the upper edge is +y, the centre column −z, u grows towards +x.
     #[default]
@@ -101,25 +117,29 @@ pub enum EnvironmentMapping {
 }
 
 /// A rectangle through which an environment shines, world space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Portal {
     /// One corner of the rectangle.
+    #[serde(with = "crate::numbers")]
     pub corner: Vec3,
     /// The edges from there to the adjacent corners, perpendicular to each other. Their cross product points outwards;
     /// light comes in against it.
+    #[serde(with = "crate::numbers")]
     pub edges: [Vec3; 2],
 }
 
 /// The environment: radiance along rays that leave the scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// The picture; `None`: 1 in all directions.
     pub image: Option<ImageId>,
     /// Layout of directions on the picture.
     pub mapping: EnvironmentMapping,
     /// Factor of the picture: radiance in W·sr⁻¹·m⁻².
+    #[serde(with = "crate::numbers")]
     pub factor: Spectrum,
     /// Environment space to world space: orthonormal; may mirror.
+    #[serde(with = "crate::numbers")]
     pub world_from_environment: Mat3,
     /// Portals. If not empty, the environment is visible only along rays that leave through a portal, once for each
     /// portal that they cross, and black elsewhere.

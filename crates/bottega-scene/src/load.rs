@@ -39,6 +39,14 @@ pub struct Loaded {
     pub files: Vec<SceneFile>,
 }
 
+impl From<Scene> for Loaded {
+    /// Returns a scene made in memory, without warnings, hints and files.
+    fn from(scene: Scene) -> Self {
+        let (warnings, metadata, hints) = (Vec::new(), Metadata::default(), RenderHints::default());
+        Self { scene, warnings, metadata, hints, files: Vec::new() }
+    }
+}
+
 /// Reads a scene. The format is recognized by the first bytes or the file extension.
 ///
 /// Lights keep the numbers of the file: in glTF, candela counts as W·sr⁻¹, lux as W·m⁻² and the emissive factor as
@@ -188,7 +196,7 @@ mod tests {
     #[test]
     fn colours_of_vertices_that_cannot_be_computed_with_are_told() {
         let colors = vec![Vec4::new(0.5, f32::INFINITY, 1e30, 1.0), Vec4::new(f32::NAN, 0.25, 0.0, 1.0)];
-        let mut scene = Scene { meshes: vec![Mesh { colors, ..Mesh::default() }], ..Scene::default() };
+        let mut scene = Scene { meshes: vec![Mesh { colors, ..Mesh::default() }].into(), ..Scene::default() };
         let mut warnings = Warnings::default();
         mend_colors(&mut scene, &mut warnings);
         assert_eq!(scene.meshes[0].colors, [Vec4::ONE.with_x(0.5), Vec4::new(0.0, 0.25, 0.0, 1.0)]);

@@ -1,5 +1,7 @@
 //! Materials: surface scattering, emission, opacity, relief and adjacent media.
 
+use serde::{Deserialize, Serialize};
+
 use crate::color::Spectrum;
 use crate::medium::MediumId;
 use crate::param::{ColorParam, ScalarParam};
@@ -7,7 +9,8 @@ use crate::surface::{Layered, Surface};
 use crate::texture::TextureMap;
 
 /// The interpretation of opacity.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum AlphaMode {
     /// Alpha is ignored.
     #[default]
@@ -26,7 +29,8 @@ pub enum AlphaMode {
 
 /// Sides of a surface. The front is the side from which its triangles are counter-clockwise, and the outside of a
 /// sphere.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Sides {
     /// The front only.
     Front,
@@ -63,7 +67,8 @@ impl Sides {
 }
 
 /// The scattering on the back of a surface.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Back {
     /// Equal to the front: two equal sides of an opaque or thin surface, or the two sides of a solid's boundary.
     #[default]
@@ -75,7 +80,7 @@ pub enum Back {
 }
 
 /// Fine surface detail by a normal map or bump map.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Relief {
     /// The normal map or heights.
     pub source: ReliefSource,
@@ -84,7 +89,8 @@ pub struct Relief {
 }
 
 /// The data of a relief.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ReliefSource {
     /// A tangent-space normal map, and the scale of its x and y (glTF).
     Normals(TextureMap, f32),
@@ -93,7 +99,8 @@ pub enum ReliefSource {
 }
 
 /// The treatment of directions that lie on opposite sides of the perturbed normal and of the surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ReliefRule {
     /// A shading normal that faces away from the viewer is bent until it faces it.
     #[default]
@@ -132,7 +139,7 @@ impl Relief {
 }
 
 /// A material: the properties of a surface at each of its points.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// The name in the file; may be empty.
     pub name: String,

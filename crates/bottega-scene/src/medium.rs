@@ -3,29 +3,34 @@
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
 use crate::grid::Grid;
 
 /// Index into [`Scene::media`](crate::Scene::media).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct MediumId(pub u32);
 
 /// A participating medium with Henyey-Greenstein scattering.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Medium {
     /// The name in the file; may be empty.
     pub name: String,
     /// Absorption coefficient σ_a, per scene unit.
+    #[serde(with = "crate::numbers")]
     pub absorption: Spectrum,
     /// Scattering coefficient σ_s, per scene unit.
+    #[serde(with = "crate::numbers")]
     pub scattering: Spectrum,
     /// Emitted radiance per scene unit.
+    #[serde(with = "crate::numbers")]
     pub emission: Spectrum,
     /// Henyey-Greenstein asymmetry: mean cosine of the scattering angle, in (−1, 1); above 0: forward (Henyey and
     /// Greenstein 1941).
     pub g: f32,
     /// Spatial variation of the coefficients; `None`: homogeneous.
+    #[serde(skip)]
     pub variation: Option<Arc<Variation>>,
 }
 

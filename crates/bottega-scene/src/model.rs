@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::facing_curves::FacingCurves;
@@ -12,6 +13,7 @@ use crate::image::Image;
 use crate::light::{Environment, Light};
 use crate::material::Material;
 use crate::medium::{Medium, MediumId, Variation};
+use crate::shared_list::SharedList;
 use crate::texture::Mapping;
 
 /// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty if absent. Importers
@@ -43,19 +45,30 @@ pub struct Mesh {
 pub struct Instance {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
+    /// Index into [`Scene::materials`] of a material in place of the mesh's own; `None`: that of the mesh.
+    pub material: Option<u32>,
     /// Object space to world space. Never singular, and never mirroring: its determinant is above 0, so
     /// counter-clockwise triangles stay counter-clockwise. ([`Mesh::mirrored`] makes the mesh for a mirrored instance.)
     pub world_from_object: Affine3A,
 }
 
+impl Instance {
+    /// Returns an instance with the material of its mesh.
+    pub fn new(mesh: u32, world_from_object: Affine3A) -> Self {
+        Self { mesh, material: None, world_from_object }
+    }
+}
+
 /// An analytic sphere in world space.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sphere {
     /// Centre, world space.
+    #[serde(with = "crate::numbers")]
     pub center: Vec3,
     /// Radius, above 0, in scene units.
     pub radius: f32,
     /// Rotation of its texture coordinates: object space, where +y is the pole, to world space.
+    #[serde(with = "crate::numbers")]
     pub world_from_object: Quat,
     /// Index into [`Scene::materials`].
     pub material: u32,
@@ -65,7 +78,7 @@ pub struct Sphere {
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// Meshes, in object space; instances place them.
-    pub meshes: Vec<Mesh>,
+    pub meshes: SharedList<Mesh>,
     /// Meshes as placed in the world.
     pub instances: Vec<Instance>,
     /// Spheres that are not triangulated, in world space.
@@ -75,7 +88,7 @@ pub struct Scene {
     /// Participating media, referred to by materials and cameras.
     pub media: Vec<Medium>,
     /// Pictures that textures and the environment refer to.
-    pub images: Vec<Image>,
+    pub images: SharedList<Image>,
     /// Texture coordinates by world position, referred to by [`TextureMap::uv_set`](crate::TextureMap::uv_set).
     pub mappings: Vec<Mapping>,
     /// Lights without extent. Emissive surfaces are not among them.
@@ -237,9 +250,9 @@ impl Scene {
         let instance = if mirrors {
             let mirrored = self.meshes[mesh as usize].clone().mirrored();
             let world_from_object = world_from_object * Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
-            Instance { mesh: self.push_mesh(mirrored), world_from_object }
+            Instance::new(self.push_mesh(mirrored), world_from_object)
         } else {
-            Instance { mesh, world_from_object }
+            Instance::new(mesh, world_from_object)
         };
         self.instances.push(instance);
     }
@@ -271,7 +284,7 @@ impl Scene {
     /// Returns the least and greatest coordinates of all surfaces, world space; both 0 if there are none. The box of an
     /// instance is that of its mesh's transformed box, so it may be larger than needed.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        let bounds: Vec<(Vec3, Vec3)> = self.meshes.par_iter().map(Mesh::bounds).collect();
+        let bounds: Vec<(Vec3, Vec3)> = self.meshes.shared().par_iter().map(|mesh| mesh.bounds()).collect();
         let instances =
             self.instances.iter().filter(|instance| !self.meshes[instance.mesh as usize].positions.is_empty());
         let boxes = instances
@@ -279,6 +292,16 @@ impl Scene {
             .chain(self.spheres.iter().map(|sphere| (sphere.center - sphere.radius, sphere.center + sphere.radius)));
         let (min, max) = boxes.fold(EMPTY, |whole, (min, max)| grow(grow(whole, min), max));
         if min.cmple(max).all() { (min, max) } else { (Vec3::ZERO, Vec3::ZERO) }
+    }
+
+    /// Returns the material of an instance: its own, or that of its mesh.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such mesh.
+    #[inline(always)]
+    pub fn material_of(&self, instance: &Instance) -> u32 {
+        instance.material.unwrap_or_else(|| self.meshes[instance.mesh as usize].material)
     }
 
     /// Counts the triangles of all instances.
@@ -301,7 +324,7 @@ impl Scene {
         let emits = |material: u32| self.materials[material as usize].is_emissive();
         self.environment.as_ref().is_some_and(|environment| environment.factor.max_element() > 0.0)
             || !self.lights.is_empty()
-            || self.instances.iter().any(|instance| emits(self.meshes[instance.mesh as usize].material))
+            || self.instances.iter().any(|instance| emits(self.material_of(instance)))
             || self.spheres.iter().any(|sphere| emits(sphere.material))
     }
 }

@@ -1,19 +1,22 @@
 //! Material parameters: a constant, optionally multiplied by a texture.
 
+use serde::{Deserialize, Serialize};
+
 use crate::color::Spectrum;
 use crate::texture::{Channel, TextureMap};
 
 /// A colour: factor × texture.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColorParam {
     /// Factor of the texture; the colour itself without a texture.
+    #[serde(with = "crate::numbers")]
     pub factor: Spectrum,
     /// The texture, of which RGB is used.
     pub texture: Option<TextureMap>,
 }
 
 /// A number: factor × one channel of a texture.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScalarParam {
     /// Factor of the texture; the number itself without a texture.
     pub factor: f32,

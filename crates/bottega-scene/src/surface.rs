@@ -1,11 +1,14 @@
 //! The scattering models of surfaces: a closed set that covers those of the supported file formats.
 
+use serde::{Deserialize, Serialize};
+
 use crate::color::Spectrum;
 use crate::param::{ColorParam, ScalarParam};
 use crate::texture::{Channel, TextureMap};
 
 /// The scattering model of a surface.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Surface {
     /// No scattering; the surface only separates two media (Mitsuba `null`, pbrt `interface`).
     Null,
@@ -43,7 +46,7 @@ pub enum Surface {
 }
 
 /// A matte surface: Lambertian, or Oren and Nayar's if it is rough.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Diffuse {
     /// Share of light that is reflected.
     pub reflectance: ColorParam,
@@ -52,7 +55,8 @@ pub struct Diffuse {
 }
 
 /// The distribution of a rough boundary's microfacet normals.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Distribution {
     /// GGX, of Trowbridge and Reitz.
     #[default]
@@ -62,7 +66,8 @@ pub enum Distribution {
 }
 
 /// The masking-shadowing function of microfacets: the probability that a facet is visible from two directions.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Shadowing {
     /// Height-correlated: a facet visible from one direction is more likely visible from the other (pbrt).
     #[default]
@@ -72,7 +77,8 @@ pub enum Shadowing {
 }
 
 /// The relation of a roughness parameter to the α of the distribution.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum RoughnessScale {
     /// The roughness is α.
     #[default]
@@ -85,7 +91,7 @@ pub enum RoughnessScale {
 
 /// The microfacets of a boundary. Single scattering: light that hits several facets is lost, as the formats define it.
 /// ([`Layered`] compensates for it.)
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Facets {
     /// Distribution of the facet normals.
     pub distribution: Distribution,
@@ -98,7 +104,7 @@ pub struct Facets {
 }
 
 /// Metal, by its complex index of refraction.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Conductor {
     /// Real part η of the index of refraction.
     pub eta: ColorParam,
@@ -111,7 +117,7 @@ pub struct Conductor {
 }
 
 /// The boundary of a clear solid.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dielectric {
     /// Index of refraction behind the front over that before it.
     pub eta: f32,
@@ -133,7 +139,8 @@ impl Dielectric {
 }
 
 /// The treatment of light that a [`Plastic`]'s boundary reflects back to the base.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum InnerReflection {
     /// It comes back white at each reflection.
     #[default]
@@ -146,7 +153,7 @@ pub enum InnerReflection {
 }
 
 /// A diffuse base below a dielectric boundary.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plastic {
     /// Index of refraction of the inside over the outside.
     pub eta: f32,
@@ -161,7 +168,8 @@ pub struct Plastic {
 }
 
 /// The base below a [`Coated`] surface's layer.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 #[expect(clippy::large_enum_variant, reason = "it lies in a box as it is")]
 pub enum CoatedBase {
     /// A diffuse base.
@@ -171,7 +179,7 @@ pub enum CoatedBase {
 }
 
 /// A base, a layer above it that may absorb and scatter, and the layer's dielectric boundary.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Coated {
     /// Index of refraction of the layer over that of the outside.
     pub eta: f32,
@@ -190,7 +198,7 @@ pub struct Coated {
 }
 
 /// Disney's material (Burley 2012 and 2015).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Principled {
     /// Colour of the base, in [0, 1].
     pub base_color: ColorParam,
@@ -223,7 +231,7 @@ pub struct Principled {
 }
 
 /// The anisotropic highlights of [`Layered`] (KHR_materials_anisotropy).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Anisotropy {
     /// Strength, in [0, 1].
     pub strength: f32,
@@ -234,7 +242,7 @@ pub struct Anisotropy {
 }
 
 /// A thin film on [`Layered`] (KHR_materials_iridescence).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Iridescence {
     /// Strength, in [0, 1].
     pub factor: ScalarParam,
@@ -249,7 +257,7 @@ pub struct Iridescence {
 /// A superset of glTF 2.0's metallic-roughness model and its extensions, in the manner of the Dielectric Specular and
 /// OpenPBR family. From the outside in: sheen over coat over base; the base is a mix of metal, transmitting dielectric
 /// and diffuse dielectric.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Layered {
     /// Reflectance of the diffuse and metal base, tint of the transmission. Vertex colours multiply it.
     pub base_color: ColorParam,

@@ -1,13 +1,15 @@
 //! Textures: pictures mapped onto surfaces.
 
 use glam::{Affine2, Affine3A};
+use serde::{Deserialize, Serialize};
 
 /// Index into [`Scene::images`](crate::Scene::images).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct ImageId(pub u32);
 
 /// The treatment of texture coordinates outside of [0, 1).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Wrap {
     /// Repeats the picture.
     #[default]
@@ -19,7 +21,8 @@ pub enum Wrap {
 }
 
 /// One channel of a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Channel {
     /// The red channel.
     R,
@@ -57,7 +60,7 @@ pub enum MappingKind {
 }
 
 /// The mapping of a picture onto a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TextureMap {
     /// The picture that is mapped.
     pub image: ImageId,
@@ -65,6 +68,7 @@ pub struct TextureMap {
     /// [`Scene::mappings`](crate::Scene::mappings).
     pub uv_set: u8,
     /// Transformation of the texture coordinates before lookup (KHR_texture_transform).
+    #[serde(with = "crate::numbers")]
     pub picture_from_uv: Affine2,
     /// Wrap mode along u.
     pub wrap_u: Wrap,

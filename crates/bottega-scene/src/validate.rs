@@ -5,13 +5,13 @@ use std::fmt::Display;
 
 use rayon::prelude::*;
 
-use crate::camera::{Clip, Projection};
+use crate::camera::{Camera, Clip, Projection};
 use crate::color::Spectrum;
 use crate::error::{SceneError, Violation};
-use crate::light::{LightKind, Portal};
+use crate::light::{Environment, LightKind, Portal};
 use crate::material::{AlphaMode, Back, Material, ReliefSource};
 use crate::medium::{Medium, MediumId};
-use crate::model::{COORDINATE_MAX, Mesh, Scene, is_placeable};
+use crate::model::{COORDINATE_MAX, Mesh, Scene, Sphere, is_placeable};
 use crate::param::ColorParam;
 use crate::surface::Surface;
 use crate::texture::SURFACE_UV_SETS;
@@ -26,29 +26,27 @@ impl Scene {
     ///
     /// [`SceneError::Inconsistent`] names the first part that violates one.
     pub fn validate(&self) -> Result<(), SceneError> {
-        let meshes = self.meshes.par_iter().enumerate();
+        let meshes = self.meshes.shared().par_iter().enumerate();
         let checked: Vec<Result<(), SceneError>> = meshes
             .map(|(index, mesh)| self.check_mesh(mesh).map_err(|problem| broken("meshes", index, problem)))
             .collect();
         checked.into_iter().collect::<Result<(), SceneError>>()?;
-        let bounds: Vec<_> = self.meshes.par_iter().map(Mesh::bounds).collect();
+        let bounds: Vec<_> = self.meshes.shared().par_iter().map(|mesh| mesh.bounds()).collect();
         for (index, instance) in self.instances.iter().enumerate() {
             let problem = match bounds.get(instance.mesh as usize) {
                 None => format!("there is no mesh {}", instance.mesh),
                 Some(&bounds) if !is_placeable(bounds, &instance.world_from_object) => {
                     "its transformation is singular, mirrors, or moves the mesh out of reach".into()
                 }
+                Some(_) if instance.material.is_some_and(|material| material as usize >= self.materials.len()) => {
+                    "its material does not exist".into()
+                }
                 Some(_) => continue,
             };
             return Err(broken("instances", index, problem));
         }
         each("spheres", &self.spheres, |sphere| {
-            check(sphere.radius > 0.0 && sphere.radius <= COORDINATE_MAX, "its radius is not above 0")?;
-            check(
-                sphere.center.abs().max_element() <= COORDINATE_MAX && sphere.center.is_finite(),
-                "its centre is out of reach",
-            )?;
-            check(sphere.world_from_object.is_normalized(), "its orientation is no rotation")?;
+            check_sphere(sphere)?;
             self.check_material(sphere.material)
         })?;
         each("materials", &self.materials, |material| self.check_parameters(material))?;
@@ -56,30 +54,36 @@ impl Scene {
         each("media", &self.media, check_medium)?;
         each("lights", &self.lights, |light| self.check_light(&light.kind))?;
         if let Some(environment) = &self.environment {
-            let has_image = environment.image.is_none_or(|image| (image.0 as usize) < self.images.len());
-            let is_turned = is_orthonormal(&environment.world_from_environment);
-            check(has_image, "its image does not exist")
-                .and_then(|()| check(is_color_factor(environment.factor), FACTOR))
-                .and_then(|()| check(is_turned, "its orientation is no rotation"))
-                .and_then(|()| check(environment.portals.iter().all(is_rectangle), "a portal is no rectangle"))
-                .map_err(|problem| place("environment", problem))?;
+            self.check_environment(environment).map_err(|problem| place("environment", problem))?;
         }
-        each("cameras", &self.cameras, |camera| {
-            check(camera.world_from_camera.is_finite(), "its transformation is not finite")?;
-            check(camera.lens_radius >= 0.0 && camera.lens_radius.is_finite(), "its lens has no radius")?;
-            check(camera.focus_distance > 0.0, "its focus is not before it")?;
-            check(camera.lens_shift.is_finite(), "its lens is not at a place")?;
-            check(camera.pixel_aspect.is_normal() && camera.pixel_aspect > 0.0, "its pixels have no shape")?;
-            let Clip { near, far } = camera.clip;
-            check(near >= 0.0 && near.is_finite() && far > near, "there is nothing between its clip planes")?;
-            self.check_medium_id(camera.medium)?;
-            let is_sound = match camera.projection {
-                Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
-                Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
-                Projection::Panorama(_) => true,
-            };
-            check(is_sound, "its projection shows nothing")
-        })
+        each("cameras", &self.cameras, |camera| self.check_camera(camera))
+    }
+
+    /// Checks an environment of the scene.
+    pub(crate) fn check_environment(&self, environment: &Environment) -> Result<(), Violation> {
+        let has_image = environment.image.is_none_or(|image| (image.0 as usize) < self.images.len());
+        check(has_image, "its image does not exist")?;
+        check(is_color_factor(environment.factor), FACTOR)?;
+        check(is_orthonormal(&environment.world_from_environment), "its orientation is no rotation")?;
+        check(environment.portals.iter().all(is_rectangle), "a portal is no rectangle")
+    }
+
+    /// Checks a camera of the scene.
+    pub(crate) fn check_camera(&self, camera: &Camera) -> Result<(), Violation> {
+        check(camera.world_from_camera.is_finite(), "its transformation is not finite")?;
+        check(camera.lens_radius >= 0.0 && camera.lens_radius.is_finite(), "its lens has no radius")?;
+        check(camera.focus_distance > 0.0, "its focus is not before it")?;
+        check(camera.lens_shift.is_finite(), "its lens is not at a place")?;
+        check(camera.pixel_aspect.is_normal() && camera.pixel_aspect > 0.0, "its pixels have no shape")?;
+        let Clip { near, far } = camera.clip;
+        check(near >= 0.0 && near.is_finite() && far > near, "there is nothing between its clip planes")?;
+        self.check_medium_id(camera.medium)?;
+        let is_sound = match camera.projection {
+            Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
+            Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
+            Projection::Panorama(_) => true,
+        };
+        check(is_sound, "its projection shows nothing")
     }
 
     fn check_material(&self, material: u32) -> Result<(), Violation> {
@@ -106,7 +110,8 @@ impl Scene {
         mesh.curves.as_ref().map_or(Ok(()), |curves| curves.check(mesh.triangles.len()))
     }
 
-    fn check_parameters(&self, material: &Material) -> Result<(), Violation> {
+    /// Checks a material of the scene.
+    pub(crate) fn check_parameters(&self, material: &Material) -> Result<(), Violation> {
         for map in material.textures() {
             check((map.image.0 as usize) < self.images.len(), format!("there is no image {}", map.image.0))?;
             let sets = usize::from(SURFACE_UV_SETS) + self.mappings.len();
@@ -151,7 +156,8 @@ impl Scene {
         check(medium.is_none_or(|medium| (medium.0 as usize) < self.media.len()), "there is no such medium")
     }
 
-    fn check_light(&self, light: &LightKind) -> Result<(), Violation> {
+    /// Checks a light of the scene.
+    pub(crate) fn check_light(&self, light: &LightKind) -> Result<(), Violation> {
         let (power, position, direction) = match *light {
             LightKind::Point { position, intensity } => (intensity, position, None),
             LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, .. } => {
@@ -193,7 +199,16 @@ fn is_color_factor(color: Spectrum) -> bool {
     color.to_array().into_iter().all(is_factor)
 }
 
-fn check_medium(medium: &Medium) -> Result<(), Violation> {
+/// Checks a sphere without its material.
+pub(crate) fn check_sphere(sphere: &Sphere) -> Result<(), Violation> {
+    check(sphere.radius > 0.0 && sphere.radius <= COORDINATE_MAX, "its radius is not above 0")?;
+    let is_in_reach = sphere.center.abs().max_element() <= COORDINATE_MAX && sphere.center.is_finite();
+    check(is_in_reach, "its centre is out of reach")?;
+    check(sphere.world_from_object.is_normalized(), "its orientation is no rotation")
+}
+
+/// Checks a medium.
+pub(crate) fn check_medium(medium: &Medium) -> Result<(), Violation> {
     let coefficients = [medium.absorption, medium.scattering, medium.emission];
     check(coefficients.into_iter().all(is_color_factor), "a coefficient is negative, not finite or above 1e15")?;
     check(medium.g > -1.0 && medium.g < 1.0, "its asymmetry is not between -1 and 1")?;

@@ -31,10 +31,10 @@ export function agentRows(agents, hues, work) {
   return agents.map(agent => ({ done: 0, working: 0, ...agent, ...work.get(agent.agent), hue: hues.get(agent.agent) }));
 }
 
-/** The auction as a sentence. */
-export function auctionLine({ rounds, contested, credit_decided: decided, bids, awards, thefts, stolen }) {
+/** The auction as a sentence; of a single agent, which has nobody to compete with, nothing. */
+export function auctionLine({ rounds, contested, outbid, credit_decided: decided, bids, awards, thefts, stolen }) {
   if (thefts) return `Agents took ${stolen} zones from each other, ${thefts} times.`;
-  if (!rounds) return "No auction yet.";
-  return `${rounds} rounds, ${contested} with several bidders, ${bids} bids, ${awards} zones given away; ` +
-    `credit decided ${decided} rounds.`;
+  if (!rounds) return "";
+  return `${rounds} rounds, ${contested} with several bidders, ${bids} bids, ${awards} zones given away, ` +
+    `${outbid} outbid; credit decided ${decided} rounds.`;
 }

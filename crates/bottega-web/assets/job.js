@@ -61,7 +61,7 @@ class JobPage {
     this.board = blackboard(zone => this.#select(zone));
     this.rules = new RulesSection(shell, number);
     this.agentTable = agentTable();
-    this.auction = element("p", { class: "quiet" }, "No auction yet.");
+    this.auction = element("p", { class: "quiet" });
     this.log = element("ol", { class: "log" });
     page.replaceChildren(
       element("div", { class: "job-head" }, element("div", { class: "row" }, this.title, this.chip), this.bar, this.facts, this.reason,

@@ -214,6 +214,7 @@ impl ShownFarm for LinkedFarm {
         let auction = AuctionSum {
             rounds: auction.rounds,
             contested: auction.contested,
+            outbid: auction.outbid,
             credit_decided: auction.credit_decided,
             bids: auction.bids,
             awards: auction.awards,

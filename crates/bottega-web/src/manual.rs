@@ -32,7 +32,7 @@ const PAGES: &[(&str, &str)] = pages! {
     "guides/security" "guides/studio" "guides/systems" "guides/trouble" "hra" "index" "magarro" "python" "reference/commands"
     "reference/configuration" "reference/events" "reference/files" "reference/models" "reference/request" "render" "requests" "strangers" "symbols"
     "tools" "tutorials/first-picture" "tutorials/from-blender" "tutorials/own-rules" "tutorials/paper-table"
-    "tutorials/two-machines"
+    "tutorials/scene-in-memory" "tutorials/two-machines"
 };
 /// The table of contents.
 const CONTENTS: &str = include_str!("../../../docs/SUMMARY.md");

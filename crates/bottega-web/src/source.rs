@@ -54,6 +54,8 @@ pub struct AuctionSum {
     pub rounds: u64,
     /// Number of rounds with several bidders.
     pub contested: u64,
+    /// Number of zones that went to another agent than the first that needed one, because it finishes them sooner.
+    pub outbid: u64,
     /// Number of rounds whose outcome was changed by credit.
     pub credit_decided: u64,
     /// Number of bids for single zones, over all rounds.

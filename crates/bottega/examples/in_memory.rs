@@ -27,7 +27,7 @@ fn pyramid(material: u32) -> Mesh {
 fn scene() -> Scene {
     let meshes = vec![square("floor", 6.0, 0.0, true, 0), pyramid(1), square("lamp", 1.0, 5.0, false, 2)];
     let (eye, target) = (Vec3::new(3.0, 2.5, 5.0), Vec3::new(0.0, 0.6, 0.0));
-    let instances = (0..meshes.len()).map(|mesh| Instance { mesh: mesh as u32, world_from_object: Affine3A::IDENTITY });
+    let instances = (0..meshes.len()).map(|mesh| Instance::new(mesh as u32, Affine3A::IDENTITY));
     Scene {
         instances: instances.collect(),
         materials: vec![
@@ -41,7 +41,7 @@ fn scene() -> Scene {
             projection: Projection::Perspective { vertical_fov: 0.6 },
             ..Camera::default()
         }],
-        meshes,
+        meshes: meshes.into(),
         ..Scene::default()
     }
 }

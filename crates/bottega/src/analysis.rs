@@ -9,7 +9,7 @@ use bottega_farm::{
 };
 use bottega_image::{AovSet, Layout, Rect};
 use bottega_render::PathSettings;
-use bottega_scene::Scene;
+use bottega_scene::Loaded;
 use serde::Serialize;
 
 use crate::{
@@ -99,7 +99,7 @@ impl AnalyzedScene {
     ///
     /// # Errors
     /// Those of [`Self::open`].
-    pub fn of_scene(request: Request, scene: Scene) -> Result<Self, Error> {
+    pub fn of_scene(request: Request, scene: impl Into<Loaded>) -> Result<Self, Error> {
         request.validate()?;
         let subject = LoadedScene::of_scene(scene, &request)?;
         let painters = threads(&request);

@@ -7,12 +7,12 @@ use std::{
     fs::{self, File},
     io::{self, Read},
     path::{Path, PathBuf},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
-use bottega_farm::{Experience, ExperienceError, JobLesson, JobSettings, RelativePower, benchmark};
+use bottega_farm::{BenchmarkClocks, Experience, ExperienceError, JobLesson, JobSettings, MachineSpeed, RelativePower};
 use bottega_image::{ImageError, write_whole};
-use bottega_platform::folders::state_folder;
+use bottega_platform::{folders::state_folder, processor_time::thread_seconds};
 use serde::{Deserialize, Serialize};
 use thiserror::Error as ThisError;
 
@@ -21,12 +21,14 @@ use crate::{error::error_chain, identity::identity};
 /// Largest file that is read, in bytes.
 const BYTES_MAX: u64 = 1 << 20;
 
-/// V_cp (relative computing power) of this machine, by its benchmark.
+/// V_cp (relative computing power) of this machine by the processor time of its benchmark, and the load meanwhile.
 #[derive(Serialize, Deserialize)]
 struct KeptBenchmark {
     /// The build that was measured; another build may be faster.
     build: String,
     power: f64,
+    /// Clock time per processor time while it was measured, at least 1.
+    load: f64,
 }
 
 /// Returns the path of the file with the experience of this machine.
@@ -130,31 +132,45 @@ fn benchmark_path() -> PathBuf {
     state_folder().join("benchmark.json")
 }
 
-/// Returns the stored V_cp of this machine; `None`: this build was not measured yet.
-pub fn kept_benchmark() -> Option<RelativePower> {
+/// Returns the stored speed of this machine; `None`: this build was not measured yet.
+pub fn kept_benchmark() -> Option<MachineSpeed> {
     let kept: KeptBenchmark = serde_json::from_slice(&fs::read(benchmark_path()).ok()?).ok()?;
-    let is_sound = kept.build == identity() && kept.power.is_finite() && kept.power > 0.0;
-    is_sound.then(|| RelativePower::new(kept.power))
+    let is_sound = kept.build == identity() && kept.power.is_finite() && kept.power > 0.0 && kept.load >= 1.0;
+    is_sound.then(|| MachineSpeed { power: RelativePower::new(kept.power), load: kept.load })
 }
 
-/// Returns V_cp of this machine. The first call measures it, in a quarter of a second, and stores it.
-pub fn power() -> RelativePower {
-    kept_benchmark().unwrap_or_else(|| {
-        let begun = Instant::now();
-        let power = benchmark(|| begun.elapsed());
-        let kept = KeptBenchmark { build: identity().to_owned(), power: power.get() };
-        let path = benchmark_path();
-        _ = path.parent().map(fs::create_dir_all);
-        let text = serde_json::to_string(&kept).unwrap_or_default();
-        if let Err(error) = write_whole(&path, text.as_bytes()) {
-            // The next run measures it again.
-            tracing::debug!(%error, "the benchmark was not kept");
-        }
-        power
-    })
+/// Returns V_cp of this machine, and its load now, in some 30 ms. The first call runs the benchmark, in a quarter of a second, and
+/// stores it. One that was run while the machine was busy is run again by later calls, until the machine is quiet.
+pub fn speed() -> MachineSpeed {
+    let begun = Instant::now();
+    let clocks = BenchmarkClocks {
+        now: || begun.elapsed(),
+        processor: || thread_seconds().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()),
+    };
+    let kept = kept_benchmark();
+    if let Some(kept) = kept.filter(MachineSpeed::is_quiet) {
+        return MachineSpeed { load: clocks.present_load(), ..kept };
+    }
+    let measured = clocks.benchmark();
+    let quietest = kept.map_or(measured, |kept| kept.quieter(measured));
+    if kept != Some(quietest) {
+        keep_benchmark(quietest);
+    }
+    MachineSpeed { load: measured.load, ..quietest }
 }
 
-/// Returns the settings of a job with the V_cp of this machine.
+fn keep_benchmark(speed: MachineSpeed) {
+    let kept = KeptBenchmark { build: identity().to_owned(), power: speed.power.get(), load: speed.load };
+    let path = benchmark_path();
+    _ = path.parent().map(fs::create_dir_all);
+    let text = serde_json::to_string(&kept).unwrap_or_default();
+    if let Err(error) = write_whole(&path, text.as_bytes()) {
+        // The next run measures it again.
+        tracing::debug!(%error, "the benchmark was not kept");
+    }
+}
+
+/// Returns the settings of a job with the V_cp and the load of this machine.
 pub(crate) fn measured(settings: JobSettings) -> JobSettings {
-    JobSettings { benchmark: power(), ..settings }
+    JobSettings { benchmark: speed(), ..settings }
 }

@@ -1,12 +1,13 @@
 //! A loaded scene with the camera and the picture size of a request.
 
+mod edited;
+
 use std::{sync::Arc, time::Instant};
 
 use bottega_image::Rect;
 use bottega_render::{PrepareOptions, PreparedScene, Prepass, View, build_accel};
 use bottega_scene::{
-    Camera, Environment, LoadOptions, Loaded, Metadata, Panorama, Projection, RenderHints, Scene, SceneFile, Spectrum,
-    Warning,
+    Camera, Environment, LoadOptions, Loaded, Panorama, Projection, RenderHints, Scene, SceneFile, Spectrum, Warning,
 };
 use glam::{DVec3, Mat3};
 
@@ -50,19 +51,18 @@ impl LoadedScene {
         Self::of(load(request)?, request)
     }
 
-    /// Prepares a scene made in memory, with the camera, size and environment of a request.
+    /// Prepares a scene in memory, with the camera, size and environment of a request.
     ///
     /// # Errors
     /// The scene is invalid, has no camera or not the requested one.
-    pub fn of_scene(scene: Scene, request: &Request) -> Result<Self, Error> {
-        let mut scene = scene;
-        scene.validate()?;
-        if scene.cameras.is_empty() {
-            return Err(Error::usage("the scene has no camera", "put one into it"));
+    pub fn of_scene(scene: impl Into<Loaded>, request: &Request) -> Result<Self, Error> {
+        let mut loaded = scene.into();
+        loaded.scene.validate()?;
+        if loaded.scene.cameras.is_empty() {
+            return Err(no_camera());
         }
-        turn_environment(&mut scene, request);
-        let (warnings, metadata, hints) = (Vec::new(), Metadata::default(), RenderHints::default());
-        Self::of(Loaded { scene, warnings, metadata, hints, files: Vec::new() }, request)
+        turn_environment(&mut loaded.scene, request);
+        Self::of(loaded, request)
     }
 
     fn of(loaded: Loaded, request: &Request) -> Result<Self, Error> {
@@ -131,6 +131,10 @@ impl SceneOptions {
             ..LoadOptions::default()
         }
     }
+}
+
+fn no_camera() -> Error {
+    Error::usage("the scene has no camera", "put one into it")
 }
 
 fn load(request: &Request) -> Result<Loaded, Error> {

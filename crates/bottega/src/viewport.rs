@@ -6,6 +6,7 @@
 
 mod cameras;
 mod painter;
+mod screen;
 mod shown;
 
 use std::{
@@ -16,9 +17,17 @@ use std::{
 
 use bottega_denoise::Denoiser;
 use bottega_farm::JobSettings;
+use bottega_scene::Loaded;
 
-pub use self::{cameras::ViewportCamera, shown::ViewportFrame};
-use self::{cameras::cameras, painter::ViewportPainter, shown::ViewportShared};
+pub use self::{
+    cameras::ViewportCamera,
+    shown::{LinearFrameState, ViewportFrame},
+};
+use self::{
+    cameras::cameras,
+    painter::ViewportPainter,
+    shown::{ViewportShared, ViewportWish},
+};
 use crate::{
     error::Error,
     loaded_scene::check_view,
@@ -61,6 +70,13 @@ fn as_viewed(request: &Request, has_denoiser: bool) -> Request {
     request
 }
 
+/// Returns the request as a viewport of a scene in memory renders it: without features that delay the first pixels.
+fn as_edited(request: &Request) -> Request {
+    let mut edited = as_viewed(request, request.film.denoise);
+    (edited.film.size, edited.film.crop) = (request.film.size, request.film.crop);
+    edited
+}
+
 /// Scales a size down to at most `pixels_max` pixels, keeping its aspect ratio.
 fn fitted((width, height): (u32, u32), pixels_max: u64) -> [u32; 2] {
     let scale = (pixels_max as f64 / (f64::from(width) * f64::from(height))).sqrt().min(1.0);
@@ -84,10 +100,27 @@ impl Viewport {
             request.film.size = Some(fitted((width, height), PIXELS));
             session = session.seen(&request)?;
         }
+        Self::begin(session, request, false)
+    }
+
+    /// Opens a viewport of a scene in memory, and starts rendering. It makes linear frames.
+    ///
+    /// - `request`: its size is that of the picture, and its crop the region that is rendered.
+    ///
+    /// # Errors
+    /// The request or the scene cannot be used.
+    pub fn of_scene(request: &Request, scene: impl Into<Loaded>) -> Result<Self, Error> {
+        let request = as_edited(request);
+        let options = SessionOptions { urgency: Urgency::Look, ..SessionOptions::default() };
+        let session = Session::of_scene_with(&request, scene, options)?;
+        Self::begin(session, request, true)
+    }
+
+    fn begin(session: Session, request: Request, is_linear: bool) -> Result<Self, Error> {
         let settings = session.settings().clone();
         let cameras = session.subject().map(cameras).unwrap_or_default();
         let denoises = session.denoiser().is_some();
-        let shared = Arc::new(ViewportShared::new(request.view.clone()));
+        let shared = Arc::new(ViewportShared::new(is_linear));
         let paints = ViewportPainter::new(Arc::clone(&shared));
         let painter = thread::Builder::new().name("viewport".to_owned()).spawn(move || paints.paint(session));
         let painter = painter.map_err(|error| Error::failed(format!("cannot start a thread: {error}"), "try again"))?;
@@ -121,7 +154,41 @@ impl Viewport {
     pub fn look(&self, view: &ViewOptions) -> Result<u64, Error> {
         Request { view: view.clone(), ..self.request.clone() }.validate()?;
         check_view(view, self.cameras.iter().map(|camera| (&*camera.name, camera.pose.fov.is_some())))?;
-        Ok(self.shared.look(view))
+        Ok(self.shared.look(ViewportWish::View(view.clone())))
+    }
+
+    /// Shows another state of the scene, of which only what has changed is prepared again. States that follow each other faster
+    /// than they are shown are left out; a state is never shown in part. Returns the number of the new look.
+    ///
+    /// - `request`: may differ in view, size, crop and samples.
+    ///
+    /// # Errors
+    /// The request is invalid.
+    pub fn show(&self, request: &Request, scene: impl Into<Loaded>) -> Result<u64, Error> {
+        let request = as_edited(request);
+        request.validate()?;
+        Ok(self.shared.look(ViewportWish::Scene(Box::new(request), Box::new(scene.into()))))
+    }
+
+    /// Waits until there is a frame newer than the frame `after`, the view has failed or the viewport is stopped. Returns false
+    /// after `timeout`.
+    pub fn wait(&self, after: u64, timeout: Duration) -> bool {
+        self.shared.wait(after, timeout)
+    }
+
+    /// Copies the current linear frame: R G B A, the lowest row first. `None`: there is none yet, or it has another size.
+    ///
+    /// - `size`: columns and rows of `values`, which has four numbers per pixel.
+    ///
+    /// # Errors
+    /// The requested view failed.
+    pub fn copy_linear(&self, size: (u32, u32), values: &mut [f32]) -> Result<Option<LinearFrameState>, Error> {
+        self.shared.copy_linear(size, values)
+    }
+
+    /// Ends rendering without waiting for the end of the step that is running. The last frame stays.
+    pub fn close(&self) {
+        self.shared.close();
     }
 
     /// Registers a function that is called when there may be a new frame. It is called from rendering threads and must return
@@ -146,8 +213,10 @@ impl Viewport {
 
 impl Drop for Viewport {
     fn drop(&mut self) {
+        // Who has closed the viewport does not wait for the step that is running.
+        let waits = !self.shared.closing.is_cancelled();
         self.shared.close();
-        if let Some(painter) = self.painter.take() {
+        if let Some(painter) = self.painter.take().filter(|_| waits) {
             // The thread has reported its panic itself; there is nothing left to lose.
             let _ = painter.join();
         }

@@ -65,12 +65,13 @@ pub(super) fn all(
         "radius_share": args.ludd_nearest.is_none().then_some(args.ludd_radius),
         "nearest": args.ludd_nearest,
         "white": white,
-        "sets": found.iter().map(|found| told(found, &args.ludd)).collect::<Vec<_>>(),
+        "sets": found.iter().map(|found| described(found, &args.ludd, white)).collect::<Vec<_>>(),
     }))
 }
 
 fn sampled(args: &AnalyzeArgs, subject: &AnalyzedScene, set: SampleSet) -> Result<Ludd, CliError> {
-    let agents = AgentSettings { cast: args.lighting_agents, oracle: Oracle::Paper, ..AgentSettings::default() };
+    let cast = args.lighting_agents.unwrap_or(AgentSettings::default().cast);
+    let agents = AgentSettings { cast, oracle: Oracle::Paper, ..AgentSettings::default() };
     let bounces = subject.settings.tunables.max_depth;
     let photons = PhotonSettings { count: args.photons, bounces, agents: Some(agents), ..PhotonSettings::default() };
     let settings = PathSettings { max_depth: bounces, photons: Some(photons), ..PathSettings::default() };
@@ -106,7 +107,10 @@ fn mean(values: &[f32]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64)
 }
 
-fn told(found: &LuddField, criteria: &[Criterion]) -> Value {
+/// Returns the figures of one set as JSON.
+///
+/// - `white`: upper end of the histogram, whose last bar includes all larger values.
+fn described(found: &LuddField, criteria: &[Criterion], white: f32) -> Value {
     let pixels = &found.ludd.pixels;
     let all = sorted(pixels, Density::all);
     let by_criterion = criteria.iter().map(|&criterion| {
@@ -125,12 +129,47 @@ fn told(found: &LuddField, criteria: &[Criterion]) -> Value {
         "tenth": quantile(&all, 0.1),
         "ninetieth": quantile(&all, 0.9),
         "mean_by_criterion": by_criterion.collect::<serde_json::Map<_, _>>(),
+        "histogram": bars(&all, white),
     })
+}
+
+/// Returns the figures of all sets as text for people: mean, quantiles, and the histogram as one line of blocks.
+///
+/// - `report`: what [`all`] returned.
+pub(super) fn table(report: &Value) -> String {
+    let white = report["white"].as_f64().unwrap_or_default();
+    let mut text = format!(
+        "{:<18} {:>9} {:>7} {:>7} {:>7} {:>7}   pixels by density, 0 to {white:.3} and more\n",
+        "useful data", "samples", "mean", "tenth", "median", "ninth"
+    );
+    for set in report["sets"].as_array().into_iter().flatten() {
+        let figure = |key: &str| set[key].as_f64().map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"));
+        let shares: Vec<f64> = set["histogram"].as_array().into_iter().flatten().filter_map(Value::as_f64).collect();
+        let name = set["set"].as_str().unwrap_or_default();
+        let [mean, tenth, median, ninetieth] = ["mean", "tenth", "median", "ninetieth"].map(figure);
+        // Writing to a string cannot fail.
+        _ = writeln!(
+            text,
+            "{name:<18} {:>9} {mean:>7} {tenth:>7} {median:>7} {ninetieth:>7}   {}",
+            set["samples"],
+            blocks(&shares)
+        );
+    }
+    text
+}
+
+/// Returns a line of blocks whose heights are shares, two to a block, relative to the greatest.
+fn blocks(shares: &[f64]) -> String {
+    const HEIGHTS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+    let pairs: Vec<f64> = shares.chunks(2).map(|pair| pair.iter().sum()).collect();
+    let top = pairs.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let height = |share: &f64| (share / top * (HEIGHTS.len() - 1) as f64).ceil() as usize;
+    pairs.iter().map(|share| HEIGHTS[height(share).min(HEIGHTS.len() - 1)]).collect()
 }
 
 /// Draws the share of the pixels by density, one line per set.
 fn histogram(found: &[LuddField], criteria: &str, white: f32) -> String {
-    let bars: Vec<[f64; BARS]> = found.iter().map(|it| bars(&sorted(&it.ludd.pixels, Density::all), white)).collect();
+    let bars: Vec<Vec<f64>> = found.iter().map(|it| bars(&sorted(&it.ludd.pixels, Density::all), white)).collect();
     let top = bars.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
     let [width, height] = SIZE;
     let mut svg = Svg::new(width + 2.0 * MARGIN, height + 2.0 * MARGIN, 11);
@@ -161,8 +200,8 @@ fn histogram(found: &[LuddField], criteria: &str, white: f32) -> String {
 }
 
 /// Returns the shares of the values in equal steps from 0 to `white`; the last one includes larger values.
-fn bars(values: &[f32], white: f32) -> [f64; BARS] {
-    let mut bars = [0.0; BARS];
+fn bars(values: &[f32], white: f32) -> Vec<f64> {
+    let mut bars = vec![0.0; BARS];
     for value in values {
         let bar = ((value / white * BARS as f32) as usize).min(BARS - 1);
         bars[bar] += 1.0 / values.len() as f64;

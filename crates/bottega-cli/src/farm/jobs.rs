@@ -212,10 +212,12 @@ fn tell_society(society: &Society) {
     let auction = &society.auction;
     if auction.rounds > 0 {
         println!(
-            "auction: {} awards in {} rounds, {} with several bidders, {} decided by credit; {:.1} bids a round",
+            "auction: {} awards in {} rounds, {} with several bidders, {} zones outbid, \
+             {} rounds decided by credit; {:.1} bids a round",
             auction.awards,
             auction.rounds,
             auction.contested,
+            auction.outbid,
             auction.credit_decided,
             auction.bids as f64 / auction.rounds as f64
         );

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use bottega_agents::machine_of;
 use bottega_cluster::JobBoard;
-use bottega_farm::{Experience, LearntFactor};
+use bottega_farm::{Experience, LearntFactor, MachineSpeed};
 use serde_json::json;
 
 use crate::{error::CliError, farm_args::FarmArgs};
@@ -16,8 +16,7 @@ pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, C
         if let Some(warning) = warning {
             return Err(CliError::failed(warning, "`bottega machines forget` removes it"));
         }
-        let power = bottega::experience::kept_benchmark().map(bottega_farm::RelativePower::get);
-        tell("this machine", power, None, &experience, farm.json);
+        tell("this machine", bottega::experience::kept_benchmark(), None, &experience, farm.json);
         return Ok(ExitCode::SUCCESS);
     };
     // Processes of a machine share its experience.
@@ -67,19 +66,22 @@ fn unknown(board: &JobBoard, name: &str) -> CliError {
     CliError::failed(format!("nothing was learnt of a machine `{name}`"), remedy)
 }
 
-/// - `power`: V_cp by the benchmark.
+/// - `speed`: by the benchmark; `None`: unknown.
 /// - `reliability`: by the machine's credit, 0 to 1; `None`: unknown.
-fn tell(name: &str, power: Option<f64>, reliability: Option<f64>, experience: &Experience, as_json: bool) {
+fn tell(name: &str, speed: Option<MachineSpeed>, reliability: Option<f64>, experience: &Experience, as_json: bool) {
     let factors = experience.factors();
     if as_json {
-        let told = json!({ "machine": name, "benchmark": power, "reliability": reliability,
+        let told = json!({ "machine": name, "benchmark": speed.map(|speed| speed.power.get()),
+            "load": speed.map(|speed| speed.load), "reliability": reliability,
             "jobs": experience.jobs(), "factors": factors });
         println!("{told}");
         return;
     }
     println!("{name}: learnt in {} jobs", experience.jobs());
-    if let Some(power) = power {
-        println!("V_cp by the benchmark: {power:.3}");
+    if let Some(speed) = speed {
+        println!("V_cp by the benchmark, in processor time: {:.3}", speed.power.get());
+        let remark = if speed.is_quiet() { "" } else { "; the machine was busy, so the next job measures again" };
+        println!("load meanwhile, clock by processor time: {:.2}{remark}", speed.load);
     }
     if let Some(reliability) = reliability {
         println!("its promises held: {:.0} %", 100.0 * reliability);

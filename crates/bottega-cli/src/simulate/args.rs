@@ -58,7 +58,7 @@ pub(crate) struct SimulateArgs {
     /// The expert rules of all agents, as `bottega render --rules`. Default: those by which the recorded work was painted.
     #[arg(long, value_name = "FILE", value_hint = clap::ValueHint::FilePath, help_heading = "Agents")]
     pub(crate) rules: Option<PathBuf>,
-    /// Zones that an agent has in hand at most.
+    /// Zones that an agent works on at once; in most auctions one more may wait in its hand.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Agents")]
     pub(crate) prefetch: u32,
     /// Share out the work as `bottega render --as-in-paper`: the paper's auction and adaptation, one zone per agent at a

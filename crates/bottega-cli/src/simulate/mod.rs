@@ -161,17 +161,20 @@ fn as_text(outcome: &SimulationOutcome, took: Duration, measured: Option<Duratio
         100.0 * outcome.efficiency(),
         outcome.messages_per_zone(),
     );
-    let tally = AuctionTally::of(&outcome.rounds);
-    text += &format!(
-        "auction         {} rounds, {} with several bidders ({:.0} % of the first half), {} decided by credit; {:.1} bidders and \
-         {:.1} bids a round\n",
-        tally.rounds,
-        tally.contested,
-        100.0 * AuctionTally::contested_of_first_half(&outcome.rounds),
-        tally.credit_decided,
-        tally.bidders as f64 / tally.rounds.max(1) as f64,
-        tally.bids as f64 / tally.rounds.max(1) as f64,
-    );
+    if !outcome.rounds.is_empty() {
+        let tally = AuctionTally::of(&outcome.rounds);
+        text += &format!(
+            "auction         {} rounds, {} with several bidders ({:.0} % of the first half), {} zones outbid, {} rounds decided by \
+             credit; {:.1} bidders and {:.1} bids a round\n",
+            tally.rounds,
+            tally.contested,
+            100.0 * AuctionTally::contested_of_first_half(&outcome.rounds),
+            tally.outbid,
+            tally.credit_decided,
+            tally.bidders as f64 / tally.rounds as f64,
+            tally.bids as f64 / tally.rounds as f64,
+        );
+    }
     if !outcome.thefts.is_empty() {
         let stolen: u32 = outcome.thefts.iter().map(|theft| theft.zones).sum();
         text += &format!("stealing        {stolen} zones changed hands in {} thefts\n", outcome.thefts.len());
@@ -247,6 +250,7 @@ fn as_json(outcome: &SimulationOutcome, took: Duration, measured: Option<Duratio
             })
         })
         .collect();
+    let has_auction = !outcome.rounds.is_empty() || !outcome.thefts.is_empty();
     json!({
         "zones": outcome.zones,
         "zones_failed": outcome.failed,
@@ -259,7 +263,7 @@ fn as_json(outcome: &SimulationOutcome, took: Duration, measured: Option<Duratio
         "efficiency": outcome.efficiency(),
         "messages": outcome.messages,
         "messages_per_zone": outcome.messages_per_zone(),
-        "auction": AuctionEvent::of(&outcome.rounds, &outcome.thefts),
+        "auction": has_auction.then(|| AuctionEvent::of(&outcome.rounds, &outcome.thefts)),
         "measured_seconds": measured.map(|measured| measured.as_secs_f64()),
         "difference": measured.map(|measured| difference(outcome, measured)),
         "simulated_in_seconds": took.as_secs_f64(),

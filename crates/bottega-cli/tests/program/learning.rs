@@ -51,6 +51,7 @@ fn a_second_run_expects_what_the_first_took_and_paints_the_same() {
     let kept: Value = serde_json::from_str(&succeed_in(&state, &["machines", "show", "--json"])).expect("JSON");
     assert_eq!(kept["jobs"], 1);
     assert!(kept["benchmark"].as_f64().is_some_and(|power| power > 0.0), "{kept}");
+    assert!(kept["load"].as_f64().is_some_and(|load| load >= 1.0), "{kept}");
     let tasks = kept["factors"].as_array().expect("factors").iter().map(|it| it["tasks"].as_str().unwrap_or_default());
     assert!(
         tasks.clone().any(|it| it == "builtin path at n") && tasks.clone().any(|it| it.contains("glass")),

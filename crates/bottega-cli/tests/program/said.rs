@@ -23,7 +23,7 @@ fn a_picture_is_told_in_two_lines_and_how_it_was_shared_out_when_that_is_asked_f
     let lines: Vec<&str> = plain.lines().collect();
     let is_right = lines.len() == 2 && lines[0].contains("2 samples each") && lines[1].starts_with(text(&picture));
     assert!(is_right, "{plain}");
-    let verbose = told(&run(&[&small[..], &["-v"]].concat()));
+    let verbose = told(&run(&[&small[..], &["-v", "--agents", "2"]].concat()));
     for words in ["auction:", "work bin", "samples/s", "times of zones", "Render Agent"] {
         assert!(verbose.contains(words) && !plain.contains(words), "{words}: {plain}{verbose}");
     }

@@ -1,9 +1,10 @@
-//! The default rule: largest zone first, by the time at which agents will finish, weighted by their reliability.
+//! The default rule: the bidder that is idle first chooses a zone, and the bidder that finishes it soonest gets it. Times
+//! are the promised ones, weighted by reliability.
 
 use super::{
     member::MemberId,
     round::{Candidate, Lot},
-    terms::{Award, BidderStanding},
+    terms::{Award, BidderStanding, Decision},
 };
 use crate::Offer;
 
@@ -28,7 +29,8 @@ pub(super) struct ByTime<'a> {
     end: f64,
 }
 
-/// The part of an open zone that a bidder gets, by the zone's place in [`ByTime::open`].
+/// The part of an open zone that a bidder chooses, by the zone's place in [`ByTime::open`].
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum AwardShare {
     All(usize),
     Part(usize, f64),
@@ -41,37 +43,39 @@ impl<'a> ByTime<'a> {
         Self { open: Lot::all(offers), bidders, standing, end }
     }
 
-    /// Awards zones until no bidder can take another one.
-    pub(super) fn award(mut self) -> Vec<Award> {
-        let mut winners = Vec::new();
+    /// Awards zones until no bidder lacks another one.
+    pub(super) fn award(mut self) -> Decision {
+        let mut decision = Decision::default();
         // Take the bidder that is idle first
-        while let Some(index) = self.first() {
+        while let Some(first) = self.first() {
             // Choose a zone for it; if there is none, it leaves the round
-            let Some(gets) = self.best_for(index) else {
-                self.bidders.swap_remove(index);
+            let Some(gets) = self.best_for(first) else {
+                self.bidders.swap_remove(first);
                 continue;
             };
-            let (place, share) = match gets {
-                AwardShare::All(place) => (place, None),
-                AwardShare::Part(place, share) => (place, Some(share)),
+            // Give a whole zone to the bidder that finishes it soonest
+            let (index, place, share) = match gets {
+                AwardShare::All(place) => (self.soonest(first, place), place, None),
+                AwardShare::Part(place, share) => (first, place, Some(share)),
             };
             // Award the zone and add its time to the bidder's load
             let offer = self.open.remove(place);
             let bidder = &mut self.bidders[index];
-            winners.push(Award { zone: offer.zone, agent: bidder.bidder.agent, share });
+            decision.outbid += u32::from(index != first);
+            decision.awards.push(Award { zone: offer.zone, agent: bidder.bidder.agent, share });
             bidder.win(&offer, share.unwrap_or(1.0));
             // Remove a bidder that has no room left
             if bidder.room == 0 {
                 self.bidders.swap_remove(index);
             }
         }
-        winners
+        decision
     }
 
-    /// The next bidder to choose: the one that is idle first; of several the most reliable, then the one with the
-    /// lowest id.
+    /// The next bidder to choose, of those that lack zones: the one that is idle first; of several the most reliable,
+    /// then the one with the lowest id.
     fn first(&self) -> Option<usize> {
-        (0..self.bidders.len()).min_by(|&a, &b| {
+        (0..self.bidders.len()).filter(|&index| self.bidders[index].needs > 0).min_by(|&a, &b| {
             let (a, b) = (&self.bidders[a], &self.bidders[b]);
             let by_credit = b.bidder.worth.total_cmp(&a.bidder.worth);
             a.ready(&self.open)
@@ -81,13 +85,32 @@ impl<'a> ByTime<'a> {
         })
     }
 
-    /// The largest zone, or piece of one, that a bidder should get now. `None`: none is worth giving it.
-    fn best_for(&self, index: usize) -> Option<AwardShare> {
-        let bidder = &self.bidders[index];
-        // Compute how much time the bidder has until the expected end, and the share of it for one zone
+    /// The bidder that finishes a zone soonest: `first`, which chose it, or another that would choose the same one.
+    fn soonest(&self, first: usize, place: usize) -> usize {
+        let lot = &self.open[place];
+        let finish = |index: usize| self.bidders[index].finish(lot).unwrap_or(f64::INFINITY);
+        let mut best = first;
+        for other in 0..self.bidders.len() {
+            let is_sooner = finish(other) < finish(best);
+            if is_sooner && self.best_for(other) == Some(AwardShare::All(place)) {
+                best = other;
+            }
+        }
+        best
+    }
+
+    /// The time that one more zone may take a bidder, in its own seconds: the time from its load until the expected end,
+    /// or a share of it where zones can be cut.
+    fn wanted(&self, bidder: &Candidate) -> f64 {
         let left = self.end - bidder.ready(&self.open);
         let takes_all = self.standing.can_cut.is_none() || left < 4.0 * PIECE_TIME_MIN;
-        let wanted = if takes_all { left } else { left * SHARE_OF_REST };
+        if takes_all { left } else { left * SHARE_OF_REST }
+    }
+
+    /// The largest zone, or piece of one, that a bidder should choose now. `None`: none is worth giving it.
+    fn best_for(&self, index: usize) -> Option<AwardShare> {
+        let bidder = &self.bidders[index];
+        let wanted = self.wanted(bidder);
         let bids = |lot: &Lot| bidder.bids_for(lot);
         // Take the largest whole zone that fits in that time
         if let Some(place) = self.open.iter().position(|lot| bids(lot) && bidder.own(lot) <= wanted) {

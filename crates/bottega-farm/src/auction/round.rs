@@ -12,6 +12,8 @@ pub(super) struct Candidate {
     /// Own seconds per second of the reference machine, divided by its worth.
     own: f64,
     pub(super) room: u32,
+    /// The number of zones that it lacks: see [`Bidder::needs`].
+    pub(super) needs: u32,
     /// Time of the zones won in this round, in its own seconds.
     won: f64,
 }
@@ -27,7 +29,14 @@ impl Candidate {
             bid.map(|bid| bid.finish.as_secs_f64() / worth)
         };
         let finish = offers.iter().enumerate().map(bid_for).collect();
-        Self { finish, own: bidder.own / worth, room: bidder.proposal.room, bidder, won: 0.0 }
+        Self {
+            finish,
+            own: bidder.own / worth,
+            room: bidder.proposal.room,
+            needs: bidder.needs.min(bidder.proposal.room),
+            bidder,
+            won: 0.0,
+        }
     }
 
     /// Time of a zone on this bidder, in its own seconds.
@@ -59,6 +68,7 @@ impl Candidate {
     pub(super) fn win(&mut self, lot: &Lot, share: f64) {
         self.won += self.own(lot) * share;
         self.room -= 1;
+        self.needs = self.needs.saturating_sub(1).min(self.room);
     }
 }
 

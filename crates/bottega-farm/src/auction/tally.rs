@@ -18,6 +18,8 @@ pub struct RoundSummary {
     pub bids: u32,
     /// Number of zones, or pieces of zones, awarded.
     pub awards: u32,
+    /// Number of zones that another bidder finishes sooner than the one that needed a zone first, and so got.
+    pub outbid: u32,
     /// True if the awards differ from those with all promises believed alike.
     pub credit_decided: bool,
 }
@@ -47,6 +49,8 @@ pub struct AuctionTally {
     pub rounds: u64,
     /// Number of rounds with several bidders.
     pub contested: u64,
+    /// Number of zones that another bidder finished sooner than the one that needed a zone first, and so got.
+    pub outbid: u64,
     /// Number of rounds whose awards differ from those with all promises believed alike.
     pub credit_decided: u64,
     /// Number of proposals, over all rounds.
@@ -80,6 +84,7 @@ impl AuctionTally {
     pub fn add(&mut self, round: &RoundSummary) {
         self.rounds += 1;
         self.contested += u64::from(round.is_contested());
+        self.outbid += u64::from(round.outbid);
         self.credit_decided += u64::from(round.credit_decided);
         self.bidders += u64::from(round.bidders);
         self.bids += u64::from(round.bids);

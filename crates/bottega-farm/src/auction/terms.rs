@@ -5,6 +5,8 @@ use crate::{Bid, ZoneId};
 
 /// Maximum number of zones dealt to one agent under [`AuctionRule::Stealing`]: a heartbeat lists them all.
 const DEALT_MAX: u32 = 64;
+/// Maximum number of zones that an agent may win to come after those it works on.
+const RESERVE: u32 = 1;
 
 /// The rule that decides a zone's winner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -14,9 +16,10 @@ pub enum AuctionRule {
     /// Like [`Self::FinishingTime`], but promises are not weighted by reliability: a baseline to measure the effect of
     /// credit.
     Promised,
-    /// A bidder gets the largest zone that it finishes before the expected end of the whole work; if there is none,
-    /// only a zone that no other agent finishes sooner. So a slow agent does not take the last large zone. The
-    /// finishing time is the promised one, weighted by reliability.
+    /// The bidder that is idle first chooses the largest zone that it finishes well before the expected end of the whole
+    /// work, and the bidder that finishes it soonest gets it. If there is no such zone, it gets only one that no other
+    /// agent finishes sooner. So a slow agent does not take the last large zone. The finishing time is the promised
+    /// one, weighted by reliability.
     #[default]
     FinishingTime,
     /// No rounds: the Master deals zones out as they are profiled, each to the agent that finishes it soonest, and idle
@@ -30,11 +33,23 @@ impl AuctionRule {
         matches!(self, Self::FinishingTime | Self::Stealing)
     }
 
+    /// Number of zones that an agent of this rule works on at once, for a prediction of the time left.
+    ///
+    /// - `prefetch`: the number that it begins.
+    pub(crate) fn at_once(self, prefetch: u32) -> usize {
+        // The second zone of a dealt hand keeps processors busy only while the first one drains
+        if self == Self::Stealing { 1 } else { prefetch as usize }
+    }
+
     /// Maximum number of zones that the Master lets an agent hold.
     ///
-    /// - `prefetch`: the number of zones under the auctioning rules: those in work and those next.
+    /// - `prefetch`: the number of zones that an agent works on at once.
     pub(crate) fn window(self, prefetch: u32) -> u32 {
-        if self == Self::Stealing { prefetch.max(DEALT_MAX) } else { prefetch }
+        match self {
+            Self::Stealing => prefetch.max(DEALT_MAX),
+            Self::Paper => prefetch,
+            Self::FinishingTime | Self::Promised => prefetch + RESERVE,
+        }
     }
 }
 
@@ -58,6 +73,8 @@ pub struct Bidder {
     pub worth: f64,
     /// Own seconds per second of the reference machine, with all its processors together, as it reports them.
     pub own: f64,
+    /// The number of zones that it lacks to have as many as it works on at once.
+    pub needs: u32,
     /// Its proposal.
     pub proposal: Proposal,
 }
@@ -90,6 +107,8 @@ pub struct BidderStanding<'a> {
 pub struct Decision {
     /// The awards, one per winner and zone.
     pub awards: Vec<Award>,
+    /// Number of zones that another bidder finishes sooner than the one that chose them.
+    pub outbid: u32,
     /// True if the awards differ from those with all promises believed alike.
     pub credit_decided: bool,
 }

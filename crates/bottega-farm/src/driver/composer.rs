@@ -8,8 +8,7 @@ use bottega_image::{Film, Layout, Rect, SampleValues, Tile};
 
 use super::settings::JobSettings;
 use crate::{
-    AgentRow, AuctionRule, Mask, Progress, ResultRef, Times, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore, digest,
-    progress::Tally,
+    AgentRow, Mask, Progress, ResultRef, Times, WorkRow, ZoneId, ZoneRow, ZoneState, ZoneStore, digest, progress::Tally,
 };
 
 /// The tiles, the film and the store of a job.
@@ -40,7 +39,7 @@ impl Composer {
             rows: BTreeMap::new(),
             store,
             stored,
-            tally: Tally::new(!settings.experience.is_empty(), settings.auction == AuctionRule::Stealing),
+            tally: Tally::new(!settings.experience.is_empty(), settings.auction.at_once(settings.prefetch)),
             times: Times::default(),
         }
     }

@@ -18,7 +18,8 @@ impl Shared {
             }
             FarmEffect::Benchmark => {
                 let power = self.knowledge.benchmark;
-                let lanes = self.processors as f64 / self.agents as f64;
+                // Other programs take their share of the processors
+                let lanes = self.processors as f64 / self.agents as f64 / self.load;
                 mailbox.complete(FarmCompletion::Benchmarked { power, lanes });
             }
             FarmEffect::Fetch(work) => self.fetch(work, mailbox),

@@ -1,24 +1,9 @@
-//! The preparation of this machine: its benchmark, the survey of the scene, the data that all zones need.
+//! The preparation of this machine: the survey of the scene, the data that all zones need.
 
-use std::{
-    sync::{Arc, OnceLock},
-    thread,
-    time::Duration,
-};
-
-use bottega_engines::SpeedProbe;
+use std::{sync::Arc, thread};
 
 use super::shared::{End, FarmMailbox, Preparation, Shared};
-use crate::{FarmCompletion, RelativePower, WorkId};
-
-/// The time of the benchmark on the reference machine, for which the weights of the predicted time were fitted.
-const REFERENCE_TIME: Duration = Duration::from_millis(14);
-/// The least number of runs,
-const TURNS_MIN: u32 = 3;
-/// the least total time,
-const TIME_MIN: Duration = Duration::from_millis(250);
-/// and the total time after which no further run starts.
-const TIME_MAX: Duration = Duration::from_millis(1500);
+use crate::{FarmCompletion, WorkId};
 
 impl Shared {
     /// Prepares the engine once; further requests wait. The scene itself is already loaded in this process.
@@ -77,31 +62,4 @@ impl Shared {
             self.end(End::Abandoned(format!("cannot start a thread: {error}")));
         }
     }
-}
-
-/// Returns V_cp, measured by rendering a fixed small picture on the calling thread, in 0.25 s to 2 s. The first result of a
-/// process is reused.
-///
-/// - `now`: a clock.
-pub fn benchmark(now: impl Fn() -> Duration) -> RelativePower {
-    static MEASURED: OnceLock<RelativePower> = OnceLock::new();
-    *MEASURED.get_or_init(|| measure(now).unwrap_or(RelativePower::REFERENCE))
-}
-
-fn measure(now: impl Fn() -> Duration) -> Option<RelativePower> {
-    let probe = SpeedProbe::new().ok()?;
-    let begun = now();
-    let mut best = Duration::MAX;
-    // Use the best of several runs: sleeping processors and other programs disturb some.
-    for turn in 1.. {
-        let before = now();
-        std::hint::black_box(probe.paint().ok()?);
-        let after = now();
-        best = best.min(after.saturating_sub(before));
-        let spent = after.saturating_sub(begun);
-        if turn >= TURNS_MIN && spent >= TIME_MIN || spent >= TIME_MAX {
-            break;
-        }
-    }
-    Some(RelativePower::new(best.as_secs_f64() / REFERENCE_TIME.as_secs_f64()))
 }

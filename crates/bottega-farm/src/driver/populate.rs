@@ -15,7 +15,7 @@ use super::{
     shared::{End, FarmMailbox, Shared},
 };
 use crate::{
-    Analyst, AnalystConfig, AuctionRule, FarmAgent, GoalRules, Master, MasterConfig, MasterSource, PartitionSettings,
+    Analyst, AnalystConfig, FarmAgent, GoalRules, Master, MasterConfig, MasterSource, PartitionSettings,
     RegistrationConfig, RenderAgent, RenderAgentConfig, Timing, WorkId, WorkRow, WorkSettings, ZoneRow,
     directory_services,
 };
@@ -130,7 +130,7 @@ pub(super) fn add_render_agents(
             master: source.clone(),
             adaptation: settings.adaptation,
             prefetch: settings.prefetch,
-            steals: settings.auction == AuctionRule::Stealing,
+            auction: settings.auction,
             heartbeat: shared.link.as_ref().map_or_else(Timing::default, |_| Timing::AMONG_MACHINES).heartbeat,
             expert: expert
                 .clone()

@@ -5,16 +5,17 @@ use std::{collections::BTreeMap, sync::Arc, thread};
 use bottega_engines::Tunables;
 use bottega_image::{Layout, Rect};
 
+use super::benchmark::MachineSpeed;
 use crate::{
     AdaptationRule, AuctionRule, BandWidth, Credit, EngineChoice, Experience, Expert, Goal, ImportanceFunction, Level,
-    Optimization, RelativePower, WorkSettings, ZoneLimits,
+    Optimization, WorkSettings, ZoneLimits,
 };
 
 /// The most agents of one job.
 pub const AGENTS_MAX: usize = 1 << 10;
 /// The most agents that must agree on a zone.
 pub const VERIFY_MAX: u32 = 16;
-/// The most zones that an agent has at a time.
+/// The most zones that an agent works on at once.
 pub const PREFETCH_MAX: u32 = 1 << 10;
 /// The settings of a job.
 #[derive(Clone, Debug)]
@@ -63,9 +64,9 @@ pub struct JobSettings {
     pub experience: Arc<Experience>,
     /// The identifier of engine, integrator and other settings that affect zone times: experience is kept per technique.
     pub technique: Arc<str>,
-    /// V_cp of this machine by the [benchmark](crate::benchmark).
-    pub benchmark: RelativePower,
-    /// The most zones that an agent has at a time; at most [`PREFETCH_MAX`].
+    /// V_cp of this machine by its benchmark, and its load now.
+    pub benchmark: MachineSpeed,
+    /// The number of zones that an agent works on at once; at most [`PREFETCH_MAX`].
     pub prefetch: u32,
     /// `true`: near the end zones are cut, and idle agents take over late ones. Agents of one process never do: they
     /// share its processors.
@@ -102,7 +103,7 @@ impl JobSettings {
             credits: Arc::default(),
             experience: Arc::default(),
             technique: "".into(),
-            benchmark: RelativePower::REFERENCE,
+            benchmark: MachineSpeed::REFERENCE,
             prefetch: 2,
             shares_tail: true,
             verify: 1,

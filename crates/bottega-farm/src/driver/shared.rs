@@ -48,6 +48,8 @@ pub(super) struct Shared {
     pub(super) changed: Condvar,
     pub(super) stop: StopSwitch,
     pub(super) processors: usize,
+    /// Clock time per processor time of this machine at the start of the job, because of other programs.
+    pub(super) load: f64,
     pub(super) agents: usize,
     /// The connection to the other machines of the work; none: there are no others.
     pub(super) link: Option<Link>,
@@ -121,7 +123,7 @@ impl Shared {
         let knowledge = Foreknowledge {
             experience: Arc::clone(&settings.experience),
             technique: Arc::clone(&settings.technique),
-            benchmark: settings.benchmark,
+            benchmark: settings.benchmark.power,
         };
         Self {
             composer: Mutex::new(composer),
@@ -131,6 +133,7 @@ impl Shared {
             changed: Condvar::new(),
             stop: stop.clone(),
             processors: settings.processors.max(1),
+            load: settings.benchmark.load,
             agents: settings.agents,
             link,
             fetchers: Fetchers::default(),

@@ -44,11 +44,16 @@ pub(super) struct Assignments {
 
 impl Assignments {
     pub(super) fn new(config: Arc<MasterConfig>, rows: Rows) -> Self {
-        let window = config.auction.window(config.prefetch) as usize;
+        let window = match config.verifies() && !config.deals() {
+            // What is compared does not wait in a hand while others may be found wrong
+            true => config.prefetch as usize,
+            false => config.auction.window(config.prefetch) as usize,
+        };
+        let prefetch = if config.deals() { window } else { config.prefetch as usize };
         Self {
             rows,
             ledger: Ledger::new(config.auction),
-            roster: Roster::new(window, config.auction.weighs_promises()),
+            roster: Roster::new(window, prefetch, config.auction.weighs_promises()),
             config,
             sent: FxHashMap::default(),
             orders_sent: 0,

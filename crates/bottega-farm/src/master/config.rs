@@ -41,7 +41,7 @@ pub struct MasterConfig {
     pub work: WorkId,
     /// The rule of the auction.
     pub auction: AuctionRule,
-    /// Maximum number of zones an agent holds: as [`RenderAgentConfig::prefetch`](crate::RenderAgentConfig::prefetch).
+    /// Number of zones that an agent works on at once: as [`RenderAgentConfig::prefetch`](crate::RenderAgentConfig::prefetch).
     pub prefetch: u32,
     /// `true`: near the end, zones are cut and zones of slow agents are also given to idle ones. Useful if agents have
     /// machines of their own; agents that share a machine use all its processors anyway.

@@ -68,6 +68,7 @@ pub(super) struct Member {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Places {
     free: Option<Time>,
+    supplied: Option<Time>,
     profiling: Option<u64>,
     laden: Option<Time>,
 }
@@ -111,8 +112,10 @@ impl<K: Copy + Ord> AgentOrdering<K> {
 /// All agents of the Master.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Roster {
-    /// Maximum number of zones an agent may hold and still be called.
+    /// Maximum number of zones that an agent may hold.
     window: usize,
+    /// Number of zones that an agent works on at once.
+    prefetch: usize,
     /// True if reported speeds are weighted by reliability.
     weighs_promises: bool,
     /// By number. Agents that have left keep their number, with an empty slot.
@@ -123,8 +126,10 @@ pub(super) struct Roster {
     names: Vec<AgentId>,
     /// A hash map for speed; never iterated.
     numbers: FxHashMap<AgentId, MemberId>,
-    /// Agents that may bid, by the time at which they need another zone: see [`Member::due`].
+    /// Agents that may bid and lack zones, by the time at which they need another one: see [`Member::due`].
     free: BTreeSet<(Time, MemberId)>,
+    /// Agents that may bid and lack none, by the expected time at which they finish those they hold.
+    supplied: BTreeSet<(Time, MemberId)>,
     /// Agents that may profile, by the time they take for their profiles.
     profiling: AgentOrdering<u64>,
     /// Agents that hold zones, by the expected time at which they finish them.
@@ -138,10 +143,11 @@ pub(super) struct Roster {
 impl Roster {
     /// An empty roster.
     ///
-    /// - `window`: maximum number of zones an agent may hold and still be called.
+    /// - `window`: maximum number of zones that an agent may hold.
+    /// - `prefetch`: number of zones that an agent works on at once.
     /// - `weighs_promises`: true to weight reported speeds by reliability.
-    pub(super) fn new(window: usize, weighs_promises: bool) -> Self {
-        Self { window, weighs_promises, ..Self::default() }
+    pub(super) fn new(window: usize, prefetch: usize, weighs_promises: bool) -> Self {
+        Self { window, prefetch, weighs_promises, ..Self::default() }
     }
 
     /// The number of an agent that is here, has been here, or is named in a row.
@@ -206,9 +212,11 @@ impl Roster {
         let Some(member) = self.members[id.index()].as_mut() else { return };
         let own = member.own();
         let willing = member.rests_until.is_none();
-        let may_bid = member.held < self.window && willing && !member.passed_over && member.round.is_none();
+        let may_bid = willing && !member.passed_over && member.round.is_none();
+        let is_supplied = may_bid && (self.prefetch..self.window).contains(&member.held);
         let places = Places {
-            free: may_bid.then(|| member.due()),
+            free: (may_bid && member.held < self.prefetch).then(|| member.due()),
+            supplied: is_supplied.then_some(member.ready),
             profiling: (member.held < PROFILE_WINDOW).then(|| ((member.held as f64 + 1.0) * own).to_bits()),
             laden: (member.held > 0).then_some(member.ready),
         };
@@ -220,11 +228,15 @@ impl Roster {
     fn alter(&mut self, id: MemberId, before: Places, after: Places) {
         self.profiling.alter(id, before.profiling, after.profiling);
         self.laden.alter(id, before.laden, after.laden);
-        if before.free != after.free {
-            if let Some(key) = before.free {
-                self.free.remove(&(key, id));
+        for (set, before, after) in
+            [(&mut self.free, before.free, after.free), (&mut self.supplied, before.supplied, after.supplied)]
+        {
+            if before != after {
+                if let Some(key) = before {
+                    set.remove(&(key, id));
+                }
+                set.extend(after.map(|key| (key, id)));
             }
-            self.free.extend(after.free.map(|key| (key, id)));
         }
     }
 
@@ -260,7 +272,8 @@ impl Roster {
     }
 
     /// Sets the number of zones that an agent holds and the sum of their T_est. New zones start after those it held;
-    /// when one is finished, the expected time is computed again from now.
+    /// when one is finished, the expected time is computed again from now, and an agent that was passed over may bid
+    /// again.
     pub(super) fn set_load(&mut self, now: Time, id: MemberId, (held, load): (usize, Duration)) {
         let Some(member) = self.members[id.index()].as_mut() else { return };
         if (held, load) == (member.held, member.load) {
@@ -275,6 +288,9 @@ impl Roster {
         } else {
             member.ready
         };
+        if held < member.held && std::mem::take(&mut member.passed_over) {
+            self.passed_over.remove(&id);
+        }
         (member.held, member.load) = (held, load);
         self.place(id);
     }
@@ -318,7 +334,8 @@ impl Roster {
 
     /// Notes that an agent bid and won nothing. If it needs a zone, it is not called again until something changes.
     pub(super) fn pass_over(&mut self, now: Time, id: MemberId) {
-        if let Some(member) = self.members[id.index()].as_mut().filter(|member| member.due() <= now) {
+        let lacks = self.lacks(id) > 0;
+        if let Some(member) = self.members[id.index()].as_mut().filter(|member| lacks && member.due() <= now) {
             member.passed_over = true;
             self.passed_over.insert(id);
             self.place(id);
@@ -434,9 +451,23 @@ impl Roster {
         self.profiling.agents.first().map(|(_, id)| *id)
     }
 
-    /// Agents that may bid, those that need a zone soonest first; at most `count_max`.
-    pub(super) fn bidders(&self, count_max: usize) -> Vec<MemberId> {
-        self.free.iter().take(count_max).map(|(_, id)| *id).collect()
+    /// Agents that may bid: all that lack zones, up to `count_max`, those that need one soonest first; and others, so
+    /// that there are `count_min`.
+    pub(super) fn bidders(&self, count_min: usize, count_max: usize) -> Vec<MemberId> {
+        let mut bidders: Vec<MemberId> = self.free.iter().take(count_max).map(|(_, id)| *id).collect();
+        let others = count_min.saturating_sub(bidders.len());
+        bidders.extend(self.supplied.iter().take(others).map(|(_, id)| *id));
+        bidders
+    }
+
+    /// The number of zones that an agent may still win.
+    pub(super) fn room(&self, id: MemberId) -> u32 {
+        self.get(id).map_or(0, |member| self.window.saturating_sub(member.held) as u32)
+    }
+
+    /// The number of zones that an agent lacks to have as many as it works on at once.
+    pub(super) fn lacks(&self, id: MemberId) -> u32 {
+        self.get(id).map_or(0, |member| self.prefetch.saturating_sub(member.held) as u32)
     }
 
     /// The first free agent for which `is_wanted` holds, among the first [`FREE_LOOKED_AT`].

@@ -8,7 +8,7 @@ use super::{assignments::Assignments, roster::Roster};
 use crate::{
     AuctionRule, Bid, Bidder, BidderStanding, Decision, FarmAction, FarmContent, FarmEffect, MemberId, Offer, Proposal,
     RoundSummary, ZoneId, ZoneRow, ZoneState,
-    auction::BIDDERS_MAX,
+    auction::{BIDDERS_MAX, BIDDERS_MIN},
     contents::{asking, message},
     decide, protocol,
 };
@@ -39,14 +39,15 @@ pub(super) struct Rounds {
 }
 
 impl Rounds {
-    /// Opens a round once an agent needs another zone: calls all agents that need one soonest, up to [`BIDDERS_MAX`].
+    /// Opens a round once an agent needs another zone: calls all agents that lack zones, up to [`BIDDERS_MAX`], and
+    /// others up to [`BIDDERS_MIN`].
     /// Returns false if there is nothing to offer or no agent needs a zone.
     pub(super) fn open(&mut self, now: Time, assignments: &mut Assignments, actions: &mut Vec<FarmAction>) -> bool {
         if !assignments.ledger.open.has_waiting() || !assignments.roster.is_due(now) {
             return false;
         }
         // Choose the bidders and the zones on offer
-        let bidders = assignments.roster.bidders(BIDDERS_MAX);
+        let bidders = assignments.roster.bidders(BIDDERS_MIN, BIDDERS_MAX);
         let conversation = assignments.rows.number();
         let offers = assignments.ledger.open.offer(conversation, bidders.len());
         // Send the call for proposals
@@ -145,7 +146,7 @@ impl Rounds {
         round.proposals.sort_unstable_by_key(|(agent, _)| *agent);
         let bidders: Vec<MemberId> = round.proposals.iter().map(|(agent, _)| *agent).collect();
         let bids: usize = round.proposals.iter().map(|(_, proposal)| proposal.bids.len()).sum();
-        let Decision { awards: winners, credit_decided } =
+        let Decision { awards: winners, outbid, credit_decided } =
             decide_round(now, &round.offers, round.proposals, assignments);
         let summary = RoundSummary {
             round: conversation,
@@ -154,9 +155,13 @@ impl Rounds {
             bidders: bidders.len() as u32,
             bids: bids as u32,
             awards: winners.len() as u32,
+            outbid,
             credit_decided,
         };
-        actions.push(FarmAction::Effect(FarmEffect::RoundClosed(summary)));
+        // A single agent has nobody to compete with: what it gets is no auction
+        if assignments.roster.count() > 1 {
+            actions.push(FarmAction::Effect(FarmEffect::RoundClosed(summary)));
+        }
         // Return all zones on offer; those awarded below leave when their rows are counted
         let rule = assignments.config.auction;
         for offer in round.offers {
@@ -246,7 +251,8 @@ fn decide_round(
     let bidder = |(agent, proposal): (MemberId, Proposal)| {
         let member = roster.get(agent)?;
         let (credit, worth, own) = (member.row.credit.sum, member.worth(), member.promised_own());
-        Some(Bidder { agent, credit, worth, own, proposal })
+        let proposal = Proposal { room: proposal.room.min(roster.room(agent)), ..proposal };
+        Some(Bidder { agent, credit, worth, own, needs: roster.lacks(agent), proposal })
     };
     let bidders = proposals.into_iter().filter_map(bidder).collect();
     let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| rows.cut(zone, 0.5).is_some();

@@ -121,27 +121,22 @@ impl Orders {
         held.or_else(reported).or_else(|| self.past.get(&zone).copied())
     }
 
-    /// Begins waiting zones: all profiles, and all awards too unless zones are dealt; of dealt zones the oldest, up to
-    /// `dealt_max` at once.
-    ///
-    /// - `dealt_max`: `None`: zones are not dealt.
-    pub(super) fn begin_waiting(
-        &mut self,
-        dealt_max: Option<usize>,
-        speed: &Speed,
-        expert: &Expert,
-        actions: &mut Vec<FarmAction>,
-    ) {
+    /// Begins waiting zones: all profiles, and the oldest awards, up to `most` at once.
+    pub(super) fn begin_waiting(&mut self, most: usize, speed: &Speed, expert: &Expert, actions: &mut Vec<FarmAction>) {
         let power = speed.power();
-        let is_free = |held: &&mut HeldOrder| dealt_max.is_none() || held.order.row.state == ZoneState::Profiling;
-        let free = self.held.values_mut().filter(|held| !held.begun).filter(is_free);
-        free.for_each(|held| held.begin(power, expert, actions));
-        let is_begun = |held: &&HeldOrder| held.begun && held.order.row.state == ZoneState::Awarded;
-        while dealt_max.is_some_and(|max| self.held.values().filter(is_begun).count() < max) {
+        let is_profile = |held: &&mut HeldOrder| held.order.row.state == ZoneState::Profiling;
+        let profiles = self.held.values_mut().filter(|held| !held.begun).filter(is_profile);
+        profiles.for_each(|held| held.begin(power, expert, actions));
+        while self.begun_count() < most {
             let waiting = self.held.values_mut().filter(|held| !held.begun);
             let Some(oldest) = waiting.min_by_key(|held| held.order.fence) else { return };
             oldest.begin(power, expert, actions);
         }
+    }
+
+    /// Number of awards that are begun.
+    fn begun_count(&self) -> usize {
+        self.held.values().filter(|held| held.begun && held.order.row.state == ZoneState::Awarded).count()
     }
 
     /// Time from now until the agent has painted what it holds.
@@ -213,11 +208,13 @@ impl Orders {
         self.held.is_empty() && self.unanswered.is_empty()
     }
 
-    /// - `all_begin`: true if every held zone must be begun.
-    pub(super) fn assert_invariants(&self, all_begin: bool) {
+    /// - `most`: number of awards that the agent works on at once.
+    /// - `begins`: true if it can paint.
+    pub(super) fn assert_invariants(&self, most: usize, begins: bool) {
+        let is_busy = self.begun_count() >= most;
         for (zone, held) in self.held.iter() {
             assert!(self.unanswered.get(zone).is_none(), "a zone in hand is not reported");
-            assert!(held.begun || !all_begin, "what can be painted is begun");
+            assert!(held.begun || is_busy || !begins, "what can be painted is begun");
         }
     }
 }

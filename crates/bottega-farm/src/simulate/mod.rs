@@ -64,7 +64,7 @@ pub struct Plan {
     pub adaptation: AdaptationRule,
     /// Credit of the agents in earlier works, by name.
     pub credits: Arc<BTreeMap<String, Credit>>,
-    /// Maximum number of zones that an agent holds.
+    /// Number of zones that an agent works on at once.
     pub prefetch: u32,
     /// `true`: near the end, zones are cut and zones of slow agents also given to idle ones: see
     /// [`MasterConfig::shares_tail`].
@@ -356,7 +356,7 @@ impl<'a> Play<'a> {
             plan.inexact,
             plan.seed,
         );
-        world.tally = plan.tells_time_left.then(|| Tally::new(false, plan.auction == AuctionRule::Stealing));
+        world.tally = plan.tells_time_left.then(|| Tally::new(false, plan.auction.at_once(plan.prefetch)));
         for machine in machines {
             world.add_machine(f64::from(machine.processors), machine.speed);
         }
@@ -449,7 +449,7 @@ impl<'a> Play<'a> {
                     master: MasterSource::Known(self.master.clone()),
                     adaptation: plan.adaptation,
                     prefetch: plan.prefetch,
-                    steals: plan.auction == AuctionRule::Stealing,
+                    auction: plan.auction,
                     heartbeat: plan.timing.heartbeat,
                     expert: experts[index % experts.len()].clone(),
                     knowledge: crate::Foreknowledge::default(),

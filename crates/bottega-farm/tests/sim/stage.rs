@@ -291,7 +291,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
     };
     simulator.add(&analyst, true, move || Analyst::new(config.clone()).into());
     let (last, others) = agents.split_last().expect("somebody paints");
-    let steals = scene.auction == AuctionRule::Stealing;
+    let auction = scene.auction;
     let add = |simulator: &mut Simulator<FarmAgent, Studio>, id: &AgentId| {
         let own = id.clone();
         let source = place.clone().map_or_else(|| MasterSource::Known(master.clone()), MasterSource::Directory);
@@ -301,7 +301,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
                 master: source.clone(),
                 adaptation: AdaptationRule::MedianRatio,
                 prefetch: 2,
-                steals,
+                auction,
                 heartbeat: timing.heartbeat,
                 expert: Expert::path_tracing(),
                 knowledge: bottega_farm::Foreknowledge::default(),

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Callable, Union
 
 from . import _native
-from ._native import Analysis, ImageFile, Picture, Scene
+from ._native import Analysis, ImageFile, Picture
 from ._requests import Request
+from ._scene import Scene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,7 +67,7 @@ class Session:
     ) -> None:
         self.request = request_of(scene, fields)
         """The request of the picture."""
-        made = scene if isinstance(scene, Scene) else None
+        made = scene._native if isinstance(scene, Scene) else None
         options = {"live": live, "resume": resume, "preview": preview, "record": record, "timeline": timeline}
         self._native = _native.Session(self.request.to_json(), made, **options)  # type: ignore[arg-type]
 
@@ -104,7 +105,7 @@ def render(
 ) -> Picture:
     """Renders a picture.
 
-    - `scene`: a file, a `Scene` of arrays, or a `Request`.
+    - `scene`: a file, a `Scene` in memory, or a `Request`.
     - `fields`: fields of the request, such as `spp=64`, `size=(640, 480)`, `denoise=True`, `output="picture.exr"`, or a section:
       `goal={"error": 0.02}`.
     - `on_event`, `on_progress`: see `Session.render`.
@@ -120,7 +121,7 @@ def analyze(scene: SceneLike, **fields: Unpack[Fields]) -> Analysis:
 
     The section `work` sets the division into zones: `analyze("scene.glb", work={"level": 2, "importance": "visual"}, agents=8)`.
     """
-    made = scene if isinstance(scene, Scene) else None
+    made = scene._native if isinstance(scene, Scene) else None
     return _native.analyze(request_of(scene, fields).to_json(), made)
 
 

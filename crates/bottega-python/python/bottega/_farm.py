@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Iterator
 from . import _native
 from ._api import OnEvent, OnProgress, SceneLike, _both, request_of
 from ._errors import FarmError, RequestError
+from ._scene import Scene
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -138,6 +139,6 @@ class Job:
 
 
 def _asked(scene: SceneLike, fields: Fields) -> str:
-    if isinstance(scene, _native.Scene):
+    if isinstance(scene, Scene):
         raise RequestError("a scene in memory cannot be sent to a farm", "write it to a file, and name that")
     return request_of(scene, fields).to_json()

@@ -116,11 +116,10 @@ is large, and answer where it is small. paper: The rules of Herubel, Biri and De
 """
 
 
-OracleQuestion = Literal["shadows", "irradiance", "radiance", "halting"]
+OracleQuestion = Literal["shadows", "irradiance", "radiance"]
 """The questions for lighting agents. shadows: Shadow rays: the agents decide which of them must be
 traced. irradiance: Indirect light: the agents decide where it is interpolated. radiance: Incident
-light at surfaces that are not matte, with the oracle `error`. halting: Path termination where the
-agents do not know the light well enough, with the oracle `error`.
+light at surfaces that are not matte, with the oracle `error`.
 """
 
 
@@ -658,8 +657,8 @@ class WorkOptions(Section):
     optimization: OptimizationChoice = 'off'
     """Degree to which expert rules may trade quality for time, zone by zone."""
     prefetch: int = 2
-    """Most zones that an agent holds at a time: those it paints and those that wait for it. 1, as in
-    the MAGarRO paper: only idle agents bid.
+    """Number of zones that an agent works on at once: the next begins while the last pixels of one are
+    painted. 1, as in the MAGarRO paper: only idle agents bid.
     """
     rules: Sequence[RulesSource] = field(default_factory=lambda: [])
     """The expert rules, which agents carry in turn; none: those built in or of the engine."""

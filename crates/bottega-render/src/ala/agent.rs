@@ -28,6 +28,8 @@ const SCOUT_SEED: u64 = 0x7363_6f75_7473_2121;
 /// Share of the agents that send a scout, and clone number of the first scout.
 const SCOUTS: f32 = 0.125;
 const FIRST_SCOUT: u32 = 64;
+/// Clone number of the agents of the camera, above that of all scouts.
+pub(super) const CAMERA_CLONE: u32 = 128;
 /// Least opacity of a surface that stops agents and sensors.
 const OPAQUE: f32 = 0.5;
 
@@ -44,7 +46,7 @@ pub struct Agent {
     pub light: u32,
     /// Distance from the point that it was cast from.
     pub distance: f32,
-    /// Distance from the previous surface or from the light.
+    /// Distance from the previous surface or from the light; for an agent of the camera, the radius of its neighbourhood.
     pub gap: f32,
     /// Number of the cast; identifies the agent together with `clone`.
     pub cast: u32,
@@ -60,6 +62,11 @@ impl Agent {
     /// Returns `true` if another agent sent it on.
     pub(super) fn is_scout(&self) -> bool {
         self.clone >= FIRST_SCOUT
+    }
+
+    /// Returns `true` for an agent of the camera: the picture shows its place.
+    pub(super) fn is_camera(&self) -> bool {
+        self.clone == CAMERA_CLONE
     }
 }
 

@@ -3,6 +3,7 @@
 use std::{sync::Arc, time::Instant};
 
 use super::{
+    camera::agents_of_view,
     map::Agents,
     network::Network,
     sense::joined,
@@ -40,7 +41,10 @@ pub(crate) fn cast_agents(
     let answer = |output| if let RenderOutput::Agents(part) = output { Some(part) } else { None };
     let agents = executors.run(works.collect(), answer)?;
     let plan = passes.plan();
-    let swarm = || Swarm::new(plan.sources.source_count(), plan.extent(), agents.concat(), &settings);
+    let swarm = || {
+        let of_view = agents_of_view(scene, view, &settings);
+        Swarm::new(plan.sources.source_count(), plan.extent(), of_view, agents.concat(), &settings)
+    };
     let swarm = Arc::new(scene.on_threads(swarm));
     let casting = begun.elapsed();
     let network = Arc::new(scene.on_threads(|| Network::new(&swarm)));

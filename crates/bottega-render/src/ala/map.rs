@@ -22,12 +22,25 @@ use crate::{
 
 /// Greatest radius of a record, as a share of the visible radius.
 const SHARE_MAX: f32 = 0.5;
-/// Relative error of a few gathering rays, in units of the tolerated error: records that are no worse are used.
+/// Relative error of a few gathering rays, in units of the tolerated error: records that are no worse are used in full
+/// where the camera looks, and are good enough where gathering rays end.
 const GATHERED: f32 = 3.0;
-/// Relative error, in units of the tolerated one, up to which a record's edge is invisible.
+/// Relative errors, in units of the tolerated one, beyond which records are no longer used: where the camera looks, and
+/// where gathering rays end, whose errors average out.
+const SHOWN_MAX: f32 = 6.0;
+const GATHERED_MAX: f32 = 10.0;
+/// Relative error, in units of the tolerated one, up to which the least presence is enough, and that presence: records
+/// that reach less fade out, so that their regions have no edges.
 const SURE: f32 = 0.5;
+const PRESENCE_MIN: f32 = 0.3;
 /// Least effective number of records at a point; where there are fewer, a record is measured.
 const RECORDS_MIN: f32 = 1.5;
+/// Presence of records at what the camera sees below which a record is measured; and beyond which none is, however
+/// uncertain they are.
+const PRESENCE_WANTED: f32 = 0.7;
+const PRESENCE_ENOUGH: f32 = 3.0;
+/// Greatest number of rays per cell of a record where the camera looks: noise of its neighbours averages out.
+const SHOWN_EFFORT_MAX: u32 = 4;
 /// Least radius of a record, as a share of the radius of its agent's neighbourhood.
 const REACH_MIN: f32 = 0.6;
 
@@ -44,6 +57,15 @@ pub(crate) struct Agents {
     pub(super) report: AgentReport,
     /// Counts of answers so far.
     pub(super) tallies: Tallies,
+}
+
+/// The use of indirect light at a point, which says how accurate it must be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LightUse {
+    /// The camera sees the point, over mirrors and glass at most.
+    Shown,
+    /// Gathering rays end there: the mean over many of them counts.
+    Gathered,
 }
 
 /// Irradiance at a point, interpolated between agents.
@@ -175,6 +197,7 @@ impl Agents {
     ///
     /// - `normals`: geometric and shading normal, on the side that the light arrives at.
     /// - `bounces`: greatest number of bounces of the light, including the one at the point.
+    /// - `what_for`: with [`LightUse::Gathered`], light is known in full or not at all.
     #[inline(always)]
     pub(crate) fn irradiance_at(
         &self,
@@ -182,6 +205,7 @@ impl Agents {
         normals: [Vec3; 2],
         bounces: u32,
         found: &mut Nearest,
+        what_for: LightUse,
     ) -> Option<KnownIrradiance> {
         if !self.settings.decides_irradiance {
             return None;
@@ -191,7 +215,11 @@ impl Agents {
             Indirect::Fitted(fitted) => fitted.at(p, normals[0], bounces, found).map(whole),
             Indirect::Records(cache, _) => {
                 let estimate = cache.estimate(p, normals[1], bounces)?;
-                let share = self.share_taken(&estimate)?;
+                let share = match what_for {
+                    LightUse::Shown => self.share_taken(&estimate)?,
+                    LightUse::Gathered if estimate.error <= GATHERED_MAX * self.settings.error => 1.0,
+                    LightUse::Gathered => return None,
+                };
                 Some(KnownIrradiance { irradiance: estimate.irradiance, share })
             }
         }
@@ -204,11 +232,12 @@ impl Agents {
         // A single record that found no light is not certain
         let is_sure = estimate.irradiance != Spectrum::ZERO || estimate.count >= RECORDS_MIN;
         let error = estimate.error / self.settings.error;
-        if !is_sure || error > GATHERED {
+        if !is_sure || error >= SHOWN_MAX {
             return None;
         }
-        let needed = ((error - SURE) / (GATHERED - SURE)).max(f32::MIN_POSITIVE);
-        Some((estimate.presence / needed).min(1.0))
+        let needed = ((error - SURE) / (GATHERED - SURE)).clamp(PRESENCE_MIN, 1.0);
+        let accurate = ((SHOWN_MAX - error) / (SHOWN_MAX - GATHERED)).min(1.0);
+        Some((estimate.presence / needed).min(1.0) * accurate)
     }
 
     /// Answers "which light comes from where?". `None`: unknown.
@@ -226,19 +255,6 @@ impl Agents {
         self.share_taken(&estimate).filter(|&share| u < share).map(|_| surroundings)
     }
 
-    /// Returns the approximate indirect irradiance at a point, however uncertain; `None`: unknown, or not used by the
-    /// settings.
-    ///
-    /// - `normal`: shading normal, on the side that the light arrives at.
-    #[inline(always)]
-    pub(crate) fn rough_irradiance_at(&self, p: Vec3, normal: Vec3) -> Option<Spectrum> {
-        let Indirect::Records(cache, _) = &self.indirect else { return None };
-        if !self.settings.decides_halting {
-            return None;
-        }
-        cache.estimate(p, normal, u32::MAX).map(|estimate| estimate.irradiance)
-    }
-
     /// Returns the network's answer at a point on an agent or a link; see [`super::network_dots`].
     pub(super) fn network_at(&self, p: Vec3, width: f32) -> Option<f32> {
         self.visibility.network_at(p, width)
@@ -254,19 +270,27 @@ impl Agents {
     }
 
     /// Returns the number of rays per cell for a record at a point, by the noise of earlier records.
-    pub(super) fn effort_at(&self, p: Vec3, normal: Vec3) -> u32 {
-        match &self.indirect {
-            Indirect::Fitted(_) => 1,
-            Indirect::Records(cache, _) => cache.effort_for(p, normal, self.settings.error),
+    pub(super) fn effort_at(&self, p: Vec3, normal: Vec3, what_for: LightUse) -> u32 {
+        let Indirect::Records(cache, _) = &self.indirect else { return 1 };
+        match what_for {
+            LightUse::Shown => cache.effort_for(p, normal, self.settings.error).min(SHOWN_EFFORT_MAX),
+            LightUse::Gathered => cache.effort_for(p, normal, GATHERED * self.settings.error),
         }
     }
 
     /// Returns `true` if records know a point well enough that no other is needed there.
     ///
     /// - `is_directed`: `true`: the directions of the light must be known, too.
-    pub(super) fn knows(&self, p: Vec3, normal: Vec3, is_directed: bool) -> bool {
+    pub(super) fn knows(&self, p: Vec3, normal: Vec3, is_directed: bool, what_for: LightUse) -> bool {
         let Indirect::Records(cache, _) = &self.indirect else { return false };
-        let is_enough = |it: Estimate| it.count >= RECORDS_MIN && it.error <= self.settings.error;
+        let (error, presence) = match what_for {
+            LightUse::Shown => (self.settings.error, PRESENCE_WANTED),
+            LightUse::Gathered => (GATHERED * self.settings.error, 0.0),
+        };
+        let is_enough = |it: Estimate| {
+            let is_certain = it.error <= error || it.presence >= PRESENCE_ENOUGH;
+            it.count >= RECORDS_MIN && is_certain && it.presence >= presence
+        };
         let estimate = if is_directed {
             cache.surroundings(p, normal, u32::MAX).map(|(estimate, _)| estimate)
         } else {

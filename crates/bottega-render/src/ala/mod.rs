@@ -8,6 +8,7 @@
 
 mod agent;
 mod bytes;
+mod camera;
 mod cast;
 mod drawing;
 mod ludd;
@@ -27,7 +28,7 @@ pub use agent::Agent;
 pub(crate) use cast::cast_agents;
 pub use drawing::network_dots;
 pub use ludd::{Criterion, Density, Dot, LocalSphere, Ludd, SampleSet, Samples, UnknownCriterion, useful_data_density};
-pub(crate) use map::Agents;
+pub(crate) use map::{Agents, LightUse};
 pub use report::{AgentReport, Tally};
 pub use sensing::SensorReadings;
 pub use units::{AgentWork, SensorWork};

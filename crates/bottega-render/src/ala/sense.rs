@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::{
     agent::{Agent, Casting},
+    camera::agents_of_view,
     map::{Agents, Indirect},
     network::Network,
     own, paper,
@@ -71,7 +72,13 @@ impl Agents {
         let begun = Instant::now();
         let plan = integrator.plan();
         let agents = cast(prepared, plan, settings, seed);
-        let swarm = Swarm::new(plan.sources.source_count(), plan.extent(), agents, &settings);
+        let swarm = Swarm::new(
+            plan.sources.source_count(),
+            plan.extent(),
+            agents_of_view(prepared, plan.view, &settings),
+            agents,
+            &settings,
+        );
         let casting = begun.elapsed();
         let network = Network::new(&swarm);
         let run = |errands: Vec<SensingTask>| {

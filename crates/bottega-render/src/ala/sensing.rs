@@ -112,6 +112,8 @@ impl<'a> Sensing<'a> {
 
     /// Returns the probe of an agent.
     pub(super) fn probe(&self, index: u32) -> Probe<'a> {
-        Probe { prepared: self.prepared(), agent: self.agent(index), seed: self.seed, reach: self.network.reach(index) }
+        let agent = self.agent(index);
+        let reach = if agent.is_camera() { agent.gap } else { self.network.reach(index) };
+        Probe { prepared: self.prepared(), agent, seed: self.seed, reach }
     }
 }

@@ -18,7 +18,7 @@ const NEIGHBORHOOD: usize = 8;
 pub(crate) struct Swarm {
     /// Agents in the order of their identities: by cast, then by clone.
     pub(super) agents: Vec<Agent>,
-    /// Positions; the tag is the index.
+    /// Positions of all but the camera's agents; the tag is the index.
     pub(super) tree: PhotonMap,
     /// Mean distance between objects: from the light to the first surface, and from surface to surface. Greater than 0.
     pub(super) object_distance: f32,
@@ -31,12 +31,20 @@ impl Swarm {
     ///
     /// - `source_count`: number of sources that cast agents.
     /// - `extent`: extent of the visible part of the scene.
+    /// - `of_view`: agents of the camera.
     /// - `agents`: in the order of their identities. Those beyond the memory limit are dropped.
-    pub(crate) fn new(source_count: usize, extent: &Extent, mut agents: Vec<Agent>, settings: &AgentSettings) -> Self {
+    pub(crate) fn new(
+        source_count: usize,
+        extent: &Extent,
+        of_view: Vec<Agent>,
+        agents: Vec<Agent>,
+        settings: &AgentSettings,
+    ) -> Self {
+        let mut agents = [of_view, agents].concat();
         agents.truncate(settings.agents_max());
         let object_distance = object_distance(extent, &agents);
-        let place = |(agent, index): (&Agent, u32)| Photon::tagged(agent.p, agent.to_light, agent.normal, index);
-        let tree = PhotonMap::new(agents.iter().zip(0..).map(place).collect());
+        // The camera's agents must not crowd out the neighbours of others
+        let tree = places(&agents, |agent| !agent.is_camera());
         let cast_by_light = settings.cast as f32 / source_count.max(1) as f32;
         Self { agents, tree, object_distance, cast_by_light }
     }
@@ -44,6 +52,11 @@ impl Swarm {
     /// Returns the number of agents, including clones.
     pub(crate) fn len(&self) -> usize {
         self.agents.len()
+    }
+
+    /// Returns the positions of some agents; the tag is the index.
+    pub(super) fn places_of(&self, is_wanted: impl Fn(&Agent) -> bool) -> PhotonMap {
+        places(&self.agents, is_wanted)
     }
 
     /// Returns index and data of an agent by its number in the tree.
@@ -79,10 +92,18 @@ impl Swarm {
     }
 }
 
+/// Builds the tree of some agents; the tag is the index.
+fn places(agents: &[Agent], is_wanted: impl Fn(&Agent) -> bool) -> PhotonMap {
+    let wanted = agents.iter().zip(0..).filter(|(agent, _)| is_wanted(agent));
+    let place = |(agent, index): (&Agent, u32)| Photon::tagged(agent.p, agent.to_light, agent.normal, index);
+    PhotonMap::new(wanted.map(place).collect())
+}
+
 /// Returns the mean distance between objects, from agents on the visible part of the scene: distant ones make it far
 /// too large.
 fn object_distance(extent: &Extent, agents: &[Agent]) -> f32 {
-    let is_near = |agent: &&Agent| extent.is_whole() || agent.p.distance(extent.center) <= extent.radius;
+    let is_near =
+        |agent: &&Agent| !agent.is_camera() && (extent.is_whole() || agent.p.distance(extent.center) <= extent.radius);
     // Light from infinity starts at the edge of the scene
     let most = if extent.is_whole() { f32::INFINITY } else { 2.0 * extent.radius };
     let (mut sum, mut count) = (0.0, 0.0_f64);

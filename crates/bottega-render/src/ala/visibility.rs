@@ -49,17 +49,20 @@ impl Visibility {
     /// - `answers`: by agent index.
     /// - `keeps_network`: `true`: the answer at a point is the median of the nearest agent and its neighbours.
     pub(super) fn new(swarm: &Swarm, network: &Network, answers: &[ShadowVerdict], keeps_network: bool) -> Self {
-        let indices: Vec<u32> = (0..swarm.len() as u32).map(|number| swarm.by_number(number).0).collect();
+        // Scouts and the camera's agents know no light
+        let places = swarm.places_of(|agent| !agent.is_scout());
+        let indices: Vec<u32> = places.iter().map(|photon| photon.mark().tag()).collect();
         let reach: Vec<f32> = indices.iter().map(|&index| network.reach(index)).collect();
         let tag = |index: u32| swarm.agents[index as usize].light << 2 | answers[index as usize] as u32;
-        let mut numbers = vec![NOBODY; indices.len()];
+        let mut numbers = vec![NOBODY; swarm.len()];
         indices.iter().zip(0..).for_each(|(&index, number)| numbers[index as usize] = number);
         let links = |&index: &u32| {
-            let mut near = network.neighbors(index).map(|other| numbers[other as usize]);
+            let mut near =
+                network.neighbors(index).map(|other| numbers[other as usize]).filter(|&number| number != NOBODY);
             std::array::from_fn(|_| near.next().unwrap_or(NOBODY))
         };
         let links = if keeps_network { indices.iter().map(links).collect() } else { Vec::new() };
-        Self::of(swarm.tree.clone().retagged(tag), reach, links)
+        Self::of(places.retagged(tag), reach, links)
     }
 
     /// Builds the list of answered lights from the agents' tags.

@@ -312,7 +312,7 @@ mod tests {
     #[test]
     fn textures_and_vertex_colours_multiply_the_factors() {
         let texels = vec![[1.0, 0.5, 0.25], [0.0, 0.5, 1.0]];
-        let scene = Scene { images: vec![Image::from_linear_rgb("two", 2, 1, texels)], ..Scene::default() };
+        let scene = Scene { images: vec![Image::from_linear_rgb("two", 2, 1, texels)].into(), ..Scene::default() };
         let layered = Layered {
             base_color: ColorParam { factor: Spectrum::new(0.5, 1.0, 1.0), texture: Some(picture(0)) },
             roughness: ScalarParam { factor: 0.5, texture: Some((picture(1), Channel::G)) },

@@ -30,9 +30,9 @@ fn normal_mapped(texel: [f32; 3]) -> Interaction {
     };
     let map = TextureMap::new(bottega_scene::ImageId(0));
     let scene = Scene {
-        images: vec![bottega_scene::Image::from_linear_rgb("normals", 1, 1, vec![texel])],
-        instances: vec![Instance { mesh: 0, world_from_object: Affine3A::IDENTITY }],
-        meshes: vec![mesh],
+        images: vec![bottega_scene::Image::from_linear_rgb("normals", 1, 1, vec![texel])].into(),
+        instances: vec![Instance::new(0, Affine3A::IDENTITY)],
+        meshes: vec![mesh].into(),
         materials: vec![Material {
             relief: Some(Relief::normals(map, 1.0)),
             ..Layered { coat: 1.0.into(), ..Layered::default() }.into()
@@ -66,7 +66,7 @@ fn bumped(on_sphere: bool, slope: Vec2, x: f32, y: f32) -> Interaction {
     let map = TextureMap::new(bottega_scene::ImageId(0));
     let height = ScalarParam { factor: 1.0, texture: Some((map, bottega_scene::Channel::R)) };
     let mut scene = Scene {
-        images: vec![bottega_scene::Image::from_linear_rgb("heights", SIZE, SIZE, texels)],
+        images: vec![bottega_scene::Image::from_linear_rgb("heights", SIZE, SIZE, texels)].into(),
         materials: vec![Material { relief: Some(Relief::heights(height)), ..Material::default() }],
         ..Scene::default()
     };
@@ -106,7 +106,7 @@ fn a_sphere_is_there_where_its_texture_says() {
     let texture =
         Some((TextureMap { smooth: false, ..TextureMap::new(bottega_scene::ImageId(0)) }, bottega_scene::Channel::A));
     let mut scene = Scene {
-        images: vec![bottega_scene::Image::from_linear_rgba("half", 2, 1, texels)],
+        images: vec![bottega_scene::Image::from_linear_rgba("half", 2, 1, texels)].into(),
         materials: vec![Material {
             opacity: ScalarParam { factor: 1.0, texture },
             alpha_mode: bottega_scene::AlphaMode::Blend,
@@ -187,11 +187,11 @@ fn a_ray_that_leaves_a_surface_does_not_meet_it_again() {
         let turn = glam::Quat::from_rotation_y(next());
         let scale = Vec3::new(0.5 + next(), 0.5 + next(), 2.0);
         let scene = Scene {
-            instances: vec![Instance {
-                mesh: 0,
-                world_from_object: Affine3A::from_scale_rotation_translation(scale, turn, Vec3::splat(next())),
-            }],
-            meshes: vec![mesh],
+            instances: vec![Instance::new(
+                0,
+                Affine3A::from_scale_rotation_translation(scale, turn, Vec3::splat(next())),
+            )],
+            meshes: vec![mesh].into(),
             materials: vec![Material::default()],
             ..Scene::default()
         };

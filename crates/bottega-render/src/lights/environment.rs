@@ -396,7 +396,7 @@ mod tests {
     fn scene_with(environment_size: (u32, u32), texel: impl Fn(u32, u32) -> [f32; 3]) -> Scene {
         let (width, height) = environment_size;
         let data = (0..width * height).map(|i| texel(i % width, i / width)).collect();
-        Scene { images: vec![Image::from_linear_rgb("environment", width, height, data)], ..Scene::default() }
+        Scene { images: vec![Image::from_linear_rgb("environment", width, height, data)].into(), ..Scene::default() }
     }
 
     fn environment() -> Environment {

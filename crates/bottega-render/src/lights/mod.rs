@@ -149,7 +149,7 @@ impl Lights {
             lights.spheres.push((index, number));
         }
         for (index, instance) in instances.iter_mut().enumerate() {
-            if shines(scene.meshes[scene.instances[index].mesh as usize].material) {
+            if shines(scene.material_of(&scene.instances[index])) {
                 instance.first_light = lights.triangles.len() as u32;
                 lights.add_instance(scene, index as u32, &mut collected);
             }

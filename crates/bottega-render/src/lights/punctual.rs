@@ -203,7 +203,7 @@ mod tests {
             intensity: Vec3::splat(2.0),
         };
         let image = bottega_scene::Image::from_linear_rgb("lamp", 8, 8, texels.collect());
-        let scene = Scene { images: vec![image], ..with(kind) };
+        let scene = Scene { images: vec![image].into(), ..with(kind) };
         assert_eq!(sample(&scene, 0, 2.0 * Vec3::X).unwrap().radiance, Vec3::splat(3.0));
         assert!(sample(&scene, 0, 2.0 * Vec3::Y).is_none() && sample(&scene, 0, 2.0 * Vec3::NEG_X).is_none());
         let bounds = bounds(&scene, 0).unwrap();

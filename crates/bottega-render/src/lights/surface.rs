@@ -162,8 +162,10 @@ impl Panel {
 
     /// Returns the grid of its parts: 1 without an emission texture, else by the number of texels.
     pub(super) fn grid(&self, scene: &Scene, panel_count: usize) -> Grid {
-        let mesh = &scene.meshes[scene.instances[self.instance as usize].mesh as usize];
-        let Some(map) = &scene.materials[mesh.material as usize].emission.texture else { return Grid(1) };
+        let instance = &scene.instances[self.instance as usize];
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let material = scene.material_of(instance) as usize;
+        let Some(map) = &scene.materials[material].emission.texture else { return Grid(1) };
         let uvs = &mesh.uvs[usize::from(map.uv_set & 1)];
         if uvs.is_empty() {
             return Grid(1);
@@ -181,7 +183,7 @@ impl Panel {
 
     /// Returns its parts as lights with their bounds: one per part of `grid`, including dark ones.
     pub(super) fn lights(&self, scene: &Scene, grid: Grid) -> Vec<(SurfaceLight, LightBounds)> {
-        let material = scene.meshes[scene.instances[self.instance as usize].mesh as usize].material;
+        let material = scene.material_of(&scene.instances[self.instance as usize]);
         let parts = grid.parts(self.shape).into_iter().map(|part| SurfaceLight { panel: *self, material, part });
         parts.map(|light| (light, light.bounds(scene, grid))).collect()
     }
@@ -251,8 +253,9 @@ fn corners(scene: &Scene, instance: u32, triangle: u32) -> [Vec3; 3] {
 
 /// Returns the square root of a triangle's double area in texture coordinates.
 fn mesh_uv_size(scene: &Scene, instance: u32, triangle: u32) -> f32 {
-    let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
-    let emission = &scene.materials[mesh.material as usize].emission;
+    let instance = &scene.instances[instance as usize];
+    let mesh = &scene.meshes[instance.mesh as usize];
+    let emission = &scene.materials[scene.material_of(instance) as usize].emission;
     let uv_set = emission.texture.as_ref().map_or(0, |map| usize::from(map.uv_set & 1));
     let [a, b, c] = mesh.triangles[triangle as usize]
         .map(|vertex| mesh.uvs[uv_set].get(vertex as usize).copied().unwrap_or_default());

@@ -18,6 +18,7 @@ use crate::{
     prepare::PreparedScene,
     sampler::{DimensionSet, PixelSampler},
     settings::{PathSettings, View},
+    shading::{is_broad, is_matte},
     vertex::bsdf_at_vertex,
 };
 
@@ -31,11 +32,17 @@ const REACH: f32 = 2.0;
 
 /// A point that the camera sees, over mirrors and through glass, on a surface that is not specular.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lookout {
+pub(crate) struct Lookout {
     /// Position, in world space.
-    pub(super) p: Vec3,
+    pub(crate) p: Vec3,
     /// Geometric normal on the visible side; unit length.
-    normal: Vec3,
+    pub(crate) normal: Vec3,
+    /// Direction that it is seen from; unit length.
+    pub(crate) wo: Vec3,
+    /// `true`: the surface is matte.
+    pub(crate) is_matte: bool,
+    /// `true`: the surface is not matte, but scatters so much light broadly that directions of the light matter.
+    pub(crate) is_glossy: bool,
 }
 
 /// The lookouts of a view.
@@ -85,7 +92,7 @@ impl Lookouts {
 /// Returns the first points along camera rays on surfaces that are not specular, over mirrors and through glass.
 ///
 /// - `side`: rays along a side of the picture.
-pub(super) fn places_seen(prepared: &PreparedScene, view: View, side: u32) -> Vec<Lookout> {
+pub(crate) fn places_seen(prepared: &PreparedScene, view: View, side: u32) -> Vec<Lookout> {
     let settings = PathSettings::default();
     let Ok(integrator) = PathIntegrator::unguided(prepared, view, &settings) else { return Vec::new() };
     let pixel = |i: u32, count: u32| ((2 * i + 1) * count / (2 * side)).min(count.saturating_sub(1));
@@ -115,7 +122,8 @@ fn place_seen(
         let mut storage = None;
         let bsdf = bsdf_at_vertex(prepared, &point, sampler, vertex, &mut storage);
         if bsdf.has_non_delta() {
-            return Some(Lookout { p: point.p, normal: point.facing_ng() });
+            let (is_matte, is_glossy) = (is_matte(bsdf), is_broad(bsdf, point.to_local(point.wo)));
+            return Some(Lookout { p: point.p, normal: point.facing_ng(), wo: point.wo, is_matte, is_glossy });
         }
         // Follow the mirror or the glass
         let u = sampler.quad(DimensionSet::scattering(vertex));

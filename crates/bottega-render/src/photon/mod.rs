@@ -28,6 +28,7 @@ pub use bounces::IrradiancePlaces;
 pub(crate) use bounces::{BOUNCES_KEPT, BounceShares, ByBounces, IrradianceMap, kept};
 pub use cast::cast_photons;
 pub(crate) use estimator::{Estimator, PhotonContribution};
+pub(crate) use lookouts::places_seen;
 pub use map::{NEAREST_MAX, Nearest, PhotonMap};
 pub(crate) use maps::{PhotonMaps, traced, tracer};
 pub(crate) use plan::{PhotonPlan, PhotonPlans};

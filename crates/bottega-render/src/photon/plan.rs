@@ -13,7 +13,7 @@ use crate::{
 /// The emission plan of a view.
 pub(crate) struct PhotonPlan {
     /// The view of the plan.
-    pub(super) view: View,
+    pub(crate) view: View,
     /// Light sources of the scene.
     pub(crate) sources: Arc<Emission>,
     /// Region that photons are sent to; shared by views that show the whole scene.

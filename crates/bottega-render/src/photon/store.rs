@@ -69,8 +69,10 @@ impl PhotonStore {
         let of = (settings, seed, pass_count);
         let mut pictures = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let is_alike = |other: &PhotonPlan| {
-            // Lookouts depend on the view
-            other.extent() == plan.extent() && (!settings.lookouts || settings.progressive || other.view == plan.view)
+            // Lookouts and the agents of the camera depend on the view
+            let has_lookouts = settings.lookouts && !settings.progressive;
+            let depends = has_lookouts || settings.agents.is_some_and(|agents| agents.has_scouts());
+            other.extent() == plan.extent() && (!depends || other.view == plan.view)
         };
         let is_it = |passes: &&Arc<Passes>| passes.of == of && is_alike(&passes.plan);
         if let Some(passes) = pictures.iter().find(is_it) {

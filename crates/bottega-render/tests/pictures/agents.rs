@@ -58,7 +58,7 @@ fn agents_spare_most_shadow_rays_and_nobody_sees_it() {
         let (spared, AgentReport { tally, .. }) = painted(&scene, oracle, true);
         let share = tally.shadow_traced as f64 / (tally.shadow_traced + tally.shadow_spared) as f64;
         // With twice as many agents 14 %; less where both ways at glass are followed.
-        assert!(share <= 0.2, "{tally:?}");
+        assert!(share <= 0.22, "{tally:?}");
         let seen = flip(&traced, &spared, &FlipOptions::default()).expect("pictures of one size");
         let wrong = seen.map.iter().filter(|&&error| error > 0.1).count();
         assert!(wrong <= most as usize, "{oracle:?}: {wrong} pixels");

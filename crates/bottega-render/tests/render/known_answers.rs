@@ -38,7 +38,7 @@ fn prism(material: Material, index: f32) -> Vec3 {
     let sky = Image::from_linear_rgb("sky", COLUMNS, 2, (0..COLUMNS * 2).map(texel).collect());
     let mut scene = Scene {
         cameras: vec![camera(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 1e-4)],
-        images: vec![sky],
+        images: vec![sky].into(),
         environment: Some(Environment::picture(ImageId(0), Vec3::ONE, Mat3::IDENTITY)),
         ..Scene::default()
     };

@@ -72,7 +72,8 @@ fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
         let tally = report.tally;
         let share = tally.shadow_traced as f64 / (tally.shadow_traced + tally.shadow_spared) as f64;
         assert!(share < 0.4, "{tally:?}");
-        assert!(tally.irradiance_interpolated > 10 * tally.irradiance_computed, "{tally:?}");
+        // Records fade at their ends, so some light is gathered among many of them, too.
+        assert!(tally.irradiance_interpolated > 6 * tally.irradiance_computed, "{tally:?}");
         let (found, expected) = (mean_color(&found), mean_color(&expected));
         assert!(((found - expected) / expected).abs().max_element() < 0.03, "{oracle:?} {found} {expected}");
         assert!(report.clones > 0 && report.links > report.agents, "{report:?}");
@@ -92,7 +93,7 @@ fn scouts_look_at_what_no_light_shines_at() {
     let found = paint(&scene, SIZE, 64, settings);
     let tally = report(&scene, &settings).tally;
     // Where they are unsure and hardly reach, light is gathered.
-    assert!(tally.irradiance_interpolated > 5 * tally.irradiance_computed, "{tally:?}");
+    assert!(tally.irradiance_interpolated > 3 * tally.irradiance_computed, "{tally:?}");
     let (found, expected) = (mean_color(&found), mean_color(&expected));
     assert!(((found - expected) / expected).abs().max_element() < 0.03, "{found} {expected}");
 }

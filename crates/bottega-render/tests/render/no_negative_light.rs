@@ -101,9 +101,9 @@ fn guides() -> Vec<(&'static str, PathSettings)> {
     ]
 }
 
-/// Agents that decide all that they can.
-fn all_questions(agents: AgentSettings) -> AgentSettings {
-    AgentSettings { decides_halting: true, asks_network: true, ..agents }
+/// Agents whose network answers.
+fn with_network(agents: AgentSettings) -> AgentSettings {
+    AgentSettings { asks_network: true, ..agents }
 }
 
 /// All integrators that send out photons or agents.
@@ -121,7 +121,7 @@ fn maps() -> Vec<(&'static str, PathSettings)> {
         ("no indirect light", PhotonSettings { indirect: false, ..few }),
         ("the paper's oracle", PhotonSettings { agents: agents(Oracle::Paper), ..few }),
         ("the oracle of errors", PhotonSettings { agents: agents(Oracle::Error), ..few }),
-        ("network and halting", PhotonSettings { agents: agents(Oracle::Error).map(all_questions), ..few }),
+        ("network", PhotonSettings { agents: agents(Oracle::Error).map(with_network), ..few }),
     ];
     let settings = |photons| PathSettings { photons: Some(photons), max_depth: 6, ..by_paths(false, NOBODY) };
     all.into_iter().map(|(what, photons)| (what, settings(photons))).collect()

@@ -44,7 +44,7 @@ pub(crate) fn add_mesh(scene: &mut Scene, positions: Vec<Vec3>, triangles: Vec<[
     scene.materials.push(material);
     let mesh = scene.meshes.len() as u32;
     scene.meshes.push(Mesh { positions, triangles, material: material_index, ..Mesh::default() });
-    scene.instances.push(Instance { mesh, world_from_object: Affine3A::IDENTITY });
+    scene.instances.push(Instance::new(mesh, Affine3A::IDENTITY));
 }
 
 pub(crate) fn add_sphere(scene: &mut Scene, center: Vec3, radius: f32, material: Material) {

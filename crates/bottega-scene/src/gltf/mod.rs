@@ -138,6 +138,7 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
     let (meshes, instances) =
         node::build(&source, &hierarchy, &placements, &draco, &materials, &material_of, warnings)?;
     drop(draco);
+    let (meshes, images) = (meshes.into(), images.into());
     let mut scene = Scene { meshes, instances, materials, media, images, ..Scene::default() };
     punctual::add_cameras(&source, &hierarchy, &mut scene, warnings)?;
     punctual::add_lights(&source, &hierarchy, &mut scene, warnings)?;

@@ -266,7 +266,7 @@ impl NodeMeshes {
                 InstancedMesh::Shape(shape, mirrors) => numbers[shape][usize::from(mirrors)],
                 InstancedMesh::Flat(number) => first_flat + number as u32,
             };
-            Instance { mesh, world_from_object }
+            Instance::new(mesh, world_from_object)
         };
         (meshes, self.instances.into_iter().map(instance).collect())
     }

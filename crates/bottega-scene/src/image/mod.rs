@@ -84,7 +84,7 @@ impl Image {
     }
 
     /// Makes a picture of numbers, which may be negative; see [`from_linear_rgb`](Self::from_linear_rgb).
-    pub(crate) fn from_numbers(name: impl Into<String>, width: u32, height: u32, texels: Vec<[f32; 3]>) -> Self {
+    pub fn from_numbers(name: impl Into<String>, width: u32, height: u32, texels: Vec<[f32; 3]>) -> Self {
         Self { name: name.into(), texels: Texels::Rgb32(Pyramid::new(width, height, texels, Encoding::Linear)) }
     }
 
@@ -234,7 +234,7 @@ fn make_radiance(value: &mut f32) {
 }
 
 /// Converts one channel in [0, 1] from sRGB to linear. 8-bit codes are looked up.
-pub(crate) fn linear_of_srgb(encoded: f64) -> f64 {
+pub fn linear_of_srgb(encoded: f64) -> f64 {
     let code = encoded * 255.0;
     let nearest = code.round();
     if (code - nearest).abs() < 1e-9 {

@@ -52,7 +52,7 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
     };
     if origin != DVec3::ZERO {
         warnings.add("", rounding(origin));
-        for mesh in &mut scene.meshes {
+        for mesh in scene.meshes.iter_mut() {
             mesh.positions.iter_mut().for_each(|p| *p = (p.as_dvec3() - origin).as_vec3());
         }
     }
@@ -106,6 +106,6 @@ fn add_obj(
         mesh.material = scene.push_material(material);
         scene.push_surface(mesh);
     }
-    scene.images = library.into_images(warnings)?;
+    scene.images = library.into_images(warnings)?.into();
     Ok(())
 }

@@ -90,7 +90,7 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
     let converted = convert(&mut context, pictures).map_err(|error| context.report.files.error(error))?;
     let Converted { pictures, mut scene, slides, hints } = converted;
     context.report.finish(warnings);
-    scene.images = pictures.load(warnings)?;
+    scene.images = pictures.load(warnings)?.into();
     add_slides(&mut scene, &slides, resources.budget(), path)?;
     let metadata = Metadata {
         format: if document.is_old { "Mitsuba 0.x" } else { "Mitsuba 3" },

@@ -184,7 +184,7 @@ impl Shapes {
         }
         let world_from_object = affine(&matrix);
         if self.placed.is_placeable(&self.scene, mesh, &world_from_object) {
-            self.scene.instances.push(Instance { mesh, world_from_object });
+            self.scene.instances.push(Instance::new(mesh, world_from_object));
         } else {
             context.warn(at, "a shape or an instance is squeezed flat or out of reach, and left out");
         }

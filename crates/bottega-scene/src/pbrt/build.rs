@@ -149,7 +149,8 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             self.context.report_unused(Directive::Light, &light.kind, &light.params);
         }
         self.scene.media = self.media.list;
-        (self.scene.images, self.scene.mappings) = self.textures.load(self.context)?;
+        let (images, mappings) = self.textures.load(self.context)?;
+        (self.scene.images, self.scene.mappings) = (images.into(), mappings);
         for material in self.by_power {
             let emission = &mut self.scene.materials[material as usize].emission;
             if let Some(map) = &emission.texture {
@@ -456,7 +457,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         if !is_empty && !self.placed.is_placeable(&self.scene, mesh, &world_from_object) {
             return Err(at.fault("the shape is out of reach, or scaled beyond what can be computed with").into());
         }
-        self.scene.instances.push(Instance { mesh, world_from_object });
+        self.scene.instances.push(Instance::new(mesh, world_from_object));
         Ok(())
     }
 

@@ -69,8 +69,9 @@ test("a zone tells what it is painted with, and whose rules decided", () => {
 test("agents are told with their work and their color", () => {
   const rows = agentRows([{ agent: "a" }, { agent: "b" }], new Map([["a", 30]]), new Map([["a", { done: 2, working: 1 }]]));
   assert.deepEqual(rows, [{ done: 2, working: 1, agent: "a", hue: 30 }, { done: 0, working: 0, agent: "b", hue: undefined }]);
-  assert.match(auctionLine({ rounds: 3, contested: 2, credit_decided: 1, bids: 9, awards: 4 }), /3 rounds, 2 with several bidders/);
+  assert.match(auctionLine({ rounds: 3, contested: 2, outbid: 1, credit_decided: 1, bids: 9, awards: 4 }), /3 rounds, 2 with several bidders/);
   assert.match(auctionLine({ rounds: 0, thefts: 2, stolen: 5 }), /took 5 zones from each other, 2 times/);
+  assert.equal(auctionLine({ rounds: 0, thefts: 0 }), "", "a single agent competes with nobody");
 });
 
 test("the bell rings once for each job that ends, and not for those that were over", () => {

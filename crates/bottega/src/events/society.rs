@@ -112,6 +112,8 @@ pub struct RoundEvent {
     pub bids: u32,
     /// Number of zones, or parts of zones, awarded.
     pub awards: u32,
+    /// Number of zones that went to another agent than the first that needed one, because it finishes them sooner.
+    pub outbid: u32,
     /// True if credit changed the outcome: with equal credit for all, other agents win.
     pub credit_decided: bool,
 }
@@ -138,6 +140,8 @@ pub struct AuctionEvent {
     pub contested: u64,
     /// Share of the rounds in the first half that had several bidders, 0 to 1.
     pub contested_of_first_half: f64,
+    /// Number of zones that went to another agent than the first that needed one, because it finishes them sooner.
+    pub outbid: u64,
     /// Number of rounds whose outcome was changed by credit.
     pub credit_decided: u64,
     /// Number of agents that sent a proposal, summed over all rounds.
@@ -199,8 +203,8 @@ impl From<&ZoneRow> for ZoneEvent {
 impl RoundEvent {
     /// Makes the event of a round that ended `seconds` after rendering began.
     pub fn new(round: &RoundSummary, seconds: f64) -> Self {
-        let RoundSummary { round, offers, called, bidders, bids, awards, credit_decided } = *round;
-        Self { round, seconds, offers, called, bidders, bids, awards, credit_decided }
+        let RoundSummary { round, offers, called, bidders, bids, awards, outbid, credit_decided } = *round;
+        Self { round, seconds, offers, called, bidders, bids, awards, outbid, credit_decided }
     }
 }
 
@@ -209,9 +213,20 @@ impl AuctionEvent {
     pub fn of(all: &[RoundSummary], thefts: &[Theft]) -> Self {
         let mut tally = AuctionTally::of(all);
         thefts.iter().for_each(|theft| tally.add_theft(theft));
-        let AuctionTally { rounds, contested, credit_decided, bidders, bids, awards, thefts, stolen } = tally;
+        let AuctionTally { rounds, contested, outbid, credit_decided, bidders, bids, awards, thefts, stolen } = tally;
         let contested_of_first_half = AuctionTally::contested_of_first_half(all);
-        Self { rounds, contested, contested_of_first_half, credit_decided, bidders, bids, awards, thefts, stolen }
+        Self {
+            rounds,
+            contested,
+            contested_of_first_half,
+            outbid,
+            credit_decided,
+            bidders,
+            bids,
+            awards,
+            thefts,
+            stolen,
+        }
     }
 }
 

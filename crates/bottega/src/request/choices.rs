@@ -76,8 +76,6 @@ choices! {
         Irradiance,
         /// Incident light at surfaces that are not matte, with the oracle `error`.
         Radiance,
-        /// Path termination where the agents do not know the light well enough, with the oracle `error`.
-        Halting,
     }
 
     /// Path guiding: knowledge of the light, learned before the first sample.

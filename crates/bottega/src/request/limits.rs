@@ -22,7 +22,7 @@ pub const LIGHTING_AGENTS_MAX: u32 = 10_000_000;
 pub const ORACLE_MEMORY_MAX: u64 = 1 << 20;
 /// Largest number of Render Agents, and of CPU threads.
 pub const AGENTS_MAX: u16 = 1024;
-/// The most zones that an agent holds at a time.
+/// The most zones that an agent works on at once.
 pub const PREFETCH_MAX: u32 = bottega_farm::PREFETCH_MAX;
 /// Largest number of zones.
 pub const ZONES_MAX: u32 = 1 << 20;

@@ -331,8 +331,8 @@ sections! {
         auction: AuctionChoice = AuctionChoice::FinishingTime,
         /// The rule by which agents adapt V_cp.
         adaptation: AdaptationChoice = AdaptationChoice::Ratio,
-        /// Most zones that an agent holds at a time: those it paints and those that wait for it. 1, as in the MAGarRO paper: only
-        /// idle agents bid.
+        /// Number of zones that an agent works on at once: the next begins while the last pixels of one are painted. 1, as in the
+        /// MAGarRO paper: only idle agents bid.
         prefetch: u32 = 2,
         /// True to cut zones near the end of the job, and to give idle agents the late zones of slow ones. Only agents on
         /// different machines share the tail.

@@ -4,6 +4,7 @@ use std::{sync::Arc, time::Instant};
 
 use bottega_denoise::Denoiser;
 use bottega_engines::BuiltinEngine;
+use bottega_scene::Loaded;
 
 use super::{Session, painter::Painter};
 use crate::{
@@ -43,6 +44,29 @@ impl Session {
         let resume = session.options.resume;
         let journal = PictureJournal::of_request(request, &session.name()?, resume)?;
         Ok(Self { journal, ..session })
+    }
+
+    /// Changes the scene to another state of it, and the view and size to those of a request. Only what has changed is prepared
+    /// again; the picture is bit-identical to that of a new session.
+    ///
+    /// # Errors
+    /// The scene has no camera or not the requested one, or the session uses an external engine.
+    pub fn edited(self, request: &Request, scene: impl Into<Loaded>) -> Result<Self, Error> {
+        let begun = Instant::now();
+        let Self { options, painter, denoiser, .. } = self;
+        Self::check(request, &options)?;
+        let Painter::Own(own) = painter else {
+            return Err(Error::usage("other engines see a scene as its file says", "leave out the engine"));
+        };
+        // Give up the engine first: an acceleration structure that nobody else refers to can be refitted.
+        let BuiltinPainter { subject, engine, .. } = *own;
+        drop(engine);
+        let subject = subject.edited(scene, request)?;
+        let rules = AgentRules::of(request)?;
+        let notes = rules.notes.clone();
+        let part = PicturePart::Whole { begun, urgency: options.urgency };
+        let painter = Painter::of_scene(request, subject, rules, &part)?;
+        Ok(Self { denoiser, ..Self::new(request, options, painter, notes, begun) })
     }
 
     /// Returns the loaded scene; `None` with an external engine.

@@ -23,7 +23,7 @@ use bottega_farm::{
     survey_size,
 };
 use bottega_image::{Film, Metadata, Rect, Tile, check_writable};
-use bottega_scene::Scene;
+use bottega_scene::Loaded;
 
 use self::painter::Painter;
 pub use self::{painting::ActiveSession, reporter::Reporter, watcher::Watcher};
@@ -133,12 +133,12 @@ impl Session {
         Ok(Self { journal, ..session })
     }
 
-    /// Opens a session for a scene made in memory. The request's `scene.file` serves as its name alone. The session writes no
+    /// Opens a session for a scene in memory. The request's `scene.file` serves as its name alone. The session writes no
     /// journal, so it cannot be resumed.
     ///
     /// # Errors
     /// The request, the scene or the rules cannot be used, or the request names an external engine.
-    pub fn of_scene(request: &Request, scene: Scene) -> Result<Self, Error> {
+    pub fn of_scene(request: &Request, scene: impl Into<Loaded>) -> Result<Self, Error> {
         Self::of_scene_with(request, scene, SessionOptions::default())
     }
 
@@ -146,7 +146,7 @@ impl Session {
     ///
     /// # Errors
     /// Those of [`Self::of_scene`]; also if `options.resume` is set.
-    pub fn of_scene_with(request: &Request, scene: Scene, options: SessionOptions) -> Result<Self, Error> {
+    pub fn of_scene_with(request: &Request, scene: impl Into<Loaded>, options: SessionOptions) -> Result<Self, Error> {
         let begun = options.begun.unwrap_or_else(Instant::now);
         Self::check(request, &options)?;
         if options.resume {

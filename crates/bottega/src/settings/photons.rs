@@ -58,7 +58,6 @@ pub fn agent_photons(options: &LightingAgentOptions, photons: PhotonSettings) ->
         // Without indirect light there are no questions about it.
         decides_irradiance: photons.indirect && decides(OracleQuestion::Irradiance),
         decides_radiance: decides(OracleQuestion::Radiance),
-        decides_halting: decides(OracleQuestion::Halting),
         asks_network: options.network,
     };
     PhotonSettings {

@@ -13,9 +13,12 @@ use std::{
 use bottega_denoise::GuideUse;
 use bottega_engines::{BuiltinEngine, CancelSwitch, EnginePreference, RenderEngine, TaskProgress, ZoneTask};
 use bottega_farm::JobSettings;
-use bottega_image::{Film, Picture, Preview, Rect, Tile};
+use bottega_image::{Film, Picture, Rect, Tile};
 
-use super::shown::{ShownView, ViewportShared};
+use super::{
+    screen::ViewportScreen,
+    shown::{ShownView, ViewportShared, ViewportWish},
+};
 use crate::{devices::threads, error::Error, session::Session, settings::tone};
 
 /// Target time for the first frame of a look.
@@ -53,8 +56,12 @@ impl ViewportPainter {
         let (mut session, mut look) = (session, 0);
         loop {
             let painted = self.paint_look(&session, look);
-            let Some((view, next)) = self.shared.next_look(look) else { return };
-            match painted.and_then(|()| session.look(&view)) {
+            let Some((wish, next)) = self.shared.next_look(look) else { return };
+            let changed = painted.and_then(|()| match wish {
+                ViewportWish::View(view) => session.look(&view),
+                ViewportWish::Scene(request, scene) => session.edited(&request, *scene),
+            });
+            match changed {
                 Ok(other) => (session, look) = (other, next),
                 Err(error) => return self.shared.fail(&error),
             }
@@ -68,14 +75,14 @@ impl ViewportPainter {
         let frame = Rect::of_size(settings.width, settings.height);
         // Render coarse frames first
         let Some(coarse) = self.paint_coarse(session, engine, look)? else { return Ok(()) };
-        let preview = fresh(session, frame);
-        preview.show_coarse(&coarse, frame);
+        let screen = self.fresh(session, settings.crop);
+        screen.show_coarse(&coarse, frame, frame);
         let shared = Arc::clone(&self.shared);
-        let show = |preview: &Arc<Preview>, samples, is_denoised| {
-            shared.show(ShownView { preview: Arc::clone(preview), look, samples, is_denoised });
+        let show = |screen: &Arc<ViewportScreen>, samples, is_denoised| {
+            shared.show(ShownView { screen: Arc::clone(screen), look, samples, is_denoised });
         };
-        show(&preview, 0, false);
-        let (painted, shared) = (Arc::clone(&preview), Arc::clone(&self.shared));
+        show(&screen, 0, false);
+        let (painted, shared) = (Arc::clone(&screen), Arc::clone(&self.shared));
         session.watch(move |tile| {
             painted.show(tile);
             shared.touch(&painted);
@@ -94,9 +101,11 @@ impl ViewportPainter {
             match film.and_then(|film| self.noise.remove(session, film, &cancel)) {
                 None => self.shared.note_samples(look, done),
                 Some(clean) => {
-                    let preview = fresh(session, frame);
-                    preview.show_coarse(&clean, frame);
-                    show(&preview, done, true);
+                    let screen = self.fresh(session, settings.crop);
+                    // Alpha is that of the samples; the denoiser changes colors alone.
+                    tile.iter().for_each(|tile| screen.show(tile));
+                    screen.show_denoised(&clean, settings.crop);
+                    show(&screen, done, true);
                 }
             }
         }
@@ -112,6 +121,7 @@ impl ViewportPainter {
         look: u64,
     ) -> Result<Option<Picture>, Error> {
         let size = (session.settings().width, session.settings().height);
+        let frame = Rect::of_size(size.0, size.1);
         let pixels = f64::from(size.0) * f64::from(size.1);
         let in_time = self.pace * FIRST_TIME.as_secs_f64() / f64::from(FIRST_SAMPLES);
         let (mut cells, mut samples) = (in_time.max(FIRST_PIXELS), FIRST_SAMPLES);
@@ -124,15 +134,26 @@ impl ViewportPainter {
             let paths = f64::from(size.0) * f64::from(size.1) * f64::from(samples);
             self.pace = 0.5 * (self.pace + paths / begun.elapsed().as_secs_f64().max(1e-6));
             let shape = Rect::of_size(size.0, size.1);
-            let preview = fresh(session, shape);
-            preview.show_coarse(&coarse, shape);
-            self.shared.show(ShownView { preview, look, samples: 0, is_denoised: false });
+            let screen = self.fresh(session, shape);
+            screen.show_coarse(&coarse, shape, frame);
+            self.shared.show(ShownView { screen, look, samples: 0, is_denoised: false });
             let Some(next) = self.shared.begin(look, engine) else { return Ok(None) };
             if cells * FINER > pixels / FINEST {
                 return Ok(Some(coarse));
             }
             (cells, samples, cancel) = (cells * FINER, 1, next);
         }
+    }
+}
+
+impl ViewportPainter {
+    /// Makes a black screen with the exposure and tone curve of the request.
+    ///
+    /// - `shape`: the pixels of displayed frames.
+    fn fresh(&self, session: &Session, shape: Rect) -> Arc<ViewportScreen> {
+        let output = &session.request().output;
+        let linear = self.shared.is_linear.then_some(session.settings().crop);
+        Arc::new(ViewportScreen::new(shape, (output.exposure, tone(output.tonemap)), linear))
     }
 }
 
@@ -182,12 +203,6 @@ impl Drop for NoiseRemover {
     }
 }
 
-/// Makes a black preview with the exposure and tone curve of the request.
-fn fresh(session: &Session, rect: Rect) -> Arc<Preview> {
-    let output = &session.request().output;
-    Arc::new(Preview::new(rect, output.exposure, tone(output.tonemap)))
-}
-
 /// Returns a size of about `pixels` pixels, with an aspect ratio as near as possible to that of the given size.
 fn similar_size((width, height): (u32, u32), pixels: f64) -> (u32, u32) {
     let ratio = f64::from(width) / f64::from(height);
@@ -208,7 +223,7 @@ fn pass(
     cancel: CancelSwitch,
 ) -> Result<Option<Tile>, Error> {
     let task = ZoneTask {
-        rect: Rect::of_size(settings.width, settings.height),
+        rect: settings.crop,
         samples,
         tunables: settings.tunables,
         leaning: EnginePreference::default(),

@@ -6,9 +6,13 @@ use std::{
 };
 
 use bottega_engines::{BuiltinEngine, CancelSwitch};
-use bottega_image::Preview;
+use bottega_scene::Loaded;
 
-use crate::{error::Error, request::ViewOptions};
+use super::screen::ViewportScreen;
+use crate::{
+    error::Error,
+    request::{Request, ViewOptions},
+};
 
 /// Shortest interval between two frames of the same look.
 const FRAME_EVERY: Duration = Duration::from_millis(40);
@@ -28,12 +32,37 @@ pub struct ViewportFrame {
     pub png: Vec<u8>,
 }
 
+/// A linear frame of a viewport.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LinearFrameState {
+    /// Number of the frame; grows with each change.
+    pub number: u64,
+    /// Number of the look that the frame shows, from 0.
+    pub look: u64,
+    /// Samples that each pixel has at least. 0: a coarse frame.
+    pub samples: u32,
+    /// True if the frame is denoised.
+    pub is_denoised: bool,
+}
+
+/// A change that the rendering thread is to make before it renders on.
+pub(super) enum ViewportWish {
+    /// Another view of the same scene.
+    View(ViewOptions),
+    /// Another state of the scene, as this request sees it.
+    Scene(Box<Request>, Box<Loaded>),
+}
+
 /// The state of a viewport, shared by viewers and the rendering thread.
 #[derive(Default)]
 pub(super) struct ViewportShared {
     state: Mutex<ViewportState>,
+    /// True if linear frames are made.
+    pub(super) is_linear: bool,
     /// Notified when the look changes or the viewport is closed.
     wanted: Condvar,
+    /// Notified when there is something new to show, and when the viewport is closed.
+    changed: Condvar,
     /// Set when the viewport is closed.
     pub(super) closing: CancelSwitch,
     /// Called when there is something new to show.
@@ -42,7 +71,8 @@ pub(super) struct ViewportShared {
 
 #[derive(Default)]
 struct ViewportState {
-    view: ViewOptions,
+    /// The change that the rendering thread has not begun with; `None`: there is none.
+    wish: Option<ViewportWish>,
     look: u64,
     /// The engine of the running step; `None`: no step, or one that is always completed.
     engine: Option<Arc<BuiltinEngine>>,
@@ -82,26 +112,27 @@ impl ViewportState {
 /// The view that is currently shown.
 #[derive(Clone)]
 pub(super) struct ShownView {
-    pub(super) preview: Arc<Preview>,
+    pub(super) screen: Arc<ViewportScreen>,
     pub(super) look: u64,
     pub(super) samples: u32,
     pub(super) is_denoised: bool,
 }
 
 impl ViewportShared {
-    pub(super) fn new(view: ViewOptions) -> Self {
-        Self { state: Mutex::new(ViewportState { view, ..ViewportState::default() }), ..Self::default() }
+    /// Makes the state of a viewport that shows nothing yet.
+    pub(super) fn new(is_linear: bool) -> Self {
+        Self { is_linear, ..Self::default() }
     }
 
     fn state(&self) -> MutexGuard<'_, ViewportState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Changes the view, and ends the running step. Returns the number of the new look.
-    pub(super) fn look(&self, view: &ViewOptions) -> u64 {
+    /// Requests a change, and ends the running step. A change that has not begun is replaced. Returns the number of the new look.
+    pub(super) fn look(&self, wish: ViewportWish) -> u64 {
         let (look, left) = {
             let mut state = self.state();
-            state.view = view.clone();
+            state.wish = Some(wish);
             state.look += 1;
             (state.look, state.leave())
         };
@@ -119,6 +150,38 @@ impl ViewportShared {
         };
         left.end();
         self.wanted.notify_all();
+        self.changed.notify_all();
+    }
+
+    /// Waits until there is a frame newer than `after`, the view has failed or the viewport is closed. Returns false after
+    /// `timeout`.
+    pub(super) fn wait(&self, after: u64, timeout: Duration) -> bool {
+        let is_old = |state: &mut ViewportState| {
+            let has_new = state.number > after && state.shown.is_some();
+            !(has_new || state.problem.is_some() || self.closing.is_cancelled())
+        };
+        let waited = self.changed.wait_timeout_while(self.state(), timeout, is_old);
+        !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
+    }
+
+    /// Copies the current linear frame, the lowest row first. `None`: there is none, or it has another size.
+    ///
+    /// - `size`: columns and rows of `values`, which has four numbers per pixel.
+    pub(super) fn copy_linear(&self, size: (u32, u32), values: &mut [f32]) -> Result<Option<LinearFrameState>, Error> {
+        let (shown, number) = {
+            let state = self.state();
+            if let Some((problem, remedy)) = &state.problem {
+                return Err(Error::usage(problem, remedy));
+            }
+            let Some(shown) = state.shown.clone() else { return Ok(None) };
+            (shown, state.number)
+        };
+        let ShownView { screen, look, samples, is_denoised } = shown;
+        if screen.linear_region().is_none_or(|region| (region.width(), region.height()) != size) {
+            return Ok(None);
+        }
+        screen.copy_linear(values);
+        Ok(Some(LinearFrameState { number, look, samples, is_denoised }))
     }
 
     /// Registers a function that is called after each change; only the first call has an effect.
@@ -153,15 +216,16 @@ impl ViewportShared {
             state.given = Some((shown.look, Instant::now()));
             (shown, state.number)
         };
-        let ShownView { preview, look, samples, is_denoised } = shown;
-        Ok(Some(ViewportFrame { number, look, samples, is_denoised, png: preview.to_png()? }))
+        let ShownView { screen, look, samples, is_denoised } = shown;
+        Ok(Some(ViewportFrame { number, look, samples, is_denoised, png: screen.to_png()? }))
     }
 
-    /// Waits until another look than `look` is wanted. Returns its view and number; `None`: the viewport is closed.
-    pub(super) fn next_look(&self, look: u64) -> Option<(ViewOptions, u64)> {
+    /// Waits until another look than `look` is wanted. Returns the change to it and its number; `None`: the viewport is closed.
+    pub(super) fn next_look(&self, look: u64) -> Option<(ViewportWish, u64)> {
         let is_content = |state: &mut ViewportState| state.look == look && !self.closing.is_cancelled();
-        let state = self.wanted.wait_while(self.state(), is_content).unwrap_or_else(PoisonError::into_inner);
-        (!self.closing.is_cancelled()).then(|| (state.view.clone(), state.look))
+        let mut state = self.wanted.wait_while(self.state(), is_content).unwrap_or_else(PoisonError::into_inner);
+        let wish = state.wish.take()?;
+        (!self.closing.is_cancelled()).then_some((wish, state.look))
     }
 
     /// Begins a step of a look on `engine`. Returns the switch that cancels it; `None`: another look is wanted.
@@ -182,9 +246,9 @@ impl ViewportShared {
         });
     }
 
-    /// Notes that pixels of a preview have changed.
-    pub(super) fn touch(&self, preview: &Arc<Preview>) {
-        self.change(|state| state.shown.as_ref().is_some_and(|shown| Arc::ptr_eq(&shown.preview, preview)));
+    /// Notes that pixels of a screen have changed.
+    pub(super) fn touch(&self, screen: &Arc<ViewportScreen>) {
+        self.change(|state| state.shown.as_ref().is_some_and(|shown| Arc::ptr_eq(&shown.screen, screen)));
     }
 
     /// Notes the number of samples that all pixels of a look have.
@@ -214,6 +278,9 @@ impl ViewportShared {
             state.number += u64::from(is_new);
             is_new
         };
+        if is_new {
+            self.changed.notify_all();
+        }
         if let Some(watcher) = self.watcher.get().filter(|_| is_new) {
             watcher();
         }

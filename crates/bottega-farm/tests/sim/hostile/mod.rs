@@ -139,7 +139,7 @@ fn add_honest(platform: &mut Platform, siege: &Siege) {
             master: MasterSource::Known(AgentId::new("master")),
             adaptation: Default::default(),
             prefetch: 2,
-            steals: siege.auction == AuctionRule::Stealing,
+            auction: siege.auction,
             heartbeat: Timing::default().heartbeat,
             expert: Expert::path_tracing(),
             knowledge: bottega_farm::Foreknowledge::default(),

@@ -199,7 +199,7 @@ fn frames_and_heads_are_as_on_the_processor() {
     let images = images(&mut n);
     let materials: Vec<_> = (0..200).map(|_| material(&mut n, images.len() as u32)).collect();
     let media = [Spectrum::new(0.1, 0.2, 0.3), Spectrum::new(1.0, 2.0, 3.0)].map(Medium::absorbing).to_vec();
-    let scene = Scene { images, materials, media, ..Scene::default() };
+    let scene = Scene { images: images.into(), materials, media, ..Scene::default() };
     let encoded = EncodedMaterials::new(&scene, &[]).unwrap();
     let cases: Vec<_> = (0..10_000)
         .map(|index| Case {

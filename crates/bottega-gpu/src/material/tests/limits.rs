@@ -27,7 +27,7 @@ fn coat(facets: Facets, most: f32) -> Surface {
 fn scene(surface: Surface) -> Scene {
     let texels = [0.0, 1e-5, 3e-4, 0.004, 0.03, 0.2, 0.6, 1.0].map(|share| [share; 3]).to_vec();
     let images = vec![Image::from_linear_rgb("thickness", 8, 1, texels)];
-    Scene { images, materials: vec![surface.into()], ..Scene::default() }
+    Scene { images: images.into(), materials: vec![surface.into()], ..Scene::default() }
 }
 
 const SHADER: &str = "

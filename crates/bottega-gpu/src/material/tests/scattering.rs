@@ -159,7 +159,7 @@ fn compare((name, make): SurfaceKind, seed: u64) -> Option<Vec<String>> {
     let images = images(&mut n);
     let count = images.len() as u32;
     let materials = (0..MATERIALS).map(|_| material(&mut n, make, count)).collect();
-    let scene = Scene { images, materials, ..Scene::default() };
+    let scene = Scene { images: images.into(), materials, ..Scene::default() };
     let encoded = EncodedMaterials::new(&scene, &[]).unwrap();
     let bench = Bench::new(include_str!("probe.wgsl"), encoded.features)?;
     let all = (0..MATERIALS * POINTS).map(|i| (i % MATERIALS) as u32);
@@ -252,7 +252,7 @@ fn walks_through_coats_come_to_the_same_on_average() {
     let count = images.len() as u32;
     let &(_, make) = KINDS.iter().find(|(name, _)| *name == WALKED).unwrap();
     let materials: Vec<Material> = (0..24).map(|_| make(&mut n, count).into()).collect();
-    let scene = Scene { images, materials, ..Scene::default() };
+    let scene = Scene { images: images.into(), materials, ..Scene::default() };
     let encoded = EncodedMaterials::new(&scene, &[]).unwrap();
     for material in 0..scene.materials.len() as u32 {
         let first = Case { lifted: None, ..Case::random(&mut n, &scene, material) };

@@ -38,7 +38,8 @@ fn pictures_are_looked_up_as_on_the_processor() {
         emission: ColorParam { texture: Some(map), ..ColorParam::default() },
         ..Material::matte(bottega_scene::Spectrum::ONE)
     };
-    let scene = Scene { images, materials: maps.iter().copied().map(emits).collect(), ..Scene::default() };
+    let scene =
+        Scene { images: images.into(), materials: maps.iter().copied().map(emits).collect(), ..Scene::default() };
     let encoded = EncodedMaterials::new(&scene, &[]).unwrap();
     let mut cases: Vec<(usize, Vec2, f32)> = Vec::new();
     for index in 0..30_000 {

@@ -1,7 +1,7 @@
 //! Measurement of indirect light where earlier records are not certain enough.
 
 use super::super::{
-    map::Agents,
+    map::{Agents, LightUse},
     probe::SensorKind,
     sensing::{Candidate, Sensing, SensorReadings},
 };
@@ -18,7 +18,8 @@ pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: 
         let probe = sensing.probe(index);
         let normal = if is_back { -probe.agent.normal } else { probe.agent.normal };
         let is_directed = !probe.agent.is_matte;
-        if others.knows(probe.agent.p, normal, is_directed) {
+        let what_for = if probe.agent.is_camera() { LightUse::Shown } else { LightUse::Gathered };
+        if others.knows(probe.agent.p, normal, is_directed, what_for) {
             continue;
         }
         let Some(point) = probe.place(SensorKind::Irradiance, 0, 0.0, normal) else { continue };
@@ -26,7 +27,7 @@ pub(in crate::ala) fn measure(sensing: &Sensing<'_>, who: &[Candidate], others: 
         let [least, most] = others.reach_of_records(probe.agent.p, probe.reach);
         // A back may be inside a thin wall: its record must not count on the other side
         let reach = [if is_back { BACK_REACH * least } else { least }, most];
-        let effort = others.effort_at(probe.agent.p, normal);
+        let effort = others.effort_at(probe.agent.p, normal, what_for);
         let place = Place { point, width: probe.reach, reach, effort, is_directed };
         let record = sensing.integrator.record(sensing.maps, place, sampler, others, &mut buffers);
         sensed.records.push(record);

@@ -79,12 +79,24 @@ fn look_for_lights(
     Ok(look::answers(network, &discoveries))
 }
 
-/// Returns the candidates for measurements, in the order of their identities. Any first part of that stratified
-/// sequence covers the whole scene.
+/// Returns the candidates for measurements: in turn one of the camera's and one of the others, each in the order of
+/// their identities. Any first part of these stratified sequences covers the whole picture and the whole scene.
 fn candidates(swarm: &Swarm, settings: AgentSettings) -> Vec<Candidate> {
     let can_measure = |agent: &Agent| agent.is_matte || (agent.is_glossy && settings.decides_radiance);
-    // Scouts are sent to fronts; agents behind a surface cover its back
+    // Scouts and the camera's agents are sent to fronts; agents behind a surface cover its back
     let sides = |agent: &Agent| if agent.is_scout() { &[false][..] } else { &[false, true] };
-    let measuring = swarm.agents.iter().zip(0..).filter(|(agent, _)| can_measure(agent));
-    measuring.flat_map(|(agent, index)| sides(agent).iter().map(move |&is_back| Candidate { index, is_back })).collect()
+    let of = |is_camera: bool| {
+        let all = swarm.agents.iter().zip(0..);
+        let measuring = all.filter(move |(agent, _)| agent.is_camera() == is_camera && can_measure(agent));
+        measuring.flat_map(move |(agent, index)| sides(agent).iter().map(move |&is_back| Candidate { index, is_back }))
+    };
+    let (mut shown, mut others) = (of(true), of(false));
+    let mut candidates = Vec::new();
+    loop {
+        let both = [shown.next(), others.next()];
+        if both == [None; 2] {
+            return candidates;
+        }
+        candidates.extend(both.into_iter().flatten());
+    }
 }

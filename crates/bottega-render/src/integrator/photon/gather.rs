@@ -9,8 +9,6 @@ mod state;
 mod surroundings;
 mod ways;
 
-use std::f32::consts::FRAC_1_PI;
-
 use bottega_kernels::{Hit, Ray};
 use bottega_scene::{Spectrum, Surface};
 
@@ -19,7 +17,6 @@ use crate::{
     ala::Agents,
     bsdf::Bsdf,
     camera::CameraRay,
-    color::luminance,
     interaction::Interaction,
     photon::{
         BOUNCES_KEPT, BounceShares, PhotonMaps,
@@ -235,8 +232,7 @@ impl<'a> GatherPath<'a> {
                     self.add_from(state, &vertex, &known, &sample, 1.0);
                     (state.is_short, state.unknown) = (true, 0.0);
                 }
-                let worth = self.worth(state, &vertex, bsdf);
-                scatter(prepared, state, &vertex, &sample, 1.0) && survives(state, worth, u[3])
+                scatter(prepared, state, &vertex, &sample, 1.0) && survives(state, u[3])
             }
             _ => false,
         }
@@ -338,21 +334,6 @@ impl<'a> GatherPath<'a> {
     fn is_occluded(&mut self, ray: &Ray, vertex: u32) -> bool {
         self.record.counts.shadow_rays += 1;
         self.rays(vertex).is_occluded(ray)
-    }
-
-    /// Returns the probability of continuing a path at a surface, by the agents' estimate of its contribution relative
-    /// to a part of the radiance found so far. Unbiased whatever they estimate: survivors are weighted by its inverse.
-    fn worth(&self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf) -> f32 {
-        /// Contribution that is always worth tracing, as a share of the radiance found so far.
-        const PART: f32 = 0.05;
-        const WORTH_MIN: f32 = 0.1;
-        let ask = |agents: &Agents| agents.rough_irradiance_at(vertex.point.p, vertex.point.frame[2]);
-        let Some(irradiance) = self.agents.filter(|_| !matches!(state.comes, ArrivalKind::Camera)).and_then(ask) else {
-            return 1.0;
-        };
-        let light = luminance(state.throughput * bsdf.albedo(vertex.wo) * irradiance * FRAC_1_PI);
-        let found = PART * luminance(self.radiance);
-        if light < found { (light / found).max(WORTH_MIN) } else { 1.0 }
     }
 
     /// Returns the distribution of indirect light at a gathering surface, if it is wanted and the photons give one.

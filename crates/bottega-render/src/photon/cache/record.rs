@@ -51,6 +51,9 @@ pub(crate) struct IrradianceRecord {
 /// Greatest distance off the surface of a point that a record counts for, along the sum of both normals, in radii.
 const OFF_PLANE: f32 = 0.1;
 
+/// Steepness by which a record fades before walls, so that it has no edge there.
+const FADING: f32 = 3.0;
+
 /// The region where a record may count: a ball around it, between two planes parallel to its surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
@@ -364,12 +367,19 @@ impl IrradianceRecord {
         let error = distance_squared.sqrt() / self.radius + (1.0 - n.dot(self.n)).max(0.0).sqrt();
         let nearness = 1.0 - error / tolerance;
         // Test for walls only where it counts
-        if nearness > 0.0 && self.is_clear(way) { nearness } else { 0.0 }
+        if nearness > 0.0 { nearness.min(self.open_share(way)) } else { 0.0 }
     }
 
     /// Returns `true` if no wall stands between the record and a point on its surface, however thin.
     #[inline(always)]
     pub(super) fn is_clear(&self, way: Vec3) -> bool {
+        self.open_share(way) > 0.0
+    }
+
+    /// Returns how far before a wall a point on the record's surface is: 0 at the wall and behind it, at least 1 in the
+    /// first two thirds of the way.
+    #[inline(always)]
+    fn open_share(&self, way: Vec3) -> f32 {
         let (s, t) = orthonormal_basis(self.n);
         let (x, y) = (way.dot(s), way.dot(t));
         // The sides are octants, in the order of the sectors
@@ -385,7 +395,7 @@ impl IrradianceRecord {
             (true, false, false) => 7,
         };
         let distance = f32::from_bits(u32::from(self.clearance[side]) << 16);
-        x * x + y * y <= distance * distance
+        FADING * (1.0 - ((x * x + y * y) / (distance * distance).max(f32::MIN_POSITIVE)).sqrt()).max(0.0)
     }
 
     /// Returns the irradiance extrapolated to another point by the gradients.

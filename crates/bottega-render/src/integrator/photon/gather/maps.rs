@@ -11,6 +11,7 @@ use super::{
     state::{ArrivalKind, GatherState, is_sharp},
 };
 use crate::{
+    ala::LightUse,
     bsdf::Bsdf,
     photon::{PhotonContribution, kept},
     shading::is_matte,
@@ -25,13 +26,11 @@ impl GatherPath<'_> {
         let point = vertex.point;
         let normals = [point.facing_ng(), point.frame[2]];
         let bounces = self.bounces_left(state);
-        let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.buffers.sensors);
+        let is_shown = matches!(state.comes, ArrivalKind::Camera);
+        let what_for = if is_shown { LightUse::Shown } else { LightUse::Gathered };
+        let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.buffers.sensors, what_for);
         let known = is_matte(bsdf).then(ask).flatten();
-        let share = match known {
-            Some(known) if matches!(state.comes, ArrivalKind::Camera) => known.share,
-            Some(_) => 1.0,
-            None => 0.0,
-        };
+        let share = known.map_or(0.0, |known| known.share);
         self.buffers.tally.irradiance_computed += u64::from(share < 1.0);
         self.buffers.tally.irradiance_interpolated += u64::from(share == 1.0);
         if let Some(known) = known.filter(|_| bounces >= 2) {

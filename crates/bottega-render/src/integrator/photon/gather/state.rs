@@ -136,16 +136,10 @@ pub(super) fn scatter(
 }
 
 /// Applies Russian roulette, as in path tracing. Returns `true` if the path survives.
-///
-/// - `worth`: further probability of survival, in (0, 1], from the path's importance.
-pub(super) fn survives(state: &mut GatherState, worth: f32, u: f32) -> bool {
+pub(super) fn survives(state: &mut GatherState, u: f32) -> bool {
     /// Number of bounces before Russian roulette starts.
     const SURE: u32 = 3;
-    if u >= worth {
-        return false;
-    }
-    state.throughput /= worth;
-    transport::survives(&mut state.throughput, state.squeezed, state.depth <= SURE, u / worth)
+    transport::survives(&mut state.throughput, state.squeezed, state.depth <= SURE, u)
 }
 
 /// Returns `true` if light in a lobe over mirrors and glass is found by tracing the path on and not by photons: too few

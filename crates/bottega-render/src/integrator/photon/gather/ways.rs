@@ -44,6 +44,6 @@ impl GatherPath<'_> {
     /// Scatters along one of both directions, weighted by its share.
     fn go(&self, state: &mut GatherState, vertex: &SurfaceVertex<'_>, way: &BsdfSample) -> bool {
         let u = self.sampler.quad(DimensionSet::scattering(state.vertex))[3];
-        scatter(self.prepared, state, vertex, way, way.pdf) && survives(state, 1.0, u)
+        scatter(self.prepared, state, vertex, way, way.pdf) && survives(state, u)
     }
 }

@@ -1,0 +1,315 @@
+"""Lights, environments, cameras and spheres of a scene."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Sequence
+
+from ._errors import SceneError
+from ._values import (
+    IDENTITY3,
+    IDENTITY4,
+    ChoiceKind,
+    Color,
+    ColorKind,
+    DirectionKind,
+    KeyKind,
+    Kind,
+    MatrixKind,
+    MaybeRealKind,
+    Names,
+    Texture,
+    TextureKind,
+    Value,
+    VectorKind,
+    choice,
+    flag,
+    of,
+    plain_real,
+    reals,
+    rows,
+)
+
+Vector = Sequence[float]
+Matrix = Sequence[Sequence[float]]
+
+
+@dataclass
+class Light(Value):
+    """A light without a surface. Emissive surfaces are materials with `emission`."""
+
+    tag: ClassVar[str] = ""
+
+    def plain_fields(self, names: Names) -> dict[str, Any]:
+        return {"name": "", "kind": {self.tag: self.plain_kind(super().plain_fields(names))}}
+
+    def plain_kind(self, plain: dict[str, Any]) -> dict[str, Any]:
+        return plain
+
+
+@dataclass
+class PointLight(Light):
+    """A point that emits equally in all directions. `intensity`: R G B in W·sr⁻¹."""
+
+    tag = "point"
+    position: Vector = of(VectorKind(), (0.0, 0.0, 0.0))
+    intensity: Color = of(ColorKind(), 1.0)
+
+
+@dataclass
+class SunLight(Light):
+    """Parallel light. `direction`: in which it travels. `irradiance`: R G B on a perpendicular surface, in W·m⁻²."""
+
+    tag = "directional"
+    direction: Vector = of(DirectionKind(), (0.0, -1.0, 0.0))
+    irradiance: Color = of(ColorKind(), 1.0)
+
+    @classmethod
+    def by_matrix(cls, matrix: Matrix, irradiance: Color = 1.0) -> SunLight:
+        """Makes a light that travels along the -z axis of a matrix, (4, 4), from light space to world space."""
+        _, direction = _place(matrix)
+        return cls(direction, irradiance)
+
+
+@dataclass
+class SpotLight(Light):
+    """A point that emits into a cone. `intensity`: R G B on the axis, in W·sr⁻¹.
+
+    `inner` and `outer`: half angles in degrees, up to which the intensity is full, and from which it is 0.
+    `falloff`: `squared_cosine` (glTF), `linear_angle` (Mitsuba), `smooth_cosine` (pbrt).
+    """
+
+    tag = "spot"
+    position: Vector = of(VectorKind(), (0.0, 0.0, 0.0))
+    direction: Vector = of(DirectionKind(), (0.0, -1.0, 0.0))
+    intensity: Color = of(ColorKind(), 1.0)
+    inner: float = plain_real(0.0, 0.0, 180.0)
+    outer: float = plain_real(45.0, 0.0, 180.0)
+    falloff: Literal["squared_cosine", "linear_angle", "smooth_cosine"] = choice(
+        "squared_cosine", "linear_angle", "smooth_cosine"
+    )
+
+    @classmethod
+    def by_matrix(cls, matrix: Matrix, **fields: Any) -> SpotLight:
+        """Makes a light at the origin of a matrix, (4, 4), from light space to world space, that shines along its -z axis."""
+        position, direction = _place(matrix)
+        return cls(position, direction, **fields)
+
+    def plain_kind(self, plain: dict[str, Any]) -> dict[str, Any]:
+        inner, outer = plain.pop("inner"), plain.pop("outer")
+        if inner >= outer:
+            raise SceneError(f"`inner` is {inner} and `outer` {outer}: `inner` must be the smaller angle")
+        return {**plain, "cos_inner": math.cos(math.radians(inner)), "cos_outer": math.cos(math.radians(outer))}
+
+
+@dataclass
+class ProjectorLight(Light):
+    """A point that projects an image along the -z axis of `transform`, (4, 4), from light space to world space, without scale.
+
+    `intensity`: multiplies the image: R G B on the axis, in W·sr⁻¹. `fov`: full vertical angle, in degrees. `aspect`: width over
+    height.
+    """
+
+    tag = "projector"
+    picture: Texture = of(TextureKind(), ...)
+    transform: Matrix = of(MatrixKind(), IDENTITY4)
+    intensity: Color = of(ColorKind(), 1.0)
+    fov: float = plain_real(40.0, 0.001, 179.999)
+    aspect: float = plain_real(1.0)
+
+    def plain_kind(self, plain: dict[str, Any]) -> dict[str, Any]:
+        fov = math.radians(plain.pop("fov"))
+        return {"world_from_light": plain.pop("transform"), "vertical_fov": fov, **plain}
+
+
+@dataclass
+class GoniometricLight(Light):
+    """A point whose intensity an image of equal areas gives for each direction. `rotation`: (3, 3), from light to world space."""
+
+    tag = "goniometric"
+    image: str = of(KeyKind("image", False), ...)
+    position: Vector = of(VectorKind(), (0.0, 0.0, 0.0))
+    rotation: Matrix = of(MatrixKind(3, 3), IDENTITY3)
+    intensity: Color = of(ColorKind(), 1.0)
+
+    def plain_kind(self, plain: dict[str, Any]) -> dict[str, Any]:
+        return {"world_from_light": plain.pop("rotation"), **plain}
+
+
+def light_of_plain(plain: dict[str, Any], names: Names) -> Light:
+    """Makes a light from JSON."""
+    ((tag, it),) = plain["kind"].items()
+    if tag == "point":
+        return PointLight(it["position"], it["intensity"])
+    if tag == "directional":
+        return SunLight(it["direction"], it["irradiance"])
+    if tag == "spot":
+        inner, outer = (math.degrees(math.acos(max(-1.0, min(1.0, it[name])))) for name in ("cos_inner", "cos_outer"))
+        return SpotLight(it["position"], it["direction"], it["intensity"], inner, outer, it["falloff"])
+    if tag == "projector":
+        transform = MatrixKind().value(it["world_from_light"], names)
+        fov = math.degrees(it["vertical_fov"])
+        return ProjectorLight(Texture.of_map(it["picture"], names), transform, it["intensity"], fov, it["aspect"])
+    rotation = MatrixKind(3, 3).value(it["world_from_light"], names)
+    return GoniometricLight(names.key_of("image", it["image"]) or "", it["position"], rotation, it["intensity"])
+
+
+def _place(matrix: Matrix) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Returns the origin of a matrix, and its -z axis."""
+    by_rows = rows(matrix, "matrix", 4, 4)
+    return tuple(row[3] for row in by_rows[:3]), tuple(-row[2] for row in by_rows[:3])
+
+
+class PortalsKind(Kind):
+    """Rectangles: a corner and two edges each."""
+
+    def check(self, value: Any, name: str) -> Any:
+        return tuple(rows(portal, f"{name}[{index}]", 3, 3) for index, portal in enumerate(value))
+
+    def plain(self, value: Any, names: Names) -> Any:
+        return [{"corner": corner, "edges": [u, v]} for corner, u, v in value]
+
+    def value(self, plain: Any, names: Names) -> Any:
+        return tuple((portal["corner"], *portal["edges"]) for portal in plain)
+
+
+@dataclass
+class Environment(Value):
+    """Radiance along rays that leave the scene.
+
+    - `radiance`: R G B in W·sr⁻¹·m⁻²; multiplies the image.
+    - `image`: key of its image; `None`: the same in all directions.
+    - `mapping`: `latitude_longitude` (the upper edge is +y, the centre column -z, u grows towards +x),
+      `latitude_longitude_to_poles` (Mitsuba's) or `equal_area` (pbrt's).
+    - `rotation`: (3, 3), from environment to world space.
+    - `portals`: rectangles through which alone it shines, each a corner and two edges.
+    """
+
+    radiance: Color = of(ColorKind(), 1.0)
+    image: str | None = of(KeyKind("image"), None)
+    mapping: Literal["latitude_longitude", "latitude_longitude_to_poles", "equal_area"] = choice(
+        "latitude_longitude", "latitude_longitude_to_poles", "equal_area"
+    )
+    rotation: Matrix = of(MatrixKind(3, 3), IDENTITY3)
+    portals: Sequence[Matrix] = of(PortalsKind(), ())
+
+    def plain_fields(self, names: Names) -> dict[str, Any]:
+        plain = super().plain_fields(names)
+        return {"factor": plain.pop("radiance"), "world_from_environment": plain.pop("rotation"), **plain}
+
+    @classmethod
+    def of_plain(cls, plain: dict[str, Any], names: Names) -> Environment:
+        members = {"radiance": plain["factor"], "rotation": plain["world_from_environment"]}
+        return super().of_plain({**plain, **members}, names)
+
+
+class FarKind(Kind):
+    """A distance that may be infinite."""
+
+    def check(self, value: Any, name: str) -> float:
+        return math.inf if value == math.inf else float(reals([value], name, 1, 0.0)[0])
+
+
+@dataclass
+class Camera(Value):
+    """A camera at the origin of `transform`, (4, 4), from camera space to world space, without scale; it looks along -z, +y is up.
+
+    - `projection`: `perspective` with `fov` (full angle along `fov_axis`'s vertical measure, in degrees), `orthographic` with
+      `height` (in scene units), or a panorama: `equirectangular`, `equal_area`.
+    - `aspect`: width over height of the picture that `fov` and `height` belong to; `None`: they are vertical.
+      `fov_axis`: the extent that stays in a picture of another aspect: `x`, `y`, `diagonal`, `smaller`, `larger`.
+    - `lens_radius`: in scene units; 0: everything is sharp. `focus_distance`: of the sharp plane.
+    - `shift`: of the optical axis, right and up, in halves of the picture's width and height.
+    - `near`, `far`: distances of the clip planes along the axis.
+    - `medium`: key of the medium around it. `hides_emitters`: it does not see emitters.
+    """
+
+    transform: Matrix = of(MatrixKind(), IDENTITY4)
+    fov: float = plain_real(40.0, 0.001, 179.999)
+    projection: Literal["perspective", "orthographic", "equirectangular", "equal_area"] = choice(
+        "perspective", "orthographic", "equirectangular", "equal_area"
+    )
+    height: float = plain_real(2.0)
+    aspect: float | None = of(MaybeRealKind(), None)
+    pixel_aspect: float = plain_real(1.0)
+    fov_axis: Literal["x", "y", "diagonal", "smaller", "larger"] = of(
+        ChoiceKind("x", "y", "diagonal", "smaller", "larger"), "y"
+    )
+    lens_radius: float = plain_real(0.0)
+    focus_distance: float = plain_real(1.0)
+    shift: Vector = of(VectorKind(2), (0.0, 0.0))
+    near: float = plain_real(0.0)
+    far: float = of(FarKind(), math.inf)
+    medium: str | None = of(KeyKind("medium"), None)
+    hides_emitters: bool = flag(False)
+
+    @classmethod
+    def looking(
+        cls, eye: Vector, target: Vector, *, up: Vector = (0.0, 1.0, 0.0), fov: float = 40.0, **fields: Any
+    ) -> Camera:
+        """Makes a camera at `eye` that looks at `target`; it is focused there."""
+        eye, target = reals(eye, "eye", 3), reals(target, "target", 3)
+        distance = math.dist(eye, target)
+        back = _unit(tuple(a - b for a, b in zip(eye, target)), "target", "it lies at `eye`")
+        right = _unit(_cross(reals(up, "up", 3), back), "up", "it has no length, or points along the view")
+        axes = (right, _cross(back, right), back, eye)
+        matrix = (*(tuple(axis[row] for axis in axes) for row in range(3)), (0.0, 0.0, 0.0, 1.0))
+        return cls(matrix, fov, **{"focus_distance": distance, **fields})
+
+    def plain_fields(self, names: Names) -> dict[str, Any]:
+        plain = super().plain_fields(names)
+        fov, height, kind = plain.pop("fov"), plain.pop("height"), plain.pop("projection")
+        projection: dict[str, Any] = {"panorama": kind}
+        if kind == "perspective":
+            projection = {kind: {"vertical_fov": math.radians(fov)}}
+        elif kind == "orthographic":
+            projection = {kind: {"height": height}}
+        far = plain.pop("far")
+        return {
+            "name": "",
+            "world_from_camera": plain.pop("transform"),
+            "projection": projection,
+            "lens_shift": plain.pop("shift"),
+            "clip": {"near": plain.pop("near"), "far": None if far == math.inf else far},
+            **plain,
+        }
+
+    @classmethod
+    def of_plain(cls, plain: dict[str, Any], names: Names) -> Camera:
+        ((kind, members),) = plain["projection"].items()
+        far = plain["clip"]["far"]
+        more = {
+            "transform": plain["world_from_camera"],
+            "projection": members if kind == "panorama" else kind,
+            "fov": math.degrees(members["vertical_fov"]) if kind == "perspective" else 40.0,
+            "height": members["height"] if kind == "orthographic" else 2.0,
+            "shift": plain["lens_shift"],
+            "near": plain["clip"]["near"],
+            "far": math.inf if far is None else far,
+        }
+        return super().of_plain({**plain, **more}, names)
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, ...]:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def _unit(vector: Sequence[float], name: str, problem: str) -> tuple[float, ...]:
+    length = math.hypot(*vector)
+    if not length > 0:
+        raise SceneError(f"`{name}`: {problem}; choose another one")
+    return tuple(member / length for member in vector)
+
+
+@dataclass
+class Sphere(Value):
+    """A sphere that is not triangulated. `material`: its key. `rotation`: a quaternion x y z w that turns its texture."""
+
+    center: Vector = of(VectorKind(), ...)
+    radius: float = plain_real(...)
+    material: str = of(KeyKind("material", False), ...)
+    rotation: Vector = of(VectorKind(4), (0.0, 0.0, 0.0, 1.0))
+
+    def plain_fields(self, names: Names) -> dict[str, Any]:
+        return {"center": self.center, "radius": self.radius, "world_from_object": self.rotation, "material": 0}

@@ -1,0 +1,321 @@
+"""The scattering models of surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Sequence, Union
+
+from ._values import (
+    Color,
+    CountKind,
+    Kind,
+    Names,
+    Number,
+    NumberKind,
+    Texture,
+    TexturedColorKind,
+    TextureKind,
+    Value,
+    ValueKind,
+    VectorKind,
+    choice,
+    color,
+    flag,
+    number,
+    of,
+    plain_real,
+    wrong,
+)
+
+
+@dataclass
+class Surface(Value):
+    """A scattering model. Reflectances are linear R G B from 0 to 1; every color and most numbers may be a `Texture`."""
+
+    tag: ClassVar[str] = ""
+
+    def plain(self, names: Names) -> Any:
+        """Returns the surface as JSON."""
+        return {self.tag: self.plain_fields(names)}
+
+
+class SurfaceKind(Kind):
+    """A surface; of the given classes, if any are given."""
+
+    def __init__(self, *classes: type[Surface]) -> None:
+        self.classes = classes or (Surface,)
+
+    def check(self, value: Any, name: str) -> Surface:
+        if isinstance(value, self.classes):
+            return value
+        allowed = ", ".join(cls.__name__ for cls in self.classes)
+        raise wrong(name, value, f"a surface is needed ({allowed})")
+
+    def plain(self, value: Any, names: Names) -> Any:
+        return value.plain(names)
+
+    def value(self, plain: Any, names: Names) -> Any:
+        return surface_of_plain(plain, names)
+
+
+class RoughnessKind(Kind):
+    """Roughness, or a pair of it along u and v."""
+
+    def check(self, value: Any, name: str) -> Any:
+        kind = NumberKind(0.0, 1e15)
+        if isinstance(value, (int, float, Texture)):
+            return kind.check(value, name)
+        try:
+            along_u, along_v = value
+        except (TypeError, ValueError):
+            raise wrong(name, value, "a number, a Texture, or a pair of them along u and v is needed") from None
+        return kind.check(along_u, f"{name}[0]"), kind.check(along_v, f"{name}[1]")
+
+    def plain(self, value: Any, names: Names) -> Any:
+        pair = value if isinstance(value, tuple) else (value, value)
+        return [NumberKind().plain(member, names) for member in pair]
+
+    def value(self, plain: Any, names: Names) -> Any:
+        along_u, along_v = (NumberKind().value(member, names) for member in plain)
+        return along_u if along_u == along_v else (along_u, along_v)
+
+
+Roughness = Union[Number, Sequence[Number]]
+
+
+@dataclass
+class Faceted(Surface):
+    """A surface with microfacets.
+
+    - `roughness`: of the facets, or a pair of it along u and along v; 0: smooth.
+    - `roughness_scale`: its relation to the α of the distribution: `alpha` (it is α), `square_root` (pbrt's), `square`.
+    - `shadowing`: `correlated` as in pbrt, `separable` as in Mitsuba.
+    """
+
+    roughness: Roughness = of(RoughnessKind(), 0.0)
+    roughness_scale: Literal["alpha", "square_root", "square"] = choice("alpha", "square_root", "square")
+    distribution: Literal["ggx", "beckmann"] = choice("ggx", "beckmann")
+    shadowing: Literal["correlated", "separable"] = choice("correlated", "separable")
+
+    def plain_fields(self, names: Names) -> dict[str, Any]:
+        plain = super().plain_fields(names)
+        members = {"roughness": "roughness", "scale": "roughness_scale", "distribution": "distribution"}
+        members["shadowing"] = "shadowing"
+        plain["facets"] = {name: plain.pop(member) for name, member in members.items()}
+        return plain
+
+    @classmethod
+    def of_plain(cls, plain: dict[str, Any], names: Names) -> Any:
+        facets = dict(plain["facets"])
+        facets["roughness_scale"] = facets.pop("scale")
+        return super().of_plain({**plain, **facets}, names)
+
+
+@dataclass
+class Null(Surface):
+    """No surface: only the boundary of two media."""
+
+    tag = "null"
+
+    def plain(self, names: Names) -> Any:
+        return "null"
+
+
+@dataclass
+class Unlit(Surface):
+    """Emits its color, at most 1, and scatters nothing."""
+
+    tag = "unlit"
+    color: Color = of(TexturedColorKind(), 1.0)
+
+    def plain(self, names: Names) -> Any:
+        return {"unlit": self.plain_fields(names)["color"]}
+
+
+@dataclass
+class Diffuse(Surface):
+    """A matte surface: Lambertian, or Oren and Nayar's. `roughness`: deviation of its slopes, in radians."""
+
+    tag = "diffuse"
+    reflectance: Color = color(0.8)
+    roughness: Number = number(0.0)
+
+
+@dataclass
+class DiffuseTransmission(Surface):
+    """Diffuse reflection and transmission, as of paper or a leaf."""
+
+    tag = "diffuse_transmission"
+    reflectance: Color = color(0.25)
+    transmittance: Color = color(0.25)
+
+
+@dataclass
+class Conductor(Faceted):
+    """Metal, by its complex index of refraction `eta` + i `k`, R G B; both 0: a perfect mirror."""
+
+    tag = "conductor"
+    eta: Color = color(0.0)
+    k: Color = color(0.0)
+    reflectance: Color = color(1.0)
+
+
+@dataclass
+class Dielectric(Faceted):
+    """The boundary of a clear solid. `eta`: index of refraction behind the front over that before it. `thin`: a sheet."""
+
+    tag = "dielectric"
+    eta: float = plain_real(1.5)
+    reflectance: Color = color(1.0)
+    transmittance: Color = color(1.0)
+    thin: bool = flag(False)
+
+
+@dataclass
+class Plastic(Faceted):
+    """A diffuse base below a dielectric boundary, as in Mitsuba. `inner`: light that the boundary reflects back inside."""
+
+    tag = "plastic"
+    eta: float = plain_real(1.49)
+    diffuse: Color = color(0.5)
+    specular: Color = color(1.0)
+    inner: Literal["linear", "nonlinear", "lost"] = choice("linear", "nonlinear", "lost")
+
+
+@dataclass
+class Coated(Faceted):
+    """A `Diffuse` or `Conductor` base below a layer that may absorb and scatter, as in pbrt. The roughness is the layer's.
+
+    `thickness` is in mean free paths, `albedo` and `g` are those within the layer, `max_depth` the most scattering events.
+    """
+
+    tag = "coated"
+    eta: float = plain_real(1.5)
+    thickness: Number = number(0.01)
+    albedo: Color = color(0.0)
+    g: Number = number(0.0)
+    max_depth: int = of(CountKind(), 10)
+    base: Diffuse | Conductor = of(SurfaceKind(Diffuse, Conductor), Diffuse())
+
+
+@dataclass
+class Principled(Surface):
+    """Disney's material (Burley 2012 and 2015). `roughness` is perceptual: α is its square."""
+
+    tag = "principled"
+    base_color: Color = color(0.8)
+    roughness: Number = number(0.5)
+    anisotropic: Number = number(0.0)
+    metallic: Number = number(0.0)
+    spec_trans: Number = number(0.0)
+    eta: float = plain_real(1.5)
+    spec_tint: Number = number(0.0)
+    sheen: Number = number(0.0)
+    sheen_tint: Number = number(0.0)
+    flatness: Number = number(0.0)
+    clearcoat: Number = number(0.0)
+    clearcoat_gloss: Number = number(0.0)
+    diff_trans: Number = number(0.0)
+    thin: bool = flag(False)
+
+
+@dataclass
+class Anisotropy(Value):
+    """The direction of highlights. `rotation`: from the tangent, in radians. `texture`: R G the direction, B the strength."""
+
+    strength: float = plain_real(0.0, 0.0, 1.0)
+    rotation: float = plain_real(0.0, -1e15)
+    texture: Texture | None = of(TextureKind(), None)
+
+
+@dataclass
+class Iridescence(Value):
+    """A thin film. `thickness`: in nanometres, where its texture is 0 and where it is 1 or missing."""
+
+    factor: Number = number(1.0)
+    ior: float = plain_real(1.3)
+    thickness: Sequence[float] = of(VectorKind(2, 0.0, 1e15), (100.0, 400.0))
+    thickness_texture: Texture | None = of(TextureKind(True), None)
+
+
+class ScaledMapKind(TextureKind):
+    """A normal map, whose factor scales x and y; or `None`."""
+
+    def plain(self, value: Any, names: Names) -> Any:
+        return None if value is None else [value.map(names), _scale(value)]
+
+    def value(self, plain: Any, names: Names) -> Any:
+        return None if plain is None else Texture.of_map(plain[0], names, plain[1])
+
+
+def _scale(texture: Texture) -> float:
+    factor = texture.factor
+    return float(factor) if isinstance(factor, (int, float)) else float(factor[0])
+
+
+@dataclass
+class Layered(Surface):
+    """glTF's layered material: plastic by default, metal with `metallic=1`, glass with `transmission=1`, lacquer with `coat=1`.
+
+    Roughness is perceptual: 0 a mirror, 1 matte. `thin`: a sheet without volume; otherwise the mesh bounds a solid.
+    `dispersion` is 20 over the Abbe number. `coat_normal` is a normal map of the coat, with its scale as factor.
+    """
+
+    tag = "layered"
+    base_color: Color = color(0.8)
+    metallic: Number = number(0.0, 0.0, 1.0)
+    roughness: Number = number(0.5, 0.0, 1.0)
+    anisotropy: Anisotropy | None = of(ValueKind(Anisotropy), None)
+    ior: float = plain_real(1.5)
+    dispersion: float = plain_real(0.0)
+    specular: Number = number(1.0, 0.0, 1.0)
+    specular_color: Color = color(1.0)
+    transmission: Number = number(0.0, 0.0, 1.0)
+    diffuse_transmission: Number = number(0.0, 0.0, 1.0)
+    diffuse_transmission_color: Color = color(1.0)
+    thin: bool = flag(False)
+    iridescence: Iridescence | None = of(ValueKind(Iridescence), None)
+    coat: Number = number(0.0, 0.0, 1.0)
+    coat_roughness: Number = number(0.0, 0.0, 1.0)
+    coat_normal: Texture | None = of(ScaledMapKind(), None)
+    sheen_color: Color = color(0.0)
+    sheen_roughness: Number = number(0.0, 0.0, 1.0)
+
+
+@dataclass
+class Blend(Surface):
+    """A mix of two surfaces. `weight`: share of the second."""
+
+    tag = "blend"
+    weight: Number = number(0.5, 0.0, 1.0)
+    first: Surface = of(SurfaceKind(), Diffuse())
+    second: Surface = of(SurfaceKind(), Diffuse())
+
+    def plain(self, names: Names) -> Any:
+        plain = self.plain_fields(names)
+        return {"blend": {"weight": plain["weight"], "surfaces": [plain["first"], plain["second"]]}}
+
+
+_CLASSES: tuple[type[Surface], ...] = (
+    Diffuse,
+    DiffuseTransmission,
+    Conductor,
+    Dielectric,
+    Plastic,
+    Coated,
+    Principled,
+    Layered,
+)
+
+
+def surface_of_plain(plain: Any, names: Names) -> Surface:
+    """Makes a surface from JSON."""
+    if plain == "null":
+        return Null()
+    ((tag, members),) = plain.items()
+    if tag == "unlit":
+        return Unlit.of_plain({"color": members}, names)
+    if tag == "blend":
+        first, second = members["surfaces"]
+        return Blend.of_plain({"weight": members["weight"], "first": first, "second": second}, names)
+    return next(cls for cls in _CLASSES if cls.tag == tag).of_plain(members, names)

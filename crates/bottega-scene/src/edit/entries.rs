@@ -1,0 +1,195 @@
+//! Materials, media, lights, cameras, spheres and the environment of an editor.
+
+use glam::Mat3;
+
+use super::{EditError, EditedLight, EditedSphere, EntryKind, Placing, SceneEditor};
+use crate::camera::Camera;
+use crate::light::{Environment, Light};
+use crate::material::Material;
+use crate::medium::{Medium, MediumId};
+use crate::model::Sphere;
+use crate::texture::ImageId;
+
+/// Greatest deviation of the product of a camera's axes from that of a rotation.
+const ROTATION_TOLERANCE: f32 = 1e-3;
+
+impl SceneEditor {
+    /// Adds or replaces a material. Its textures and media are numbers of this editor: see [`Self::image_id`].
+    ///
+    /// # Errors
+    /// A value is out of range, or an image or medium does not exist.
+    pub fn put_material(&mut self, key: &str, material: Material, placing: Placing) -> Result<(), EditError> {
+        self.materials.check(key, placing)?;
+        let checked = self.base.check_parameters(&material);
+        checked.map_err(|problem| EditError::value(EntryKind::Material, key, &problem))?;
+        self.materials.put(key, material);
+        Ok(())
+    }
+
+    /// Returns a material.
+    ///
+    /// # Errors
+    /// There is no such material.
+    pub fn material(&self, key: &str) -> Result<&Material, EditError> {
+        self.materials.get(key)
+    }
+
+    /// Adds or replaces a medium.
+    ///
+    /// # Errors
+    /// A value is out of range.
+    pub fn put_medium(&mut self, key: &str, medium: Medium, placing: Placing) -> Result<(), EditError> {
+        self.media.check(key, placing)?;
+        crate::validate::check_medium(&medium).map_err(|problem| EditError::value(EntryKind::Medium, key, &problem))?;
+        let medium = Medium { name: key.to_owned(), ..medium };
+        match self.media.find(key) {
+            Some(id) => self.base.media[id.0 as usize] = medium,
+            None => self.media.put(key, self.base.push_medium(medium)),
+        }
+        Ok(())
+    }
+
+    /// Returns a medium.
+    ///
+    /// # Errors
+    /// There is no such medium.
+    pub fn medium(&self, key: &str) -> Result<&Medium, EditError> {
+        Ok(&self.base.media[self.media.get(key)?.0 as usize])
+    }
+
+    /// Adds or replaces a light. A hidden one stays hidden.
+    ///
+    /// # Errors
+    /// A value is out of range, or an image does not exist.
+    pub fn put_light(&mut self, key: &str, light: Light, placing: Placing) -> Result<(), EditError> {
+        self.lights.check(key, placing)?;
+        let checked = self.base.check_light(&light.kind);
+        checked.map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;
+        let hidden = self.lights.find(key).is_some_and(|before| before.hidden);
+        self.lights.put(key, EditedLight { light, hidden });
+        Ok(())
+    }
+
+    /// Returns a light.
+    ///
+    /// # Errors
+    /// There is no such light.
+    pub fn light(&self, key: &str) -> Result<&Light, EditError> {
+        Ok(&self.lights.get(key)?.light)
+    }
+
+    /// Adds or replaces a camera. The first one is the default of pictures.
+    ///
+    /// # Errors
+    /// A value is out of range, its matrix scales, or its medium does not exist.
+    pub fn put_camera(&mut self, key: &str, camera: Camera, placing: Placing) -> Result<(), EditError> {
+        self.cameras.check(key, placing)?;
+        self.check_camera(key, &camera)?;
+        self.cameras.put(key, camera);
+        Ok(())
+    }
+
+    /// Checks that the scene can be seen through a camera.
+    ///
+    /// # Errors
+    /// A value is out of range, its matrix scales, or its medium does not exist.
+    pub fn check_camera(&self, key: &str, camera: &Camera) -> Result<(), EditError> {
+        let checked = self.base.check_camera(camera);
+        checked.map_err(|problem| EditError::value(EntryKind::Camera, key, &problem))?;
+        let axes = Mat3::from(camera.world_from_camera.matrix3);
+        if !(axes * axes.transpose()).abs_diff_eq(Mat3::IDENTITY, ROTATION_TOLERANCE) {
+            let problem = "its matrix scales or shears; normalize its first three columns";
+            return Err(EditError::value(EntryKind::Camera, key, &problem));
+        }
+        Ok(())
+    }
+
+    /// Returns a camera.
+    ///
+    /// # Errors
+    /// There is no such camera.
+    pub fn camera(&self, key: &str) -> Result<&Camera, EditError> {
+        self.cameras.get(key)
+    }
+
+    /// Adds or replaces a sphere. A hidden one stays hidden.
+    ///
+    /// - `material`: the key of its material; the number in `sphere` has no meaning.
+    ///
+    /// # Errors
+    /// A value is out of range, or the material does not exist.
+    pub fn put_sphere(
+        &mut self,
+        key: &str,
+        sphere: Sphere,
+        material: String,
+        placing: Placing,
+    ) -> Result<(), EditError> {
+        self.spheres.check(key, placing)?;
+        crate::validate::check_sphere(&sphere).map_err(|problem| EditError::value(EntryKind::Sphere, key, &problem))?;
+        self.materials.get(&material)?;
+        let hidden = self.spheres.find(key).is_some_and(|before| before.hidden);
+        self.spheres.put(key, EditedSphere { sphere, material, hidden });
+        Ok(())
+    }
+
+    /// Returns a sphere and the key of its material.
+    ///
+    /// # Errors
+    /// There is no such sphere.
+    pub fn sphere(&self, key: &str) -> Result<(&Sphere, &str), EditError> {
+        self.spheres.get(key).map(|it| (&it.sphere, &*it.material))
+    }
+
+    /// Sets the environment; `None`: it is black.
+    ///
+    /// # Errors
+    /// A value is out of range, or its image does not exist.
+    pub fn set_environment(&mut self, environment: Option<Environment>) -> Result<(), EditError> {
+        if let Some(environment) = &environment {
+            let checked = self.base.check_environment(environment);
+            checked.map_err(|problem| EditError::Environment { problem: problem.to_string() })?;
+        }
+        self.base.environment = environment;
+        Ok(())
+    }
+
+    /// Returns the environment; `None`: it is black.
+    pub fn environment(&self) -> Option<&Environment> {
+        self.base.environment.as_ref()
+    }
+
+    /// Returns the number by which textures refer to an image. It stays until the image is removed.
+    ///
+    /// # Errors
+    /// There is no such image.
+    pub fn image_id(&self, key: &str) -> Result<ImageId, EditError> {
+        self.images.get(key).copied()
+    }
+
+    /// Returns the key of an image by its number; `None`: there is no such image.
+    pub fn image_key(&self, id: ImageId) -> Option<&str> {
+        self.images.iter().find(|(_, number)| **number == id).map(|(key, _)| key)
+    }
+
+    /// Returns columns and rows of an image.
+    ///
+    /// # Errors
+    /// There is no such image.
+    pub fn image_size(&self, key: &str) -> Result<(u32, u32), EditError> {
+        Ok(self.base.images[self.images.get(key)?.0 as usize].size())
+    }
+
+    /// Returns the number by which materials and cameras refer to a medium. It stays until the medium is removed.
+    ///
+    /// # Errors
+    /// There is no such medium.
+    pub fn medium_id(&self, key: &str) -> Result<MediumId, EditError> {
+        self.media.get(key).copied()
+    }
+
+    /// Returns the key of a medium by its number; `None`: there is no such medium.
+    pub fn medium_key(&self, id: MediumId) -> Option<&str> {
+        self.media.iter().find(|(_, number)| **number == id).map(|(key, _)| key)
+    }
+}

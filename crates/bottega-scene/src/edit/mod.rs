@@ -1,0 +1,303 @@
+//! A scene that is changed part by part: everything has a key, and is added, replaced, moved, hidden and removed by it.
+//!
+//! An edit either holds as a whole or is refused with an [`EditError`] and changes nothing. [`SceneEditor::snapshot`] makes a
+//! [`Scene`] of the present state, which shares meshes and images with the editor, so sessions and later edits do not
+//! disturb each other.
+
+mod corner_mesh;
+mod entries;
+mod error;
+mod keyed_list;
+mod mesh_parts;
+mod object;
+mod read;
+mod snapshot;
+mod users;
+
+use std::sync::Arc;
+
+use glam::Affine3A;
+
+pub use self::{
+    corner_mesh::CornerMesh,
+    error::{EditError, EntryKind},
+    keyed_list::Placing,
+    object::{MatrixRows, PlacedObject},
+};
+use self::{keyed_list::KeyedList, mesh_parts::MeshParts, object::check_transforms};
+use crate::camera::Camera;
+use crate::image::Image;
+use crate::light::Light;
+use crate::material::Material;
+use crate::medium::MediumId;
+use crate::model::{Mesh, Scene, Sphere};
+use crate::texture::ImageId;
+
+/// A scene whose parts have keys.
+#[derive(Clone, Debug)]
+pub struct SceneEditor {
+    /// Images, media, mappings, environment and origin; everything else is in the lists.
+    base: Scene,
+    images: KeyedList<ImageId>,
+    media: KeyedList<MediumId>,
+    materials: KeyedList<Material>,
+    meshes: KeyedList<EditedMesh>,
+    objects: KeyedList<PlacedObject>,
+    spheres: KeyedList<EditedSphere>,
+    lights: KeyedList<EditedLight>,
+    cameras: KeyedList<Camera>,
+}
+
+/// A mesh and the keys of its materials by slot.
+#[derive(Clone, Debug)]
+struct EditedMesh {
+    parts: MeshParts,
+    materials: Vec<String>,
+}
+
+/// A sphere with the key of its material.
+#[derive(Clone, Debug)]
+struct EditedSphere {
+    sphere: Sphere,
+    material: String,
+    hidden: bool,
+}
+
+/// A light that can be hidden.
+#[derive(Clone, Debug)]
+struct EditedLight {
+    light: Light,
+    hidden: bool,
+}
+
+impl Default for SceneEditor {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl SceneEditor {
+    /// Makes an empty scene.
+    pub fn new() -> Self {
+        Self {
+            base: Scene::default(),
+            images: KeyedList::new(EntryKind::Image),
+            media: KeyedList::new(EntryKind::Medium),
+            materials: KeyedList::new(EntryKind::Material),
+            meshes: KeyedList::new(EntryKind::Mesh),
+            objects: KeyedList::new(EntryKind::Object),
+            spheres: KeyedList::new(EntryKind::Sphere),
+            lights: KeyedList::new(EntryKind::Light),
+            cameras: KeyedList::new(EntryKind::Camera),
+        }
+    }
+
+    /// Adds or replaces an image.
+    ///
+    /// # Errors
+    /// The key cannot be used.
+    pub fn put_image(&mut self, key: &str, image: Image, placing: Placing) -> Result<(), EditError> {
+        self.images.check(key, placing)?;
+        let mut image = image;
+        key.clone_into(&mut image.name);
+        let image = Arc::new(image);
+        match self.images.find(key) {
+            Some(id) => self.base.images.set_shared(id.0 as usize, image),
+            None => {
+                self.images.put(key, ImageId(self.base.images.len() as u32));
+                self.base.images.push_shared(image);
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds or replaces a mesh. Objects that place it are changed with it.
+    ///
+    /// - `materials`: keys of its materials by slot; slots beyond them are gray.
+    ///
+    /// # Errors
+    /// An array or a material is wrong, or an object cannot place the mesh.
+    pub fn put_mesh(
+        &mut self,
+        key: &str,
+        mesh: &CornerMesh<'_>,
+        materials: Vec<String>,
+        placing: Placing,
+    ) -> Result<(), EditError> {
+        self.meshes.check(key, placing)?;
+        self.check_materials(&materials)?;
+        let parts = MeshParts::new(key, mesh, materials.len())?;
+        for (_, object) in self.objects.iter().filter(|(_, object)| object.mesh == key) {
+            check_transforms(&object.transforms, parts.bounds)?;
+        }
+        self.meshes.put(key, EditedMesh { parts, materials });
+        Ok(())
+    }
+
+    /// Returns the meshes of a mesh's material slots, and the keys of its materials.
+    ///
+    /// # Errors
+    /// There is no such mesh.
+    pub fn mesh(&self, key: &str) -> Result<(Vec<&Mesh>, &[String]), EditError> {
+        let mesh = self.meshes.get(key)?;
+        Ok((mesh.parts.parts.iter().map(|(_, mesh)| &**mesh).collect(), &mesh.materials))
+    }
+
+    /// Changes the materials of a mesh.
+    ///
+    /// # Errors
+    /// There is no such mesh or material.
+    pub fn set_mesh_materials(&mut self, key: &str, materials: Vec<String>) -> Result<(), EditError> {
+        self.meshes.get(key)?;
+        self.check_materials(&materials)?;
+        self.meshes.get_mut(key)?.materials = materials;
+        Ok(())
+    }
+
+    /// Adds or replaces an object.
+    ///
+    /// # Errors
+    /// The mesh or a material does not exist, or a matrix is singular.
+    pub fn put_object(&mut self, key: &str, object: PlacedObject, placing: Placing) -> Result<(), EditError> {
+        self.objects.check(key, placing)?;
+        check_transforms(&object.transforms, self.meshes.get(&object.mesh)?.parts.bounds)?;
+        self.check_materials(&object.materials)?;
+        object.check_choice()?;
+        self.objects.put(key, object);
+        Ok(())
+    }
+
+    /// Returns an object.
+    ///
+    /// # Errors
+    /// There is no such object.
+    pub fn object(&self, key: &str) -> Result<&PlacedObject, EditError> {
+        self.objects.get(key)
+    }
+
+    /// Moves an object. If the number of its instances changes, materials by instance must be set again.
+    ///
+    /// # Errors
+    /// There is no such object, or a matrix is singular.
+    pub fn move_object(&mut self, key: &str, transforms: Vec<Affine3A>) -> Result<(), EditError> {
+        let object = self.objects.get(key)?;
+        check_transforms(&transforms, self.meshes.get(&object.mesh)?.parts.bounds)?;
+        if !object.instance_materials.is_empty() && object.instance_materials.len() != transforms.len() {
+            let problem = format!(
+                "there are {}, and the object has materials by instance for {}",
+                transforms.len(),
+                object.instance_materials.len()
+            );
+            return Err(EditError::argument("transforms", problem, "put the object again, with both"));
+        }
+        self.objects.get_mut(key)?.transforms = transforms;
+        Ok(())
+    }
+
+    /// Hides or shows an object, a sphere or a light.
+    ///
+    /// # Errors
+    /// There is no such thing, or its kind cannot be hidden.
+    pub fn hide(&mut self, kind: EntryKind, key: &str, hidden: bool) -> Result<(), EditError> {
+        self.check_exists(kind, key)?;
+        match kind {
+            EntryKind::Object => self.objects.get_mut(key)?.hidden = hidden,
+            EntryKind::Sphere => self.spheres.get_mut(key)?.hidden = hidden,
+            EntryKind::Light => self.lights.get_mut(key)?.hidden = hidden,
+            _ => return Err(EditError::value(kind, key, &"it cannot be hidden: remove it")),
+        }
+        Ok(())
+    }
+
+    /// Returns true if an object, a sphere or a light is hidden.
+    ///
+    /// # Errors
+    /// There is no such thing.
+    pub fn is_hidden(&self, kind: EntryKind, key: &str) -> Result<bool, EditError> {
+        Ok(match kind {
+            EntryKind::Object => self.objects.get(key)?.hidden,
+            EntryKind::Sphere => self.spheres.get(key)?.hidden,
+            EntryKind::Light => self.lights.get(key)?.hidden,
+            _ => false,
+        })
+    }
+
+    /// Returns the keys of a kind, in the order in which they were added.
+    pub fn keys(&self, kind: EntryKind) -> Vec<&str> {
+        match kind {
+            EntryKind::Image => self.images.keys().collect(),
+            EntryKind::Medium => self.media.keys().collect(),
+            EntryKind::Material => self.materials.keys().collect(),
+            EntryKind::Mesh => self.meshes.keys().collect(),
+            EntryKind::Object => self.objects.keys().collect(),
+            EntryKind::Sphere => self.spheres.keys().collect(),
+            EntryKind::Light => self.lights.keys().collect(),
+            EntryKind::Camera => self.cameras.keys().collect(),
+        }
+    }
+
+    /// Returns the number of things of a kind.
+    pub fn count(&self, kind: EntryKind) -> usize {
+        match kind {
+            EntryKind::Image => self.images.len(),
+            EntryKind::Medium => self.media.len(),
+            EntryKind::Material => self.materials.len(),
+            EntryKind::Mesh => self.meshes.len(),
+            EntryKind::Object => self.objects.len(),
+            EntryKind::Sphere => self.spheres.len(),
+            EntryKind::Light => self.lights.len(),
+            EntryKind::Camera => self.cameras.len(),
+        }
+    }
+
+    /// Returns true if there is something of a kind with this key.
+    pub fn contains(&self, kind: EntryKind, key: &str) -> bool {
+        self.check_exists(kind, key).is_ok()
+    }
+
+    fn check_exists(&self, kind: EntryKind, key: &str) -> Result<(), EditError> {
+        match kind {
+            EntryKind::Image => self.images.get(key).map(|_| ()),
+            EntryKind::Medium => self.media.get(key).map(|_| ()),
+            EntryKind::Material => self.materials.get(key).map(|_| ()),
+            EntryKind::Mesh => self.meshes.get(key).map(|_| ()),
+            EntryKind::Object => self.objects.get(key).map(|_| ()),
+            EntryKind::Sphere => self.spheres.get(key).map(|_| ()),
+            EntryKind::Light => self.lights.get(key).map(|_| ()),
+            EntryKind::Camera => self.cameras.get(key).map(|_| ()),
+        }
+    }
+
+    /// Removes a thing by its key.
+    ///
+    /// # Errors
+    /// There is no such thing, or something else refers to it.
+    pub fn remove(&mut self, kind: EntryKind, key: &str) -> Result<(), EditError> {
+        self.check_exists(kind, key)?;
+        if let Some(user) = self.user_of(kind, key) {
+            return Err(EditError::InUse { kind, key: key.to_owned(), user });
+        }
+        match kind {
+            // Numbers of images and media stay: others hold them. What was removed takes no memory.
+            EntryKind::Image => {
+                let id = self.images.remove(key)?;
+                self.base.images.set_shared(id.0 as usize, Arc::new(Image::missing("removed")));
+            }
+            EntryKind::Medium => {
+                let id = self.media.remove(key)?;
+                self.base.media[id.0 as usize] = crate::medium::Medium::absorbing(crate::color::Spectrum::ZERO);
+            }
+            EntryKind::Material => drop(self.materials.remove(key)?),
+            EntryKind::Mesh => drop(self.meshes.remove(key)?),
+            EntryKind::Object => drop(self.objects.remove(key)?),
+            EntryKind::Sphere => drop(self.spheres.remove(key)?),
+            EntryKind::Light => drop(self.lights.remove(key)?),
+            EntryKind::Camera => drop(self.cameras.remove(key)?),
+        }
+        Ok(())
+    }
+
+    fn check_materials(&self, keys: &[String]) -> Result<(), EditError> {
+        keys.iter().try_for_each(|key| self.materials.get(key).map(|_| ()))
+    }
+}
