@@ -124,6 +124,11 @@ impl PyScene {
         self.editor().is_hidden(kind_of(kind)?, key).map_err(|error| errors::edit(&error))
     }
 
+    /// Brings the things of a kind into the order of some keys; the others follow.
+    fn arrange(&self, kind: &str, keys: Vec<String>) -> PyResult<()> {
+        self.editor().arrange(kind_of(kind)?, &keys).map_err(|error| errors::edit(&error))
+    }
+
     /// Adds or replaces a material, a light or a camera, from its JSON text.
     fn put(&self, kind: &str, key: &str, json: &str, is_new: bool) -> PyResult<()> {
         let (mut editor, placing) = (self.editor(), placing(is_new));

@@ -137,6 +137,14 @@ class Collection(Generic[T]):
         """Returns true if a thing is hidden."""
         return self._native.is_hidden(self._kind, key)
 
+    def arrange(self, keys: Sequence[str]) -> None:
+        """Brings the things into the order of some keys, as if they had been added in this order; the others follow.
+
+        A picture depends on the order: scenes with equal things in equal order give the same bits. Raises `SceneError` if a key does
+        not exist.
+        """
+        self._native.arrange(self._kind, list(keys))
+
     def __repr__(self) -> str:
         return f"<{len(self)} of kind {self._kind}: {', '.join(self.keys()[:8])}>"
 
@@ -346,7 +354,7 @@ class Scene:
 
     Coordinates are right-handed, +y up; the front of a face is the side from which its corners run counter-clockwise. Colors are linear
     R G B (Rec. 709). Every edit either holds as a whole or raises `SceneError`, which names the argument, the row and the remedy, and
-    changes nothing. A picture depends on what is in the scene and on the order in which keys were added, not on the edits before.
+    changes nothing. A picture depends on what is in the scene and on the order in which keys were added (or `arrange`d), not on the edits before.
     """
 
     def __init__(self) -> None:

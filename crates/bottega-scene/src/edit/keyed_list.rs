@@ -74,6 +74,27 @@ impl<T> KeyedList<T> {
         self.entries.remove(&number).map(|(_, value)| value).ok_or_else(|| self.unknown(key))
     }
 
+    /// Brings the values into the order of some keys; those without one of these keys follow, in their order.
+    ///
+    /// # Errors
+    /// A key does not exist; nothing has changed then.
+    pub(super) fn arrange(&mut self, keys: &[String]) -> Result<(), EditError> {
+        if let Some(key) = keys.iter().find(|key| !self.numbers.contains_key(*key)) {
+            return Err(self.unknown(key));
+        }
+        if self.keys().take(keys.len()).eq(keys.iter().map(|key| &**key)) {
+            return Ok(());
+        }
+        let mut entries = std::mem::take(&mut self.entries);
+        let first: Vec<_> = keys.iter().filter_map(|key| entries.remove(&self.numbers[key])).collect();
+        for (number, (key, value)) in (0..).zip(first.into_iter().chain(entries.into_values())) {
+            self.numbers.insert(key.clone(), number);
+            self.entries.insert(number, (key, value));
+            self.next = number + 1;
+        }
+        Ok(())
+    }
+
     pub(super) fn iter(&self) -> impl Iterator<Item = (&str, &T)> {
         self.entries.values().map(|(key, value)| (&**key, value))
     }
@@ -118,6 +139,12 @@ mod tests {
         assert_eq!(list.remove("b"), Ok(0));
         list.put("b", 2);
         assert_eq!(list.iter().collect::<Vec<_>>(), [("a", &1), ("c", &0), ("b", &2)]);
+        list.arrange(&["b".into(), "a".into()]).unwrap();
+        list.put("d", 3);
+        assert_eq!(list.keys().collect::<Vec<_>>(), ["b", "a", "c", "d"]);
+        assert!(matches!(list.arrange(&["a".into(), "x".into()]), Err(EditError::Unknown { .. })));
+        list.arrange(&["a".into(), "c".into(), "b".into()]).unwrap();
+        assert_eq!(list.remove("d"), Ok(3));
         assert!(list.check("a", Placing::AddOrReplace).is_ok());
         assert!(matches!(list.check("a", Placing::New), Err(EditError::Taken { .. })));
         assert_eq!(list.fresh_key("d"), "d");

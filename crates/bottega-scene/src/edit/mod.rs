@@ -222,6 +222,24 @@ impl SceneEditor {
         })
     }
 
+    /// Brings the things of a kind into the order of some keys, as if they had been added in this order; those without one of these
+    /// keys follow. A picture depends on the order.
+    ///
+    /// # Errors
+    /// A key does not exist; nothing has changed then.
+    pub fn arrange(&mut self, kind: EntryKind, keys: &[String]) -> Result<(), EditError> {
+        match kind {
+            EntryKind::Image => self.images.arrange(keys),
+            EntryKind::Medium => self.media.arrange(keys),
+            EntryKind::Material => self.materials.arrange(keys),
+            EntryKind::Mesh => self.meshes.arrange(keys),
+            EntryKind::Object => self.objects.arrange(keys),
+            EntryKind::Sphere => self.spheres.arrange(keys),
+            EntryKind::Light => self.lights.arrange(keys),
+            EntryKind::Camera => self.cameras.arrange(keys),
+        }
+    }
+
     /// Returns the keys of a kind, in the order in which they were added.
     pub fn keys(&self, kind: EntryKind) -> Vec<&str> {
         match kind {

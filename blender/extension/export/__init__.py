@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From an evaluated scene of Blender to a `bottega.Scene`.
+
+`Export` keeps the scene between calls, so that only what has changed is read again. Nothing that points into Blender outlives a call.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Callable
+
+import bottega
+import numpy as np
+
+from . import axes
+from .instances import Group, Pass, gather, materials_of, uid_of
+from .lights import light_of
+from .materials import MadeMaterial, MaterialMaker
+from .meshes import arrays_of
+from .report import Fidelity, Report
+from .textures import Pictures
+from .world import environment_of
+
+DEFAULT = "default material"
+
+
+class Export:
+    """A scene in memory that follows a scene of Blender.
+
+    - `scene`: the scene. `report`: what is not rendered as Cycles renders it.
+    """
+
+    def __init__(self) -> None:
+        self.scene = bottega.Scene()
+        self.report = Report()
+        self._pictures = Pictures()
+        self._materials: dict[Any, MadeMaterial] = {}
+        self._mesh_states: dict[str, tuple[Any, ...]] = {}
+        self._light_states: dict[str, tuple[str, ...]] = {}
+        self._placed: dict[str, tuple[Any, ...]] = {}
+        self._world_images: list[str] = []
+        # What Blender has changed since the last pass: everything, at first.
+        self._dirty_all = True
+        self._dirty: set[Any] = set()
+        self._dirty_world = True
+
+    def forget(self) -> None:
+        """Reads everything again in the next pass, as after an undo or when a file was opened."""
+        self._dirty_all = True
+
+    def mark(self, updates: Any) -> None:
+        """Notes what an evaluated scene says has changed: `depsgraph.updates`."""
+        for update in updates:
+            block = update.id.original
+            kind = block.bl_rna.identifier
+            if kind in ("Object", "Mesh", "Curve", "TextCurve", "SurfaceCurve", "MetaBall"):
+                if update.is_updated_geometry or kind != "Object":
+                    self._dirty.add(uid_of(block))
+            elif kind == "Material":
+                self._dirty.add(uid_of(block))
+            elif kind == "World":
+                self._dirty_world = True
+            elif kind == "Image":
+                self._pictures.forget(block)
+                self._dirty_materials()
+            elif kind.endswith("NodeTree"):
+                self._dirty_materials()
+
+    def _dirty_materials(self) -> None:
+        self._dirty.update(self._materials)
+        self._dirty_world = True
+
+    def update(self, depsgraph: Any, is_shown: Callable[[Any], bool] | None = None) -> None:
+        """Brings the scene to the state of an evaluated scene.
+
+        `is_shown`: called with an evaluated object; `None`: all are shown.
+        """
+        if self._dirty_all:
+            self._start_again()
+        frame = depsgraph.scene.frame_current
+        if frame != self._pictures.frame:
+            self._pictures.frame = frame
+            self._dirty_materials()
+        found = gather(depsgraph, is_shown)
+        self._world(depsgraph.scene.world)
+        self._read_materials(found)
+        self._read_meshes(found)
+        self._place(found)
+        self._read_lights(found)
+        self._drop_unused(found)
+        self._dirty.clear()
+        self._arrange(found)
+        self.report.begin("objects")
+        for name, text in found.skipped.items():
+            self.report.add("objects", name, "Object", Fidelity.LEFT_OUT, f"{text} left out")
+        # Pixels that textures hold are not needed twice.
+        self._pictures.loaded.clear()
+
+    def _start_again(self) -> None:
+        self.scene = bottega.Scene()
+        self.report.notes.clear()
+        for table in (self._materials, self._mesh_states, self._light_states, self._placed, self._pictures.loaded):
+            table.clear()
+        self.scene.materials[DEFAULT] = bottega.Material.matte(0.8)
+        self._dirty_all, self._dirty_world = False, True
+
+    def _world(self, world: Any) -> None:
+        if not self._dirty_world:
+            return
+        environment, images = environment_of(world, self._pictures, self.report)
+        self._put_images(images)
+        self.scene.environment = environment
+        self._world_images = list(images)
+        self._dirty_world = False
+
+    def _put_images(self, images: dict[str, Callable[[], bottega.Image]]) -> None:
+        for key, image in images.items():
+            if key not in self.scene.images or key in self._pictures.loaded:
+                self.scene.images[key] = image()
+
+    def _read_materials(self, found: Pass) -> None:
+        for uid, material in materials_of(found.groups.values()).items():
+            if uid in self._materials and uid not in self._dirty:
+                continue
+            key = f"material {uid}"
+            self.report.begin(key)
+            made = MaterialMaker(self._pictures, self.report, key, material.name).make(material)
+            self._put_images(made.images)
+            medium = f"medium {uid}"
+            if made.medium is not None:
+                self.scene.media[medium] = made.medium
+                made.material.interior = medium
+            self.scene.materials[key] = made.material
+            if made.medium is None and medium in self.scene.media:
+                del self.scene.media[medium]
+            self._materials[uid] = made
+
+    def _read_meshes(self, found: Pass) -> None:
+        done: set[str] = set()
+        for group in found.groups.values():
+            if group.mesh_key in done:
+                continue
+            done.add(group.mesh_key)
+            uv_names, color_name = self._needs(group)
+            state = (tuple(uv_names), color_name, len(group.slots))
+            is_dirty = group.owner in self._dirty or group.data_owner in self._dirty
+            if self._mesh_states.get(group.mesh_key) == state and not is_dirty:
+                continue
+            arrays = arrays_of(group.data, tuple(uv_names), color_name)
+            if arrays is None:
+                self._mesh_states[group.mesh_key] = state
+                if group.mesh_key in self.scene.meshes:
+                    self._remove_objects_of(group.mesh_key)
+                    del self.scene.meshes[group.mesh_key]
+                continue
+            slots = [DEFAULT] * max(arrays.slot_count, len(group.slots))
+            try:
+                self.scene.meshes[group.mesh_key] = arrays.to_mesh(slots)
+            except bottega.SceneError as error:
+                self.report.add(group.mesh_key, group.data.name, "Mesh", Fidelity.LEFT_OUT, str(error))
+                continue
+            self._mesh_states[group.mesh_key] = state
+
+    def _needs(self, group: Group) -> tuple[list[str | None], str | None]:
+        """Returns the texture coordinates and the color attribute that the materials of a mesh use."""
+        names: list[str | None] = []
+        color = None
+        for material in group.slots:
+            made = self._materials.get(uid_of(material.original)) if material is not None else None
+            if made is None:
+                continue
+            for index, name in enumerate(made.uv_names):
+                if index >= len(names):
+                    names.append(name)
+                elif names[index] != name:
+                    note = f"the mesh {group.data.name} has materials with different coordinates; those of the first are used"
+                    self.report.add(f"material {uid_of(material.original)}", material.name, "UV Map", Fidelity.APPROXIMATED, note)
+            color = made.color_name if color is None else color
+        return names or [None], color
+
+    def _place(self, found: Pass) -> None:
+        for key, group in found.groups.items():
+            if group.mesh_key not in self.scene.meshes:
+                continue
+            transforms = axes.TURN.astype(np.float32) @ found.matrices[group.rows]
+            transforms = self._regular(transforms, group)
+            keys = [self._key(material) for material in group.slots]
+            if len(transforms) == 0:
+                continue
+            before = self._placed.get(key)
+            if before is not None and before[0] == group.mesh_key and before[1] == keys and key in self.scene.objects:
+                if len(before[2]) != len(transforms) or not np.array_equal(before[2], transforms):
+                    self.scene.objects[key].transforms = transforms
+            else:
+                self.scene.objects[key] = bottega.Object(group.mesh_key, transforms, keys)
+            self._placed[key] = (group.mesh_key, keys, transforms)
+
+    def _regular(self, transforms: Any, group: Group) -> Any:
+        """Returns the transforms that can be inverted, and notes the others."""
+        with np.errstate(all="ignore"):
+            sizes = np.abs(np.linalg.det(transforms[:, :3, :3].astype(np.float64)))
+        good = np.isfinite(sizes) & (sizes > 1e-24)
+        if not good.all():
+            text = f"{int((~good).sum())} instances whose scale is 0 are left out"
+            self.report.add(group.key, group.data.name, "Scale", Fidelity.LEFT_OUT, text)
+        else:
+            self.report.forget(group.key)
+        return np.ascontiguousarray(transforms[good])
+
+    def _key(self, material: Any) -> str:
+        if material is None:
+            return DEFAULT
+        return f"material {uid_of(material.original)}"
+
+    def _read_lights(self, found: Pass) -> None:
+        for key, light, row in found.lights:
+            self.report.begin(key)
+            made = light_of(light, found.matrices[row], key, self.report)
+            state = (repr(made.light), repr(made.material), repr(made.transform), repr(made.sphere), light.data.shape if light.data.type == "AREA" else "")
+            if self._light_states.get(key) == state:
+                continue
+            self._remove_light(key)
+            self._light_states[key] = state
+            if made.light is not None:
+                self.scene.lights[key] = made.light
+            if made.material is not None:
+                self.scene.materials[key] = made.material
+            if made.sphere is not None:
+                self.scene.spheres[key] = bottega.Sphere(*made.sphere, material=key)
+            if made.mesh is not None:
+                made.mesh.materials = key
+                self.scene.meshes[key] = made.mesh
+                self.scene.objects[key] = bottega.Object(key, np.array(made.transform))
+
+    def _remove_light(self, key: str) -> None:
+        scene = self.scene
+        for collection in (scene.lights, scene.spheres, scene.objects, scene.meshes, scene.materials):
+            if key in collection:
+                del collection[key]
+        self._light_states.pop(key, None)
+
+    def _remove_objects_of(self, mesh_key: str) -> None:
+        for key in [key for key, placed in self._placed.items() if placed[0] == mesh_key]:
+            del self.scene.objects[key]
+            del self._placed[key]
+
+    def _drop_unused(self, found: Pass) -> None:
+        """Removes what is no longer in the scene of Blender, users before what they use."""
+        scene = self.scene
+        lights = {key for key, _, _ in found.lights}
+        for key in [key for key in self._light_states if key not in lights]:
+            self._remove_light(key)
+            self.report.forget(key)
+        for key in [key for key in self._placed if key not in found.groups]:
+            if key in scene.objects:
+                del scene.objects[key]
+            del self._placed[key]
+            self.report.forget(key)
+        meshes = {group.mesh_key for group in found.groups.values()}
+        for key in [key for key in self._mesh_states if key not in meshes]:
+            if key in scene.meshes:
+                del scene.meshes[key]
+            del self._mesh_states[key]
+            self.report.forget(key)
+        materials = set(materials_of(found.groups.values()))
+        for uid in [uid for uid in self._materials if uid not in materials]:
+            del scene.materials[f"material {uid}"]
+            if f"medium {uid}" in scene.media:
+                del scene.media[f"medium {uid}"]
+            del self._materials[uid]
+            self.report.forget(f"material {uid}")
+        used = set(self._world_images)
+        used.update(key for made in self._materials.values() for key in made.images)
+        for key in scene.images.keys():
+            if key not in used:
+                del scene.images[key]
+
+    def _arrange(self, found: Pass) -> None:
+        """Brings all keys into the order of a fresh export, so that the picture has its bits."""
+        scene = self.scene
+        lights = [key for key, _, _ in found.lights]
+        groups = list(found.groups.values())
+        materials = [f"material {uid}" for uid in materials_of(groups)]
+        meshes = list(dict.fromkeys(group.mesh_key for group in groups))
+        images = [*self._world_images, *(key for uid in materials_of(groups) for key in self._materials[uid].images)]
+        scene.images.arrange(_there(scene.images, images))
+        scene.media.arrange(_there(scene.media, [f"medium {uid}" for uid in materials_of(groups)]))
+        scene.materials.arrange(_there(scene.materials, [DEFAULT, *materials, *lights]))
+        scene.meshes.arrange(_there(scene.meshes, [*meshes, *lights]))
+        scene.objects.arrange(_there(scene.objects, [*found.groups, *lights]))
+        scene.spheres.arrange(_there(scene.spheres, lights))
+        scene.lights.arrange(_there(scene.lights, lights))
+
+
+def _there(collection: Any, keys: list[str]) -> list[str]:
+    return [key for key in dict.fromkeys(keys) if key in collection]

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cameras: of the scene, and of a viewport."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import bottega
+import numpy as np
+
+from . import axes
+from .report import Fidelity, Report
+
+
+_TO_PBRT = np.array([[0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The picture that a camera makes: columns, rows, and the shape of a pixel."""
+
+    width: int
+    height: int
+    pixel_aspect_x: float = 1.0
+    pixel_aspect_y: float = 1.0
+
+    @property
+    def extents(self) -> tuple[float, float]:
+        """Width and height in units of the same length."""
+        return self.width * self.pixel_aspect_x, self.height * self.pixel_aspect_y
+
+
+def frame_of(render: Any) -> Frame:
+    """Returns the frame of the render settings."""
+    percent = render.resolution_percentage
+    width = max(1, render.resolution_x * percent // 100)
+    height = max(1, render.resolution_y * percent // 100)
+    return Frame(width, height, render.pixel_aspect_x, render.pixel_aspect_y)
+
+
+def camera_of(camera: Any, matrix: Any, frame: Frame, report: Report) -> bottega.Camera:
+    """Returns the camera of an object of type CAMERA, for a frame.
+
+    `camera`: the evaluated object. `matrix`: from its space to the world.
+    """
+    data = camera.data
+    width, height = frame.extents
+    fits_height = data.sensor_fit == "VERTICAL" or (data.sensor_fit == "AUTO" and height > width)
+    sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+    longest = height if fits_height else width
+    fields: dict[str, Any] = {"transform": _placed(matrix), "near": data.clip_start, "far": data.clip_end}
+
+    # Half of the picture's height, at distance 1 or in scene units.
+    if data.type == "ORTHO":
+        half_height = 0.5 * data.ortho_scale * height / longest
+        fields.update(projection="orthographic", height=2.0 * half_height)
+    elif data.type == "PERSP":
+        half_height = 0.5 * sensor / max(data.lens, 1e-3) * height / longest
+        fields.update(fov=_degrees(half_height))
+    else:
+        return _panorama(camera, matrix, fields, report)
+    fields["pixel_aspect"] = frame.pixel_aspect_x / frame.pixel_aspect_y
+    # Blender's shift is in units of the fitted side, and moves the frame; ours moves the axis within the frame.
+    fields["shift"] = (-2.0 * data.shift_x * longest / width, -2.0 * data.shift_y * longest / height)
+    fields.update(_depth_of_field(camera, data, matrix))
+    if data.dof.use_dof and (data.dof.aperture_blades >= 3 or data.dof.aperture_ratio != 1.0):
+        report.add("camera", camera.name, "Depth of Field", Fidelity.APPROXIMATED, "the aperture is a circle")
+    return bottega.Camera(**fields)
+
+
+def _panorama(camera: Any, matrix: Any, fields: dict[str, Any], report: Report) -> bottega.Camera:
+    data = camera.data
+    kind = getattr(data, "panorama_type", None) or getattr(getattr(data, "cycles", None), "panorama_type", "")
+    if kind != "EQUIRECTANGULAR":
+        note = f"the panorama {kind.lower().replace('_', ' ')} is rendered as an equirectangular one"
+        report.add("camera", camera.name, "Panorama", Fidelity.APPROXIMATED, note)
+    # The renderer's panorama is that of pbrt: mirrored, with the view ahead at a quarter of its width.
+    fields["transform"] = _placed(np.array(matrix, np.float64) @ _TO_PBRT)
+    fields.update(near=0.0, far=math.inf, projection="equirectangular")
+    return bottega.Camera(**fields)
+
+
+def is_mirrored(camera: bottega.Camera) -> bool:
+    """Returns true if the columns of a camera's picture must be reversed for Blender."""
+    return camera.projection == "equirectangular"
+
+
+def _depth_of_field(camera: Any, data: Any, matrix: Any) -> dict[str, float]:
+    if not data.dof.use_dof:
+        return {}
+    focus = data.dof.focus_object
+    if focus is None:
+        distance = data.dof.focus_distance
+    else:
+        to_camera = np.linalg.inv(axes.without_scale(np.array(matrix, np.float64)))
+        distance = abs(float((to_camera @ np.array(focus.matrix_world, np.float64))[2, 3]))
+    stop = max(data.dof.aperture_fstop, 1e-5)
+    radius = 0.5 / stop if data.type == "ORTHO" else 0.5e-3 * data.lens / stop
+    return {"lens_radius": radius, "focus_distance": max(distance, 1e-4)}
+
+
+def view_camera(region: Any, view: Any, scene: Any, camera: Any, report: Report) -> tuple[bottega.Camera, Frame]:
+    """Returns the camera of a 3D view, with its frame.
+
+    `region`, `view`: `context.region` and `context.region_data`; `camera`: the evaluated camera of the scene, or `None`.
+    """
+    frame = Frame(region.width, region.height)
+    window = np.array(view.window_matrix, np.float64)
+    to_world = np.linalg.inv(np.array(view.view_matrix, np.float64))
+    # The projection is read from the matrix: x / half_width + shift_x, and so on.
+    if view.is_perspective:
+        half_height = 1.0 / window[1, 1]
+        fields: dict[str, Any] = {"fov": _degrees(half_height)}
+        shift = (-window[0, 2], -window[1, 2])
+    else:
+        half_height = 1.0 / window[1, 1]
+        fields = {"projection": "orthographic", "height": 2.0 * half_height}
+        shift = (window[0, 3], window[1, 3])
+    fields["transform"] = _placed(to_world)
+    # Pixels of a view are square; rounding of its size is the matrix's own aspect.
+    fields["pixel_aspect"] = 1.0
+    fields["shift"] = shift
+    if view.view_perspective == "CAMERA" and camera is not None and camera.type == "CAMERA" and view.is_perspective:
+        fields.update(_depth_of_field(camera, camera.data, camera.matrix_world))
+    if not view.is_perspective:
+        # The eye of an orthographic view lies amid the scene: it steps back.
+        back = np.eye(4)
+        back[2, 3] = 0.5 * view.view_distance * 1000.0
+        fields["transform"] = _placed(to_world @ back)
+    return bottega.Camera(**fields), frame
+
+
+def _placed(matrix: Any) -> list[list[float]]:
+    return axes.rows(axes.without_scale(axes.turned(matrix)))
+
+
+def _degrees(half_height: float) -> float:
+    return min(max(math.degrees(2.0 * math.atan(half_height)), 0.001), 179.99)

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The instances of an evaluated scene, in groups of one mesh and one list of materials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Iterable
+
+import numpy as np
+
+
+@dataclass
+class Group:
+    """Instances of a mesh that come from one object.
+
+    - `key`: of the object in the scene. `mesh_key`: of its mesh.
+    - `owner`: session number of the object. `data`: the evaluated mesh, valid only during the pass.
+    - `slots`: materials by slot: `None` is the default material.
+    - `rows`: indices of the instances in the pass.
+    """
+
+    key: str
+    mesh_key: str
+    owner: Any
+    data_owner: Any
+    data: Any
+    slots: list[Any]
+    rows: list[int] = field(default_factory=list)
+
+
+@dataclass
+class Pass:
+    """What one pass over the instances has found; it holds references into Blender only until the export ends.
+
+    - `matrices`: float32, (N, 4, 4), from object to world space, by rows.
+    - `lights`: evaluated light objects, with key and index of the matrix.
+    """
+
+    matrices: Any
+    groups: dict[str, Group]
+    lights: list[tuple[str, Any, int]]
+    skipped: dict[str, str]
+
+
+def uid_of(block: Any) -> Any:
+    """Returns the number that a data block has for the session; its name before Blender 4.2."""
+    uid = getattr(block, "session_uid", None)
+    return block.name_full if uid is None else uid
+
+
+def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
+    """Passes over the instances of an evaluated scene.
+
+    `is_shown`: called with an object; objects for which it returns false are left out.
+    """
+    instances = depsgraph.object_instances
+    count = len(instances)
+    matrices = np.empty(16 * count, np.float32)
+    instances.foreach_get("matrix_world", matrices)
+    found = Pass(matrices.reshape(count, 4, 4).transpose(0, 2, 1), {}, [], {})
+    by_data: dict[tuple[int, int, bool], Group | None] = {}
+    mesh_keys: dict[str, int] = {}
+    for row, instance in enumerate(instances):
+        if not instance.show_self:
+            continue
+        item = instance.object
+        kind = item.type
+        if kind == "MESH":
+            data = item.data
+            is_instance = instance.is_instance
+            place = (item.original.as_pointer(), data.as_pointer(), is_instance)
+            if place not in by_data:
+                shown = is_shown is None or is_shown(item)
+                by_data[place] = _group(found, mesh_keys, item, data, is_instance) if shown else None
+            group = by_data[place]
+            if group is not None:
+                group.rows.append(row)
+        elif kind == "LIGHT":
+            if is_shown is None or is_shown(item):
+                key = f"light {uid_of(item.original)} {_persistent(instance)}"
+                found.lights.append((key, item, row))
+        elif kind in ("VOLUME", "CURVES", "POINTCLOUD", "GREASEPENCIL"):
+            found.skipped[item.name] = {"CURVES": "hair curves are", "POINTCLOUD": "point clouds are"}.get(kind, f"{kind.lower()} objects are")
+    return found
+
+
+def _persistent(instance: Any) -> str:
+    if not instance.is_instance:
+        return ""
+    parent = uid_of(instance.parent.original) if instance.parent is not None else ""
+    return f"{parent} {','.join(str(number) for number in instance.persistent_id if number != 0x7FFFFFFF)}"
+
+
+def _group(found: Pass, mesh_keys: dict[str, int], item: Any, data: Any, is_instance: bool) -> Group:
+    owner, data_owner = uid_of(item.original), uid_of(data.original)
+    # Objects without modifiers share the mesh of their data.
+    pointer = data.as_pointer()
+    mesh_key = f"mesh {data_owner}"
+    changes_mesh = len(item.modifiers) > 0 or item.original.type != "MESH"
+    if changes_mesh or mesh_keys.get(mesh_key, pointer) != pointer:
+        index = 0
+        mesh_key = f"mesh of {owner} {index}"
+        while mesh_keys.get(mesh_key, pointer) != pointer:
+            index += 1
+            mesh_key = f"mesh of {owner} {index}"
+    mesh_keys[mesh_key] = pointer
+    key = f"object {owner} {'instances' if is_instance else ''} {mesh_key}"
+    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data))
+    found.groups[key] = group
+    return group
+
+
+def _slots(item: Any, data: Any) -> list[Any]:
+    """Returns the materials by slot: those linked to the object go before the mesh's."""
+    materials: list[Any] = list(data.materials)
+    slots = item.material_slots
+    for index, slot in enumerate(slots):
+        if slot.link == "OBJECT":
+            materials += [None] * (index + 1 - len(materials))
+            materials[index] = slot.material
+    return materials or [None]
+
+
+def materials_of(groups: Iterable[Group]) -> dict[Any, Any]:
+    """Returns the materials of groups by session number."""
+    return {uid_of(material.original): material for group in groups for material in group.slots if material is not None}

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials: node trees become values of the renderer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Callable
+
+import bottega
+import numpy as np
+
+from .colors import ColorReader, Unsupported
+from .fields import CannotFold, Field, as_number, computed, constant, is_constant_of
+from .images import MissingPicture
+from .nodes import CyclicNodes, Input, named
+from .report import Fidelity, Report
+from .shaders import ShaderReader
+from .surfaces import Model, Relief, Shader
+from .textures import NoPlace, Pictures, flipped
+
+
+@dataclass
+class MadeMaterial:
+    """A material, and what it needs.
+
+    - `images`: images by key.
+    - `uv_names`: the sets of texture coordinates that it uses, in the order of its `uv_set`s.
+    - `color_name`: the color attribute that it uses; `None`: none.
+    - `medium`: the medium of its inside.
+    """
+
+    material: bottega.Material
+    images: dict[str, Callable[[], bottega.Image]] = field(default_factory=dict)
+    uv_names: list[str | None] = field(default_factory=list)
+    color_name: str | None = None
+    medium: bottega.Medium | None = None
+
+
+class MaterialMaker:
+    """Makes the material of a node tree of Blender.
+
+    - `owner`: name of the material, for the report; `key`: under which it is reported.
+    """
+
+    def __init__(self, pictures: Pictures, report: Report, key: str, owner: str) -> None:
+        self.pictures, self.report, self.key, self.owner = pictures, report, key, owner
+        self.made = MadeMaterial(bottega.Material())
+        self.reader = ColorReader(pictures, self.note)
+
+    def note(self, node: Any, fidelity: Fidelity, text: str) -> None:
+        """Adds a note about a node to the report."""
+        self.report.add(self.key, self.owner, node if isinstance(node, str) else node.label or node.name, fidelity, text)
+
+    def make(self, material: Any) -> MadeMaterial:
+        """Makes a material. What cannot be rendered is in the report."""
+        tree = material.node_tree if getattr(material, "use_nodes", True) else None
+        if tree is None:
+            color = tuple(material.diffuse_color)[:3]
+            self.made.material = bottega.Material(bottega.Diffuse(tuple(max(0.0, float(value)) for value in color)))
+            return self.made
+        output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+        if output is None:
+            self.note("Material Output", Fidelity.LEFT_OUT, "there is no output: the material is black")
+            self.made.material = bottega.Material.matte(0.0)
+            return self.made
+        try:
+            shader = ShaderReader(self.reader).shader(named(output, (), "Surface"))
+            self.made.material = self.material_of(shader, output)
+            self._volume(output, shader)
+            displacement = named(output, (), "Displacement")
+            if displacement is not None and displacement.source() is not None:
+                self._displacement(displacement, material)
+        except CyclicNodes as error:
+            self.note("Material Output", Fidelity.LEFT_OUT, f"{error}: the material is black")
+            self.made.material = bottega.Material.matte(0.0)
+        if self.reader.vertex_colors:
+            self.made.color_name = self.reader.vertex_colors[0]
+        return self.made
+
+    def material_of(self, shader: Shader, output: Any) -> bottega.Material:
+        """Returns the material of a shader."""
+        fields: dict[str, Any] = {}
+        if not is_constant_of(shader.opacity, 1.0):
+            fields.update(opacity=self.number(shader.opacity, 0.0, 1.0), alpha="blend")
+        emission = self.color(shader.emission, None)
+        surface = self.surface(shader.model) if shader.model is not None else bottega.Diffuse(0.0)
+        fields.update(emission=emission, relief=self._relief(shader.relief))
+        linked = named(output, (), "Surface")
+        if linked is not None and linked.source() is None and self._has_volume(output):
+            # A volume without a surface.
+            return bottega.Material(bottega.Null(), **fields)
+        return bottega.Material(surface, **fields)
+
+    def surface(self, model: Model) -> Any:
+        """Returns the surface of a model."""
+        members: dict[str, Any] = {}
+        for name, value in model.fields.items():
+            if isinstance(value, Model):
+                members[name] = self.surface(value)
+            elif isinstance(value, Field):
+                members[name] = self.color(value, 1.0) if value.channels == 3 else self.number(value, 0.0, 1.0)
+            elif name == "anisotropy":
+                members[name] = bottega.Anisotropy(min(value[0], 1.0), value[1])
+            elif name == "iridescence":
+                members[name] = bottega.Iridescence(1.0, max(value[1], 1.0), (value[0], value[0]))
+            else:
+                members[name] = value
+        return getattr(bottega, model.name)(**members)
+
+    def color(self, field_: Field, highest: float | None) -> Any:
+        """Returns a color or a texture; values below 0 and, if given, above `highest` are cut."""
+        if field_.is_constant:
+            values = np.clip(np.broadcast_to(field_.load(), (3,)), 0.0, highest)
+            return tuple(float(value) for value in values)
+        if field_.image is not None:
+            factor = tuple(float(value) for value in np.broadcast_to(field_.factor, (3,)))
+            return self._texture(field_.image, self._image_of(field_.image), field_, factor)
+        cut = computed("cut", field_.channels, lambda values: np.clip(values, 0.0, highest), field_)
+        return self._texture(cut.key(), folded(cut), cut, (1.0, 1.0, 1.0))
+
+    def number(self, field_: Field, low: float, high: float) -> Any:
+        """Returns a number or a channel of a texture; values are cut to the limits."""
+        field_ = as_number(field_)
+        if field_.is_constant:
+            return min(max(field_.number(), low), high)
+        if field_.image is not None and 0.0 <= field_.factor[0]:
+            texture = self._texture(field_.image, self._image_of(field_.image), field_, field_.factor[0])
+            texture.channel = field_.channel
+            return texture
+        cut = computed("cut", 1, lambda values: np.clip(values, low, high), field_)
+        return self._texture(cut.key(), folded(cut), cut, 1.0)
+
+    def _image_of(self, key: str) -> Callable[[], bottega.Image]:
+        return lambda: self.pictures.loaded[key].to_image()
+
+    def _texture(self, key: str, image: Callable[[], bottega.Image], field_: Field, factor: Any) -> bottega.Texture:
+        placing = field_.placing
+        assert placing is not None
+        self.made.images[key] = image
+        names = self.made.uv_names
+        if placing.uv_name not in names:
+            if len(names) == 2:
+                self.note("UV Map", Fidelity.APPROXIMATED, f"the third set of coordinates, {placing.uv_name}, is rendered as the first")
+            else:
+                names.append(placing.uv_name)
+        index = names.index(placing.uv_name) if placing.uv_name in names else 0
+        wrap = (placing.wrap, placing.wrap)
+        return bottega.Texture(key, factor, "r", index, flipped(placing.transform), wrap, placing.is_smooth)  # type: ignore[arg-type]
+
+    def _relief(self, relief: Relief | None) -> Any:
+        if relief is None:
+            return None
+        if relief.kind == "normal":
+            texture = self.color(relief.field, None)
+            return bottega.NormalMap(texture, relief.strength) if isinstance(texture, bottega.Texture) else None
+        low = computed("height", 1, lambda values: values, relief.field)
+        return bottega.BumpMap(self._texture(low.key(), folded(low), low, 1.0))
+
+    def _displacement(self, displacement: Input, material: Any) -> None:
+        source = displacement.source()
+        assert source is not None
+        method = getattr(material, "displacement_method", None) or getattr(getattr(material, "cycles", None), "displacement_method", "BUMP")
+        if source.node.bl_idname != "ShaderNodeDisplacement":
+            self.note(source.node, Fidelity.LEFT_OUT, "vector displacement is left out")
+            return
+        height = self.reader.at(source, "Height", 0.0)
+        scale = self.reader.at(source, "Scale", 1.0)
+        if height.is_constant or not scale.is_constant:
+            self.note(source.node, Fidelity.LEFT_OUT, "a displacement that is the same everywhere is left out")
+            return
+        if method != "BUMP":
+            self.note(source.node, Fidelity.APPROXIMATED, "displacement is rendered as a relief")
+        if self.made.material.relief is None:
+            factor = scale.number()
+            self.made.material.relief = self._relief(Relief("bump", computed("scale", 1, lambda h: h * factor, height)))
+
+    def _has_volume(self, output: Any) -> bool:
+        volume = named(output, (), "Volume")
+        return volume is not None and volume.source() is not None
+
+    def _volume(self, output: Any, shader: Shader) -> None:
+        found = named(output, (), "Volume")
+        source = found.source() if found is not None else None
+        if source is None:
+            return
+        medium = medium_of(self.reader, source, self.note)
+        if medium is not None:
+            self.made.medium = medium
+
+
+def medium_of(reader: ColorReader, source: Any, note: Callable[[Any, Fidelity, str], None]) -> bottega.Medium | None:
+    """Returns the medium of a volume shader that is the same everywhere; `None`: there is none."""
+    node = source.node
+    density = reader.at(source, "Density", 1.0)
+    color = reader.color_at(source, "Color")
+    if not density.is_constant or not color.is_constant:
+        note(node, Fidelity.LEFT_OUT, "a volume that varies is left out")
+        return None
+    amount, tint = max(density.number(), 0.0), np.clip(color.load(), 0.0, 1.0)
+    g = reader.at(source, "Anisotropy", 0.0)
+    mean_cosine = min(max(g.number(), -0.999), 0.999) if g.is_constant else 0.0
+    if node.bl_idname == "ShaderNodeVolumeAbsorption":
+        return bottega.Medium(absorption=_tuple(amount * (1.0 - tint)))
+    if node.bl_idname == "ShaderNodeVolumeScatter":
+        if getattr(node, "phase", "HENYEY_GREENSTEIN") != "HENYEY_GREENSTEIN":
+            note(node, Fidelity.APPROXIMATED, "the phase function is Henyey and Greenstein's")
+        return bottega.Medium(scattering=_tuple(amount * tint), g=mean_cosine)
+    if node.bl_idname == "ShaderNodeVolumePrincipled":
+        absorbed = reader.color_at(source, "Absorption Color")
+        dark = np.clip(absorbed.load(), 0.0, 1.0) if absorbed.is_constant else np.zeros(3, np.float32)
+        # Cycles: absorption = density × (1 - color) × (1 - √absorption color).
+        absorption = amount * np.maximum(1.0 - tint, 0.0) * np.maximum(1.0 - np.sqrt(dark), 0.0)
+        strength = reader.at(source, "Emission Strength", 0.0)
+        emission = reader.color_at(source, "Emission Color").load() * strength.number() if strength.is_constant else np.zeros(3)
+        if named(node, source.groups, "Density Attribute") is not None and not is_constant_of(reader.at(source, "Blackbody Intensity"), 0.0):
+            note(node, Fidelity.LEFT_OUT, "Blackbody Intensity is rendered as 0")
+        return bottega.Medium(_tuple(absorption), _tuple(amount * tint), _tuple(np.broadcast_to(emission, (3,))), mean_cosine)
+    note(node, Fidelity.LEFT_OUT, f"the volume {node.bl_label} is left out")
+    return None
+
+
+def _tuple(values: Any) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
+
+
+def folded(field_: Field) -> Callable[[], bottega.Image]:
+    """Returns a function that makes the picture of a folded chain: numbers, row 0 on top."""
+
+    def make() -> bottega.Image:
+        values = np.asarray(field_.load(), np.float32)
+        width, height = field_.size or (values.shape[1], values.shape[0])
+        values = np.broadcast_to(values, (height, width, values.shape[-1]))[::-1]
+        pixels = values[..., 0] if values.shape[-1] == 1 else values
+        return bottega.Image(np.ascontiguousarray(pixels), "linear" if field_.channels == 3 else "data")
+
+    return make

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes: arrays by corner, as Blender keeps them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bottega
+import numpy as np
+
+Array = Any
+
+
+@dataclass
+class MeshArrays:
+    """The arrays of a mesh, which belong to nobody else. See `bottega.Mesh`."""
+
+    positions: Array
+    triangles: Array
+    corner_vertices: Array
+    normals: Array
+    uvs: Array | None
+    uvs2: Array | None
+    colors: Array | None
+    triangle_materials: Array
+
+    @property
+    def slot_count(self) -> int:
+        """The number of material slots that triangles use."""
+        return int(self.triangle_materials.max()) + 1 if len(self.triangle_materials) else 1
+
+    def to_mesh(self, materials: list[str]) -> bottega.Mesh:
+        """Makes the mesh with keys of materials by slot."""
+        return bottega.Mesh(
+            self.positions,
+            self.triangles,
+            self.corner_vertices,
+            self.normals,
+            self.uvs,
+            self.uvs2,
+            self.colors,
+            materials,
+            self.triangle_materials,
+            drop_empty=True,
+        )
+
+
+def arrays_of(mesh: Any, uv_names: tuple[str | None, ...], color_name: str | None) -> MeshArrays | None:
+    """Reads a mesh of Blender. Returns `None` if it has no triangle of finite vertices.
+
+    - `uv_names`: names of at most two sets of texture coordinates; `None`: the set that is active for rendering.
+    - `color_name`: the color attribute; `None`: none; empty: the one that is active for rendering.
+    """
+    mesh.calc_loop_triangles()
+    count, corners = len(mesh.loop_triangles), len(mesh.loops)
+    if count == 0:
+        return None
+    positions = _floats(mesh.vertices, "co", len(mesh.vertices), 3)
+    triangles = _ints(mesh.loop_triangles, "loops", 3 * count).reshape(-1, 3)
+    corner_vertices = _ints(mesh.loops, "vertex_index", corners)
+    materials = np.empty(count, np.int32)
+    mesh.loop_triangles.foreach_get("material_index", materials)
+    np.maximum(materials, 0, out=materials)
+
+    # Triangles with a vertex that is no number are left out.
+    if not np.isfinite(positions).all():
+        broken = ~np.isfinite(positions).all(axis=1)
+        kept = ~broken[corner_vertices[triangles]].any(axis=1)
+        positions[broken] = 0.0
+        triangles, materials = np.ascontiguousarray(triangles[kept]), np.ascontiguousarray(materials[kept])
+        if len(triangles) == 0:
+            return None
+    uvs = [_uvs(mesh, name, corners) for name in uv_names[:2]]
+    uvs += [None] * (2 - len(uvs))
+    return MeshArrays(
+        positions, triangles, corner_vertices, _normals(mesh, corners), uvs[0], uvs[1], _colors(mesh, color_name), materials
+    )
+
+
+def _floats(collection: Any, name: str, count: int, width: int) -> Array:
+    array = np.empty(count * width, np.float32)
+    collection.foreach_get(name, array)
+    return array.reshape(count, width)
+
+
+def _ints(collection: Any, name: str, count: int) -> Array:
+    array = np.empty(count, np.int32)
+    collection.foreach_get(name, array)
+    return array
+
+
+def _normals(mesh: Any, corners: int) -> Array | None:
+    if hasattr(mesh, "corner_normals"):
+        normals = _floats(mesh.corner_normals, "vector", corners, 3)
+    else:
+        # Before Blender 4.1.
+        mesh.calc_normals_split()
+        normals = _floats(mesh.loops, "normal", corners, 3)
+    # A corner of a degenerate face has the normal 0, which no surface has.
+    lengths = np.einsum("ij,ij->i", normals, normals)
+    bad = ~(lengths > 0.25)
+    if bad.any():
+        normals[bad] = (0.0, 0.0, 1.0)
+    return normals
+
+
+def uv_layer(mesh: Any, name: str | None) -> Any:
+    """Returns a set of texture coordinates by name, or the one for rendering; `None`: there is none."""
+    if name:
+        return mesh.uv_layers.get(name)
+    return next((layer for layer in mesh.uv_layers if layer.active_render), None)
+
+
+def _uvs(mesh: Any, name: str | None, corners: int) -> Array | None:
+    layer = uv_layer(mesh, name)
+    if layer is None:
+        return None
+    if hasattr(layer, "uv"):
+        uvs = _floats(layer.uv, "vector", corners, 2)
+    else:
+        uvs = _floats(layer.data, "uv", corners, 2)
+    # v runs downwards.
+    uvs[:, 1] = 1.0 - uvs[:, 1]
+    if not np.isfinite(uvs).all():
+        np.nan_to_num(uvs, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+    return uvs
+
+
+def _colors(mesh: Any, name: str | None) -> Array | None:
+    if name is None:
+        return None
+    attributes = mesh.color_attributes
+    index = getattr(attributes, "render_color_index", -1)
+    attribute = attributes.get(name) if name else (attributes[index] if 0 <= index < len(attributes) else None)
+    if attribute is None or attribute.domain not in ("POINT", "CORNER"):
+        return None
+    colors = _floats(attribute.data, "color", len(attribute.data), 4)
+    if attribute.domain == "POINT":
+        colors = colors[_ints(mesh.loops, "vertex_index", len(mesh.loops))]
+    return np.ascontiguousarray(np.nan_to_num(colors, nan=0.0, posinf=1.0, neginf=0.0))

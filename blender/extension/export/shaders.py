@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Nodes for shaders."""
+
+from __future__ import annotations
+
+from typing import Any, Callable
+
+from .colors import ColorReader
+from .fields import CannotFold, Field, computed, constant, is_constant_of, scaled
+from .nodes import CyclicNodes, Input, Source, named
+from .principled import principled
+from .report import Fidelity
+from .surfaces import BLACK, CLEAR, ONE, Model, Relief, Shader, added, mixed, with_relief
+
+MOST_DEPTH = 60
+
+
+class ShaderReader:
+    """Reads shaders from inputs of nodes."""
+
+    def __init__(self, reader: ColorReader) -> None:
+        self.reader, self.note = reader, reader.note
+        self._depth = 0
+
+    def shader(self, found: Input | None) -> Shader:
+        """Returns the shader of an input. Raises `CyclicNodes`."""
+        source = found.source() if found is not None else None
+        if source is None:
+            # Nothing: black, and it emits nothing.
+            return Shader()
+        if self._depth >= MOST_DEPTH:
+            raise CyclicNodes("the shaders feed themselves")
+        self._depth += 1
+        try:
+            return self._of(source, found)
+        except CannotFold as error:
+            self.note(source.node, Fidelity.APPROXIMATED, f"{error}; the first shader is rendered alone")
+            return self.shader(self._first_shader(source))
+        finally:
+            self._depth -= 1
+
+    def _of(self, source: Source, found: Input | None) -> Shader:
+        made = _READERS.get(source.node.bl_idname)
+        if made is not None:
+            return with_relief(made(self, source), self.relief(source))
+        if source.output.type != "SHADER":
+            # A color that feeds a shader emits.
+            return Shader(emission=self.reader.color(found))
+        self.note(source.node, Fidelity.LEFT_OUT, f"the shader {source.node.bl_label} is rendered as matte gray")
+        return Shader(Model("Diffuse", {"reflectance": self.reader.color_at(source, "Color")}))
+
+    def _first_shader(self, source: Source) -> Input | None:
+        first = next((socket for socket in source.node.inputs if socket.type == "SHADER" and socket.is_linked), None)
+        return Input(first, source.groups) if first is not None else None
+
+    def relief(self, source: Source) -> Relief | None:
+        """Returns the relief of the input Normal of a shader."""
+        found = named(source.node, source.groups, "Normal")
+        normal = found.source() if found is not None else None
+        if normal is None:
+            return None
+        if normal.node.bl_idname == "ShaderNodeNormalMap":
+            return self._normal_map(normal)
+        if normal.node.bl_idname == "ShaderNodeBump":
+            return self._bump(normal)
+        if normal.node.bl_idname not in ("ShaderNodeNewGeometry", "ShaderNodeTexCoord"):
+            self.note(normal.node, Fidelity.LEFT_OUT, "normals from this node are those of the mesh")
+        return None
+
+    def _normal_map(self, source: Source) -> Relief | None:
+        node = source.node
+        strength = self.reader.at(source, "Strength", 1.0)
+        color = self.reader.color(named(node, source.groups, "Color"))
+        if color.is_constant:
+            return None
+        if node.space != "TANGENT":
+            self.note(node, Fidelity.LEFT_OUT, f"a normal map in {node.space.lower()} space is left out")
+            return None
+        if not strength.is_constant:
+            self.note(node, Fidelity.APPROXIMATED, "a strength that varies is rendered as 1")
+            strength = ONE
+        return Relief("normal", color, strength.number())
+
+    def _bump(self, source: Source) -> Relief | None:
+        node = source.node
+        height = self.reader.at(source, "Height", 1.0)
+        if height.is_constant:
+            return self.relief(source)
+        strength, distance = self.reader.at(source, "Strength", 1.0), self.reader.at(source, "Distance", 1.0)
+        if not (strength.is_constant and distance.is_constant):
+            self.note(node, Fidelity.APPROXIMATED, "strength and distance that vary are rendered as 1")
+            strength = distance = ONE
+        if strength.number() != 1.0:
+            self.note(node, Fidelity.APPROXIMATED, "the strength of a relief multiplies its height")
+        sign = -1.0 if node.invert else 1.0
+        if self.relief(source) is not None:
+            self.note(node, Fidelity.APPROXIMATED, "of two reliefs, one above the other, the upper one is rendered")
+        return Relief("bump", scaled(height, constant(sign * strength.number() * distance.number())))
+
+
+def _is_smooth(node: Any) -> bool:
+    return getattr(node, "distribution", "") == "SHARP"
+
+
+def _roughness(self: ShaderReader, source: Source) -> dict[str, Any]:
+    """The roughness of Cycles is the square root of α."""
+    roughness = constant(0.0) if _is_smooth(source.node) else self.reader.at(source, "Roughness", 0.5)
+    distribution = "beckmann" if getattr(source.node, "distribution", "") == "BECKMANN" else "ggx"
+    if getattr(source.node, "distribution", "") == "ASHIKHMIN_SHIRLEY":
+        self.note(source.node, Fidelity.APPROXIMATED, "Ashikhmin-Shirley is rendered as GGX")
+    return {"roughness": roughness, "roughness_scale": "square", "distribution": distribution}
+
+
+def _diffuse(self: ShaderReader, source: Source) -> Shader:
+    roughness = self.reader.at(source, "Roughness", 0.0)
+    if not is_constant_of(roughness, 0.0):
+        self.note(source.node, Fidelity.APPROXIMATED, "rough matte is Oren and Nayar's first model")
+    return Shader(Model("Diffuse", {"reflectance": self.reader.color_at(source, "Color"), "roughness": roughness}))
+
+
+def _glossy(self: ShaderReader, source: Source) -> Shader:
+    if not is_constant_of(self.reader.at(source, "Anisotropy", 0.0), 0.0):
+        self.note(source.node, Fidelity.LEFT_OUT, "anisotropy is rendered as 0")
+    fields = {"reflectance": self.reader.color_at(source, "Color"), **_roughness(self, source)}
+    return Shader(Model("Conductor", fields))
+
+
+def _ior(self: ShaderReader, source: Source, otherwise: float) -> float:
+    ior = self.reader.at(source, "IOR", otherwise)
+    if not ior.is_constant:
+        self.note(source.node, Fidelity.APPROXIMATED, f"an IOR that varies is rendered as {otherwise:g}")
+        return otherwise
+    return max(ior.number(), 1e-3)
+
+
+def _glass(self: ShaderReader, source: Source) -> Shader:
+    color = self.reader.color_at(source, "Color")
+    fields = {"reflectance": color, "transmittance": color, "eta": _ior(self, source, 1.45), **_roughness(self, source)}
+    return Shader(Model("Dielectric", fields))
+
+
+def _refraction(self: ShaderReader, source: Source) -> Shader:
+    self.note(source.node, Fidelity.APPROXIMATED, "refraction is rendered as glass whose reflections are black")
+    color = self.reader.color_at(source, "Color")
+    fields = {"reflectance": BLACK, "transmittance": color, "eta": _ior(self, source, 1.45), **_roughness(self, source)}
+    return Shader(Model("Dielectric", fields))
+
+
+def _translucent(self: ShaderReader, source: Source) -> Shader:
+    color = self.reader.color_at(source, "Color")
+    return Shader(Model("DiffuseTransmission", {"reflectance": BLACK, "transmittance": color}))
+
+
+def _transparent(self: ShaderReader, source: Source) -> Shader:
+    color = self.reader.color_at(source, "Color")
+    if is_constant_of(color, 1.0):
+        return CLEAR
+    if color.is_constant:
+        values = color.load()
+        if float(values.max() - values.min()) > 1e-4:
+            self.note(source.node, Fidelity.APPROXIMATED, "colored transparency is gray")
+    clearness = self.reader.number(named(source.node, source.groups, "Color"))
+    return Shader(opacity=computed("opaque part", 1, lambda values: 1.0 - values.clip(0, 1), clearness))
+
+
+def _emission(self: ShaderReader, source: Source) -> Shader:
+    color, strength = self.reader.color_at(source, "Color"), self.reader.at(source, "Strength", 1.0)
+    return Shader(emission=scaled(color, strength))
+
+
+def _mix(self: ShaderReader, source: Source) -> Shader:
+    inputs = [Input(socket, source.groups) for socket in source.node.inputs]
+    share = self.reader.number(inputs[0])
+    if share.is_constant:
+        share = constant(min(max(share.number(), 0.0), 1.0))
+    return mixed(share, self.shader(inputs[1]), self.shader(inputs[2]))
+
+
+def _add(self: ShaderReader, source: Source) -> Shader:
+    first, second = (self.shader(Input(socket, source.groups)) for socket in source.node.inputs)
+    if first.model is not None and second.model is not None:
+        import bottega
+
+        if not hasattr(bottega, "Add"):
+            self.note(source.node, Fidelity.APPROXIMATED, "the sum of two surfaces is rendered as their mean")
+    return added(first, second)
+
+
+def _holdout(self: ShaderReader, source: Source) -> Shader:
+    self.note(source.node, Fidelity.LEFT_OUT, "a holdout is rendered black")
+    return Shader()
+
+
+def _sheen(self: ShaderReader, source: Source) -> Shader:
+    self.note(source.node, Fidelity.APPROXIMATED, "sheen is that of glTF (Charlie)")
+    color, roughness = self.reader.color_at(source, "Color"), self.reader.at(source, "Roughness", 0.5)
+    fields = {"base_color": BLACK, "sheen_color": color, "sheen_roughness": roughness, "specular": constant(0.0), "roughness": ONE}
+    return Shader(Model("Layered", fields))
+
+
+def _subsurface(self: ShaderReader, source: Source) -> Shader:
+    self.note(source.node, Fidelity.APPROXIMATED, "subsurface scattering is rendered as a matte surface")
+    return Shader(Model("Diffuse", {"reflectance": self.reader.color_at(source, "Color")}))
+
+
+def _background(self: ShaderReader, source: Source) -> Shader:
+    color, strength = self.reader.color_at(source, "Color"), self.reader.at(source, "Strength", 1.0)
+    return Shader(emission=scaled(color, strength))
+
+
+def _principled(self: ShaderReader, source: Source) -> Shader:
+    return principled(self.reader, source, self.note)
+
+
+_READERS: dict[str, Callable[[ShaderReader, Source], Shader]] = {
+    "ShaderNodeBsdfPrincipled": _principled,
+    "ShaderNodeBsdfDiffuse": _diffuse,
+    "ShaderNodeBsdfGlossy": _glossy,
+    "ShaderNodeBsdfAnisotropic": _glossy,
+    "ShaderNodeBsdfMetallic": _glossy,
+    "ShaderNodeBsdfGlass": _glass,
+    "ShaderNodeBsdfRefraction": _refraction,
+    "ShaderNodeBsdfTranslucent": _translucent,
+    "ShaderNodeBsdfTransparent": _transparent,
+    "ShaderNodeBsdfSheen": _sheen,
+    "ShaderNodeBsdfVelvet": _sheen,
+    "ShaderNodeSubsurfaceScattering": _subsurface,
+    "ShaderNodeEmission": _emission,
+    "ShaderNodeBackground": _background,
+    "ShaderNodeMixShader": _mix,
+    "ShaderNodeAddShader": _add,
+    "ShaderNodeHoldout": _holdout,
+}

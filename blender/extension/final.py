@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Final pictures: the request, and the passes that Blender gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bottega
+import numpy as np
+
+from .export.camera import Frame
+
+
+@dataclass(frozen=True)
+class PassInfo:
+    """A pass of Blender: its name, channels, and the letters of the channels."""
+
+    name: str
+    channels: int
+    letters: str
+    kind: str
+
+
+def passes_of(scene: Any, layer: Any) -> list[PassInfo]:
+    """Returns the passes of a view layer beside Combined."""
+    settings = scene.bottega
+    wanted = [
+        (layer.use_pass_z, PassInfo("Depth", 1, "Z", "VALUE")),
+        (layer.use_pass_normal, PassInfo("Normal", 3, "XYZ", "VECTOR")),
+        (layer.use_pass_mist, PassInfo("Mist", 1, "Z", "VALUE")),
+        (settings.use_albedo, PassInfo("Albedo", 3, "RGB", "COLOR")),
+        (settings.use_sample_count, PassInfo("Sample Count", 1, "X", "VALUE")),
+        (settings.use_cost, PassInfo("Cost", 1, "X", "VALUE")),
+    ]
+    return [info for is_wanted, info in wanted if is_wanted]
+
+
+_LAYERS = {"Depth": "depth", "Normal": "normal", "Mist": "depth", "Albedo": "albedo", "Sample Count": "samples", "Cost": "cost"}
+
+
+def request_fields(scene: Any, layer: Any, frame: Frame, crop: tuple[int, int, int, int] | None) -> dict[str, Any]:
+    """Returns the fields of the request for a final picture. `crop`: x0, y0, x1, y1, row 0 on top."""
+    settings = scene.bottega
+    layers = sorted({_LAYERS[info.name] for info in passes_of(scene, layer)})
+    fields: dict[str, Any] = {
+        "size": (frame.width, frame.height),
+        "max_depth": settings.max_depth,
+        "denoise": settings.denoise,
+        "layers": layers,
+        "goal": goal_of(settings),
+    }
+    if settings.guide == "OFF":
+        fields["guide"] = {"by": "none"}
+    if settings.threads > 0:
+        fields["threads"] = settings.threads
+    if settings.seed > 0:
+        fields["seed"] = settings.seed
+    if crop is not None:
+        fields["crop"] = crop
+    return fields
+
+
+def goal_of(settings: Any) -> dict[str, Any]:
+    """Returns the goal of a request."""
+    if settings.goal == "ERROR":
+        return {"error": settings.error, "samples": settings.samples}
+    if settings.goal == "TIME":
+        return {"time": settings.seconds, "samples": max(settings.samples, 65536)}
+    return {"samples": settings.samples}
+
+
+def crop_of(render: Any, frame: Frame) -> tuple[int, int, int, int] | None:
+    """Returns the region of the render settings: x0, y0, x1, y1, row 0 on top; `None`: all."""
+    if not render.use_border:
+        return None
+    # Blender cuts to whole pixels.
+    x0, x1 = (int(share * frame.width) for share in (render.border_min_x, render.border_max_x))
+    low, high = (int(share * frame.height) for share in (render.border_min_y, render.border_max_y))
+    if x1 <= x0 or high <= low:
+        return None
+    return x0, frame.height - high, x1, frame.height - low
+
+
+def reversed_crop(crop: tuple[int, int, int, int] | None, frame: Frame) -> tuple[int, int, int, int] | None:
+    """Returns a region of a picture whose columns are reversed."""
+    return None if crop is None else (frame.width - crop[2], crop[1], frame.width - crop[0], crop[3])
+
+
+def pixels_of(picture: bottega.Picture, info: PassInfo | None, scene: Any, is_mirrored: bool) -> np.ndarray:
+    """Returns a pass, or Combined for `None`: float32, (rows × columns, channels), the lowest row first.
+
+    `is_mirrored`: the columns are reversed.
+    """
+    is_clear = scene.render.film_transparent
+    if info is None:
+        color = picture.color
+        alpha = picture["alpha"] if is_clear and "alpha" in picture else np.ones(color.shape[:2], np.float32)
+        pixels = np.concatenate([color, alpha[..., None]], -1)
+    elif info.name == "Normal":
+        normal = picture["normal"]
+        pixels = np.stack([normal[..., 0], -normal[..., 2], normal[..., 1]], -1)
+    elif info.name == "Mist":
+        pixels = mist(picture["depth"], scene.world)[..., None]
+    elif info.name == "Depth":
+        depth = picture["depth"]
+        pixels = np.where(np.isfinite(depth) & (depth > 0.0), depth, 1e10)[..., None]
+    else:
+        pixels = picture[_LAYERS[info.name]]
+    pixels = pixels.reshape(*pixels.shape[:2], -1)[::-1, :: -1 if is_mirrored else 1]
+    return np.ascontiguousarray(pixels, np.float32).reshape(-1, pixels.shape[-1])
+
+
+def mist(depth: Any, world: Any) -> Any:
+    """Returns Blender's mist of distances: 0 before its start, 1 behind its end."""
+    if world is None:
+        return np.ones_like(depth)
+    settings = world.mist_settings
+    near = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.inf)
+    share = np.clip((near - settings.start) / max(settings.depth, 1e-6), 0.0, 1.0)
+    power = {"QUADRATIC": 2.0, "LINEAR": 1.0, "INVERSE_QUADRATIC": 0.5}[settings.falloff]
+    return settings.intensity + (1.0 - settings.intensity) * share**power

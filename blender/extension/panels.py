@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panels of the render properties, and Blender's own panels that serve this engine as well."""
+
+from __future__ import annotations
+
+from typing import Any, Iterator
+
+import bpy
+
+from . import library
+from .engine import ENGINE
+
+# Blender's own panels for Eevee that show what Cycles' nodes, lights and worlds have.
+_SHARED = {
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_MATERIAL_PT_volume",
+    "EEVEE_MATERIAL_PT_displacement",
+    "EEVEE_WORLD_PT_surface",
+    "EEVEE_WORLD_PT_volume",
+    "WORLD_PT_context_world",
+    "DATA_PT_EEVEE_light",
+    "DATA_PT_light",
+    "DATA_PT_EEVEE_light_distance",
+    "DATA_PT_spot",
+    "EEVEE_NEXT_MATERIAL_PT_settings",
+}
+# Panels of other engines' settings.
+_OTHERS = {"VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes", "RENDER_PT_simplify", "RENDER_PT_gpencil", "RENDER_PT_freestyle"}
+
+
+def _serving() -> Iterator[Any]:
+    """Yields Blender's panels that serve this engine too."""
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", None)
+        if engines is None or panel.__name__ in _OTHERS:
+            continue
+        if "BLENDER_RENDER" in engines or panel.__name__ in _SHARED:
+            yield panel
+
+
+class _Panel:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return context.engine == ENGINE
+
+
+class BOTTEGA_PT_quality(_Panel, bpy.types.Panel):
+    """What a picture is to be like."""
+
+    bl_label = "Quality"
+
+    def draw(self, context: Any) -> None:
+        layout, settings = self.layout, context.scene.bottega
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        problem = library.problem()
+        if problem is not None:
+            layout.label(text=problem, icon="ERROR")
+        layout.prop(settings, "goal", expand=True)
+        if settings.goal == "ERROR":
+            layout.prop(settings, "error", slider=True)
+        if settings.goal == "TIME":
+            layout.prop(settings, "seconds")
+        else:
+            layout.prop(settings, "samples")
+        layout.prop(settings, "denoise")
+        layout.separator()
+        layout.prop(settings, "view_samples", text="Viewport")
+        layout.prop(settings, "view_denoise", text="Denoise")
+
+
+class BOTTEGA_PT_paths(_Panel, bpy.types.Panel):
+    """How light is followed."""
+
+    bl_label = "Light Paths"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        layout, settings = self.layout, context.scene.bottega
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "max_depth")
+        layout.prop(settings, "guide")
+        layout.prop(settings, "seed")
+
+
+class BOTTEGA_PT_film(_Panel, bpy.types.Panel):
+    """The film."""
+
+    bl_label = "Film"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(context.scene.render, "film_transparent", text="Transparent")
+
+
+class BOTTEGA_PT_machine(_Panel, bpy.types.Panel):
+    """What the picture is made with."""
+
+    bl_label = "This Machine"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(context.scene.bottega, "threads")
+        layout.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
+
+
+class BOTTEGA_PT_report(_Panel, bpy.types.Panel):
+    """What is not rendered as Cycles renders it."""
+
+    bl_label = "Not as in Cycles"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        if library.problem() is not None:
+            return
+        from .render import Kept
+
+        notes = Kept.last_report.all()
+        if not notes:
+            layout.label(text="Everything of the last picture was exact", icon="CHECKMARK")
+        for note in notes[:40]:
+            row = layout.column(align=True)
+            icon = "ERROR" if note.fidelity.value == "left out" else "INFO"
+            row.label(text=f"{note.owner}: {note.node}", icon=icon)
+            row.label(text=f"{note.fidelity.value}: {note.text}", icon="BLANK1")
+        if len(notes) > 40:
+            layout.label(text=f"and {len(notes) - 40} more")
+
+
+class BOTTEGA_PT_passes(_Panel, bpy.types.Panel):
+    """The passes of a view layer."""
+
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context: Any) -> None:
+        layout, settings = self.layout, context.scene.bottega
+        layer = context.view_layer
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column(heading="Data")
+        column.prop(layer, "use_pass_z", text="Depth")
+        column.prop(layer, "use_pass_mist", text="Mist")
+        column.prop(layer, "use_pass_normal", text="Normal")
+        column.prop(settings, "use_albedo")
+        column.prop(settings, "use_sample_count")
+        column.prop(settings, "use_cost")
+
+
+_CLASSES = (
+    BOTTEGA_PT_quality,
+    BOTTEGA_PT_paths,
+    BOTTEGA_PT_film,
+    BOTTEGA_PT_machine,
+    BOTTEGA_PT_report,
+    BOTTEGA_PT_passes,
+)
+
+
+def register() -> None:
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+    for panel in _serving():
+        panel.COMPAT_ENGINES.add(ENGINE)
+
+
+def unregister() -> None:
+    for panel in _serving():
+        panel.COMPAT_ENGINES.discard(ENGINE)
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

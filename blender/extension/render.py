@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""F12: the scene of Blender becomes a picture, pass by pass."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import bottega
+
+from .export import Export
+from .export.camera import Frame, camera_of, frame_of, is_mirrored
+from .export.report import Report
+from .final import crop_of, passes_of, pixels_of, request_fields, reversed_crop
+
+# Seconds between looks at whether the user has pressed Escape.
+LOOK_EVERY = 0.05
+
+
+class Kept:
+    """The export of an animation whose scene Blender keeps between frames (Persistent Data), by name of the scene."""
+
+    exports: dict[str, Export] = {}
+    last_report: Report = Report()
+
+
+def render(engine: Any, depsgraph: Any) -> None:
+    """Renders a view layer into the result of an engine. Errors are shown by Blender, and nothing is written."""
+    scene = depsgraph.scene
+    layer = depsgraph.view_layer_eval
+    frame = frame_of(scene.render)
+    camera_object = engine.camera_override or scene.camera
+    if camera_object is None or camera_object.type != "CAMERA":
+        engine.report({"ERROR"}, "The scene has no camera. Add one, or choose one in the scene properties")
+        return
+    try:
+        engine.update_stats("", "Reading the scene")
+        export = _export(scene, depsgraph)
+        camera = _camera(engine, camera_object, depsgraph, frame, export.report)
+        camera.hides_emitters = scene.render.film_transparent
+        export.scene.cameras["camera"] = camera
+        Kept.last_report = export.report
+        picture = _paint(engine, scene, layer, frame, export.scene, is_mirrored(camera))
+        if picture is not None:
+            _deliver(engine, scene, layer, picture, is_mirrored(camera))
+    except bottega.Error as error:
+        # `error_set` would write a black picture.
+        engine.report({"ERROR"}, f"Bottega: {error}")
+
+
+def _export(scene: Any, depsgraph: Any) -> Export:
+    """Returns the scene in memory; with Persistent Data only what has changed is read."""
+    if not scene.render.use_persistent_data:
+        Kept.exports.clear()
+        export = Export()
+    else:
+        export = Kept.exports.setdefault(scene.name, Export())
+        export.mark(depsgraph.updates)
+    export.update(depsgraph)
+    return export
+
+
+def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, report: Report) -> bottega.Camera:
+    report.begin("camera")
+    evaluated = camera.evaluated_get(depsgraph)
+    return camera_of(evaluated, engine.camera_model_matrix(evaluated), frame, report)
+
+
+def _paint(
+    engine: Any, scene: Any, layer: Any, frame: Frame, made: bottega.Scene, mirrors: bool
+) -> bottega.Picture | None:
+    """Renders the picture in another thread, and watches for Escape in this one. Returns `None` if nothing was painted."""
+    crop = crop_of(scene.render, frame)
+    fields = request_fields(scene, layer, frame, reversed_crop(crop, frame) if mirrors else crop)
+    session = bottega.Session(made, camera="camera", **fields)
+    state: dict[str, Any] = {}
+
+    def work() -> None:
+        try:
+            state["picture"] = session.render(on_progress=lambda progress: state.__setitem__("progress", progress))
+        except BaseException as error:
+            state["error"] = error
+
+    worker = threading.Thread(target=work, name="bottega", daemon=True)
+    worker.start()
+    shown = None
+    while worker.is_alive():
+        worker.join(LOOK_EVERY)
+        if engine.test_break():
+            session.stop()
+            worker.join()
+        progress = state.get("progress")
+        if progress is not None and progress is not shown:
+            shown = progress
+            engine.update_progress(progress.fraction)
+            engine.update_stats("", _line(progress, frame, fields))
+    if "error" in state:
+        raise state["error"]
+    return state["picture"]
+
+
+def _line(progress: bottega.Progress, frame: Frame, fields: dict[str, Any]) -> str:
+    """Returns the line in the header of the picture."""
+    samples = progress.done / max(frame.width * frame.height, 1)
+    left = "" if progress.seconds_left is None else f" | {progress.seconds_left:.0f} s left"
+    return f"{100 * progress.fraction:.0f} % | {samples:.0f} samples | {progress.seconds:.0f} s{left}"
+
+
+def _deliver(engine: Any, scene: Any, layer: Any, picture: bottega.Picture, mirrors: bool) -> None:
+    """Gives the picture to Blender."""
+    engine.update_stats("", "Handing the passes over")
+    x0, y0, x1, y1 = picture.crop
+    # Blender places the result at the lower left corner of the region.
+    result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer.name)
+    if result is None or not result.layers:
+        return
+    by_name = {made.name: made for made in result.layers[0].passes}
+    for info in [None, *passes_of(scene, layer)]:
+        target = by_name.get("Combined" if info is None else info.name)
+        if target is not None:
+            target.rect.foreach_set(pixels_of(picture, info, scene, mirrors).ravel())
+    engine.end_result(result)

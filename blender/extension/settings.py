@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of a scene and of a view layer. No secret is kept in the .blend file."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+
+
+class BottegaSceneSettings(bpy.types.PropertyGroup):
+    """Settings of a scene: `scene.bottega`."""
+
+    goal: EnumProperty(
+        name="Finish at",
+        items=[
+            ("ERROR", "Noise", "Stop where the estimated relative error is small enough"),
+            ("SAMPLES", "Samples", "Take the same number of samples everywhere"),
+            ("TIME", "Time", "Use a given time, from the start to the picture"),
+        ],
+        default="SAMPLES",
+    )
+    error: FloatProperty(name="Noise", description="Relative error at which a part of the picture is finished", default=0.05, min=0.002, max=1.0, precision=3)
+    samples: IntProperty(name="Samples", description="Samples per pixel; with noise or time at most so many", default=128, min=1, max=65536)
+    seconds: FloatProperty(name="Time", description="Seconds", default=60.0, min=1.0, soft_max=3600.0, subtype="TIME_ABSOLUTE")
+    view_samples: IntProperty(name="Viewport Samples", description="Samples per pixel after which the viewport rests", default=256, min=1, max=65536)
+    max_depth: IntProperty(name="Bounces", description="Maximum number of bounces", default=12, min=0, max=1024)
+    denoise: BoolProperty(name="Denoise", description="Denoise the picture with Open Image Denoise, if it is installed", default=False)
+    view_denoise: BoolProperty(name="Denoise Viewport", default=False)
+    guide: EnumProperty(
+        name="Guiding",
+        items=[
+            ("AUTO", "Automatic", "Learn where the light comes from"),
+            ("OFF", "Off", "Plain paths"),
+        ],
+        default="AUTO",
+    )
+    threads: IntProperty(name="Threads", description="Processors to use; 0: all", default=0, min=0, max=1024)
+    seed: IntProperty(name="Seed", description="Another seed has other noise", default=0, min=0)
+    use_albedo: BoolProperty(name="Albedo", description="The color of surfaces, as a pass", default=False)
+    use_sample_count: BoolProperty(name="Samples", description="The number of samples per pixel, as a pass", default=False)
+    use_cost: BoolProperty(name="Cost", description="The time per pixel, as a pass", default=False)
+
+
+def register() -> None:
+    bpy.utils.register_class(BottegaSceneSettings)
+    bpy.types.Scene.bottega = PointerProperty(type=BottegaSceneSettings)
+
+
+def unregister() -> None:
+    del bpy.types.Scene.bottega
+    bpy.utils.unregister_class(BottegaSceneSettings)

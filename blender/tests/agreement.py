@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Agreement with Cycles of the same Blender: `agreement.py FOLDER [SCENE …]`.
+
+Each scene of `scenes.py` is rendered by both. Prints the ratio of the means, FLIP, and the bars that the manual gives for the scene.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import bottega  # noqa: E402
+import scenes  # noqa: E402
+import support  # noqa: E402
+
+# The greatest difference of the means, and FLIP, by scene; those that are not here have 1 % and 0.05.
+USUAL = (0.01, 0.05)
+BARS: dict[str, tuple[float, float]] = {}
+SIZE, SAMPLES = (192, 128), 128
+
+
+def main() -> None:
+    folder, *names = support.arguments()
+    wrong = []
+    for name in names or list(scenes.SCENES):
+        support.addon()
+        scenes.SCENES[name]()
+        support.addon()
+        import bpy
+
+        support.settle(bpy.context.scene, *SIZE, SAMPLES)
+        ours, theirs = (support.picture_of(engine, Path(folder) / f"{name}-{engine.lower()}.exr", SAMPLES) for engine in ("BOTTEGA", "CYCLES"))
+        difference = bottega.diff(ours, theirs)
+        ratios = ours.mean((0, 1)) / theirs.mean((0, 1)).clip(1e-6)
+        mean, flip = BARS.get(name, USUAL)
+        is_good = abs(ratios - 1).max() <= mean and difference["flip"] <= flip
+        verdict = "" if is_good else "  TOO FAR"
+        print(f"AGREEMENT {name:16} mean {' '.join(f'{ratio:.4f}' for ratio in ratios)}  FLIP {difference['flip']:.4f}{verdict}", flush=True)
+        for note in support.part("render").Kept.last_report.all():
+            print(f"    {note.fidelity.value}: {note.owner}, {note.node}: {note.text}")
+        if not is_good:
+            wrong.append(name)
+    if wrong:
+        support.failed(f"too far from Cycles: {', '.join(wrong)}")
+    support.leave()
+
+
+main()

@@ -1,0 +1,410 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scenes made by script: each uses a few features of the add-on. `SCENES` has them by name."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Callable
+
+import bpy
+import numpy as np
+
+SCENES: dict[str, Callable[[], None]] = {}
+
+
+def scene(function: Callable[[], None]) -> Callable[[], None]:
+    """Registers a scene by the name of its function."""
+    SCENES[function.__name__] = function
+    return function
+
+
+def empty(world: tuple[float, float, float] = (0.05, 0.05, 0.05)) -> Any:
+    """Makes an empty scene with a camera and a world of one color, and returns the scene."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    made = bpy.context.scene
+    made.view_settings.view_transform = "Standard"
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (0.0, -7.0, 3.0), (math.radians(70), 0, 0)
+    made.collection.objects.link(camera)
+    made.camera = camera
+    made.world = bpy.data.worlds.new("World")
+    made.world.use_nodes = True
+    made.world.node_tree.nodes["Background"].inputs[0].default_value = (*world, 1.0)
+    return made
+
+
+def link(name: str, data: Any, location: tuple[float, float, float] = (0, 0, 0)) -> Any:
+    """Adds an object."""
+    item = bpy.data.objects.new(name, data)
+    item.location = location
+    bpy.context.scene.collection.objects.link(item)
+    return item
+
+
+def floor(material: Any = None, size: float = 10.0) -> Any:
+    """Adds a square floor with texture coordinates."""
+    mesh = bpy.data.meshes.new("Floor")
+    h = size / 2
+    mesh.from_pydata([(-h, -h, 0), (h, -h, 0), (h, h, 0), (-h, h, 0)], [], [(0, 1, 2, 3)])
+    uvs = mesh.uv_layers.new(name="UVMap")
+    for index, uv in enumerate([(0, 0), (1, 0), (1, 1), (0, 1)]):
+        uvs.data[index].uv = uv
+    if material is not None:
+        mesh.materials.append(material)
+    return link("Floor", mesh)
+
+
+def ball(location: tuple[float, float, float], radius: float = 1.0, material: Any = None) -> Any:
+    """Adds a smooth ball."""
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=radius, location=location, segments=64, ring_count=32)
+    item = bpy.context.object
+    for polygon in item.data.polygons:
+        polygon.use_smooth = True
+    if material is not None:
+        item.data.materials.append(material)
+    return item
+
+
+def cube(location: tuple[float, float, float], size: float = 1.5, material: Any = None) -> Any:
+    """Adds a cube."""
+    bpy.ops.mesh.primitive_cube_add(size=size, location=location)
+    if material is not None:
+        bpy.context.object.data.materials.append(material)
+    return bpy.context.object
+
+
+def lamp(kind: str, location: tuple[float, float, float], rotation: tuple[float, float, float] = (0, 0, 0), **values: Any) -> Any:
+    """Adds a light; angles are degrees."""
+    data = bpy.data.lights.new(kind.title(), kind)
+    for name, value in values.items():
+        setattr(data, name, value)
+    item = link(kind.title(), data, location)
+    item.rotation_euler = tuple(math.radians(angle) for angle in rotation)
+    return item
+
+
+def nodes(name: str = "Material") -> tuple[Any, Any, Any]:
+    """Returns a new material without nodes but its output, the tree, and the output."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    return material, tree, tree.nodes.new("ShaderNodeOutputMaterial")
+
+
+def shaded(kind: str, name: str = "Material", **inputs: Any) -> Any:
+    """Returns a material of one shader; inputs by name, with _ for spaces."""
+    material, tree, output = nodes(name)
+    node = tree.nodes.new(kind)
+    for key, value in inputs.items():
+        socket = node.inputs[key.replace("_", " ")]
+        socket.default_value = (*value, 1.0) if isinstance(value, tuple) and len(value) == 3 and socket.type == "RGBA" else value
+    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def principled(name: str = "Principled", **inputs: Any) -> Any:
+    """Returns a Principled material."""
+    return shaded("ShaderNodeBsdfPrincipled", name, **inputs)
+
+
+def matte(color: tuple[float, float, float] = (0.8, 0.8, 0.8)) -> Any:
+    """Returns a matte material."""
+    return shaded("ShaderNodeBsdfDiffuse", "Matte", Color=color)
+
+
+def picture(name: str = "Picture", width: int = 1024, height: int = 512, space: str = "sRGB", is_float: bool = False) -> Any:
+    """Returns a generated picture that has no symmetry, packed."""
+    image = bpy.data.images.new(name, width, height, float_buffer=is_float)
+    v, u = np.mgrid[0:height, 0:width]
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., 0] = u / width
+    pixels[..., 1] = v / height
+    pixels[..., 2] = ((u * 8 // width + v * 4 // height) % 2) * 0.8
+    if is_float:
+        pixels[..., :3] *= 2.0
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    image.pack()
+    if not is_float:
+        image.colorspace_settings.name = space
+    return image
+
+
+@scene
+def factory() -> None:
+    """The scene that Blender starts with: a point light with a radius, a cube."""
+    bpy.ops.wm.read_factory_settings()
+    bpy.context.scene.view_settings.view_transform = "Standard"
+
+
+@scene
+def lights() -> None:
+    """Sun, spot, and areas of all shapes."""
+    empty((0.02, 0.02, 0.02))
+    floor(matte())
+    cube((0, 0, 0.75), material=matte((0.6, 0.3, 0.2)))
+    lamp("SUN", (0, 0, 5), (40, 20, 0), energy=0.7, angle=0.0)
+    lamp("SPOT", (-3, -1, 3.5), (0, -30, 0), energy=300, spot_size=math.radians(50), spot_blend=0.3, shadow_soft_size=0.0)
+    lamp("AREA", (3, -1, 3), (0, 30, 0), energy=60, shape="RECTANGLE", size=1.5, size_y=0.5)
+    lamp("AREA", (0, 2.5, 3), (-20, 0, 0), energy=60, shape="DISK", size=1.0)
+    lamp("AREA", (-2.5, 2, 2.5), (0, 0, 0), energy=20, shape="ELLIPSE", size=1.0, size_y=0.4)
+    lamp("POINT", (2.5, -2, 1.5), energy=30, shadow_soft_size=0.0)
+
+
+@scene
+def dielectrics() -> None:
+    """Glass, smooth and rough, by both shaders."""
+    empty((0.6, 0.6, 0.6))
+    floor(matte((0.5, 0.3, 0.2)))
+    ball((-2.2, 0, 1), material=shaded("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.45))
+    ball((0, 0, 1), material=shaded("ShaderNodeBsdfGlass", Roughness=0.3, IOR=1.45, Color=(0.8, 0.9, 1.0)))
+    ball((2.2, 0, 1), material=principled(Transmission_Weight=1.0, Roughness=0.1, IOR=1.5))
+    lamp("AREA", (0, 0, 6), energy=200, size=2.0)
+
+
+@scene
+def metals() -> None:
+    """Glossy and metallic surfaces."""
+    empty((0.4, 0.4, 0.4))
+    floor(matte())
+    ball((-2.2, 0, 1), material=shaded("ShaderNodeBsdfAnisotropic", Color=(0.9, 0.6, 0.2), Roughness=0.2))
+    ball((0, 0, 1), material=principled(Metallic=1.0, Roughness=0.3, Base_Color=(0.9, 0.5, 0.3)))
+    ball((2.2, 0, 1), material=principled(Metallic=0.0, Roughness=0.05, Base_Color=(0.1, 0.2, 0.6)))
+    lamp("AREA", (0, -3, 5), (30, 0, 0), energy=200, size=2.0)
+
+
+@scene
+def textures() -> None:
+    """A picture with a mapping, a folded chain, a channel, and a normal map of one color."""
+    empty((0.5, 0.5, 0.5))
+    material, tree, output = nodes("Textured")
+    shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
+    image = tree.nodes.new("ShaderNodeTexImage")
+    image.image = picture()
+    mapping, coordinates = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+    mapping.inputs["Scale"].default_value = (2.0, 1.5, 1.0)
+    mapping.inputs["Rotation"].default_value = (0, 0, math.radians(25))
+    mapping.inputs["Location"].default_value = (0.2, 0.1, 0)
+    tree.links.new(coordinates.outputs["UV"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], image.inputs["Vector"])
+    hue = tree.nodes.new("ShaderNodeHueSaturation")
+    hue.inputs["Hue"].default_value, hue.inputs["Saturation"].default_value = 0.7, 0.6
+    tree.links.new(image.outputs["Color"], hue.inputs["Color"])
+    tree.links.new(hue.outputs[0], shader.inputs["Base Color"])
+    ramp = tree.nodes.new("ShaderNodeValToRGB")
+    ramp.color_ramp.elements[0].position = 0.2
+    tree.links.new(image.outputs["Color"], ramp.inputs["Fac"])
+    tree.links.new(ramp.outputs[0], shader.inputs["Roughness"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    floor(material)
+    plain, plain_tree, plain_output = nodes("Plain picture")
+    diffuse, other = plain_tree.nodes.new("ShaderNodeBsdfDiffuse"), plain_tree.nodes.new("ShaderNodeTexImage")
+    other.image = image.image
+    plain_tree.links.new(other.outputs["Color"], diffuse.inputs["Color"])
+    plain_tree.links.new(diffuse.outputs[0], plain_output.inputs["Surface"])
+    ball((-1.5, 0, 1), material=plain)
+    cube((1.5, 0, 0.75), material=plain)
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
+@scene
+def panorama() -> None:
+    """A picture as world, turned."""
+    made = empty()
+    tree = made.world.node_tree
+    image = tree.nodes.new("ShaderNodeTexEnvironment")
+    image.image = picture("Sky", is_float=True)
+    mapping, coordinates = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
+    mapping.inputs["Rotation"].default_value = (math.radians(10), math.radians(20), math.radians(70))
+    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], image.inputs["Vector"])
+    tree.links.new(image.outputs["Color"], tree.nodes["Background"].inputs["Color"])
+    floor(matte())
+    ball((0, 0, 1), material=shaded("ShaderNodeBsdfAnisotropic", Color=(0.9, 0.9, 0.9), Roughness=0.0))
+
+
+@scene
+def mixes() -> None:
+    """Mix, transparency, emission, translucency."""
+    empty((0.3, 0.3, 0.3))
+    floor(matte())
+    material, tree, output = nodes("Mixed")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    mix.inputs[0].default_value = 0.4
+    one, two = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeBsdfAnisotropic")
+    one.inputs["Color"].default_value = (0.8, 0.1, 0.1, 1)
+    two.inputs["Roughness"].default_value = 0.2
+    tree.links.new(one.outputs[0], mix.inputs[1])
+    tree.links.new(two.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    ball((-2.2, 0, 1), material=material)
+    clear, tree, output = nodes("Clear")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    mix.inputs[0].default_value = 0.6
+    one, two = tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes.new("ShaderNodeBsdfDiffuse")
+    tree.links.new(one.outputs[0], mix.inputs[1])
+    tree.links.new(two.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    ball((0, 0, 1), material=clear)
+    ball((2.2, 0, 1), material=shaded("ShaderNodeBsdfTranslucent", Color=(0.3, 0.8, 0.4)))
+    cube((0, 2, 0.5), 0.6, shaded("ShaderNodeEmission", Color=(1.0, 0.5, 0.2), Strength=3.0))
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
+@scene
+def groups() -> None:
+    """A node group with an input, a muted node, a reroute."""
+    empty((0.5, 0.5, 0.5))
+    group = bpy.data.node_groups.new("Paint", "ShaderNodeTree")
+    if hasattr(group, "interface"):
+        group.interface.new_socket("Color", in_out="INPUT", socket_type="NodeSocketColor")
+        group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    else:
+        group.inputs.new("NodeSocketColor", "Color")
+        group.outputs.new("NodeSocketShader", "Shader")
+    begin, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    shader, gamma = group.nodes.new("ShaderNodeBsdfDiffuse"), group.nodes.new("ShaderNodeGamma")
+    gamma.inputs["Gamma"].default_value = 2.0
+    muted = group.nodes.new("ShaderNodeInvert")
+    muted.mute = True
+    group.links.new(begin.outputs[0], gamma.inputs["Color"])
+    group.links.new(gamma.outputs[0], muted.inputs["Color"])
+    group.links.new(muted.outputs[0], shader.inputs["Color"])
+    group.links.new(shader.outputs[0], end.inputs[0])
+    material, tree, output = nodes("Grouped")
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    color = tree.nodes.new("ShaderNodeRGB")
+    color.outputs[0].default_value = (0.9, 0.5, 0.3, 1)
+    reroute = tree.nodes.new("NodeReroute")
+    tree.links.new(color.outputs[0], reroute.inputs[0])
+    tree.links.new(reroute.outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    floor(material)
+    ball((0, 0, 1), material=material)
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
+@scene
+def instances() -> None:
+    """A collection placed twice, once mirrored; a slot linked to the object; shared data."""
+    made = empty((0.5, 0.5, 0.5))
+    floor(matte())
+    collection = bpy.data.collections.new("Parts")
+    part = cube((0, 0, 0.4), 0.8, matte((0.2, 0.6, 0.3)))
+    part.location = (0.3, 0.2, 0.4)
+    for holder in part.users_collection:
+        holder.objects.unlink(part)
+    collection.objects.link(part)
+    for index, (x, scale) in enumerate([(-2.0, (1, 1, 1)), (0.0, (-1, 1, 1.5))]):
+        holder = bpy.data.objects.new(f"Placed {index}", None)
+        holder.instance_type, holder.instance_collection = "COLLECTION", collection
+        holder.location, holder.scale = (x, 0, 0), scale
+        made.collection.objects.link(holder)
+    shared = link("Shared", part.data, (2.0, 0, 0.4))
+    shared.material_slots[0].link = "OBJECT"
+    shared.material_slots[0].material = matte((0.8, 0.2, 0.2))
+    shared.rotation_euler = (0, 0, 0.5)
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
+@scene
+def text() -> None:
+    """Text, curves and metaballs."""
+    empty((0.5, 0.5, 0.5))
+    floor(matte())
+    bpy.ops.object.text_add(location=(-2.5, 0, 0.2), rotation=(math.radians(90), 0, 0))
+    bpy.context.object.data.body = "Ünï中"
+    bpy.context.object.data.extrude = 0.1
+    bpy.ops.curve.primitive_bezier_circle_add(location=(1.5, 0, 1))
+    bpy.context.object.data.bevel_depth = 0.15
+    bpy.ops.object.metaball_add(type="BALL", location=(3, 1, 1))
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
+@scene
+def shifted_camera() -> None:
+    """Sensor fit, shift, a high picture of wide pixels."""
+    made = textured_room()
+    data = made.camera.data
+    data.sensor_fit, data.sensor_height, data.lens = "VERTICAL", 30.0, 40.0
+    data.shift_x, data.shift_y = 0.15, -0.1
+    made.render.pixel_aspect_x = 1.3
+
+
+@scene
+def orthographic() -> None:
+    """An orthographic camera, shifted."""
+    made = textured_room()
+    data = made.camera.data
+    data.type, data.ortho_scale = "ORTHO", 6.0
+    data.shift_x = 0.1
+
+
+@scene
+def spherical() -> None:
+    """An equirectangular camera."""
+    made = textured_room()
+    made.camera.data.type = "PANO"
+    if hasattr(made.camera.data, "panorama_type"):
+        made.camera.data.panorama_type = "EQUIRECTANGULAR"
+    else:
+        made.camera.data.cycles.panorama_type = "EQUIRECTANGULAR"
+    made.camera.location = (0, -2, 2)
+
+
+@scene
+def focus() -> None:
+    """Depth of field."""
+    made = textured_room()
+    dof = made.camera.data.dof
+    dof.use_dof, dof.focus_distance, dof.aperture_fstop = True, 6.0, 0.3
+
+
+def textured_room() -> Any:
+    """Makes a floor with a picture and two bodies."""
+    made = empty((0.6, 0.6, 0.6))
+    material, tree, output = nodes("Picture")
+    diffuse, image = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeTexImage")
+    image.image = picture()
+    tree.links.new(image.outputs["Color"], diffuse.inputs["Color"])
+    tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
+    floor(material)
+    cube((-1, 0, 0.75), material=matte((0.7, 0.2, 0.2)))
+    ball((1.5, 1, 1), material=matte((0.2, 0.3, 0.7)))
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    return made
+
+
+@scene
+def smoke() -> None:
+    """A cube of fog without a surface, and colored absorption in glass."""
+    empty((0.5, 0.5, 0.5))
+    floor(matte())
+    material, tree, output = nodes("Fog")
+    volume = tree.nodes.new("ShaderNodeVolumeScatter")
+    volume.inputs["Color"].default_value = (0.8, 0.6, 0.4, 1)
+    volume.inputs["Density"].default_value = 1.0
+    volume.inputs["Anisotropy"].default_value = 0.3
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+    cube((-1.5, 0, 1), 1.8, material)
+    glass = shaded("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.3)
+    absorb = glass.node_tree.nodes.new("ShaderNodeVolumeAbsorption")
+    absorb.inputs["Color"].default_value = (0.3, 0.7, 0.9, 1)
+    end = next(node for node in glass.node_tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+    glass.node_tree.links.new(absorb.outputs[0], end.inputs["Volume"])
+    ball((1.5, 0, 1), material=glass)
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
+@scene
+def layered() -> None:
+    """Coat, sheen, alpha and emission of the Principled BSDF."""
+    empty((0.5, 0.5, 0.5))
+    floor(matte())
+    ball((-2.4, 0, 1), 0.8, principled(Base_Color=(0.6, 0.05, 0.05), Roughness=0.4, Coat_Weight=1.0, Coat_Roughness=0.05))
+    ball((-0.8, 0, 1), 0.8, principled(Base_Color=(0.1, 0.1, 0.3), Roughness=0.9, Sheen_Weight=0.5))
+    ball((0.8, 0, 1), 0.8, principled(Base_Color=(0.2, 0.6, 0.2), Alpha=0.5))
+    ball((2.4, 0, 1), 0.8, principled(Base_Color=(0.1, 0.1, 0.1), Emission_Color=(0.3, 0.5, 1.0), Emission_Strength=1.5))
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the checks of the add-on share: it is loaded from the folder `blender/extension`, or from where Blender has installed it."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+HERE = Path(__file__).parent
+NAME = "bottega_addon"
+
+
+def addon() -> Any:
+    """Returns the add-on, registered."""
+    if NAME not in sys.modules:
+        place = HERE.parent / "extension"
+        spec = importlib.util.spec_from_file_location(NAME, place / "__init__.py", submodule_search_locations=[str(place)])
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[NAME] = module
+        spec.loader.exec_module(module)
+    module = sys.modules[NAME]
+    if not hasattr(bpy.types.Scene, "bottega"):
+        module.register()
+    return module
+
+
+def part(name: str) -> Any:
+    """Returns a module of the add-on."""
+    addon()
+    return importlib.import_module(f"{NAME}.{name}")
+
+
+def arguments() -> list[str]:
+    """Returns the arguments of a check, by `bpy` or by `blender --python … -- …`."""
+    return sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+
+
+def failed(text: str) -> None:
+    """Ends Blender with an error, which `blender --background` would swallow."""
+    print(f"FAILED: {text}", flush=True)
+    leave(1)
+
+
+def leave(code: int = 0) -> None:
+    """Ends the process at once: modules of `bpy` crash at the end of the interpreter in some versions."""
+    import os
+
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def settle(scene: Any, width: int, height: int, samples: int) -> None:
+    """Sets size and samples of a picture."""
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+    scene.bottega.goal, scene.bottega.samples, scene.bottega.max_depth = "SAMPLES", samples, 12
+
+
+def picture_of(engine: str, file: Path, samples: int) -> Any:
+    """Renders the scene by an engine, as F12 does, and returns the colors: float32, (height, width, 3)."""
+    import bottega
+
+    scene = bpy.context.scene
+    scene.render.engine = engine
+    if engine == "CYCLES":
+        unclamped(scene.cycles, samples)
+    else:
+        scene.bottega.samples = samples
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    scene.render.filepath = str(file)
+    bpy.ops.render.render(write_still=True)
+    return bottega.read(file).color
+
+
+def unclamped(cycles: Any, samples: int) -> None:
+    """Makes Cycles find all light: no clamping, all caustics, no denoising."""
+    values = {
+        "samples": samples, "use_adaptive_sampling": False, "use_denoising": False, "sample_clamp_indirect": 0.0,
+        "sample_clamp_direct": 0.0, "blur_glossy": 0.0, "light_sampling_threshold": 0.0, "caustics_reflective": True,
+        "caustics_refractive": True, "max_bounces": 12, "diffuse_bounces": 12, "glossy_bounces": 12, "transmission_bounces": 12,
+        "volume_bounces": 12, "transparent_max_bounces": 32, "device": "CPU",
+    }
+    for name, value in values.items():
+        if hasattr(cycles, name):
+            setattr(cycles, name, value)
