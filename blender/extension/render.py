@@ -7,6 +7,7 @@ import threading
 from typing import Any
 
 import bottega
+import bpy
 
 from .export import Export
 from .export.camera import Frame, camera_of, frame_of, is_mirrored
@@ -118,5 +119,14 @@ def _deliver(engine: Any, scene: Any, layer: Any, picture: bottega.Picture, mirr
     for info in [None, *passes_of(scene, layer)]:
         target = by_name.get("Combined" if info is None else info.name)
         if target is not None:
-            target.rect.foreach_set(pixels_of(picture, info, scene, mirrors).ravel())
+            _fill(target, pixels_of(picture, info, scene, mirrors))
     engine.end_result(result)
+
+
+def _fill(target: Any, pixels: Any) -> None:
+    """Gives the pixels of a pass to Blender: float32, (pixels, channels)."""
+    if bpy.app.version >= (4, 0, 0):
+        target.rect.foreach_set(pixels.ravel())
+    else:
+        # Early versions only take lists, one for each pixel.
+        target.rect = pixels.tolist()

@@ -23,8 +23,8 @@ def main() -> None:
         name = "bl_ext.user_default.bottega"
     else:
         bpy.ops.preferences.addon_install(filepath=archive)
-        bpy.ops.preferences.addon_enable(module="bottega")
-        name = "bottega"
+        bpy.ops.preferences.addon_enable(module="bottega_blender")
+        name = "bottega_blender"
     if name not in bpy.context.preferences.addons:
         print(f"FAILED: {name} is not enabled")
         os._exit(1)

@@ -96,6 +96,8 @@ def shaded(kind: str, name: str = "Material", **inputs: Any) -> Any:
     """Returns a material of one shader; inputs by name, with _ for spaces."""
     material, tree, output = nodes(name)
     node = tree.nodes.new(kind)
+    if hasattr(node, "distribution"):
+        node.distribution = "GGX"
     for key, value in inputs.items():
         socket = node.inputs[key.replace("_", " ")]
         socket.default_value = (*value, 1.0) if isinstance(value, tuple) and len(value) == 3 and socket.type == "RGBA" else value
@@ -104,7 +106,7 @@ def shaded(kind: str, name: str = "Material", **inputs: Any) -> Any:
 
 
 def principled(name: str = "Principled", **inputs: Any) -> Any:
-    """Returns a Principled material."""
+    """Returns a Principled material. Its facets scatter once, as the renderer's."""
     return shaded("ShaderNodeBsdfPrincipled", name, **inputs)
 
 
@@ -180,6 +182,7 @@ def textures() -> None:
     empty((0.5, 0.5, 0.5))
     material, tree, output = nodes("Textured")
     shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
+    shader.distribution = "GGX"
     image = tree.nodes.new("ShaderNodeTexImage")
     image.image = picture()
     mapping, coordinates = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")

@@ -62,6 +62,8 @@ def principled(reader: ColorReader, source: Source, note: Callable[[Any, Fidelit
         "roughness": roughness,
         "transmission": transmission,
     }
+    if node.distribution == "MULTI_GGX" and not (is_constant_of(roughness, 0.0) or is_constant_of(metallic, 0.0) and is_constant_of(transmission, 0.0)):
+        note(node, Fidelity.APPROXIMATED, "facets scatter once: rough metal and glass are somewhat darker")
     _specular(fields, node, is_old, number, color, base, note)
     _anisotropy(fields, node, number, note)
     _coat(fields, node, is_old, number, color, note)

@@ -105,6 +105,8 @@ def _is_smooth(node: Any) -> bool:
 def _roughness(self: ShaderReader, source: Source) -> dict[str, Any]:
     """The roughness of Cycles is the square root of α."""
     roughness = constant(0.0) if _is_smooth(source.node) else self.reader.at(source, "Roughness", 0.5)
+    if getattr(source.node, "distribution", "") == "MULTI_GGX" and not is_constant_of(roughness, 0.0):
+        self.note(source.node, Fidelity.APPROXIMATED, "facets scatter once: rough surfaces are somewhat darker")
     distribution = "beckmann" if getattr(source.node, "distribution", "") == "BECKMANN" else "ggx"
     if getattr(source.node, "distribution", "") == "ASHIKHMIN_SHIRLEY":
         self.note(source.node, Fidelity.APPROXIMATED, "Ashikhmin-Shirley is rendered as GGX")
