@@ -18,9 +18,9 @@ from . import library
 
 library.prepare()
 
-from . import engine, panels, settings  # noqa: E402  (the library must be found first)
+from . import engine, farm, panels, settings  # noqa: E402  (the library must be found first)
 
-_MODULES = (settings, engine, panels)
+_MODULES = (settings, engine, panels, farm)
 
 
 def register() -> None:

@@ -5,6 +5,7 @@
 mod absences;
 mod bars;
 mod beside;
+mod blender;
 mod cargo;
 mod ci;
 #[cfg(test)]
@@ -73,6 +74,9 @@ enum Command {
     Manual(manual::ManualArgs),
     /// Packages: a tarball, a .deb, the licences of all that is compiled in, the bill of materials: `target/packages`.
     Package(package::PackageArgs),
+    /// The Blender add-on: its archives in `target/blender`, installed into a fresh profile, and an F12. Installs `bpy` below
+    /// `target/blender`, and takes or builds the wheel.
+    Blender(blender::BlenderArgs),
     /// Checks that everything compiles for Windows and macOS. Installs their standard libraries by rustup, and zig below
     /// `target/python`.
     Systems,
@@ -110,6 +114,7 @@ fn main() -> Result<()> {
         Command::Wheel(args) => wheel::wheel(&args),
         Command::Manual(args) => manual::manual(&args),
         Command::Package(args) => package::package(&args),
+        Command::Blender(args) => blender::blender(&args),
         Command::Systems => systems::systems(),
         Command::PythonStubs => wheel::python_stubs(),
         Command::Engines(args) => engines::engines(&args),

@@ -27,7 +27,7 @@ const PROFILE: &str = "dist";
 const MEGABYTES_MAX: f64 = 40.0;
 
 /// Options of `cargo xtask wheel`.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub(crate) struct WheelArgs {
     /// Make the source distribution as well.
     #[arg(long)]

@@ -13,7 +13,7 @@ import numpy as np
 
 from . import axes
 from .instances import Group, Pass, gather, materials_of, uid_of
-from .lights import light_of
+from .lights import MadeLight, light_of
 from .materials import MadeMaterial, MaterialMaker
 from .meshes import arrays_of
 from .report import Fidelity, Report
@@ -35,7 +35,7 @@ class Export:
         self._pictures = Pictures()
         self._materials: dict[Any, MadeMaterial] = {}
         self._mesh_states: dict[str, tuple[Any, ...]] = {}
-        self._light_states: dict[str, tuple[str, ...]] = {}
+        self._light_states: dict[str, tuple[Any, ...]] = {}
         self._placed: dict[str, tuple[Any, ...]] = {}
         self._world_images: list[str] = []
         # What Blender has changed since the last pass: everything, at first.
@@ -215,21 +215,33 @@ class Export:
         for key, light, row in found.lights:
             self.report.begin(key)
             made = light_of(light, found.matrices[row], key, self.report)
-            state = (repr(made.light), repr(made.material), repr(made.transform), repr(made.sphere), light.data.shape if light.data.type == "AREA" else "")
-            if self._light_states.get(key) == state:
-                continue
-            self._remove_light(key)
+            # A light whose shape stays keeps its place; only its color is written.
+            shape = (type(made.light), made.mesh is None, made.sphere is None, light.data.shape if made.mesh is not None else "")
+            before = self._light_states.get(key)
+            if before is None or before[0] != shape:
+                self._remove_light(key)
+                before = (shape, "", "", "")
+            state = (shape, repr(made.light), repr(made.material), repr((made.transform, made.sphere)))
             self._light_states[key] = state
-            if made.light is not None:
+            if made.light is not None and state[1] != before[1]:
                 self.scene.lights[key] = made.light
-            if made.material is not None:
+            if made.material is not None and state[2] != before[2]:
                 self.scene.materials[key] = made.material
-            if made.sphere is not None:
-                self.scene.spheres[key] = bottega.Sphere(*made.sphere, material=key)
-            if made.mesh is not None:
-                made.mesh.materials = key
-                self.scene.meshes[key] = made.mesh
-                self.scene.objects[key] = bottega.Object(key, np.array(made.transform))
+            if state[3] != before[3]:
+                self._place_light(key, made)
+
+    def _place_light(self, key: str, made: MadeLight) -> None:
+        """Places the surface of a light."""
+        if made.sphere is not None:
+            self.scene.spheres[key] = bottega.Sphere(*made.sphere, material=key)
+        if made.mesh is None:
+            return
+        if key in self.scene.objects:
+            self.scene.objects[key].transforms = np.array(made.transform)
+        else:
+            made.mesh.materials = key
+            self.scene.meshes[key] = made.mesh
+            self.scene.objects[key] = bottega.Object(key, np.array(made.transform))
 
     def _remove_light(self, key: str) -> None:
         scene = self.scene

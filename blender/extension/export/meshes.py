@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import bottega
+import bpy
 import numpy as np
 
 Array = Any
@@ -56,12 +57,10 @@ def arrays_of(mesh: Any, uv_names: tuple[str | None, ...], color_name: str | Non
     count, corners = len(mesh.loop_triangles), len(mesh.loops)
     if count == 0:
         return None
-    positions = _floats(mesh.vertices, "co", len(mesh.vertices), 3)
+    positions = _positions(mesh)
     triangles = _ints(mesh.loop_triangles, "loops", 3 * count).reshape(-1, 3)
-    corner_vertices = _ints(mesh.loops, "vertex_index", corners)
-    materials = np.empty(count, np.int32)
-    mesh.loop_triangles.foreach_get("material_index", materials)
-    np.maximum(materials, 0, out=materials)
+    corner_vertices = _corner_vertices(mesh)
+    materials = _slots(mesh, count)
 
     # Triangles with a vertex that is no number are left out.
     if not np.isfinite(positions).all():
@@ -88,6 +87,38 @@ def _ints(collection: Any, name: str, count: int) -> Array:
     array = np.empty(count, np.int32)
     collection.foreach_get(name, array)
     return array
+
+
+def _attribute(mesh: Any, name: str) -> Any:
+    """Returns an attribute that Blender keeps as an array, whose reading takes no time; `None`: there is none."""
+    return mesh.attributes.get(name) if bpy.app.version >= (4, 1, 0) else None
+
+
+def _positions(mesh: Any) -> Array:
+    attribute = _attribute(mesh, "position")
+    if attribute is not None:
+        return _floats(attribute.data, "vector", len(mesh.vertices), 3)
+    return _floats(mesh.vertices, "co", len(mesh.vertices), 3)
+
+
+def _corner_vertices(mesh: Any) -> Array:
+    attribute = _attribute(mesh, ".corner_vert")
+    if attribute is not None:
+        return _ints(attribute.data, "value", len(mesh.loops))
+    return _ints(mesh.loops, "vertex_index", len(mesh.loops))
+
+
+def _slots(mesh: Any, count: int) -> Array:
+    """Returns the material slot of each triangle."""
+    if bpy.app.version >= (4, 1, 0):
+        attribute = mesh.attributes.get("material_index")
+        if attribute is None or attribute.domain != "FACE" or attribute.data_type != "INT":
+            return np.zeros(count, np.int32)
+        of_faces = _ints(attribute.data, "value", len(mesh.polygons))
+        slots = of_faces[_ints(mesh.loop_triangle_polygons, "value", count)]
+    else:
+        slots = _ints(mesh.loop_triangles, "material_index", count)
+    return np.maximum(slots, 0)
 
 
 def _normals(mesh: Any, corners: int) -> Array | None:

@@ -56,6 +56,9 @@ pub(crate) fn jobs(
     if group.is_none_or(|group| group == TestGroup::Farm) {
         jobs.push(short_soak(environment)?);
     }
+    if group.is_none_or(|group| group == TestGroup::Python) {
+        jobs.push(blender()?);
+    }
     if group.is_some() {
         return Ok(jobs);
     }
@@ -90,6 +93,13 @@ fn short_soak(environment: &[(&'static str, OsString)]) -> Result<TestJob> {
     command.args(["soak", "--steps", SOAK_STEPS, "--seed", SOAK_SEED, "--program"]).arg(built.join("bottega"));
     command.current_dir(root()).envs(environment.iter().map(|(name, value)| (name, value)));
     Ok(TestJob { name: "soak farm".to_owned(), command, load: 1.0 })
+}
+
+/// Returns the check of the Blender add-on: an F12 and exports in the newest Blender that can be had.
+fn blender() -> Result<TestJob> {
+    let mut command = Command::new(env::current_exe()?);
+    command.args(["blender", "--quick"]).current_dir(root());
+    Ok(TestJob { name: "blender python".to_owned(), command, load: 1.0 })
 }
 
 /// Returns the run of the examples in documentation, which cargo compiles and runs.
