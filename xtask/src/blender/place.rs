@@ -124,11 +124,13 @@ impl Blender {
         Some(command)
     }
 
-    /// Shows the viewport in a window without a screen; only programs have windows.
+    /// True if it is a program, which has windows and renders for a farm.
+    pub(super) fn is_program(&self) -> bool {
+        matches!(self, Self::Program { .. })
+    }
+
+    /// Shows the viewport of a program in a window without a screen.
     pub(super) fn window(&self, module: &Path, folder: &Path) -> Result<()> {
-        if !matches!(self, Self::Program { .. }) {
-            return Ok(());
-        }
         let server = Command::new("Xvfb").args([DISPLAY, "-screen", "0", "1280x900x24"]).stderr(Stdio::null()).spawn();
         let Ok(mut server) = server else {
             println!("SKIPPED: windows need Xvfb (Debian: apt-get install xvfb)");
