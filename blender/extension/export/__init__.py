@@ -13,7 +13,7 @@ import numpy as np
 
 from . import axes
 from .instances import Group, Pass, gather, materials_of, uid_of
-from .lights import MadeLight, light_of
+from .lights import light_of
 from .materials import MadeMaterial, MaterialMaker
 from .meshes import arrays_of
 from .report import Fidelity, Report
@@ -35,7 +35,7 @@ class Export:
         self._pictures = Pictures()
         self._materials: dict[Any, MadeMaterial] = {}
         self._mesh_states: dict[str, tuple[Any, ...]] = {}
-        self._light_states: dict[str, tuple[Any, ...]] = {}
+        self._lights_put: dict[str, bottega.Light] = {}
         self._placed: dict[str, tuple[Any, ...]] = {}
         self._world_images: list[str] = []
         # What Blender has changed since the last pass: everything, at first.
@@ -98,7 +98,7 @@ class Export:
     def _start_again(self) -> None:
         self.scene = bottega.Scene()
         self.report.notes.clear()
-        for table in (self._materials, self._mesh_states, self._light_states, self._placed, self._pictures.loaded):
+        for table in (self._materials, self._mesh_states, self._lights_put, self._placed, self._pictures.loaded):
             table.clear()
         self.scene.materials[DEFAULT] = bottega.Material.matte(0.8)
         self._dirty_all, self._dirty_world = False, True
@@ -187,12 +187,13 @@ class Export:
             if len(transforms) == 0:
                 continue
             before = self._placed.get(key)
-            if before is not None and before[0] == group.mesh_key and before[1] == keys and key in self.scene.objects:
-                if len(before[2]) != len(transforms) or not np.array_equal(before[2], transforms):
+            what = (group.mesh_key, keys, group.visibility)
+            if before is not None and before[:3] == what and key in self.scene.objects:
+                if len(before[3]) != len(transforms) or not np.array_equal(before[3], transforms):
                     self.scene.objects[key].transforms = transforms
             else:
-                self.scene.objects[key] = bottega.Object(group.mesh_key, transforms, keys)
-            self._placed[key] = (group.mesh_key, keys, transforms)
+                self.scene.objects[key] = bottega.Object(group.mesh_key, transforms, keys, visibility=group.visibility)
+            self._placed[key] = (*what, transforms)
 
     def _regular(self, transforms: Any, group: Group) -> Any:
         """Returns the transforms that can be inverted, and notes the others."""
@@ -215,40 +216,16 @@ class Export:
         for key, light, row in found.lights:
             self.report.begin(key)
             made = light_of(light, found.matrices[row], key, self.report)
-            # A light whose shape stays keeps its place; only its color is written.
-            shape = (type(made.light), made.mesh is None, made.sphere is None, light.data.shape if made.mesh is not None else "")
-            before = self._light_states.get(key)
-            if before is None or before[0] != shape:
+            if made is None:
                 self._remove_light(key)
-                before = (shape, "", "", "")
-            state = (shape, repr(made.light), repr(made.material), repr((made.transform, made.sphere)))
-            self._light_states[key] = state
-            if made.light is not None and state[1] != before[1]:
-                self.scene.lights[key] = made.light
-            if made.material is not None and state[2] != before[2]:
-                self.scene.materials[key] = made.material
-            if state[3] != before[3]:
-                self._place_light(key, made)
-
-    def _place_light(self, key: str, made: MadeLight) -> None:
-        """Places the surface of a light."""
-        if made.sphere is not None:
-            self.scene.spheres[key] = bottega.Sphere(*made.sphere, material=key)
-        if made.mesh is None:
-            return
-        if key in self.scene.objects:
-            self.scene.objects[key].transforms = np.array(made.transform)
-        else:
-            made.mesh.materials = key
-            self.scene.meshes[key] = made.mesh
-            self.scene.objects[key] = bottega.Object(key, np.array(made.transform))
+            elif self._lights_put.get(key) != made:
+                self.scene.lights[key] = made
+                self._lights_put[key] = made
 
     def _remove_light(self, key: str) -> None:
-        scene = self.scene
-        for collection in (scene.lights, scene.spheres, scene.objects, scene.meshes, scene.materials):
-            if key in collection:
-                del collection[key]
-        self._light_states.pop(key, None)
+        if key in self.scene.lights:
+            del self.scene.lights[key]
+        self._lights_put.pop(key, None)
 
     def _remove_objects_of(self, mesh_key: str) -> None:
         for key in [key for key, placed in self._placed.items() if placed[0] == mesh_key]:
@@ -259,7 +236,7 @@ class Export:
         """Removes what is no longer in the scene of Blender, users before what they use."""
         scene = self.scene
         lights = {key for key, _, _ in found.lights}
-        for key in [key for key in self._light_states if key not in lights]:
+        for key in [key for key in self._lights_put if key not in lights]:
             self._remove_light(key)
             self.report.forget(key)
         for key in [key for key in self._placed if key not in found.groups]:
@@ -296,10 +273,9 @@ class Export:
         images = [*self._world_images, *(key for uid in materials_of(groups) for key in self._materials[uid].images)]
         scene.images.arrange(_there(scene.images, images))
         scene.media.arrange(_there(scene.media, [f"medium {uid}" for uid in materials_of(groups)]))
-        scene.materials.arrange(_there(scene.materials, [DEFAULT, *materials, *lights]))
-        scene.meshes.arrange(_there(scene.meshes, [*meshes, *lights]))
-        scene.objects.arrange(_there(scene.objects, [*found.groups, *lights]))
-        scene.spheres.arrange(_there(scene.spheres, lights))
+        scene.materials.arrange(_there(scene.materials, [DEFAULT, *materials]))
+        scene.meshes.arrange(_there(scene.meshes, meshes))
+        scene.objects.arrange(_there(scene.objects, list(found.groups)))
         scene.lights.arrange(_there(scene.lights, lights))
 
 

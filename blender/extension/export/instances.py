@@ -6,7 +6,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Iterable
 
+import bottega
 import numpy as np
+
+from .lights import visibility_of
 
 
 @dataclass
@@ -16,6 +19,7 @@ class Group:
     - `key`: of the object in the scene. `mesh_key`: of its mesh.
     - `owner`: session number of the object. `data`: the evaluated mesh, valid only during the pass.
     - `slots`: materials by slot: `None` is the default material.
+    - `visibility`: the kinds of ray for which they are there.
     - `rows`: indices of the instances in the pass.
     """
 
@@ -25,6 +29,7 @@ class Group:
     data_owner: Any
     data: Any
     slots: list[Any]
+    visibility: bottega.Visibility
     rows: list[int] = field(default_factory=list)
 
 
@@ -105,7 +110,7 @@ def _group(found: Pass, mesh_keys: dict[str, int], item: Any, data: Any, is_inst
             mesh_key = f"mesh of {owner} {index}"
     mesh_keys[mesh_key] = pointer
     key = f"object {owner} {'instances' if is_instance else ''} {mesh_key}"
-    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data))
+    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data), visibility_of(item))
     found.groups[key] = group
     return group
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any, Callable
 
 from .colors import ColorReader
-from .fields import CannotFold, Field, computed, constant, is_constant_of, scaled
+from .fields import CannotFold, constant, is_constant_of, scaled
 from .nodes import CyclicNodes, Input, Source, named
 from .principled import principled
 from .report import Fidelity
@@ -155,14 +155,7 @@ def _translucent(self: ShaderReader, source: Source) -> Shader:
 
 def _transparent(self: ShaderReader, source: Source) -> Shader:
     color = self.reader.color_at(source, "Color")
-    if is_constant_of(color, 1.0):
-        return CLEAR
-    if color.is_constant:
-        values = color.load()
-        if float(values.max() - values.min()) > 1e-4:
-            self.note(source.node, Fidelity.APPROXIMATED, "colored transparency is gray")
-    clearness = self.reader.number(named(source.node, source.groups, "Color"))
-    return Shader(opacity=computed("opaque part", 1, lambda values: 1.0 - values.clip(0, 1), clearness))
+    return CLEAR if is_constant_of(color, 1.0) else Shader(Model("Transparent", {"color": color}))
 
 
 def _emission(self: ShaderReader, source: Source) -> Shader:
@@ -180,11 +173,6 @@ def _mix(self: ShaderReader, source: Source) -> Shader:
 
 def _add(self: ShaderReader, source: Source) -> Shader:
     first, second = (self.shader(Input(socket, source.groups)) for socket in source.node.inputs)
-    if first.model is not None and second.model is not None:
-        import bottega
-
-        if not hasattr(bottega, "Add"):
-            self.note(source.node, Fidelity.APPROXIMATED, "the sum of two surfaces is rendered as their mean")
     return added(first, second)
 
 

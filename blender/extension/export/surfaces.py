@@ -6,8 +6,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import bottega
-
 from .fields import CannotFold, Field, complement, computed, constant, is_constant_of, scaled
 
 ONE = constant(1.0)
@@ -40,14 +38,12 @@ class Shader:
     - `model`: `None`: it scatters nothing.
     - `emission`: radiance, a color.
     - `opacity`: a number; 0: everything passes.
-    - `tint`: color of what passes.
     - `relief`: bumps of its surface.
     """
 
     model: Model | None = None
     emission: Field = BLACK
     opacity: Field = ONE
-    tint: Field = WHITE
     relief: Relief | None = None
 
     @property
@@ -69,19 +65,18 @@ def mixed(share: Field, first: Shader, second: Shader) -> Shader:
     emission = _sum(scaled(first.emission, rest), scaled(second.emission, share))
     weights = scaled(rest, first.opacity), scaled(share, second.opacity)
     opacity = _sum(*weights)
-    tint = second.tint if is_constant_of(first.tint, 1.0) else first.tint
     relief = first.relief or second.relief
     if first.model is None and second.model is None:
-        return Shader(None, emission, opacity, tint, relief)
+        return Shader(None, emission, opacity, relief)
     if is_constant_of(weights[0], 0.0) or is_constant_of(weights[1], 0.0):
         model = second.model if is_constant_of(weights[0], 0.0) else first.model
-        return Shader(model, emission, opacity, tint, relief)
+        return Shader(model, emission, opacity, relief)
     if is_constant_of(first.opacity, 1.0) and is_constant_of(second.opacity, 1.0):
         weight = share
     else:
         weight = computed("share", 1, lambda part, whole: part / (whole + (whole == 0)), weights[1], opacity)
     model = Model("Blend", {"weight": weight, "first": first.model or _BLACK, "second": second.model or _BLACK})
-    return Shader(model, emission, opacity, tint, relief)
+    return Shader(model, emission, opacity, relief)
 
 
 _BLACK = Model("Diffuse", {"reflectance": BLACK})
@@ -91,14 +86,13 @@ def added(first: Shader, second: Shader) -> Shader:
     """Returns the sum of two shaders. Raises `CannotFold`."""
     emission = _sum(first.emission, second.emission)
     relief = first.relief or second.relief
-    if first.model is None or second.model is None:
-        one, other = (second, first) if first.model is None else (first, second)
-        # The sum with light that passes lets it pass beside the surface; the share of the surface stays whole.
-        opacity = one.opacity if is_constant_of(other.opacity, 1.0) else scaled(one.opacity, constant(0.5))
-        return Shader(one.model, emission, opacity, other.tint, relief)
-    if hasattr(bottega, "Add"):
-        return Shader(Model("Add", {"first": first.model, "second": second.model}), emission, ONE, WHITE, relief)
-    return Shader(Model("Blend", {"weight": constant(0.5), "first": first.model, "second": second.model}), emission, ONE, WHITE, relief)
+    models = [one.model or (_CLEAR_SHEET if one.is_clear else None) for one in (first, second)]
+    if models[0] is None or models[1] is None:
+        return Shader(models[0] or models[1], emission, relief=relief)
+    return Shader(Model("Sum", {"first": models[0], "second": models[1]}), emission, relief=relief)
+
+
+_CLEAR_SHEET = Model("Transparent", {"color": WHITE})
 
 
 def _sum(a: Field, b: Field) -> Field:
