@@ -173,6 +173,8 @@ def test_all_lights_environments_and_cameras() -> None:
     matrix[:3, 3] = (0.5, 0.5, 2)
     scene.lights["point"] = bottega.PointLight((0, 1, 2), (1, 2, 3))
     scene.lights["sun"] = bottega.SunLight.by_matrix(matrix, 2.0)
+    scene.lights["soft sun"] = bottega.SunLight((0.6, 0, -0.8), 2.0, angle=10)
+    assert scene.lights["soft sun"].angle == pytest.approx(10)
     scene.lights["spot"] = bottega.SpotLight.by_matrix(matrix, inner=10, outer=30)
     scene.lights["projector"] = bottega.ProjectorLight(Texture("map"), matrix)
     scene.lights["around"] = bottega.GoniometricLight("map", (0.5, 0.5, 1))

@@ -66,6 +66,9 @@ pub enum NotFlat {
     /// Lights that no ray can hit.
     #[error("lamps that are not there")]
     AbsentLamps,
+    /// Suns with a disc.
+    #[error("a sun with an angle")]
+    Suns,
     /// An environment behind portals.
     #[error("an environment behind portals")]
     Portals,
@@ -99,6 +102,9 @@ impl FlatScene {
         let is_absent = |material: usize| prepared.scene().materials[material].alpha_mode == AlphaMode::Absent;
         if used_materials(prepared.scene()).any(is_absent) {
             missing.push(NotFlat::AbsentLamps);
+        }
+        if prepared.lights().has_discs() {
+            missing.push(NotFlat::Suns);
         }
         if prepared.scene().environment.as_ref().is_some_and(|environment| !environment.portals.is_empty()) {
             missing.push(NotFlat::Portals);

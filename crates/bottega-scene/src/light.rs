@@ -77,14 +77,16 @@ pub enum LightKind {
         #[serde(with = "crate::numbers")]
         intensity: Spectrum,
     },
-    /// Parallel light from infinitely far away.
+    /// Light from infinitely far away: parallel, or from a disc like the sun's.
     Directional {
-        /// Direction in which the light travels.
+        /// Direction in which the light of its centre travels.
         #[serde(with = "crate::numbers")]
         direction: Vec3,
-        /// Irradiance on a surface perpendicular to it, in W·m⁻².
+        /// Irradiance on a surface perpendicular to it, in W·m⁻², whatever the angle.
         #[serde(with = "crate::numbers")]
         irradiance: Spectrum,
+        /// Angular diameter in radians, from 0 (parallel light) to π.
+        angle: f32,
     },
 }
 

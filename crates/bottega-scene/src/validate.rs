@@ -164,7 +164,10 @@ impl Scene {
                 check(cos_outer < cos_inner && cos_outer >= -1.0 && cos_inner <= 1.0, "its cone is inside out")?;
                 (intensity, position, Some(direction))
             }
-            LightKind::Directional { direction, irradiance } => (irradiance, glam::Vec3::ZERO, Some(direction)),
+            LightKind::Directional { direction, irradiance, angle } => {
+                check((0.0..=std::f32::consts::PI).contains(&angle), "its angle is not from 0 to π")?;
+                (irradiance, glam::Vec3::ZERO, Some(direction))
+            }
             LightKind::Goniometric { position, world_from_light, image, intensity } => {
                 check((image.0 as usize) < self.images.len(), "its picture does not exist")?;
                 check(is_orthonormal(&world_from_light), "its orientation is no rotation")?;

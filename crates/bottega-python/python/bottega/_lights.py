@@ -59,17 +59,25 @@ class PointLight(Light):
 
 @dataclass
 class SunLight(Light):
-    """Parallel light. `direction`: in which it travels. `irradiance`: R G B on a perpendicular surface, in W·m⁻²."""
+    """Light from infinitely far away, like the sun's.
+
+    `direction`: in which it travels. `irradiance`: R G B on a perpendicular surface, in W·m⁻², whatever the angle.
+    `angle`: diameter of its disc in degrees, from 0 (parallel light, sharp shadows) to 180; the sun's is 0.53.
+    """
 
     tag = "directional"
     direction: Vector = of(DirectionKind(), (0.0, -1.0, 0.0))
     irradiance: Color = of(ColorKind(), 1.0)
+    angle: float = plain_real(0.0, 0.0, 180.0)
 
     @classmethod
-    def by_matrix(cls, matrix: Matrix, irradiance: Color = 1.0) -> SunLight:
+    def by_matrix(cls, matrix: Matrix, irradiance: Color = 1.0, angle: float = 0.0) -> SunLight:
         """Makes a light that travels along the -z axis of a matrix, (4, 4), from light space to world space."""
         _, direction = _place(matrix)
-        return cls(direction, irradiance)
+        return cls(direction, irradiance, angle)
+
+    def plain_kind(self, plain: dict[str, Any]) -> dict[str, Any]:
+        return {**plain, "angle": math.radians(plain.pop("angle"))}
 
 
 @dataclass
@@ -143,7 +151,7 @@ def light_of_plain(plain: dict[str, Any], names: Names) -> Light:
     if tag == "point":
         return PointLight(it["position"], it["intensity"])
     if tag == "directional":
-        return SunLight(it["direction"], it["irradiance"])
+        return SunLight(it["direction"], it["irradiance"], min(math.degrees(it["angle"]), 180.0))
     if tag == "spot":
         inner, outer = (math.degrees(math.acos(max(-1.0, min(1.0, it[name])))) for name in ("cos_inner", "cos_outer"))
         return SpotLight(it["position"], it["direction"], it["intensity"], inner, outer, it["falloff"])

@@ -1,7 +1,7 @@
 //! All lights of a scene, and light sampling at a point.
 //!
 //! Lights at a position are the leaves of a tree, which chooses one by an estimate of the light that arrives at the
-//! point; lights at infinity, the environment and parallel light, are separate. Light that light sampling never chooses
+//! point; lights at infinity, the environment and suns, are separate. Light that light sampling never chooses
 //! has pdf 0 and is left to BSDF sampling with full MIS weight.
 
 mod bounds;
@@ -15,6 +15,7 @@ mod punctual;
 mod rectangle;
 mod sample;
 mod sphere;
+mod sun;
 mod surface;
 mod tree;
 mod triangle;
@@ -24,12 +25,11 @@ mod window;
 mod tests;
 
 use bottega_kernels::Hit;
-use bottega_scene::{LightKind, Scene, Spectrum};
+use bottega_scene::{LightKind, Scene};
 use glam::Vec3;
 
 use crate::{
     bsdf::warp::ONE_MINUS_EPSILON,
-    color::luminance,
     sampler::Quad,
     surfaces::{PreparedInstance, PreparedMaterial, Surfaces},
 };
@@ -39,6 +39,7 @@ pub(crate) use emission::{Aim, Emission, EmissionPlan, EmittedPhoton};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
 pub(crate) use sample::{LightSample, NO_LIGHT, Receiver};
+use sun::Sun;
 pub use surface::SOLID_ANGLE_MIN;
 use surface::{Grid, Panel, PanelShape, SurfaceLight};
 pub use tree::DISTANCE_SQUARED_MIN;
@@ -53,8 +54,8 @@ pub const SHARE_MIN: f32 = 0.1;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lights {
     environment: Option<EnvironmentLight>,
-    /// Parallel lights.
-    parallel: Vec<Parallel>,
+    /// Lights at infinity with a direction.
+    suns: Vec<Sun>,
     tree: LightTree,
     /// Lights by number in the tree.
     lights: Vec<Light>,
@@ -74,17 +75,6 @@ enum Light {
     /// An emitting sphere; index into the scene's spheres.
     Sphere(u32),
     Surface(SurfaceLight),
-}
-
-/// A parallel light.
-#[derive(Clone, Copy, Debug)]
-struct Parallel {
-    /// Index into the scene's lights.
-    light: u32,
-    /// Direction to the light, unit length.
-    to_light: Vec3,
-    /// Illuminance of a surface that faces the light.
-    illuminance: f32,
 }
 
 /// The light that a triangle belongs to.
@@ -130,14 +120,10 @@ impl Lights {
             .map(|environment| EnvironmentLight::new(scene, environment, compensate_environment));
         let mut lights = Self { environment, ..Self::default() };
         let mut collected = CollectedLights::default();
-        // Collect parallel lights and lights without extent
+        // Collect suns and lights without extent
         for (light, index) in scene.lights.iter().zip(0..) {
-            if let LightKind::Directional { direction, irradiance } = light.kind {
-                lights.parallel.push(Parallel {
-                    light: index,
-                    to_light: -direction,
-                    illuminance: luminance(irradiance),
-                });
+            if let LightKind::Directional { direction, irradiance, angle } = light.kind {
+                lights.suns.push(Sun::new(direction, irradiance, angle));
             } else if let Some(bounds) = punctual::bounds(scene, index) {
                 collected.push(Light::Punctual(index), bounds);
             }
@@ -204,9 +190,14 @@ impl Lights {
         self.environment.as_ref().is_none_or(EnvironmentLight::is_found)
     }
 
+    /// Returns true if some sun has a disc.
+    pub(crate) fn has_discs(&self) -> bool {
+        self.suns.iter().any(|sun| !sun.is_parallel())
+    }
+
     /// Returns true if there are sampled lights at infinity.
     fn has_far(&self) -> bool {
-        !self.parallel.is_empty() || self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
+        !self.suns.is_empty() || self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -215,6 +206,7 @@ impl Lights {
             + size_of_val(&*self.triangles)
             + size_of_val(&*self.parts)
             + size_of_val(&*self.spheres)
+            + size_of_val(&*self.suns)
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
     }
 
@@ -293,14 +285,12 @@ impl Lights {
             light: NO_LIGHT,
             pmf,
         };
-        // Choose a parallel light by its share of the illuminance
-        for light in &self.parallel {
-            let importance = light.importance(receiver);
+        // Choose a sun by its share of the illuminance
+        for sun in &self.suns {
+            let importance = sun.importance(receiver);
             if rest < importance {
-                let LightKind::Directional { irradiance, .. } = scene.lights[light.light as usize].kind else {
-                    return None;
-                };
-                return Some(far(light.to_light, irradiance, 1.0, share * importance / total, true));
+                let (wi, radiance, pdf, is_delta) = sun.sample(place);
+                return Some(far(wi, radiance, pdf, share * importance / total, is_delta));
             }
             rest -= importance;
         }
@@ -317,23 +307,7 @@ impl Lights {
     #[inline]
     fn far_total(&self, receiver: &Receiver) -> f32 {
         let environment = self.environment.as_ref().map_or(0.0, |light| light.illuminance(receiver.p));
-        environment + self.parallel.iter().map(|light| light.importance(receiver)).sum::<f32>()
-    }
-
-    /// Returns the environment's radiance at a point from a direction of unit length.
-    pub(crate) fn environment_radiance(&self, scene: &Scene, from: Vec3, direction: Vec3) -> Spectrum {
-        self.environment.as_ref().map_or(Spectrum::ZERO, |light| light.radiance_at(scene, from, direction))
-    }
-
-    /// Returns the density per solid angle with which [`Self::sample`] draws a direction that meets no surface.
-    pub(crate) fn environment_pdf(&self, receiver: &Receiver, direction: Vec3) -> f32 {
-        let Some(light) = &self.environment else { return 0.0 };
-        let illuminance = light.illuminance(receiver.p);
-        if illuminance <= 0.0 {
-            return 0.0;
-        }
-        let pmf = self.far_share(receiver) * illuminance / self.far_total(receiver);
-        light.pdf_at(receiver.p, direction) * pmf
+        environment + self.suns.iter().map(|sun| sun.importance(receiver)).sum::<f32>()
     }
 
     /// Returns the number of the light that was hit; `None` if light sampling never finds it.
@@ -387,16 +361,5 @@ impl Lights {
             Light::Punctual(index) => (punctual::position(scene, *index), 0.0),
         };
         Arc::new(segment, middle, radius_squared)
-    }
-}
-
-impl Parallel {
-    #[inline(always)]
-    fn importance(&self, receiver: &Receiver) -> f32 {
-        if receiver.n == Vec3::ZERO {
-            self.illuminance
-        } else {
-            self.illuminance * receiver.n.dot(self.to_light).max(0.0)
-        }
     }
 }

@@ -1,11 +1,9 @@
-//! Lights without extent: point, spot, goniometric, projector and parallel lights.
+//! Lights without extent: point, spot, goniometric and projector lights.
 //!
-//! Parameters: position or direction; intensity in W/sr per channel, of parallel light irradiance in W/m²; the inner and
-//! outer angle of a spot; the picture of a goniometric or projector light. Their shadows are sharp, and only light
-//! sampling finds them.
+//! Parameters: position; intensity in W/sr per channel; direction, inner and outer angle of a spot; the picture of a
+//! goniometric or projector light. Their shadows are sharp, and only light sampling finds them.
 //!
-//! Source: KHR_lights_punctual; the emitters `point`, `spot`, `projector`, `directional` of Mitsuba 3 and `goniometric`
-//! of pbrt-v4.
+//! Source: KHR_lights_punctual; the emitters `point`, `spot`, `projector` of Mitsuba 3 and `goniometric` of pbrt-v4.
 
 use std::f32::consts::PI;
 
@@ -20,7 +18,7 @@ use super::{
 };
 use crate::{color::luminance, sampling::around};
 
-/// Returns the bounds of the light, for the light tree; `None` for a parallel light.
+/// Returns the bounds of the light, for the light tree; `None` for a light at infinity.
 pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
     /// Smallest angle over which a light fades, in radians.
     const FADE_MIN: f32 = 0.01;
@@ -54,7 +52,7 @@ pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
     }
 }
 
-/// Returns the position of the light; the origin for a parallel light.
+/// Returns the position of the light; the origin for a light at infinity.
 pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
     match scene.lights[index as usize].kind {
         LightKind::Point { position, .. }
@@ -65,7 +63,7 @@ pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
     }
 }
 
-/// Returns the light that arrives at `p`. `None` if that is dark, and for parallel light.
+/// Returns the light that arrives at `p`. `None` if that is dark, and for light from infinity.
 pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> {
     match scene.lights[index as usize].kind {
         LightKind::Point { position, intensity } => from_point(position, p, |_| intensity),

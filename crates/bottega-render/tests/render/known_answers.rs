@@ -11,14 +11,14 @@ use bottega_scene::{
 use glam::{Mat3, Vec3, Vec4};
 
 /// A matte floor of albedo ½ at y = 0 and a camera that looks straight down at its origin.
-fn floor() -> Scene {
+pub(crate) fn floor() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 4.0, 0.0), Vec3::ZERO, 0.001)], ..Scene::default() };
     add_quad(&mut scene, Vec3::new(-50.0, 0.0, -50.0), Vec3::Z * 100.0, Vec3::X * 100.0, matte(Vec3::splat(0.5)));
     scene
 }
 
 /// Irradiance at the origin of the floor under direct light alone.
-fn irradiance(scene: Scene, direct_light: DirectLight) -> f32 {
+pub(crate) fn irradiance(scene: Scene, direct_light: DirectLight) -> f32 {
     let settings = PathSettings { max_depth: 1, direct_light, ..PathSettings::default() };
     let tile = paint(&prepare(scene), (1, 1), 4096, settings);
     color(&tile, 0, 0).x * PI / 0.5
@@ -84,11 +84,12 @@ fn a_prism_bends_blue_more_than_red() {
     }
 }
 
-fn assert_near(found: f32, exact: f32, tolerance: f32) {
+pub(crate) fn assert_near(found: f32, exact: f32, tolerance: f32) {
     assert!((found / exact - 1.0).abs() < tolerance, "found {found}, exact {exact}");
 }
 
-const ALL: [DirectLight; 3] = [DirectLight::Combined, DirectLight::LightSampling, DirectLight::BsdfSampling];
+/// Every strategy for direct light.
+pub(crate) const ALL: [DirectLight; 3] = [DirectLight::Combined, DirectLight::LightSampling, DirectLight::BsdfSampling];
 
 #[test]
 fn a_point_light_gives_intensity_over_squared_distance() {
@@ -120,7 +121,8 @@ fn several_lights_add_up() {
         let kind = LightKind::Point { position: Vec3::new(x, 4.0, 0.0), intensity: Vec3::splat(watts) };
         scene.lights.push(Light { name: String::new(), kind });
     }
-    let kind = LightKind::Directional { direction: Vec3::new(0.6, -0.8, 0.0), irradiance: Vec3::splat(0.3) };
+    let kind =
+        LightKind::Directional { direction: Vec3::new(0.6, -0.8, 0.0), irradiance: Vec3::splat(0.3), angle: 0.0 };
     scene.lights.push(Light { name: String::new(), kind });
     let exact = 12.0 * 0.8 / 25.0 + 0.5 / 16.0 + 0.3 * 0.8;
     assert_near(irradiance(scene, DirectLight::Combined), exact, 0.01);

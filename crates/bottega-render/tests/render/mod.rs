@@ -15,6 +15,7 @@ mod photon_options;
 mod photons;
 mod scenes;
 mod sheets;
+mod soft_lights;
 mod speckles;
 mod strategies;
 mod surveys;

@@ -138,7 +138,7 @@ fn kind(light: &document::Light, world: &DAffine3) -> Result<LightKind, GltfErro
     let direction = || direction.ok_or(GltfError::LightDirection);
     match light.kind.as_str() {
         "point" => Ok(LightKind::Point { position, intensity: power }),
-        "directional" => Ok(LightKind::Directional { direction: direction()?, irradiance: power }),
+        "directional" => Ok(LightKind::Directional { direction: direction()?, irradiance: power, angle: 0.0 }),
         "spot" => {
             let (inner, outer) = (light.spot.inner_cone_angle, light.spot.outer_cone_angle.unwrap_or(PI / 4.0));
             if !(inner >= 0.0 && inner <= outer && outer > 0.0 && outer <= FRAC_PI_2 + 1e-4) {

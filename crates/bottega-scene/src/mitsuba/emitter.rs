@@ -71,7 +71,8 @@ impl Emitters {
                 };
                 let irradiance =
                     textures.plain_color(context, object, "irradiance", ColorRole::Emission, Spectrum::ONE)?;
-                self.add_light(object, LightKind::Directional { direction: direction.as_vec3(), irradiance });
+                let direction = direction.as_vec3();
+                self.add_light(object, LightKind::Directional { direction, irradiance, angle: 0.0 });
             }
             "projector" => {
                 let kind = projector(context, textures, object, &to_world)?;

@@ -72,6 +72,7 @@ pub(super) fn open() -> Scene {
         LightKind::Directional {
             direction: Vec3::new(-0.3, -1.0, -0.2).normalize(),
             irradiance: Vec3::new(1.0, 0.9, 0.7),
+            angle: 0.0,
         },
     ];
     scene.lights.extend(kinds.map(|kind| Light { name: String::new(), kind }));

@@ -17,18 +17,19 @@ use crate::{
 };
 
 impl MediumPath<'_> {
-    /// Returns the environment's radiance along the ray, weighted by MIS.
+    /// Returns the radiance from infinity along the ray, weighted by MIS.
     pub(super) fn environment(&self) -> Spectrum {
         if self.depth == 0 && self.hides_emitters {
             return Spectrum::ZERO;
         }
         let lights = self.prepared.lights();
         let from = self.previous.receiver.p;
-        let radiance = lights.environment_radiance(self.prepared.scene(), from, self.direction);
-        if radiance == Spectrum::ZERO {
-            return radiance;
-        }
-        radiance * self.found_by_direction(|from| (lights.environment_pdf(from, self.direction), 0.0))
+        let mut sum = Spectrum::ZERO;
+        lights.each_far(self.prepared.scene(), from, self.direction, |light, radiance| {
+            let pdf = |from: &Receiver| (lights.far_pdf(from, None, light, self.direction), 0.0);
+            sum += radiance * self.found_by_direction(pdf);
+        });
+        sum
     }
 
     /// Returns the emission of a surface towards the path, weighted by MIS.
