@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
 use crate::texture::{ImageId, TextureMap};
+use crate::visibility::Visibility;
 
 /// A light without extent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -13,6 +14,9 @@ pub struct Light {
     pub name: String,
     /// Its kind, position and strength.
     pub kind: LightKind,
+    /// Kinds of ray that it reaches: those of the camera see the disc of a sun. [`Visibility::SHADOW`] has no effect.
+    #[serde(default)]
+    pub visibility: Visibility,
 }
 
 /// The kinds of light without extent. Directions are of unit length, in world space.
@@ -146,6 +150,13 @@ pub struct Environment {
     /// Portals. If not empty, the environment is visible only along rays that leave through a portal, once for each
     /// portal that they cross, and black elsewhere.
     pub portals: Vec<Portal>,
+}
+
+impl Light {
+    /// Returns a light that every kind of ray finds.
+    pub fn new(name: impl Into<String>, kind: LightKind) -> Self {
+        Self { name: name.into(), kind, visibility: Visibility::ALL }
+    }
 }
 
 impl Environment {

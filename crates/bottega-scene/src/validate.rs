@@ -129,6 +129,7 @@ impl Scene {
             self.check_surface(back)?;
         }
         check(is_color(&material.emission), FACTOR)?;
+        check(material.emission_profile.is_sound(), "its emission has no cone: from 0.1° to below 90° is allowed")?;
         check(is_factor(material.opacity.factor), FACTOR)?;
         if let AlphaMode::Mask { cutoff } = material.alpha_mode {
             check(is_factor(cutoff), FACTOR)?;

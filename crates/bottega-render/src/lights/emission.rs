@@ -289,8 +289,8 @@ impl Emission {
         let place = [u[2], u[3]];
         Some(match &self.sources[index] {
             EmissionSource::Near(number) => match &prepared.lights().lights[*number as usize] {
-                Light::Surface(surface) => surface.emit(prepared.scene(), u[1], place, towards)?,
-                Light::Sphere(index) => place::emit_from_sphere(prepared.scene(), *index, u[1], place, towards)?,
+                Light::Surface(surface) => surface.emit(prepared, u[1], place, towards)?,
+                Light::Sphere(index) => place::emit_from_sphere(prepared, *index, u[1], place, towards)?,
                 Light::Punctual(index) => {
                     let light = &prepared.scene().lights[*index as usize];
                     let LightKind::Point { position, intensity } = light.kind else { return None };

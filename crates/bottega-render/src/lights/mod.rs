@@ -11,6 +11,7 @@ mod emission;
 mod environment;
 mod flat;
 mod portal;
+mod profile;
 mod punctual;
 mod rectangle;
 mod sample;
@@ -25,7 +26,7 @@ mod window;
 mod tests;
 
 use bottega_kernels::Hit;
-use bottega_scene::{LightKind, Scene};
+use bottega_scene::{LightKind, Scene, Sphere, Visibility};
 use glam::Vec3;
 
 use crate::{
@@ -38,6 +39,7 @@ pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
 pub(crate) use emission::{Aim, Emission, EmissionPlan, EmittedPhoton};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
+pub(crate) use profile::Profile;
 pub(crate) use sample::{LightSample, NO_LIGHT, Receiver};
 use sun::Sun;
 pub use surface::SOLID_ANGLE_MIN;
@@ -65,6 +67,13 @@ pub(crate) struct Lights {
     triangles: Vec<TriangleLight>,
     /// Numbers in the tree of the parts of all panels; [`NO_LIGHT`] for dark ones.
     parts: Vec<u32>,
+    /// Kinds of ray that find the lights of the tree; empty: all that leave an event.
+    visibilities: Vec<Visibility>,
+}
+
+/// Returns true if light of this visibility reaches any surface or medium.
+fn shines_into_scene(visibility: Visibility) -> bool {
+    visibility.within(Visibility::BOUNCES) != Visibility::NONE
 }
 
 /// A light of the tree.
@@ -123,25 +132,48 @@ impl Lights {
         // Collect suns and lights without extent
         for (light, index) in scene.lights.iter().zip(0..) {
             if let LightKind::Directional { direction, irradiance, angle } = light.kind {
-                lights.suns.push(Sun::new(direction, irradiance, angle));
+                lights.suns.push(Sun::new(direction, irradiance, angle, light.visibility));
+            } else if !shines_into_scene(light.visibility) {
+                continue;
             } else if let Some(bounds) = punctual::bounds(scene, index) {
                 collected.push(Light::Punctual(index), bounds);
             }
         }
         // Collect emitting spheres and meshes
         let shines = |material: u32| materials[material as usize].shines;
-        for (sphere, index) in scene.spheres.iter().zip(0..).filter(|(sphere, _)| shines(sphere.material)) {
+        let is_light = |sphere: &Sphere| shines(sphere.material) && shines_into_scene(sphere.visibility);
+        for (sphere, index) in scene.spheres.iter().zip(0..).filter(|(sphere, _)| is_light(sphere)) {
             let number = collected.push(Light::Sphere(index), sphere::bounds(scene, sphere));
             lights.spheres.push((index, number));
         }
         for (index, instance) in instances.iter_mut().enumerate() {
-            if shines(scene.material_of(&scene.instances[index])) {
+            let placed = &scene.instances[index];
+            if shines(scene.material_of(placed)) && shines_into_scene(placed.visibility) {
                 instance.first_light = lights.triangles.len() as u32;
                 lights.add_instance(scene, index as u32, &mut collected);
             }
         }
         lights.hang(&collected);
+        lights.collect_visibilities(scene);
         lights
+    }
+
+    /// Keeps the visibilities of the lights of the tree, unless all kinds of ray after an event find all of them.
+    fn collect_visibilities(&mut self, scene: &Scene) {
+        let of_light = |light: &Light| match light {
+            Light::Punctual(index) => scene.lights[*index as usize].visibility,
+            Light::Sphere(index) => scene.spheres[*index as usize].visibility,
+            Light::Surface(surface) => scene.instances[surface.instance() as usize].visibility,
+        };
+        if self.lights.iter().any(|light| of_light(light).tells_bounces_apart()) {
+            self.visibilities = self.lights.iter().map(of_light).collect();
+        }
+    }
+
+    /// Returns the kinds of ray that find a light of the tree.
+    #[inline(always)]
+    fn visibility_of(&self, light: u32) -> Visibility {
+        self.visibilities.get(light as usize).copied().unwrap_or(Visibility::ALL)
     }
 
     fn add_instance(&mut self, scene: &Scene, instance: u32, collected: &mut CollectedLights) {
@@ -206,6 +238,7 @@ impl Lights {
             + size_of_val(&*self.triangles)
             + size_of_val(&*self.parts)
             + size_of_val(&*self.spheres)
+            + size_of_val(&*self.visibilities)
             + size_of_val(&*self.suns)
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
     }
@@ -231,10 +264,10 @@ impl Lights {
     pub(crate) fn sample_place(&self, surfaces: &Surfaces, light: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let sample = match &self.lights[light as usize] {
             Light::Surface(surface) => surface.sample(surfaces, from, u)?,
-            Light::Sphere(index) => sphere::sample(surfaces.scene(), *index, from, u)?,
+            Light::Sphere(index) => sphere::sample(surfaces, *index, from, u)?,
             Light::Punctual(index) => punctual::sample(surfaces.scene(), *index, from)?,
         };
-        Some(LightSample { light, ..sample })
+        Some(LightSample { light, visibility: self.visibility_of(light), ..sample })
     }
 
     /// Returns the density per solid angle with which [`Self::sample_place`] draws the point `p` on a light with extent.
@@ -276,7 +309,7 @@ impl Lights {
     ) -> Option<LightSample> {
         let total = self.far_total(receiver);
         let mut rest = u * total;
-        let far = |wi, radiance, pdf: f32, pmf: f32, is_delta| LightSample {
+        let far = |wi, radiance, pdf: f32, pmf: f32, is_delta, visibility| LightSample {
             wi,
             distance: f32::INFINITY,
             radiance,
@@ -284,13 +317,14 @@ impl Lights {
             is_delta,
             light: NO_LIGHT,
             pmf,
+            visibility,
         };
         // Choose a sun by its share of the illuminance
         for sun in &self.suns {
             let importance = sun.importance(receiver);
             if rest < importance {
                 let (wi, radiance, pdf, is_delta) = sun.sample(place);
-                return Some(far(wi, radiance, pdf, share * importance / total, is_delta));
+                return Some(far(wi, radiance, pdf, share * importance / total, is_delta, sun.visibility));
             }
             rest -= importance;
         }
@@ -300,7 +334,7 @@ impl Lights {
         let choice = (rest / illuminance).min(ONE_MINUS_EPSILON);
         let (wi, radiance, pdf) = environment.sample_at(scene, receiver.p, [choice, place[0], place[1], 0.0])?;
         let pmf = share * illuminance / total;
-        (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false))
+        (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false, Visibility::ALL))
     }
 
     /// Returns an estimate of the illuminance by sampled lights at infinity.

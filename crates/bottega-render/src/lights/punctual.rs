@@ -8,7 +8,7 @@
 use std::f32::consts::PI;
 
 use bottega_kernels::math;
-use bottega_scene::{ImageId, LightKind, Scene, Spectrum, SpotFalloff, TextureMap};
+use bottega_scene::{ImageId, LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Visibility};
 use glam::{Vec2, Vec3};
 
 use super::{
@@ -18,10 +18,11 @@ use super::{
 };
 use crate::{color::luminance, sampling::around};
 
+/// Smallest angle over which a light fades, in radians.
+pub(super) const FADE_MIN: f32 = 0.01;
+
 /// Returns the bounds of the light, for the light tree; `None` for a light at infinity.
 pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
-    /// Smallest angle over which a light fades, in radians.
-    const FADE_MIN: f32 = 0.01;
     let cone = |position, axis, angle: f32, fade: f32, intensity| LightBounds {
         cone: Cone { axis, angle },
         emission_angle: fade.max(FADE_MIN),
@@ -134,7 +135,7 @@ pub(super) fn emitted(scene: &Scene, index: u32, place: Vec2) -> Option<(Vec3, V
 }
 
 /// Returns the relative intensity of a spot at an angle to its axis with this cosine, in [0, 1].
-fn fall_off(falloff: SpotFalloff, cosine: f32, cos_inner: f32, cos_outer: f32) -> f32 {
+pub(super) fn fall_off(falloff: SpotFalloff, cosine: f32, cos_inner: f32, cos_outer: f32) -> f32 {
     if cosine >= cos_inner {
         return 1.0;
     }
@@ -168,6 +169,7 @@ fn from_point(position: Vec3, p: Vec3, intensity: impl Fn(Vec3) -> Spectrum) -> 
         is_delta: true,
         light: NO_LIGHT,
         pmf: 1.0,
+        visibility: Visibility::ALL,
     })
 }
 
@@ -177,7 +179,7 @@ mod tests {
     use bottega_scene::Light;
 
     fn with(kind: LightKind) -> Scene {
-        Scene { lights: vec![Light { name: String::new(), kind }], ..Scene::default() }
+        Scene { lights: vec![Light::new("", kind)], ..Scene::default() }
     }
 
     #[test]

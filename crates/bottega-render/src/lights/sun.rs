@@ -10,10 +10,10 @@
 use std::f32::consts::PI;
 
 use bottega_kernels::math;
-use bottega_scene::{Scene, Spectrum};
+use bottega_scene::{Scene, Spectrum, Visibility};
 use glam::Vec3;
 
-use super::{Choice, Lights, Receiver, environment::EnvironmentLight};
+use super::{Choice, Lights, Receiver, environment::EnvironmentLight, shines_into_scene};
 use crate::{color::luminance, sampling::around};
 
 /// Sine of half an angular diameter below which single precision cannot tell the directions of a disc apart.
@@ -32,6 +32,8 @@ pub(super) struct Sun {
     sine: f32,
     /// 1 − cos of half its angular diameter, without cancellation.
     one_minus_cos: f32,
+    /// Kinds of ray that find it.
+    pub(super) visibility: Visibility,
 }
 
 impl Sun {
@@ -39,11 +41,13 @@ impl Sun {
     ///
     /// - `direction`: in which the light travels, unit length.
     /// - `angle`: angular diameter in radians, from 0 to π.
-    pub(super) fn new(direction: Vec3, irradiance: Spectrum, angle: f32) -> Self {
+    pub(super) fn new(direction: Vec3, irradiance: Spectrum, angle: f32, visibility: Visibility) -> Self {
         let quarter = math::sin(0.25 * angle);
         let one_minus_cos = 2.0 * quarter * quarter;
         let sine = (one_minus_cos * (2.0 - one_minus_cos)).sqrt();
-        Self { to_light: -direction, irradiance, illuminance: luminance(irradiance), sine, one_minus_cos }
+        // Light sampling leaves out what no surface receives
+        let illuminance = if shines_into_scene(visibility) { luminance(irradiance) } else { 0.0 };
+        Self { to_light: -direction, irradiance, illuminance, sine, one_minus_cos, visibility }
     }
 
     /// Returns true if it is parallel light, which no path finds by itself.
@@ -105,16 +109,23 @@ pub(crate) enum FarLight {
 }
 
 impl Lights {
-    /// Calls `add` with the radiance of each light at infinity that a path sees along a direction of unit length.
+    /// Calls `add` with the radiance of each light at infinity that a ray of this kind sees along a direction of unit length.
     #[inline(always)]
-    pub(crate) fn each_far(&self, scene: &Scene, from: Vec3, direction: Vec3, mut add: impl FnMut(FarLight, Spectrum)) {
+    pub(crate) fn each_far(
+        &self,
+        scene: &Scene,
+        from: Vec3,
+        direction: Vec3,
+        ray: Visibility,
+        mut add: impl FnMut(FarLight, Spectrum),
+    ) {
         let radiance =
             self.environment.as_ref().map_or(Spectrum::ZERO, |light| light.radiance_at(scene, from, direction));
         if radiance != Spectrum::ZERO {
             add(FarLight::Environment, radiance);
         }
         for (index, sun) in self.suns.iter().enumerate() {
-            if sun.covers(direction) {
+            if sun.covers(direction) && sun.visibility.has(ray) {
                 add(FarLight::Sun(index), sun.radiance());
             }
         }

@@ -30,7 +30,7 @@ fn prepare(scene: Scene) -> PreparedScene {
 }
 
 fn name(kind: LightKind) -> SceneLight {
-    SceneLight { name: String::new(), kind }
+    SceneLight::new("", kind)
 }
 
 /// Adds a mesh with its own material.

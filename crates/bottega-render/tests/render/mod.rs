@@ -18,4 +18,6 @@ mod sheets;
 mod soft_lights;
 mod speckles;
 mod strategies;
+mod sums;
 mod surveys;
+mod visibility;

@@ -116,7 +116,7 @@ pub(super) fn add_lights(
         match kind(description, &world) {
             Ok(kind) => {
                 let name = if description.name.is_empty() { &node.name } else { &description.name };
-                scene.lights.push(Light { name: name.clone(), kind });
+                scene.lights.push(Light::new(name.clone(), kind));
             }
             Err(problem) => warnings.unsupported(place, format!("{problem}; it is left out")),
         }

@@ -88,7 +88,7 @@ impl Emitters {
     }
 
     fn add_light(&mut self, object: &Object, kind: LightKind) {
-        self.lights.push(Light { name: object.label(), kind });
+        self.lights.push(Light::new(object.label(), kind));
     }
 
     /// Sets the environment; warns and ignores it if there already is one.

@@ -101,7 +101,7 @@ impl Lights {
         if !power.is_finite() {
             return Err(at.fault("the light is brighter than can be computed with").into());
         }
-        self.list.push(Light { name: String::new(), kind });
+        self.list.push(Light::new("", kind));
         Ok(())
     }
 

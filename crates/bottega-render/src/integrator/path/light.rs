@@ -1,6 +1,6 @@
 //! The light that a path finds: by sampling lights, and by hitting emitters.
 
-use bottega_scene::Spectrum;
+use bottega_scene::{Spectrum, Visibility};
 
 use super::{
     super::transport::{emitted_at, power_heuristic, shadow_ray, weight_of_hit},
@@ -32,7 +32,8 @@ impl Path<'_> {
         let prepared = self.integrator.prepared;
         let from = self.previous.receiver.p;
         let (lights, direction) = (prepared.lights(), self.direction);
-        lights.each_far(prepared.scene(), from, direction, |light, radiance| {
+        let ray = if self.depth == 0 { Visibility::CAMERA } else { Visibility::DIFFUSE };
+        lights.each_far(prepared.scene(), from, direction, ray, |light, radiance| {
             let weight = self.found_by_bsdf(|from| {
                 let choice = if AGENTS { self.previous_choice() } else { None };
                 lights.far_pdf(from, choice, light, direction)

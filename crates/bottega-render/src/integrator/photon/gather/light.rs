@@ -1,6 +1,6 @@
 //! The light that a camera path finds directly: by sampling lights, and by hitting emitters.
 
-use bottega_scene::Spectrum;
+use bottega_scene::{Spectrum, Visibility};
 
 use super::{
     super::super::transport::{emitted_at, power_heuristic, shadow_ray},
@@ -41,7 +41,8 @@ impl GatherPath<'_> {
             ArrivalKind::Spread { receiver, .. } => receiver.p,
         };
         let lights = self.prepared.lights();
-        lights.each_far(self.prepared.scene(), from, state.direction, |light, radiance| {
+        let ray = if matches!(state.comes, ArrivalKind::Camera) { Visibility::CAMERA } else { Visibility::DIFFUSE };
+        lights.each_far(self.prepared.scene(), from, state.direction, ray, |light, radiance| {
             let weight = self.found(state, |from| lights.far_pdf(from, None, light, state.direction));
             self.add(state.throughput * radiance * weight, state.depth);
         });
