@@ -213,6 +213,7 @@ mod tests {
                 radius: 1.0,
                 world_from_object: glam::Quat::IDENTITY,
                 material: 0,
+                visibility: bottega_scene::Visibility::ALL,
             }],
             materials: vec![Material { name: "leaf".into(), ..Material::default() }],
             ..Scene::default()

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use bottega::{
     glam::Affine3A,
     scene::{
-        Camera, CornerMesh, Density, EntryKind, Environment, ImageId, Light, Loaded, Material, Medium, MediumId,
-        PlacedObject, Placing, RenderHints, Scene, SceneEditor, Sphere, Variation, load,
+        Camera, CornerMesh, Density, EditedLight, EntryKind, Environment, ImageId, Loaded, Material, Medium, MediumId,
+        PlacedObject, Placing, RenderHints, Scene, SceneEditor, Sphere, Variation, Visibility, load,
     },
 };
 use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
@@ -63,6 +63,11 @@ pub(crate) fn kind_of(name: &str) -> PyResult<EntryKind> {
 /// Returns whether a key must be new.
 pub(crate) fn placing(is_new: bool) -> Placing {
     if is_new { Placing::New } else { Placing::AddOrReplace }
+}
+
+/// Returns kinds of ray by their bits.
+fn visibility_of(bits: u8) -> PyResult<Visibility> {
+    Visibility::try_from(bits).map_err(|problem| wrong("visibility", &problem))
 }
 
 /// Reads a value from its JSON text.
@@ -134,7 +139,7 @@ impl PyScene {
         let (mut editor, placing) = (self.editor(), placing(is_new));
         let put = match kind_of(kind)? {
             EntryKind::Material => editor.put_material(key, parsed::<Material>(kind, json)?, placing),
-            EntryKind::Light => editor.put_light(key, parsed::<Light>(kind, json)?, placing),
+            EntryKind::Light => editor.put_light(key, parsed::<EditedLight>(kind, json)?, placing),
             EntryKind::Camera => editor.put_camera(key, parsed::<Camera>(kind, json)?, placing),
             kind => return Err(PyValueError::new_err(format!("a {kind} is not put as JSON"))),
         };
@@ -260,7 +265,7 @@ impl PyScene {
     }
 
     /// Adds or replaces an object.
-    #[pyo3(signature = (key, mesh, transforms, materials, instance_materials, hidden, is_new))]
+    #[pyo3(signature = (key, mesh, transforms, materials, instance_materials, hidden, visibility, is_new))]
     fn put_object(
         &self,
         key: &str,
@@ -269,6 +274,7 @@ impl PyScene {
         materials: Vec<String>,
         instance_materials: Option<&Bound<'_, PyAny>>,
         hidden: bool,
+        visibility: u8,
         is_new: bool,
     ) -> PyResult<()> {
         let choice = InputArray::<i32>::maybe("instance_materials", instance_materials, 1)?;
@@ -279,6 +285,7 @@ impl PyScene {
             materials,
             instance_materials: choice.iter().map(|&choice| choice as u32).collect(),
             hidden,
+            visibility: visibility_of(visibility)?,
         };
         self.editor().put_object(key, object, placing(is_new)).map_err(|error| errors::edit(&error))
     }
@@ -296,6 +303,17 @@ impl PyScene {
         let object = editor.object(key).map_err(|error| errors::edit(&error))?.clone();
         let put = editor.put_object(key, PlacedObject { materials, ..object }, placing(false));
         put.map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns the kinds of ray for which an object is there, as bits.
+    fn object_visibility(&self, key: &str) -> PyResult<u8> {
+        self.editor().object(key).map(|object| object.visibility.into()).map_err(|error| errors::edit(&error))
+    }
+
+    /// Sets the kinds of ray for which an object is there.
+    fn set_object_visibility(&self, key: &str, visibility: u8) -> PyResult<()> {
+        let visibility = visibility_of(visibility)?;
+        self.editor().set_object_visibility(key, visibility).map_err(|error| errors::edit(&error))
     }
 
     /// Returns the matrices of an object: float32, (N, 4, 4), a copy.

@@ -137,6 +137,8 @@ SURFACES = [
         sheen_color=0.3,
     ),
     bottega.Blend(GRAY, bottega.Diffuse(0.2), bottega.Conductor(roughness=0.2)),
+    bottega.Sum(bottega.Diffuse(GRAY), bottega.Conductor(roughness=0.2)),
+    bottega.Transparent(Texture("gray", factor=(1, 0.5, 0.2))),
 ]
 
 
@@ -173,6 +175,8 @@ def test_all_lights_environments_and_cameras() -> None:
     matrix[:3, 3] = (0.5, 0.5, 2)
     scene.lights["point"] = bottega.PointLight((0, 1, 2), (1, 2, 3))
     scene.lights["sun"] = bottega.SunLight.by_matrix(matrix, 2.0)
+    scene.lights["soft sun"] = bottega.SunLight((0.6, 0, -0.8), 2.0, angle=10)
+    assert scene.lights["soft sun"].angle == pytest.approx(10)
     scene.lights["spot"] = bottega.SpotLight.by_matrix(matrix, inner=10, outer=30)
     scene.lights["projector"] = bottega.ProjectorLight(Texture("map"), matrix)
     scene.lights["around"] = bottega.GoniometricLight("map", (0.5, 0.5, 1))
@@ -196,6 +200,98 @@ def test_all_lights_environments_and_cameras() -> None:
         assert np.isfinite(bottega.render(scene, camera="other", **SMALL).color).all()
     scene.cameras["other"].projection = "perspective"
     assert scene.cameras["other"].far == math.inf and scene.cameras.keys() == ["main", "other"]
+
+
+def test_lights_with_a_shape_and_who_sees_them() -> None:
+    scene = square()
+    scene.environment = None
+    matrix = np.eye(4)
+    matrix[:3, 3] = (0.5, 0.5, 2)
+    lights: dict[str, bottega.Light] = {
+        "ball": bottega.PointLight((0.5, 0.5, 2), (1, 2, 3), radius=0.3),
+        "spot": bottega.SpotLight.blended(matrix, size=60, blend=0.5, intensity=5, radius=0.2),
+        "panel": bottega.AreaLight(matrix, (1, 0.5), 10.0, spread=90),
+        "disk": bottega.AreaLight(matrix, (0.5, 0.5), 10.0, "ellipse"),
+    }
+    for key, light in lights.items():
+        scene.lights[key] = light
+        color = bottega.render(scene, **{**LARGER, "spp": 64}).color
+        # The lamp is between camera and square: seen from behind, a panel is not there
+        assert color.mean() > 1e-4, key
+        kept = scene.lights[key].copied()
+        before = bits(scene)
+        scene.lights[key] = kept
+        assert (bits(scene) == before).all() and type(kept) is type(light), "what was taken out and put in again is the same"
+        scene.lights[key].visibility.camera = False
+        unseen = bottega.render(scene, **{**LARGER, "spp": 64}).color
+        assert (unseen[24, 32] == color[24, 32]).all() == (key in ("panel", "disk")), key
+        # Neither paths nor light samples find it any more
+        scene.lights[key].visibility = bottega.Visibility(False, False, False, False, False)
+        assert bottega.render(scene, **LARGER).color.mean() == 0.0, key
+        del scene.lights[key]
+    assert lights["spot"].falloff == "smooth_cosine" and lights["spot"].outer == 30  # type: ignore[attr-defined]
+
+
+def test_the_power_of_an_area_light_does_not_depend_on_size_shape_and_spread() -> None:
+    scene = square()
+    scene.environment = None
+    scene.meshes["square"] = Mesh((POSITIONS - (0.5, 0.5, 0)).astype(np.float32) * 10, TRIANGLES, materials="white")
+    matrix = np.eye(4)
+    matrix[2, 3] = 1.0
+    scene.cameras["main"] = Camera(((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 500), (0, 0, 0, 1)), projection="orthographic", height=10.0)
+    found = []
+    for light in (
+        bottega.AreaLight(matrix, (0.4, 0.1), 40.0, spread=60),
+        bottega.AreaLight(matrix, (0.4, 2.0), 40.0, spread=20),
+        bottega.AreaLight(matrix, (0.4, 2.0), 40.0, "ellipse", spread=120),
+    ):
+        scene.lights["area"] = light
+        color = bottega.render(scene, spp=256, size=(64, 64), exact=True).color
+        # Radiance over the floor: reflected power over pi
+        found.append(float(color.mean()) * 10 * 10 * math.pi / 0.8)
+    assert np.allclose(found, 40.0, rtol=0.1), found
+
+
+def test_objects_and_spheres_hide_from_kinds_of_ray() -> None:
+    scene = square()
+    scene.environment = None
+    scene.lights["sun"] = bottega.SunLight((0, 0, -1), 3.0)
+    matrix = np.eye(4)
+    matrix[2, 3] = 1.0
+    scene.objects["screen"] = Object("square", matrix, visibility=bottega.Visibility(camera=False))
+    lit = lambda: float(bottega.render(scene, **LARGER).color[UPPER_LEFT].mean())  # noqa: E731
+    assert lit() == 0.0, "only its shadow is seen"
+    assert not scene.objects["screen"].visibility.camera
+    scene.objects["screen"].visibility.shadow = False
+    both = lit()
+    scene.objects["screen"].visibility = bottega.Visibility(False, False, False, False, False, False)
+    alone = lit()
+    assert both > alone > 0.1, "what the screen reflects is missing"
+    scene.objects["screen"].hidden = True
+    assert abs(lit() / alone - 1.0) < 1e-5
+    scene.spheres["ball"] = bottega.Sphere((0.5, 0.5, 1), 0.6, "white", visibility=bottega.Visibility(False, shadow=False))
+    assert scene.spheres["ball"].visibility.bits == 30
+    assert 1.0 < lit() / alone < 1.5, "it reflects, and casts no shadow"
+    with pytest.raises(SceneError, match="bottega.Visibility is needed"):
+        scene.spheres["ball"].visibility = True  # type: ignore[assignment]
+
+
+def test_transparent_surfaces_tint_what_is_behind_them() -> None:
+    scene = square()
+    scene.environment = None
+    scene.lights["sun"] = bottega.SunLight((0, 0, -1), 3.0)
+    plain = bottega.render(scene, **LARGER).color
+    scene.materials["pane"] = Material(bottega.Transparent((1.0, 0.5, 0.25)))
+    matrix = np.eye(4)
+    matrix[2, 3] = 1.0
+    scene.objects["pane"] = Object("square", matrix, "pane")
+    tinted = bottega.render(scene, **LARGER).color
+    # Light passes the pane before the square and after it
+    assert np.allclose(tinted[UPPER_LEFT] / plain[UPPER_LEFT], [1.0, 0.25, 0.0625], rtol=1e-3)
+    assert isinstance(scene.materials["pane"].surface, bottega.Transparent) and scene.materials["pane"].see_through
+    scene.materials["pane"].surface = bottega.Sum(bottega.Transparent(0.5), bottega.Transparent((0.5, 0.0, 0.0)))
+    summed = bottega.render(scene, **{**LARGER, "spp": 256}).color
+    assert np.allclose(summed[UPPER_LEFT] / plain[UPPER_LEFT], [1.0, 0.25, 0.25], atol=0.15)
 
 
 def test_a_medium_of_a_grid_dims_what_is_behind_it() -> None:

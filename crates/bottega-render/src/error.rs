@@ -24,7 +24,7 @@ pub enum RenderError {
     UnsoundScene(#[source] Box<bottega_scene::SceneError>),
     /// Photon mapping does not support the scene's media.
     #[error(
-        "photons and lighting agents know nothing of media that scatter, emit or have no surface; paint this scene by path tracing"
+        "photons and lighting agents know nothing of media that scatter, emit or have no surface, nor of what is visible after some kinds of bounce alone; paint this scene by path tracing"
     )]
     PhotonsInMedia,
     /// The acceleration structure cannot be built.

@@ -12,7 +12,7 @@ mod picture;
 mod record;
 mod words;
 
-use bottega_scene::{AlphaMode, TextureMap};
+use bottega_scene::{AlphaMode, EmissionProfile, TextureMap, Visibility};
 
 use crate::{prepare::PreparedScene, surfaces::used_materials};
 
@@ -66,6 +66,18 @@ pub enum NotFlat {
     /// Lights that no ray can hit.
     #[error("lamps that are not there")]
     AbsentLamps,
+    /// Surfaces or lights that are not there for some kinds of ray.
+    #[error("visibility by kind of ray")]
+    Visibility,
+    /// Lamps that do not emit in all directions.
+    #[error("lamps that shine into a cone")]
+    EmissionProfiles,
+    /// Sums of surfaces.
+    #[error("sums of surfaces")]
+    Sums,
+    /// Suns with a disc.
+    #[error("a sun with an angle")]
+    Suns,
     /// An environment behind portals.
     #[error("an environment behind portals")]
     Portals,
@@ -99,6 +111,20 @@ impl FlatScene {
         let is_absent = |material: usize| prepared.scene().materials[material].alpha_mode == AlphaMode::Absent;
         if used_materials(prepared.scene()).any(is_absent) {
             missing.push(NotFlat::AbsentLamps);
+        }
+        let scene = prepared.scene();
+        if prepared.has_visibility() || scene.lights.iter().any(|light| light.visibility != Visibility::ALL) {
+            missing.push(NotFlat::Visibility);
+        }
+        let has_profile = |material: usize| scene.materials[material].emission_profile != EmissionProfile::Diffuse;
+        if used_materials(scene).any(has_profile) {
+            missing.push(NotFlat::EmissionProfiles);
+        }
+        if used_materials(scene).any(|material| scene.materials[material].has_sum()) {
+            missing.push(NotFlat::Sums);
+        }
+        if prepared.lights().has_discs() {
+            missing.push(NotFlat::Suns);
         }
         if prepared.scene().environment.as_ref().is_some_and(|environment| !environment.portals.is_empty()) {
             missing.push(NotFlat::Portals);

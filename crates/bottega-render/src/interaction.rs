@@ -7,6 +7,7 @@ mod relief;
 use bottega_kernels::{Hit, Ray, math};
 use bottega_scene::{
     ColorParam, FacingCurves, Material, Relief, ReliefRule, ReliefSource, Scene, Spectrum, Sphere, Surface, TextureMap,
+    Visibility,
 };
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
@@ -460,8 +461,12 @@ pub const ASKS_AS_SHADOW: u32 = 1 << 31;
 pub(crate) enum SurfaceQuery {
     /// A camera ray, up to the path's first vertex.
     Camera,
-    /// A later ray of a path.
+    /// A later ray of a path, where nothing is there for one kind of event and not for another.
     Path,
+    /// A later ray of a path, by the kind of event that it leaves.
+    Bounce(Visibility),
+    /// The first ray of a photon, which is what a shadow ray is to a path.
+    Photon,
     /// A shadow ray. Its random numbers are independent of those of the path's previous segment, as both may cross one
     /// surface.
     Shadow,
@@ -472,6 +477,16 @@ impl SurfaceQuery {
     #[inline(always)]
     pub(crate) fn of_vertex(self, vertices: u32) -> Self {
         if self == Self::Path && vertices == 0 { Self::Camera } else { self }
+    }
+
+    /// Returns the kind of ray as surfaces distinguish it.
+    fn ray(self) -> Visibility {
+        match self {
+            Self::Camera => Visibility::CAMERA,
+            Self::Path => Visibility::DIFFUSE,
+            Self::Bounce(kind) => kind,
+            Self::Photon | Self::Shadow => Visibility::SHADOW,
+        }
     }
 
     /// Returns the key of a surface's random number; it differs between entering and leaving a sphere.
@@ -495,7 +510,15 @@ pub(crate) fn shines(surfaces: &Surfaces, hit: &Hit) -> bool {
     surfaces.material(material_of(surfaces, hit)).1.shines
 }
 
-/// Returns true if the surface of a candidate hit is opaque there. `chance` returns a random number in [0, 1) for the key
+/// Returns the kinds of ray for which the surface that was hit is there.
+fn visibility_of(scene: &Scene, hit: &Hit) -> Visibility {
+    match hit.sphere() {
+        Some(sphere) => scene.spheres[sphere as usize].visibility,
+        None => scene.instances[hit.instance as usize].visibility,
+    }
+}
+
+/// Returns true if the surface of a candidate hit is there for this kind of ray and opaque. `chance` returns a random number in [0, 1) for the key
 /// of a half-transparent surface; equal keys must get equal numbers.
 pub(crate) fn is_there(
     surfaces: &Surfaces,
@@ -504,6 +527,9 @@ pub(crate) fn is_there(
     query: SurfaceQuery,
     chance: impl FnOnce(u64) -> f32,
 ) -> bool {
+    if surfaces.has_visibility() && !visibility_of(surfaces.scene(), hit).has(query.ray()) {
+        return false;
+    }
     if query == SurfaceQuery::Camera && surfaces.culls_backs() && is_culled(surfaces.scene(), ray, hit) {
         return false;
     }

@@ -10,7 +10,7 @@ use std::{
 
 use bottega_hra::DataId;
 use bottega_kernels::{Accel, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
-use bottega_scene::{Camera, Instance, MediumId, Mesh, Scene, Sphere};
+use bottega_scene::{Camera, Instance, MediumId, Mesh, Scene, Sphere, Visibility};
 
 use crate::{
     error::RenderError,
@@ -20,7 +20,7 @@ use crate::{
         varying::{Majorants, Varying},
     },
     settings::View,
-    surfaces::{Surfaces, used_materials},
+    surfaces::{Surfaces, used_materials, visibilities},
 };
 
 /// Options of the preparation.
@@ -54,6 +54,7 @@ pub struct PreparedScene {
     has_boundaries: bool,
     has_panes: bool,
     needs_volume: bool,
+    tells_bounces_apart: bool,
     threads: usize,
     id: DataId,
     /// Memory on a device in bytes, once a device has reported it.
@@ -77,6 +78,7 @@ impl PreparedScene {
         let materials = &surfaces.materials;
         let has_opacity = surfaces.culls_backs()
             || surfaces.has_curves()
+            || surfaces.has_visibility()
             || used_materials(&scene).any(|material| materials[material].has_opacity);
         let parts_media = |material: usize| {
             materials[material].is_null && materials[material].media[0] != materials[material].media[1]
@@ -88,6 +90,8 @@ impl PreparedScene {
         let needs_volume = has_boundaries
             || scene.cameras.iter().any(|camera| camera.medium.is_some())
             || used_materials(&scene).any(|material| materials[material].media.iter().any(has_volume));
+        let all = visibilities(&scene).chain(scene.lights.iter().map(|light| light.visibility));
+        let tells_bounces_apart = all.into_iter().any(Visibility::tells_bounces_apart);
         let majorants = scene.media.iter().map(|medium| Some(Majorants::new(medium, medium.variation.as_deref()?)));
         let majorants = majorants.collect();
         static NEXT_ID: AtomicU64 = AtomicU64::new(0);
@@ -103,6 +107,7 @@ impl PreparedScene {
             has_boundaries,
             has_panes,
             needs_volume,
+            tells_bounces_apart,
             threads: options.threads,
             id,
             device_bytes: AtomicU64::new(0),
@@ -176,10 +181,17 @@ impl PreparedScene {
         self.needs_volume
     }
 
-    /// Returns true if there are media that photon mapping does not support: those that scatter, emit, or are not bounded
-    /// by refracting surfaces.
+    /// Returns true if some surface or light is there for rays after one kind of event and not after another, so that
+    /// paths must know the kind of their last event.
+    #[inline(always)]
+    pub(crate) fn tells_bounces_apart(&self) -> bool {
+        self.tells_bounces_apart
+    }
+
+    /// Returns true if there is something that photon mapping does not support: media that scatter, emit, or are not bounded
+    /// by refracting surfaces, and surfaces or lights that are there after one kind of event and not after another.
     pub fn has_media(&self) -> bool {
-        self.needs_volume
+        self.needs_volume || self.tells_bounces_apart
     }
 
     /// Returns true if light sampling must look behind some surfaces: boundaries of media without a surface, and panes.
@@ -224,7 +236,8 @@ impl PreparedScene {
         }
     }
 
-    /// Returns true if paths of a view can learn in a prepass: it has enough pixels and samples, no media and no panes.
+    /// Returns true if paths of a view can learn in a prepass: it has enough pixels and samples, no media, no
+    /// panes, and nothing that tells the kinds of event apart.
     pub fn can_learn(&self, view: View, planned_samples: u32) -> bool {
         /// Smallest number of pixels: fewer give too few paths to learn from, and a poor guide adds noise.
         const PIXELS_MIN: u64 = 128 * 128;
@@ -233,7 +246,7 @@ impl PreparedScene {
         const SAMPLES_MIN: u64 = 1 << 19;
         let pixels = u64::from(view.width) * u64::from(view.height);
         let is_large = pixels >= PIXELS_MIN && pixels * u64::from(planned_samples) >= SAMPLES_MIN;
-        is_large && !self.needs_volume && !self.has_panes
+        is_large && !self.needs_volume && !self.has_panes && !self.tells_bounces_apart
     }
 }
 

@@ -1,6 +1,7 @@
 //! The rays of a segment of a path: the closest hit, and the visibility of lights from its start.
 
 use bottega_kernels::{Hit, Ray};
+use bottega_scene::Visibility;
 
 use crate::{
     interaction::{SurfaceQuery, is_there, shines},
@@ -36,7 +37,15 @@ impl<'a> SegmentRays<'a> {
     /// - `vertex`: index of the vertex that the rays leave; 0: the light.
     #[inline(always)]
     pub(crate) fn of_photon(prepared: &'a PreparedScene, sampler: &'a PixelSampler, vertex: u32) -> Self {
-        Self { prepared, sampler, key: u64::from(vertex) << DEPTH_SHIFT, kind: SurfaceQuery::Path }
+        let kind = if vertex == 0 { SurfaceQuery::Photon } else { SurfaceQuery::Path };
+        Self { prepared, sampler, key: u64::from(vertex) << DEPTH_SHIFT, kind }
+    }
+
+    /// Returns these rays for a path that left an event of this kind; the rays of the camera stay what they are.
+    #[inline(always)]
+    pub(crate) fn leaving(self, event: Visibility) -> Self {
+        let kind = if self.kind == SurfaceQuery::Path { SurfaceQuery::Bounce(event) } else { self.kind };
+        Self { kind, ..self }
     }
 
     /// Returns these rays for a path whose vertices have numbers above 255: also uses the bits of the number that the

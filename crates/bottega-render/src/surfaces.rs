@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use bottega_scene::{AlphaMode, Material, MediumId, Mesh, Scene, Spectrum, Surface};
+use bottega_scene::{AlphaMode, Material, MediumId, Mesh, Scene, Spectrum, Surface, Visibility};
 use glam::{Affine3A, Mat3};
 
 use crate::{
     bsdf::{Bsdf, SurfacePoint, scattering},
-    lights::NO_LIGHT,
+    lights::{NO_LIGHT, Profile},
 };
 
 /// A scene with precomputed data of its instances and materials.
@@ -21,6 +21,8 @@ pub struct Surfaces {
     culls_backs: bool,
     /// `true`: some mesh is the hull of curves.
     has_curves: bool,
+    /// `true`: some surface is not there for some kind of ray.
+    has_visibility: bool,
 }
 
 impl Surfaces {
@@ -30,7 +32,8 @@ impl Surfaces {
         let instances = scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
         let culls_backs = used_materials(&scene).any(|material| scene.materials[material].culls_back);
         let has_curves = scene.instances.iter().any(|it| scene.meshes[it.mesh as usize].curves.is_some());
-        Self { scene, instances, materials, culls_backs, has_curves }
+        let has_visibility = visibilities(&scene).any(|visibility| visibility != Visibility::ALL);
+        Self { scene, instances, materials, culls_backs, has_curves, has_visibility }
     }
 
     /// Returns the scene as it was imported.
@@ -47,6 +50,12 @@ impl Surfaces {
     /// Returns true if some mesh is the hull of curves, so that hits must be filtered.
     pub(crate) fn has_curves(&self) -> bool {
         self.has_curves
+    }
+
+    /// Returns true if some surface is not there for some kind of ray, so that hits must be filtered.
+    #[inline(always)]
+    pub(crate) fn has_visibility(&self) -> bool {
+        self.has_visibility
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -108,6 +117,8 @@ pub(crate) struct PreparedMaterial {
     pub(crate) parts_media: bool,
     /// `true`: it emits light, other than as an unlit surface.
     pub(crate) shines: bool,
+    /// Directions into which it emits.
+    pub(crate) profile: Profile,
     /// `true`: light may be transmitted to the other side.
     pub(crate) transmits: bool,
     /// BSDFs seen from the back and from the front, if they are the same everywhere on the surface.
@@ -152,8 +163,15 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
         needs_tangents: material.needs_tangents(),
         has_opacity: is_null || material.alpha_mode != AlphaMode::Opaque,
         shines: material.emission.factor.max_element() > 0.0,
+        profile: Profile::new(&material.emission_profile),
         absorption: [material.exterior, material.interior].map(absorption),
     }
+}
+
+/// Iterates over the visibilities of instances and spheres.
+pub(crate) fn visibilities(scene: &Scene) -> impl Iterator<Item = Visibility> {
+    let instances = scene.instances.iter().map(|instance| instance.visibility);
+    instances.chain(scene.spheres.iter().map(|sphere| sphere.visibility))
 }
 
 /// Iterates over the materials of instances and spheres, by index; may repeat.

@@ -52,7 +52,9 @@ fn add_shares<'a>(surface: &'a Surface, shares: &mut Vec<&'a ColorParam>) {
         }
         Surface::Principled(principled) => shares.push(&principled.base_color),
         Surface::Layered(layered) => shares.push(&layered.base_color),
-        Surface::Blend { surfaces, .. } => surfaces.iter().for_each(|surface| add_shares(surface, shares)),
+        Surface::Blend { surfaces, .. } | Surface::Sum(surfaces) => {
+            surfaces.iter().for_each(|surface| add_shares(surface, shares));
+        }
         Surface::Null | Surface::Unlit(_) | Surface::Conductor(_) | Surface::Dielectric(_) => {}
     }
 }

@@ -40,6 +40,7 @@ mod budget;
 mod camera;
 mod color;
 mod edit;
+mod emission;
 mod error;
 mod eval;
 mod excess;
@@ -68,6 +69,7 @@ mod origin;
 mod param;
 mod pbrt;
 mod resource;
+mod shaped_light;
 mod shapes;
 mod shared_list;
 mod sky;
@@ -78,10 +80,14 @@ mod text;
 mod texture;
 mod validate;
 mod values;
+mod visibility;
 
 pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
 pub use color::Spectrum;
-pub use edit::{CornerMesh, EditError, EntryKind, MatrixRows, PlacedObject, Placing, SceneEditor};
+pub use edit::{
+    CornerMesh, EditError, EditedLight, EditedLightKind, EntryKind, MatrixRows, PlacedObject, Placing, SceneEditor,
+};
+pub use emission::EmissionProfile;
 pub use error::{SceneError, Warning};
 pub use eval::Uvs;
 pub use facing_curves::{CurveLook, CurveMeeting, CurvePoint, FacingCurves, ray_in_object};
@@ -99,6 +105,7 @@ pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use options::LoadOptions;
 pub use param::{ColorParam, ScalarParam};
 pub use resource::SceneFile;
+pub use shaped_light::{AreaLamp, SphereLamp, SpotCone};
 pub use shared_list::SharedList;
 pub use summary::SceneSummary;
 pub use surface::{
@@ -107,3 +114,4 @@ pub use surface::{
 };
 pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Wrap};
 pub use values::{FACTOR_MAX, VALUE_MAX};
+pub use visibility::Visibility;

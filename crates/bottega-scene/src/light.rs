@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
 use crate::texture::{ImageId, TextureMap};
+use crate::visibility::Visibility;
 
 /// A light without extent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -13,6 +14,9 @@ pub struct Light {
     pub name: String,
     /// Its kind, position and strength.
     pub kind: LightKind,
+    /// Kinds of ray that it reaches: those of the camera see the disc of a sun. [`Visibility::SHADOW`] has no effect.
+    #[serde(default)]
+    pub visibility: Visibility,
 }
 
 /// The kinds of light without extent. Directions are of unit length, in world space.
@@ -77,14 +81,16 @@ pub enum LightKind {
         #[serde(with = "crate::numbers")]
         intensity: Spectrum,
     },
-    /// Parallel light from infinitely far away.
+    /// Light from infinitely far away: parallel, or from a disc like the sun's.
     Directional {
-        /// Direction in which the light travels.
+        /// Direction in which the light of its centre travels.
         #[serde(with = "crate::numbers")]
         direction: Vec3,
-        /// Irradiance on a surface perpendicular to it, in W·m⁻².
+        /// Irradiance on a surface perpendicular to it, in W·m⁻², whatever the angle.
         #[serde(with = "crate::numbers")]
         irradiance: Spectrum,
+        /// Angular diameter in radians, from 0 (parallel light) to π.
+        angle: f32,
     },
 }
 
@@ -144,6 +150,13 @@ pub struct Environment {
     /// Portals. If not empty, the environment is visible only along rays that leave through a portal, once for each
     /// portal that they cross, and black elsewhere.
     pub portals: Vec<Portal>,
+}
+
+impl Light {
+    /// Returns a light that every kind of ray finds.
+    pub fn new(name: impl Into<String>, kind: LightKind) -> Self {
+        Self { name: name.into(), kind, visibility: Visibility::ALL }
+    }
 }
 
 impl Environment {

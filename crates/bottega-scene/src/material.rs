@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
+use crate::emission::EmissionProfile;
 use crate::medium::MediumId;
 use crate::param::{ColorParam, ScalarParam};
 use crate::surface::{Layered, Surface};
@@ -157,6 +158,9 @@ pub struct Material {
     pub emission: ColorParam,
     /// Sides that emit.
     pub emission_sides: Sides,
+    /// Directions into which they emit.
+    #[serde(default)]
+    pub emission_profile: EmissionProfile,
     /// Perturbation of the shading normal; `None`: smooth.
     pub relief: Option<Relief>,
     /// The medium behind the front; `None`: vacuum. Only meaningful if the surface transmits.
@@ -228,10 +232,15 @@ impl Material {
         }
     }
 
-    /// Returns true if a surface is a blend, one part of which is chosen at random per hit.
+    /// Returns true if a surface is a blend or sum, one part of which is chosen at random per hit.
     pub fn is_blended(&self) -> bool {
-        let is_blend = |surface: &Surface| matches!(surface, Surface::Blend { .. });
+        let is_blend = |surface: &Surface| matches!(surface, Surface::Blend { .. } | Surface::Sum(_));
         is_blend(&self.surface) || matches!(&self.back, Back::Other(surface) if is_blend(surface))
+    }
+
+    /// Returns true if either side is a sum of surfaces, or has one in it.
+    pub fn has_sum(&self) -> bool {
+        self.surface.has_sum() || matches!(&self.back, Back::Other(surface) if surface.has_sum())
     }
 
     /// Returns true if light may pass to the other side, other than by opacity.

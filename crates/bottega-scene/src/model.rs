@@ -15,6 +15,7 @@ use crate::material::Material;
 use crate::medium::{Medium, MediumId, Variation};
 use crate::shared_list::SharedList;
 use crate::texture::Mapping;
+use crate::visibility::Visibility;
 
 /// Triangles that share a material. Per-vertex arrays have the length of `positions`, or are empty if absent. Importers
 /// drop texture coordinates and tangents that no texture of the material uses.
@@ -50,12 +51,14 @@ pub struct Instance {
     /// Object space to world space. Never singular, and never mirroring: its determinant is above 0, so
     /// counter-clockwise triangles stay counter-clockwise. ([`Mesh::mirrored`] makes the mesh for a mirrored instance.)
     pub world_from_object: Affine3A,
+    /// Kinds of ray for which it is there.
+    pub visibility: Visibility,
 }
 
 impl Instance {
     /// Returns an instance with the material of its mesh.
     pub fn new(mesh: u32, world_from_object: Affine3A) -> Self {
-        Self { mesh, material: None, world_from_object }
+        Self { mesh, material: None, world_from_object, visibility: Visibility::ALL }
     }
 }
 
@@ -72,6 +75,9 @@ pub struct Sphere {
     pub world_from_object: Quat,
     /// Index into [`Scene::materials`].
     pub material: u32,
+    /// Kinds of ray for which it is there.
+    #[serde(default)]
+    pub visibility: Visibility,
 }
 
 /// A complete scene: everything that a render needs except its settings.
@@ -265,7 +271,8 @@ impl Scene {
 
     /// Adds an analytic sphere without rotation.
     pub fn push_sphere(&mut self, center: Vec3, radius: f32, material: u32) {
-        self.spheres.push(Sphere { center, radius, world_from_object: Quat::IDENTITY, material });
+        let visibility = Visibility::ALL;
+        self.spheres.push(Sphere { center, radius, world_from_object: Quat::IDENTITY, material, visibility });
     }
 
     /// Removes all media. Returns true if there were any.

@@ -43,6 +43,9 @@ pub enum Surface {
         /// The two surfaces; neither is [`Null`](Self::Null).
         surfaces: Box<[Surface; 2]>,
     },
+    /// The sum of what two surfaces scatter, which may be more than arrives; neither is [`Null`](Self::Null). See
+    /// [`sum`](Self::sum).
+    Sum(Box<[Surface; 2]>),
 }
 
 /// A matte surface: Lambertian, or Oren and Nayar's if it is rough.
@@ -386,8 +389,17 @@ impl Surface {
     /// Blends two surfaces; `weight` is the share of the second. [`Null`](Self::Null) becomes a clear sheet, because
     /// rays cannot pass without a hit where another surface may be.
     pub fn blend(weight: ScalarParam, surfaces: [Self; 2]) -> Self {
-        let met = |surface| if surface == Self::Null { Self::clear_sheet(Spectrum::ONE.into()) } else { surface };
-        Self::Blend { weight, surfaces: Box::new(surfaces.map(met)) }
+        Self::Blend { weight, surfaces: Box::new(surfaces.map(Self::met)) }
+    }
+
+    /// Adds what two surfaces scatter. [`Null`](Self::Null) becomes a clear sheet, as in a blend.
+    pub fn sum(surfaces: [Self; 2]) -> Self {
+        Self::Sum(Box::new(surfaces.map(Self::met)))
+    }
+
+    /// Returns the surface as one that rays meet.
+    fn met(self) -> Self {
+        if self == Self::Null { Self::clear_sheet(Spectrum::ONE.into()) } else { self }
     }
 
     /// Returns true if light may pass to the other side.
@@ -397,7 +409,7 @@ impl Surface {
             Self::Unlit(_) | Self::Diffuse(_) | Self::Conductor(_) | Self::Plastic(_) | Self::Coated(_) => false,
             Self::Principled(p) => p.spec_trans.factor > 0.0 || (p.thin && p.diff_trans.factor > 0.0),
             Self::Layered(l) => l.transmission.factor > 0.0 || l.diffuse_transmission.factor > 0.0,
-            Self::Blend { surfaces, .. } => surfaces.iter().any(Self::transmits),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::transmits),
         }
     }
 
@@ -408,7 +420,7 @@ impl Surface {
             Self::Principled(principled) => principled.thin,
             Self::Layered(layered) => layered.thin,
             Self::DiffuseTransmission { .. } => true,
-            Self::Blend { surfaces, .. } => surfaces.iter().all(Self::is_thin),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().all(Self::is_thin),
             _ => false,
         }
     }
@@ -422,15 +434,26 @@ impl Surface {
             Self::Coated(coated) => coated.facets.is_smooth(),
             Self::Principled(principled) => principled.roughness.factor == 0.0,
             Self::Layered(layered) => layered.roughness.factor == 0.0,
-            Self::Blend { surfaces, .. } => surfaces.iter().any(Self::has_mirror),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::has_mirror),
             Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } => false,
         }
     }
 
-    /// Returns true if part of a blend is [`Null`](Self::Null).
+    /// Returns true if part of a blend or sum is [`Null`](Self::Null).
     pub(crate) fn blends_null(&self) -> bool {
         match self {
-            Self::Blend { surfaces, .. } => surfaces.iter().any(|part| *part == Self::Null || part.blends_null()),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => {
+                surfaces.iter().any(|part| *part == Self::Null || part.blends_null())
+            }
+            _ => false,
+        }
+    }
+
+    /// Returns true if it is a sum of surfaces, or blends one in.
+    pub fn has_sum(&self) -> bool {
+        match self {
+            Self::Sum(_) => true,
+            Self::Blend { surfaces, .. } => surfaces.iter().any(Self::has_sum),
             _ => false,
         }
     }
@@ -439,7 +462,7 @@ impl Surface {
     pub fn has_clear_sheet(&self) -> bool {
         match self {
             Self::Dielectric(dielectric) => dielectric.is_clear_sheet(),
-            Self::Blend { surfaces, .. } => surfaces.iter().any(Self::has_clear_sheet),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::has_clear_sheet),
             _ => false,
         }
     }
@@ -460,7 +483,7 @@ impl Surface {
             }
             Self::Principled(principled) => principled.anisotropic.factor > 0.0,
             Self::Layered(layered) => layered.anisotropy.is_some() || layered.coat_normal.is_some(),
-            Self::Blend { surfaces, .. } => surfaces.iter().any(Self::needs_tangents),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::needs_tangents),
             Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } => false,
         }
     }
@@ -511,6 +534,7 @@ impl Surface {
                 scalars.push(weight);
                 surfaces.iter().for_each(|surface| surface.add_params(colors, scalars));
             }
+            Self::Sum(surfaces) => surfaces.iter().for_each(|surface| surface.add_params(colors, scalars)),
         }
     }
 
@@ -527,7 +551,9 @@ impl Surface {
                 let film = film.into_iter().flat_map(|film| [film.ior, film.thickness[0], film.thickness[1]]);
                 film.chain([layered.ior, layered.dispersion]).collect()
             }
-            Self::Blend { surfaces, .. } => surfaces.iter().flat_map(Self::indices_of_refraction).collect(),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => {
+                surfaces.iter().flat_map(Self::indices_of_refraction).collect()
+            }
             _ => Vec::new(),
         }
     }
@@ -549,7 +575,9 @@ impl Surface {
                 let film = layered.iridescence.as_ref();
                 maps.extend(film.and_then(|film| film.thickness_texture.as_ref()).map(|(map, _)| map));
             }
-            Self::Blend { surfaces, .. } => surfaces.iter().for_each(|surface| surface.add_maps(maps)),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => {
+                surfaces.iter().for_each(|surface| surface.add_maps(maps));
+            }
             _ => {}
         }
     }

@@ -129,6 +129,7 @@ impl Scene {
             self.check_surface(back)?;
         }
         check(is_color(&material.emission), FACTOR)?;
+        check(material.emission_profile.is_sound(), "its emission has no cone: from 0.1° to below 90° is allowed")?;
         check(is_factor(material.opacity.factor), FACTOR)?;
         if let AlphaMode::Mask { cutoff } = material.alpha_mode {
             check(is_factor(cutoff), FACTOR)?;
@@ -164,7 +165,10 @@ impl Scene {
                 check(cos_outer < cos_inner && cos_outer >= -1.0 && cos_inner <= 1.0, "its cone is inside out")?;
                 (intensity, position, Some(direction))
             }
-            LightKind::Directional { direction, irradiance } => (irradiance, glam::Vec3::ZERO, Some(direction)),
+            LightKind::Directional { direction, irradiance, angle } => {
+                check((0.0..=std::f32::consts::PI).contains(&angle), "its angle is not from 0 to π")?;
+                (irradiance, glam::Vec3::ZERO, Some(direction))
+            }
             LightKind::Goniometric { position, world_from_light, image, intensity } => {
                 check((image.0 as usize) < self.images.len(), "its picture does not exist")?;
                 check(is_orthonormal(&world_from_light), "its orientation is no rotation")?;

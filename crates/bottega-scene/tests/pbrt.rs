@@ -186,7 +186,7 @@ fn lights_have_pbrts_units() {
     assert_eq!((*position, *intensity), (Vec3::X, Spectrum::new(2.0, 4.0, 6.0)));
     let LightKind::Point { intensity, .. } = kinds[1] else { panic!("{:?}", kinds[1]) };
     assert!((*intensity - Spectrum::ONE).length() < 1e-5);
-    let LightKind::Directional { direction, irradiance } = kinds[2] else { panic!("{:?}", kinds[2]) };
+    let LightKind::Directional { direction, irradiance, .. } = kinds[2] else { panic!("{:?}", kinds[2]) };
     assert_eq!((*direction, *irradiance), (Vec3::NEG_Y, Spectrum::splat(7.0)));
     // Every light's spectrum is scaled to the luminance 1, and keeps its colour.
     let LightKind::Point { intensity, .. } = kinds[3] else { panic!("{:?}", kinds[3]) };

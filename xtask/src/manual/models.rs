@@ -59,6 +59,7 @@ const SECTIONS: &[Section] = &[
         "Lights",
         &[
             ModelEntry("Lights without extent", "lights/punctual.rs", ModelPicture::of("punctual", "punctual.xml")),
+            ModelEntry("Light from infinity", "lights/sun.rs", None),
             ModelEntry("Emitting surfaces", "lights/surface.rs", ModelPicture::of("surface", "surface.xml")),
             ModelEntry("Emitting spheres", "lights/sphere.rs", ModelPicture::of("sphere", "sphere.xml")),
             ModelEntry("Environment", "lights/environment.rs", ModelPicture::of("environment", "environment.xml")),

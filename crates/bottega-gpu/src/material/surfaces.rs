@@ -44,6 +44,8 @@ pub(super) fn add_surface(writer: &mut Writer<'_>, surface: &Surface) -> u32 {
             let params = BlendParams { weight: writer.scalar(weight) };
             writer.record(&BlendHead { kind: kind::<BlendParams>(SURFACE_BLEND), first, second }, &params)
         }
+        // Scenes with a sum are declined as a whole: its first part stands for it
+        Surface::Sum(surfaces) => add_surface(writer, &surfaces[0]),
         Surface::Plastic(it) => add_plastic(writer, it),
         Surface::Coated(it) => add_coated(writer, it),
         Surface::Principled(it) => add_principled(writer, it),
@@ -242,7 +244,7 @@ fn features(surface: &Surface) -> Features {
     // A coat may lie on metal.
     let stack = Features::STACK.with(Features::CONDUCTOR);
     match surface {
-        Surface::Null | Surface::Unlit(_) | Surface::Blend { .. } => Features::default(),
+        Surface::Null | Surface::Unlit(_) | Surface::Blend { .. } | Surface::Sum(_) => Features::default(),
         Surface::Diffuse(_) | Surface::DiffuseTransmission { .. } => Features::default(),
         Surface::Conductor(it) => facets(&it.facets).with(Features::CONDUCTOR),
         Surface::Dielectric(it) => facets(&it.facets).with(Features::DIELECTRIC),
@@ -264,7 +266,7 @@ fn features(surface: &Surface) -> Features {
 
 fn depth(surface: &Surface) -> u32 {
     match surface {
-        Surface::Blend { surfaces, .. } => 1 + surfaces.iter().map(depth).max().unwrap_or(0),
+        Surface::Blend { surfaces, .. } | Surface::Sum(surfaces) => 1 + surfaces.iter().map(depth).max().unwrap_or(0),
         _ => 0,
     }
 }

@@ -26,7 +26,18 @@ from ._errors import (
     SceneError,
 )
 from ._farm import Farm, Job
-from ._lights import Camera, Environment, GoniometricLight, Light, PointLight, ProjectorLight, Sphere, SpotLight, SunLight
+from ._lights import (
+    AreaLight,
+    Camera,
+    Environment,
+    GoniometricLight,
+    Light,
+    PointLight,
+    ProjectorLight,
+    Sphere,
+    SpotLight,
+    SunLight,
+)
 from ._materials import BumpMap, Material, Medium, NormalMap
 from ._native import Analysis, ImageFile, Picture, __version__, read, stop_all
 from ._requests import (
@@ -61,15 +72,18 @@ from ._surfaces import (
     Null,
     Plastic,
     Principled,
+    Sum,
     Surface,
+    Transparent,
     Unlit,
 )
-from ._values import Texture
+from ._values import Texture, Visibility
 from ._viewport import Frame, Viewport
 
 __all__ = [
     "Analysis",
     "Anisotropy",
+    "AreaLight",
     "Blend",
     "BumpMap",
     "Camera",
@@ -128,12 +142,15 @@ __all__ = [
     "Session",
     "Sphere",
     "SpotLight",
+    "Sum",
     "SunLight",
     "Surface",
     "Texture",
+    "Transparent",
     "Unlit",
     "ViewOptions",
     "Viewport",
+    "Visibility",
     "WorkOptions",
     "__version__",
     "analyze",

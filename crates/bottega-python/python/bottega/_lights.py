@@ -23,10 +23,13 @@ from ._values import (
     TextureKind,
     Value,
     VectorKind,
+    Visibility,
+    VisibilityKind,
     choice,
     flag,
     of,
     plain_real,
+    real,
     reals,
     rows,
 )
@@ -37,47 +40,74 @@ Matrix = Sequence[Sequence[float]]
 
 @dataclass
 class Light(Value):
-    """A light without a surface. Emissive surfaces are materials with `emission`."""
+    """A light. Meshes that emit are objects whose material has `emission`. `visibility`: the kinds of ray that it reaches."""
 
     tag: ClassVar[str] = ""
 
     def plain_fields(self, names: Names) -> dict[str, Any]:
-        return {"name": "", "kind": {self.tag: self.plain_kind(super().plain_fields(names))}}
+        plain = super().plain_fields(names)
+        visibility = plain.pop("visibility")
+        tag, members = self.plain_kind(plain)
+        return {"kind": {tag: members}, "visibility": visibility}
 
-    def plain_kind(self, plain: dict[str, Any]) -> dict[str, Any]:
-        return plain
+    def plain_kind(self, plain: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        return self.tag, plain
 
 
 @dataclass
 class PointLight(Light):
-    """A point that emits equally in all directions. `intensity`: R G B in W·sr⁻¹."""
+    """A point or a sphere that emits equally in all directions. `intensity`: R G B in W·sr⁻¹, from afar.
+
+    `radius`: of the sphere, in scene units; 0: a point, with sharp shadows. A sphere is seen by the camera and in mirrors, and casts no
+    shadow.
+    """
 
     tag = "point"
     position: Vector = of(VectorKind(), (0.0, 0.0, 0.0))
     intensity: Color = of(ColorKind(), 1.0)
+    radius: float = plain_real(0.0)
+    visibility: Visibility = of(VisibilityKind(), Visibility())
+
+    def plain_kind(self, plain: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        if plain["radius"] > 0.0:
+            return "sphere", {**plain, "spot": None}
+        del plain["radius"]
+        return self.tag, plain
 
 
 @dataclass
 class SunLight(Light):
-    """Parallel light. `direction`: in which it travels. `irradiance`: R G B on a perpendicular surface, in W·m⁻²."""
+    """Light from infinitely far away, like the sun's.
+
+    `direction`: in which it travels. `irradiance`: R G B on a perpendicular surface, in W·m⁻², whatever the angle.
+    `angle`: diameter of its disc in degrees, from 0 (parallel light, sharp shadows) to 180; the sun's is 0.53.
+    """
 
     tag = "directional"
     direction: Vector = of(DirectionKind(), (0.0, -1.0, 0.0))
     irradiance: Color = of(ColorKind(), 1.0)
+    angle: float = plain_real(0.0, 0.0, 180.0)
+    visibility: Visibility = of(VisibilityKind(), Visibility())
 
     @classmethod
-    def by_matrix(cls, matrix: Matrix, irradiance: Color = 1.0) -> SunLight:
+    def by_matrix(cls, matrix: Matrix, irradiance: Color = 1.0, angle: float = 0.0) -> SunLight:
         """Makes a light that travels along the -z axis of a matrix, (4, 4), from light space to world space."""
         _, direction = _place(matrix)
-        return cls(direction, irradiance)
+        return cls(direction, irradiance, angle)
+
+    def plain_kind(self, plain: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        return self.tag, {**plain, "angle": math.radians(plain["angle"])}
 
 
 @dataclass
 class SpotLight(Light):
-    """A point that emits into a cone. `intensity`: R G B on the axis, in W·sr⁻¹.
+    """A point or a sphere that emits into a cone. `intensity`: R G B on the axis, in W·sr⁻¹, from afar.
 
-    `inner` and `outer`: half angles in degrees, up to which the intensity is full, and from which it is 0.
-    `falloff`: `squared_cosine` (glTF), `linear_angle` (Mitsuba), `smooth_cosine` (pbrt).
+    - `inner` and `outer`: half angles in degrees, up to which the intensity is full, and from which it is 0.
+    - `falloff` between them, where x is 1 at the inner angle and 0 at the outer one: `squared_cosine` (glTF) is x² of the cosine,
+      `smooth_cosine` (pbrt and Blender) 3x² - 2x³ of the cosine, `linear_angle` (Mitsuba) x of the angle.
+    - `radius`: of the sphere, in scene units; 0: a point. Each point of it falls off by the direction of its light, so that shadows and the
+      cone's edge are soft.
     """
 
     tag = "spot"
@@ -89,6 +119,17 @@ class SpotLight(Light):
     falloff: Literal["squared_cosine", "linear_angle", "smooth_cosine"] = choice(
         "squared_cosine", "linear_angle", "smooth_cosine"
     )
+    radius: float = plain_real(0.0)
+    visibility: Visibility = of(VisibilityKind(), Visibility())
+
+    @classmethod
+    def blended(cls, matrix: Matrix, size: float, blend: float, **fields: Any) -> SpotLight:
+        """Makes a light as Blender describes it. `size`: full angle of the cone, in degrees. `blend`: from 0 (a hard edge) to 1 (the
+        falloff begins at the axis). See `by_matrix` for the rest."""
+        outer = 0.5 * real(size, "size", 1e-3, 360.0)
+        cosine = math.cos(math.radians(outer))
+        inner = math.acos(min(1.0, cosine + (1.0 - cosine) * max(real(blend, "blend", 0.0, 1.0), 1e-3)))
+        return cls.by_matrix(matrix, inner=math.degrees(inner), outer=outer, falloff="smooth_cosine", **fields)
 
     @classmethod
     def by_matrix(cls, matrix: Matrix, **fields: Any) -> SpotLight:
@@ -96,11 +137,42 @@ class SpotLight(Light):
         position, direction = _place(matrix)
         return cls(position, direction, **fields)
 
-    def plain_kind(self, plain: dict[str, Any]) -> dict[str, Any]:
-        inner, outer = plain.pop("inner"), plain.pop("outer")
+    def plain_kind(self, plain: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        inner, outer, radius = plain.pop("inner"), plain.pop("outer"), plain.pop("radius")
         if inner >= outer:
             raise SceneError(f"`inner` is {inner} and `outer` {outer}: `inner` must be the smaller angle")
-        return {**plain, "cos_inner": math.cos(math.radians(inner)), "cos_outer": math.cos(math.radians(outer))}
+        cosines = {"cos_inner": math.cos(math.radians(inner)), "cos_outer": math.cos(math.radians(outer))}
+        if radius == 0.0:
+            return self.tag, {**plain, **cosines}
+        spot = {**cosines, "direction": plain.pop("direction"), "falloff": plain.pop("falloff")}
+        return "sphere", {**plain, "radius": radius, "spot": spot}
+
+
+@dataclass
+class AreaLight(Light):
+    """A flat light around the origin of `transform`, (4, 4), from light space to world space, that emits towards its -z axis.
+
+    - `size`: extents along x and y of light space; `transform` may scale them. `shape`: `rectangle` or `ellipse`.
+    - `power`: R G B in W, whatever size and spread. A light that emits into all directions has the radiance power / (π area).
+    - `spread`: full angle in degrees of the cone around -z into which each point emits, from 0.2 to 180 (all directions). The radiance
+      falls off as behind a grid: at an angle θ it is proportional to tan(spread / 2) - tan θ.
+
+    The camera and mirrors see it from the front. It casts no shadow.
+    """
+
+    tag = "area"
+    transform: Matrix = of(MatrixKind(), IDENTITY4)
+    size: Vector = of(VectorKind(2, 0.0, 1e15), (1.0, 1.0))
+    power: Color = of(ColorKind(), 1.0)
+    shape: Literal["rectangle", "ellipse"] = choice("rectangle", "ellipse")
+    spread: float = plain_real(180.0, 0.2, 180.0)
+    visibility: Visibility = of(VisibilityKind(), Visibility())
+
+    def plain_kind(self, plain: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        spread, shape = plain.pop("spread"), plain.pop("shape")
+        # 180° is a little more than π in single precision, and means no spread at all
+        more = {"is_ellipse": shape == "ellipse", "spread": math.radians(spread) if spread < 180.0 else 4.0}
+        return self.tag, {"world_from_light": plain.pop("transform"), **plain, **more}
 
 
 @dataclass
@@ -117,10 +189,11 @@ class ProjectorLight(Light):
     intensity: Color = of(ColorKind(), 1.0)
     fov: float = plain_real(40.0, 0.001, 179.999)
     aspect: float = plain_real(1.0)
+    visibility: Visibility = of(VisibilityKind(), Visibility())
 
-    def plain_kind(self, plain: dict[str, Any]) -> dict[str, Any]:
+    def plain_kind(self, plain: dict[str, Any]) -> tuple[str, dict[str, Any]]:
         fov = math.radians(plain.pop("fov"))
-        return {"world_from_light": plain.pop("transform"), "vertical_fov": fov, **plain}
+        return self.tag, {"world_from_light": plain.pop("transform"), "vertical_fov": fov, **plain}
 
 
 @dataclass
@@ -132,27 +205,40 @@ class GoniometricLight(Light):
     position: Vector = of(VectorKind(), (0.0, 0.0, 0.0))
     rotation: Matrix = of(MatrixKind(3, 3), IDENTITY3)
     intensity: Color = of(ColorKind(), 1.0)
+    visibility: Visibility = of(VisibilityKind(), Visibility())
 
-    def plain_kind(self, plain: dict[str, Any]) -> dict[str, Any]:
-        return {"world_from_light": plain.pop("rotation"), **plain}
+    def plain_kind(self, plain: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        return self.tag, {"world_from_light": plain.pop("rotation"), **plain}
 
 
 def light_of_plain(plain: dict[str, Any], names: Names) -> Light:
     """Makes a light from JSON."""
     ((tag, it),) = plain["kind"].items()
-    if tag == "point":
-        return PointLight(it["position"], it["intensity"])
+    visibility = Visibility.of_bits(plain["visibility"])
+    if tag == "point" or (tag == "sphere" and it["spot"] is None):
+        return PointLight(it["position"], it["intensity"], it.get("radius", 0.0), visibility)
     if tag == "directional":
-        return SunLight(it["direction"], it["irradiance"])
-    if tag == "spot":
-        inner, outer = (math.degrees(math.acos(max(-1.0, min(1.0, it[name])))) for name in ("cos_inner", "cos_outer"))
-        return SpotLight(it["position"], it["direction"], it["intensity"], inner, outer, it["falloff"])
+        return SunLight(it["direction"], it["irradiance"], min(math.degrees(it["angle"]), 180.0), visibility)
+    if tag in ("spot", "sphere"):
+        spot = it if tag == "spot" else it["spot"]
+        inner, outer = (
+            math.degrees(math.acos(max(-1.0, min(1.0, spot[name])))) for name in ("cos_inner", "cos_outer")
+        )
+        shape = (spot["falloff"], it.get("radius", 0.0), visibility)
+        return SpotLight(it["position"], spot["direction"], it["intensity"], inner, outer, *shape)
+    if tag == "area":
+        transform = MatrixKind().value(it["world_from_light"], names)
+        spread = 180.0 if it["spread"] > math.pi else math.degrees(it["spread"])
+        shape = "ellipse" if it["is_ellipse"] else "rectangle"
+        return AreaLight(transform, it["size"], it["power"], shape, spread, visibility)  # type: ignore[arg-type]
     if tag == "projector":
         transform = MatrixKind().value(it["world_from_light"], names)
         fov = math.degrees(it["vertical_fov"])
-        return ProjectorLight(Texture.of_map(it["picture"], names), transform, it["intensity"], fov, it["aspect"])
+        picture = Texture.of_map(it["picture"], names)
+        return ProjectorLight(picture, transform, it["intensity"], fov, it["aspect"], visibility)
     rotation = MatrixKind(3, 3).value(it["world_from_light"], names)
-    return GoniometricLight(names.key_of("image", it["image"]) or "", it["position"], rotation, it["intensity"])
+    image = names.key_of("image", it["image"]) or ""
+    return GoniometricLight(image, it["position"], rotation, it["intensity"], visibility)
 
 
 def _place(matrix: Matrix) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -304,12 +390,17 @@ def _unit(vector: Sequence[float], name: str, problem: str) -> tuple[float, ...]
 
 @dataclass
 class Sphere(Value):
-    """A sphere that is not triangulated. `material`: its key. `rotation`: a quaternion x y z w that turns its texture."""
+    """A sphere that is not triangulated. `material`: its key. `rotation`: a quaternion x y z w that turns its texture.
+
+    `visibility`: the kinds of ray for which it is there.
+    """
 
     center: Vector = of(VectorKind(), ...)
     radius: float = plain_real(...)
     material: str = of(KeyKind("material", False), ...)
     rotation: Vector = of(VectorKind(4), (0.0, 0.0, 0.0, 1.0))
+    visibility: Visibility = of(VisibilityKind(), Visibility())
 
     def plain_fields(self, names: Names) -> dict[str, Any]:
-        return {"center": self.center, "radius": self.radius, "world_from_object": self.rotation, "material": 0}
+        place = {"center": self.center, "radius": self.radius, "world_from_object": self.rotation}
+        return {**place, "material": 0, "visibility": self.visibility.bits}

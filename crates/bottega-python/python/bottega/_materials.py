@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Sequence, Union
 
-from ._surfaces import Diffuse, Surface, SurfaceKind
+from ._surfaces import Diffuse, Surface, SurfaceKind, is_transparent, with_transparency
 from ._values import (
     Color,
     ColorKind,
@@ -107,10 +108,11 @@ class Material(Value):
     - `opacity`: from 0 to 1; it counts unless `alpha` is `opaque`. `alpha`: `mask` is there from `alpha_cutoff` on, `blend` by
       chance, `absent` never.
     - `culls_back`: the camera sees through it from behind.
-    - `emission`: radiance R G B in W·sr⁻¹·m⁻², from `emission_sides`.
+    - `emission`: radiance R G B in W·sr⁻¹·m⁻², from `emission_sides`. `emission_spread`: full angle in degrees of the cone around the
+      normal into which it emits, from 0.2 to 180 (all directions); the power stays.
     - `relief`: a `NormalMap`, a `BumpMap`, or `None`.
     - `interior`, `exterior`: keys of the media behind and before the front; `None`: vacuum.
-    - `see_through`: light that passes straight through a smooth thin sheet counts no bounce.
+    - `see_through`: light that passes straight through a smooth thin sheet counts no bounce; always so with `Transparent`.
     """
 
     surface: Surface = of(SurfaceKind(), Diffuse())
@@ -121,6 +123,7 @@ class Material(Value):
     culls_back: bool = flag(False)
     emission: Color = color(0.0)
     emission_sides: Sides = choice("both", "front", "back")
+    emission_spread: float = plain_real(180.0, 0.2, 180.0)
     relief: Relief | None = of(ReliefKind(), None)
     interior: str | None = of(KeyKind("medium"), None)
     exterior: str | None = of(KeyKind("medium"), None)
@@ -156,13 +159,24 @@ class Material(Value):
         plain = super().plain_fields(names)
         alpha, cutoff = plain.pop("alpha"), plain.pop("alpha_cutoff")
         plain["alpha_mode"] = {"mask": {"cutoff": cutoff}} if alpha == "mask" else alpha
+        half_angle = math.radians(0.5 * plain.pop("emission_spread"))
+        plain["emission_profile"] = {"spread": {"half_angle": half_angle}} if self.emission_spread < 180.0 else "diffuse"
+        sides = [self.surface, *([] if isinstance(self.back, str) else [self.back])]
+        plain["see_through"] = self.see_through or any(map(is_transparent, sides))
         return {"name": "", **plain}
 
     @classmethod
     def of_plain(cls, plain: dict[str, Any], names: Names) -> Material:
         alpha = plain["alpha_mode"]
         mask = alpha["mask"] if isinstance(alpha, dict) else None
+        profile = plain["emission_profile"]
+        spread = 2.0 * math.degrees(profile["spread"]["half_angle"]) if "spread" in profile else 180.0
         members = {"alpha": alpha if mask is None else "mask", "alpha_cutoff": mask["cutoff"] if mask else 0.5}
+        members["emission_spread"] = min(spread, 180.0)
+        if plain["see_through"]:
+            members["surface"] = with_transparency(plain["surface"])
+            if isinstance(plain["back"], dict):
+                members["back"] = {"other": with_transparency(plain["back"]["other"])}
         return super().of_plain({**plain, **members}, names)
 
 

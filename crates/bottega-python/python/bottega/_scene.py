@@ -13,7 +13,7 @@ from ._errors import RenderWarning, SceneError
 from ._lights import Camera, Environment, Light, Sphere, light_of_plain
 from ._materials import Material, Medium
 from ._requests import Request
-from ._values import Value
+from ._values import Value, Visibility
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,7 +63,7 @@ class Object:
     - `transforms`: (4, 4), (N, 4, 4) or (N, 3, 4), from object to world space, for column vectors; may mirror. `None`: one at its place.
     - `materials`: keys in place of the mesh's, by slot.
     - `instance_materials`: int32, (N,), the material of each instance, as an index into `materials`, for all of its slots.
-    - `hidden`: it is not in the picture.
+    - `hidden`: it is not in the picture. `visibility`: the kinds of ray for which it is there; `None`: all.
     """
 
     mesh: str
@@ -71,6 +71,7 @@ class Object:
     materials: Keys = ()
     instance_materials: Ints | None = None
     hidden: bool = False
+    visibility: Visibility | None = None
 
 
 @dataclass
@@ -204,7 +205,8 @@ class Spheres(ValueCollection[Sphere]):
     def _read(self, key: str) -> Sphere:
         text, material = self._native.sphere(key)
         plain = json.loads(text)
-        return Sphere(plain["center"], plain["radius"], material, plain["world_from_object"])
+        visibility = Visibility.of_bits(plain["visibility"])
+        return Sphere(plain["center"], plain["radius"], material, plain["world_from_object"], visibility)
 
     def _write(self, key: str, value: Sphere, is_new: bool) -> None:
         self._native.put_sphere(key, json.dumps(value.plain_fields(self._native)), value.material, is_new)
@@ -330,6 +332,19 @@ class PlacedObject:
     def hidden(self, hidden: bool) -> None:
         self._native.hide("object", self._key, hidden)
 
+    @property
+    def visibility(self) -> Visibility:
+        """The kinds of ray for which it is there; it, or a field of it, may be set."""
+        made = Visibility.of_bits(self._native.object_visibility(self._key))
+        made.__dict__["_changed"] = lambda: self._native.set_object_visibility(self._key, made.bits)
+        return made
+
+    @visibility.setter
+    def visibility(self, visibility: Visibility) -> None:
+        if not isinstance(visibility, Visibility):
+            raise SceneError(f"`visibility` is a {type(visibility).__name__}: make a bottega.Visibility")
+        self._native.set_object_visibility(self._key, visibility.bits)
+
 
 class Objects(Collection[Object]):
     """The objects of a scene."""
@@ -341,8 +356,9 @@ class Objects(Collection[Object]):
         self._check(value, Object)
         transforms = _IDENTITY if value.transforms is None else value.transforms
         materials = _keys(value.materials)
+        visibility = Visibility() if value.visibility is None else value.visibility
         self._native.put_object(
-            key, value.mesh, transforms, materials, value.instance_materials, value.hidden, is_new
+            key, value.mesh, transforms, materials, value.instance_materials, value.hidden, visibility.bits, is_new
         )
 
 

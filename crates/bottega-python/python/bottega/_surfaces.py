@@ -296,6 +296,38 @@ class Blend(Surface):
         return {"blend": {"weight": plain["weight"], "surfaces": [plain["first"], plain["second"]]}}
 
 
+@dataclass
+class Sum(Surface):
+    """The sum of what two surfaces scatter, which may be more than arrives."""
+
+    tag = "sum"
+    first: Surface = of(SurfaceKind(), Diffuse())
+    second: Surface = of(SurfaceKind(), Diffuse())
+
+    def plain(self, names: Names) -> Any:
+        plain = self.plain_fields(names)
+        return {"sum": [plain["first"], plain["second"]]}
+
+
+@dataclass
+class Transparent(Surface):
+    """Lets light pass straight through, in a color, without counting a bounce. What is behind it is lit in that color."""
+
+    tag = "transparent"
+    color: Color = color(1.0)
+
+    def plain(self, names: Names) -> Any:
+        sheet = Dielectric(eta=1.0, transmittance=self.color, thin=True)
+        return sheet.plain(names)
+
+
+def is_transparent(surface: Surface) -> bool:
+    """Returns true if a surface is, or has in it, a `Transparent` one."""
+    if isinstance(surface, (Blend, Sum)):
+        return is_transparent(surface.first) or is_transparent(surface.second)
+    return isinstance(surface, Transparent)
+
+
 _CLASSES: tuple[type[Surface], ...] = (
     Diffuse,
     DiffuseTransmission,
@@ -315,7 +347,26 @@ def surface_of_plain(plain: Any, names: Names) -> Surface:
     ((tag, members),) = plain.items()
     if tag == "unlit":
         return Unlit.of_plain({"color": members}, names)
+    if tag == "sum":
+        return Sum.of_plain({"first": members[0], "second": members[1]}, names)
+    if tag == "transparent":
+        return Transparent.of_plain({"color": members}, names)
     if tag == "blend":
         first, second = members["surfaces"]
         return Blend.of_plain({"weight": members["weight"], "first": first, "second": second}, names)
     return next(cls for cls in _CLASSES if cls.tag == tag).of_plain(members, names)
+
+
+def with_transparency(plain: Any) -> Any:
+    """Returns the JSON of a surface with its clear sheets as `transparent`."""
+    if not isinstance(plain, dict):
+        return plain
+    ((tag, it),) = plain.items()
+    if tag == "sum":
+        return {"sum": [with_transparency(part) for part in it]}
+    if tag == "blend":
+        return {"blend": {**it, "surfaces": [with_transparency(part) for part in it["surfaces"]]}}
+    if tag == "dielectric" and it["thin"] and it["eta"] == 1.0:
+        if all(roughness["factor"] == 0.0 for roughness in it["facets"]["roughness"]):
+            return {"transparent": it["transmittance"]}
+    return plain

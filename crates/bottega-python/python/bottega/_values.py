@@ -301,6 +301,54 @@ class KeyKind(Kind):
         return None if plain is None else names.key_of(self.kind, plain)
 
 
+_RAYS = ("camera", "diffuse", "glossy", "transmission", "volume", "shadow")
+
+
+@dataclass
+class Visibility(Value):
+    """The kinds of ray for which an object, a sphere or a light is there, by the event that a ray leaves.
+
+    - `camera`: rays of the camera. `diffuse`, `glossy`: reflected by such a lobe; a mirror is glossy. `transmission`: transmitted through
+      a surface. `volume`: scattered within a medium.
+    - `shadow`: it casts a shadow. Without effect for lights.
+
+    Where `diffuse`, `glossy`, `transmission` and `volume` are not all equal, paths are traced one by one and learn nothing, and photons and
+    lighting agents are refused.
+    """
+
+    camera: bool = of(FlagKind(), True)
+    diffuse: bool = of(FlagKind(), True)
+    glossy: bool = of(FlagKind(), True)
+    transmission: bool = of(FlagKind(), True)
+    volume: bool = of(FlagKind(), True)
+    shadow: bool = of(FlagKind(), True)
+
+    @property
+    def bits(self) -> int:
+        """The flags as bits, `camera` first."""
+        return sum(getattr(self, name) << place for place, name in enumerate(_RAYS))
+
+    @classmethod
+    def of_bits(cls, bits: int) -> Visibility:
+        """Makes a value from its bits."""
+        return cls(*(bool(bits >> place & 1) for place in range(len(_RAYS))))
+
+
+class VisibilityKind(Kind):
+    """Kinds of ray."""
+
+    def check(self, value: Any, name: str) -> Visibility:
+        if not isinstance(value, Visibility):
+            raise wrong(name, value, "a bottega.Visibility is needed")
+        return value
+
+    def plain(self, value: Any, names: Names) -> Any:
+        return value.bits
+
+    def value(self, plain: Any, names: Names) -> Any:
+        return Visibility.of_bits(plain)
+
+
 Number = Union[float, "Texture"]
 """A number, or a channel of a texture."""
 Color = Union[float, Sequence[float], "Texture"]

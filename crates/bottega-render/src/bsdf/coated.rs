@@ -434,6 +434,10 @@ impl Scatter for Stack {
         (pdf > 0.0 && value.is_finite()).then_some(BsdfSample { wi, value, pdf, lobe, eta: 1.0 })
     }
 
+    fn diffuse_pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        (1.0 - self.chances(wo.z)[0]) * warp::cosine_hemisphere_pdf(wi.z)
+    }
+
     fn albedo(&self, wo: Vec3) -> Spectrum {
         let surface = fresnel::dielectric(wo.z, self.eta);
         let below = match &self.base {

@@ -195,6 +195,12 @@ impl LayeredAt<'_> {
         (pdf > 0.0 && value.max_element() > 0.0).then_some(BsdfSample { wi, value, pdf, lobe: flags, eta })
     }
 
+    /// Returns the density with which [`Self::sample`] draws `wi`, on the side of wo, from a diffuse lobe.
+    pub(super) fn diffuse_pdf(&self, wi: Vec3) -> f32 {
+        let [_, cosine, _, _, uniform] = self.chances;
+        cosine * warp::cosine_hemisphere_pdf(wi.z) + uniform * warp::UNIFORM_HEMISPHERE_PDF
+    }
+
     /// Returns f and pdf summed over all lobes but Dirac ones; wi.z must not be 0.
     pub(super) fn eval_pdf(&self, wi: Vec3) -> (Spectrum, f32) {
         let Self { layers, mode, wo, carried, profile, chances } = self;

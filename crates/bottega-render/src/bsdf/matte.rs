@@ -71,6 +71,10 @@ impl Scatter for RoughMatte {
         self.spread(wo, warp::cosine_hemisphere(u), mode, lobe, 1.0)
     }
 
+    fn diffuse_pdf(&self, _wo: Vec3, wi: Vec3) -> f32 {
+        warp::cosine_hemisphere_pdf(wi.z)
+    }
+
     fn albedo(&self, wo: Vec3) -> Spectrum {
         let single = self.single(wo.z);
         let mean_single = (1.0 + GAIN * self.rough) / (1.0 + LOSS * self.rough);
@@ -114,6 +118,10 @@ impl Scatter for Translucent {
         } else {
             self.spread(wo, -wi, mode, LobeFlags::TRANSMISSION.union(LobeFlags::DIFFUSE), 1.0)
         }
+    }
+
+    fn diffuse_pdf(&self, _wo: Vec3, wi: Vec3) -> f32 {
+        self.reflection * warp::cosine_hemisphere_pdf(wi.z)
     }
 
     fn albedo(&self, _wo: Vec3) -> Spectrum {

@@ -159,6 +159,10 @@ impl Scatter for Plastic {
         self.spread(wo, wi, mode, LobeFlags::REFLECTION.union(LobeFlags::GLOSSY), 1.0)
     }
 
+    fn diffuse_pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        (1.0 - self.seen(wo).chance) * warp::cosine_hemisphere_pdf(wi.z)
+    }
+
     fn albedo(&self, wo: Vec3) -> Spectrum {
         let diffuse = self.base * (self.through(wo.z) * MEAN_THROUGH);
         self.specular * fresnel::dielectric(wo.z, self.eta) + diffuse

@@ -273,6 +273,11 @@ impl Scatter for Principled {
         if wi.z > 0.0 { self.spread(wo, wi, mode, LobeFlags::REFLECTION.union(kind), 1.0) } else { None }
     }
 
+    fn diffuse_pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let [main, coat] = self.chances(wo);
+        (1.0 - main - coat).max(0.0) * warp::cosine_hemisphere_pdf(wi.z)
+    }
+
     fn albedo(&self, wo: Vec3) -> Spectrum {
         let (reflected, through) = self.split(wo.z);
         let matte = if self.inside { 0.0 } else { self.matte() };
@@ -366,6 +371,10 @@ impl Scatter for PrincipledSheet {
         }
         let kind = if is_sharp { LobeFlags::GLOSSY } else { LobeFlags::DIFFUSE };
         self.spread(wo, wi, mode, side.union(kind), 1.0)
+    }
+
+    fn diffuse_pdf(&self, _wo: Vec3, wi: Vec3) -> f32 {
+        self.chances()[2] * warp::cosine_hemisphere_pdf(wi.z)
     }
 
     fn albedo(&self, wo: Vec3) -> Spectrum {

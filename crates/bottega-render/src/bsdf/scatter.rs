@@ -21,6 +21,11 @@ pub(super) trait Scatter {
     /// Returns a summary of the lobes.
     fn lobes(&self) -> Lobes;
 
+    /// Returns the density in sr⁻¹ with which `sample` draws `wi`, on the side of wo, from a diffuse lobe.
+    fn diffuse_pdf(&self, _wo: Vec3, _wi: Vec3) -> f32 {
+        0.0
+    }
+
     /// Returns the sample of a non-Dirac lobe for a `wi` already drawn; `None` if f or pdf is 0.
     #[inline]
     fn spread(&self, wo: Vec3, wi: Vec3, mode: TransportMode, lobe: LobeFlags, eta: f32) -> Option<BsdfSample> {

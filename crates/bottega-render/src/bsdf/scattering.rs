@@ -19,7 +19,21 @@ use super::{BsdfSample, LiftedNormal, LobeFlags, SurfaceParams, TransportMode, w
 pub struct Bsdf {
     mode: TransportMode,
     kind: BsdfKind,
+    change: Option<Change>,
+}
+
+/// A change to everything that the lobes of a BSDF scatter.
+#[derive(Clone, Copy, Debug)]
+struct Change {
     lifted: Option<LiftedNormal>,
+    /// Factor of what is scattered: the number of surfaces of a sum that one of them stands for.
+    gain: f32,
+}
+
+impl Change {
+    fn factor(&self, wi: Vec3) -> f32 {
+        self.gain * self.lifted.map_or(1.0, |lifted| lifted.factor(wi))
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -73,6 +87,10 @@ impl Scatter for Other {
         ask!(self, it => it.sample(wo, u_lobe, u, mode))
     }
 
+    fn diffuse_pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        ask!(self, it => it.diffuse_pdf(wo, wi))
+    }
+
     fn albedo(&self, wo: Vec3) -> Spectrum {
         ask!(self, it => it.albedo(wo))
     }
@@ -86,7 +104,7 @@ impl Scatter for Other {
 #[derive(Clone, Copy)]
 pub struct BsdfAt<'a> {
     kind: KindAt<'a>,
-    lifted: Option<&'a LiftedNormal>,
+    change: Option<&'a Change>,
 }
 
 #[derive(Clone, Copy)]
@@ -115,7 +133,7 @@ impl Bsdf {
     }
 
     const fn of(kind: BsdfKind) -> Self {
-        Self { mode: TransportMode::Radiance, kind, lifted: None }
+        Self { mode: TransportMode::Radiance, kind, change: None }
     }
 
     /// Returns a BSDF that scatters nothing.
@@ -135,7 +153,20 @@ impl Bsdf {
 
     /// Returns the same BSDF with a perturbed shading normal.
     pub(super) fn with_lifted(self, lifted: Option<LiftedNormal>) -> Self {
-        Self { lifted, ..self }
+        match lifted {
+            None => self,
+            Some(_) => Self { change: Some(Change { lifted, gain: self.gain() }), ..self },
+        }
+    }
+
+    /// Returns the same BSDF scattering `factor` times as much.
+    pub(super) fn times(self, factor: f32) -> Self {
+        let lifted = self.change.and_then(|change| change.lifted);
+        Self { change: Some(Change { lifted, gain: factor * self.gain() }), ..self }
+    }
+
+    fn gain(&self) -> f32 {
+        self.change.map_or(1.0, |change| change.gain)
     }
 
     /// Returns the same BSDF for transport in `mode`.
@@ -155,7 +186,7 @@ impl Bsdf {
     #[inline(always)]
     pub fn at_carrying(&self, wo: Vec3, carried: Spectrum) -> BsdfAt<'_> {
         if !is_above(wo) {
-            return BsdfAt { kind: KindAt::Nothing, lifted: None };
+            return BsdfAt { kind: KindAt::Nothing, change: None };
         }
         let kind = match &self.kind {
             BsdfKind::Lambert(color) => KindAt::Lambert(*color),
@@ -164,7 +195,7 @@ impl Bsdf {
             BsdfKind::Other(other) => KindAt::Other(other, wo, self.mode),
             BsdfKind::Black => KindAt::Nothing,
         };
-        BsdfAt { kind, lifted: self.lifted.as_ref() }
+        BsdfAt { kind, change: self.change.as_ref() }
     }
 
     /// Returns f(wo, wi) in sr⁻¹, without the cosine, summed over all lobes but Dirac ones; see [`Self::eval_pdf`].
@@ -191,7 +222,7 @@ impl Bsdf {
     /// other surfaces.
     pub(crate) fn straight(&self, wo: Vec3) -> Spectrum {
         match &self.kind {
-            BsdfKind::Other(Other::Dielectric(dielectric)) if is_above(wo) => dielectric.straight(wo),
+            BsdfKind::Other(Other::Dielectric(dielectric)) if is_above(wo) => dielectric.straight(wo) * self.gain(),
             _ => Spectrum::ZERO,
         }
     }
@@ -203,13 +234,14 @@ impl Bsdf {
         if !is_above(wo) {
             return Spectrum::ZERO;
         }
-        match &self.kind {
+        let albedo = match &self.kind {
             BsdfKind::Lambert(color) => *color,
             BsdfKind::Smooth(boundary) => boundary.smooth_albedo(wo.z),
             BsdfKind::Layered(layers) => layers.albedo(wo),
             BsdfKind::Other(other) => other.albedo(wo),
             BsdfKind::Black => Spectrum::ZERO,
-        }
+        };
+        albedo * self.gain()
     }
 
     /// Returns true if nothing is scattered.
@@ -272,19 +304,30 @@ impl BsdfAt<'_> {
     #[inline(always)]
     pub fn eval_pdf(&self, wi: Vec3) -> (Spectrum, f32) {
         let (value, pdf) = self.eval_pdf_of_kind(wi);
-        match self.lifted.map(|lifted| lifted.factor(wi)) {
+        match self.change.map(|change| change.factor(wi)) {
             None => (value, pdf),
             Some(0.0) => (Spectrum::ZERO, 0.0),
             Some(factor) => (value * factor, pdf),
         }
     }
 
+    /// Returns the probability that a sample in direction `wi`, on the side of wo, comes from a diffuse lobe.
+    pub(crate) fn diffuse_share(&self, wi: Vec3) -> f32 {
+        let (diffuse, pdf) = match &self.kind {
+            KindAt::Nothing | KindAt::Smooth(..) => return 0.0,
+            KindAt::Lambert(_) => return 1.0,
+            KindAt::Layered(layers) => (layers.diffuse_pdf(wi), layers.eval_pdf(wi).1),
+            KindAt::Other(other, wo, mode) => (other.diffuse_pdf(*wo, wi), other.eval_pdf(*wo, wi, *mode).1),
+        };
+        if pdf > 0.0 { (diffuse / pdf).min(1.0) } else { 0.0 }
+    }
+
     /// Draws a direction from random numbers in [0, 1). `None`: no light is scattered for these numbers; the path ends.
     #[inline(always)]
     pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let sample = self.sample_kind(u_lobe, u)?;
-        let Some(lifted) = self.lifted else { return Some(sample) };
-        let factor = lifted.factor(sample.wi);
+        let Some(change) = self.change else { return Some(sample) };
+        let factor = change.factor(sample.wi);
         (factor > 0.0).then_some(BsdfSample { value: sample.value * factor, ..sample })
     }
 

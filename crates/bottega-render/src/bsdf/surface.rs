@@ -173,6 +173,12 @@ fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
             let point = SurfacePoint { chance, ..*point };
             of_surface(scene, &surfaces[usize::from(is_second)], &point)
         }
+        Surface::Sum(surfaces) => {
+            // One of both at random, which stands for two
+            let (is_second, chance) = split(point.chance, 0.5);
+            let point = SurfacePoint { chance, ..*point };
+            of_surface(scene, &surfaces[usize::from(is_second)], &point).times(2.0)
+        }
     }
 }
 

@@ -63,7 +63,7 @@ impl<'a> PhotonIntegrator<'a> {
         photons: PhotonSettings,
     ) -> Result<Self, RenderError> {
         let base = PathIntegrator::unguided(prepared, view, settings)?;
-        if prepared.needs_volume() {
+        if prepared.has_media() {
             return Err(RenderError::PhotonsInMedia);
         }
         let affordable = PASSES_BYTES / (u64::from(photons.count.max(1)) * PHOTON_BYTES);

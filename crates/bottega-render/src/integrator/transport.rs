@@ -6,7 +6,7 @@ use bottega_scene::Spectrum;
 use crate::{
     camera::RayCone,
     interaction::{Interaction, emitted, emitted_by_sphere},
-    lights::LightSample,
+    lights::{LightSample, Profile},
     settings::DirectLight,
     surfaces::Surfaces,
 };
@@ -43,9 +43,13 @@ pub(super) fn survives(throughput: &mut Spectrum, scale: f32, is_sure: bool, u: 
 #[inline(always)]
 pub(super) fn emitted_at(surfaces: &Surfaces, point: &Interaction) -> Spectrum {
     let (scene, hit) = (&**surfaces.scene(), &point.hit);
-    match hit.sphere() {
+    let radiance = match hit.sphere() {
         Some(sphere) => emitted_by_sphere(scene, &scene.spheres[sphere as usize], point.ng, 0.0),
         None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
+    };
+    match surfaces.material(point.material).1.profile {
+        Profile::Diffuse => radiance,
+        profile => radiance * profile.factor(point.wo, point.wo.dot(point.ng)),
     }
 }
 

@@ -14,7 +14,7 @@ mod passage;
 mod state;
 
 use bottega_kernels::Ray;
-use bottega_scene::{Spectrum, Surface};
+use bottega_scene::{Spectrum, Surface, Visibility};
 use glam::Vec3;
 
 use super::{
@@ -23,7 +23,7 @@ use super::{
     transport::{survives, widen},
 };
 use crate::{
-    bsdf::BsdfAt,
+    bsdf::{BsdfAt, BsdfSample, LobeFlags},
     camera::CameraRay,
     interaction::Interaction,
     lights::{Receiver, Segment},
@@ -41,6 +41,18 @@ use state::{MediumPath, PreviousVertex, SegmentPoint};
 const TRACKING_STEPS: f32 = 2.0;
 /// Key of the random numbers of panes, distinct from all other decisions.
 const PANE: u64 = 0x7061_6e65_7061_6e65;
+
+/// Returns the kind of the event that a BSDF sample is.
+fn event_of(sample: &BsdfSample) -> Visibility {
+    if sample.lobe.contains(LobeFlags::TRANSMISSION) {
+        Visibility::TRANSMISSION
+    } else if sample.lobe.contains(LobeFlags::DIFFUSE) {
+        Visibility::DIFFUSE
+    } else {
+        Visibility::GLOSSY
+    }
+}
+
 impl PathIntegrator<'_> {
     /// Traces one sample of a scene with media.
     pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
@@ -62,6 +74,7 @@ fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay
         medium: integrator.camera_medium(),
         eta_scale: 1.0,
         depth: 0,
+        event: Visibility::CAMERA,
         segment: 0,
         boundaries: 0,
         travelled: ray.start,
@@ -206,6 +219,7 @@ impl MediumPath<'_> {
         // Sample the phase function
         let (wi, pdf) = phase.sample(segment.direction, [u[1], u[2]]);
         self.previous = PreviousVertex { receiver, pdf: Some(pdf), along };
+        self.event = Visibility::VOLUME;
         self.go_on(p, wi, pdf, u[3])
     }
 
@@ -257,6 +271,7 @@ impl MediumPath<'_> {
         }
         let pdf = (!sample.is_delta()).then_some(sample.pdf);
         self.previous = PreviousVertex { receiver, pdf, along: None };
+        self.event = event_of(&sample);
         self.go_on(point.ray_origin(wi), wi, pdf.unwrap_or(f32::INFINITY), u[3])
     }
 
@@ -276,6 +291,7 @@ impl MediumPath<'_> {
         }
         let receiver = Receiver { p: point.p_outside, n: Vec3::ZERO };
         self.previous = PreviousVertex { receiver, pdf: None, along: None };
+        self.event = event_of(&sample);
         self.go_on(point.ray_origin(wi), wi, f32::INFINITY, u_roulette)
     }
 

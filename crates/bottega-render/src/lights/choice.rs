@@ -171,6 +171,11 @@ impl Choice {
         choice
     }
 
+    /// Returns true if some samples are drawn by it.
+    pub(super) fn has_share(&self) -> bool {
+        self.share > 0.0
+    }
+
     /// Returns the part of the tree that a light belongs to.
     #[inline(always)]
     fn part(&self, light: u32) -> usize {
@@ -258,7 +263,7 @@ impl Lights {
 
     /// Returns the probability of sampling lights at infinity by the mixture.
     #[inline(always)]
-    fn far_share_by(&self, receiver: &Receiver, choice: &Choice) -> f32 {
+    pub(super) fn far_share_by(&self, receiver: &Receiver, choice: &Choice) -> f32 {
         let tree = self.far_share(receiver);
         if !self.has_far() || self.lights.is_empty() { tree } else { tree + choice.share * (choice.far - tree) }
     }
@@ -337,18 +342,5 @@ impl Lights {
             Some(choice) => self.pmf_by(receiver, choice, light),
         };
         if pmf > 0.0 { pmf * self.place_pdf(surfaces.scene(), light, receiver.p, p) } else { 0.0 }
-    }
-
-    /// Returns the density per solid angle with which [`Self::sample_by`] draws a direction that meets no surface.
-    pub(crate) fn environment_pdf_by(&self, receiver: &Receiver, choice: &Choice, direction: Vec3) -> f32 {
-        if choice.share <= 0.0 {
-            return self.environment_pdf(receiver, direction);
-        }
-        let Some(light) = &self.environment else { return 0.0 };
-        let (illuminance, total) = (light.illuminance(receiver.p), self.far_total(receiver));
-        if illuminance <= 0.0 || total <= 0.0 {
-            return 0.0;
-        }
-        light.pdf_at(receiver.p, direction) * self.far_share_by(receiver, choice) * illuminance / total
     }
 }

@@ -14,10 +14,10 @@ mod tests;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 use bottega_kernels::Ray;
-use bottega_scene::{Environment, Light as SceneLight, LightKind, Portal, Spectrum, TextureMap};
+use bottega_scene::{Environment, LightKind, Portal, Spectrum, TextureMap};
 use glam::{Vec2, Vec3};
 
-use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual};
+use super::{Light, NO_LIGHT, distribution::Cells, environment::EnvironmentLight, punctual, sun::Sun};
 use crate::{color::luminance, extent::Extent, prepare::PreparedScene, sampler::Quad, sampling::uniform_sphere};
 use place::{Spread, Start};
 use plan::{AIMED, FIRST, STEP};
@@ -84,8 +84,8 @@ enum EmissionSource {
     Near(u32),
     /// Another light without extent: number in the tree, index in the scene, and its power distribution over a square.
     Pictured(u32, u32, Cells),
-    /// A parallel light: direction of travel and irradiance.
-    Parallel(Vec3, Spectrum),
+    /// A light at infinity with a direction.
+    Sun(Sun),
     Environment,
     Portal(Portal),
 }
@@ -120,11 +120,9 @@ impl Emission {
             emission.sum(&powers);
             return emission;
         }
-        // Collect parallel lights and the environment
-        for light in &scene.lights {
-            if let SceneLight { kind: LightKind::Directional { direction, irradiance }, .. } = *light {
-                push(&mut emission, EmissionSource::Parallel(direction, irradiance), disc * luminance(irradiance));
-            }
+        // Collect suns and the environment
+        for sun in &prepared.lights().suns {
+            push(&mut emission, EmissionSource::Sun(*sun), disc * sun.illuminance);
         }
         if let Some(environment) = &scene.environment {
             let whole = Environment { portals: Vec::new(), ..environment.clone() };
@@ -209,9 +207,7 @@ impl Emission {
                 }
             }
             EmissionSource::Portal(portal) => near(portal.corner + 0.5 * (portal.edges[0] + portal.edges[1])),
-            EmissionSource::Parallel(..) | EmissionSource::Environment => {
-                f64::from(extent.radius / self.radius).powi(2)
-            }
+            EmissionSource::Sun(_) | EmissionSource::Environment => f64::from(extent.radius / self.radius).powi(2),
         }
     }
 
@@ -277,7 +273,7 @@ impl Emission {
     fn light_of(&self, index: usize) -> u32 {
         match &self.sources[index] {
             EmissionSource::Near(number) | EmissionSource::Pictured(number, ..) => *number,
-            EmissionSource::Parallel(..) | EmissionSource::Environment | EmissionSource::Portal(_) => NO_LIGHT,
+            EmissionSource::Sun(_) | EmissionSource::Environment | EmissionSource::Portal(_) => NO_LIGHT,
         }
     }
 
@@ -293,8 +289,8 @@ impl Emission {
         let place = [u[2], u[3]];
         Some(match &self.sources[index] {
             EmissionSource::Near(number) => match &prepared.lights().lights[*number as usize] {
-                Light::Surface(surface) => surface.emit(prepared.scene(), u[1], place, towards)?,
-                Light::Sphere(index) => place::emit_from_sphere(prepared.scene(), *index, u[1], place, towards)?,
+                Light::Surface(surface) => surface.emit(prepared, u[1], place, towards)?,
+                Light::Sphere(index) => place::emit_from_sphere(prepared, *index, u[1], place, towards)?,
                 Light::Punctual(index) => {
                     let light = &prepared.scene().lights[*index as usize];
                     let LightKind::Point { position, intensity } = light.kind else { return None };
@@ -308,9 +304,10 @@ impl Emission {
                     punctual::emitted(prepared.scene(), *light, place.into()).filter(|_| density > 0.0)?;
                 Start::as_drawn(origin, direction, power / density)
             }
-            EmissionSource::Parallel(direction, irradiance) => {
-                let (origin, disc) = plan.on_disc((self.center, self.radius), *direction, u[1], place);
-                Start::as_drawn(origin, *direction, *irradiance * disc)
+            EmissionSource::Sun(sun) => {
+                let (wi, radiance, pdf, _) = sun.sample(towards);
+                let (origin, disc) = plan.on_disc((self.center, self.radius), -wi, u[1], place);
+                Start::as_drawn(origin, -wi, radiance * (disc / pdf))
             }
             EmissionSource::Environment => {
                 let (wi, radiance, pdf) = self.far(prepared, towards)?;

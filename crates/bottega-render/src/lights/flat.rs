@@ -4,7 +4,7 @@ use bottega_kernels::math;
 use bottega_scene::{LightKind, Scene, Spectrum, SpotFalloff, TextureMap};
 use glam::{Mat3, Vec3};
 
-use super::{Light, Lights};
+use super::{Light, Lights, sun::Sun};
 use crate::flat::{
     NONE, ParallelRecord, PictureLightRecord, PointLightRecord, Record as _, ShiningRecord, SphereLightRecord,
     SpotLightRecord, Words, code, header, place_of,
@@ -37,10 +37,9 @@ impl Lights {
             });
         }
         words.head(header::PARALLEL, words.place());
-        words.head(header::PARALLEL_COUNT, self.parallel.len() as u32);
-        for light in &self.parallel {
-            let LightKind::Directional { irradiance, .. } = scene.lights[light.light as usize].kind else { continue };
-            words.record(&ParallelRecord { to_light: light.to_light, irradiance, illuminance: light.illuminance });
+        words.head(header::PARALLEL_COUNT, self.suns.len() as u32);
+        for &Sun { to_light, irradiance, illuminance, .. } in &self.suns {
+            words.record(&ParallelRecord { to_light, irradiance, illuminance });
         }
         let environment = self.environment.as_ref().map_or(NONE, |environment| environment.write(words));
         words.head(header::ENVIRONMENT, environment);

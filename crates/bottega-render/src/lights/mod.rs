@@ -1,7 +1,7 @@
 //! All lights of a scene, and light sampling at a point.
 //!
 //! Lights at a position are the leaves of a tree, which chooses one by an estimate of the light that arrives at the
-//! point; lights at infinity, the environment and parallel light, are separate. Light that light sampling never chooses
+//! point; lights at infinity, the environment and suns, are separate. Light that light sampling never chooses
 //! has pdf 0 and is left to BSDF sampling with full MIS weight.
 
 mod bounds;
@@ -11,10 +11,12 @@ mod emission;
 mod environment;
 mod flat;
 mod portal;
+mod profile;
 mod punctual;
 mod rectangle;
 mod sample;
 mod sphere;
+mod sun;
 mod surface;
 mod tree;
 mod triangle;
@@ -24,12 +26,11 @@ mod window;
 mod tests;
 
 use bottega_kernels::Hit;
-use bottega_scene::{LightKind, Scene, Spectrum};
+use bottega_scene::{LightKind, Scene, Sphere, Visibility};
 use glam::Vec3;
 
 use crate::{
     bsdf::warp::ONE_MINUS_EPSILON,
-    color::luminance,
     sampler::Quad,
     surfaces::{PreparedInstance, PreparedMaterial, Surfaces},
 };
@@ -38,7 +39,9 @@ pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
 pub(crate) use emission::{Aim, Emission, EmissionPlan, EmittedPhoton};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
+pub(crate) use profile::Profile;
 pub(crate) use sample::{LightSample, NO_LIGHT, Receiver};
+use sun::Sun;
 pub use surface::SOLID_ANGLE_MIN;
 use surface::{Grid, Panel, PanelShape, SurfaceLight};
 pub use tree::DISTANCE_SQUARED_MIN;
@@ -53,8 +56,8 @@ pub const SHARE_MIN: f32 = 0.1;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lights {
     environment: Option<EnvironmentLight>,
-    /// Parallel lights.
-    parallel: Vec<Parallel>,
+    /// Lights at infinity with a direction.
+    suns: Vec<Sun>,
     tree: LightTree,
     /// Lights by number in the tree.
     lights: Vec<Light>,
@@ -64,6 +67,13 @@ pub(crate) struct Lights {
     triangles: Vec<TriangleLight>,
     /// Numbers in the tree of the parts of all panels; [`NO_LIGHT`] for dark ones.
     parts: Vec<u32>,
+    /// Kinds of ray that find the lights of the tree; empty: all that leave an event.
+    visibilities: Vec<Visibility>,
+}
+
+/// Returns true if light of this visibility reaches any surface or medium.
+fn shines_into_scene(visibility: Visibility) -> bool {
+    visibility.within(Visibility::BOUNCES) != Visibility::NONE
 }
 
 /// A light of the tree.
@@ -74,17 +84,6 @@ enum Light {
     /// An emitting sphere; index into the scene's spheres.
     Sphere(u32),
     Surface(SurfaceLight),
-}
-
-/// A parallel light.
-#[derive(Clone, Copy, Debug)]
-struct Parallel {
-    /// Index into the scene's lights.
-    light: u32,
-    /// Direction to the light, unit length.
-    to_light: Vec3,
-    /// Illuminance of a surface that faces the light.
-    illuminance: f32,
 }
 
 /// The light that a triangle belongs to.
@@ -130,32 +129,51 @@ impl Lights {
             .map(|environment| EnvironmentLight::new(scene, environment, compensate_environment));
         let mut lights = Self { environment, ..Self::default() };
         let mut collected = CollectedLights::default();
-        // Collect parallel lights and lights without extent
+        // Collect suns and lights without extent
         for (light, index) in scene.lights.iter().zip(0..) {
-            if let LightKind::Directional { direction, irradiance } = light.kind {
-                lights.parallel.push(Parallel {
-                    light: index,
-                    to_light: -direction,
-                    illuminance: luminance(irradiance),
-                });
+            if let LightKind::Directional { direction, irradiance, angle } = light.kind {
+                lights.suns.push(Sun::new(direction, irradiance, angle, light.visibility));
+            } else if !shines_into_scene(light.visibility) {
+                continue;
             } else if let Some(bounds) = punctual::bounds(scene, index) {
                 collected.push(Light::Punctual(index), bounds);
             }
         }
         // Collect emitting spheres and meshes
         let shines = |material: u32| materials[material as usize].shines;
-        for (sphere, index) in scene.spheres.iter().zip(0..).filter(|(sphere, _)| shines(sphere.material)) {
+        let is_light = |sphere: &Sphere| shines(sphere.material) && shines_into_scene(sphere.visibility);
+        for (sphere, index) in scene.spheres.iter().zip(0..).filter(|(sphere, _)| is_light(sphere)) {
             let number = collected.push(Light::Sphere(index), sphere::bounds(scene, sphere));
             lights.spheres.push((index, number));
         }
         for (index, instance) in instances.iter_mut().enumerate() {
-            if shines(scene.material_of(&scene.instances[index])) {
+            let placed = &scene.instances[index];
+            if shines(scene.material_of(placed)) && shines_into_scene(placed.visibility) {
                 instance.first_light = lights.triangles.len() as u32;
                 lights.add_instance(scene, index as u32, &mut collected);
             }
         }
         lights.hang(&collected);
+        lights.collect_visibilities(scene);
         lights
+    }
+
+    /// Keeps the visibilities of the lights of the tree, unless all kinds of ray after an event find all of them.
+    fn collect_visibilities(&mut self, scene: &Scene) {
+        let of_light = |light: &Light| match light {
+            Light::Punctual(index) => scene.lights[*index as usize].visibility,
+            Light::Sphere(index) => scene.spheres[*index as usize].visibility,
+            Light::Surface(surface) => scene.instances[surface.instance() as usize].visibility,
+        };
+        if self.lights.iter().any(|light| of_light(light).tells_bounces_apart()) {
+            self.visibilities = self.lights.iter().map(of_light).collect();
+        }
+    }
+
+    /// Returns the kinds of ray that find a light of the tree.
+    #[inline(always)]
+    fn visibility_of(&self, light: u32) -> Visibility {
+        self.visibilities.get(light as usize).copied().unwrap_or(Visibility::ALL)
     }
 
     fn add_instance(&mut self, scene: &Scene, instance: u32, collected: &mut CollectedLights) {
@@ -204,9 +222,14 @@ impl Lights {
         self.environment.as_ref().is_none_or(EnvironmentLight::is_found)
     }
 
+    /// Returns true if some sun has a disc.
+    pub(crate) fn has_discs(&self) -> bool {
+        self.suns.iter().any(|sun| !sun.is_parallel())
+    }
+
     /// Returns true if there are sampled lights at infinity.
     fn has_far(&self) -> bool {
-        !self.parallel.is_empty() || self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
+        !self.suns.is_empty() || self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -215,6 +238,8 @@ impl Lights {
             + size_of_val(&*self.triangles)
             + size_of_val(&*self.parts)
             + size_of_val(&*self.spheres)
+            + size_of_val(&*self.visibilities)
+            + size_of_val(&*self.suns)
             + self.environment.as_ref().map_or(0, EnvironmentLight::memory_bytes)
     }
 
@@ -239,10 +264,10 @@ impl Lights {
     pub(crate) fn sample_place(&self, surfaces: &Surfaces, light: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let sample = match &self.lights[light as usize] {
             Light::Surface(surface) => surface.sample(surfaces, from, u)?,
-            Light::Sphere(index) => sphere::sample(surfaces.scene(), *index, from, u)?,
+            Light::Sphere(index) => sphere::sample(surfaces, *index, from, u)?,
             Light::Punctual(index) => punctual::sample(surfaces.scene(), *index, from)?,
         };
-        Some(LightSample { light, ..sample })
+        Some(LightSample { light, visibility: self.visibility_of(light), ..sample })
     }
 
     /// Returns the density per solid angle with which [`Self::sample_place`] draws the point `p` on a light with extent.
@@ -284,7 +309,7 @@ impl Lights {
     ) -> Option<LightSample> {
         let total = self.far_total(receiver);
         let mut rest = u * total;
-        let far = |wi, radiance, pdf: f32, pmf: f32, is_delta| LightSample {
+        let far = |wi, radiance, pdf: f32, pmf: f32, is_delta, visibility| LightSample {
             wi,
             distance: f32::INFINITY,
             radiance,
@@ -292,15 +317,14 @@ impl Lights {
             is_delta,
             light: NO_LIGHT,
             pmf,
+            visibility,
         };
-        // Choose a parallel light by its share of the illuminance
-        for light in &self.parallel {
-            let importance = light.importance(receiver);
+        // Choose a sun by its share of the illuminance
+        for sun in &self.suns {
+            let importance = sun.importance(receiver);
             if rest < importance {
-                let LightKind::Directional { irradiance, .. } = scene.lights[light.light as usize].kind else {
-                    return None;
-                };
-                return Some(far(light.to_light, irradiance, 1.0, share * importance / total, true));
+                let (wi, radiance, pdf, is_delta) = sun.sample(place);
+                return Some(far(wi, radiance, pdf, share * importance / total, is_delta, sun.visibility));
             }
             rest -= importance;
         }
@@ -310,30 +334,14 @@ impl Lights {
         let choice = (rest / illuminance).min(ONE_MINUS_EPSILON);
         let (wi, radiance, pdf) = environment.sample_at(scene, receiver.p, [choice, place[0], place[1], 0.0])?;
         let pmf = share * illuminance / total;
-        (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false))
+        (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false, Visibility::ALL))
     }
 
     /// Returns an estimate of the illuminance by sampled lights at infinity.
     #[inline]
     fn far_total(&self, receiver: &Receiver) -> f32 {
         let environment = self.environment.as_ref().map_or(0.0, |light| light.illuminance(receiver.p));
-        environment + self.parallel.iter().map(|light| light.importance(receiver)).sum::<f32>()
-    }
-
-    /// Returns the environment's radiance at a point from a direction of unit length.
-    pub(crate) fn environment_radiance(&self, scene: &Scene, from: Vec3, direction: Vec3) -> Spectrum {
-        self.environment.as_ref().map_or(Spectrum::ZERO, |light| light.radiance_at(scene, from, direction))
-    }
-
-    /// Returns the density per solid angle with which [`Self::sample`] draws a direction that meets no surface.
-    pub(crate) fn environment_pdf(&self, receiver: &Receiver, direction: Vec3) -> f32 {
-        let Some(light) = &self.environment else { return 0.0 };
-        let illuminance = light.illuminance(receiver.p);
-        if illuminance <= 0.0 {
-            return 0.0;
-        }
-        let pmf = self.far_share(receiver) * illuminance / self.far_total(receiver);
-        light.pdf_at(receiver.p, direction) * pmf
+        environment + self.suns.iter().map(|sun| sun.importance(receiver)).sum::<f32>()
     }
 
     /// Returns the number of the light that was hit; `None` if light sampling never finds it.
@@ -387,16 +395,5 @@ impl Lights {
             Light::Punctual(index) => (punctual::position(scene, *index), 0.0),
         };
         Arc::new(segment, middle, radius_squared)
-    }
-}
-
-impl Parallel {
-    #[inline(always)]
-    fn importance(&self, receiver: &Receiver) -> f32 {
-        if receiver.n == Vec3::ZERO {
-            self.illuminance
-        } else {
-            self.illuminance * receiver.n.dot(self.to_light).max(0.0)
-        }
     }
 }

@@ -1,16 +1,14 @@
-//! Lights without extent: point, spot, goniometric, projector and parallel lights.
+//! Lights without extent: point, spot, goniometric and projector lights.
 //!
-//! Parameters: position or direction; intensity in W/sr per channel, of parallel light irradiance in W/m²; the inner and
-//! outer angle of a spot; the picture of a goniometric or projector light. Their shadows are sharp, and only light
-//! sampling finds them.
+//! Parameters: position; intensity in W/sr per channel; direction, inner and outer angle of a spot; the picture of a
+//! goniometric or projector light. Their shadows are sharp, and only light sampling finds them.
 //!
-//! Source: KHR_lights_punctual; the emitters `point`, `spot`, `projector`, `directional` of Mitsuba 3 and `goniometric`
-//! of pbrt-v4.
+//! Source: KHR_lights_punctual; the emitters `point`, `spot`, `projector` of Mitsuba 3 and `goniometric` of pbrt-v4.
 
 use std::f32::consts::PI;
 
 use bottega_kernels::math;
-use bottega_scene::{ImageId, LightKind, Scene, Spectrum, SpotFalloff, TextureMap};
+use bottega_scene::{ImageId, LightKind, Scene, Spectrum, SpotFalloff, TextureMap, Visibility};
 use glam::{Vec2, Vec3};
 
 use super::{
@@ -20,10 +18,11 @@ use super::{
 };
 use crate::{color::luminance, sampling::around};
 
-/// Returns the bounds of the light, for the light tree; `None` for a parallel light.
+/// Smallest angle over which a light fades, in radians.
+pub(super) const FADE_MIN: f32 = 0.01;
+
+/// Returns the bounds of the light, for the light tree; `None` for a light at infinity.
 pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
-    /// Smallest angle over which a light fades, in radians.
-    const FADE_MIN: f32 = 0.01;
     let cone = |position, axis, angle: f32, fade: f32, intensity| LightBounds {
         cone: Cone { axis, angle },
         emission_angle: fade.max(FADE_MIN),
@@ -54,7 +53,7 @@ pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
     }
 }
 
-/// Returns the position of the light; the origin for a parallel light.
+/// Returns the position of the light; the origin for a light at infinity.
 pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
     match scene.lights[index as usize].kind {
         LightKind::Point { position, .. }
@@ -65,7 +64,7 @@ pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
     }
 }
 
-/// Returns the light that arrives at `p`. `None` if that is dark, and for parallel light.
+/// Returns the light that arrives at `p`. `None` if that is dark, and for light from infinity.
 pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> {
     match scene.lights[index as usize].kind {
         LightKind::Point { position, intensity } => from_point(position, p, |_| intensity),
@@ -136,7 +135,7 @@ pub(super) fn emitted(scene: &Scene, index: u32, place: Vec2) -> Option<(Vec3, V
 }
 
 /// Returns the relative intensity of a spot at an angle to its axis with this cosine, in [0, 1].
-fn fall_off(falloff: SpotFalloff, cosine: f32, cos_inner: f32, cos_outer: f32) -> f32 {
+pub(super) fn fall_off(falloff: SpotFalloff, cosine: f32, cos_inner: f32, cos_outer: f32) -> f32 {
     if cosine >= cos_inner {
         return 1.0;
     }
@@ -170,6 +169,7 @@ fn from_point(position: Vec3, p: Vec3, intensity: impl Fn(Vec3) -> Spectrum) -> 
         is_delta: true,
         light: NO_LIGHT,
         pmf: 1.0,
+        visibility: Visibility::ALL,
     })
 }
 
@@ -179,7 +179,7 @@ mod tests {
     use bottega_scene::Light;
 
     fn with(kind: LightKind) -> Scene {
-        Scene { lights: vec![Light { name: String::new(), kind }], ..Scene::default() }
+        Scene { lights: vec![Light::new("", kind)], ..Scene::default() }
     }
 
     #[test]

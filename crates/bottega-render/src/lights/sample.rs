@@ -1,6 +1,6 @@
 //! Incident light at a point, and the points that receive it.
 
-use bottega_scene::Spectrum;
+use bottega_scene::{Spectrum, Visibility};
 use glam::Vec3;
 
 /// Index that stands for "no light".
@@ -23,6 +23,8 @@ pub(crate) struct LightSample {
     pub(crate) light: u32,
     /// Probability of choosing this light, a factor of `pdf`.
     pub(crate) pmf: f32,
+    /// Kinds of ray that find the light.
+    pub(crate) visibility: Visibility,
 }
 
 /// A point that receives light.

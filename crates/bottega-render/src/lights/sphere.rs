@@ -1,19 +1,23 @@
 //! Emitting spheres, sampled uniformly in the solid angle that they subtend.
 //!
-//! Parameters: centre, radius, radiance in W/(sr m²) per channel, a texture. Source: Shirley, Wang and Zimmerman 1996,
-//! *Monte Carlo Techniques for Direct Lighting Calculations*.
+//! Parameters: centre, radius, radiance in W/(sr m²) per channel, a texture, the cone of a spot. Of a spot, the radiance falls
+//! off by the angle between the direction of light and the axis: full within the inner angle, 0 outside the outer one. With
+//! `smooth_cosine`, a smoothstep of the cosine, and an inner angle by the blend, this is the falloff of Blender's spots.
+//!
+//! Source: Shirley, Wang and Zimmerman 1996, *Monte Carlo Techniques for Direct Lighting Calculations*.
 
 use std::f32::consts::PI;
 
 use bottega_kernels::{Aabb, math};
-use bottega_scene::{AlphaMode, Scene, Spectrum, Sphere};
+use bottega_scene::{AlphaMode, Scene, Spectrum, Sphere, Visibility};
 use glam::Vec3;
 
-use super::{LightSample, NO_LIGHT, bounds::LightBounds};
+use super::{LightSample, NO_LIGHT, Profile, bounds::LightBounds};
 use crate::{
     color::luminance,
     interaction::{emitted_by_sphere, opacity_of_sphere},
     sampling::{orthonormal_basis, uniform_sphere},
+    surfaces::Surfaces,
 };
 
 /// Returns the bounds of the sphere's light, for the light tree.
@@ -30,10 +34,10 @@ pub(super) fn bounds(scene: &Scene, sphere: &Sphere) -> LightBounds {
         material.emission.factor
     };
     let disk = PI * sphere.radius * sphere.radius;
-    LightBounds {
+    Profile::new(&material.emission_profile).bounds(LightBounds {
         bounds: Aabb::around(sphere.center, sphere.radius),
         ..LightBounds::point(sphere.center, disk * luminance(mean).max(0.0))
-    }
+    })
 }
 
 /// The cone of directions that a sphere covers, seen from outside.
@@ -65,7 +69,8 @@ impl VisibleCone {
 }
 
 /// Samples a point on the sphere for the point `from`.
-pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
+pub(super) fn sample(surfaces: &Surfaces, index: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
+    let scene = &**surfaces.scene();
     let sphere = &scene.spheres[index as usize];
     let (wi, distance, pdf) = match VisibleCone::new(sphere, from) {
         Some(cone) => {
@@ -84,14 +89,17 @@ pub(super) fn sample(scene: &Scene, index: u32, from: Vec3, u: [f32; 2]) -> Opti
         }
     };
     let n = (from + distance * wi - sphere.center).normalize_or_zero();
-    let material = &scene.materials[sphere.material as usize];
+    let (material, known) = surfaces.material(sphere.material);
     if !material.emission_sides.has(wi.dot(n) < 0.0) {
         return None;
     }
-    let radiance = radiance_at(scene, sphere, n);
+    let mut radiance = radiance_at(scene, sphere, n);
+    if known.profile != Profile::Diffuse {
+        radiance *= known.profile.factor(-wi, wi.dot(n));
+    }
     // Rays do not hit surfaces that are absent, so BSDF sampling cannot find this light
     let is_delta = material.alpha_mode == AlphaMode::Absent;
-    Some(LightSample { wi, distance, radiance, pdf, is_delta, light: NO_LIGHT, pmf: 1.0 })
+    Some(LightSample { wi, distance, radiance, pdf, is_delta, light: NO_LIGHT, pmf: 1.0, visibility: Visibility::ALL })
 }
 
 /// Returns the radiance emitted at outward normal `n`, times the opacity there.
@@ -143,19 +151,21 @@ mod tests {
     use bottega_scene::Material;
     use proptest::prelude::*;
 
-    fn scene(radius: f32, double_sided: bool) -> Scene {
+    fn scene(radius: f32, double_sided: bool) -> Surfaces {
         let emission_sides = if double_sided { Sides::Both } else { Sides::Front };
         let material = Material { emission: Vec3::splat(3.0).into(), emission_sides, ..Material::default() };
-        Scene {
+        let scene = Scene {
             spheres: vec![Sphere {
                 center: Vec3::new(1.0, 2.0, 3.0),
                 radius,
                 world_from_object: Quat::IDENTITY,
                 material: 0,
+                visibility: Visibility::ALL,
             }],
             materials: vec![material],
             ..Scene::default()
-        }
+        };
+        Surfaces::new(std::sync::Arc::new(scene))
     }
 
     proptest! {
@@ -168,7 +178,7 @@ mod tests {
             if let Some(sample) = sample(&scene, 0, from, [u, v]) {
                 let p = from + sample.wi * sample.distance;
                 prop_assert!(((p - Vec3::new(1.0, 2.0, 3.0)).length() - 0.5).abs() < 1e-3 + 1e-5 * distance);
-                let again = pdf(&scene, 0, from, p);
+                let again = pdf(scene.scene(), 0, from, p);
                 prop_assert!((again - sample.pdf).abs() < 2e-2 * sample.pdf, "{again} {}", sample.pdf);
             }
         }

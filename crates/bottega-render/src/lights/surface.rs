@@ -1,18 +1,22 @@
 //! Emitting triangles and rectangles.
 //!
-//! Parameters: radiance in W/(sr m²) per channel, a texture, one or both sides. Two triangles that form a rectangle are
-//! one light, since importers turn quadrilaterals into such pairs. Textured lights are cut into parts; each part is a
-//! light with its own power. Large ones are sampled uniformly in solid angle, small ones by area.
+//! Parameters: radiance in W/(sr m²) per channel, a texture, one or both sides, a spread. With a spread, light leaves within a
+//! cone of half angle α around the normal: the radiance at an angle θ is the stated one times (tan α − tan θ) / (tan α − α),
+//! which keeps the power, as of Blender's area lights.
+//!
+//! Two triangles that form a rectangle are one light, since importers turn quadrilaterals into such pairs. Textured lights
+//! are cut into parts; each part is a light with its own power. Large ones are sampled uniformly in solid angle, small ones
+//! by area.
 //!
 //! Sources: Arvo 1995, *Stratified Sampling of Spherical Triangles*; Ureña, Fajardo and King 2013, *An Area-Preserving
 //! Parametrization for Spherical Rectangles*.
 
 use bottega_kernels::Aabb;
-use bottega_scene::{AlphaMode, Scene, Sides, Spectrum};
+use bottega_scene::{AlphaMode, EmissionProfile, Scene, Sides, Spectrum, Visibility};
 use glam::Vec3;
 
 use super::{
-    LightSample, NO_LIGHT,
+    LightSample, NO_LIGHT, Profile,
     bounds::{Cone, LightBounds},
     rectangle::SphericalRectangle,
     triangle::SphericalTriangle,
@@ -280,6 +284,11 @@ impl SurfaceLight {
         SurfaceLightRecord { kind: code::LIGHT_SURFACE, instance, triangle, shape, corner, x, y, part, material }
     }
 
+    /// Returns the index of the instance.
+    pub(super) fn instance(&self) -> u32 {
+        self.panel.instance
+    }
+
     /// Returns the index of the material.
     pub(super) fn material(&self) -> u32 {
         self.material
@@ -332,13 +341,13 @@ impl SurfaceLight {
         let normal = cross.normalize_or(Vec3::Z);
         let two_sided = material.emission_sides == Sides::Both;
         let axis = if material.emission_sides == Sides::Back { -normal } else { normal };
-        LightBounds {
+        Profile::new(&material.emission_profile).bounds(LightBounds {
             bounds,
             cone: Cone::of(axis),
             emission_angle: std::f32::consts::FRAC_PI_2,
             two_sided,
             intensity: area * luminance(self.mean_emission(scene, grid)).max(0.0),
-        }
+        })
     }
 
     fn mean_emission(&self, scene: &Scene, grid: Grid) -> Spectrum {
@@ -417,8 +426,15 @@ impl SurfaceLight {
         }
         let pdf = solid_angle_pdf
             .unwrap_or_else(|| distance_squared * distance / (facing.abs() * (self.area(double_area) / double_area)));
-        let radiance = self.radiance_at(scene, place);
+        let mut radiance = self.radiance_at(scene, place);
         let wi = to_light / distance;
+        if material.emission_profile != EmissionProfile::Diffuse {
+            let profile = surfaces.material(self.material).1.profile;
+            radiance *= profile.factor(-wi, facing.abs() / (double_area * distance));
+            if radiance == Spectrum::ZERO {
+                return None;
+            }
+        }
         pdf.is_finite().then_some(LightSample {
             wi,
             distance,
@@ -428,6 +444,7 @@ impl SurfaceLight {
             is_delta: material.alpha_mode == AlphaMode::Absent,
             light: NO_LIGHT,
             pmf: 1.0,
+            visibility: Visibility::ALL,
         })
     }
 

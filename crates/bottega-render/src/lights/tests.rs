@@ -6,8 +6,9 @@ use bottega_kernels::Ray;
 use bottega_scene::{Environment, Image, ImageId, Light as SceneLight, Material, Mesh, Sides, SpotFalloff, TextureMap};
 use glam::Vec2;
 
-use super::*;
+use super::{sun::FarLight, *};
 use crate::{
+    color::luminance,
     prepare::{PrepareOptions, PreparedScene},
     sampler::PixelSampler,
     sampling::uniform_sphere,
@@ -29,7 +30,7 @@ fn prepare(scene: Scene) -> PreparedScene {
 }
 
 fn name(kind: LightKind) -> SceneLight {
-    SceneLight { name: String::new(), kind }
+    SceneLight::new("", kind)
 }
 
 /// Adds a mesh with its own material.
@@ -166,7 +167,7 @@ fn the_tree_finds_as_much_light_as_uniform_choice_with_less_noise() {
 fn all_lights_are_chosen_as_often_as_stated() {
     let mut scene = of_all_kinds(60);
     scene.environment = Some(Environment::uniform(Vec3::splat(0.1)));
-    scene.lights.push(name(LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE }));
+    scene.lights.push(name(LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE, angle: 0.4 }));
     let prepared = prepare(scene);
     let lights = prepared.lights();
     for receiver in receivers() {
@@ -368,7 +369,7 @@ fn a_choice_that_was_learnt_draws_as_often_as_stated_and_finds_what_is_seen() {
                     }
                     None => {
                         far += 1.0 / f64::from(draws);
-                        let pdf = lights.environment_pdf_by(&receiver, &choice, sample.wi);
+                        let pdf = lights.far_pdf(&receiver, Some(&choice), FarLight::Environment, sample.wi);
                         assert!((pdf / sample.pdf - 1.0).abs() < 1e-3, "{pdf} {}", sample.pdf);
                     }
                 }

@@ -80,7 +80,7 @@ mod tests {
             add(&mut scene, Mesh::quad(corner, Vec3::X * 2.0 * half, Vec3::NEG_Z * 2.0 * half));
         }
         let kind = LightKind::Point { position: Vec3::Y * 2.0, intensity: Vec3::splat(40.0) };
-        scene.lights.push(Light { name: String::new(), kind });
+        scene.lights.push(Light::new("", kind));
         prepared(scene)
     }
 
@@ -135,8 +135,8 @@ mod tests {
         let arrived = |half: f32| {
             let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), 0.3)], ..Scene::default() };
             add(&mut scene, Mesh::quad(Vec3::new(-half, 0.0, half), Vec3::X * 2.0 * half, Vec3::NEG_Z * 2.0 * half));
-            let kind = LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
-            scene.lights.push(Light { name: String::new(), kind });
+            let kind = LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE, angle: 0.0 };
+            scene.lights.push(Light::new("", kind));
             let scene = prepared(scene);
             let (plan, settings) = (Prepass::default().photon_plan(&scene, VIEW), PhotonSettings::default());
             let tracer = crate::photon::tracer(&scene, &plan, &settings, 0, 0);

@@ -11,14 +11,14 @@ use bottega_scene::{
 use glam::{Mat3, Vec3, Vec4};
 
 /// A matte floor of albedo ½ at y = 0 and a camera that looks straight down at its origin.
-fn floor() -> Scene {
+pub(crate) fn floor() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 4.0, 0.0), Vec3::ZERO, 0.001)], ..Scene::default() };
     add_quad(&mut scene, Vec3::new(-50.0, 0.0, -50.0), Vec3::Z * 100.0, Vec3::X * 100.0, matte(Vec3::splat(0.5)));
     scene
 }
 
 /// Irradiance at the origin of the floor under direct light alone.
-fn irradiance(scene: Scene, direct_light: DirectLight) -> f32 {
+pub(crate) fn irradiance(scene: Scene, direct_light: DirectLight) -> f32 {
     let settings = PathSettings { max_depth: 1, direct_light, ..PathSettings::default() };
     let tile = paint(&prepare(scene), (1, 1), 4096, settings);
     color(&tile, 0, 0).x * PI / 0.5
@@ -84,17 +84,18 @@ fn a_prism_bends_blue_more_than_red() {
     }
 }
 
-fn assert_near(found: f32, exact: f32, tolerance: f32) {
+pub(crate) fn assert_near(found: f32, exact: f32, tolerance: f32) {
     assert!((found / exact - 1.0).abs() < tolerance, "found {found}, exact {exact}");
 }
 
-const ALL: [DirectLight; 3] = [DirectLight::Combined, DirectLight::LightSampling, DirectLight::BsdfSampling];
+/// Every strategy for direct light.
+pub(crate) const ALL: [DirectLight; 3] = [DirectLight::Combined, DirectLight::LightSampling, DirectLight::BsdfSampling];
 
 #[test]
 fn a_point_light_gives_intensity_over_squared_distance() {
     let mut scene = floor();
     let kind = LightKind::Point { position: Vec3::new(3.0, 4.0, 0.0), intensity: Vec3::splat(10.0) };
-    scene.lights.push(Light { name: String::new(), kind });
+    scene.lights.push(Light::new("", kind));
     // I cos θ / d², cos θ = 4/5, d = 5.
     assert_near(irradiance(scene, DirectLight::Combined), 10.0 * 0.8 / 25.0, 1e-3);
 }
@@ -105,7 +106,7 @@ fn each_ray_asks_each_side_of_a_half_transparent_ball_anew() {
     let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..matte(Vec3::ZERO) };
     add_sphere(&mut scene, Vec3::new(0.0, 2.0, 0.0), 0.5, veil);
     let kind = LightKind::Point { position: Vec3::new(0.0, 4.0, 0.0), intensity: Vec3::splat(10.0) };
-    scene.lights.push(Light { name: String::new(), kind });
+    scene.lights.push(Light::new("", kind));
     // The ray of the camera passes two walls, and so does that to the light.
     let passing = 0.6_f32.powi(4);
     // Four standard errors of 4096 samples of which so many pass.
@@ -118,10 +119,11 @@ fn several_lights_add_up() {
     let mut scene = floor();
     for (x, watts) in [(3.0, 10.0), (-3.0, 2.0), (0.0, 0.5)] {
         let kind = LightKind::Point { position: Vec3::new(x, 4.0, 0.0), intensity: Vec3::splat(watts) };
-        scene.lights.push(Light { name: String::new(), kind });
+        scene.lights.push(Light::new("", kind));
     }
-    let kind = LightKind::Directional { direction: Vec3::new(0.6, -0.8, 0.0), irradiance: Vec3::splat(0.3) };
-    scene.lights.push(Light { name: String::new(), kind });
+    let kind =
+        LightKind::Directional { direction: Vec3::new(0.6, -0.8, 0.0), irradiance: Vec3::splat(0.3), angle: 0.0 };
+    scene.lights.push(Light::new("", kind));
     let exact = 12.0 * 0.8 / 25.0 + 0.5 / 16.0 + 0.3 * 0.8;
     assert_near(irradiance(scene, DirectLight::Combined), exact, 0.01);
 }
@@ -140,7 +142,7 @@ fn a_spot_lights_its_cone_alone() {
             cos_outer: 0.8,
             falloff: SpotFalloff::SquaredCosine,
         };
-        scene.lights.push(Light { name: String::new(), kind });
+        scene.lights.push(Light::new("", kind));
         irradiance(scene, DirectLight::Combined)
     };
     assert_near(spot(Vec3::new(-0.6, -0.8, 0.0)), 10.0 * 0.8 / 25.0, 1e-3);
@@ -228,7 +230,7 @@ fn a_sun_in_a_picture_shines_from_its_place() {
 fn depth_counts_bounces() {
     let mut scene = floor();
     let kind = LightKind::Point { position: Vec3::new(0.0, 2.0, 0.0), intensity: Vec3::ONE };
-    scene.lights.push(Light { name: String::new(), kind });
+    scene.lights.push(Light::new("", kind));
     add_sphere(&mut scene, Vec3::new(0.0, 0.0, 0.3), 0.1, lamp(Vec3::ONE));
     let scene = prepare(scene);
     let at_depth =
@@ -266,7 +268,7 @@ fn a_half_transparent_lamp_shines_half_as_much() {
 fn a_half_transparent_blind_lets_half_the_light_through() {
     let mut scene = floor();
     let kind = LightKind::Point { position: Vec3::new(3.0, 4.0, 0.0), intensity: Vec3::splat(10.0) };
-    scene.lights.push(Light { name: String::new(), kind });
+    scene.lights.push(Light::new("", kind));
     let blind = Material { alpha_mode: AlphaMode::Blend, opacity: 0.5.into(), ..matte(Vec3::ZERO) };
     add_quad(&mut scene, Vec3::new(1.0, 2.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, blind);
     assert_near(irradiance(scene, DirectLight::Combined), 0.5 * 10.0 * 0.8 / 25.0, 0.03);

@@ -226,7 +226,7 @@ fn neither_threads_nor_cuts_nor_the_allocator_change_a_bit() {
 fn does_not_depend_on_who_works(oracle: Oracle) {
     let mut room = glossy_room();
     let kind = LightKind::Point { position: Vec3::new(-0.5, 0.5, 0.5), intensity: Vec3::splat(0.3) };
-    room.lights.push(Light { name: String::new(), kind });
+    room.lights.push(Light::new("", kind));
     let room = Arc::new(room);
     let settings = by(few(oracle), 5);
     let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
@@ -284,7 +284,7 @@ fn hard_cases_end_in_the_right_picture() {
         let mut closed = room(&grey);
         add_sphere(&mut closed, Vec3::new(0.5, 0.0, -0.5), 0.2, grey.clone());
         let kind = LightKind::Point { position: Vec3::new(0.5, 0.0, -0.5), intensity: Vec3::ONE };
-        closed.lights.push(Light { name: String::new(), kind });
+        closed.lights.push(Light::new("", kind));
         assert_eq!(is_sound("light inside a closed object", closed, agents), Vec3::ZERO);
         let mut mirrors = room(&mirror.clone().into());
         add_sphere(&mut mirrors, Vec3::new(0.5, 0.0, -0.5), 0.2, lamp(Vec3::ONE));

@@ -79,7 +79,7 @@ fn light_is_weakened_by_the_exponential_of_its_way() {
     scene.materials.push(matte(Vec3::ONE));
     let position = Vec3::new(0.0, 0.0, 6.0);
     let kind = LightKind::Point { position, intensity: Vec3::splat(100.0 * PI) };
-    scene.lights.push(Light { name: String::new(), kind });
+    scene.lights.push(Light::new("", kind));
     let lit = color(&paint(&prepare(scene), (1, 1), 16, PathSettings { max_depth: 1, ..deep() }), 0, 0);
     let expected = (2.0 * (-2.0 * outer - inner)).map(f32::exp);
     assert!((lit / expected - 1.0).abs().max_element() < 2e-3, "{lit} {expected}");
@@ -126,9 +126,7 @@ fn light_scattered_once_is_that_of_the_integral() {
         let medium = Medium { scattering: Vec3::new(0.5, 0.2, 0.0), g, ..Medium::absorbing(Vec3::new(0.1, 0.0, 0.3)) };
         let medium = scene.push_medium(medium);
         scene.cameras[0].medium = Some(medium);
-        scene
-            .lights
-            .push(Light { name: String::new(), kind: LightKind::Point { position: light, intensity: Vec3::ONE } });
+        scene.lights.push(Light::new("", LightKind::Point { position: light, intensity: Vec3::ONE }));
         // A black wall at the end.
         add_quad(&mut scene, Vec3::new(-50.0, -50.0, -4.0), Vec3::X * 100.0, Vec3::Y * 100.0, matte(Vec3::ZERO));
         let scene = prepare(scene);

@@ -84,9 +84,9 @@ pub(crate) fn outside(has_sun: bool) -> Scene {
     scene.environment = Some(Environment::uniform(Vec3::new(0.4, 0.6, 0.9)));
     if has_sun {
         let (direction, irradiance) = (Vec3::new(0.6, -0.8, 0.0), Vec3::new(2.0, 1.8, 1.5));
-        let sun = LightKind::Directional { direction, irradiance };
+        let sun = LightKind::Directional { direction, irradiance, angle: 0.0 };
         let lamp = LightKind::Point { position: Vec3::new(-0.9, 0.8, 0.9), intensity: Vec3::new(0.1, 0.2, 0.4) };
-        scene.lights.extend([sun, lamp].map(|kind| Light { name: String::new(), kind }));
+        scene.lights.extend([sun, lamp].map(|kind| Light::new("", kind)));
     }
     scene
 }
@@ -134,7 +134,7 @@ fn a_veil_is_as_bright_as_paths_find_it() {
     add_quad(&mut scene, Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, veil);
     add_quad(&mut scene, Vec3::new(-1.0, -1.0, 2.0), Vec3::Z * -2.0, Vec3::X * 2.0, matte(Vec3::splat(0.8)));
     let kind = LightKind::Point { position: Vec3::new(0.0, -0.9, 0.8), intensity: Vec3::ONE };
-    scene.lights.push(Light { name: String::new(), kind });
+    scene.lights.push(Light::new("", kind));
     let scene = prepare(scene);
     let expected = by_paths(&scene);
     for photons in [few(), PhotonSettings { progressive: true, ..few() }] {
@@ -320,7 +320,7 @@ fn hard_cases_end_in_the_right_picture() {
         let mut closed = room(&grey);
         add_sphere(&mut closed, Vec3::new(0.5, 0.0, -0.5), 0.2, grey.clone());
         let kind = LightKind::Point { position: Vec3::new(0.5, 0.0, -0.5), intensity: Vec3::ONE };
-        closed.lights.push(Light { name: String::new(), kind });
+        closed.lights.push(Light::new("", kind));
         let inside = is_sound("light inside a closed object", closed, photons);
         // A map that is as wide as the room knows no inside.
         assert!(inside == Vec3::ZERO || photons.radius > 1.0, "{photons:?}");
@@ -468,8 +468,8 @@ fn ball_on_a_plain(half: f32) -> Scene {
     add_quad(&mut scene, corner, Vec3::X * 2.0 * half, Vec3::NEG_Z * 2.0 * half, matte(Vec3::splat(0.7)));
     add_sphere(&mut scene, Vec3::Y, 1.0, matte(Vec3::new(0.8, 0.3, 0.2)));
     let direction = Vec3::new(0.0, -0.84, -0.54).normalize();
-    let kind = LightKind::Directional { direction, irradiance: Vec3::splat(3.0) };
-    scene.lights.push(Light { name: String::new(), kind });
+    let kind = LightKind::Directional { direction, irradiance: Vec3::splat(3.0), angle: 0.0 };
+    scene.lights.push(Light::new("", kind));
     scene
 }
 
@@ -547,8 +547,8 @@ fn a_plain_of_any_size_and_slope_does_not_shadow_itself() {
         add_quad(&mut scene, corner, right * 2.0 * half, away * 2.0 * half, matte(Vec3::ONE));
         // A sun that stands low, so that rays leave along the plain.
         let direction = (-0.02 * up + 0.7 * right + 0.7 * away).normalize();
-        let kind = LightKind::Directional { direction, irradiance: Vec3::splat(std::f32::consts::PI) };
-        scene.lights.push(Light { name: String::new(), kind });
+        let kind = LightKind::Directional { direction, irradiance: Vec3::splat(std::f32::consts::PI), angle: 0.0 };
+        scene.lights.push(Light::new("", kind));
         let expected = -direction.dot(up);
         let picture = paint(&prepare(scene), SIZE, 16, PathSettings { guiding: false, ..PathSettings::default() });
         for (x, y) in (0..SIZE.0).flat_map(|x| (0..SIZE.1).map(move |y| (x, y))) {

@@ -1,10 +1,12 @@
 //! Materials, media, lights, cameras, spheres and the environment of an editor.
 
+use std::borrow::Cow;
+
 use glam::Mat3;
 
-use super::{EditError, EditedLight, EditedSphere, EntryKind, Placing, SceneEditor};
+use super::{EditError, EditedLight, EditedLightKind, EditedSphere, EntryKind, Placing, SceneEditor};
 use crate::camera::Camera;
-use crate::light::{Environment, Light};
+use crate::light::Environment;
 use crate::material::Material;
 use crate::medium::{Medium, MediumId};
 use crate::model::Sphere;
@@ -61,12 +63,17 @@ impl SceneEditor {
     ///
     /// # Errors
     /// A value is out of range, or an image does not exist.
-    pub fn put_light(&mut self, key: &str, light: Light, placing: Placing) -> Result<(), EditError> {
+    pub fn put_light(&mut self, key: &str, light: impl Into<EditedLight>, placing: Placing) -> Result<(), EditError> {
         self.lights.check(key, placing)?;
-        let checked = self.base.check_light(&light.kind);
+        let light = light.into();
+        let checked = match &light.kind {
+            EditedLightKind::Plain(kind) => self.base.check_light(kind).map_err(|problem| problem.0),
+            EditedLightKind::Sphere(lamp) => lamp.material().map(drop).map_err(Cow::from),
+            EditedLightKind::Area(lamp) => lamp.material().map(drop).map_err(Cow::from),
+        };
         checked.map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;
         let hidden = self.lights.find(key).is_some_and(|before| before.hidden);
-        self.lights.put(key, EditedLight { light, hidden });
+        self.lights.put(key, EditedLight { hidden, ..light });
         Ok(())
     }
 
@@ -74,8 +81,8 @@ impl SceneEditor {
     ///
     /// # Errors
     /// There is no such light.
-    pub fn light(&self, key: &str) -> Result<&Light, EditError> {
-        Ok(&self.lights.get(key)?.light)
+    pub fn light(&self, key: &str) -> Result<&EditedLight, EditError> {
+        self.lights.get(key)
     }
 
     /// Adds or replaces a camera. The first one is the default of pictures.

@@ -17,6 +17,7 @@ mod users;
 use std::sync::Arc;
 
 use glam::Affine3A;
+use serde::{Deserialize, Serialize};
 
 pub use self::{
     corner_mesh::CornerMesh,
@@ -27,11 +28,13 @@ pub use self::{
 use self::{keyed_list::KeyedList, mesh_parts::MeshParts, object::check_transforms};
 use crate::camera::Camera;
 use crate::image::Image;
-use crate::light::Light;
+use crate::light::LightKind;
 use crate::material::Material;
 use crate::medium::MediumId;
 use crate::model::{Mesh, Scene, Sphere};
+use crate::shaped_light::{AreaLamp, SphereLamp};
 use crate::texture::ImageId;
+use crate::visibility::Visibility;
 
 /// A scene whose parts have keys.
 #[derive(Clone, Debug)]
@@ -63,11 +66,35 @@ struct EditedSphere {
     hidden: bool,
 }
 
-/// A light that can be hidden.
-#[derive(Clone, Debug)]
-struct EditedLight {
-    light: Light,
+/// A light of an editor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EditedLight {
+    /// Its kind, position and strength.
+    pub kind: EditedLightKind,
+    /// Kinds of ray that it reaches.
+    #[serde(default)]
+    pub visibility: Visibility,
+    #[serde(skip)]
     hidden: bool,
+}
+
+/// The kinds of light of an editor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EditedLightKind {
+    /// A sphere: a point or spot light with a radius.
+    Sphere(SphereLamp),
+    /// A rectangle or ellipse.
+    Area(AreaLamp),
+    /// A light without extent, or at infinity.
+    #[serde(untagged)]
+    Plain(LightKind),
+}
+
+impl From<LightKind> for EditedLight {
+    fn from(kind: LightKind) -> Self {
+        Self { kind: EditedLightKind::Plain(kind), visibility: Visibility::ALL, hidden: false }
+    }
 }
 
 impl Default for SceneEditor {
@@ -194,6 +221,15 @@ impl SceneEditor {
         Ok(())
     }
 
+    /// Sets the kinds of ray for which an object is there.
+    ///
+    /// # Errors
+    /// There is no such object.
+    pub fn set_object_visibility(&mut self, key: &str, visibility: Visibility) -> Result<(), EditError> {
+        self.objects.get_mut(key)?.visibility = visibility;
+        Ok(())
+    }
+
     /// Hides or shows an object, a sphere or a light.
     ///
     /// # Errors
@@ -309,7 +345,9 @@ impl SceneEditor {
             EntryKind::Mesh => drop(self.meshes.remove(key)?),
             EntryKind::Object => drop(self.objects.remove(key)?),
             EntryKind::Sphere => drop(self.spheres.remove(key)?),
-            EntryKind::Light => drop(self.lights.remove(key)?),
+            EntryKind::Light => {
+                self.lights.remove(key)?;
+            }
             EntryKind::Camera => drop(self.cameras.remove(key)?),
         }
         Ok(())

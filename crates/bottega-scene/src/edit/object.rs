@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::error::EditError;
 use crate::model::is_placeable;
+use crate::visibility::Visibility;
 
 /// A mesh placed in the world, once or many times.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +20,8 @@ pub struct PlacedObject {
     pub instance_materials: Vec<u32>,
     /// `true`: it is not in the picture.
     pub hidden: bool,
+    /// Kinds of ray for which it is there.
+    pub visibility: Visibility,
 }
 
 /// Matrices from object space to world space as rows of numbers, for column vectors.

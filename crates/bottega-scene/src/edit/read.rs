@@ -22,7 +22,9 @@ impl SceneEditor {
         let mut editor = Self::new();
         let Scene { meshes, instances, spheres, materials, lights, cameras, .. } = &scene;
         let material_keys = put_all(&mut editor.materials, materials, |material| (&material.name, material.clone()));
-        put_all(&mut editor.lights, lights, |light| (&light.name, EditedLight { light: light.clone(), hidden: false }));
+        put_all(&mut editor.lights, lights, |light| {
+            (&light.name, EditedLight { visibility: light.visibility, ..EditedLight::from(light.kind) })
+        });
         put_all(&mut editor.cameras, cameras, |camera| (&camera.name, camera.clone()));
         let (images, media) = (scene.images.iter(), scene.media.iter());
         for (image, number) in images.zip(0..) {
@@ -42,7 +44,7 @@ impl SceneEditor {
         let mut runs: Vec<(&Instance, Vec<Affine3A>)> = Vec::new();
         for instance in instances {
             match runs.last_mut() {
-                Some((first, transforms)) if (first.mesh, first.material) == (instance.mesh, instance.material) => {
+                Some((first, transforms)) if is_alike(first, instance) => {
                     transforms.push(instance.world_from_object);
                 }
                 _ => runs.push((instance, vec![instance.world_from_object])),
@@ -57,7 +59,9 @@ impl SceneEditor {
             *count += 1;
             let key = editor.objects.fresh_key(&name);
             let materials = instance.material.map(key_of).into_iter().collect();
-            let object = PlacedObject { mesh, transforms, materials, instance_materials: Vec::new(), hidden: false };
+            let visibility = instance.visibility;
+            let object =
+                PlacedObject { mesh, transforms, materials, instance_materials: Vec::new(), hidden: false, visibility };
             editor.objects.put(&key, object);
         }
         put_all(&mut editor.spheres, spheres, |sphere| {
@@ -75,6 +79,11 @@ impl SceneEditor {
         };
         editor
     }
+}
+
+/// Returns true if two instances differ in their place alone.
+fn is_alike(a: &Instance, b: &Instance) -> bool {
+    (a.mesh, a.material, a.visibility) == (b.mesh, b.material, b.visibility)
 }
 
 /// Puts values into a list under keys made of their names. Returns the keys.

@@ -3,13 +3,14 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::SceneEditor;
 use super::mesh_parts::MeshParts;
 use super::object::{PlacedObject, mirrors, unmirrored};
+use super::{EditedLight, EditedLightKind, SceneEditor};
 use crate::camera::Camera;
 use crate::light::Light;
 use crate::material::Material;
 use crate::model::{Instance, Mesh, Scene};
+use crate::shaped_light::ShapedLight;
 
 /// A scene while it is filled from an editor.
 struct SceneFiller<'a> {
@@ -28,17 +29,14 @@ impl SceneEditor {
         let scene = Scene {
             materials: self.materials.iter().map(|(key, it)| Material { name: key.to_owned(), ..it.clone() }).collect(),
             cameras: self.cameras.iter().map(|(key, it)| Camera { name: key.to_owned(), ..it.clone() }).collect(),
-            lights: self
-                .lights
-                .iter()
-                .filter(|(_, it)| !it.hidden)
-                .map(|(key, it)| Light { name: key.to_owned(), ..it.light.clone() })
-                .collect(),
             ..self.base.clone()
         };
         let material_numbers = self.materials.keys().zip(0..).collect();
         let mut filler =
             SceneFiller { editor: self, scene, material_numbers, mesh_numbers: HashMap::new(), plain: None };
+        for (key, light) in self.lights.iter().filter(|(_, light)| !light.hidden) {
+            filler.add_light(key, light);
+        }
         for (_, object) in self.objects.iter().filter(|(_, object)| !object.hidden) {
             filler.place(object);
         }
@@ -72,9 +70,22 @@ impl<'a> SceneFiller<'a> {
                 let material = choice.unwrap_or(material);
                 let is_own = self.scene.meshes[mesh as usize].material == material;
                 let material = (!is_own).then_some(material);
-                self.scene.instances.push(Instance { mesh, material, world_from_object });
+                let visibility = object.visibility;
+                self.scene.instances.push(Instance { mesh, material, world_from_object, visibility });
             }
         }
+    }
+
+    fn add_light(&mut self, key: &str, light: &EditedLight) {
+        let shape = match &light.kind {
+            EditedLightKind::Plain(kind) => {
+                self.scene.lights.push(Light { visibility: light.visibility, ..Light::new(key, *kind) });
+                return;
+            }
+            EditedLightKind::Sphere(lamp) => ShapedLight::Sphere(lamp),
+            EditedLightKind::Area(lamp) => ShapedLight::Area(lamp),
+        };
+        self.scene.push_shaped_light(key, &shape, light.visibility);
     }
 
     fn mirrored(&mut self, parts: &MeshParts) -> Vec<u32> {

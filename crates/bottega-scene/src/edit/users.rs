@@ -1,6 +1,6 @@
 //! Searches for something that refers to a part of the scene.
 
-use super::{EntryKind, SceneEditor};
+use super::{EditedLightKind, EntryKind, SceneEditor};
 use crate::light::LightKind;
 use crate::texture::ImageId;
 
@@ -40,12 +40,12 @@ impl SceneEditor {
         if let Some((key, _)) = materials.find(|(_, it)| it.textures().iter().any(|map| map.image == image)) {
             return Some(named(EntryKind::Material, key));
         }
-        let is_lit_by = |kind: &LightKind| match kind {
-            LightKind::Projector { picture, .. } => picture.image == image,
-            LightKind::Goniometric { image: of, .. } => *of == image,
+        let is_lit_by = |kind: &EditedLightKind| match kind {
+            EditedLightKind::Plain(LightKind::Projector { picture, .. }) => picture.image == image,
+            EditedLightKind::Plain(LightKind::Goniometric { image: of, .. }) => *of == image,
             _ => false,
         };
-        if let Some((key, _)) = self.lights.iter().find(|(_, it)| is_lit_by(&it.light.kind)) {
+        if let Some((key, _)) = self.lights.iter().find(|(_, it)| is_lit_by(&it.kind)) {
             return Some(named(EntryKind::Light, key));
         }
         let environment = self.base.environment.as_ref()?;

@@ -116,7 +116,7 @@ pub(super) fn add_lights(
         match kind(description, &world) {
             Ok(kind) => {
                 let name = if description.name.is_empty() { &node.name } else { &description.name };
-                scene.lights.push(Light { name: name.clone(), kind });
+                scene.lights.push(Light::new(name.clone(), kind));
             }
             Err(problem) => warnings.unsupported(place, format!("{problem}; it is left out")),
         }
@@ -138,7 +138,7 @@ fn kind(light: &document::Light, world: &DAffine3) -> Result<LightKind, GltfErro
     let direction = || direction.ok_or(GltfError::LightDirection);
     match light.kind.as_str() {
         "point" => Ok(LightKind::Point { position, intensity: power }),
-        "directional" => Ok(LightKind::Directional { direction: direction()?, irradiance: power }),
+        "directional" => Ok(LightKind::Directional { direction: direction()?, irradiance: power, angle: 0.0 }),
         "spot" => {
             let (inner, outer) = (light.spot.inner_cone_angle, light.spot.outer_cone_angle.unwrap_or(PI / 4.0));
             if !(inner >= 0.0 && inner <= outer && outer > 0.0 && outer <= FRAC_PI_2 + 1e-4) {

@@ -71,7 +71,7 @@ fn mirrored(mut surface: Surface) -> Surface {
         Surface::Principled(principled) if !principled.thin && principled.spec_trans.factor > 0.0 => {
             principled.eta = principled.eta.recip();
         }
-        Surface::Blend { surfaces, .. } => {
+        Surface::Blend { surfaces, .. } | Surface::Sum(surfaces) => {
             surfaces.iter_mut().for_each(|part| *part = mirrored(std::mem::take(part)));
         }
         _ => {}

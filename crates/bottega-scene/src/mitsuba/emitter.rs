@@ -71,7 +71,8 @@ impl Emitters {
                 };
                 let irradiance =
                     textures.plain_color(context, object, "irradiance", ColorRole::Emission, Spectrum::ONE)?;
-                self.add_light(object, LightKind::Directional { direction: direction.as_vec3(), irradiance });
+                let direction = direction.as_vec3();
+                self.add_light(object, LightKind::Directional { direction, irradiance, angle: 0.0 });
             }
             "projector" => {
                 let kind = projector(context, textures, object, &to_world)?;
@@ -87,7 +88,7 @@ impl Emitters {
     }
 
     fn add_light(&mut self, object: &Object, kind: LightKind) {
-        self.lights.push(Light { name: object.label(), kind });
+        self.lights.push(Light::new(object.label(), kind));
     }
 
     /// Sets the environment; warns and ignores it if there already is one.

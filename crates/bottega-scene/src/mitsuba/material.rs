@@ -9,6 +9,7 @@ use super::document::ObjectId;
 use super::shared::MeshNeeds;
 use super::texture::MitsubaTextures;
 use crate::color::Spectrum;
+use crate::emission::EmissionProfile;
 use crate::import::text_place::ImportResult;
 use crate::material::{AlphaMode, Back, Material, Sides};
 use crate::medium::MediumId;
@@ -67,6 +68,7 @@ impl MitsubaMaterials {
             opacity: lowered.opacity.unwrap_or_default(),
             emission,
             emission_sides: Sides::Front,
+            emission_profile: EmissionProfile::Diffuse,
             relief: lowered.relief,
             interior: interior.filter(|_| is_boundary),
             exterior: exterior.filter(|_| is_boundary),

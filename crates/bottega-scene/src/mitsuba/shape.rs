@@ -20,6 +20,7 @@ use crate::import::sphere::orientation;
 use crate::import::text_place::{ImportResult, TextPlace};
 use crate::model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 use crate::text::shortened;
+use crate::visibility::Visibility;
 
 /// Meshes with fewer triangles are not instanced.
 const SHARED_MIN: usize = 256;
@@ -286,6 +287,7 @@ impl Shapes {
                     radius: radius as f32,
                     world_from_object: orientation(&rotation),
                     material,
+                    visibility: Visibility::ALL,
                 });
                 return Ok(());
             }

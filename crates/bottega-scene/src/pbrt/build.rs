@@ -17,6 +17,7 @@ use super::shape::sphere_mesh;
 use super::texture::PbrtTextures;
 use super::transform::{axes_and_scale, rounded};
 use super::world::{Alpha, PbrtWorld, PlacedShape};
+use crate::emission::EmissionProfile;
 use crate::error::SceneError;
 use crate::hints::RenderHints;
 use crate::import::placed_meshes::{MIRROR, PlacedMeshes};
@@ -363,6 +364,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             },
             emission,
             emission_sides,
+            emission_profile: EmissionProfile::Diffuse,
             relief: look.relief,
             interior: media[0],
             exterior: media[1],
@@ -494,7 +496,7 @@ fn turn_inside_out(material: &mut Material) {
     fn turn(surface: &mut Surface) {
         match surface {
             Surface::Dielectric(dielectric) if !dielectric.thin => dielectric.eta = 1.0 / dielectric.eta,
-            Surface::Blend { surfaces, .. } => surfaces.iter_mut().for_each(turn),
+            Surface::Blend { surfaces, .. } | Surface::Sum(surfaces) => surfaces.iter_mut().for_each(turn),
             _ => {}
         }
     }

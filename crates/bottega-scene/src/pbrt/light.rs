@@ -81,7 +81,8 @@ impl Lights {
             "distant" => {
                 let illuminance = params.float("illuminance")?.filter(|illuminance| *illuminance > 0.0);
                 let direction = direction(&entity.ctm, to - from, at)?;
-                LightKind::Directional { direction, irradiance: strength.times(illuminance.unwrap_or(1.0)) }
+                let irradiance = strength.times(illuminance.unwrap_or(1.0));
+                LightKind::Directional { direction, irradiance, angle: 0.0 }
             }
             "point" => point(strength, position(&entity.ctm, from, at)?),
             "spot" => spot(entity, strength, from, to)?,
@@ -100,7 +101,7 @@ impl Lights {
         if !power.is_finite() {
             return Err(at.fault("the light is brighter than can be computed with").into());
         }
-        self.list.push(Light { name: String::new(), kind });
+        self.list.push(Light::new("", kind));
         Ok(())
     }
 

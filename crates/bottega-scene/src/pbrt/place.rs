@@ -10,6 +10,7 @@ use crate::facing_curves::CurveLook;
 use crate::import::sphere::orientation;
 use crate::import::text_place::{ImportResult, TextPlace};
 use crate::model::{COORDINATE_MAX, Mesh, Sphere};
+use crate::visibility::Visibility;
 
 /// Vertex count from which no more meshes are joined to a mesh.
 const JOINED_MAX: usize = 1 << 22;
@@ -29,7 +30,8 @@ pub(super) fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: b
     let (center, radius) = (world_from_sphere.translation.as_vec3(), (radius * scale.max_element()) as f32);
     let is_in_reach = center.abs().max_element() < COORDINATE_MAX && radius < COORDINATE_MAX;
     let world_from_object = orientation(&axes);
-    (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object, material: 0 })
+    let visibility = Visibility::ALL;
+    (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object, material: 0, visibility })
 }
 
 /// Returns the uniform scale of a transformation; `None` if it is not uniform.

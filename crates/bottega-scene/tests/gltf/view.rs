@@ -102,7 +102,7 @@ fn punctual_lights_stand_where_their_nodes_stand() {
     let LightKind::Spot { direction, cos_inner, cos_outer, .. } = lights[1].kind else { panic!("{:?}", lights[1]) };
     assert_eq!(direction, Vec3::NEG_Z);
     assert!((cos_inner - 0.2f32.cos()).abs() < 1e-6 && (cos_outer - FRAC_PI_4.cos()).abs() < 1e-6);
-    let LightKind::Directional { direction, irradiance } = lights[2].kind else { panic!("{:?}", lights[2]) };
+    let LightKind::Directional { direction, irradiance, .. } = lights[2].kind else { panic!("{:?}", lights[2]) };
     assert!((direction - Vec3::NEG_Y).length() < 1e-6);
     assert_eq!(irradiance, Vec3::splat(3.0));
     assert!(warns(&loaded, &["lights[3]", "area"]));

@@ -28,7 +28,7 @@ fn lights_without_extent_keep_place_direction_and_strength() {
     assert_eq!((position, falloff), (Vec3::Y * 5.0, SpotFalloff::LinearAngle));
     assert!((direction - Vec3::NEG_Y).length() < 1e-6);
     assert!((cos_outer - 0.5).abs() < 1e-6 && (cos_inner - 45f32.to_radians().cos()).abs() < 1e-6);
-    assert_eq!(kinds[2], LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(3.0) });
+    assert_eq!(kinds[2], LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::splat(3.0), angle: 0.0 });
 }
 
 #[test]

@@ -72,9 +72,10 @@ pub(super) fn open() -> Scene {
         LightKind::Directional {
             direction: Vec3::new(-0.3, -1.0, -0.2).normalize(),
             irradiance: Vec3::new(1.0, 0.9, 0.7),
+            angle: 0.0,
         },
     ];
-    scene.lights.extend(kinds.map(|kind| Light { name: String::new(), kind }));
+    scene.lights.extend(kinds.map(|kind| Light::new("", kind)));
     scene
 }
 
@@ -176,7 +177,7 @@ pub(super) fn pictures() -> Scene {
             aspect: 1.4,
         },
     ];
-    scene.lights.extend(kinds.map(|kind| Light { name: String::new(), kind }));
+    scene.lights.extend(kinds.map(|kind| Light::new("", kind)));
     let mut sky = Environment::picture(picture, Vec3::new(0.2, 0.3, 0.5), Mat3::from_rotation_x(0.7));
     sky.mapping = EnvironmentMapping::EqualArea;
     scene.environment = Some(sky);
@@ -315,10 +316,10 @@ pub(super) fn many_lights() -> Scene {
                     scene.push_material(Material { emission: radiance.into(), ..Material::matte(Vec3::ZERO) });
                 scene.push_surface(Mesh { material, ..mesh });
             }
-            _ => scene.lights.push(Light {
-                name: String::new(),
-                kind: LightKind::Point { position: place, intensity: 0.05 * radiance },
-            }),
+            _ => {
+                let kind = LightKind::Point { position: place, intensity: 0.05 * radiance };
+                scene.lights.push(Light::new("", kind));
+            }
         }
     }
     scene

@@ -1,6 +1,6 @@
 //! The light that a path finds: by sampling lights, and by hitting emitters.
 
-use bottega_scene::Spectrum;
+use bottega_scene::{Spectrum, Visibility};
 
 use super::{
     super::transport::{emitted_at, power_heuristic, shadow_ray, weight_of_hit},
@@ -23,7 +23,7 @@ const LOOKS: f32 = 3.0;
 const LOOKS_MIN: f32 = 0.25;
 
 impl Path<'_> {
-    /// Adds the environment's light in the path's direction, weighted by MIS.
+    /// Adds the light from infinity in the path's direction, weighted by MIS.
     #[inline(always)]
     pub(super) fn add_environment<const AGENTS: bool>(&mut self) {
         if self.depth == 0 && self.integrator.hides_emitters {
@@ -31,15 +31,15 @@ impl Path<'_> {
         }
         let prepared = self.integrator.prepared;
         let from = self.previous.receiver.p;
-        let radiance = prepared.lights().environment_radiance(prepared.scene(), from, self.direction);
-        if radiance != Spectrum::ZERO {
-            let lights = prepared.lights();
-            let weight = self.found_by_bsdf(|from| match if AGENTS { self.previous_choice() } else { None } {
-                None => lights.environment_pdf(from, self.direction),
-                Some(choice) => lights.environment_pdf_by(from, choice, self.direction),
+        let (lights, direction) = (prepared.lights(), self.direction);
+        let ray = if self.depth == 0 { Visibility::CAMERA } else { Visibility::DIFFUSE };
+        lights.each_far(prepared.scene(), from, direction, ray, |light, radiance| {
+            let weight = self.found_by_bsdf(|from| {
+                let choice = if AGENTS { self.previous_choice() } else { None };
+                lights.far_pdf(from, choice, light, direction)
             });
             self.radiance += self.throughput * radiance * weight;
-        }
+        });
     }
 
     /// Adds the emission of a surface towards the path, weighted by MIS.

@@ -151,10 +151,11 @@ impl<'a> PathIntegrator<'a> {
         [(x as f32 + 0.5) / self.size.x, (y as f32 + 0.5) / self.size.y]
     }
 
-    /// Returns `true` if paths must be traced one by one to their end: those through media and panes.
+    /// Returns `true` if paths must be traced one by one to their end: those through media and panes, and those that must
+    /// know the kind of their last event.
     #[inline(always)]
     pub(in crate::integrator) fn goes_alone(&self) -> bool {
-        self.prepared.needs_volume() || self.prepared.has_panes()
+        self.prepared.needs_volume() || self.prepared.has_panes() || self.prepared.tells_bounces_apart()
     }
 
     /// Returns `true` if agents are used for more than directions.

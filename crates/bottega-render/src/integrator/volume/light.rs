@@ -1,6 +1,6 @@
 //! The light that a path through media finds: by sampling lights, and by hitting emitters.
 
-use bottega_scene::{Spectrum, Surface};
+use bottega_scene::{Spectrum, Surface, Visibility};
 use glam::Vec3;
 
 use super::{
@@ -17,18 +17,19 @@ use crate::{
 };
 
 impl MediumPath<'_> {
-    /// Returns the environment's radiance along the ray, weighted by MIS.
+    /// Returns the radiance from infinity along the ray, weighted by MIS.
     pub(super) fn environment(&self) -> Spectrum {
         if self.depth == 0 && self.hides_emitters {
             return Spectrum::ZERO;
         }
         let lights = self.prepared.lights();
         let from = self.previous.receiver.p;
-        let radiance = lights.environment_radiance(self.prepared.scene(), from, self.direction);
-        if radiance == Spectrum::ZERO {
-            return radiance;
-        }
-        radiance * self.found_by_direction(|from| (lights.environment_pdf(from, self.direction), 0.0))
+        let mut sum = Spectrum::ZERO;
+        lights.each_far(self.prepared.scene(), from, self.direction, self.event, |light, radiance| {
+            let pdf = |from: &Receiver| (lights.far_pdf(from, None, light, self.direction), 0.0);
+            sum += radiance * self.found_by_direction(pdf);
+        });
+        sum
     }
 
     /// Returns the emission of a surface towards the path, weighted by MIS.
@@ -108,6 +109,9 @@ impl MediumPath<'_> {
         let p = segment.origin + segment.direction * distance;
         // Sample a point on the light
         let Some(sample) = lights.sample_place(prepared, light, p, [u, v]) else { return };
+        if !sample.visibility.has(Visibility::VOLUME) {
+            return;
+        }
         let phase = medium.phase.eval(segment.direction.dot(sample.wi));
         // Weight against both ways that draw the distance by extinction
         let by_extinction = medium.distance_pdf(channel_probabilities(self.throughput), distance) / pdf;
@@ -139,6 +143,9 @@ impl MediumPath<'_> {
         for part in 0..count {
             let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
             let Some(light) = self.prepared.lights().sample(self.prepared, receiver, u) else { continue };
+            if !light.visibility.has(Visibility::VOLUME) {
+                continue;
+            }
             let value = phase.eval(direction.dot(light.wi));
             let expected = count as f32 * light.pdf;
             // Weight against the distance drawn for this light, and against the phase function
@@ -163,10 +170,26 @@ impl MediumPath<'_> {
             // Compute the contribution if it is visible
             let mis_weight = |expected: f32, pdf: f32| power_heuristic(expected, [self.shared(&light, pdf)]);
             let Some(weight) = vertex.light_weight(&light, count as f32, mis_weight) else { continue };
-            let contribution = self.throughput * weight.value * light.radiance * weight.factor;
+            let share = share_that_finds(vertex, &light);
+            let contribution = self.throughput * weight.value * light.radiance * (weight.factor * share);
             // Add the light, attenuated by all that is in the way
             let medium = self.medium_towards(point, light.wi);
             self.add_if_seen(contribution, receiver.p, point.ray_origin(light.wi), &light, medium);
         }
     }
+}
+
+/// Returns the share of what a vertex scatters from a light sample that finds the light, by its visibility. A sample of the
+/// BSDF in the same direction comes from a diffuse lobe with the probability that stands here for that lobe's share.
+fn share_that_finds(vertex: &SurfaceVertex<'_>, light: &LightSample) -> f32 {
+    let finds = |kind: Visibility| if light.visibility.has(kind) { 1.0 } else { 0.0 };
+    if light.visibility.has(Visibility::BOUNCES) {
+        return 1.0;
+    }
+    let wi = vertex.point.to_local(light.wi);
+    if wi.z < 0.0 {
+        return finds(Visibility::TRANSMISSION);
+    }
+    let diffuse = vertex.bsdf.diffuse_share(wi);
+    diffuse * finds(Visibility::DIFFUSE) + (1.0 - diffuse) * finds(Visibility::GLOSSY)
 }

@@ -39,7 +39,7 @@ impl MediumPath<'_> {
 
     /// Returns the rays that leave the path's current vertex.
     fn rays(&self) -> SegmentRays<'_> {
-        SegmentRays::of_path(self.prepared, &self.sampler, self.depth)
+        SegmentRays::of_path(self.prepared, &self.sampler, self.depth).leaving(self.event)
     }
 
     /// Returns the medium on the side of `wi`; `None`: vacuum.

@@ -1,6 +1,6 @@
 //! The state of a path through media.
 
-use bottega_scene::{MediumId, Spectrum};
+use bottega_scene::{MediumId, Spectrum, Visibility};
 use glam::Vec3;
 
 use super::super::record::PathRecord;
@@ -54,6 +54,8 @@ pub(super) struct MediumPath<'a> {
     pub(super) eta_scale: f32,
     /// Number of scattering events so far.
     pub(super) depth: u32,
+    /// Kind of the last event.
+    pub(super) event: Visibility,
     /// Number of segments so far; more than `depth` where boundaries were crossed.
     pub(super) segment: u32,
     /// Number of boundaries crossed so far.

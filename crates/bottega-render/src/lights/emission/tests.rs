@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use bottega_scene::{
-    Environment, Image, ImageId, Light, LightKind, Material, Mesh, Portal, Scene, Sides, SpotFalloff, TextureMap,
+    EmissionProfile, Environment, Image, ImageId, Light, LightKind, Material, Mesh, Portal, Scene, Sides, SpotFalloff,
+    TextureMap,
 };
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 
@@ -48,7 +49,7 @@ fn prepare(scene: Scene) -> PreparedScene {
 
 fn lit(kind: LightKind) -> Scene {
     let mut scene = dust();
-    scene.lights.push(Light { name: String::new(), kind });
+    scene.lights.push(Light::new("", kind));
     scene
 }
 
@@ -77,6 +78,19 @@ fn ball(sides: Sides, textured: bool) -> Scene {
     let material = scene.materials.len() as u32 - 1;
     scene.push_sphere(Vec3::new(1.5, 1.5, -0.5), 0.6, material);
     scene
+}
+
+/// Gives the last material of a scene another profile.
+fn with_profile(mut scene: Scene, profile: EmissionProfile) -> Scene {
+    scene.materials.last_mut().unwrap().emission_profile = profile;
+    scene
+}
+
+/// A spot with a radius that points to the middle.
+fn spot_ball() -> Scene {
+    let axis = (MIDDLE - Vec3::new(1.5, 1.5, -0.5)).normalize();
+    let falloff = SpotFalloff::SmoothCosine;
+    with_profile(ball(Sides::Front, false), EmissionProfile::Spot { axis, cos_inner: 0.98, cos_outer: 0.9, falloff })
 }
 
 fn sky(factor: Vec3, image: Option<ImageId>, portals: Vec<Portal>) -> Scene {
@@ -122,9 +136,15 @@ fn kinds() -> Vec<(&'static str, Scene)> {
                 intensity,
             }),
         ),
-        ("directional", lit(LightKind::Directional { direction, irradiance: intensity })),
+        ("directional", lit(LightKind::Directional { direction, irradiance: intensity, angle: 0.0 })),
+        ("sun", lit(LightKind::Directional { direction, irradiance: intensity, angle: 0.7 })),
         ("square", shining(square.clone(), Sides::Both, false)),
         ("back of a square", shining(panel(position, y, x, position + x + y), Sides::Back, false)),
+        (
+            "square with a spread",
+            with_profile(shining(square.clone(), Sides::Both, false), EmissionProfile::Spread { half_angle: 1.0 }),
+        ),
+        ("spot with a radius", spot_ball()),
         ("front of a square", shining(square.clone(), Sides::Front, false)),
         ("picture on a square", shining(square, Sides::Both, true)),
         ("triangles", shining(tilted.clone(), Sides::Both, false)),
@@ -225,7 +245,7 @@ fn lights_emit_as_often_as_they_are_strong() {
     let mut scene = dust();
     for (x, strength) in [(0.0, 1.0), (1.0, 3.0), (2.0, 0.0)] {
         let kind = LightKind::Point { position: Vec3::X * x, intensity: Vec3::splat(strength) };
-        scene.lights.push(Light { name: String::new(), kind });
+        scene.lights.push(Light::new("", kind));
     }
     let prepared = prepare(scene);
     let emission = Emission::new(&prepared);

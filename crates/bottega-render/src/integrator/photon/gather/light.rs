@@ -1,6 +1,6 @@
 //! The light that a camera path finds directly: by sampling lights, and by hitting emitters.
 
-use bottega_scene::Spectrum;
+use bottega_scene::{Spectrum, Visibility};
 
 use super::{
     super::super::transport::{emitted_at, power_heuristic, shadow_ray},
@@ -34,18 +34,18 @@ impl GatherPath<'_> {
         self.integrator.base.settings().light_samples.max(1)
     }
 
-    /// Adds the environment's radiance along the ray, weighted by MIS.
+    /// Adds the radiance from infinity along the ray, weighted by MIS.
     pub(super) fn add_environment(&mut self, state: &GatherState) {
         let from = match &state.comes {
             ArrivalKind::Camera | ArrivalKind::Mirrored { .. } => state.origin,
             ArrivalKind::Spread { receiver, .. } => receiver.p,
         };
         let lights = self.prepared.lights();
-        let radiance = lights.environment_radiance(self.prepared.scene(), from, state.direction);
-        if radiance != Spectrum::ZERO {
-            let weight = self.found(state, |from| lights.environment_pdf(from, state.direction));
+        let ray = if matches!(state.comes, ArrivalKind::Camera) { Visibility::CAMERA } else { Visibility::DIFFUSE };
+        lights.each_far(self.prepared.scene(), from, state.direction, ray, |light, radiance| {
+            let weight = self.found(state, |from| lights.far_pdf(from, None, light, state.direction));
             self.add(state.throughput * radiance * weight, state.depth);
-        }
+        });
     }
 
     /// Adds the emission of a surface towards the path, weighted by MIS.

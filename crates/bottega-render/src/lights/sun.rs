@@ -1,0 +1,163 @@
+//! Light from infinitely far away: parallel, or from a disc like the sun's.
+//!
+//! Parameters: direction; irradiance in W/m² per channel of a surface that faces the light; angular diameter, 0 to 180°.
+//! The disc has the same radiance everywhere, E / (π sin² α) for irradiance E and half the diameter α, so the irradiance does
+//! not depend on the diameter. Directions are sampled uniformly over the disc; paths that leave the scene towards it find it,
+//! too, except parallel light.
+//!
+//! Source: the emitters `directional` of Mitsuba 3 and `distant` of pbrt-v4; the sun light of Blender.
+
+use std::f32::consts::PI;
+
+use bottega_kernels::math;
+use bottega_scene::{Scene, Spectrum, Visibility};
+use glam::Vec3;
+
+use super::{Choice, Lights, Receiver, environment::EnvironmentLight, shines_into_scene};
+use crate::{color::luminance, sampling::around};
+
+/// Sine of half an angular diameter below which single precision cannot tell the directions of a disc apart.
+const PARALLEL: f32 = 1e-5;
+
+/// A light at infinity with a direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sun {
+    /// Direction to its centre, unit length.
+    pub(super) to_light: Vec3,
+    /// Irradiance of a surface that faces it.
+    pub(super) irradiance: Spectrum,
+    /// Luminance of the irradiance.
+    pub(super) illuminance: f32,
+    /// Sine of half its angular diameter; 0: parallel light.
+    sine: f32,
+    /// 1 − cos of half its angular diameter, without cancellation.
+    one_minus_cos: f32,
+    /// Kinds of ray that find it.
+    pub(super) visibility: Visibility,
+}
+
+impl Sun {
+    /// Creates the light.
+    ///
+    /// - `direction`: in which the light travels, unit length.
+    /// - `angle`: angular diameter in radians, from 0 to π.
+    pub(super) fn new(direction: Vec3, irradiance: Spectrum, angle: f32, visibility: Visibility) -> Self {
+        let quarter = math::sin(0.25 * angle);
+        let one_minus_cos = 2.0 * quarter * quarter;
+        let sine = (one_minus_cos * (2.0 - one_minus_cos)).sqrt();
+        // Light sampling leaves out what no surface receives
+        let illuminance = if shines_into_scene(visibility) { luminance(irradiance) } else { 0.0 };
+        Self { to_light: -direction, irradiance, illuminance, sine, one_minus_cos, visibility }
+    }
+
+    /// Returns true if it is parallel light, which no path finds by itself.
+    pub(super) fn is_parallel(&self) -> bool {
+        self.sine < PARALLEL
+    }
+
+    /// Returns the radiance of its disc.
+    fn radiance(&self) -> Spectrum {
+        self.irradiance / (PI * self.sine * self.sine)
+    }
+
+    /// Returns the density per solid angle of directions on the disc.
+    fn pdf(&self) -> f32 {
+        1.0 / (2.0 * PI * self.one_minus_cos)
+    }
+
+    /// Returns true if the disc lies in a direction of unit length.
+    #[inline(always)]
+    fn covers(&self, direction: Vec3) -> bool {
+        // 1 − cos is half the squared distance of the unit vectors
+        !self.is_parallel() && 0.5 * (direction - self.to_light).length_squared() <= self.one_minus_cos
+    }
+
+    /// Samples a direction to the light. Returns it with what arrives along it, the density, and true if it is the only one.
+    #[inline(always)]
+    pub(super) fn sample(&self, u: [f32; 2]) -> (Vec3, Spectrum, f32, bool) {
+        if self.is_parallel() {
+            return (self.to_light, self.irradiance, 1.0, true);
+        }
+        (around(self.to_light, u[0] * self.one_minus_cos, u[1]), self.radiance(), self.pdf(), false)
+    }
+
+    /// Estimates the illuminance at a point. Above 0 wherever a part of the disc is above the horizon.
+    #[inline(always)]
+    pub(super) fn importance(&self, receiver: &Receiver) -> f32 {
+        if receiver.n == Vec3::ZERO {
+            return self.illuminance;
+        }
+        let cosine = receiver.n.dot(self.to_light);
+        if cosine >= self.sine {
+            self.illuminance * cosine
+        } else if cosine > -self.sine {
+            // The disc sets: a parabola from sin α to 0
+            let above = cosine + self.sine;
+            self.illuminance * above * above / (4.0 * self.sine)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// A light at infinity that paths find when they leave the scene.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum FarLight {
+    Environment,
+    /// Index in [`Lights::suns`].
+    Sun(usize),
+}
+
+impl Lights {
+    /// Calls `add` with the radiance of each light at infinity that a ray of this kind sees along a direction of unit length.
+    #[inline(always)]
+    pub(crate) fn each_far(
+        &self,
+        scene: &Scene,
+        from: Vec3,
+        direction: Vec3,
+        ray: Visibility,
+        mut add: impl FnMut(FarLight, Spectrum),
+    ) {
+        let radiance =
+            self.environment.as_ref().map_or(Spectrum::ZERO, |light| light.radiance_at(scene, from, direction));
+        if radiance != Spectrum::ZERO {
+            add(FarLight::Environment, radiance);
+        }
+        for (index, sun) in self.suns.iter().enumerate() {
+            if sun.covers(direction) && sun.visibility.has(ray) {
+                add(FarLight::Sun(index), sun.radiance());
+            }
+        }
+    }
+
+    /// Returns the density per solid angle with which light sampling draws a direction towards a light at infinity: by the
+    /// mixture of [`Self::sample_by`], or by [`Self::sample`] without a choice.
+    pub(crate) fn far_pdf(
+        &self,
+        receiver: &Receiver,
+        choice: Option<&Choice>,
+        light: FarLight,
+        direction: Vec3,
+    ) -> f32 {
+        let importance = match light {
+            FarLight::Environment => self.environment.as_ref().map_or(0.0, |light| light.illuminance(receiver.p)),
+            FarLight::Sun(index) => self.suns[index].importance(receiver),
+        };
+        let total = self.far_total(receiver);
+        if importance <= 0.0 || total <= 0.0 {
+            return 0.0;
+        }
+        let share = match choice.filter(|choice| choice.has_share()) {
+            None => self.far_share(receiver),
+            Some(choice) => self.far_share_by(receiver, choice),
+        };
+        let pmf = share * importance / total;
+        pmf * match light {
+            FarLight::Environment => {
+                self.environment.as_ref().map_or(0.0, |light: &EnvironmentLight| light.pdf_at(receiver.p, direction))
+            }
+            FarLight::Sun(index) => self.suns[index].pdf(),
+        }
+    }
+}
