@@ -48,6 +48,11 @@ impl Visibility {
         Self(self.0 & !other.0)
     }
 
+    /// Returns true if rays after some kind of scattering event are in the set.
+    pub fn has_bounces(self) -> bool {
+        self.within(Self::BOUNCES) != Self::NONE
+    }
+
     /// Returns true if rays after a scattering event are treated differently by the kind of the event.
     pub fn tells_bounces_apart(self) -> bool {
         ![Self::NONE, Self::BOUNCES].contains(&self.within(Self::BOUNCES))

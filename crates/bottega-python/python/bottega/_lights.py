@@ -224,13 +224,13 @@ def light_of_plain(plain: dict[str, Any], names: Names) -> Light:
         inner, outer = (
             math.degrees(math.acos(max(-1.0, min(1.0, spot[name])))) for name in ("cos_inner", "cos_outer")
         )
-        shape = (spot["falloff"], it.get("radius", 0.0), visibility)
-        return SpotLight(it["position"], spot["direction"], it["intensity"], inner, outer, *shape)
+        more = (spot["falloff"], it.get("radius", 0.0), visibility)
+        return SpotLight(it["position"], spot["direction"], it["intensity"], inner, outer, *more)
     if tag == "area":
         transform = MatrixKind().value(it["world_from_light"], names)
         spread = 180.0 if it["spread"] > math.pi else math.degrees(it["spread"])
-        shape = "ellipse" if it["is_ellipse"] else "rectangle"
-        return AreaLight(transform, it["size"], it["power"], shape, spread, visibility)  # type: ignore[arg-type]
+        shape: Literal["rectangle", "ellipse"] = "ellipse" if it["is_ellipse"] else "rectangle"
+        return AreaLight(transform, it["size"], it["power"], shape, spread, visibility)
     if tag == "projector":
         transform = MatrixKind().value(it["world_from_light"], names)
         fov = math.degrees(it["vertical_fov"])

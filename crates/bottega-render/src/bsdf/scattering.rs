@@ -19,18 +19,18 @@ use super::{BsdfSample, LiftedNormal, LobeFlags, SurfaceParams, TransportMode, w
 pub struct Bsdf {
     mode: TransportMode,
     kind: BsdfKind,
-    change: Option<Change>,
+    change: Option<ScatterChange>,
 }
 
 /// A change to everything that the lobes of a BSDF scatter.
 #[derive(Clone, Copy, Debug)]
-struct Change {
+struct ScatterChange {
     lifted: Option<LiftedNormal>,
     /// Factor of what is scattered: the number of surfaces of a sum that one of them stands for.
     gain: f32,
 }
 
-impl Change {
+impl ScatterChange {
     fn factor(&self, wi: Vec3) -> f32 {
         self.gain * self.lifted.map_or(1.0, |lifted| lifted.factor(wi))
     }
@@ -104,7 +104,7 @@ impl Scatter for Other {
 #[derive(Clone, Copy)]
 pub struct BsdfAt<'a> {
     kind: KindAt<'a>,
-    change: Option<&'a Change>,
+    change: Option<&'a ScatterChange>,
 }
 
 #[derive(Clone, Copy)]
@@ -155,14 +155,14 @@ impl Bsdf {
     pub(super) fn with_lifted(self, lifted: Option<LiftedNormal>) -> Self {
         match lifted {
             None => self,
-            Some(_) => Self { change: Some(Change { lifted, gain: self.gain() }), ..self },
+            Some(_) => Self { change: Some(ScatterChange { lifted, gain: self.gain() }), ..self },
         }
     }
 
     /// Returns the same BSDF scattering `factor` times as much.
     pub(super) fn times(self, factor: f32) -> Self {
         let lifted = self.change.and_then(|change| change.lifted);
-        Self { change: Some(Change { lifted, gain: factor * self.gain() }), ..self }
+        Self { change: Some(ScatterChange { lifted, gain: factor * self.gain() }), ..self }
     }
 
     fn gain(&self) -> f32 {

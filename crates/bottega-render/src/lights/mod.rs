@@ -9,6 +9,7 @@ mod choice;
 mod distribution;
 mod emission;
 mod environment;
+mod far;
 mod flat;
 mod portal;
 mod profile;
@@ -71,11 +72,6 @@ pub(crate) struct Lights {
     visibilities: Vec<Visibility>,
 }
 
-/// Returns true if light of this visibility reaches any surface or medium.
-fn shines_into_scene(visibility: Visibility) -> bool {
-    visibility.within(Visibility::BOUNCES) != Visibility::NONE
-}
-
 /// A light of the tree.
 #[derive(Clone, Copy, Debug)]
 enum Light {
@@ -133,7 +129,7 @@ impl Lights {
         for (light, index) in scene.lights.iter().zip(0..) {
             if let LightKind::Directional { direction, irradiance, angle } = light.kind {
                 lights.suns.push(Sun::new(direction, irradiance, angle, light.visibility));
-            } else if !shines_into_scene(light.visibility) {
+            } else if !light.visibility.has_bounces() {
                 continue;
             } else if let Some(bounds) = punctual::bounds(scene, index) {
                 collected.push(Light::Punctual(index), bounds);
@@ -141,14 +137,14 @@ impl Lights {
         }
         // Collect emitting spheres and meshes
         let shines = |material: u32| materials[material as usize].shines;
-        let is_light = |sphere: &Sphere| shines(sphere.material) && shines_into_scene(sphere.visibility);
+        let is_light = |sphere: &Sphere| shines(sphere.material) && sphere.visibility.has_bounces();
         for (sphere, index) in scene.spheres.iter().zip(0..).filter(|(sphere, _)| is_light(sphere)) {
             let number = collected.push(Light::Sphere(index), sphere::bounds(scene, sphere));
             lights.spheres.push((index, number));
         }
         for (index, instance) in instances.iter_mut().enumerate() {
             let placed = &scene.instances[index];
-            if shines(scene.material_of(placed)) && shines_into_scene(placed.visibility) {
+            if shines(scene.material_of(placed)) && placed.visibility.has_bounces() {
                 instance.first_light = lights.triangles.len() as u32;
                 lights.add_instance(scene, index as u32, &mut collected);
             }

@@ -10,10 +10,10 @@
 use std::f32::consts::PI;
 
 use bottega_kernels::math;
-use bottega_scene::{Scene, Spectrum, Visibility};
+use bottega_scene::{Spectrum, Visibility};
 use glam::Vec3;
 
-use super::{Choice, Lights, Receiver, environment::EnvironmentLight, shines_into_scene};
+use super::sample::Receiver;
 use crate::{color::luminance, sampling::around};
 
 /// Sine of half an angular diameter below which single precision cannot tell the directions of a disc apart.
@@ -46,7 +46,7 @@ impl Sun {
         let one_minus_cos = 2.0 * quarter * quarter;
         let sine = (one_minus_cos * (2.0 - one_minus_cos)).sqrt();
         // Light sampling leaves out what no surface receives
-        let illuminance = if shines_into_scene(visibility) { luminance(irradiance) } else { 0.0 };
+        let illuminance = if visibility.has_bounces() { luminance(irradiance) } else { 0.0 };
         Self { to_light: -direction, irradiance, illuminance, sine, one_minus_cos, visibility }
     }
 
@@ -56,18 +56,18 @@ impl Sun {
     }
 
     /// Returns the radiance of its disc.
-    fn radiance(&self) -> Spectrum {
+    pub(super) fn radiance(&self) -> Spectrum {
         self.irradiance / (PI * self.sine * self.sine)
     }
 
     /// Returns the density per solid angle of directions on the disc.
-    fn pdf(&self) -> f32 {
+    pub(super) fn pdf(&self) -> f32 {
         1.0 / (2.0 * PI * self.one_minus_cos)
     }
 
     /// Returns true if the disc lies in a direction of unit length.
     #[inline(always)]
-    fn covers(&self, direction: Vec3) -> bool {
+    pub(super) fn covers(&self, direction: Vec3) -> bool {
         // 1 − cos is half the squared distance of the unit vectors
         !self.is_parallel() && 0.5 * (direction - self.to_light).length_squared() <= self.one_minus_cos
     }
@@ -96,68 +96,6 @@ impl Sun {
             self.illuminance * above * above / (4.0 * self.sine)
         } else {
             0.0
-        }
-    }
-}
-
-/// A light at infinity that paths find when they leave the scene.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum FarLight {
-    Environment,
-    /// Index in [`Lights::suns`].
-    Sun(usize),
-}
-
-impl Lights {
-    /// Calls `add` with the radiance of each light at infinity that a ray of this kind sees along a direction of unit length.
-    #[inline(always)]
-    pub(crate) fn each_far(
-        &self,
-        scene: &Scene,
-        from: Vec3,
-        direction: Vec3,
-        ray: Visibility,
-        mut add: impl FnMut(FarLight, Spectrum),
-    ) {
-        let radiance =
-            self.environment.as_ref().map_or(Spectrum::ZERO, |light| light.radiance_at(scene, from, direction));
-        if radiance != Spectrum::ZERO {
-            add(FarLight::Environment, radiance);
-        }
-        for (index, sun) in self.suns.iter().enumerate() {
-            if sun.covers(direction) && sun.visibility.has(ray) {
-                add(FarLight::Sun(index), sun.radiance());
-            }
-        }
-    }
-
-    /// Returns the density per solid angle with which light sampling draws a direction towards a light at infinity: by the
-    /// mixture of [`Self::sample_by`], or by [`Self::sample`] without a choice.
-    pub(crate) fn far_pdf(
-        &self,
-        receiver: &Receiver,
-        choice: Option<&Choice>,
-        light: FarLight,
-        direction: Vec3,
-    ) -> f32 {
-        let importance = match light {
-            FarLight::Environment => self.environment.as_ref().map_or(0.0, |light| light.illuminance(receiver.p)),
-            FarLight::Sun(index) => self.suns[index].importance(receiver),
-        };
-        let total = self.far_total(receiver);
-        if importance <= 0.0 || total <= 0.0 {
-            return 0.0;
-        }
-        let share = match choice.filter(|choice| choice.has_share()) {
-            None => self.far_share(receiver),
-            Some(choice) => self.far_share_by(receiver, choice),
-        };
-        let pmf = share * importance / total;
-        pmf * match light {
-            FarLight::Environment => {
-                self.environment.as_ref().map_or(0.0, |light: &EnvironmentLight| light.pdf_at(receiver.p, direction))
-            }
-            FarLight::Sun(index) => self.suns[index].pdf(),
         }
     }
 }

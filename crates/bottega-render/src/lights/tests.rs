@@ -6,7 +6,7 @@ use bottega_kernels::Ray;
 use bottega_scene::{Environment, Image, ImageId, Light as SceneLight, Material, Mesh, Sides, SpotFalloff, TextureMap};
 use glam::Vec2;
 
-use super::{sun::FarLight, *};
+use super::{far::FarLight, *};
 use crate::{
     color::luminance,
     prepare::{PrepareOptions, PreparedScene},
