@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Mapping, Union
 
 import bottega
 import numpy as np
 
 from .export.camera import Frame
+
+Layers = Union[bottega.Picture, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -87,14 +89,14 @@ def reversed_crop(crop: tuple[int, int, int, int] | None, frame: Frame) -> tuple
     return None if crop is None else (frame.width - crop[2], crop[1], frame.width - crop[0], crop[3])
 
 
-def pixels_of(picture: bottega.Picture, info: PassInfo | None, scene: Any, is_mirrored: bool) -> np.ndarray:
+def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, is_mirrored: bool) -> np.ndarray:
     """Returns a pass, or Combined for `None`: float32, (rows × columns, channels), the lowest row first.
 
-    `is_mirrored`: the columns are reversed.
+    `picture`: layers by name. `is_mirrored`: the columns are reversed.
     """
     is_clear = scene.render.film_transparent
     if info is None:
-        color = picture.color
+        color = picture["color"]
         alpha = picture["alpha"] if is_clear and "alpha" in picture else np.ones(color.shape[:2], np.float32)
         pixels = np.concatenate([color, alpha[..., None]], -1)
     elif info.name == "Normal":

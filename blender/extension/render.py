@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import Any
 
 import bottega
@@ -12,10 +13,13 @@ import bpy
 from .export import Export
 from .export.camera import Frame, camera_of, frame_of, is_mirrored
 from .export.report import Report
-from .final import crop_of, passes_of, pixels_of, request_fields, reversed_crop
+from .final import Layers, PassInfo, crop_of, passes_of, pixels_of, request_fields, reversed_crop
 
 # Seconds between looks at whether the user has pressed Escape.
 LOOK_EVERY = 0.05
+# Seconds between two updates of the picture that Blender shows, and the share of the time that they may take.
+SHOW_EVERY = 0.5
+SHOW_SHARE = 0.02
 
 
 class Kept:
@@ -41,9 +45,7 @@ def render(engine: Any, depsgraph: Any) -> None:
         camera.hides_emitters = scene.render.film_transparent
         export.scene.cameras["camera"] = camera
         Kept.last_report = export.report
-        picture = _paint(engine, scene, layer, frame, export.scene, is_mirrored(camera))
-        if picture is not None:
-            _deliver(engine, scene, layer, picture, is_mirrored(camera))
+        _paint(engine, scene, layer, frame, export.scene, is_mirrored(camera))
     except bottega.Error as error:
         # `error_set` would write a black picture.
         engine.report({"ERROR"}, f"Bottega: {error}")
@@ -67,13 +69,14 @@ def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, report: Repo
     return camera_of(evaluated, engine.camera_model_matrix(evaluated), frame, report)
 
 
-def _paint(
-    engine: Any, scene: Any, layer: Any, frame: Frame, made: bottega.Scene, mirrors: bool
-) -> bottega.Picture | None:
-    """Renders the picture in another thread, and watches for Escape in this one. Returns `None` if nothing was painted."""
+def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, made: bottega.Scene, mirrors: bool) -> None:
+    """Renders the picture in another thread; in this one shows what is painted, and watches for Escape."""
     crop = crop_of(scene.render, frame)
     fields = request_fields(scene, layer, frame, reversed_crop(crop, frame) if mirrors else crop)
-    session = bottega.Session(made, camera="camera", **fields)
+    session = bottega.Session(made, live=True, camera="camera", **fields)
+    x0, y0, x1, y1 = crop or (0, 0, frame.width, frame.height)
+    # Blender places the result at the lower left corner of the region.
+    result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer.name)
     state: dict[str, Any] = {}
 
     def work() -> None:
@@ -84,7 +87,7 @@ def _paint(
 
     worker = threading.Thread(target=work, name="bottega", daemon=True)
     worker.start()
-    shown = None
+    shown, next_show = None, time.monotonic() + SHOW_EVERY
     while worker.is_alive():
         worker.join(LOOK_EVERY)
         if engine.test_break():
@@ -94,37 +97,43 @@ def _paint(
         if progress is not None and progress is not shown:
             shown = progress
             engine.update_progress(progress.fraction)
-            engine.update_stats("", _line(progress, frame, fields))
+            engine.update_stats("", _line(progress, frame))
+        if worker.is_alive() and not bpy.app.background and time.monotonic() > next_show:
+            begun = time.monotonic()
+            layers = session.layers()
+            if layers is not None:
+                _fill(result, None, layers, scene, mirrors)
+                engine.update_result(result)
+            now = time.monotonic()
+            next_show = now + max(SHOW_EVERY, (now - begun) / SHOW_SHARE)
     if "error" in state:
+        engine.end_result(result, cancel=True)
         raise state["error"]
-    return state["picture"]
+    _deliver(engine, result, scene, layer, state["picture"], mirrors)
 
 
-def _line(progress: bottega.Progress, frame: Frame, fields: dict[str, Any]) -> str:
+def _line(progress: bottega.Progress, frame: Frame) -> str:
     """Returns the line in the header of the picture."""
     samples = progress.done / max(frame.width * frame.height, 1)
     left = "" if progress.seconds_left is None else f" | {progress.seconds_left:.0f} s left"
     return f"{100 * progress.fraction:.0f} % | {samples:.0f} samples | {progress.seconds:.0f} s{left}"
 
 
-def _deliver(engine: Any, scene: Any, layer: Any, picture: bottega.Picture, mirrors: bool) -> None:
-    """Gives the picture to Blender."""
+def _deliver(engine: Any, result: Any, scene: Any, layer: Any, picture: bottega.Picture, mirrors: bool) -> None:
+    """Gives the finished picture to Blender."""
     engine.update_stats("", "Handing the passes over")
-    x0, y0, x1, y1 = picture.crop
-    # Blender places the result at the lower left corner of the region.
-    result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer.name)
-    if result is None or not result.layers:
-        return
-    by_name = {made.name: made for made in result.layers[0].passes}
     for info in [None, *passes_of(scene, layer)]:
-        target = by_name.get("Combined" if info is None else info.name)
-        if target is not None:
-            _fill(target, pixels_of(picture, info, scene, mirrors))
+        _fill(result, info, picture, scene, mirrors)
     engine.end_result(result)
 
 
-def _fill(target: Any, pixels: Any) -> None:
-    """Gives the pixels of a pass to Blender: float32, (pixels, channels)."""
+def _fill(result: Any, info: PassInfo | None, picture: Layers, scene: Any, mirrors: bool) -> None:
+    """Gives the pixels of a pass to Blender. `info`: `None` is Combined."""
+    name = "Combined" if info is None else info.name
+    target = next((one for one in result.layers[0].passes if one.name == name), None) if result.layers else None
+    if target is None:
+        return
+    pixels = pixels_of(picture, info, scene, mirrors)
     if bpy.app.version >= (4, 0, 0):
         target.rect.foreach_set(pixels.ravel())
     else:

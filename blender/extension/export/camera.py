@@ -72,7 +72,7 @@ def camera_of(camera: Any, matrix: Any, frame: Frame, report: Report) -> bottega
 
 def _panorama(camera: Any, matrix: Any, fields: dict[str, Any], report: Report) -> bottega.Camera:
     data = camera.data
-    kind = getattr(data, "panorama_type", None) or getattr(getattr(data, "cycles", None), "panorama_type", "")
+    kind = str(getattr(data, "panorama_type", "") or getattr(getattr(data, "cycles", None), "panorama_type", ""))
     if kind != "EQUIRECTANGULAR":
         note = f"the panorama {kind.lower().replace('_', ' ')} is rendered as an equirectangular one"
         report.add("camera", camera.name, "Panorama", Fidelity.APPROXIMATED, note)

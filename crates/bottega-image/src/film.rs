@@ -80,6 +80,20 @@ impl Film {
         }
     }
 
+    /// Replaces the pixels of the rectangle of `tile` by its own, as far as they are within the film and have samples.
+    ///
+    /// # Panics
+    ///
+    /// If the layouts differ.
+    pub fn replace_tile(&mut self, tile: &Tile) {
+        if let Some(shared) = self.rect.intersection(&tile.rect()) {
+            for (x, y) in shared.pixels() {
+                self.pixel_mut(x, y).fill(0.0);
+            }
+        }
+        self.add_tile(tile, |_, _| 1.0);
+    }
+
     /// Returns all values, `[height × width × (stride + 1)]`: those that [`Layout::parts`] names, then the weight of
     /// the pixel.
     pub fn values(&self) -> &[f32] {

@@ -14,7 +14,7 @@
 //! | subject | where |
 //! |---|---|
 //! | waiting for work on another thread: callbacks, Ctrl-C | `src/waiting.rs` |
-//! | sessions; previews | `src/session.rs` |
+//! | sessions; the picture while it is rendered | `src/session.rs`; `src/live.rs` |
 //! | pictures; arrays as views of the film; files | `src/picture.rs`, `src/arrays.rs`, `src/image_file.rs` |
 //! | scenes in memory; arrays as their input | `src/scene.rs`; `src/numpy_input.rs`, `src/image_input.rs` |
 //! | interactive views | `src/viewport.rs` |
@@ -30,6 +30,7 @@ mod errors;
 mod farm;
 mod image_file;
 mod image_input;
+mod live;
 mod numpy_input;
 mod picture;
 mod process;

@@ -4,16 +4,21 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bottega::{Error, Picture, Request, Session, SessionOptions, StopSwitch, scene::Loaded};
 use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
-use pyo3::{exceptions::PyValueError, prelude::*, types::PyBytes};
+use pyo3::{
+    exceptions::PyValueError,
+    prelude::*,
+    types::{PyBytes, PyDict},
+};
 
 use crate::{
     errors,
+    live::LivePicture,
     picture::PyPicture,
     process::refuse_forked,
     request::request_of,
     scene::PyScene,
     values::path_of,
-    waiting::{Caller, Ending, ShowPreview},
+    waiting::{Caller, Ending},
 };
 
 /// The stage of a session.
@@ -28,9 +33,8 @@ enum Stage {
 pub(crate) struct PySession {
     stage: Mutex<Stage>,
     stop: StopSwitch,
-    /// The latest preview: the bytes of a PNG file.
-    shown: Arc<Mutex<Option<Vec<u8>>>>,
-    shows: bool,
+    /// The picture meanwhile; `None`: nobody asks for it.
+    live: Option<Arc<LivePicture>>,
 }
 
 /// Opens a session of the library, for a scene in memory if one is given.
@@ -68,8 +72,8 @@ impl PySession {
         let scene = scene.map(|scene| scene.get().finished()).transpose()?;
         let opened = Caller::new(py).wait_for(move |_, _| open(&request, scene, options))?.whole()?;
         let session = opened.map_err(|error| errors::raised(&error))?;
-        let (stage, stop) = (Mutex::new(Stage::Open(Box::new(session))), StopSwitch::new());
-        Ok(Self { stage, stop, shown: Arc::default(), shows: live })
+        let live = live.then(|| Arc::new(LivePicture::new(session.settings().crop)));
+        Ok(Self { stage: Mutex::new(Stage::Open(Box::new(session))), stop: StopSwitch::new(), live })
     }
 
     /// Renders the picture and waits for it.
@@ -80,10 +84,7 @@ impl PySession {
             return Err(errors::failed("a session paints its picture once", "open another: bottega.Session(request)"));
         };
         let stop = self.stop.clone();
-        let shown = Arc::clone(&self.shown);
-        let show = move |png| *locked(&shown) = Some(png);
-        let shown = self.shows.then(|| Arc::new(show) as ShowPreview);
-        let caller = Caller { py, on_event, stop, shown, warn_level, waits_for_end: true };
+        let caller = Caller { py, on_event, stop, live: self.live.clone(), warn_level, waits_for_end: true };
         let ending = caller.wait_for(move |watcher, stop| session.render(watcher, stop))?;
         ended(py, ending)
     }
@@ -95,12 +96,17 @@ impl PySession {
 
     /// Returns the latest preview as the bytes of a PNG file; `None`: there is none.
     fn preview_png<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyBytes>> {
-        locked(&self.shown).as_deref().map(|bytes| PyBytes::new(py, bytes))
+        self.live.as_ref()?.preview().map(|bytes| PyBytes::new(py, &bytes))
+    }
+
+    /// Returns copies of the layers painted so far, by name; `None`: nothing is painted.
+    fn layers<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self.live.as_ref().map_or(Ok(None), |live| live.layers(py))
     }
 
     /// Returns the latest preview: uint8, (height, width, 3), sRGB; `None`: there is none.
     fn preview<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
-        let Some(png) = locked(&self.shown).clone() else { return Ok(None) };
+        let Some(png) = self.live.as_ref().and_then(|live| live.preview()) else { return Ok(None) };
         let array = py.detach(|| decoded(&png)).map_err(PyValueError::new_err)?;
         Ok(Some(array.into_pyarray(py)))
     }

@@ -10,9 +10,10 @@ use std::{
 };
 
 use bottega::{Event, StopSwitch, Watcher};
+use bottega_image::Tile;
 use pyo3::{exceptions::PyKeyboardInterrupt, prelude::*};
 
-use crate::{errors, process::UnderWay, values::to_python};
+use crate::{errors, live::LivePicture, process::UnderWay, values::to_python};
 
 /// Interval between checks for Ctrl-C.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -31,11 +32,8 @@ struct Teller<T> {
     news: SyncSender<News<T>>,
     /// True if there is a callback; otherwise only warnings are forwarded.
     hears_all: bool,
-    shown: Option<ShowPreview>,
+    live: Option<Arc<LivePicture>>,
 }
-
-/// A function that receives a preview, the bytes of a PNG file.
-pub(crate) type ShowPreview = Arc<dyn Fn(Vec<u8>) + Send + Sync>;
 
 impl<T: Send> Watcher for Teller<T> {
     fn told(&self, event: Event) {
@@ -46,8 +44,14 @@ impl<T: Send> Watcher for Teller<T> {
     }
 
     fn previewed(&self, png: Vec<u8>) {
-        if let Some(show) = &self.shown {
-            show(png);
+        if let Some(live) = &self.live {
+            live.previewed(png);
+        }
+    }
+
+    fn tile(&self, tile: &Tile) {
+        if let Some(live) = &self.live {
+            live.painted(tile);
         }
     }
 }
@@ -59,8 +63,8 @@ pub(crate) struct Caller<'py> {
     pub(crate) on_event: Option<Bound<'py, PyAny>>,
     /// The switch that stops the work.
     pub(crate) stop: StopSwitch,
-    /// The function that receives previews; `None`: previews are not needed.
-    pub(crate) shown: Option<ShowPreview>,
+    /// What is kept of the picture meanwhile; `None`: nothing.
+    pub(crate) live: Option<Arc<LivePicture>>,
     /// Stack level at which a warning is reported; 1: the Python code that calls this module.
     pub(crate) warn_level: u8,
     /// True if the end of stopped work is awaited, because it returns a partial result or takes back what it has sent.
@@ -77,7 +81,7 @@ pub(crate) enum Ending<T> {
 
 impl<'py> Caller<'py> {
     pub(crate) fn new(py: Python<'py>) -> Self {
-        Self { py, on_event: None, stop: StopSwitch::new(), shown: None, warn_level: 2, waits_for_end: false }
+        Self { py, on_event: None, stop: StopSwitch::new(), live: None, warn_level: 2, waits_for_end: false }
     }
 
     /// Runs `work` on its own thread and waits for it, without the interpreter's lock.
@@ -90,7 +94,7 @@ impl<'py> Caller<'py> {
         work: impl FnOnce(Arc<dyn Watcher>, &StopSwitch) -> T + Send + 'static,
     ) -> PyResult<Ending<T>> {
         let (news, told) = sync_channel(EVENTS_MAX);
-        let teller = Teller { news: news.clone(), hears_all: self.on_event.is_some(), shown: self.shown.clone() };
+        let teller = Teller { news: news.clone(), hears_all: self.on_event.is_some(), live: self.live.clone() };
         let stop = self.stop.clone();
         let under_way = UnderWay::new(&stop);
         thread::spawn(move || {

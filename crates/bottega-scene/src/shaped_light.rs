@@ -1,6 +1,6 @@
 //! Lights with a shape of their own, which become a sphere or a mesh with a material when they are put into a scene.
 //!
-//! They cast no shadow, and light falls on what lies behind them, but a path that hits one ends there.
+//! They emit and are otherwise clear sheets: they cast no shadow and hide nothing, as in Cycles.
 
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
 use serde::{Deserialize, Serialize};
@@ -10,6 +10,7 @@ use crate::emission::EmissionProfile;
 use crate::light::SpotFalloff;
 use crate::material::Material;
 use crate::model::{COORDINATE_MAX, Instance, Mesh, Scene};
+use crate::surface::Surface;
 use crate::values::FACTOR_MAX;
 use crate::visibility::Visibility;
 
@@ -159,7 +160,8 @@ fn lamp(radiance: Spectrum, emission_profile: EmissionProfile) -> Result<Materia
     if !is_sound {
         return Err("its strength is negative or not finite, or more than 1e15 for its size");
     }
-    Ok(Material { emission_profile, ..Material::lamp(radiance) })
+    let surface = Surface::clear_sheet(Spectrum::ONE.into());
+    Ok(Material { surface, see_through: true, emission_profile, ..Material::lamp(radiance) })
 }
 
 /// A light with a shape.

@@ -45,9 +45,9 @@ class Session:
     """A loaded scene, to be rendered once.
 
     Opening a session reads the scene and checks the request, so errors are raised before the first sample. `render` may run in another
-    thread; `stop` and `preview` may be called from any thread.
+    thread; `stop`, `layers` and `preview` may be called from any thread.
 
-    - `live`: make previews during rendering, for `preview`; takes at most 1 % of the time.
+    - `live`: keep previews and layers during rendering, for `preview` and `layers`; takes at most 1 % of the time.
     - `resume`: resume from the journal that an earlier session has left beside `output`.
     - `preview`: a PNG file that is updated with a preview during rendering.
     - `record`: a file for the times of zones, for `bottega simulate`.
@@ -86,6 +86,11 @@ class Session:
     def stop(self) -> None:
         """Requests that rendering stops; it ends within some hundredths of a second."""
         self._native.stop()
+
+    def layers(self) -> dict[str, NDArray[np.float32]] | None:
+        """Returns copies of the layers painted so far, by name: float32, linear light, row 0 on top, shapes as of a `Picture`'s; 0 where
+        nothing is painted. `None`: nothing is painted yet. Needs `live`."""
+        return self._native.layers()
 
     def preview(self) -> NDArray[np.uint8] | None:
         """Returns the latest preview: uint8, (height, width, 3), sRGB; `None`: there is none yet. Needs `live`."""

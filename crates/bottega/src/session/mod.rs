@@ -49,7 +49,7 @@ pub struct SessionOptions {
     pub resume: bool,
     /// A PNG file that is updated with a preview during rendering; `None`: no preview file.
     pub preview: Option<PathBuf>,
-    /// True if the watcher gets previews.
+    /// True if the watcher gets previews and tiles.
     pub shows: bool,
     /// The file for the times of zones, for `bottega simulate`; `None`: no record.
     pub record: Option<PathBuf>,
@@ -428,13 +428,16 @@ impl Session {
         let frame = Rect::of_size(settings.width, settings.height);
         let look = PreviewView { frame, crop: settings.crop, exposure: output.exposure, tone: tone(output.tonemap) };
         let watcher = shows.then(|| Arc::clone(reporter.watcher()));
-        let show = Arc::new(LivePreview::new(look, preview.clone(), watcher));
+        let show = Arc::new(LivePreview::new(look, preview.clone(), watcher.clone()));
         match &self.painter {
             Painter::Own(own) => {
                 if let Some(kept) = kept {
                     let (columns, rows) = survey_size(&look.frame);
                     show.begin(&own.engine.survey(columns, rows)?);
-                    kept.tiles.values().for_each(|tile| show.painted(tile));
+                    for tile in kept.tiles.values() {
+                        show.painted(tile);
+                        watcher.iter().for_each(|watcher| watcher.tile(tile));
+                    }
                 }
                 reporter.show(&show, own.subject.loaded);
             }
@@ -443,6 +446,7 @@ impl Session {
         let mirror = tev.clone();
         self.watch(move |tile| {
             show.painted(tile);
+            watcher.iter().for_each(|watcher| watcher.tile(tile));
             mirror.iter().for_each(|mirror| mirror.painted(tile));
         });
         Ok(tev)

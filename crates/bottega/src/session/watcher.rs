@@ -2,6 +2,7 @@
 
 use bottega_agents::Time;
 use bottega_farm::FarmMessage;
+use bottega_image::Tile;
 
 use crate::events::Event;
 
@@ -15,6 +16,9 @@ pub trait Watcher: Send + Sync {
 
     /// Receives a new preview: the bytes of a PNG file.
     fn previewed(&self, _png: Vec<u8>) {}
+
+    /// Receives the pixels of a rectangle with all samples taken there so far. Called with previews.
+    fn tile(&self, _tile: &Tile) {}
 
     /// Called when rendering has ended; later events report the steps after it.
     fn painted(&self) {}
