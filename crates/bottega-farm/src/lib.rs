@@ -105,12 +105,15 @@ pub use driver::{
     MachineSpeed, MasterHandle, Observer, PREFETCH_MAX, StopSwitch, TransportError, VERIFY_MAX, assist, lead, run,
 };
 pub use engine_choice::EngineChoice;
-pub use experience::{Experience, ExperienceError, Foreknowledge, JobLesson, LearntFactor, PaintedZone};
+pub use experience::{
+    Experience, ExperienceError, Foreknowledge, JobLesson, LearntFactor, PaintedZone, Subject, ZoneForecast,
+};
 pub use expert::{BAND_MAX, BandWidth, Expert};
 pub use goals::GoalRules;
 pub use ids::{WorkId, ZoneId};
 pub use importance::{
-    Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, TaskFeatures, TaskOutlook, UnknownChannel,
+    Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, OUTLOOK_COLUMNS, OUTLOOK_ROWS,
+    PictureOutlook, TaskFeatures, TaskOutlook, UnknownChannel,
 };
 pub use journal::{Journal, JournalContents, JournalError, JournalWriter, ZoneStore};
 pub use master::{Master, MasterConfig, Timing};
