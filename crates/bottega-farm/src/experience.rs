@@ -14,23 +14,24 @@
 //! No pixel depends on experience: with the same settings a zone has the same bits whether it is profiled or not.
 
 mod features;
-mod foreknowledge;
 mod kind;
 mod lessons;
 mod picture;
 mod regression;
+mod subject;
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use serde::{Deserialize, Serialize};
 
-pub use self::foreknowledge::{Foreknowledge, ZoneForecast};
+pub(crate) use self::kind::plain;
+pub use self::subject::Subject;
 use self::{
-    features::{KINDS, deviations, features_of},
+    features::{FeatureVector, KINDS, deviations, features_of},
     kind::TaskKind,
     lessons::Lessons,
     picture::{LearntPicture, MeasuredZone, median},
-    regression::{FeatureVector, Regression},
+    regression::Regression,
 };
 use crate::{PictureOutlook, RelativePower, TaskFeatures, TaskOutlook};
 
@@ -78,21 +79,6 @@ struct LearntTechnique {
     deviation: f64,
     /// The number of the last job that updated it.
     job: u64,
-}
-
-/// The identity of what a job paints, for recognizing it in a later job. An empty scene: unknown.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Subject {
-    /// The scene: equal for equal files and options of reading them.
-    pub scene: Arc<str>,
-    /// What of it is seen: camera, pose, and the painted part of the picture.
-    pub view: Arc<str>,
-}
-
-impl Default for Subject {
-    fn default() -> Self {
-        Self { scene: "".into(), view: "".into() }
-    }
 }
 
 /// A measured zone that was painted as a whole.
@@ -194,9 +180,9 @@ struct Form {
 
 /// The expected logarithm of measured over predicted time, with the standard deviation of its error.
 #[derive(Clone, Copy, Debug)]
-struct LogRatio {
-    log: f64,
-    deviation: f64,
+pub(crate) struct LogRatio {
+    pub(crate) log: f64,
+    pub(crate) deviation: f64,
 }
 
 impl Experience {
@@ -232,7 +218,7 @@ impl Experience {
     }
 
     fn learn_technique(&mut self, job: &JobLesson, observed: &[(&PaintedZone, f64)], weight: f64, farm: Option<&Self>) {
-        let name = kind::plain(&job.technique);
+        let name = plain(&job.technique);
         let mean = job.outlook.mean_density();
         // Start from what the farm knows, in this machine's time
         let of_farm = || Some(farm?.techniques.get(&name)?.slower(job.to_reference));
@@ -262,7 +248,7 @@ impl Experience {
         if job.subject.scene.is_empty() {
             return;
         }
-        let name = kind::plain(&job.technique);
+        let name = plain(&job.technique);
         let place = self.pictures.iter().position(|picture| picture.is(&name, &job.subject));
         let known = place.map(|place| self.pictures.remove(place));
         let mut picture = known.unwrap_or_else(|| LearntPicture::new(&name, &job.subject));
@@ -284,14 +270,20 @@ impl Experience {
     }
 
     /// The expectation for a zone of any picture of a technique. `None`: nothing was learned about the technique.
-    fn of_technique(&self, name: &str, outlook: &PictureOutlook, zone: &TaskOutlook, samples: u32) -> Option<LogRatio> {
+    pub(crate) fn of_technique(
+        &self,
+        name: &str,
+        outlook: &PictureOutlook,
+        zone: &TaskOutlook,
+        samples: u32,
+    ) -> Option<LogRatio> {
         let LearntTechnique { model, deviation, .. } = self.techniques.get(name)?;
         let x: FeatureVector = features_of(outlook.mean_density(), zone, samples);
         Some(LogRatio { log: model.expected(&x), deviation: deviation.hypot(model.variance(&x).sqrt()) })
     }
 
     /// The expectation for a zone of a picture that was painted before. `None`: it was not.
-    fn of_picture(
+    pub(crate) fn of_picture(
         &self,
         name: &str,
         subject: &Subject,

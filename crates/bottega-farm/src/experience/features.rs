@@ -1,10 +1,12 @@
 //! The features of a zone, from which its time is predicted.
 
-use super::regression::FeatureVector;
 use crate::TaskOutlook;
 
 /// Number of features, the constant 1 included.
 pub(super) const FEATURES: usize = 10;
+
+/// The values of the features of one zone.
+pub(super) type FeatureVector = [f64; FEATURES];
 
 /// A feature, for display.
 pub(super) struct FeatureKind {

@@ -29,7 +29,7 @@ impl TaskKind {
 }
 
 /// The technique's name reduced to printable ASCII and [`TECHNIQUE_MAX`] characters.
-pub(super) fn plain(technique: &str) -> String {
+pub(crate) fn plain(technique: &str) -> String {
     technique.chars().filter(|c| c.is_ascii_graphic() || *c == ' ').take(TECHNIQUE_MAX).collect()
 }
 

@@ -1,9 +1,9 @@
-//! What earlier jobs have taught about one picture: where it costs how much time.
+//! The learned times of one picture: where it costs how much.
 
 use bottega_image::Rect;
 use serde::{Deserialize, Serialize};
 
-use super::Subject;
+use super::subject::Subject;
 use crate::{OUTLOOK_COLUMNS, OUTLOOK_ROWS, PictureOutlook, TaskOutlook};
 
 /// Steps per unit of a stored logarithm.

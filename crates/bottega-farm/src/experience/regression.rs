@@ -5,15 +5,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::features::FEATURES;
+use super::features::{FEATURES, FeatureVector};
 
 /// Residuals beyond this many standard deviations count as that many, so that one wrong time has little effect.
 const OUTLIER: f64 = 2.0;
 /// Bound on weights and variances of a sound model.
 const VALUE_MAX: f64 = 1e4;
-
-/// The values of the features of one observation.
-pub(super) type FeatureVector = [f64; FEATURES];
 
 /// A linear model y ≈ weights · x, whose first feature is the constant 1, with the covariance of its weights. Starts from a prior, and each observation moves it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

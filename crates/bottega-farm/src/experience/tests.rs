@@ -1,6 +1,7 @@
 use bottega_image::Rect;
 
 use super::*;
+use crate::Foreknowledge;
 
 const PLAIN: TaskFeatures =
     TaskFeatures { glass: 0.0, texture: 0.0, media: 0.0, shadow: 0.3, material: 0.1, bounces: 3.0 };

@@ -1,9 +1,12 @@
-//! What is known about a work before any of it is painted.
+//! Foreknowledge: the predicted times of a work's zones and V_cp, before any of it is painted.
 
 use std::{sync::Arc, time::Duration};
 
-use super::{Experience, LogRatio, Subject, kind::plain};
-use crate::{PictureOutlook, RelativePower, TaskFeatures, TaskOutlook, adaptation::scaled};
+use crate::{
+    Experience, PictureOutlook, RelativePower, Subject, TaskFeatures, TaskOutlook,
+    adaptation::scaled,
+    experience::{LogRatio, plain},
+};
 
 /// A predicted time is trusted as much as a profile up to this standard deviation of its logarithm.
 const TRUSTED_DEVIATION: f64 = 0.25;
