@@ -3,7 +3,7 @@
 use std::{io, path::PathBuf};
 
 use bottega_engines::EngineError;
-use bottega_farm::simulate::{SimulationError, WorkpieceError};
+use bottega_farm::simulate::{RecordError, SimulationError, WorkpieceError};
 use bottega_gpu::GpuError;
 use bottega_hra::{SubmitError, UnitError};
 use bottega_image::ImageError;
@@ -43,6 +43,9 @@ pub(crate) enum Error {
     /// A record cannot be replayed.
     #[error("the recorded zones cannot be replayed")]
     Workpiece(#[from] WorkpieceError),
+    /// A picture left nothing to replay.
+    #[error("nothing was recorded that can be replayed")]
+    Record(#[source] RecordError),
     /// A replay did not finish.
     #[error("the simulation came to nothing")]
     Simulation(#[from] SimulationError),
@@ -179,7 +182,7 @@ impl Error {
             }
             Self::NoProcessorTime => "leave out --processor-time, and let the machine do nothing else meanwhile",
             Self::TooFewZones { .. } => "paint larger pictures of more samples",
-            Self::Build(_) | Self::Workpiece(_) | Self::Signal(_) => "this is unexpected; report it",
+            Self::Build(_) | Self::Record(_) | Self::Workpiece(_) | Self::Signal(_) => "this is unexpected; report it",
             Self::Embree(_) => "name another library by BOTTEGA_EMBREE, or none",
             Self::NoScene => "name one, or the folder of scenes by --scenes or BOTTEGA_SCENES",
             Self::NoPair => "name two scenes for each pair",

@@ -8,7 +8,7 @@ use bottega_image::Rect;
 
 use crate::{
     FarmAction, FarmCompletion, FarmContent, FarmEffect, FarmEvent, FarmValue, Foreknowledge, Goal, ImportanceError,
-    ImportanceFunction, ImportanceMap, InputRanges, Partition, PartitionSettings, RegistrationConfig, TaskOutlook,
+    ImportanceFunction, ImportanceMap, InputRanges, Partition, PartitionSettings, PictureOutlook, RegistrationConfig,
     WorkId, WorkKeys, WorkRow, WorkSettings, ZoneRow, compare_and_set, contents::message, directory::ANALYST_SERVICES,
     importance::Outlook, protocol, registrant::Registrant,
 };
@@ -39,6 +39,8 @@ pub struct AnalystConfig {
     pub registration: Option<RegistrationConfig>,
     /// Knowledge from earlier works about the times of zones.
     pub knowledge: Foreknowledge,
+    /// True if zones whose time is known well from earlier works are not profiled.
+    pub trusts_forecasts: bool,
 }
 
 /// The size of the survey of a picture, in cells: the picture's shape, one cell per 4 × 4 pixels, at most 2¹⁴ cells.
@@ -63,14 +65,15 @@ pub struct Analysis {
     pub work: WorkRow,
     /// The rows of all zones, by id.
     pub rows: Vec<ZoneRow>,
-    /// The survey's predictions for each of them.
-    pub outlooks: Arc<[TaskOutlook]>,
+    /// The survey's predictions for them.
+    pub outlook: Arc<PictureOutlook>,
 }
 
 /// Analyzes a picture: makes the importance map, cuts the zones and predicts their times.
 ///
 /// - `survey`: covers the whole picture.
 /// - `knowledge`: affects T_est only, not zones and complexities.
+/// - `trusts_forecasts`: zones whose T_est is known well by it are not profiled.
 pub fn analyze(
     work: WorkId,
     settings: &WorkSettings,
@@ -78,6 +81,7 @@ pub fn analyze(
     importance: ImportanceFunction,
     partition: &PartitionSettings,
     knowledge: &Foreknowledge,
+    trusts_forecasts: bool,
 ) -> Result<Analysis, ImportanceError> {
     // Make the importance map
     let map = ImportanceMap::new(survey, settings.picture, settings.frame, importance)?;
@@ -89,22 +93,26 @@ pub fn analyze(
     let differences = partition.neighbor_differences(&map);
     let outlook = Outlook::new(survey, settings.picture);
     let features = outlook.of(&settings.frame).features;
-    let outlooks: Arc<[TaskOutlook]> = partition.iter().map(|(_, rect)| outlook.of(&rect)).collect();
+    let outlook = Arc::new(outlook.of_picture(&settings.frame, partition.iter().map(|(_, rect)| rect)));
     // A goal of error or time does not fix the number of samples, so T_est stays unknown.
     let is_countable = settings.goal == Goal::Samples;
-    let time = |zone| is_countable.then(|| knowledge.time(&features, zone, settings.samples));
+    let forecast = |zone| is_countable.then(|| knowledge.forecast(&features, &outlook, zone, settings.samples));
     let rows: Vec<ZoneRow> = partition
         .iter()
         .zip(differences)
-        .zip(&*outlooks)
-        .map(|(((zone, rect), difference), outlook)| {
+        .zip(&outlook.zones)
+        .map(|(((zone, rect), difference), zone_outlook)| {
             let row = ZoneRow::open(work, zone, rect, map.complexity(&rect), difference);
-            ZoneRow { time_estimated: time(outlook), ..row }
+            match forecast(zone_outlook) {
+                Some(forecast) if trusts_forecasts => row.with_forecast(settings, &forecast),
+                Some(forecast) => ZoneRow { time_estimated: Some(forecast.time), ..row },
+                None => row,
+            }
         })
         .collect();
     let zone_count = rows.len() as u32;
     let work = WorkRow { work, settings: *settings, zone_count, ranges: InputRanges::of(&rows), features };
-    Ok(Analysis { map: Arc::new(map), partition: Arc::new(partition), work, rows, outlooks })
+    Ok(Analysis { map: Arc::new(map), partition: Arc::new(partition), work, rows, outlook })
 }
 
 /// The state machine of the Analyst. It stops when its rows are on the Blackboard; a registered Analyst stays as long
@@ -129,17 +137,18 @@ impl Analyst {
     }
 
     fn surveyed(&mut self, survey: Result<Arc<Survey>, String>, actions: &mut Vec<FarmAction>) {
-        let AnalystConfig { work, settings, importance, partition, knowledge, .. } = &self.config;
+        let AnalystConfig { work, settings, importance, partition, knowledge, trusts_forecasts, .. } = &self.config;
         let analysis = survey.and_then(|survey| {
-            analyze(*work, settings, &survey, *importance, partition, knowledge).map_err(|error| error.to_string())
+            analyze(*work, settings, &survey, *importance, partition, knowledge, *trusts_forecasts)
+                .map_err(|error| error.to_string())
         });
         match analysis {
             Err(reason) => {
                 actions.push(FarmAction::Effect(FarmEffect::Abandon { reason }));
                 actions.push(FarmAction::Stop);
             }
-            Ok(Analysis { map, partition, work, rows, outlooks }) => {
-                actions.push(FarmAction::Effect(FarmEffect::Analyzed { map, partition, outlooks }));
+            Ok(Analysis { map, partition, work, rows, outlook }) => {
+                actions.push(FarmAction::Effect(FarmEffect::Analyzed { map, partition, outlook }));
                 self.work = Some(work);
                 let rows = rows.into_iter().map(|row| FarmValue::Zone(Arc::new(row)));
                 self.unwritten = rows.enumerate().map(|(i, row)| (Ticket(i as u64 + 1), row)).collect();
@@ -244,7 +253,7 @@ mod tests {
             let survey = Survey { width: 64, height: 32, pixels: pixels.clone(), zones_max };
             let partition = PartitionSettings::for_agents(Level::Balanced, agents, frame);
             let knowledge = Foreknowledge::default();
-            analyze(WorkId(1), &settings, &survey, ImportanceFunction::default(), &partition, &knowledge)
+            analyze(WorkId(1), &settings, &survey, ImportanceFunction::default(), &partition, &knowledge, true)
                 .unwrap()
                 .rows
                 .len()

@@ -2,38 +2,83 @@
 //! caller handles files.
 //!
 //! The survey predicts the time of a zone as a fitted sum of counts. Learned is the logarithm of measured over
-//! predicted time, as a sum of terms: one for the technique, and corrections for the kind of picture, the kind of zone,
-//! both together, and the size of the zone. A prediction uses the terms that are known, from the widest kind to the
-//! narrowest. V_cp is learned in the same way.
+//! predicted time:
 //!
-//! Pictures do not depend on experience: the partition and the rules use the survey alone.
+//! - per technique, a linear function of the zone's features (`features.rs`), fitted online (`regression.rs`);
+//! - per picture that was painted before, where it costs how much time (`picture.rs`).
+//!
+//! A prediction uses the picture, if it is known, else the technique, else the survey alone. It comes with its expected
+//! error. V_cp is learned per technique and kind of picture. A farm learns the same from all of its machines together, in
+//! time of the reference machine: a machine that has learned nothing starts from that.
+//!
+//! No pixel depends on experience: with the same settings a zone has the same bits whether it is profiled or not.
 
+mod features;
 mod kind;
 mod lessons;
+mod picture;
+mod regression;
+mod subject;
 
-use std::{sync::Arc, time::Duration};
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use serde::{Deserialize, Serialize};
 
-use self::{kind::TaskKind, lessons::Lessons};
-use crate::{RelativePower, TaskFeatures, TaskOutlook};
+pub(crate) use self::kind::plain;
+pub use self::subject::Subject;
+use self::{
+    features::{FeatureVector, KINDS, deviations, features_of},
+    kind::TaskKind,
+    lessons::Lessons,
+    picture::{LearntPicture, MeasuredZone, median},
+    regression::Regression,
+};
+use crate::{PictureOutlook, RelativePower, TaskFeatures, TaskOutlook};
 
 /// Version of the text's format; other versions are rejected.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 /// Maximum length of a text, in bytes.
 const TEXT_MAX: usize = 1 << 20;
 /// Seconds of painting from which a job counts fully; shorter ones have less weight, because of start-up time.
 const TELLING_SECONDS: f64 = 1.0;
+/// Maximum number of techniques and of pictures kept; the least recently updated are dropped first.
+const TECHNIQUES_MAX: usize = 64;
+const PICTURES_MAX: usize = 32;
+/// Factor on the weight of earlier jobs at each new one.
+const REMEMBERED: f64 = 0.5;
+/// Standard deviation of the logarithm of a zone's time at known weights.
+const NOISE: f64 = 0.15;
+/// Number of zones of one job that count for a technique, so that one picture does not outweigh many: its zones share what
+/// is peculiar to it.
+const ZONES_OF_JOB: f64 = 24.0;
+/// Deviation of the predictions for a new picture before any was compared, and the least one.
+const DEVIATION: f64 = 0.4;
+const DEVIATION_MIN: f64 = 0.2;
+/// Bound on logarithms; values beyond it are not plausible measurements.
+const LOG_MAX: f64 = 20.0;
 
 /// The learned times of zones and V_cp of a machine.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Experience {
     /// The number of jobs learned from.
     jobs: u64,
-    /// ln(measured time / time predicted by the survey).
-    paces: Lessons,
+    /// ln(measured time / time predicted by the survey), by technique.
+    techniques: BTreeMap<String, LearntTechnique>,
+    /// The pictures, the least recently updated first.
+    pictures: Vec<LearntPicture>,
     /// ln V_cp.
     powers: Lessons,
+}
+
+/// The learned times of a technique.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LearntTechnique {
+    model: Regression,
+    /// Standard deviation of the logarithm of measured over predicted time in a new picture.
+    deviation: f64,
+    /// The number of the last job that updated it.
+    job: u64,
 }
 
 /// A measured zone that was painted as a whole.
@@ -52,23 +97,42 @@ pub struct PaintedZone {
 pub struct JobLesson {
     /// Engine, integrator and all else that determines how paths are traced, as a name.
     pub technique: Arc<str>,
+    /// The picture.
+    pub subject: Subject,
     /// The survey's features of the whole picture.
     pub features: TaskFeatures,
-    /// V_cp at the end of the job, if known.
+    /// The survey's predictions.
+    pub outlook: Arc<PictureOutlook>,
+    /// V_cp at the end of the job, if it was compared with other machines.
     pub power: Option<RelativePower>,
+    /// V_cp at the end of the job, for converting times to those of the reference machine.
+    pub to_reference: RelativePower,
     /// The zones that the machine painted.
     pub zones: Vec<PaintedZone>,
+}
+
+impl JobLesson {
+    /// The lesson in time of the reference machine, for a farm's experience.
+    #[must_use]
+    pub fn in_reference_time(&self) -> Self {
+        let zone = |zone: &PaintedZone| PaintedZone { time: self.to_reference.to_reference(zone.time), ..*zone };
+        let zones = self.zones.iter().map(zone).collect();
+        Self { zones, power: None, to_reference: RelativePower::REFERENCE, ..self.clone() }
+    }
 }
 
 /// A learned factor, for display.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearntFactor {
-    /// `time`: a factor on the time predicted by the survey; `power`: on V_cp.
+    /// `time`: a factor on the time predicted by the survey, for a technique; `picture`: a further one for a picture that was
+    /// painted before; `power`: on V_cp.
     pub of: String,
     /// The kind of tasks that it applies to.
     pub tasks: String,
-    /// The factor. Those of narrower kinds multiply those of wider ones.
+    /// The factor. Those of the features of a zone multiply that of its technique.
     pub factor: f64,
+    /// Expected relative error of a time predicted so, one standard deviation; `None`: not known for one factor alone.
+    pub error: Option<f64>,
     /// Number of zones that it is based on; older jobs count less.
     pub zones: f64,
     /// Number of jobs since it was last updated.
@@ -103,7 +167,8 @@ pub enum ExperienceError {
 struct ExperienceText {
     format: u32,
     jobs: u64,
-    paces: Lessons,
+    techniques: BTreeMap<String, LearntTechnique>,
+    pictures: Vec<LearntPicture>,
     powers: Lessons,
 }
 
@@ -111,6 +176,13 @@ struct ExperienceText {
 #[derive(Deserialize)]
 struct Form {
     format: u32,
+}
+
+/// The expected logarithm of measured over predicted time, with the standard deviation of its error.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LogRatio {
+    pub(crate) log: f64,
+    pub(crate) deviation: f64,
 }
 
 impl Experience {
@@ -125,15 +197,19 @@ impl Experience {
     }
 
     /// Learns from a job; does nothing without measured zones.
-    pub fn learn(&mut self, job: &JobLesson) {
+    ///
+    /// - `farm`: what all machines of a farm have learned together, in reference time: the start for a new technique.
+    pub fn learn(&mut self, job: &JobLesson, farm: Option<&Self>) {
         let seconds: f64 = job.zones.iter().map(|zone| zone.time.as_secs_f64()).sum();
         let weight = (seconds / TELLING_SECONDS).min(1.0);
-        let observed: Vec<_> = job.zones.iter().filter_map(|zone| observed(job, zone)).collect();
+        let observed: Vec<(&PaintedZone, f64)> =
+            job.zones.iter().filter_map(|zone| Some((zone, log_ratio(zone)?))).collect();
         if observed.is_empty() || weight <= 0.0 {
             return;
         }
         self.jobs += 1;
-        self.paces.learn(&observed, weight, self.jobs);
+        self.learn_technique(job, &observed, weight, farm);
+        self.learn_picture(job, &observed, weight);
         if let Some(power) = job.power {
             let kind = TaskKind::of_picture(&job.technique, &job.features);
             let alike = vec![(kind.names(), power.get().ln()); observed.len()];
@@ -141,13 +217,83 @@ impl Experience {
         }
     }
 
-    /// The factor on the time that the survey predicts for a zone; `None`: nothing was learned about the technique.
-    ///
-    /// - `picture`: the survey's features of the whole picture.
-    /// - `samples`: samples per pixel.
-    fn factor(&self, technique: &str, picture: &TaskFeatures, zone: &TaskOutlook, samples: u32) -> Option<f64> {
-        let kind = TaskKind::of_zone(technique, picture, zone, samples);
-        self.paces.expected(&kind.names()).map(f64::exp)
+    fn learn_technique(&mut self, job: &JobLesson, observed: &[(&PaintedZone, f64)], weight: f64, farm: Option<&Self>) {
+        let name = plain(&job.technique);
+        let mean = job.outlook.mean_density();
+        // Start from what the farm knows, in this machine's time
+        let of_farm = || Some(farm?.techniques.get(&name)?.slower(job.to_reference));
+        let learnt = self.techniques.remove(&name).or_else(of_farm);
+        let mut learnt = learnt.unwrap_or_else(LearntTechnique::unknown);
+        // Compare what was expected of this picture
+        let known = learnt.model.count() > 0.0;
+        let x = |zone: &PaintedZone| features_of(mean, &zone.outlook, zone.samples);
+        let errors = observed.iter().map(|(zone, log)| (log - learnt.model.expected(&x(zone))).abs()).collect();
+        let error = (median(errors) / 0.674).max(DEVIATION_MIN);
+        if known {
+            learnt.deviation += (1.0 - REMEMBERED) * weight * (error - learnt.deviation);
+        }
+        // Move the weights
+        learnt.model.forget(REMEMBERED, &deviations());
+        let each = weight * (ZONES_OF_JOB / observed.len() as f64).min(1.0);
+        observed.iter().for_each(|(zone, log)| learnt.model.learn(&x(zone), *log, NOISE, each));
+        learnt.job = self.jobs;
+        self.techniques.insert(name, learnt);
+        while self.techniques.len() > TECHNIQUES_MAX {
+            let oldest = self.techniques.iter().min_by_key(|(_, learnt)| learnt.job).map(|(name, _)| name.clone());
+            oldest.and_then(|name| self.techniques.remove(&name));
+        }
+    }
+
+    fn learn_picture(&mut self, job: &JobLesson, observed: &[(&PaintedZone, f64)], weight: f64) {
+        if job.subject.scene.is_empty() {
+            return;
+        }
+        let name = plain(&job.technique);
+        let place = self.pictures.iter().position(|picture| picture.is(&name, &job.subject));
+        let known = place.map(|place| self.pictures.remove(place));
+        let mut picture = known.unwrap_or_else(|| LearntPicture::new(&name, &job.subject));
+        let zones: Vec<MeasuredZone<'_>> = observed
+            .iter()
+            .map(|&(zone, log)| {
+                let expected = self.of_technique(&name, &job.outlook, &zone.outlook, zone.samples);
+                MeasuredZone { outlook: &zone.outlook, log, expected: expected.map_or(0.0, |it| it.log) }
+            })
+            .collect();
+        picture.learn(&job.outlook, &zones, weight, self.jobs);
+        self.pictures.push(picture);
+        self.forget_oldest_pictures();
+    }
+
+    fn forget_oldest_pictures(&mut self) {
+        let excess = self.pictures.len().saturating_sub(PICTURES_MAX);
+        self.pictures.drain(..excess);
+    }
+
+    /// The expectation for a zone of any picture of a technique. `None`: nothing was learned about the technique.
+    pub(crate) fn of_technique(
+        &self,
+        name: &str,
+        outlook: &PictureOutlook,
+        zone: &TaskOutlook,
+        samples: u32,
+    ) -> Option<LogRatio> {
+        let LearntTechnique { model, deviation, .. } = self.techniques.get(name)?;
+        let x: FeatureVector = features_of(outlook.mean_density(), zone, samples);
+        Some(LogRatio { log: model.expected(&x), deviation: deviation.hypot(model.variance(&x).sqrt()) })
+    }
+
+    /// The expectation for a zone of a picture that was painted before. `None`: it was not.
+    pub(crate) fn of_picture(
+        &self,
+        name: &str,
+        subject: &Subject,
+        outlook: &PictureOutlook,
+        zone: &TaskOutlook,
+        samples: u32,
+    ) -> Option<LogRatio> {
+        let picture = self.pictures.iter().find(|picture| picture.is(name, subject))?;
+        let by_technique = self.of_technique(name, outlook, zone, samples).map_or(0.0, |it| it.log);
+        Some(LogRatio { log: picture.expected(outlook, zone, by_technique), deviation: picture.deviation })
     }
 
     /// Learned V_cp for a kind of picture; `None`: nothing was learned about the technique.
@@ -156,28 +302,42 @@ impl Experience {
         self.powers.expected(&kind.names()).map(|log| RelativePower::new(log.exp()))
     }
 
-    /// All learned factors, those of the widest kinds first.
+    /// All learned factors: of V_cp, of techniques with the features of zones, and of pictures.
     pub fn factors(&self) -> Vec<LearntFactor> {
-        let of = |what: &'static str, lessons: &Lessons| -> Vec<LearntFactor> {
-            let learnt = |(tasks, lesson): (&str, &lessons::Lesson)| LearntFactor {
-                of: what.to_owned(),
-                tasks: tasks.to_owned(),
-                factor: lesson.factor(),
-                zones: lesson.count(),
-                age: self.jobs.saturating_sub(lesson.job()),
-            };
-            lessons.iter().map(learnt).collect()
-        };
-        let mut all = of("power", &self.powers);
-        all.extend(of("time", &self.paces));
-        all.sort_by_key(|factor| (factor.of.clone(), factor.tasks.matches(", ").count(), factor.tasks.clone()));
-        all
+        let age = |job: u64| self.jobs.saturating_sub(job);
+        let of_power = self.powers.iter().map(|(tasks, lesson)| LearntFactor {
+            of: "power".to_owned(),
+            tasks: tasks.to_owned(),
+            factor: lesson.factor(),
+            error: None,
+            zones: lesson.count(),
+            age: age(lesson.job()),
+        });
+        let of_technique = self.techniques.iter().flat_map(|(name, LearntTechnique { model, deviation, job })| {
+            KINDS.iter().zip(model.weights()).enumerate().map(move |(place, (kind, weight))| LearntFactor {
+                of: "time".to_owned(),
+                tasks: if place == 0 { name.clone() } else { format!("{name}, {}", kind.name) },
+                factor: (weight * kind.step).exp(),
+                error: (place == 0).then_some(*deviation),
+                zones: model.count(),
+                age: age(*job),
+            })
+        });
+        let of_picture = self.pictures.iter().rev().map(|picture| LearntFactor {
+            of: "picture".to_owned(),
+            tasks: picture.title(),
+            factor: picture.offset.exp(),
+            error: Some(picture.deviation),
+            zones: picture.count,
+            age: age(picture.job),
+        });
+        of_power.chain(of_technique).chain(of_picture).collect()
     }
 
     /// The experience as JSON.
     pub fn to_json(&self) -> String {
-        let Self { jobs, paces, powers } = self.clone();
-        serde_json::to_string(&ExperienceText { format: FORMAT, jobs, paces, powers })
+        let Self { jobs, techniques, pictures, powers } = self.clone();
+        serde_json::to_string(&ExperienceText { format: FORMAT, jobs, techniques, pictures, powers })
             .expect("numbers and text can be written")
     }
 
@@ -193,168 +353,43 @@ impl Experience {
         if found != FORMAT {
             return Err(ExperienceError::Format { found });
         }
-        let ExperienceText { jobs, mut paces, mut powers, .. } =
+        let ExperienceText { jobs, techniques, pictures, mut powers, .. } =
             serde_json::from_str(text).map_err(ExperienceError::Syntax)?;
-        for lessons in [&mut paces, &mut powers] {
-            if let Some(tasks) = lessons.nonsense() {
-                return Err(ExperienceError::Factor { tasks: tasks.to_owned() });
-            }
-            lessons.forget_oldest();
+        let of_power = powers.nonsense().map(str::to_owned);
+        let of_technique = techniques.iter().find(|(_, learnt)| !learnt.is_sound()).map(|(name, _)| name.clone());
+        let of_picture = pictures.iter().find(|picture| !picture.is_sound()).map(LearntPicture::title);
+        if let Some(tasks) = of_power.or(of_technique).or(of_picture) {
+            return Err(ExperienceError::Factor { tasks });
         }
-        Ok(Self { jobs, paces, powers })
+        powers.forget_oldest();
+        let mut experience = Self { jobs, techniques, pictures, powers };
+        experience.forget_oldest_pictures();
+        Ok(experience)
     }
 }
 
-/// The kinds of a zone and its ln(measured / predicted time). `None`: the ratio is not a positive number.
-fn observed(job: &JobLesson, zone: &PaintedZone) -> Option<(Vec<String>, f64)> {
+impl LearntTechnique {
+    fn unknown() -> Self {
+        let model = Regression::new(FeatureVector::default(), &deviations());
+        Self { model, deviation: DEVIATION, job: 0 }
+    }
+
+    /// The same for a machine with this V_cp, from the reference machine's times.
+    fn slower(&self, power: RelativePower) -> Self {
+        Self { model: self.model.shifted(power.get().ln()), ..self.clone() }
+    }
+
+    fn is_sound(&self) -> bool {
+        self.model.is_sound() && (0.0..=LOG_MAX).contains(&self.deviation)
+    }
+}
+
+/// ln of the measured over the predicted time of a zone. `None`: it is not a plausible number.
+fn log_ratio(zone: &PaintedZone) -> Option<f64> {
     let predicted = zone.outlook.sample_time * f64::from(zone.samples);
-    let ratio = zone.time.as_secs_f64() / predicted;
-    let kind = TaskKind::of_zone(&job.technique, &job.features, &zone.outlook, zone.samples);
-    (ratio.is_finite() && ratio > 0.0).then(|| (kind.names(), ratio.ln()))
-}
-
-/// Knowledge about a work before any of it is painted.
-#[derive(Clone, Debug)]
-pub struct Foreknowledge {
-    /// The experience from earlier works.
-    pub experience: Arc<Experience>,
-    /// The technique, as in [`JobLesson::technique`].
-    pub technique: Arc<str>,
-    /// V_cp from the benchmark.
-    pub benchmark: RelativePower,
-}
-
-impl Default for Foreknowledge {
-    fn default() -> Self {
-        Self { experience: Arc::default(), technique: "".into(), benchmark: RelativePower::REFERENCE }
-    }
-}
-
-impl Foreknowledge {
-    /// V_cp to start with: the learned one, or that of the benchmark.
-    pub fn power(&self, picture: &TaskFeatures) -> RelativePower {
-        self.experience.power(&self.technique, picture).unwrap_or(self.benchmark)
-    }
-
-    /// T_est of an unpainted zone, in reference-machine time; without experience the time predicted by the survey.
-    ///
-    /// - `picture`: the survey's features of the whole picture.
-    /// - `samples`: samples per pixel.
-    pub fn time(&self, picture: &TaskFeatures, zone: &TaskOutlook, samples: u32) -> Duration {
-        let predicted = zone.sample_time * f64::from(samples);
-        let own = self.experience.factor(&self.technique, picture, zone, samples);
-        let reference = own.map_or(predicted, |factor| factor * predicted / self.power(picture).get());
-        Duration::try_from_secs_f64(reference).unwrap_or_default()
-    }
+    let log = (zone.time.as_secs_f64() / predicted).ln();
+    (log.abs() <= LOG_MAX).then_some(log)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const PLAIN: TaskFeatures = TaskFeatures { glass: 0.0, texture: 0.0, media: 0.0 };
-    const GLASS: TaskFeatures = TaskFeatures { glass: 0.9, ..PLAIN };
-    const MIXED: TaskFeatures = TaskFeatures { glass: 0.2, ..PLAIN };
-
-    fn zone(features: TaskFeatures, sample_time: f64, factor: f64) -> PaintedZone {
-        let time = Duration::from_secs_f64(16.0 * sample_time * factor);
-        PaintedZone { outlook: TaskOutlook { sample_time, features }, samples: 16, time }
-    }
-
-    /// A job in which zones of glass take `glass` times what the survey predicts, and others `plain` times.
-    fn job(technique: &str, glass: f64, plain: f64) -> JobLesson {
-        let zones = (1..=12).flat_map(|i| {
-            let time = 0.02 * f64::from(i);
-            [zone(GLASS, time, glass), zone(PLAIN, time, plain)]
-        });
-        let power = Some(RelativePower::new(0.5));
-        JobLesson { technique: technique.into(), features: MIXED, power, zones: zones.collect() }
-    }
-
-    fn knowing(experience: Experience, technique: &str) -> Foreknowledge {
-        let benchmark = RelativePower::new(2.0);
-        Foreknowledge { experience: Arc::new(experience), technique: technique.into(), benchmark }
-    }
-
-    #[test]
-    fn the_next_job_of_a_kind_is_predicted_and_another_falls_back_to_what_is_general() {
-        let mut experience = Experience::default();
-        experience.learn(&job("builtin path", 3.0, 1.5));
-        let known = knowing(experience.clone(), "builtin path");
-        let outlook = |features| TaskOutlook { sample_time: 0.1, features };
-        let own = |picture, features| known.time(picture, &outlook(features), 10).as_secs_f64() * 0.5;
-        assert!((own(&MIXED, GLASS) / 3.0 - 1.0).abs() < 0.1, "{}", own(&MIXED, GLASS));
-        assert!((own(&MIXED, PLAIN) / 1.5 - 1.0).abs() < 0.1, "{}", own(&MIXED, PLAIN));
-        // Another kind of picture: zones of glass are still more expensive.
-        assert!(own(&PLAIN, GLASS) > 1.5 * own(&PLAIN, PLAIN));
-        for picture in [PLAIN, MIXED] {
-            assert!((known.power(&picture).get() - 0.5).abs() < 0.05);
-        }
-        // Another technique knows nothing: the survey and the benchmark are believed.
-        let other = knowing(experience, "builtin photon");
-        assert_eq!(other.time(&MIXED, &outlook(GLASS), 10), Duration::from_secs(1));
-        assert_eq!(other.power(&MIXED).get(), 2.0);
-    }
-
-    #[test]
-    fn what_is_new_counts_more_than_what_is_old() {
-        let mut experience = Experience::default();
-        for _ in 0..20 {
-            experience.learn(&job("p", 1.0, 1.0));
-        }
-        for _ in 0..4 {
-            experience.learn(&job("p", 4.0, 4.0));
-        }
-        let zone = TaskOutlook { sample_time: 0.1, features: GLASS };
-        let factor = experience.factor("p", &MIXED, &zone, 16).unwrap();
-        assert!((3.4..4.4).contains(&factor), "{factor}");
-        assert_eq!(experience.jobs(), 24);
-    }
-
-    #[test]
-    fn a_text_comes_back_and_what_is_none_is_refused() {
-        let mut experience = Experience::default();
-        experience.learn(&job("builtin path", 3.0, 1.5));
-        let text = experience.to_json();
-        let read = Experience::from_json(&text).unwrap();
-        assert_eq!(read.to_json(), text);
-        assert_eq!(read.factors().len(), experience.factors().len());
-        assert!(matches!(Experience::from_json("{\"format\":1"), Err(ExperienceError::Syntax(_))));
-        assert!(matches!(Experience::from_json("[1]"), Err(ExperienceError::Syntax(_))));
-        assert!(matches!(Experience::from_json(&text[..text.len() / 2]), Err(ExperienceError::Syntax(_))));
-        let newer = text.replace("\"format\":1", "\"format\":9");
-        assert!(matches!(Experience::from_json(&newer), Err(ExperienceError::Format { found: 9 })));
-        let long = " ".repeat(TEXT_MAX + 1);
-        assert!(matches!(Experience::from_json(&long), Err(ExperienceError::TooLong(_))));
-        let mad = r#"{"format":1,"jobs":3,"paces":{"p":{"log":1e9,"count":3.0,"job":2}},"powers":{}}"#;
-        assert!(matches!(Experience::from_json(mad), Err(ExperienceError::Factor { .. })));
-    }
-
-    #[test]
-    fn it_stays_small_and_keeps_what_was_used_last() {
-        let mut experience = Experience::default();
-        experience.learn(&job("kept", 2.0, 2.0));
-        for i in 0..400 {
-            experience.learn(&job(&format!("technique {i}"), 2.0, 2.0));
-            if i % 20 == 0 {
-                experience.learn(&job("kept", 2.0, 2.0));
-            }
-        }
-        assert!(experience.to_json().len() < 100_000);
-        assert!(experience.power("kept", &MIXED).is_some() && experience.power("technique 3", &MIXED).is_none());
-    }
-
-    #[test]
-    fn nonsense_teaches_nothing() {
-        let mut experience = Experience::default();
-        let nothing = PaintedZone { time: Duration::ZERO, ..zone(GLASS, 0.1, 1.0) };
-        let unknown = PaintedZone { outlook: TaskOutlook::default(), ..zone(GLASS, 0.1, 1.0) };
-        let outlook = TaskOutlook { sample_time: f64::INFINITY, features: TaskFeatures { glass: f64::NAN, ..PLAIN } };
-        let mad = PaintedZone { outlook, ..nothing };
-        experience.learn(&JobLesson { zones: vec![nothing, unknown, mad], ..job("p", 1.0, 1.0) });
-        assert!(experience.is_empty());
-        let known = knowing(experience, "p");
-        let zone = TaskOutlook { sample_time: f64::NAN, features: PLAIN };
-        assert_eq!(known.time(&PLAIN, &zone, 16), Duration::ZERO);
-    }
-}
+mod tests;

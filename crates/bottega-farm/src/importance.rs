@@ -18,7 +18,7 @@ use bottega_image::Rect;
 
 pub use self::channel::{Channel, ChannelSet, UnknownChannel};
 pub(crate) use self::outlook::Outlook;
-pub use self::outlook::{TaskFeatures, TaskOutlook};
+pub use self::outlook::{OUTLOOK_COLUMNS, OUTLOOK_ROWS, PictureOutlook, TaskFeatures, TaskOutlook};
 use self::sums::Sums;
 
 /// Minimum cost of a cell, as a share of the frame's mean: that of a sample whose ray misses the scene.

@@ -40,7 +40,7 @@
 //! | agents in this process; over several machines | `src/driver.rs`, `src/driver/`; `src/driver/link.rs`, `src/driver/transport.rs`, `src/wire.rs`, `src/wire/` |
 //! | simulation in virtual time; invariants checked after each run | `src/simulate/`; `src/simulate/invariants.rs`, `src/simulate/film.rs` |
 //! | record of a simulated run | `src/simulate/recorder.rs` |
-//! | predicting zone times from earlier works | `src/experience.rs`, `src/experience/`, `src/importance/outlook.rs`, `src/driver/learner.rs` |
+//! | predicting zone times from earlier works | `src/experience.rs`, `src/experience/`, `src/foreknowledge.rs`, `src/importance/outlook.rs`, `src/driver/learner.rs` |
 //! | accuracy of predicted times | `src/prediction.rs` |
 //! | progress of a job and its remaining time | `src/progress.rs`, `src/throughput.rs` |
 //! | the journal for `--resume` | `src/journal.rs` |
@@ -58,6 +58,7 @@ mod driver;
 mod engine_choice;
 mod experience;
 mod expert;
+mod foreknowledge;
 mod goals;
 mod ids;
 mod importance;
@@ -105,12 +106,14 @@ pub use driver::{
     MachineSpeed, MasterHandle, Observer, PREFETCH_MAX, StopSwitch, TransportError, VERIFY_MAX, assist, lead, run,
 };
 pub use engine_choice::EngineChoice;
-pub use experience::{Experience, ExperienceError, Foreknowledge, JobLesson, LearntFactor, PaintedZone};
+pub use experience::{Experience, ExperienceError, JobLesson, LearntFactor, PaintedZone, Subject};
 pub use expert::{BAND_MAX, BandWidth, Expert};
+pub use foreknowledge::{Foreknowledge, ZoneForecast};
 pub use goals::GoalRules;
 pub use ids::{WorkId, ZoneId};
 pub use importance::{
-    Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, TaskFeatures, TaskOutlook, UnknownChannel,
+    Channel, ChannelSet, ImportanceError, ImportanceFunction, ImportanceMap, OUTLOOK_COLUMNS, OUTLOOK_ROWS,
+    PictureOutlook, TaskFeatures, TaskOutlook, UnknownChannel,
 };
 pub use journal::{Journal, JournalContents, JournalError, JournalWriter, ZoneStore};
 pub use master::{Master, MasterConfig, Timing};

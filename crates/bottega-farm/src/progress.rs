@@ -102,7 +102,8 @@ impl Tally {
         // T_est covers the samples left by the last painting.
         let left = samples - row.samples_done().min(samples - 1);
         let scale = row.choice.map(|_| f64::from(samples) / f64::from(left));
-        if let (ZoneState::Open, None, Some(time)) = (row.state, row.result, row.time_estimated) {
+        let is_unpainted = matches!(row.state, ZoneState::Open | ZoneState::Profiled) && row.result.is_none();
+        if let Some(time) = row.time_estimated.filter(|_| is_unpainted) {
             let rate = time.as_secs_f64() / row.complexity.max(1e-9);
             self.expectations.entry(row.zone).or_insert(rate);
         }

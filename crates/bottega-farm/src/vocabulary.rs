@@ -7,8 +7,8 @@ use bottega_engines::{EnginePreference, Survey, Tunables};
 use bottega_image::Rect;
 
 use crate::{
-    AgentRow, ErrorUse, FarmContent, FarmValue, ImportanceMap, Mask, Partition, RelativePower, ResultRef, RoundSummary,
-    TaskOutlook, Theft, WorkId, WorkRow, ZoneId, ZoneRow,
+    AgentRow, ErrorUse, FarmContent, FarmValue, ImportanceMap, Mask, Partition, PictureOutlook, RelativePower,
+    ResultRef, RoundSummary, Theft, WorkId, WorkRow, ZoneId, ZoneRow,
 };
 
 /// An order to paint a zone, or some of its samples.
@@ -58,8 +58,8 @@ pub enum FarmEffect {
         map: Arc<ImportanceMap>,
         /// The zones.
         partition: Arc<Partition>,
-        /// The survey's predictions for each zone, by id.
-        outlooks: Arc<[TaskOutlook]>,
+        /// The survey's predictions.
+        outlook: Arc<PictureOutlook>,
     },
     /// Run the benchmark; answered by [`FarmCompletion::Benchmarked`].
     Benchmark,

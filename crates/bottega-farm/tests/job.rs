@@ -2,13 +2,17 @@
 
 use std::{
     io::{self, Write},
-    sync::{Arc, Mutex},
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicU32, Ordering},
+    },
+    time::Duration,
 };
 
 use bottega_farm::{
     AuctionRule, BandWidth, Experience, Expert, Goal, ImportanceMap, JobError, JobReport, JobSettings, Journal,
-    JournalContents, JournalWriter, Level, Observer, Optimization, Partition, Progress, StopSwitch, ZoneRow, ZoneState,
-    run,
+    JournalContents, JournalWriter, Level, Observer, Optimization, Partition, Progress, StopSwitch, Subject, ZoneRow,
+    ZoneState, run,
 };
 use bottega_image::{Aov, Film, Rect};
 
@@ -426,7 +430,7 @@ fn what_was_learnt_changes_what_is_expected_and_no_pixel() {
     // A job of a millisecond teaches next to nothing: it is taken to have lasted a thousand times as long.
     for mut lesson in first.lessons.into_values() {
         lesson.zones.iter_mut().for_each(|zone| zone.time *= 1000);
-        experience.learn(&lesson);
+        experience.learn(&lesson, None);
     }
     assert_eq!(experience.jobs(), 1);
     let second = paint(&JobSettings { experience: Arc::new(experience), ..settings });
@@ -437,4 +441,41 @@ fn what_was_learnt_changes_what_is_expected_and_no_pixel() {
     assert_eq!(bits(&second.film), bits(&first.film));
     let chosen = |rows: &[ZoneRow]| rows.iter().map(|row| (row.rect, row.choice)).collect::<Vec<_>>();
     assert_eq!(chosen(&second.rows), chosen(&first.rows));
+}
+
+#[test]
+fn zones_of_a_picture_that_was_painted_before_need_no_profile_and_have_the_same_bits() {
+    /// Counts the zones that are profiled.
+    #[derive(Default)]
+    struct Profiles(AtomicU32);
+    impl Observer for Profiles {
+        fn zone_changed(&self, row: &ZoneRow) {
+            self.0.fetch_add(u32::from(row.state == ZoneState::Profiling), Ordering::Relaxed);
+        }
+    }
+    let paint = |settings: &JobSettings| {
+        let (engine, profiles) = (Arc::new(FakeEngine::new(2, 0)), Arc::new(Profiles::default()));
+        let report = run(settings, engine, Arc::clone(&profiles) as _, &StopSwitch::new(), None, None).unwrap();
+        (report, profiles.0.load(Ordering::Relaxed))
+    };
+    let subject = Subject { scene: "spheres".into(), view: "front".into() };
+    let settings = JobSettings { subject, agents: 1, ..settings() };
+    let (first, profiled) = paint(&settings);
+    assert_eq!(profiled as usize, first.rows.len());
+    // The times of a fake engine are too short to teach: they are taken to be what the survey says, in thousands
+    let mut experience = Experience::default();
+    for mut lesson in first.lessons.into_values() {
+        for zone in &mut lesson.zones {
+            zone.time = Duration::from_secs_f64(1e3 * zone.outlook.sample_time * f64::from(zone.samples));
+        }
+        experience.learn(&lesson, None);
+    }
+    let learnt = JobSettings { experience: Arc::new(experience), ..settings };
+    for auction in [AuctionRule::FinishingTime, AuctionRule::Stealing] {
+        let (second, profiled) = paint(&JobSettings { auction, ..learnt.clone() });
+        assert_eq!((profiled, bits(&second.film)), (0, bits(&first.film)));
+    }
+    // The paper's rules profile every zone
+    let (paper, profiled) = paint(&JobSettings { auction: AuctionRule::Paper, ..learnt });
+    assert_eq!(profiled as usize, paper.rows.len());
 }

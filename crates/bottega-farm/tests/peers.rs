@@ -37,7 +37,8 @@ impl Stage {
         let (work, settings) = (WorkId(1), settings());
         let partition = PartitionSettings::for_agents(Level::Divided, 2, settings.frame);
         let knowledge = Foreknowledge::default();
-        let all = analyze(work, &settings, &survey(16, 16), ImportanceFunction::Paper, &partition, &knowledge).unwrap();
+        let all = analyze(work, &settings, &survey(16, 16), ImportanceFunction::Paper, &partition, &knowledge, false)
+            .unwrap();
         let config = Self::config();
         let master = Master::recover(config, all.work, all.rows);
         let now = Time::since_start(Duration::from_secs(1));

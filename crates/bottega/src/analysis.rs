@@ -158,7 +158,7 @@ impl AnalyzedScene {
     pub fn analyze(&self, function: ImportanceFunction, level: Level) -> Result<Analysis, Error> {
         let partition = PartitionSettings::for_agents(level, self.agents, self.frame());
         let partition = partition.within(None, zone_limits(&self.request.work));
-        analyze(WorkId(1), &self.settings, &self.survey, function, &partition, &Foreknowledge::default())
+        analyze(WorkId(1), &self.settings, &self.survey, function, &partition, &Foreknowledge::default(), false)
             .map_err(|error| Error::failed(error.to_string(), "this is unexpected; report it with the scene"))
     }
 }

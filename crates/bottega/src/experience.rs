@@ -108,7 +108,7 @@ pub fn keep(lesson: &JobLesson) -> Result<(), ExperienceFileError> {
     let earlier = |source| ExperienceFileError::Earlier { path: path.clone(), source: Box::new(source) };
     let before = read_file(&path).map_err(earlier)?;
     let mut experience = before.unwrap_or_default();
-    experience.learn(lesson);
+    experience.learn(lesson, None);
     Ok(write_whole(&path, experience.to_json().as_bytes())?)
 }
 

@@ -1,4 +1,4 @@
-//! An engine that paints one zone at a time, and measures the processor time of each.
+//! An engine that paints one zone at a time, and measures each by the processor time of a fixed small picture.
 
 use std::{
     collections::VecDeque,
@@ -6,14 +6,18 @@ use std::{
     time::Duration,
 };
 
-use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Survey, ZoneTask};
+use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, SpeedProbe, Survey, ZoneTask};
 use bottega_platform::processor_time::own_seconds;
 
 /// The callback of a zone.
 type Told = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 
-/// An engine that measures zones by processor time, which other programs on the machine hardly affect. Processor time is known
-/// only for the whole process, so it paints one zone at a time.
+/// Processor time of the fixed picture on the reference machine, in seconds.
+const PROBE_REFERENCE: f64 = 0.014;
+
+/// An engine that measures zones in time of the reference machine: processor time of the zone over that of a fixed picture,
+/// painted just before and after it. So other programs, which slow down both, hardly affect it. Processor time is known only for
+/// the whole process, so it paints one zone at a time.
 #[derive(Clone)]
 pub(super) struct TimedEngine {
     engine: Arc<dyn RenderEngine>,
@@ -23,6 +27,8 @@ pub(super) struct TimedEngine {
 #[derive(Default)]
 struct ZoneQueue {
     is_busy: bool,
+    /// The last time of the fixed picture, in seconds.
+    probed: Option<f64>,
     waiting: VecDeque<(ZoneTask, Told)>,
 }
 
@@ -39,16 +45,38 @@ impl TimedEngine {
         let mut queue = self.queue();
         let next = queue.waiting.pop_front();
         queue.is_busy = next.is_some();
+        let before = queue.probed;
         drop(queue);
         let Some((task, done)) = next else { return };
-        let (timed, begun) = (self.clone(), own_seconds());
+        let timed = self.clone();
+        let before = before.or_else(probe);
+        let begun = own_seconds();
         let told = move |painted: Result<Painted, EngineError>| {
-            let spent = own_seconds().zip(begun).map(|(now, begun)| Duration::from_secs_f64(now - begun));
+            let spent = own_seconds().zip(begun).map(|(now, begun)| now - begun);
+            // Compare the zone with the fixed picture, and begin the next zone
+            let after = probe();
+            let pace = before.zip(after).map(|(before, after)| 0.5 * (before + after) / PROBE_REFERENCE);
+            let time = spent.zip(pace).and_then(|(spent, pace)| Duration::try_from_secs_f64(spent / pace).ok());
+            timed.queue().probed = after;
             timed.paint_next();
-            done(painted.map(|painted| Painted { busy: spent.unwrap_or(painted.busy), ..painted }));
+            done(painted.map(|painted| {
+                let busy = time.unwrap_or(painted.busy);
+                // The parts of the zone keep their shares
+                let scale = busy.as_secs_f64() / painted.busy.as_secs_f64().max(1e-9);
+                let parts = painted.parts.iter().map(|(rect, time)| (*rect, time.mul_f64(scale))).collect();
+                Painted { busy, parts, ..painted }
+            }));
         };
         self.engine.start(task, Box::new(told));
     }
+}
+
+/// Processor time of the fixed picture now, in seconds.
+fn probe() -> Option<f64> {
+    let probe = SpeedProbe::new().ok()?;
+    let begun = own_seconds()?;
+    std::hint::black_box(probe.paint().ok()?);
+    Some(own_seconds()? - begun)
 }
 
 impl RenderEngine for TimedEngine {

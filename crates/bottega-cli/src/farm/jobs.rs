@@ -193,6 +193,7 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
         let services: Vec<&str> = agent.services.iter().map(|kind| kind.trim_start_matches("bottega-job-")).collect();
         println!("  {}: {}, in the directories as {}", agent.agent, agent.state, services.join(", "));
     }
+    job.log.iter().filter(|line| line.text.starts_with("learnt: ")).for_each(|line| println!("{}", line.text));
     energy::lines(&energy).iter().for_each(|line| println!("{line}"));
     for (seat, refusal) in RefusalWatch::default().news(&all, |work| work == job.work) {
         println!("  {} is left out: {}", seat.name, refusal.reason);

@@ -1,9 +1,9 @@
-//! `bottega machines show` and `forget`: the timing experience of machines.
+//! `bottega machines show`, `export` and `forget`: the timing experience of machines.
 
 use std::process::ExitCode;
 
 use bottega_agents::machine_of;
-use bottega_cluster::JobBoard;
+use bottega_cluster::{ALL_MACHINES, JobBoard};
 use bottega_farm::{Experience, LearntFactor, MachineSpeed};
 use serde_json::json;
 
@@ -12,22 +12,48 @@ use crate::{error::CliError, farm_args::FarmArgs};
 /// Shows the experience of a machine: one of the farm by name, or this one.
 pub(super) fn show(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, CliError> {
     let Some(name) = machine else {
-        let (experience, warning) = bottega::experience::read();
-        if let Some(warning) = warning {
-            return Err(CliError::failed(warning, "`bottega machines forget` removes it"));
-        }
-        tell("this machine", bottega::experience::kept_benchmark(), None, &experience, farm.json);
+        tell("this machine", bottega::experience::kept_benchmark(), None, &own()?, farm.json);
         return Ok(ExitCode::SUCCESS);
     };
     // Processes of a machine share its experience.
     let (board, name) = (farm.board()?, machine_of(name));
     let experience = board.experience(name);
     let reliability = board.reliabilities().get(name).copied();
-    if !board.shows_machine(name) || experience.is_empty() && reliability.is_none() {
+    if !is_shown(&board, name) || experience.is_empty() && reliability.is_none() {
         return Err(unknown(&board, name));
     }
     tell(name, None, reliability, &experience, farm.json);
     Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the experience of a machine as the JSON in which it is kept.
+pub(super) fn export(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode, CliError> {
+    let experience = match machine {
+        Some(name) => {
+            let (board, name) = (farm.board()?, machine_of(name));
+            let experience = board.experience(name);
+            if !is_shown(&board, name) || experience.is_empty() {
+                return Err(unknown(&board, name));
+            }
+            experience
+        }
+        None => own()?,
+    };
+    println!("{}", experience.to_json());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the experience of this machine by itself.
+fn own() -> Result<Experience, CliError> {
+    match bottega::experience::read() {
+        (experience, None) => Ok(experience),
+        (_, Some(warning)) => Err(CliError::failed(warning, "`bottega machines forget` removes it")),
+    }
+}
+
+/// True if the user of this board may see a machine. All machines together are no one's.
+fn is_shown(board: &JobBoard, name: &str) -> bool {
+    name == ALL_MACHINES || board.shows_machine(name)
 }
 
 /// Deletes the experience of a machine: one of the farm by name, or this one.
@@ -89,8 +115,9 @@ fn tell(name: &str, speed: Option<MachineSpeed>, reliability: Option<f64>, exper
     if factors.is_empty() {
         return;
     }
-    println!("{:<6} {:>7} {:>6} {:>5}  tasks", "of", "factor", "zones", "age");
-    for LearntFactor { of, tasks, factor, zones, age } in factors {
-        println!("{of:<6} {factor:>7.3} {zones:>6.1} {age:>5}  {tasks}");
+    println!("{:<8} {:>7} {:>6} {:>6} {:>5}  tasks", "of", "factor", "error", "zones", "age");
+    for LearntFactor { of, tasks, factor, error, zones, age } in factors {
+        let error = error.map_or_else(|| "–".to_owned(), |error| format!("{:.0} %", 100.0 * error));
+        println!("{of:<8} {factor:>7.3} {error:>6} {zones:>6.1} {age:>5}  {tasks}");
     }
 }

@@ -37,8 +37,10 @@ enum MachinesCommand {
     /// Have a machine leave the farm: `bottega join` ends there.
     Terminate { name: String },
     /// What a machine has learnt of how long zones take it: at the farm, there or not; without a name this machine by itself, which
-    /// needs no farm.
+    /// needs no farm. `all-machines` is what the machines of the farm have taught together.
     Show { name: Option<String> },
+    /// Print all of what a machine has learnt as JSON, to look at or to keep.
+    Export { name: Option<String> },
     /// Forget what a machine has learnt, and how far its promises held.
     Forget { name: Option<String> },
 }
@@ -50,6 +52,7 @@ pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
             return Ok(ExitCode::SUCCESS);
         }
         MachinesCommand::Show { name } => return learnt::show(name.as_deref(), &args.farm),
+        MachinesCommand::Export { name } => return learnt::export(name.as_deref(), &args.farm),
         MachinesCommand::Forget { name } => return learnt::forget(name.as_deref(), &args.farm),
         MachinesCommand::Suspend { name } => (name, PresenceState::Suspended),
         MachinesCommand::Resume { name } => (name, PresenceState::Active),

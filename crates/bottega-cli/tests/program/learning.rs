@@ -66,6 +66,8 @@ fn a_second_run_expects_what_the_first_took_and_paints_the_same() {
     };
     assert!(!expected(&before).is_empty() && expected(&before) != expected(&after));
     succeed_in(&state, &["diff", text(&first), text(&second), "--fail-above", "0"]);
+    let exported: Value = serde_json::from_str(&succeed_in(&state, &["machines", "export"])).expect("JSON");
+    assert!(exported["jobs"] == 2 && exported["techniques"]["builtin path at n"].is_object(), "{exported}");
     succeed_in(&state, &["machines", "forget"]);
     let kept: Value = serde_json::from_str(&succeed_in(&state, &["machines", "show", "--json"])).expect("JSON");
     assert!(kept["jobs"] == 0 && kept["benchmark"].is_null(), "{kept}");
@@ -79,9 +81,9 @@ fn a_file_that_cannot_be_used_is_told_and_left_as_it_is() {
     fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
     let long = " ".repeat((1 << 20) + 1);
     let newer = r#"{"format":7,"jobs":3,"paces":{},"powers":{},"more":[]}"#;
-    let mad = r#"{"format":1,"jobs":3,"paces":{"builtin path":{"log":1e300,"count":3,"job":2}},"powers":{}}"#;
+    let mad = r#"{"format":2,"jobs":3,"techniques":{},"pictures":[],"powers":{"p":{"log":1e300,"count":3,"job":2}}}"#;
     for (bytes, words) in [
-        (b"{\"format\":1,\"jo".as_slice(), "not what a machine has learnt"),
+        (b"{\"format\":2,\"jo".as_slice(), "not what a machine has learnt"),
         (b"\xff\xfe\x00".as_slice(), "valid UTF-8"),
         (long.as_bytes(), "1048577 bytes"),
         (newer.as_bytes(), "form 7"),

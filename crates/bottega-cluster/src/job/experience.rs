@@ -1,18 +1,24 @@
 //! The experience of machines, stored by the farm: how long zones take them.
 //!
 //! - `experience/MACHINE`: written by the leader of each job that the machine worked on. Each machine has its own and is
-//!   judged by it alone: reports of one machine do not affect another.
+//!   judged by it alone.
+//! - `experience-of-farm`: what all machines together have taught, in time of the reference machine. It predicts pictures of which
+//!   a machine itself has painted only some zones, and is the start for one that has learned nothing.
 
 use std::{collections::BTreeMap, sync::Arc};
 
 use bottega::error::error_chain;
 use bottega_agents::machine_of;
-use bottega_farm::{Experience, JobLesson};
+use bottega_farm::{Experience, JobLesson, JobReport};
 
 use crate::{error::Error, job::board::JobBoard};
 
 /// Prefix of these notices.
 const EXPERIENCE: &str = "experience/";
+/// The notice with the experience of all machines together.
+const OF_FARM: &str = "experience-of-farm";
+/// The name by which the experience of all machines together is asked for.
+pub const ALL_MACHINES: &str = "all-machines";
 
 impl JobBoard {
     /// Returns the experience of a machine, by its name; empty if there is none or it cannot be read.
@@ -31,6 +37,12 @@ impl JobBoard {
             .unwrap_or_default()
     }
 
+    /// Returns the experience of all machines together, in time of the reference machine: the start for a machine that has
+    /// learned nothing.
+    pub fn experience_of_farm(&self) -> Experience {
+        self.experience(ALL_MACHINES)
+    }
+
     /// Returns the experience of this machine: from this farm, or else from its own file.
     pub(crate) fn own_experience(&self, process: &str) -> Arc<Experience> {
         let at_farm = self.experience(machine_of(process));
@@ -45,13 +57,28 @@ impl JobBoard {
 
     /// Adds the lessons of a job. If two processes add to the same machine at once, one lesson may be lost.
     pub(crate) fn keep_lessons(&self, lessons: &BTreeMap<String, JobLesson>) {
+        let mut of_farm = self.experience_of_farm();
         // Experience of agents of other platforms is never read.
-        for (machine, lesson) in lessons.iter().filter(|(machine, _)| !machine.starts_with("stranger-")) {
+        let own = || lessons.iter().filter(|(machine, _)| !machine.starts_with("stranger-"));
+        for (machine, lesson) in own() {
             let mut experience = self.experience(machine);
-            experience.learn(lesson);
-            if let Err(error) = self.uplink.notices().put(&name_of(machine), experience.to_json().as_bytes()) {
-                tracing::debug!(%error, machine, "what it has learnt was not kept");
-            }
+            experience.learn(lesson, Some(&of_farm));
+            self.keep_experience(&name_of(machine), &experience);
+        }
+        // All machines together teach the farm, each in time of the reference machine
+        let all = own().map(|(_, lesson)| lesson.in_reference_time()).reduce(|mut all, lesson| {
+            all.zones.extend(lesson.zones);
+            all
+        });
+        if let Some(all) = all {
+            of_farm.learn(&all, None);
+            self.keep_experience(OF_FARM, &of_farm);
+        }
+    }
+
+    fn keep_experience(&self, notice: &str, experience: &Experience) {
+        if let Err(error) = self.uplink.notices().put(notice, experience.to_json().as_bytes()) {
+            tracing::debug!(%error, notice, "what was learnt is not kept");
         }
     }
 
@@ -69,6 +96,24 @@ impl JobBoard {
     }
 }
 
+/// Returns the notice with the experience of a machine, or of all of them.
 fn name_of(machine: &str) -> String {
-    format!("{EXPERIENCE}{machine}")
+    if machine == ALL_MACHINES { OF_FARM.to_owned() } else { format!("{EXPERIENCE}{machine}") }
+}
+
+/// Returns what a job has taught, as a line of its log; `None`: nothing.
+pub(crate) fn taught(report: &JobReport) -> Option<String> {
+    let zones = |(machine, lesson): (&String, &JobLesson)| format!("{machine} {}", lesson.zones.len());
+    let machines: Vec<String> = report.lessons.iter().map(zones).collect();
+    let forecast = report.forecast.filter(|_| !machines.is_empty())?;
+    let source = match report.jobs_learnt {
+        0 => "the survey alone".to_owned(),
+        1 => "one earlier job".to_owned(),
+        jobs => format!("{jobs} earlier jobs"),
+    };
+    Some(format!(
+        "learnt: the times of zones, {}; T_est by {source} was off by {:.0} % in the median",
+        machines.join(", "),
+        100.0 * forecast.median_error
+    ))
 }

@@ -6,7 +6,7 @@ pub(crate) mod activity;
 pub mod blackboard;
 pub(crate) mod board;
 pub mod energy;
-mod experience;
+pub(crate) mod experience;
 pub(crate) mod first_look;
 pub mod job_preview;
 pub mod machines;

@@ -19,6 +19,7 @@ use crate::{
     job::{
         activity::Occupation,
         board::{JobBoard, Lead, Lease, RENEW_EVERY},
+        experience::taught,
         first_look::FirstLook,
         presence::Presence,
         record::{Job, JobState, PaintingTurn},
@@ -110,7 +111,11 @@ pub(crate) fn take_part(
     }
     // Render zones, as the leader or for it
     let link = job_link(Arc::clone(&board.uplink), WorkId(job.work), Some(number), name.clone());
-    let settings = JobSettings { experience: board.own_experience(name), ..less(&tools.settings, prepared) };
+    let settings = JobSettings {
+        experience: board.own_experience(name),
+        experience_of_farm: Arc::new(board.experience_of_farm()),
+        ..less(&tools.settings, prepared)
+    };
     let (settings, engine) = (&settings, Arc::clone(&tools.engine));
     // From here on the process counts as busy only while zones are in progress.
     drop(occupation);
@@ -124,6 +129,9 @@ pub(crate) fn take_part(
         *leading.master.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let mut report = Box::new(report.map_err(Error::job)?);
         board.keep_lessons(&report.lessons);
+        if let Some(line) = taught(&report) {
+            board.log(number, &line);
+        }
         report.times.total += prepared;
         report.times.preparation += prepared;
         return Ok(if report.stopped {

@@ -6,8 +6,8 @@ use bottega_agents::{AgentId, Revision};
 use bottega_image::Rect;
 
 use crate::{
-    Choice, Goal, NeighborDifference, Painting, ResultRef, WorkId, WorkSettings, ZoneId, adaptation::scaled,
-    partition::nearest_multiple,
+    Choice, Goal, NeighborDifference, Painting, ResultRef, WorkId, WorkSettings, ZoneForecast, ZoneId,
+    adaptation::scaled, partition::nearest_multiple,
 };
 
 /// Number of failed attempts after which a zone is given up.
@@ -143,6 +143,18 @@ impl ZoneRow {
             votes: Vec::new(),
             word_of: None,
         }
+    }
+
+    /// The row of a new zone with a predicted time. If the prediction is trusted, and no rules have to choose settings, the zone
+    /// is not profiled: it waits for the auction at once.
+    #[must_use]
+    pub(crate) fn with_forecast(self, settings: &WorkSettings, forecast: &ZoneForecast) -> Self {
+        let row = Self { time_estimated: Some(forecast.time), ..self };
+        let has_rules = settings.optimization.rule_input().is_some();
+        if has_rules || settings.goal != Goal::Samples || !forecast.is_trusted() {
+            return row;
+        }
+        Self { state: ZoneState::Profiled, choice: Some(Choice::unchanged(settings)), ..row }
     }
 
     /// The paper's Size: the number of its own pixels, without the band.

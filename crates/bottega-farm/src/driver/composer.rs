@@ -39,7 +39,10 @@ impl Composer {
             rows: BTreeMap::new(),
             store,
             stored,
-            tally: Tally::new(!settings.experience.is_empty(), settings.auction.at_once(settings.prefetch)),
+            tally: Tally::new(
+                !settings.experience.is_empty() || !settings.experience_of_farm.is_empty(),
+                settings.auction.at_once(settings.prefetch),
+            ),
             times: Times::default(),
         }
     }

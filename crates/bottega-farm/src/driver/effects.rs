@@ -12,8 +12,8 @@ impl Shared {
     pub(super) fn perform(self: &Arc<Self>, effect: FarmEffect, mailbox: &FarmMailbox) {
         match effect {
             FarmEffect::Survey { width, height, .. } => self.survey(width, height, mailbox),
-            FarmEffect::Analyzed { map, partition, outlooks } => {
-                self.learner().begin(outlooks);
+            FarmEffect::Analyzed { map, partition, outlook } => {
+                self.learner().begin(outlook);
                 self.observer.analyzed(&map, &partition);
             }
             FarmEffect::Benchmark => {

@@ -9,17 +9,18 @@ use std::{
 use bottega_agents::{AgentId, Revision, machine_of};
 
 use crate::{
-    AgentRow, Choice, Forecast, JobLesson, PaintedZone, RelativePower, Report, TaskFeatures, TaskOutlook, WorkRow,
-    ZoneId, ZoneRow, ZoneState,
+    AgentRow, Choice, Forecast, JobLesson, PaintedZone, PictureOutlook, RelativePower, Report, Subject, TaskFeatures,
+    WorkRow, ZoneId, ZoneRow, ZoneState,
 };
 
 /// Collects zone times from the rows of a job. Ignores zones that are cut, and works that another process has analyzed.
 #[derive(Debug, Default)]
 pub(super) struct Learner {
     technique: Arc<str>,
+    subject: Subject,
     features: Option<TaskFeatures>,
-    /// The prediction features of each zone, from the survey, by id.
-    outlooks: Arc<[TaskOutlook]>,
+    /// The survey's predictions.
+    outlook: Arc<PictureOutlook>,
     /// T_est of each zone before its profile, in reference-machine time.
     expected: BTreeMap<ZoneId, Duration>,
     /// The current order of each zone: its parameters, and the samples that it had before.
@@ -41,14 +42,14 @@ struct DoneZone {
 }
 
 impl Learner {
-    /// Returns a learner for jobs of this technique.
-    pub(super) fn new(technique: &Arc<str>) -> Self {
-        Self { technique: Arc::clone(technique), ..Self::default() }
+    /// Returns a learner for jobs of this technique and subject.
+    pub(super) fn new(technique: &Arc<str>, subject: &Subject) -> Self {
+        Self { technique: Arc::clone(technique), subject: subject.clone(), ..Self::default() }
     }
 
     /// Sets the prediction features once the zones are cut.
-    pub(super) fn begin(&mut self, outlooks: Arc<[TaskOutlook]>) {
-        self.outlooks = outlooks;
+    pub(super) fn begin(&mut self, outlook: Arc<PictureOutlook>) {
+        self.outlook = outlook;
     }
 
     /// Records the row of the work.
@@ -75,7 +76,7 @@ impl Learner {
             return;
         }
         match (row.state, row.time_estimated) {
-            (ZoneState::Open, Some(expected)) if row.result.is_none() && row.attempt == 0 => {
+            (ZoneState::Open | ZoneState::Profiled, Some(expected)) if row.result.is_none() && row.attempt == 0 => {
                 self.expected.entry(row.zone).or_insert(expected);
             }
             (ZoneState::Profiling, _) => _ = self.orders.insert(row.zone, (row.choice, 0)),
@@ -132,12 +133,23 @@ impl Learner {
     pub(super) fn lessons(&self, samples: u32) -> BTreeMap<String, JobLesson> {
         let Some(features) = self.features else { return BTreeMap::new() };
         let mut lessons: BTreeMap<String, JobLesson> = BTreeMap::new();
-        let new = || JobLesson { technique: Arc::clone(&self.technique), features, power: None, zones: Vec::new() };
+        let new = || JobLesson {
+            technique: Arc::clone(&self.technique),
+            subject: self.subject.clone(),
+            features,
+            outlook: Arc::clone(&self.outlook),
+            power: None,
+            to_reference: RelativePower::REFERENCE,
+            zones: Vec::new(),
+        };
         for (zone, _, done) in self.compared() {
-            let Some(outlook) = self.outlooks.get(zone.0 as usize) else { continue };
+            let Some(outlook) = self.outlook.zones.get(zone.index()) else { continue };
             let lesson = lessons.entry(machine_of(&done.agent.name).to_owned()).or_insert_with(new);
             lesson.zones.push(PaintedZone { outlook: *outlook, samples, time: done.time });
         }
+        lessons.iter_mut().for_each(|(machine, lesson)| {
+            lesson.to_reference = self.power(machine).unwrap_or(RelativePower::REFERENCE);
+        });
         // The speed relative to other machines needs at least two.
         if lessons.len() > 1 {
             lessons.iter_mut().for_each(|(machine, lesson)| lesson.power = self.power(machine));
@@ -153,7 +165,7 @@ mod tests {
     use bottega_image::{Rect, Sides};
 
     use super::*;
-    use crate::{NeighborDifference, Painting, ResultRef, WorkId};
+    use crate::{NeighborDifference, Painting, ResultRef, TaskOutlook, WorkId};
 
     const SECOND: Duration = Duration::from_secs(1);
 
@@ -201,8 +213,9 @@ mod tests {
     }
 
     fn learner() -> Learner {
-        let mut learner = Learner::new(&"builtin path".into());
-        learner.begin(vec![TaskOutlook { sample_time: 0.1, features: TaskFeatures::default() }; 4].into());
+        let mut learner = Learner::new(&"builtin path".into(), &Subject::default());
+        let zones = vec![TaskOutlook { sample_time: 0.1, ..TaskOutlook::default() }; 4];
+        learner.begin(Arc::new(PictureOutlook { zones, ..PictureOutlook::default() }));
         learner.features = Some(TaskFeatures::default());
         for (agent, power) in [("render-1@fast.7", 0.5), ("render-1@slow", 2.0)] {
             learner.powers.insert(AgentId::new(agent), [RelativePower::new(power), RelativePower::new(3.0 * power)]);

@@ -80,6 +80,7 @@ pub(super) fn populate(
                 partition: usual.within(settings.zones, settings.zone_limits),
                 registration: place,
                 knowledge: shared.knowledge.clone(),
+                trusts_forecasts: settings.trusts_forecasts(),
             };
             add(&analyst, Analyst::new(config).into())?;
             add(&master, Master::new(master_config).into())?

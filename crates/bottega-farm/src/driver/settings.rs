@@ -8,7 +8,7 @@ use bottega_image::{Layout, Rect};
 use super::benchmark::MachineSpeed;
 use crate::{
     AdaptationRule, AuctionRule, BandWidth, Credit, EngineChoice, Experience, Expert, Goal, ImportanceFunction, Level,
-    Optimization, WorkSettings, ZoneLimits,
+    Optimization, Subject, WorkSettings, ZoneLimits,
 };
 
 /// The most agents of one job.
@@ -62,8 +62,12 @@ pub struct JobSettings {
     pub credits: Arc<BTreeMap<String, Credit>>,
     /// The measured zone times of this machine from earlier works.
     pub experience: Arc<Experience>,
+    /// Those of all machines of the farm together, in reference time.
+    pub experience_of_farm: Arc<Experience>,
     /// The identifier of engine, integrator and other settings that affect zone times: experience is kept per technique.
     pub technique: Arc<str>,
+    /// The picture, by which a later job of the same scene is recognized.
+    pub subject: Subject,
     /// V_cp of this machine by its benchmark, and its load now.
     pub benchmark: MachineSpeed,
     /// The number of zones that an agent works on at once; at most [`PREFETCH_MAX`].
@@ -78,6 +82,13 @@ pub struct JobSettings {
 }
 
 impl JobSettings {
+    /// True if zones whose time is known well from earlier works need no profile: not by the paper's rules, and not where
+    /// agents are compared, because a profile compares them early.
+    pub(crate) fn trusts_forecasts(&self) -> bool {
+        let is_paper = self.auction == AuctionRule::Paper || self.adaptation == AdaptationRule::Paper;
+        !is_paper && self.verify <= 1 && !self.strangers
+    }
+
     /// Returns the settings of a picture, with defaults for all others.
     pub fn new(width: u32, height: u32, samples: u32, tunables: Tunables, layout: Layout) -> Self {
         Self {
@@ -102,7 +113,9 @@ impl JobSettings {
             adaptation: AdaptationRule::default(),
             credits: Arc::default(),
             experience: Arc::default(),
+            experience_of_farm: Arc::default(),
             technique: "".into(),
+            subject: Subject::default(),
             benchmark: MachineSpeed::REFERENCE,
             prefetch: 2,
             shares_tail: true,

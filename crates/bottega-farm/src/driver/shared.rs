@@ -122,7 +122,9 @@ impl Shared {
     ) -> Self {
         let knowledge = Foreknowledge {
             experience: Arc::clone(&settings.experience),
+            of_farm: Arc::clone(&settings.experience_of_farm),
             technique: Arc::clone(&settings.technique),
+            subject: settings.subject.clone(),
             benchmark: settings.benchmark.power,
         };
         Self {
@@ -137,7 +139,7 @@ impl Shared {
             agents: settings.agents,
             link,
             fetchers: Fetchers::default(),
-            learner: Mutex::new(Learner::new(&settings.technique)),
+            learner: Mutex::new(Learner::new(&settings.technique, &settings.subject)),
             knowledge,
         }
     }

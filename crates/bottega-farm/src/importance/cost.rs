@@ -42,3 +42,11 @@ pub(super) fn predicted(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
         TERMS.iter().zip(&means).map(counted).sum::<f32>()
     })
 }
+
+/// The part of the predicted time per sample that the counts of one channel take, like [`predicted`].
+pub(super) fn predicted_of(survey: &Survey, channel: Channel) -> Vec<f32> {
+    smoothed(survey, |pixel| {
+        let terms = TERMS.iter().filter(|term| term.channel == channel);
+        terms.map(|term| term.weight * sane((term.count)(pixel))).sum::<f32>()
+    })
+}

@@ -4,33 +4,66 @@ use bottega_engines::{Survey, SurveyPixel};
 use bottega_image::Rect;
 
 use super::{
-    COST_FLOOR, ChannelSet,
+    COST_FLOOR, Channel, ChannelSet,
     channel::{sane, smoothed},
-    cost::predicted,
+    cost::{predicted, predicted_of},
     sums::Sums,
 };
 
 /// Seconds per nanosecond.
 const NANOSECOND: f64 = 1e-9;
 
-/// Features that distinguish kinds of tasks, as shares of the survey's paths, each 0..=1.
+/// Size of the grid of a [`PictureOutlook`], in cells.
+pub const OUTLOOK_COLUMNS: u32 = 32;
+/// See [`OUTLOOK_COLUMNS`].
+pub const OUTLOOK_ROWS: u32 = 24;
+/// Maximum of [`TaskFeatures::bounces`].
+const BOUNCES_MAX: f64 = 1e3;
+
+/// Features that distinguish tasks, from the survey's paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskFeatures {
-    /// Paths that hit a mirror or glass first.
+    /// Share of paths that hit a mirror or glass first, 0..=1.
     pub glass: f64,
-    /// Vertices with a texture.
+    /// Share of vertices with a texture, 0..=1.
     pub texture: f64,
-    /// Segments inside media.
+    /// Share of segments inside media, 0..=1.
     pub media: f64,
+    /// Share of the predicted time that rays towards lights take, 0..=1.
+    pub shadow: f64,
+    /// Share of the predicted time that surfaces of several lobes and textures take, 0..=1.
+    pub material: f64,
+    /// Mean number of vertices of a path.
+    pub bounces: f64,
 }
 
 /// The survey's prediction for a part of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskOutlook {
+    /// Its pixels.
+    pub rect: Rect,
     /// Predicted time of one sample for each of its pixels, in seconds of the reference machine.
     pub sample_time: f64,
     /// Its features.
     pub features: TaskFeatures,
+}
+
+/// The survey's predictions for the zones of a picture, and for the cells of a grid over it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PictureOutlook {
+    /// The pixels that the grid covers evenly.
+    pub frame: Rect,
+    /// The prediction for each zone, by id.
+    pub zones: Vec<TaskOutlook>,
+    /// Predicted seconds per sample and pixel, row-major, [`OUTLOOK_COLUMNS`] × [`OUTLOOK_ROWS`].
+    pub grid: Vec<f64>,
+}
+
+impl PictureOutlook {
+    /// Predicted seconds per sample and pixel of the whole picture.
+    pub fn mean_density(&self) -> f64 {
+        self.grid.iter().sum::<f64>() / self.grid.len().max(1) as f64
+    }
 }
 
 /// The survey's predictions for a picture; independent of experience.
@@ -38,9 +71,13 @@ pub struct TaskOutlook {
 pub(crate) struct Outlook {
     /// Predicted time per sample, in nanoseconds of the reference machine.
     time: Sums,
+    /// The parts of it for rays towards lights, and for materials.
+    shadow: Sums,
+    material: Sums,
     glass: Sums,
     texture: Sums,
     media: Sums,
+    bounces: Sums,
 }
 
 impl Outlook {
@@ -52,20 +89,57 @@ impl Outlook {
         let mean = time.integral(&surveyed) / surveyed.area().max(1) as f64;
         Self {
             time: time.map(|value| value.max((mean * COST_FLOOR) as f32)),
+            shadow: sums(predicted_of(survey, Channel::Shadow)),
+            material: sums(predicted_of(survey, Channel::Material)),
+            bounces: sums(smoothed(survey, |pixel| sane(pixel.path_length))),
             glass: share(|pixel| sane(pixel.recursion_levels)),
             texture: share(|pixel| sane(pixel.lookups) / sane(pixel.path_length).max(1.0)),
             media: share(|pixel| sane(pixel.media) / (sane(pixel.path_length) + 1.0)),
         }
     }
 
+    /// The predictions for zones, and for the grid over `frame`. Panics if a zone or `frame` reaches beyond the survey.
+    pub(crate) fn of_picture(&self, frame: &Rect, zones: impl Iterator<Item = Rect>) -> PictureOutlook {
+        let cells = (0..OUTLOOK_ROWS).flat_map(|row| (0..OUTLOOK_COLUMNS).map(move |column| (column, row)));
+        let grid = cells.map(|(column, row)| {
+            let cell = grid_cell(frame, column, row);
+            self.time.integral(&cell).max(0.0) * NANOSECOND / cell.area() as f64
+        });
+        PictureOutlook { frame: *frame, zones: zones.map(|rect| self.of(&rect)).collect(), grid: grid.collect() }
+    }
+
     /// The prediction for the pixels of `rect`. Constant time. Panics if `rect` reaches beyond the survey.
     pub(crate) fn of(&self, rect: &Rect) -> TaskOutlook {
-        let mean = |sums: &Sums| (sums.integral(rect) / rect.area().max(1) as f64).clamp(0.0, 1.0);
+        let mean = |sums: &Sums| sums.integral(rect) / rect.area().max(1) as f64;
+        let share = |sums: &Sums| mean(sums).clamp(0.0, 1.0);
+        let time = self.time.integral(rect).max(0.0);
+        let of_time = |sums: &Sums| if time > 0.0 { (sums.integral(rect) / time).clamp(0.0, 1.0) } else { 0.0 };
         TaskOutlook {
-            sample_time: self.time.integral(rect).max(0.0) * NANOSECOND,
-            features: TaskFeatures { glass: mean(&self.glass), texture: mean(&self.texture), media: mean(&self.media) },
+            rect: *rect,
+            sample_time: time * NANOSECOND,
+            features: TaskFeatures {
+                glass: share(&self.glass),
+                texture: share(&self.texture),
+                media: share(&self.media),
+                shadow: of_time(&self.shadow),
+                material: of_time(&self.material),
+                bounces: mean(&self.bounces).clamp(0.0, BOUNCES_MAX),
+            },
         }
     }
+}
+
+/// The pixels of a cell of the grid: at least one.
+fn grid_cell(frame: &Rect, column: u32, row: u32) -> Rect {
+    let part = |start: u32, end: u32, place: u32, count: u32| {
+        let side = u64::from(end - start);
+        let at = |place: u32| start + (side * u64::from(place) / u64::from(count)) as u32;
+        let first = at(place).min(end - 1);
+        (first, at(place + 1).max(first + 1))
+    };
+    let ((x0, x1), (y0, y1)) =
+        (part(frame.x0, frame.x1, column, OUTLOOK_COLUMNS), part(frame.y0, frame.y1, row, OUTLOOK_ROWS));
+    Rect::new(x0, y0, x1, y1)
 }
 
 #[cfg(test)]

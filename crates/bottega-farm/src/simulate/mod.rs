@@ -9,6 +9,7 @@ mod farm_spec;
 mod film;
 mod invariants;
 mod machines;
+mod outcome;
 mod record;
 mod record_json;
 mod recorder;
@@ -25,6 +26,7 @@ use bottega_agents::{
 
 pub use self::{
     farm_spec::{AgentSpec, FarmSpec, FarmSpecError, Incident, IncidentKind, MachineSpec, SIMULATED_AGENTS_MAX},
+    outcome::{AgentOutcome, SimulationOutcome},
     record::{CELL_SIDE, CostGrid, Record, RecordError, RecordedRules, RecordedZone},
     recorder::Recorder,
     simulated_farm::{SPANS_MAX, Span, SpanKind, TimeLeft},
@@ -36,8 +38,8 @@ use self::{
 };
 use crate::{
     AdaptationRule, AuctionRule, Credit, Expert, FarmAgent, FarmContent, FarmValue, GoalRules, Master, MasterConfig,
-    MasterSource, RelativePower, RenderAgent, RenderAgentConfig, RoundSummary, Theft, Timing, WorkKeys,
-    contents::message, progress::Tally, protocol,
+    MasterSource, RelativePower, RenderAgent, RenderAgentConfig, Timing, WorkKeys, ZoneForecast, contents::message,
+    progress::Tally, protocol,
 };
 
 /// Virtual time simulated after the end, until all agents have left.
@@ -64,6 +66,11 @@ pub struct Plan {
     pub adaptation: AdaptationRule,
     /// Credit of the agents in earlier works, by name.
     pub credits: Arc<BTreeMap<String, Credit>>,
+    /// V_cp of the agents as learned in earlier works, by name; others start from their benchmark.
+    pub powers: Arc<BTreeMap<String, RelativePower>>,
+    /// The times of all zones as predicted from earlier works, by id, in reference time; zones whose time is trusted are not
+    /// profiled. Empty: nothing was learned.
+    pub forecasts: Arc<[ZoneForecast]>,
     /// Number of zones that an agent works on at once.
     pub prefetch: u32,
     /// `true`: near the end, zones are cut and zones of slow agents also given to idle ones: see
@@ -100,6 +107,8 @@ impl Plan {
             auction: AuctionRule::default(),
             adaptation: AdaptationRule::default(),
             credits: Arc::default(),
+            powers: Arc::default(),
+            forecasts: [].into(),
             prefetch: 2,
             verify: 1,
             inexact: false,
@@ -117,99 +126,6 @@ impl Plan {
     pub fn as_in_paper(self) -> Self {
         let (auction, adaptation) = (AuctionRule::Paper, AdaptationRule::Paper);
         Self { auction, adaptation, prefetch: 1, shares_tail: false, ..self }
-    }
-}
-
-/// The outcome of a simulation.
-#[derive(Clone, Debug)]
-pub struct SimulationOutcome {
-    /// Time at which the picture was complete, from the start of the platform.
-    pub makespan: Duration,
-    /// Lower bound on that time, for the painted samples and the agents present, including the survey; `None`: they
-    /// cannot finish.
-    pub least: Option<Duration>,
-    /// Time of the most expensive zone on the fastest machine, in one piece, including the survey.
-    pub longest_zone: Duration,
-    /// Processor time at speed 1 of all samples in the picture.
-    pub work: Duration,
-    /// Number of zones.
-    pub zones: usize,
-    /// Number of zones that were given up.
-    pub failed: usize,
-    /// Number of zones in the picture that were painted wrong.
-    pub wrong: usize,
-    /// True if zones ever waited because there were too few machines to compare paintings.
-    pub lacked_machines: bool,
-    /// Number of messages until the picture was complete.
-    pub messages: u64,
-    /// Number of films begun: one per life of the Master.
-    pub films: u32,
-    /// The rounds of the auction, as they ended.
-    pub rounds: Vec<RoundSummary>,
-    /// The thefts, in order.
-    pub thefts: Vec<Theft>,
-    /// The agents, in the order of the farm.
-    pub agents: Vec<AgentOutcome>,
-    /// The spans of all agents, in the order of their ends.
-    pub spans: Vec<Span>,
-    /// Number of spans beyond [`SPANS_MAX`], which are not kept.
-    pub spans_left_out: u64,
-    /// The trace, one line per event, if requested.
-    pub trace: String,
-    /// The predictions of the remaining time, if requested.
-    pub times_left: Vec<TimeLeft>,
-}
-
-/// The result of an agent.
-#[derive(Clone, Debug, PartialEq)]
-pub struct AgentOutcome {
-    /// Its name.
-    pub name: String,
-    /// Speed of its processors.
-    pub speed: f64,
-    /// Its share of the processors of its machine.
-    pub lanes: f64,
-    /// Processor time spent, in time of its machine.
-    pub busy: Duration,
-    /// Number of orders finished.
-    pub orders: u32,
-    /// The reason why it was excluded, if it was.
-    pub left_out: Option<String>,
-    /// Its credit at the end.
-    pub credit: Credit,
-    /// V_cp at the end, as known to its Master.
-    pub power: RelativePower,
-}
-
-impl SimulationOutcome {
-    /// The credit of the agents, for [`Plan::credits`] of the next work.
-    pub fn credits(&self) -> BTreeMap<String, Credit> {
-        self.agents.iter().map(|agent| (agent.name.clone(), agent.credit)).collect()
-    }
-
-    /// The lower bound over the time taken, 0..=1.
-    pub fn efficiency(&self) -> f64 {
-        self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
-    }
-
-    /// The worst ratio of predicted to actual remaining time, or its inverse, once a share of the work was done. Errors
-    /// below a second, or below a twentieth of the whole time, are ignored. `None`: no predictions.
-    ///
-    /// - `from`: share of the cost, 0..1.
-    pub fn worst_time_left(&self, from: f64) -> Option<f64> {
-        let borne = 1.0_f64.max(self.makespan.as_secs_f64() / 20.0);
-        let wrong = |predicted: &TimeLeft| {
-            let (said, true_left) =
-                (predicted.said.as_secs_f64(), self.makespan.saturating_sub(predicted.at).as_secs_f64());
-            let factor = said.max(true_left) / said.min(true_left).max(1e-9);
-            if (said - true_left).abs() <= borne { 1.0 } else { factor }
-        };
-        self.times_left.iter().filter(|predicted| predicted.done >= from).map(wrong).reduce(f64::max)
-    }
-
-    /// Messages per zone.
-    pub fn messages_per_zone(&self) -> f64 {
-        self.messages as f64 / self.zones.max(1) as f64
     }
 }
 
@@ -320,6 +236,7 @@ fn agents(plan: &Plan, world: &SimulatedFarm) -> Vec<AgentOutcome> {
         left_out: simulated.left_out.clone(),
         credit: simulated.known.as_ref().map(|row| row.credit).unwrap_or_default(),
         power: simulated.known.as_ref().map_or(simulated.power, |row| row.power),
+        first_power: simulated.power,
     };
     world.names.iter().zip(&world.agents).map(outcome).collect()
 }
@@ -366,10 +283,12 @@ impl<'a> Play<'a> {
         for (index, agent) in agents.iter().enumerate() {
             let MachineSpec { processors, speed } = machines[agent.machine];
             let error = 1.0 + plan.benchmark_error * (2.0 * random.unit() - 1.0);
+            let benchmark = RelativePower::new(piece.relative_power / speed * error);
+            let name = AgentId::new(format!("agent-{index}"));
             let simulated = SimulatedPainter {
                 machine: agent.machine,
                 joins: agent.joins,
-                power: RelativePower::new(piece.relative_power / speed * error),
+                power: plan.powers.get(&name.to_string()).copied().unwrap_or(benchmark),
                 lanes: f64::from(processors) / f64::from(neighbors[agent.machine]),
                 busy: 0.0,
                 orders: 0,
@@ -380,7 +299,7 @@ impl<'a> Play<'a> {
                 left_out: None,
                 known: None,
             };
-            world.add_agent(AgentId::new(format!("agent-{index}")), simulated);
+            world.add_agent(name, simulated);
         }
         let joins = agents.iter().enumerate().map(|(index, agent)| (agent.joins, Happening::Joins(index)));
         let befall = incidents.iter().map(|incident| (incident.at, Happening::Befalls(incident.agent, incident.kind)));
@@ -435,7 +354,7 @@ impl<'a> Play<'a> {
         match what {
             Happening::Analyzed => {
                 let work = FarmValue::Work(Arc::new(self.piece.work.clone()));
-                let zones = self.piece.rows().map(|row| FarmValue::Zone(Arc::new(row)));
+                let zones = self.piece.rows(&self.plan.forecasts).map(|row| FarmValue::Zone(Arc::new(row)));
                 let keys = WorkKeys::new(self.piece.work.work);
                 for value in zones.chain([work]) {
                     self.simulator.put(keys.of(&value), value);

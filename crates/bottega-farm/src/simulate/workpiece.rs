@@ -9,7 +9,7 @@ use bottega_image::Rect;
 use super::record::{CELL_SIDE, Record, RecordError, RecordedZone};
 use crate::{
     ErrorUse, Expert, Goal, InputRanges, NeighborDifference, Optimization, PaintOrder, WorkId, WorkRow, WorkSettings,
-    ZoneId, ZoneRow,
+    ZoneForecast, ZoneId, ZoneRow,
 };
 
 /// Maximum number of zones of a simulation.
@@ -204,8 +204,17 @@ impl Workpiece {
     }
 
     /// The initial rows of all zones.
-    pub(super) fn rows(&self) -> impl Iterator<Item = ZoneRow> {
-        self.zones.iter().enumerate().map(|(index, zone)| zone.row(index))
+    ///
+    /// - `forecasts`: the predicted times by id; zones without one have no T_est.
+    pub(super) fn rows(&self, forecasts: &[ZoneForecast]) -> impl Iterator<Item = ZoneRow> {
+        let row = |(index, zone): (usize, &SurveyedZone)| {
+            let row = zone.row(index);
+            match forecasts.get(index) {
+                Some(forecast) => row.with_forecast(&self.work.settings, forecast),
+                None => row,
+            }
+        };
+        self.zones.iter().enumerate().map(row)
     }
 
     /// The pixels of a zone without its band; `None`: not a zone of the Analyst.
@@ -372,7 +381,7 @@ mod tests {
         for scale in [1, 2, 3, 7] {
             let piece = Workpiece::recorded(&record, scale).unwrap();
             assert_eq!(piece.zone_count(), 2 * scale as usize);
-            let rects: Vec<Rect> = piece.rows().map(|row| row.rect).collect();
+            let rects: Vec<Rect> = piece.rows(&[]).map(|row| row.rect).collect();
             assert!(Partition::covers(record.work.frame, &rects));
             let all: f64 = piece.zone_seconds().sum();
             assert!((all - 3.0).abs() < 1e-6, "{scale}: {all}");
@@ -384,7 +393,7 @@ mod tests {
     fn synthetic_zones_cover_their_frame_and_have_the_mean_asked_for() {
         for count in [1, 2, 7, 5000] {
             let piece = Workpiece::synthetic(count, &SyntheticSpread::default(), 3).unwrap();
-            let rects: Vec<Rect> = piece.rows().map(|row| row.rect).collect();
+            let rects: Vec<Rect> = piece.rows(&[]).map(|row| row.rect).collect();
             assert!(Partition::covers(piece.settings().frame, &rects), "{count}");
             if count == 5000 {
                 let mean = piece.zone_seconds().sum::<f64>() / count as f64;

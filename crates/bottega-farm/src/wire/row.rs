@@ -283,8 +283,8 @@ pub(super) struct WorkRecord {
     zone_count: u32,
     /// Minimum and maximum of complexity, neighbor difference and size.
     ranges: [(f64, f64); 3],
-    /// The shares of glass, texture and media.
-    features: [f64; 3],
+    /// The fields of [`TaskFeatures`], in their order.
+    features: [f64; 6],
 }
 
 #[derive(Serialize, Deserialize)]
@@ -325,7 +325,10 @@ impl From<&WorkRow> for WorkRecord {
             },
             zone_count: row.zone_count,
             ranges: [complexity_density, neighbor_difference, size].map(|range| (range.min, range.max)),
-            features: [row.features.glass, row.features.texture, row.features.media],
+            features: {
+                let TaskFeatures { glass, texture, media, shadow, material, bounces } = row.features;
+                [glass, texture, media, shadow, material, bounces]
+            },
         }
     }
 }
@@ -337,8 +340,8 @@ impl TryFrom<WorkRecord> for WorkRow {
         let end = |value| finite("the end of an interval", value);
         let interval = |(min, max)| Ok::<_, WireError>(Interval { min: end(min)?, max: end(max)? });
         let [complexity_density, neighbor_difference, size] = record.ranges;
-        let share = |value| finite("the share of a kind of surfaces", value);
-        let [glass, texture, media] = record.features;
+        let share = |value| finite("a feature of the picture", value);
+        let [glass, texture, media, shadow, material, bounces] = record.features;
         let settings = WorkSettings {
             picture: rect(record.picture)?,
             frame: rect(record.frame)?,
@@ -356,7 +359,14 @@ impl TryFrom<WorkRecord> for WorkRow {
             neighbor_difference: interval(neighbor_difference)?,
             size: interval(size)?,
         };
-        let features = TaskFeatures { glass: share(glass)?, texture: share(texture)?, media: share(media)? };
+        let features = TaskFeatures {
+            glass: share(glass)?,
+            texture: share(texture)?,
+            media: share(media)?,
+            shadow: share(shadow)?,
+            material: share(material)?,
+            bounces: share(bounces)?,
+        };
         Ok(Self { work: WorkId(record.work), settings, zone_count: record.zone_count, ranges, features })
     }
 }

@@ -85,7 +85,7 @@ fn work(goal: Goal) -> WorkRow {
         settings: WorkSettings { picture: frame, frame, samples: 16, goal, tunables, optimization },
         zone_count: 12,
         ranges: InputRanges { complexity_density: interval, neighbor_difference: interval, size: interval },
-        features: crate::TaskFeatures { glass: 0.25, texture: 0.5, media: 0.0 },
+        features: crate::TaskFeatures { glass: 0.25, texture: 0.5, shadow: 0.125, bounces: 3.5, ..Default::default() },
     }
 }
 

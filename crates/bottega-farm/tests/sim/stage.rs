@@ -288,6 +288,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
         },
         registration: place.clone(),
         knowledge: bottega_farm::Foreknowledge::default(),
+        trusts_forecasts: true,
     };
     simulator.add(&analyst, true, move || Analyst::new(config.clone()).into());
     let (last, others) = agents.split_last().expect("somebody paints");

@@ -197,7 +197,11 @@ impl Session {
             request: request.clone(),
             asked: request.clone(),
             options,
-            settings: JobSettings { technique: painter.technique(&settings).into(), ..settings },
+            settings: JobSettings {
+                technique: painter.technique(&settings).into(),
+                subject: painter.subject(request, &settings),
+                ..settings
+            },
             painter,
             denoiser: None,
             notes,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bottega_engines::RenderEngine;
-use bottega_farm::{JobReport, JobSettings, Optimization};
+use bottega_farm::{JobReport, JobSettings, Optimization, Subject};
 use bottega_image::{Metadata, Rect, seams};
 use bottega_scene::RenderHints;
 
@@ -112,6 +112,33 @@ impl Painter {
             technique += &format!(" with {} light samples", settings.tunables.light_samples);
         }
         technique
+    }
+
+    /// Returns the identity of the picture, by which a later job recognizes it; unknown for other engines, whose scene files are
+    /// not read here.
+    pub(super) fn subject(&self, request: &Request, settings: &JobSettings) -> Subject {
+        let Self::Own(own) = self else { return Subject::default() };
+        let loaded = &own.subject;
+        let (width, height, crop) = (f64::from(settings.width), f64::from(settings.height), settings.crop);
+        // The same part of the picture at another resolution is the same view
+        let thousandth = |side: u32, of: f64| (1e3 * f64::from(side) / of).round();
+        let part = [
+            thousandth(crop.x0, width),
+            thousandth(crop.y0, height),
+            thousandth(crop.x1, width),
+            thousandth(crop.y1, height),
+        ];
+        let view = format!(
+            "{} {:?} {:?} {:?} {part:?} {:.2} {:?}",
+            loaded.camera,
+            request.view.pose,
+            request.view.lens_radius,
+            request.view.focus_distance,
+            width / height,
+            request.environment.light,
+        );
+        let digest = |text: &str| blake3::hash(text.as_bytes()).to_hex()[..16].to_owned();
+        Subject { scene: digest(&loaded.scene().digest).into(), view: digest(&view).into() }
     }
 
     pub(super) fn counter(&self) -> Box<dyn Fn() -> u64 + Send> {

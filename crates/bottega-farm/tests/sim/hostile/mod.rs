@@ -128,6 +128,7 @@ fn add_master(platform: &mut Platform, siege: &Siege, seed: u64) {
         },
         registration: None,
         knowledge: bottega_farm::Foreknowledge::default(),
+        trusts_forecasts: true,
     };
     platform.add(&config.id.clone(), siege.faulty, move || AnyAgent::Farm(Analyst::new(config.clone()).into()));
 }
