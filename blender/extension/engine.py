@@ -78,11 +78,22 @@ class BottegaEngine(bpy.types.RenderEngine):
             view.end()
 
 
+@bpy.app.handlers.persistent
+def _forget(*_: Any) -> None:
+    """Forgets what was exported of the file that was open before."""
+    if library.problem() is None:
+        from .render import Kept
+
+        Kept.exports.clear()
+
+
 def register() -> None:
     bpy.utils.register_class(BottegaEngine)
+    bpy.app.handlers.load_post.append(_forget)
 
 
 def unregister() -> None:
+    bpy.app.handlers.load_post.remove(_forget)
     if library.problem() is None:
         from .view import View
 

