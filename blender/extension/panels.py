@@ -127,6 +127,7 @@ class BOTTEGA_PT_report(_Panel, bpy.types.Panel):
         from .render import Kept
 
         notes = Kept.last_report.all()
+        layout.operator("bottega.bake", icon="RENDER_RESULT")
         if not notes:
             layout.label(text="Everything of the last picture was exact", icon="CHECKMARK")
         for note in notes[:40]:

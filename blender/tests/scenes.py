@@ -411,3 +411,19 @@ def layered() -> None:
     ball((0.8, 0, 1), 0.8, principled(Base_Color=(0.2, 0.6, 0.2), Alpha=0.5))
     ball((2.4, 0, 1), 0.8, principled(Base_Color=(0.1, 0.1, 0.1), Emission_Color=(0.3, 0.5, 1.0), Emission_Strength=1.5))
     lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
+def procedural() -> None:
+    """A noise texture and a checker, which must be baked. Not in `SCENES`."""
+    empty((0.5, 0.5, 0.5))
+    material, tree, output = nodes("Procedural")
+    shader = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    mix = tree.nodes.new("ShaderNodeMixRGB")
+    noise, checker = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeTexChecker")
+    noise.inputs["Scale"].default_value, checker.inputs["Scale"].default_value = 3.0, 6.0
+    tree.links.new(noise.outputs["Color"], mix.inputs[1])
+    tree.links.new(checker.outputs["Color"], mix.inputs[2])
+    tree.links.new(mix.outputs[0], shader.inputs["Color"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    floor(material)
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)

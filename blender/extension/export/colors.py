@@ -6,10 +6,12 @@ from __future__ import annotations
 import hashlib
 from typing import Any, Callable
 
+import bpy
 import numpy as np
 
 from . import mixing
-from .fields import CannotFold, Field, as_color, as_number, computed, constant, is_constant_of, scaled
+from .baked import name_of
+from .fields import CannotFold, Field, Placing, as_color, as_number, computed, constant, is_constant_of, scaled
 from .images import MissingPicture
 from .nodes import CyclicNodes, Input, Source, named
 from .report import Fidelity
@@ -26,12 +28,16 @@ class ColorReader:
     """Reads numbers and colors from inputs of nodes.
 
     - `note`: is called with a node and what is not exact.
+    - `baked`: names of pictures that Cycles has baked, by what `baking.name_of` says of an input.
+    - `bakeable`: inputs whose values are unknown here, and that could be baked.
     - `vertex_colors`: names of the color attributes that were met; the renderer multiplies them to the color of a surface.
     """
 
     def __init__(self, pictures: Pictures, note: Note) -> None:
         self.pictures, self.note = pictures, note
         self.vertex_colors: list[str] = []
+        self.baked: dict[str, str] = {}
+        self.bakeable: list[Any] = []
         self._made: dict[tuple[Any, ...], Field] = {}
 
     def number(self, found: Input | None, otherwise: float = 0.0) -> Field:
@@ -54,10 +60,30 @@ class ColorReader:
             self.note(source.node, Fidelity.LEFT_OUT, f"{error}: it is magenta")
             return constant(1.0, 0.0, 1.0)
         except (Unsupported, NoPlace, CannotFold) as error:
+            baked = self._baked(found)
+            if baked is not None:
+                self.note(source.node, Fidelity.BAKED, "a picture that Cycles has baked is used")
+                return baked
+            if not found.groups:
+                self.bakeable.append(found.socket)
             fallback = _own(getattr(found.socket, "default_value", None), otherwise)
             shown = ", ".join(f"{value:.3g}" for value in fallback.load())
             self.note(source.node, Fidelity.LEFT_OUT, f"{error}; the value of the input is used: {shown}")
             return fallback
+
+    def _baked(self, found: Input) -> Field | None:
+        """Returns the picture that was baked of what feeds an input, if it is still that; `None`: there is none."""
+        name = None if found.groups else self.baked.get(name_of(found.socket))
+        image = bpy.data.images.get(name) if name else None
+        if image is None:
+            return None
+        try:
+            key = self.pictures.read(image, None)
+        except MissingPicture:
+            return None
+        pixels = self.pictures.loaded[key]
+        height, width = pixels.array.shape[:2]
+        return Field(f"{key} baked", 3, Placing(), lambda: pixels.linear()[..., :3], key, size=(width, height))
 
     def _of(self, source: Source) -> Field:
         key = (source.node, source.output.identifier, source.groups)

@@ -9,14 +9,14 @@ from typing import Any, Callable
 import bottega
 import numpy as np
 
-from .colors import ColorReader, Unsupported
-from .fields import CannotFold, Field, as_number, computed, constant, is_constant_of
-from .images import MissingPicture
+from .baked import PROPERTY
+from .colors import ColorReader
+from .fields import Field, as_number, computed, is_constant_of
 from .nodes import CyclicNodes, Input, named
 from .report import Fidelity, Report
 from .shaders import ShaderReader
 from .surfaces import Model, Relief, Shader
-from .textures import NoPlace, Pictures, flipped
+from .textures import Pictures, flipped
 
 
 @dataclass
@@ -63,6 +63,7 @@ class MaterialMaker:
             self.note("Material Output", Fidelity.LEFT_OUT, "there is no output: the material is black")
             self.made.material = bottega.Material.matte(0.0)
             return self.made
+        self.reader.baked = {str(name): str(image) for name, image in dict(material.get(PROPERTY, {})).items()}
         try:
             shader = ShaderReader(self.reader).shader(named(output, (), "Surface"))
             self.made.material = self.material_of(shader, output)
