@@ -34,7 +34,7 @@ def main() -> None:
     bpy.ops.bottega.bake(size=512)
     after, kinds_after = difference("after"), kinds()
     print(f"BAKE FLIP {before:.3f} before, {after:.3f} after; {kinds_before}, {kinds_after}", flush=True)
-    if kinds_before != {"left out"} or kinds_after != {"baked"} or after > 0.05 or after > 0.5 * before:
+    if kinds_before != {"left out"} or kinds_after != {"baked"} or after > 0.08 or after > 0.5 * before:
         support.failed("the baked picture is not used")
     bpy.data.materials["Procedural"].node_tree.nodes["Noise Texture"].inputs["Scale"].default_value = 9.0
     difference("changed")
