@@ -49,7 +49,7 @@ def bake(material: Any, socket: Any, size: int) -> bool:
     tree = material.node_tree
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     surface = output.inputs["Surface"]
-    before = surface.links[0].from_socket
+    before = surface.links[0].from_socket if surface.links else None
     target, emission = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeEmission")
     try:
         target.image = image
@@ -58,7 +58,8 @@ def bake(material: Any, socket: Any, size: int) -> bool:
         tree.nodes.active = target
         _bake_active(item)
     finally:
-        tree.links.new(before, surface)
+        if before is not None:
+            tree.links.new(before, surface)
         tree.nodes.remove(target)
         tree.nodes.remove(emission)
     image.pack()

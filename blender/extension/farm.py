@@ -63,6 +63,7 @@ class Watch:
     machines: list[dict[str, Any]] = field(default_factory=list)
     still: Still | None = None
     problem: str = ""
+    address: str | None = None
     thread: threading.Thread | None = None
     is_wanted: bool = False
 
@@ -156,22 +157,24 @@ def end_programs() -> None:
 
 def begin_watch() -> None:
     """Begins to ask the farm how it stands."""
-    watch.is_wanted = True
+    watch.is_wanted, watch.address = True, address()
     if watch.thread is None or not watch.thread.is_alive():
-        watch.thread = threading.Thread(target=_ask, args=(address(),), name="bottega farm", daemon=True)
+        watch.thread = threading.Thread(target=_ask, name="bottega farm", daemon=True)
         watch.thread.start()
 
 
-def _ask(where: str | None) -> None:
+def _ask() -> None:
     import bottega
 
-    farm = None
+    farm, where = None, watch.address
     while watch.is_wanted:
         try:
-            farm = farm or bottega.Farm(where)
+            if farm is None or where != watch.address:
+                where = watch.address
+                farm = bottega.Farm(where)
             watch.machines = farm.machines()
             _follow(farm)
-            watch.problem = ""
+            watch.problem = "" if watch.still is None or watch.still.state == "done" or not watch.still.is_over else watch.problem
         except bottega.Error as error:
             watch.problem, farm = str(error), None
         time.sleep(ASK_EVERY)
@@ -183,7 +186,13 @@ def _follow(farm: Any) -> None:
     if still is None or still.is_over:
         return
     if still.job is None:
-        still.job = farm.submit(str(still.copy), engine={"names": ["cycles"]}, spp=still.samples, output=str(still.output))
+        import bottega
+
+        try:
+            still.job = farm.submit(str(still.copy), engine={"names": ["cycles"]}, spp=still.samples, output=str(still.output))
+        except (bottega.RequestError, bottega.SceneError, bottega.EngineError):
+            still.state, still.is_over = "is refused", True
+            raise
     view = still.job.view()
     still.state, still.share = view["state"], float(view.get("done") or 0.0)
     if still.state == "done":
@@ -211,18 +220,37 @@ def send_still() -> Still:
         raise RuntimeError(f"{len(missing)} files are missing: {', '.join(missing[:5])}")
     folder = Path(tempfile.mkdtemp(prefix="bottega-still-"))
     copy = folder / "scene.blend"
-    packed = [image for image in bpy.data.images if image.is_dirty and image.has_data and not image.packed_file]
-    for image in packed:
-        image.pack()
+    unsaved = [image for image in bpy.data.images if image.is_dirty and image.has_data and image.source in ("FILE", "GENERATED")]
+    copies = [_packed_copy(image) for image in unsaved]
+    for image, other in zip(unsaved, copies):
+        image.user_remap(other)
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, compress=True, relative_remap=False)
     finally:
-        for image in packed:
-            if image.packed_file and image.filepath:
-                image.unpack(method="REMOVE")
+        for image, other in zip(unsaved, copies):
+            other.user_remap(image)
+            bpy.data.images.remove(other)
     watch.still = Still(copy, folder / "picture.exr", bpy.context.scene.cycles.samples)
     begin_watch()
     return watch.still
+
+
+def _packed_copy(image: Any) -> Any:
+    """Returns a packed image with the pixels of an unsaved one, which stays as it is."""
+    import numpy as np
+
+    width, height = image.size
+    other = bpy.data.images.new(image.name, width, height, alpha=True, float_buffer=image.is_float)
+    other.colorspace_settings.name = image.colorspace_settings.name
+    other.alpha_mode = image.alpha_mode
+    flat = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(flat)
+    pixels = np.ones((width * height, 4), np.float32)
+    pixels[:, : image.channels] = flat.reshape(-1, image.channels)
+    other.pixels.foreach_set(pixels.ravel())
+    other.update()
+    other.pack()
+    return other
 
 
 def left_out(scene: Any) -> list[str]:

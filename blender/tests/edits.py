@@ -25,6 +25,14 @@ def start() -> None:
     scenes.ball((-1.0, 1.5, 0.5), 0.5, scenes.principled("Ball"))
     bpy.context.object.modifiers.new("Subdivision", "SUBSURF")
     scenes.lamp("POINT", (2, -2, 3), energy=100)
+    textured, tree, output = scenes.nodes("Textured")
+    shader, image, hue = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "TexImage", "HueSaturation"))
+    image.image = scenes.picture("Painted", 16, 8)
+    hue.inputs["Hue"].default_value = 0.7
+    tree.links.new(image.outputs["Color"], hue.inputs["Color"])
+    tree.links.new(hue.outputs[0], shader.inputs["Color"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    bpy.data.objects["Floor"].data.materials[0] = textured
     support.addon()
 
 
@@ -100,8 +108,21 @@ def modify(dice: random.Random) -> None:
         item.modifiers.new("Array", "ARRAY").count = 2
 
 
+def flatten(dice: random.Random) -> None:
+    item = dice.choice(meshes() or [None])
+    if item is not None:
+        item.scale.x = 0.0 if item.scale.x else 1.0
+
+
+def repaint(dice: random.Random) -> None:
+    image = dice.choice(list(bpy.data.images))
+    image.pixels.foreach_set(np.random.default_rng(dice.randrange(1000)).random(len(image.pixels), np.float32))
+    # Blender tells of what a user paints or loads; a script must tell it.
+    image.update_tag()
+
+
 EDITS: list[Callable[[random.Random], None]] = [
-    move, hide, delete, rename, recolor, change_slot, bend, copy, relight, sky, modify,
+    move, hide, delete, rename, recolor, change_slot, bend, copy, relight, sky, modify, flatten, repaint,
 ]
 
 

@@ -32,6 +32,16 @@ def main() -> None:
     support.addon()
     scenes.textured_room()
     support.addon()
+    # A picture that was painted on and not saved: the farm gets it, and it is not lost here.
+    image = bpy.data.images["Picture"]
+    image.filepath_raw, image.file_format = str(folder / "still-picture.png"), "PNG"
+    image.save()
+    image.unpack(method="REMOVE")
+    image.source = "FILE"
+    pixels = list(image.pixels)
+    pixels[: len(pixels) // 2] = [0.9, 0.1, 0.1, 1.0] * (len(pixels) // 8)
+    image.pixels = pixels
+    image.update()
     scene = bpy.context.scene
     support.settle(scene, 160, 120, 16)
     scene.render.engine = "CYCLES"
@@ -41,10 +51,13 @@ def main() -> None:
     wait("the farm is there", lambda: farm._ADDRESS.search(farm.programs.said) is not None)
     farm.join_farm()
     wait("this machine is in it", lambda: len(farm.watch.machines) > 0)
+    count = len(bpy.data.images)
     before = bpy.data.filepath, bpy.data.is_dirty
     still = farm.send_still()
     if (bpy.data.filepath, bpy.data.is_dirty) != before:
         support.failed("the user's file has changed")
+    if not image.is_dirty or image.packed_file or abs(image.pixels[0] - 0.9) > 0.01 or len(bpy.data.images) != count:
+        support.failed("the unsaved picture has changed")
     wait("the picture is done", lambda: still.is_over)
     farm.end_programs()
     if still.state != "done":

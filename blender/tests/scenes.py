@@ -252,6 +252,18 @@ def mixes() -> None:
     ball((0, 0, 1), material=clear)
     ball((2.2, 0, 1), material=shaded("ShaderNodeBsdfTranslucent", Color=(0.3, 0.8, 0.4)))
     cube((0, 2, 0.5), 0.6, shaded("ShaderNodeEmission", Color=(1.0, 0.5, 0.2), Strength=3.0))
+    for x, kind in ((-2.0, "ShaderNodeMixShader"), (2.0, "ShaderNodeAddShader"), (3.2, "ShaderNodeMixShader")):
+        # Emission, mixed with transparency and added to a surface that is clear in part
+        glow, tree, output = nodes("Glow")
+        join, light = tree.nodes.new(kind), tree.nodes.new("ShaderNodeEmission")
+        light.inputs["Color"].default_value = (0.2, 0.6, 1.0, 1)
+        other = tree.nodes.new("ShaderNodeBsdfTransparent" if x < 3.0 and kind == "ShaderNodeMixShader" else "ShaderNodeBsdfPrincipled")
+        if "Alpha" in other.inputs:
+            other.inputs["Alpha"].default_value = 0.4
+        tree.links.new(other.outputs[0], join.inputs[-2])
+        tree.links.new(light.outputs[0], join.inputs[-1])
+        tree.links.new(join.outputs[0], output.inputs["Surface"])
+        cube((x, 1.5, 0.5), 0.8, glow)
     lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 

@@ -12,10 +12,11 @@ import bottega
 import numpy as np
 
 from . import axes
-from .instances import Group, Pass, gather, materials_of, uid_of
+from .instances import Group, Pass, gather, materials_of
 from .lights import light_of
 from .materials import MadeMaterial, MaterialMaker
 from .meshes import arrays_of
+from .nodes import groups_of, uid_of
 from .report import Fidelity, Report
 from .textures import Pictures
 from .world import environment_of
@@ -38,14 +39,12 @@ class Export:
         self._lights_put: dict[str, bottega.Light] = {}
         self._placed: dict[str, tuple[Any, ...]] = {}
         self._world_images: list[str] = []
-        # What Blender has changed since the last pass: everything, at first.
-        self._dirty_all = True
+        self._world_uses: set[Any] = set()
+        self._is_world_moving = False
+        # Session numbers of what Blender has changed since the last pass.
         self._dirty: set[Any] = set()
         self._dirty_world = True
-
-    def forget(self) -> None:
-        """Reads everything again in the next pass, as after an undo or when a file was opened."""
-        self._dirty_all = True
+        self.scene.materials[DEFAULT] = bottega.Material.matte(0.8)
 
     def mark(self, updates: Any) -> None:
         """Notes what an evaluated scene says has changed: `depsgraph.updates`."""
@@ -60,26 +59,30 @@ class Export:
             elif kind == "World":
                 self._dirty_world = True
             elif kind == "Image":
-                self._pictures.forget(block)
-                self._dirty_materials()
-            elif kind.endswith("NodeTree"):
-                self._dirty_materials()
+                self._pictures.changed(block)
+                self._mark_users(uid_of(block))
+            elif kind.endswith("NodeTree") and not block.is_embedded_data:
+                # Blender names the owner of an embedded tree as well.
+                self._mark_users(uid_of(block))
 
-    def _dirty_materials(self) -> None:
-        self._dirty.update(self._materials)
-        self._dirty_world = True
+    def _mark_users(self, uid: Any) -> None:
+        """Notes that what uses an image or a node group has changed."""
+        self._dirty.update(user for user, made in self._materials.items() if uid in made.uses)
+        self._dirty_world |= uid in self._world_uses
+
+    def _move_to(self, frame: int) -> None:
+        """Notes that what shows a sequence has changed, if the frame has."""
+        if frame != self._pictures.frame:
+            self._pictures.frame = frame
+            self._dirty.update(user for user, made in self._materials.items() if made.is_moving)
+            self._dirty_world |= self._is_world_moving
 
     def update(self, depsgraph: Any, is_shown: Callable[[Any], bool] | None = None) -> None:
         """Brings the scene to the state of an evaluated scene.
 
         `is_shown`: called with an evaluated object; `None`: all are shown.
         """
-        if self._dirty_all:
-            self._start_again()
-        frame = depsgraph.scene.frame_current
-        if frame != self._pictures.frame:
-            self._pictures.frame = frame
-            self._dirty_materials()
+        self._move_to(depsgraph.scene.frame_current)
         found = gather(depsgraph, is_shown)
         self._world(depsgraph.scene.world)
         self._read_materials(found)
@@ -95,21 +98,17 @@ class Export:
         # Pixels that textures hold are not needed twice.
         self._pictures.loaded.clear()
 
-    def _start_again(self) -> None:
-        self.scene = bottega.Scene()
-        self.report.notes.clear()
-        for table in (self._materials, self._mesh_states, self._lights_put, self._placed, self._pictures.loaded):
-            table.clear()
-        self.scene.materials[DEFAULT] = bottega.Material.matte(0.8)
-        self._dirty_all, self._dirty_world = False, True
-
     def _world(self, world: Any) -> None:
         if not self._dirty_world:
             return
+        self._pictures.begin()
         environment, images = environment_of(world, self._pictures, self.report)
         self._put_images(images)
         self.scene.environment = environment
         self._world_images = list(images)
+        tree = world.node_tree if world is not None else None
+        self._world_uses = self._pictures.used | (groups_of(tree) if tree is not None else set())
+        self._is_world_moving = self._pictures.is_moving
         self._dirty_world = False
 
     def _put_images(self, images: dict[str, Callable[[], bottega.Image]]) -> None:
@@ -145,20 +144,24 @@ class Export:
             is_dirty = group.owner in self._dirty or group.data_owner in self._dirty
             if self._mesh_states.get(group.mesh_key) == state and not is_dirty:
                 continue
-            arrays = arrays_of(group.data, tuple(uv_names), color_name)
-            if arrays is None:
-                self._mesh_states[group.mesh_key] = state
-                if group.mesh_key in self.scene.meshes:
-                    self._remove_objects_of(group.mesh_key)
-                    del self.scene.meshes[group.mesh_key]
-                continue
-            slots = [DEFAULT] * max(arrays.slot_count, len(group.slots))
-            try:
-                self.scene.meshes[group.mesh_key] = arrays.to_mesh(slots)
-            except bottega.SceneError as error:
-                self.report.add(group.mesh_key, group.data.name, "Mesh", Fidelity.LEFT_OUT, str(error))
-                continue
             self._mesh_states[group.mesh_key] = state
+            self.report.begin(group.mesh_key)
+            if not self._put_mesh(group, uv_names, color_name) and group.mesh_key in self.scene.meshes:
+                self._remove_objects_of(group.mesh_key)
+                del self.scene.meshes[group.mesh_key]
+
+    def _put_mesh(self, group: Group, uv_names: list[str | None], color_name: str | None) -> bool:
+        """Reads a mesh. Returns false if nothing of it can be seen."""
+        arrays = arrays_of(group.data, tuple(uv_names), color_name)
+        if arrays is None:
+            return False
+        slots = [DEFAULT] * max(arrays.slot_count, len(group.slots))
+        try:
+            self.scene.meshes[group.mesh_key] = arrays.to_mesh(slots)
+        except bottega.SceneError as error:
+            self.report.add(group.mesh_key, group.data.name, "Mesh", Fidelity.LEFT_OUT, str(error))
+            return False
+        return True
 
     def _needs(self, group: Group) -> tuple[list[str | None], str | None]:
         """Returns the texture coordinates and the color attribute that the materials of a mesh use."""
@@ -185,10 +188,11 @@ class Export:
             transforms = self._regular(transforms, group)
             keys = [self._key(material) for material in group.slots]
             if len(transforms) == 0:
+                self._remove_object(key)
                 continue
             before = self._placed.get(key)
             what = (group.mesh_key, keys, group.visibility)
-            if before is not None and before[:3] == what and key in self.scene.objects:
+            if before is not None and before[:3] == what:
                 if len(before[3]) != len(transforms) or not np.array_equal(before[3], transforms):
                     self.scene.objects[key].transforms = transforms
             else:
@@ -229,8 +233,11 @@ class Export:
 
     def _remove_objects_of(self, mesh_key: str) -> None:
         for key in [key for key, placed in self._placed.items() if placed[0] == mesh_key]:
+            self._remove_object(key)
+
+    def _remove_object(self, key: str) -> None:
+        if self._placed.pop(key, None) is not None:
             del self.scene.objects[key]
-            del self._placed[key]
 
     def _drop_unused(self, found: Pass) -> None:
         """Removes what is no longer in the scene of Blender, users before what they use."""
@@ -240,9 +247,7 @@ class Export:
             self._remove_light(key)
             self.report.forget(key)
         for key in [key for key in self._placed if key not in found.groups]:
-            if key in scene.objects:
-                del scene.objects[key]
-            del self._placed[key]
+            self._remove_object(key)
             self.report.forget(key)
         meshes = {group.mesh_key for group in found.groups.values()}
         for key in [key for key in self._mesh_states if key not in meshes]:

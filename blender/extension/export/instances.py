@@ -10,6 +10,7 @@ import bottega
 import numpy as np
 
 from .lights import visibility_of
+from .nodes import uid_of
 
 
 @dataclass
@@ -45,12 +46,6 @@ class Pass:
     groups: dict[str, Group]
     lights: list[tuple[str, Any, int]]
     skipped: dict[str, str]
-
-
-def uid_of(block: Any) -> Any:
-    """Returns the number that a data block has for the session; its name before Blender 4.2."""
-    uid = getattr(block, "session_uid", None)
-    return block.name_full if uid is None else uid
 
 
 def gather(depsgraph: Any, is_shown: Any = None) -> Pass:

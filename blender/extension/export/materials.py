@@ -12,7 +12,7 @@ import numpy as np
 from .baked import PROPERTY
 from .colors import ColorReader
 from .fields import Field, as_number, computed, is_constant_of
-from .nodes import CyclicNodes, Input, named
+from .nodes import CyclicNodes, Input, groups_of, named
 from .report import Fidelity, Report
 from .shaders import ShaderReader
 from .surfaces import Model, Relief, Shader
@@ -27,6 +27,7 @@ class MadeMaterial:
     - `uv_names`: the sets of texture coordinates that it uses, in the order of its `uv_set`s.
     - `color_name`: the color attribute that it uses; `None`: none.
     - `medium`: the medium of its inside.
+    - `uses`: session numbers of its images and node groups. `is_moving`: one of its images is a sequence.
     """
 
     material: bottega.Material
@@ -34,6 +35,8 @@ class MadeMaterial:
     uv_names: list[str | None] = field(default_factory=list)
     color_name: str | None = None
     medium: bottega.Medium | None = None
+    uses: set[Any] = field(default_factory=set)
+    is_moving: bool = False
 
 
 class MaterialMaker:
@@ -53,16 +56,24 @@ class MaterialMaker:
 
     def make(self, material: Any) -> MadeMaterial:
         """Makes a material. What cannot be rendered is in the report."""
+        self.pictures.begin()
+        self._read(material)
+        self.made.uses |= self.pictures.used
+        self.made.is_moving = self.pictures.is_moving
+        return self.made
+
+    def _read(self, material: Any) -> None:
         tree = material.node_tree if getattr(material, "use_nodes", True) else None
         if tree is None:
             color = tuple(material.diffuse_color)[:3]
             self.made.material = bottega.Material(bottega.Diffuse(tuple(max(0.0, float(value)) for value in color)))
-            return self.made
+            return
+        self.made.uses |= groups_of(tree)
         output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
         if output is None:
             self.note("Material Output", Fidelity.LEFT_OUT, "there is no output: the material is black")
             self.made.material = bottega.Material.matte(0.0)
-            return self.made
+            return
         self.reader.baked = {str(name): str(image) for name, image in dict(material.get(PROPERTY, {})).items()}
         try:
             shader = ShaderReader(self.reader).shader(named(output, (), "Surface"))
@@ -76,7 +87,6 @@ class MaterialMaker:
             self.made.material = bottega.Material.matte(0.0)
         if self.reader.vertex_colors:
             self.made.color_name = self.reader.vertex_colors[0]
-        return self.made
 
     def material_of(self, shader: Shader, output: Any) -> bottega.Material:
         """Returns the material of a shader."""

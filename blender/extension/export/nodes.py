@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Links between nodes: through groups, reroutes and muted nodes."""
+"""Nodes of Blender: links through groups, reroutes and muted nodes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Iterator
+from typing import Any
 
 MOST_STEPS = 500
 
 
 class CyclicNodes(Exception):
     """Nodes or groups that feed themselves."""
+
+
+def uid_of(block: Any) -> Any:
+    """Returns the number that a data block has for the session; its name before Blender 4.2."""
+    uid = getattr(block, "session_uid", None)
+    return block.name_full if uid is None else uid
 
 
 @dataclass(frozen=True)
@@ -85,13 +91,14 @@ def named(node: Any, groups: tuple[Any, ...], *names: str) -> Input | None:
     return None
 
 
-def nodes_of(tree: Any, seen: set[Any] | None = None) -> Iterator[Any]:
-    """Yields all nodes of a tree and its groups."""
-    seen = set() if seen is None else seen
-    if tree in seen:
-        return
-    seen.add(tree)
-    for node in tree.nodes:
-        yield node
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
-            yield from nodes_of(node.node_tree, seen)
+def groups_of(tree: Any) -> set[Any]:
+    """Returns the session numbers of the groups in a tree, and in its groups."""
+    found: set[Any] = set()
+    trees = [tree]
+    while trees:
+        for node in trees.pop().nodes:
+            group = node.node_tree if node.bl_idname == "ShaderNodeGroup" else None
+            if group is not None and uid_of(group.original) not in found:
+                found.add(uid_of(group.original))
+                trees.append(group)
+    return found

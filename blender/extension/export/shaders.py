@@ -173,6 +173,8 @@ def _mix(self: ShaderReader, source: Source) -> Shader:
 
 def _add(self: ShaderReader, source: Source) -> Shader:
     first, second = (self.shader(Input(socket, source.groups)) for socket in source.node.inputs)
+    if first.model is not None and second.model is not None and not all(is_constant_of(one.opacity, 1.0) for one in (first, second)):
+        self.note(source.node, Fidelity.APPROXIMATED, "a sum of two surfaces is opaque")
     return added(first, second)
 
 

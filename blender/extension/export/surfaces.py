@@ -36,7 +36,7 @@ class Shader:
     """A closure: scattering, emission, and the share of light that passes straight through.
 
     - `model`: `None`: it scatters nothing.
-    - `emission`: radiance, a color.
+    - `emission`: radiance of the part that is there, a color; the opacity dims it.
     - `opacity`: a number; 0: everything passes.
     - `relief`: bumps of its surface.
     """
@@ -62,9 +62,9 @@ def mixed(share: Field, first: Shader, second: Shader) -> Shader:
     if is_constant_of(share, 1.0):
         return second
     rest = complement(share)
-    emission = _sum(scaled(first.emission, rest), scaled(second.emission, share))
     weights = scaled(rest, first.opacity), scaled(share, second.opacity)
     opacity = _sum(*weights)
+    emission = _over(_sum(scaled(first.emission, weights[0]), scaled(second.emission, weights[1])), opacity)
     relief = first.relief or second.relief
     if first.model is None and second.model is None:
         return Shader(None, emission, opacity, relief)
@@ -84,8 +84,13 @@ _BLACK = Model("Diffuse", {"reflectance": BLACK})
 
 def added(first: Shader, second: Shader) -> Shader:
     """Returns the sum of two shaders. Raises `CannotFold`."""
-    emission = _sum(first.emission, second.emission)
     relief = first.relief or second.relief
+    lights = [scaled(one.emission, one.opacity) for one in (first, second)]
+    for one, other in ((first, second), (second, first)):
+        if other.model is None and is_constant_of(other.opacity, 1.0) and not one.is_clear:
+            # Light alone is added to a surface, which may be clear in part.
+            return Shader(one.model, _over(_sum(*lights), one.opacity), one.opacity, relief)
+    emission = _sum(*lights)
     models = [one.model or (_CLEAR_SHEET if one.is_clear else None) for one in (first, second)]
     if models[0] is None or models[1] is None:
         return Shader(models[0] or models[1], emission, relief=relief)
@@ -93,6 +98,13 @@ def added(first: Shader, second: Shader) -> Shader:
 
 
 _CLEAR_SHEET = Model("Transparent", {"color": WHITE})
+
+
+def _over(light: Field, opacity: Field) -> Field:
+    """Returns the radiance of what is there, from that of all of it."""
+    if is_constant_of(light, 0.0) or is_constant_of(opacity, 1.0):
+        return light
+    return computed("over", 3, lambda color, part: color / (part + (part == 0)), light, opacity)
 
 
 def _sum(a: Field, b: Field) -> Field:

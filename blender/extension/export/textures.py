@@ -11,7 +11,7 @@ import numpy as np
 
 from .fields import IDENTITY, Field, Matrix3, Placing, cached
 from .images import MissingPicture, Pixels, is_known_space, pixels_of
-from .nodes import Input, named
+from .nodes import Input, named, uid_of
 
 _WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "clamp", "MIRROR": "mirror"}
 
@@ -24,33 +24,43 @@ class NoPlace(Exception):
 class Pictures:
     """The pictures of Blender that were read in this export, by key.
 
-    - `loaded`: pixels by key. `changed`: keys whose pixels Blender has changed since.
+    - `loaded`: pixels by key.
+    - `frame`: the frame of the scene, which decides what sequences show.
+    - `revisions`: how often Blender has said that the pixels of an image have changed; part of its key.
+    - `used`: session numbers of the images that were asked for since `begin`. `is_moving`: one of them is a sequence.
     """
 
     loaded: dict[str, Pixels] = field(default_factory=dict)
     frame: int = 1
+    revisions: dict[Any, int] = field(default_factory=dict)
+    used: set[Any] = field(default_factory=set)
+    is_moving: bool = False
 
-    def key_of(self, image: Any, tile: int = 0, frame: int = 0) -> str:
-        """Returns the key of an image, of one of its tiles, or of a frame of it."""
-        uid = getattr(image, "session_uid", None)
-        return f"image {uid if uid is not None else image.name_full} {tile} {frame} {image.colorspace_settings.name}"
+    def begin(self) -> None:
+        """Begins to note which images are used."""
+        self.used, self.is_moving = set(), False
 
-    def forget(self, image: Any) -> None:
-        """Forgets the pixels of an image that has changed."""
-        uid = getattr(image, "session_uid", None)
-        start = f"image {uid if uid is not None else image.name_full} "
-        for key in [key for key in self.loaded if key.startswith(start)]:
-            del self.loaded[key]
+    def key_of(self, image: Any, frame: int = 0) -> str:
+        """Returns the key of an image, or of a frame of it."""
+        uid = uid_of(image)
+        return f"image {uid} {self.revisions.get(uid, 0)} {frame} {image.colorspace_settings.name}"
+
+    def changed(self, image: Any) -> None:
+        """Notes that the pixels of an image have changed."""
+        uid = uid_of(image)
+        self.revisions[uid] = self.revisions.get(uid, 0) + 1
 
     def read(self, image: Any, user: Any) -> str:
         """Reads an image, unless it is there, and returns its key. Raises `MissingPicture`."""
+        self.used.add(uid_of(image))
+        self.is_moving |= image.source in ("SEQUENCE", "MOVIE")
         if image.source == "TILED":
             key = self.key_of(image)
             if key not in self.loaded:
                 self.loaded[key] = _tiles(image)
             return key
         number = _frame_number(image, user, self.frame)
-        key = self.key_of(image, 0, number)
+        key = self.key_of(image, number)
         if key not in self.loaded:
             self.loaded[key] = pixels_of(image) if number == 0 else _from_file(image, _frame_path(image, number))
         return key
