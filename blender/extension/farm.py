@@ -374,6 +374,10 @@ class BOTTEGA_PT_farm(bpy.types.Panel):
             layout.label(text=text, icon="DESKTOP")
         if context.engine == "CYCLES":
             self._draw_still(context)
+        else:
+            layout.prop(context.scene.bottega, "use_farm")
+            if context.scene.bottega.use_farm and context.scene.bottega.goal == "TIME":
+                layout.label(text="A farm keeps no time. Finish at noise or samples", icon="ERROR")
 
     def _draw_still(self, context: Any) -> None:
         layout = self.layout

@@ -11,7 +11,7 @@ import numpy as np
 
 from .export.camera import Frame
 
-Layers = Union[bottega.Picture, Mapping[str, Any]]
+Layers = Union[bottega.Picture, bottega.ImageFile, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)

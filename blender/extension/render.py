@@ -14,6 +14,7 @@ from .export import Export
 from .export.camera import Frame, camera_of, frame_of, is_mirrored
 from .export.report import Fidelity, Report
 from .final import Layers, PassInfo, crop_of, passes_of, pixels_of, request_fields, reversed_crop
+from .work import Work, work_for
 
 # Seconds between looks at whether the user has pressed Escape.
 LOOK_EVERY = 0.05
@@ -76,53 +77,70 @@ def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, made: bottega.Scen
     """Renders the picture in another thread; in this one shows what is painted, and watches for Escape."""
     crop = crop_of(scene.render, frame)
     fields = request_fields(scene, layer, frame, reversed_crop(crop, frame) if mirrors else crop)
-    session = bottega.Session(made, live=True, camera="camera", **fields)
-    x0, y0, x1, y1 = crop or (0, 0, frame.width, frame.height)
+    engine.update_stats("", "Reading the scene")
+    work = work_for(scene.bottega, made, fields)
+    try:
+        _follow(engine, scene, layer, work, crop or (0, 0, frame.width, frame.height), mirrors)
+    finally:
+        work.end()
+
+
+def _follow(engine: Any, scene: Any, layer: Any, work: Work, crop: tuple[int, int, int, int], mirrors: bool) -> None:
+    """Shows what is painted, hands the finished picture over, and ends at Escape with what is painted."""
+    x0, y0, x1, y1 = crop
     # Blender places the result at the lower left corner of the region.
     result = engine.begin_result(0, 0, x1 - x0, y1 - y0, layer=layer.name)
     state: dict[str, Any] = {}
 
-    def work() -> None:
+    def run() -> None:
         try:
-            state["picture"] = session.render(on_progress=lambda progress: state.__setitem__("progress", progress))
+            state["picture"] = work.render()
         except BaseException as error:
             state["error"] = error
 
-    worker = threading.Thread(target=work, name="bottega", daemon=True)
+    worker = threading.Thread(target=run, name="bottega", daemon=True)
     worker.start()
-    shown, next_show = None, time.monotonic() + SHOW_EVERY
+    said, next_show = "", time.monotonic() + SHOW_EVERY
     while worker.is_alive():
         worker.join(LOOK_EVERY)
         if engine.test_break():
-            session.stop()
+            work.stop()
             worker.join()
-        progress = state.get("progress")
-        if progress is not None and progress is not shown:
-            shown = progress
-            engine.update_progress(progress.fraction)
-            engine.update_stats("", _line(progress, frame))
+        line = _line(work, (x1 - x0) * (y1 - y0))
+        if line != said:
+            said = line
+            engine.update_progress(work.progress.fraction if work.progress is not None else 0.0)
+            engine.update_stats("", line)
         if worker.is_alive() and not bpy.app.background and time.monotonic() > next_show:
             begun = time.monotonic()
-            layers = session.layers()
+            layers = work.layers()
             if layers is not None:
                 _fill(result, None, layers, scene, mirrors)
                 engine.update_result(result)
             now = time.monotonic()
             next_show = now + max(SHOW_EVERY, (now - begun) / SHOW_SHARE)
-    if "error" in state:
+    error = state.get("error")
+    if error is not None:
         engine.end_result(result, cancel=True)
-        raise state["error"]
+        if isinstance(error, bottega.FarmError) and engine.test_break():
+            # The picture was called off before there was one.
+            return
+        raise error
     _deliver(engine, result, scene, layer, state["picture"], mirrors)
 
 
-def _line(progress: bottega.Progress, frame: Frame) -> str:
+def _line(work: Work, pixels: int) -> str:
     """Returns the line in the header of the picture."""
-    samples = progress.done / max(frame.width * frame.height, 1)
-    left = "" if progress.seconds_left is None else f" | {progress.seconds_left:.0f} s left"
-    return f"{100 * progress.fraction:.0f} % | {samples:.0f} samples | {progress.seconds:.0f} s{left}"
+    parts = [work.state()]
+    progress = work.progress
+    if progress is not None:
+        parts = [f"{100 * progress.fraction:.0f} %", f"{progress.done / max(pixels, 1):.0f} samples", f"{progress.seconds:.0f} s", *parts]
+        if progress.seconds_left is not None:
+            parts.append(f"{progress.seconds_left:.0f} s left")
+    return " | ".join(part for part in parts if part)
 
 
-def _deliver(engine: Any, result: Any, scene: Any, layer: Any, picture: bottega.Picture, mirrors: bool) -> None:
+def _deliver(engine: Any, result: Any, scene: Any, layer: Any, picture: Layers, mirrors: bool) -> None:
     """Gives the finished picture to Blender."""
     engine.update_stats("", "Handing the passes over")
     for info in [None, *passes_of(scene, layer)]:

@@ -149,8 +149,14 @@ pub enum ExperienceError {
     #[error("not what a machine has learnt")]
     Syntax(#[source] serde_json::Error),
     /// It has another version of the format.
-    #[error("what was learnt has form {found}, not {FORMAT}: another version of bottega has written it")]
+    #[error("what was learnt has form {found}, not {FORMAT}: a newer version of bottega has written it")]
     Format {
+        /// The version found.
+        found: u32,
+    },
+    /// An earlier version of Bottega has written it.
+    #[error("what was learnt has the earlier form {found}, not {FORMAT}")]
+    Earlier {
         /// The version found.
         found: u32,
     },
@@ -350,6 +356,9 @@ impl Experience {
             return Err(ExperienceError::TooLong(text.len()));
         }
         let Form { format: found } = serde_json::from_str(text).map_err(ExperienceError::Syntax)?;
+        if found < FORMAT {
+            return Err(ExperienceError::Earlier { found });
+        }
         if found != FORMAT {
             return Err(ExperienceError::Format { found });
         }

@@ -77,7 +77,7 @@ pub use metrics::{
     FlipError, FlipOptions, FlipView, Moments, Seams, USUAL_TRIM, firefly_count, flip, mae, mean_z_score,
     rejected_share, rejected_share_of_films, rel_mse, rel_mse_map, rel_mse_trimmed, rmse, seams, srgb_mse,
 };
-pub use output::{OutputFormat, check_writable, write_whole};
+pub use output::{OutputFormat, check_writable, write_whole, write_whole_with};
 pub use picture::{Picture, luminance};
 pub use png_write::{PngBits, PngOptions, png_bytes, write_png, write_png_rgb8};
 pub use preview::Preview;

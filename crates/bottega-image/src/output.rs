@@ -69,9 +69,17 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError
 /// Writes `bytes` to `path` atomically: a concurrent reader sees the old file or the new one. Symbolic links are
 /// followed; FIFOs and devices are written to.
 pub fn write_whole(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), ImageError> {
+    write_whole_with(path, |out| out.write_all(bytes))
+}
+
+/// Like [`write_whole`], with a function that writes the bytes piece by piece.
+pub fn write_whole_with(
+    path: impl AsRef<Path>,
+    write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<(), ImageError> {
     let path = path.as_ref();
     let mut file = AtomicFile::create(path)?;
-    file.writer().write_all(bytes).map_err(|source| ImageError::write(path, source))?;
+    write(file.writer()).map_err(|source| ImageError::write(path, source))?;
     file.commit()
 }
 

@@ -2,11 +2,8 @@
 
 use std::path::PathBuf;
 
-use bottega::{SessionOptions, StopSwitch};
 use bottega_cluster::{
-    Credentials, Error, FarmAddress, JobBoard, JobState,
-    client::{self, RenderOutcome},
-    jobs, link,
+    Credentials, Error, FarmAddress, JobBoard, JobState, client, jobs, link,
     names::host_name,
     view::{JobView, MachineView},
 };
@@ -25,15 +22,26 @@ fn by() -> String {
     format!("Python on {}", host_name())
 }
 
+/// How a farm is reached: its address, `None` for the one on this machine, and the credentials of this process.
+#[derive(Clone)]
+pub(crate) struct FarmLogin {
+    pub(crate) address: Option<FarmAddress>,
+    pub(crate) credentials: Credentials,
+}
+
 /// A farm to which this process is linked.
 #[pyclass(name = "Farm", module = "bottega._native", frozen)]
 pub(crate) struct PyFarm {
-    address: Option<FarmAddress>,
-    credentials: Credentials,
+    login: FarmLogin,
     board: JobBoard,
 }
 
 impl PyFarm {
+    /// Returns how the farm is reached.
+    pub(crate) fn login(&self) -> FarmLogin {
+        self.login.clone()
+    }
+
     /// Calls the farm without the interpreter's lock.
     fn ask<T: Send>(&self, py: Python<'_>, ask: impl FnOnce(&JobBoard) -> Result<T, Error> + Send) -> PyResult<T> {
         refuse_forked()?;
@@ -59,10 +67,11 @@ impl PyFarm {
             .transpose()
             .map_err(|problem| errors::farm(format!("this is no address of a farm: {problem}"), None))?;
         let credentials = Credentials { creds, nkey, tls_ca, tls_own };
-        let (farm, login) = (address.clone(), credentials.clone());
-        let linked = Caller::new(py).wait_for(move |_, _| link(farm.as_ref(), &login))?.whole()?;
+        let login = FarmLogin { address, credentials };
+        let FarmLogin { address, credentials } = login.clone();
+        let linked = Caller::new(py).wait_for(move |_, _| link(address.as_ref(), &credentials))?.whole()?;
         let uplink = linked.map_err(|error| errors::raised_by_farm(&error))?.uplink;
-        Ok(Self { address, credentials, board: JobBoard { uplink } })
+        Ok(Self { login, board: JobBoard { uplink } })
     }
 
     /// Submits a picture and does not wait for it. Returns the number of the job.
@@ -70,36 +79,14 @@ impl PyFarm {
     fn submit(&self, py: Python<'_>, request: &str, on_event: Option<Bound<'_, PyAny>>) -> PyResult<u32> {
         refuse_forked()?;
         let request = request_of(request)?;
-        let (farm, login) = (self.address.clone(), self.credentials.clone());
+        let FarmLogin { address, credentials } = self.login();
         let caller = Caller { on_event, waits_for_end: true, ..Caller::new(py) };
         let asked = caller
-            .wait_for(move |watcher, stop| client::submit(farm.as_ref(), &login, &request, watcher, stop))?
+            .wait_for(move |watcher, stop| client::submit(address.as_ref(), &credentials, &request, watcher, stop))?
             .whole()?;
         let number = asked.map_err(|error| errors::raised_by_farm(&error))?;
         py.detach(|| jobs::wait_until_known(&self.board, number));
         Ok(number)
-    }
-
-    /// Submits a picture and takes part in rendering it. Returns the file that it is written to.
-    #[pyo3(signature = (request, on_event=None))]
-    fn render(&self, py: Python<'_>, request: &str, on_event: Option<Bound<'_, PyAny>>) -> PyResult<PathBuf> {
-        refuse_forked()?;
-        let request = request_of(request)?;
-        let output = request.output.file.clone().ok_or_else(|| {
-            errors::farm(
-                "a farm writes its picture to a file, and the request names none".to_owned(),
-                Some("output=\"picture.exr\"; `bottega.read` has the pixels then".to_owned()),
-            )
-        })?;
-        let (farm, login) = (self.address.clone(), self.credentials.clone());
-        let caller = Caller { on_event, waits_for_end: true, ..Caller::new(py) };
-        let paint = move |watcher, stop: &StopSwitch| {
-            client::render(farm.as_ref(), &login, &request, SessionOptions::default(), watcher, stop)
-        };
-        match caller.wait_for(paint)?.whole()?.map_err(|error| errors::raised_by_farm(&error))? {
-            RenderOutcome::Local(_) => Ok(output),
-            RenderOutcome::Remote(file) => Ok(file),
-        }
     }
 
     /// Returns all jobs, as dictionaries.

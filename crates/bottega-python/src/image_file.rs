@@ -1,24 +1,106 @@
 //! Pictures read from files.
 
+use std::path::PathBuf;
+
 use bottega::{Error, request::PIXELS_MAX};
-use bottega_image::{Picture, ReadLimits, read_image};
-use numpy::{IntoPyArray, PyArray3, PyArrayMethods, ndarray::Array3};
-use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
+use bottega_image::{FileLayer, ImageError, LayerKind, Picture, ReadLimits, read_channels, read_image};
+use numpy::{
+    IntoPyArray, PyArray3, PyArrayMethods,
+    ndarray::{Array2, Array3},
+};
+use pyo3::{
+    exceptions::{PyKeyError, PyValueError},
+    prelude::*,
+    types::PyDict,
+};
 
 use crate::{errors, values::path_of};
 
-/// A picture read from a file: its color and metadata.
-#[pyclass(name = "ImageFile", module = "bottega", frozen, get_all)]
+/// A picture read from a file: its color and metadata, and the layers of an OpenEXR file by name.
+#[pyclass(name = "ImageFile", module = "bottega", frozen)]
 pub(crate) struct PyImageFile {
+    path: PathBuf,
     /// Radiance R G B: float32, (height, width, 3), linear light.
+    #[pyo3(get)]
     color: Py<PyArray3<f32>>,
     /// Metadata of the file: text by name.
+    #[pyo3(get)]
     metadata: Py<PyDict>,
     /// Position of the upper left pixel in the whole picture: x, y; (0, 0) unless the file is a crop.
+    #[pyo3(get)]
     offset: (i32, i32),
     /// Width and height of the whole picture.
+    #[pyo3(get)]
     full_size: (u32, u32),
 }
+
+/// Name of the layer that is the channel A of the file.
+const ALPHA: &str = "alpha";
+
+#[pymethods]
+impl PyImageFile {
+    /// The names of the layers, such as `("color", "alpha", "depth")`.
+    #[getter]
+    fn layers(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let names = py.detach(|| {
+            let bytes = self.bytes()?;
+            let others = FileLayer::all(&self.path, &bytes)?.into_iter().map(|layer| layer.name);
+            let has_alpha = self.layer(ALPHA)?.is_some();
+            Ok(["color"].into_iter().chain(has_alpha.then_some(ALPHA)).map(str::to_owned).chain(others).collect())
+        });
+        names.map_err(|error: ImageError| errors::raised(&Error::from(error)))
+    }
+
+    /// Reads a layer by its name: float32, (height, width, channels), or (height, width) if it has one channel.
+    ///
+    /// Raises `KeyError` if the file has no such layer, `PictureError` if it cannot be read any more.
+    fn __getitem__<'py>(&self, py: Python<'py>, layer: &str) -> PyResult<Bound<'py, PyAny>> {
+        if layer == "color" {
+            return Ok(self.color.bind(py).clone().into_any());
+        }
+        let read = py.detach(|| self.layer(layer)).map_err(|error| errors::raised(&Error::from(error)))?;
+        match read {
+            Some((LayerKind::Number, picture)) => {
+                let (width, height) = picture.size();
+                let values = picture.data.into_iter().map(|[value, ..]| value).collect();
+                let array = Array2::from_shape_vec((height as usize, width as usize), values);
+                Ok(array.map_err(|error| PyValueError::new_err(error.to_string()))?.into_pyarray(py).into_any())
+            }
+            Some((_, picture)) => Ok(array_of(py, picture)?.into_any()),
+            None => {
+                let names = self.layers(py)?.join(", ");
+                Err(PyKeyError::new_err(format!("no layer `{layer}`; the file has {names}")))
+            }
+        }
+    }
+
+    fn __contains__(&self, py: Python<'_>, layer: &str) -> PyResult<bool> {
+        Ok(self.layers(py)?.iter().any(|name| name == layer))
+    }
+}
+
+impl PyImageFile {
+    fn bytes(&self) -> Result<Vec<u8>, ImageError> {
+        std::fs::read(&self.path).map_err(|source| ImageError::Read { path: self.path.clone(), source })
+    }
+
+    /// Reads a layer beside the color; `None`: the file has no such layer.
+    fn layer(&self, name: &str) -> Result<Option<(LayerKind, Picture)>, ImageError> {
+        if name == ALPHA {
+            let (file, mut planes) = read_channels(&self.path, LIMITS, &["A".to_owned()])?;
+            let alpha = planes.pop().flatten().map(|plane| plane.into_iter().map(|value| [value; 3]).collect());
+            return Ok(alpha.map(|data| (LayerKind::Number, Picture { data, ..file.picture })));
+        }
+        let bytes = self.bytes()?;
+        let Some(layer) = FileLayer::all(&self.path, &bytes)?.into_iter().find(|layer| layer.name == name) else {
+            return Ok(None);
+        };
+        Ok(Some((layer.kind, layer.read(&self.path, &bytes)?.picture)))
+    }
+}
+
+/// The greatest picture that is read.
+const LIMITS: ReadLimits = ReadLimits { max_pixels: PIXELS_MAX };
 
 /// Reads the color of a picture: .exr, .png or .hdr. PNG values are converted to linear light.
 ///
@@ -26,12 +108,11 @@ pub(crate) struct PyImageFile {
 #[pyfunction]
 pub(crate) fn read(py: Python<'_>, path: &Bound<'_, PyAny>) -> PyResult<PyImageFile> {
     let path = path_of(path)?;
-    let limits = ReadLimits { max_pixels: PIXELS_MAX };
-    let file = py.detach(|| read_image(path, limits)).map_err(|error| errors::raised(&Error::from(error)))?;
+    let file = py.detach(|| read_image(&path, LIMITS)).map_err(|error| errors::raised(&Error::from(error)))?;
     let metadata = PyDict::new(py);
     file.metadata.iter().try_for_each(|(name, text)| metadata.set_item(name, text))?;
     let (offset, full_size) = (file.offset, file.full_size);
-    Ok(PyImageFile { color: array_of(py, file.picture)?.unbind(), metadata: metadata.unbind(), offset, full_size })
+    Ok(PyImageFile { path, color: array_of(py, file.picture)?.unbind(), metadata: metadata.unbind(), offset, full_size })
 }
 
 /// Returns the pixels of a picture as an array, (height, width, 3), without a copy.

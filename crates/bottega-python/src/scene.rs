@@ -6,7 +6,7 @@ use bottega::{
     glam::Affine3A,
     scene::{
         Camera, CornerMesh, Density, EditedLight, EntryKind, Environment, ImageId, Loaded, Material, Medium, MediumId,
-        PlacedObject, Placing, RenderHints, Scene, SceneEditor, Sphere, Variation, Visibility, load,
+        PlacedObject, Placing, RenderHints, Scene, SceneEditor, Sphere, Variation, Visibility, load, save_scene,
     },
 };
 use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
@@ -18,6 +18,7 @@ use crate::{
     image_input::{grid_of, image_of},
     numpy_input::{InputArray, maybe_rows, transforms},
     request::request_of,
+    values::path_of,
     waiting::Caller,
 };
 
@@ -97,6 +98,27 @@ impl PyScene {
         let Loaded { scene, warnings, hints, .. } = read.map_err(|error| errors::raised(&error.into()))?;
         let editor = Mutex::new(SceneEditor::of(scene));
         Ok((Self { editor, hints }, warnings.iter().map(ToString::to_string).collect()))
+    }
+
+    /// Writes the scene as it is now to a file of Bottega's own format, with render settings that it asks for.
+    #[pyo3(signature = (file, size=None, spp=None, max_depth=None))]
+    fn save(
+        &self,
+        py: Python<'_>,
+        file: &Bound<'_, PyAny>,
+        size: Option<[u32; 2]>,
+        spp: Option<u32>,
+        max_depth: Option<u32>,
+    ) -> PyResult<()> {
+        let (file, scene) = (path_of(file)?, self.editor().snapshot());
+        let hints = RenderHints {
+            resolution: size.or(self.hints.resolution),
+            samples: spp.or(self.hints.samples),
+            max_depth: max_depth.or(self.hints.max_depth),
+            ..self.hints.clone()
+        };
+        let saved = Caller::new(py).wait_for(move |_, _| save_scene(&file, &scene, &hints))?;
+        saved.whole()?.map_err(|error| errors::raised(&error.into()))
     }
 
     /// Returns the keys of a kind, in the order in which they were added.

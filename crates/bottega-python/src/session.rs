@@ -1,8 +1,12 @@
 //! The Python class of sessions.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::{
+    path::PathBuf,
+    sync::{Arc, Mutex},
+};
 
 use bottega::{Error, Picture, Request, Session, SessionOptions, StopSwitch, scene::Loaded};
+use bottega_cluster::client::{FarmPicture, RenderOutcome};
 use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
 use pyo3::{
     exceptions::PyValueError,
@@ -12,7 +16,8 @@ use pyo3::{
 
 use crate::{
     errors,
-    live::LivePicture,
+    farm::{FarmLogin, PyFarm},
+    live::{LivePicture, locked},
     picture::PyPicture,
     process::refuse_forked,
     request::request_of,
@@ -24,6 +29,8 @@ use crate::{
 /// The stage of a session.
 enum Stage {
     Open(Box<Session>),
+    /// A picture to be rendered with a farm.
+    WithFarm(Box<FarmPicture>, FarmLogin),
     /// Rendering has begun, and may have ended.
     Used,
 }
@@ -45,18 +52,17 @@ fn open(request: &Request, scene: Option<Loaded>, options: SessionOptions) -> Re
     }
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 #[pymethods]
 impl PySession {
     #[new]
-    #[pyo3(signature = (request, scene=None, *, live=false, resume=false, preview=None, record=None, timeline=None))]
+    #[pyo3(signature = (
+        request, scene=None, *, farm=None, live=false, resume=false, preview=None, record=None, timeline=None
+    ))]
     fn new(
         py: Python<'_>,
         request: &str,
         scene: Option<&Bound<'_, PyScene>>,
+        farm: Option<&Bound<'_, PyFarm>>,
         live: bool,
         resume: bool,
         preview: Option<&Bound<'_, PyAny>>,
@@ -70,10 +76,19 @@ impl PySession {
         let timeline = timeline.map(path_of).transpose()?;
         let options = SessionOptions { resume, preview, shows: live, record, timeline, ..SessionOptions::default() };
         let scene = scene.map(|scene| scene.get().finished()).transpose()?;
-        let opened = Caller::new(py).wait_for(move |_, _| open(&request, scene, options))?.whole()?;
-        let session = opened.map_err(|error| errors::raised(&error))?;
-        let live = live.then(|| Arc::new(LivePicture::new(session.settings().crop)));
-        Ok(Self { stage: Mutex::new(Stage::Open(Box::new(session))), stop: StopSwitch::new(), live })
+        let (stage, crop) = if let Some(farm) = farm {
+            let opened = Caller::new(py).wait_for(move |_, _| FarmPicture::open(&request, options))?.whole()?;
+            let picture = opened.map_err(|error| errors::raised_by_farm(&error))?;
+            let crop = picture.crop();
+            (Stage::WithFarm(Box::new(picture), farm.get().login()), crop)
+        } else {
+            let opened = Caller::new(py).wait_for(move |_, _| open(&request, scene, options))?.whole()?;
+            let session = opened.map_err(|error| errors::raised(&error))?;
+            let crop = session.settings().crop;
+            (Stage::Open(Box::new(session)), crop)
+        };
+        let live = live.then(|| Arc::new(LivePicture::new(crop)));
+        Ok(Self { stage: Mutex::new(stage), stop: StopSwitch::new(), live })
     }
 
     /// Renders the picture and waits for it.
@@ -81,12 +96,31 @@ impl PySession {
     fn render(&self, py: Python<'_>, on_event: Option<Bound<'_, PyAny>>, warn_level: u8) -> PyResult<PyPicture> {
         refuse_forked()?;
         let Stage::Open(session) = std::mem::replace(&mut *locked(&self.stage), Stage::Used) else {
-            return Err(errors::failed("a session paints its picture once", "open another: bottega.Session(request)"));
+            return Err(used());
         };
-        let stop = self.stop.clone();
-        let caller = Caller { py, on_event, stop, live: self.live.clone(), warn_level, waits_for_end: true };
-        let ending = caller.wait_for(move |watcher, stop| session.render(watcher, stop))?;
+        let ending = self
+            .caller(py, on_event, warn_level)
+            .wait_for(move |watcher, stop| session.render(watcher, stop))?;
         ended(py, ending)
+    }
+
+    /// Renders the picture with the farm of the session and waits for it. Returns the file that it is written to.
+    #[pyo3(signature = (on_event=None))]
+    fn render_with_farm(&self, py: Python<'_>, on_event: Option<Bound<'_, PyAny>>) -> PyResult<PathBuf> {
+        refuse_forked()?;
+        let Stage::WithFarm(picture, FarmLogin { address, credentials }) =
+            std::mem::replace(&mut *locked(&self.stage), Stage::Used)
+        else {
+            return Err(used());
+        };
+        let rendered = self
+            .caller(py, on_event, 2)
+            .wait_for(move |watcher, stop| picture.render(address.as_ref(), &credentials, watcher, stop))?
+            .whole()?;
+        match rendered.map_err(|error| errors::raised_by_farm(&error))? {
+            RenderOutcome::Local(picture) => Ok(picture.request().output.file.clone().unwrap_or_default()),
+            RenderOutcome::Remote(file) => Ok(file),
+        }
     }
 
     /// Requests that rendering stops.
@@ -110,6 +144,17 @@ impl PySession {
         let array = py.detach(|| decoded(&png)).map_err(PyValueError::new_err)?;
         Ok(Some(array.into_pyarray(py)))
     }
+}
+
+impl PySession {
+    /// Returns the call that renders the picture.
+    fn caller<'py>(&self, py: Python<'py>, on_event: Option<Bound<'py, PyAny>>, warn_level: u8) -> Caller<'py> {
+        Caller { py, on_event, stop: self.stop.clone(), live: self.live.clone(), warn_level, waits_for_end: true }
+    }
+}
+
+fn used() -> PyErr {
+    errors::failed("a session paints its picture once", "open another: bottega.Session(request)")
 }
 
 /// Returns the picture, or its exception; after Ctrl-C, an exception with the picture painted so far.

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Iterator
 
+import numpy as np
 import pytest
 
 import bottega
@@ -78,8 +79,38 @@ def test_a_farm_paints_the_same_bits(farm: bottega.Farm, box: Path, tmp_path: Pa
         paused.view()
     with pytest.raises(bottega.FarmError, match="file"):
         farm.render(box, spp=1)
-    with pytest.raises(bottega.RequestError):
+    with pytest.raises(bottega.SceneError, match="no camera"):
         farm.render(bottega.Scene(), output="a.exr")
+
+
+def test_a_scene_in_memory_goes_to_a_farm(farm: bottega.Farm, box: Path, tmp_path: Path) -> None:
+    asked = {"spp": 8, "size": (64, 48), "exact": True}
+    scene = bottega.Scene.read(box)
+    scene.images["checks"] = bottega.Image(np.indices((8, 8)).sum(0).astype(np.uint8) % 2 * 200 + 20)
+    scene.materials["painted"] = bottega.Material(bottega.Diffuse(bottega.Texture("checks")))
+    scene.objects[scene.objects.keys()[0]].materials = ["painted"]
+    scene.lights["sun"] = bottega.SunLight((0.0, -1.0, -0.2), (0.5, 0.4, 0.3), angle=0.05)
+    plain = bottega.render(scene, **asked)  # type: ignore[arg-type]
+    # The same bits from a farm, from a file, and from the scene that was read of the file
+    path = farm.render(scene, output=tmp_path / "a.exr", **asked)  # type: ignore[arg-type]
+    assert (bottega.read(path).color == plain.color).all()
+    scene.save(tmp_path / "scene.bottega")
+    for kept in (tmp_path / "scene.bottega", bottega.Scene.read(tmp_path / "scene.bottega")):
+        assert (bottega.render(kept, **asked).color == plain.color).all()  # type: ignore[arg-type]
+    # Submitted, changed meanwhile, and fetched
+    job = farm.submit(scene, output=tmp_path / "b.exr", **asked)  # type: ignore[arg-type]
+    scene.objects.hide(scene.objects.keys()[0])
+    assert job.wait(120)["state"] == "done", job.log()
+    assert (bottega.read(job.fetch(tmp_path / "b.exr")).color == plain.color).all()
+    # Seen while it is rendered
+    session = farm.session(scene, live=True, output=tmp_path / "c.exr", **asked)  # type: ignore[arg-type]
+    assert session.layers() is None
+    path = session.render()
+    layers = session.layers()
+    assert layers is not None and layers["color"].shape == (48, 64, 3)
+    assert (layers["color"] == bottega.read(path).color).all() and (layers["color"] != plain.color).any()
+    with pytest.raises(bottega.Error, match="once"):
+        session.render()
 
 
 def test_farms_that_are_not_there_are_told() -> None:

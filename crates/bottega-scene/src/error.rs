@@ -38,7 +38,7 @@ pub enum SceneError {
     },
     /// Neither the extension nor the first bytes match a supported format.
     #[error(
-        "`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .pbrt, .obj, .ply, .serialized)",
+        "`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .pbrt, .obj, .ply, .serialized, .bottega)",
         printable_path(path)
     )]
     UnknownFormat {
@@ -54,6 +54,20 @@ pub enum SceneError {
         path: PathBuf,
         /// The contradiction within the file.
         problem: String,
+    },
+    /// A scene file of ours has another version of the format.
+    #[error(
+        "`{}` has version {found} of the format, and this Bottega reads version {known}: use the Bottega that wrote it, or \
+         write the scene again",
+        printable_path(path)
+    )]
+    OtherVersion {
+        /// The scene file.
+        path: PathBuf,
+        /// Its version.
+        found: u32,
+        /// The version that can be read.
+        known: u32,
     },
     /// The JSON text cannot be read as a glTF document.
     #[error("`{}`, line {line}, column {column}{}: {problem}; export the file again", printable_path(path), at(place))]

@@ -5,6 +5,7 @@
 //! curves are not tessellated.
 
 use glam::{Affine3A, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::error::Violation;
 
@@ -15,7 +16,8 @@ pub(crate) const HULL: f32 = 1.15 * std::f32::consts::SQRT_2;
 const STEPS_MAX: usize = 64;
 
 /// The shape of a curve's cross-section, as a ray sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum CurveLook {
     /// A flat ribbon that faces each ray.
     Flat,

@@ -1,6 +1,7 @@
 //! Regular grids of values in space.
 
 use glam::{UVec3, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
 use crate::values::VALUE_MAX;
@@ -18,7 +19,8 @@ pub struct Grid {
 }
 
 /// The interpolation between the centres of a grid's cells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Blend {
     /// None: constant within a cell.
     Nearest,
@@ -74,6 +76,16 @@ impl Grid {
     /// Returns the number of cells along x, y and z.
     pub fn size(&self) -> [u32; 3] {
         self.size
+    }
+
+    /// Returns its values: those of a cell adjacent; cells along x first, then y, then z.
+    pub(crate) fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// Returns the interpolation between its cells.
+    pub(crate) fn blend(&self) -> Blend {
+        self.blend
     }
 
     /// Returns the memory of its values, in bytes.

@@ -1,12 +1,13 @@
 //! Render settings and metadata from a scene file.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::integrator::IntegratorHint;
 
 /// The render settings that a file asks for. `None`: the file does not say; user settings take precedence. (Exposure is
 /// not among them: importers fold it into the lights.)
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RenderHints {
     /// Columns and rows of the whole picture, in pixels.
     pub resolution: Option<[u32; 2]>,
@@ -31,7 +32,7 @@ pub struct RenderHints {
 
 /// A separable pixel filter. Radii are in pixels, from the centre to the edge. Workers with other engines report their
 /// filter in this format.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum FilmFilter {
     /// A box: constant.

@@ -1,7 +1,9 @@
 //! The integrator that a scene file names.
 
+use serde::{Deserialize, Serialize};
+
 /// The integrator that a file names.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IntegratorHint {
     /// Name in the file.
     pub name: String,
@@ -12,7 +14,8 @@ pub struct IntegratorHint {
 }
 
 /// The transport paths of an integrator, which select an integrator of ours.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Follows {
     /// Paths from the camera.
     Paths {
@@ -27,7 +30,7 @@ pub enum Follows {
 }
 
 /// Parameters of photon mapping in a file; `None`: not given.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PhotonHints {
     /// Photons per pass.
     pub count: Option<u32>,

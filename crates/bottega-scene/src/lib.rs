@@ -18,6 +18,7 @@
 //! | loading a scene from a path; the importers' input, options and limits | `src/load.rs`; `src/import/request.rs`,
 //! `src/options.rs`, `src/budget.rs` |
 //! | parts that the importers share: locations in text files, placed meshes, curves, skies, projected pictures | `src/import/` |
+//! | Bottega's own scene file: a scene in memory, bit for bit | `src/saved/` |
 //! | glTF; its compressed buffers | `src/gltf/`; `src/gltf/meshopt/`, `src/gltf/draco.rs` |
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
@@ -69,6 +70,7 @@ mod origin;
 mod param;
 mod pbrt;
 mod resource;
+mod saved;
 mod shaped_light;
 mod shapes;
 mod shared_list;
@@ -105,6 +107,7 @@ pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use options::LoadOptions;
 pub use param::{ColorParam, ScalarParam};
 pub use resource::SceneFile;
+pub use saved::save_scene;
 pub use shaped_light::{AreaLamp, SphereLamp, SpotCone};
 pub use shared_list::SharedList;
 pub use summary::SceneSummary;

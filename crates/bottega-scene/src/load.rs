@@ -22,7 +22,7 @@ use crate::options::LoadOptions;
 use crate::origin::far_origin;
 use crate::resource::{Resources, SceneFile};
 use crate::texture::ImageId;
-use crate::{excess, gltf, mesh_file, mitsuba, pbrt, values};
+use crate::{excess, gltf, mesh_file, mitsuba, pbrt, saved, values};
 
 /// A loaded scene, with warnings, metadata and render hints.
 #[derive(Clone, Debug)]
@@ -60,8 +60,11 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let mut digest = blake3::Hasher::new();
     digest.update(hash(&file).as_bytes());
     options.add_choices(&mut digest);
-    let import: fn(&ImportRequest<'_>, &mut Warnings) -> Result<Imported, SceneError> = if gltf::recognizes(path, &file)
-    {
+    // A saved scene is read as it is: nothing is moved or added.
+    let is_saved = saved::recognizes(&file);
+    let import: fn(&ImportRequest<'_>, &mut Warnings) -> Result<Imported, SceneError> = if is_saved {
+        saved::import
+    } else if gltf::recognizes(path, &file) {
         gltf::import
     } else if mitsuba::recognizes(path, &file) {
         mitsuba::import
@@ -85,7 +88,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
         Ok::<_, SceneError>((imported, files, warnings))
     };
     let ((mut scene, mut metadata, mut hints), mut files, mut warnings) = read(DVec3::ZERO, &budget, &mut digest)?;
-    if let Some(origin) = far_origin(&scene) {
+    if !is_saved && let Some(origin) = far_origin(&scene) {
         // Drop the first scene before reading again: both together take twice the memory.
         drop(scene);
         budget = MemoryBudget::new(options.max_memory_bytes);
@@ -107,7 +110,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     if let Some(environment) = &options.environment {
         add_environment(&mut scene, environment, options, &budget, &mut digest, &mut warnings)?;
     }
-    if options.add_sky && !scene.has_light() {
+    if options.add_sky && !is_saved && !scene.has_light() {
         warnings.add("", "the scene has no light; a neutral sky shines on it");
         scene.add_sky();
         hints.is_sky_added = true;

@@ -38,16 +38,18 @@ pub enum Channel {
 pub const SURFACE_UV_SETS: u8 = 2;
 
 /// Texture coordinates by world position, independent of the surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mapping {
     /// The formula from the mapping's own space to texture coordinates.
     pub kind: MappingKind,
     /// World space to that space; may be singular.
+    #[serde(with = "crate::numbers")]
     pub mapping_from_world: Affine3A,
 }
 
 /// The formula of texture coordinates by position; v runs downwards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum MappingKind {
     /// u = x, v = 1 − y.
     Planar,

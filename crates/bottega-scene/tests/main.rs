@@ -6,3 +6,4 @@ mod mitsuba;
 mod mutation;
 mod pbrt;
 mod pbrt_mappings;
+mod saved;

@@ -91,7 +91,11 @@ fn read_file(path: &Path) -> Result<Option<Experience>, ExperienceFileError> {
     let mut text = String::new();
     // One byte above the limit shows that the file is too long.
     file.take(BYTES_MAX + 1).read_to_string(&mut text)?;
-    Ok(Some(Experience::from_json(&text)?))
+    match Experience::from_json(&text) {
+        // An earlier Bottega learned other things: they are replaced.
+        Err(ExperienceError::Earlier { .. }) => Ok(None),
+        experience => Ok(Some(experience?)),
+    }
 }
 
 /// Adds the lesson of a job to the file. An unusable file is left as it is, for the user to inspect.

@@ -8,4 +8,4 @@ pub mod submit;
 mod transfer;
 pub mod uploads;
 
-pub use self::submit::{RenderOutcome, SubmittedJob, render, submit};
+pub use self::submit::{FarmPicture, RenderOutcome, SubmittedJob, render, submit};

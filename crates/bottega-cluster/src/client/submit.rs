@@ -16,6 +16,7 @@ use bottega::{
     text::shown,
 };
 use bottega_farm::{JobError, JobReport};
+use bottega_image::Rect;
 
 use crate::{
     build::build,
@@ -66,6 +67,14 @@ pub enum RenderOutcome {
     Remote(PathBuf),
 }
 
+/// A picture to be rendered with the machines of a farm: its scene is loaded, and its request is checked.
+pub struct FarmPicture {
+    session: Session,
+    files: SceneFiles,
+    /// Everything that determines the pixels.
+    name: String,
+}
+
 /// Renders a picture with the machines of a farm, and writes it to the output file of the request.
 ///
 /// - `farm`: the address; none: the farm that runs on this machine.
@@ -80,37 +89,67 @@ pub fn render(
     watcher: Arc<dyn Watcher>,
     stop: &StopSwitch,
 ) -> Result<RenderOutcome, Error> {
-    let request = &request.by_engine_of_scene();
-    let session = Session::open_with(request, options)?;
-    let (material, name) = (session.scene_files()?, session.name()?);
-    let reporter = Arc::new(Reporter::new(watcher));
-    let (painting, tools) = session.begin(Arc::clone(&reporter))?;
-    let job = SubmittedJob::submit((farm, credentials), request, &material, Some(&name), stop, &reporter)?;
-    match job.paint(tools, &reporter)? {
-        JobOutcome::Here(report, leading) => {
-            let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
-            let failed = picture.report().failed.len();
-            if let Some(leading) = leading
-                && let Err(error) = job.finish(&leading, failed, &reporter)
-            {
-                reporter.warn(format!("the picture is written, and the farm does not know of it: {error}"));
+    FarmPicture::open(request, options)?.render(farm, credentials, watcher, stop)
+}
+
+impl FarmPicture {
+    /// Loads the scene of a request on this machine, and checks the request.
+    ///
+    /// # Errors
+    /// The request cannot be rendered.
+    pub fn open(request: &Request, options: SessionOptions) -> Result<Self, Error> {
+        let session = Session::open_with(request, options)?;
+        let (files, name) = (session.scene_files()?, session.name()?);
+        Ok(Self { session, files, name })
+    }
+
+    /// Returns the part of the picture that is rendered, in pixels.
+    pub fn crop(&self) -> Rect {
+        self.session.settings().crop
+    }
+
+    /// Renders the picture; see [`render`].
+    ///
+    /// # Errors
+    /// Those of [`render`].
+    pub fn render(
+        self,
+        farm: Option<&FarmAddress>,
+        credentials: &Credentials,
+        watcher: Arc<dyn Watcher>,
+        stop: &StopSwitch,
+    ) -> Result<RenderOutcome, Error> {
+        let Self { session, files, name } = self;
+        let request = session.request().clone();
+        let reporter = Arc::new(Reporter::new(watcher));
+        let (painting, tools) = session.begin(Arc::clone(&reporter))?;
+        let job = SubmittedJob::submit((farm, credentials), &request, &files, Some(&name), stop, &reporter)?;
+        match job.paint(tools, &reporter)? {
+            JobOutcome::Here(report, leading) => {
+                let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
+                let failed = picture.report().failed.len();
+                if let Some(leading) = leading
+                    && let Err(error) = job.finish(&leading, failed, &reporter)
+                {
+                    reporter.warn(format!("the picture is written, and the farm does not know of it: {error}"));
+                }
+                Ok(RenderOutcome::Local(Box::new(picture.close()?)))
             }
-            Ok(RenderOutcome::Local(Box::new(picture.close()?)))
-        }
-        JobOutcome::Elsewhere(picture) => {
-            painting.leave();
-            let output = request.output.file.clone().unwrap_or_default();
-            write_picture(&output, &picture).map_err(|error| unfetched(job.number, &error))?;
-            if let Some(lacking) = denoise::lacking(request, &output, &picture) {
-                reporter.warn(lacking);
+            JobOutcome::Elsewhere(picture) => {
+                painting.leave();
+                let output = request.output.file.clone().unwrap_or_default();
+                write_picture(&output, &picture).map_err(|error| unfetched(job.number, &error))?;
+                if let Some(lacking) = denoise::lacking(&request, &output, &picture) {
+                    reporter.warn(lacking);
+                }
+                if let Some(journal) = painting.journal()
+                    && let Err(error) = std::fs::remove_file(journal)
+                {
+                    reporter.warn(format!("cannot remove {}: {error}", journal.display()));
+                }
+                reporter.tell(Event::Fetched { output: shown(&output) });
+                Ok(RenderOutcome::Remote(output))
             }
-            if let Some(journal) = painting.journal()
-                && let Err(error) = std::fs::remove_file(journal)
-            {
-                reporter.warn(format!("cannot remove {}: {error}", journal.display()));
-            }
-            reporter.tell(Event::Fetched { output: shown(&output) });
-            Ok(RenderOutcome::Remote(output))
         }
     }
 }

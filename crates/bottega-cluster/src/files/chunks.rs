@@ -21,7 +21,7 @@ use crate::{
     files::cache::{Cache, write_whole},
 };
 
-/// The size of a chunk in bytes.
+/// The greatest size of a chunk in bytes; that of all chunks but the last in uploads.
 pub(crate) const CHUNK_BYTES: usize = 4 << 20;
 /// The most chunks of a file: 4 TiB in all.
 const CHUNKS_MAX: usize = 1 << 20;
@@ -224,8 +224,11 @@ pub(crate) mod tests {
         Ok(contents)
     }
 
-    fn bytes(count: usize) -> Vec<u8> {
-        (0..count).map(|i| (i / 1000 * 7 + i % 251) as u8).collect()
+    /// Bytes without a pattern.
+    pub(crate) fn bytes(count: usize) -> Vec<u8> {
+        let mut bytes = vec![0; count];
+        blake3::Hasher::new().finalize_xof().fill(&mut bytes);
+        bytes
     }
 
     #[test]
@@ -237,15 +240,16 @@ pub(crate) mod tests {
         let mut shelf = Shelf { gets_max: Some(3), ..Shelf::default() };
         let contents = send(&path, &shelf).unwrap();
         assert_eq!(send(&path, &shelf).unwrap(), contents);
-        assert_eq!(contents.chunks.len(), 6);
+        let count = contents.chunks.len();
+        assert!(count > 5, "{count} chunks");
         assert!(fetch("f", &contents, &cache, &shelf).is_err());
         shelf.gets_max = None;
         *shelf.gets.get_mut() = 0;
         fetch("f", &contents, &cache, &shelf).unwrap();
-        assert_eq!(shelf.gets.load(Ordering::Relaxed), 3, "what had come is not fetched again");
+        assert_eq!(shelf.gets.load(Ordering::Relaxed), count - 3, "what had come is not fetched again");
         assert_eq!(fs::read(cache.file(&contents.hash)).unwrap(), content);
         fetch("f", &contents, &cache, &shelf).unwrap();
-        assert_eq!(shelf.gets.load(Ordering::Relaxed), 3);
+        assert_eq!(shelf.gets.load(Ordering::Relaxed), count - 3);
     }
 
     #[test]

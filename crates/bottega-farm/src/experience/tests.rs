@@ -142,6 +142,8 @@ fn a_text_comes_back_and_what_is_none_is_refused() {
     assert!(matches!(Experience::from_json(&text[..text.len() / 2]), Err(ExperienceError::Syntax(_))));
     let newer = text.replace("\"format\":2", "\"format\":9");
     assert!(matches!(Experience::from_json(&newer), Err(ExperienceError::Format { found: 9 })));
+    let earlier = Experience::from_json("{\"format\":1,\"factors\":{}}");
+    assert!(matches!(earlier, Err(ExperienceError::Earlier { found: 1 })));
     let long = " ".repeat(TEXT_MAX + 1);
     assert!(matches!(Experience::from_json(&long), Err(ExperienceError::TooLong(_))));
     let mut mad = serde_json::from_str::<serde_json::Value>(&text).unwrap();

@@ -25,7 +25,7 @@ from ._errors import (
     RulesError,
     SceneError,
 )
-from ._farm import Farm, Job
+from ._farm import Farm, FarmSession, Job
 from ._lights import (
     AreaLight,
     Camera,
@@ -101,6 +101,7 @@ __all__ = [
     "Farm",
     "FarmError",
     "FarmOptions",
+    "FarmSession",
     "FilmOptions",
     "ForkError",
     "Frame",

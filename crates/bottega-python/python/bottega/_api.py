@@ -41,7 +41,30 @@ class Progress:
     """Estimated seconds left; `None`: unknown."""
 
 
-class Session:
+class LivePicture:
+    """A picture that is rendered, seen from any thread."""
+
+    _native: _native.Session
+
+    def stop(self) -> None:
+        """Requests that rendering stops; it ends within some hundredths of a second."""
+        self._native.stop()
+
+    def layers(self) -> dict[str, NDArray[np.float32]] | None:
+        """Returns copies of the layers painted so far, by name: float32, linear light, row 0 on top, shapes as of a `Picture`'s; 0 where
+        nothing is painted. `None`: nothing is painted yet. Needs `live`."""
+        return self._native.layers()
+
+    def preview(self) -> NDArray[np.uint8] | None:
+        """Returns the latest preview: uint8, (height, width, 3), sRGB; `None`: there is none yet. Needs `live`."""
+        return self._native.preview()
+
+    def preview_png(self) -> bytes | None:
+        """Returns the latest preview as the bytes of a PNG file; `None`: there is none yet. Needs `live`."""
+        return self._native.preview_png()
+
+
+class Session(LivePicture):
     """A loaded scene, to be rendered once.
 
     Opening a session reads the scene and checks the request, so errors are raised before the first sample. `render` may run in another
@@ -82,23 +105,6 @@ class Session:
         wait for that. After `stop` the partial picture is returned; `picture.is_whole` is then false.
         """
         return self._native.render(_both(on_event, on_progress))
-
-    def stop(self) -> None:
-        """Requests that rendering stops; it ends within some hundredths of a second."""
-        self._native.stop()
-
-    def layers(self) -> dict[str, NDArray[np.float32]] | None:
-        """Returns copies of the layers painted so far, by name: float32, linear light, row 0 on top, shapes as of a `Picture`'s; 0 where
-        nothing is painted. `None`: nothing is painted yet. Needs `live`."""
-        return self._native.layers()
-
-    def preview(self) -> NDArray[np.uint8] | None:
-        """Returns the latest preview: uint8, (height, width, 3), sRGB; `None`: there is none yet. Needs `live`."""
-        return self._native.preview()
-
-    def preview_png(self) -> bytes | None:
-        """Returns the latest preview as the bytes of a PNG file; `None`: there is none yet. Needs `live`."""
-        return self._native.preview_png()
 
 
 def render(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Iterator
 
 from . import _native
-from ._api import OnEvent, OnProgress, SceneLike, _both, request_of
-from ._errors import FarmError, RequestError
+from ._api import LivePicture, OnEvent, OnProgress, SceneLike, _both, request_of
+from ._errors import FarmError, SceneError
 from ._scene import Scene
 
 if TYPE_CHECKING:
@@ -41,8 +43,16 @@ class Farm:
         self._native = _native.Farm(address, creds=creds, nkey=nkey, tls_ca=tls_ca, tls_own=tls_own)
 
     def submit(self, scene: SceneLike, *, on_event: OnEvent | None = None, **fields: Unpack[Fields]) -> Job:
-        """Submits a picture, and does not wait for it. `output` gives the file name of the picture. Returns the job."""
-        return Job(self, self._native.submit(_asked(scene, fields), on_event))
+        """Submits a picture, and does not wait for it. `output` gives the file name of the picture. Returns the job.
+
+        A scene in memory is sent as it is now; meshes and images that the farm has from an earlier picture are not sent again.
+        """
+        with _in_file(scene) as named:
+            return Job(self, self._native.submit(request_of(named, fields).to_json(), on_event))
+
+    def session(self, scene: SceneLike, *, live: bool = False, **fields: Unpack[Fields]) -> FarmSession:
+        """Opens a session whose picture is rendered with the machines of the farm. `live`: see `Session`."""
+        return FarmSession(self, scene, live, fields)
 
     def render(
         self,
@@ -53,7 +63,7 @@ class Farm:
         **fields: Unpack[Fields],
     ) -> Path:
         """Submits a picture, takes part in rendering it, and waits for it. Returns the file that `output` names."""
-        return self._native.render(_asked(scene, fields), _both(on_event, on_progress))
+        return self.session(scene, **fields).render(on_event, on_progress)
 
     def jobs(self) -> list[Job]:
         """Returns all jobs, in the order of their numbers."""
@@ -138,7 +148,42 @@ class Job:
         return f"<bottega.Job {self.number}>"
 
 
-def _asked(scene: SceneLike, fields: Fields) -> str:
-    if isinstance(scene, Scene):
-        raise RequestError("a scene in memory cannot be sent to a farm", "write it to a file, and name that")
-    return request_of(scene, fields).to_json()
+class FarmSession(LivePicture):
+    """A picture of a loaded scene, to be rendered once with the machines of a farm. `Farm.session` opens it.
+
+    `render` may run in another thread; `stop`, `layers` and `preview` may be called from any thread.
+    """
+
+    def __init__(self, farm: Farm, scene: SceneLike, live: bool, fields: Fields) -> None:
+        with contextlib.ExitStack() as kept:
+            request = request_of(kept.enter_context(_in_file(scene)), fields)
+            if request.output.file is None:
+                raise FarmError(
+                    "a farm writes its picture to a file, and the request names none",
+                    'output="picture.exr"; `bottega.read` has the pixels then',
+                )
+            self.request = request
+            """The request of the picture."""
+            self._native = _native.Session(request.to_json(), farm=farm._native, live=live)
+            self._file = kept.pop_all()
+
+    def render(self, on_event: OnEvent | None = None, on_progress: OnProgress | None = None) -> Path:
+        """Submits the picture, takes part in rendering it, and waits for it. Returns the file that `output` names. Callbacks: see
+        `Session.render`. After `stop` the job is cancelled, and the file has the picture painted so far.
+        """
+        with self._file:
+            return self._native.render_with_farm(_both(on_event, on_progress))
+
+
+@contextlib.contextmanager
+def _in_file(scene: SceneLike) -> Iterator[SceneLike]:
+    """Gives a scene that is in a file: one in memory is saved for the time being."""
+    if not isinstance(scene, Scene):
+        yield scene
+        return
+    if len(scene.cameras) == 0:
+        raise SceneError('the scene has no camera: scene.cameras["main"] = bottega.Camera.looking(eye=(0, 1, 5), target=(0, 0, 0))')
+    with tempfile.TemporaryDirectory(prefix="bottega-") as folder:
+        file = Path(folder) / "scene.bottega"
+        scene.save(file)
+        yield file

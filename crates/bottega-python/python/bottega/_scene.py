@@ -405,6 +405,22 @@ class Scene:
         scene._set(native)
         return scene
 
+    def save(
+        self,
+        file: str | os.PathLike[str],
+        *,
+        size: tuple[int, int] | None = None,
+        spp: int | None = None,
+        max_depth: int | None = None,
+    ) -> None:
+        """Writes the scene as it is now to a file of Bottega's own format (`.bottega`), completely or not at all.
+
+        `Scene.read`, `bottega render` and a farm read it, and it renders to the same bits. Keys become names; what is hidden is left out.
+        `size`, `spp` and `max_depth` are used where a request does not say otherwise; `None`: those of the file that the scene was read
+        from. Raises `PictureError` if the file cannot be written.
+        """
+        self._native.save(file, size, spp, max_depth)
+
     @property
     def environment(self) -> Environment | None:
         """Radiance along rays that leave the scene; `None`: black. Setting it, or a field of it, changes the scene."""
