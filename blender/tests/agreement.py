@@ -17,7 +17,10 @@ import support  # noqa: E402
 
 # The greatest difference of the means, and FLIP, by scene; those that are not here have 1 % and 0.05.
 USUAL = (0.01, 0.05)
-BARS: dict[str, tuple[float, float]] = {}
+BARS: dict[str, tuple[float, float]] = {
+    # A plane of Principled below a lamp: what lies below Cycles' reflection is dimmed by the direction of the view alone, ours by both.
+    "textures": (0.02, 0.05),
+}
 SIZE, SAMPLES = (192, 128), 128
 
 

@@ -97,7 +97,8 @@ def shaded(kind: str, name: str = "Material", **inputs: Any) -> Any:
     material, tree, output = nodes(name)
     node = tree.nodes.new(kind)
     if hasattr(node, "distribution"):
-        node.distribution = "GGX"
+        # The renderer's facets scatter once, but for those of Principled.
+        node.distribution = "MULTI_GGX" if kind == "ShaderNodeBsdfPrincipled" else "GGX"
     for key, value in inputs.items():
         socket = node.inputs[key.replace("_", " ")]
         socket.default_value = (*value, 1.0) if isinstance(value, tuple) and len(value) == 3 and socket.type == "RGBA" else value
@@ -106,7 +107,7 @@ def shaded(kind: str, name: str = "Material", **inputs: Any) -> Any:
 
 
 def principled(name: str = "Principled", **inputs: Any) -> Any:
-    """Returns a Principled material. Its facets scatter once, as the renderer's."""
+    """Returns a Principled material."""
     return shaded("ShaderNodeBsdfPrincipled", name, **inputs)
 
 
@@ -182,7 +183,7 @@ def textures() -> None:
     empty((0.5, 0.5, 0.5))
     material, tree, output = nodes("Textured")
     shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
-    shader.distribution = "GGX"
+    shader.distribution = "MULTI_GGX"
     image = tree.nodes.new("ShaderNodeTexImage")
     image.image = picture()
     mapping, coordinates = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")

@@ -10,7 +10,7 @@ from .colors import ColorReader
 from .fields import Field, computed, constant, is_constant_of, scaled
 from .nodes import Source, named
 from .report import Fidelity
-from .surfaces import BLACK, Model, Shader
+from .surfaces import Model, Shader, mixed
 
 # Names of an input, the newest first.
 NAMES: dict[str, tuple[str, ...]] = {
@@ -56,15 +56,10 @@ def principled(reader: ColorReader, source: Source, note: Callable[[Any, Fidelit
 
     base, metallic, roughness = color("base", 0.8), number("metallic", 0.0), number("roughness", 0.5)
     transmission = number("transmission", 0.0)
-    fields: dict[str, Any] = {
-        "base_color": base,
-        "metallic": metallic,
-        "roughness": roughness,
-        "transmission": transmission,
-    }
-    if node.distribution == "MULTI_GGX" and not (is_constant_of(roughness, 0.0) or is_constant_of(metallic, 0.0) and is_constant_of(transmission, 0.0)):
-        note(node, Fidelity.APPROXIMATED, "facets scatter once: rough metal and glass are somewhat darker")
-    _specular(fields, node, is_old, number, color, base, note)
+    fields: dict[str, Any] = {"base_color": base, "metallic": metallic, "roughness": roughness}
+    if node.distribution == "GGX" and not is_constant_of(roughness, 0.0):
+        note(node, Fidelity.APPROXIMATED, "facets scatter more than once, as those of Multiscatter GGX")
+    _specular(fields, node, is_old, number, color, note)
     _anisotropy(fields, node, number, note)
     _coat(fields, node, is_old, number, color, note)
     _sheen(fields, node, is_old, number, color, base, note)
@@ -74,30 +69,42 @@ def principled(reader: ColorReader, source: Source, note: Callable[[Any, Fidelit
         _subsurface_color(fields, is_old, number, color, base)
     if not is_constant_of(number("diffuse_roughness", 0.0), 0.0):
         note(node, Fidelity.APPROXIMATED, "Diffuse Roughness is rendered as 0")
-    rough = number("transmission_roughness", 0.0)
-    if is_old and not is_constant_of(rough, 0.0) and not is_constant_of(transmission, 0.0):
-        note(node, Fidelity.APPROXIMATED, "Transmission Roughness is rendered as the roughness")
     emission = scaled(color("emission", 0.0), number("strength", 1.0 if is_old else 0.0))
-    return Shader(Model("Layered", fields), emission, number("alpha", 1.0))
+    alpha = number("alpha", 1.0)
+    opaque = Shader(Model("Layered", fields), emission, alpha)
+    if is_constant_of(transmission, 0.0):
+        return opaque
+    glass = _glass(fields, node, is_old, number, base, note)
+    return mixed(transmission, opaque, Shader(Model("Layered", glass), emission, alpha))
 
 
-def _specular(fields: dict[str, Any], node: Any, is_old: bool, number: Any, color: Any, base: Field, note: Any) -> None:
+def _glass(fields: dict[str, Any], node: Any, is_old: bool, number: Any, base: Field, note: Any) -> dict[str, Any]:
+    """Returns the fields of the part that transmits."""
+    glass = {name: value for name, value in fields.items() if name != "specular"}
+    # Since 4.0 the color is that of light that has entered and left.
+    color = base if is_old else computed("root", 3, lambda value: value.clip(0.0, None) ** 0.5, base)
+    glass.update(base_color=color, transmission=constant(1.0), ior=max(_ior(node, number, note), 1.0))
+    if is_old and not is_constant_of(number("transmission_roughness", 0.0), 0.0):
+        note(node, Fidelity.APPROXIMATED, "Transmission Roughness is rendered as the roughness")
+    return glass
+
+
+def _ior(node: Any, number: Any, note: Any) -> float:
     ior = number("ior", 1.5)
-    if not ior.is_constant:
-        note(node, Fidelity.APPROXIMATED, "an IOR that varies is rendered as 1.5")
-        ior = constant(1.5)
-    eta, level = max(ior.number(), 1.0), number("specular", 0.5)
-    transmits = not is_constant_of(fields["transmission"], 0.0)
-    if is_old and not transmits:
-        # Before 4.0 the reflection of opaque surfaces came from Specular alone: F0 = 0.08 × Specular.
-        eta, level = 1.5, scaled(level, constant(1.0))
+    if ior.is_constant:
+        return float(ior.number())
+    note(node, Fidelity.APPROXIMATED, "an IOR that varies is rendered as 1.5")
+    return 1.5
+
+
+def _specular(fields: dict[str, Any], node: Any, is_old: bool, number: Any, color: Any, note: Any) -> None:
+    # Before 4.0 the reflection of opaque surfaces came from Specular alone: F0 = 0.08 × Specular.
+    eta, level = 1.5 if is_old else max(_ior(node, number, note), 1.0), number("specular", 0.5)
     if level.is_constant:
         # The level scales the reflection at a right angle.
         f0 = ((eta - 1.0) / (eta + 1.0)) ** 2
         wanted = min(f0 * 2.0 * level.number(), 0.99)
-        fields["ior"] = eta if transmits else (1.0 + math.sqrt(wanted)) / (1.0 - math.sqrt(wanted))
-        if transmits and abs(level.number() - 0.5) > 1e-4:
-            note(node, Fidelity.APPROXIMATED, "Specular IOR Level has no effect on glass")
+        fields["ior"] = (1.0 + math.sqrt(wanted)) / (1.0 - math.sqrt(wanted))
     else:
         fields["ior"] = eta
         fields["specular"] = computed("level", 1, lambda value: (2.0 * value).clip(0.0, 1.0), level)
