@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty
 
-from . import library
+from . import bake_world, library
 
 
 def wanted(materials: list[Any]) -> list[tuple[Any, Any]]:
@@ -109,6 +109,9 @@ class BOTTEGA_OT_bake(bpy.types.Operator):
                 done += 1
             else:
                 left.append(material.name)
+        if bake_world.is_wanted(context.scene.world):
+            bake_world.bake_world(context.scene.world, 2 * self.size)
+            done += 1
         self.report({"INFO"}, f"{done} pictures were baked")
         if left:
             self.report({"WARNING"}, f"No object with texture coordinates has the material: {', '.join(left)}")

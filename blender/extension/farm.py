@@ -135,6 +135,13 @@ def _listen(program: subprocess.Popen[str]) -> None:
         programs.said = (programs.said + line)[-4000:]
 
 
+def failure() -> str:
+    """Returns the last words of a program that has ended with an error; empty: none has."""
+    ended = [program for program in (programs.up, programs.join) if program is not None and (program.poll() or 0) > 0]
+    lines = programs.said.strip().splitlines()
+    return lines[-1] if ended and lines else "The program bottega has ended with an error" if ended else ""
+
+
 def join_farm() -> None:
     """Offers this machine to the farm. Raises `RuntimeError`."""
     program = library.program("bottega")
@@ -367,8 +374,9 @@ class BOTTEGA_PT_farm(bpy.types.Panel):
         page = re.search(r"https?://\S+", programs.said)
         if page is not None:
             layout.operator("wm.url_open", text="Open the Page", icon="URL").url = page.group(0)
-        if watch.problem:
-            layout.label(text=watch.problem, icon="ERROR")
+        for problem in (failure(), watch.problem):
+            if problem:
+                layout.label(text=problem, icon="ERROR")
         for machine in watch.machines:
             text = f"{machine['machine']}: {machine['state']}, {machine['threads']} processors, Bottega {machine['version']}"
             layout.label(text=text, icon="DESKTOP")

@@ -14,6 +14,22 @@ import scenes  # noqa: E402
 import support  # noqa: E402
 
 
+def sky(folder: Path) -> None:
+    """A sky is baked to a panorama, whose light is that of Cycles."""
+    scenes.sky()
+    support.addon()
+    support.settle(bpy.context.scene, 96, 64, 64)
+    bpy.ops.bottega.bake(size=1024)
+    theirs = support.picture_of("CYCLES", folder / "bake-sky-cycles.exr", 64)
+    ours = support.picture_of("BOTTEGA", folder / "bake-sky.exr", 64)
+    difference = bottega.diff(ours, theirs)
+    off = max(abs(ratio - 1) for ratio in difference["mean_ratio"])
+    notes = {note.fidelity.value for note in support.part("render").Kept.last_report.all()}
+    print(f"BAKE sky: mean {100 * off:.2f} % off, FLIP {difference['flip']:.3f}; {notes}", flush=True)
+    if off > 0.01 or difference["flip"] > 0.08 or notes != {"baked"}:
+        support.failed("the baked sky is another one")
+
+
 def main() -> None:
     folder = Path(support.arguments()[0])
     support.addon()
@@ -40,6 +56,7 @@ def main() -> None:
     difference("changed")
     if "left out" not in kinds():
         support.failed("a picture of other nodes is used")
+    sky(folder)
     support.leave()
 
 

@@ -440,3 +440,16 @@ def procedural() -> None:
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     floor(material)
     lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
+def sky() -> None:
+    """Blender's sky, which must be baked. Not in `SCENES`."""
+    made = empty()
+    tree = made.world.node_tree
+    texture = tree.nodes.new("ShaderNodeTexSky")
+    texture.sun_elevation, texture.sun_rotation = 0.6, 1.0
+    tree.links.new(texture.outputs[0], tree.nodes["Background"].inputs["Color"])
+    tree.nodes["Background"].inputs["Strength"].default_value = 0.1
+    floor(matte())
+    ball((0, 0, 1), material=principled(Roughness=0.2))
+    cube((2.5, 0, 0.75))

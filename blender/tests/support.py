@@ -44,6 +44,8 @@ def arguments() -> list[str]:
 def failed(text: str) -> None:
     """Ends Blender with an error, which `blender --background` would swallow."""
     print(f"FAILED: {text}", flush=True)
+    if NAME in sys.modules:
+        part("farm").end_programs()
     leave(1)
 
 

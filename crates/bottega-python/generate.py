@@ -19,6 +19,7 @@ TARGET = Path(__file__).parent / "python" / "bottega" / "_requests.py"
 # Short names of the fields that are used most, for `render(scene, spp=64)`.
 KEYWORDS = {
     "spp": "goal.samples",
+    "samples": "goal.samples",
     "error": "goal.error",
     "time": "goal.time",
     "size": "film.size",

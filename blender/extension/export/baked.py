@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 from typing import Any
 
-# The custom property of a material that has the baked pictures by name of the input.
+# The custom property of a material or a world that has the baked pictures by name of the input.
 PROPERTY = "bottega_baked"
 # What does not change the values of a node.
 _LOOKS = {"rna_type", "location", "location_absolute", "width", "height", "select", "color", "use_custom_color", "label", "parent", "show_options", "show_preview"}

@@ -92,7 +92,9 @@ def _persistent(instance: Any) -> str:
 
 
 def _group(found: Pass, mesh_keys: dict[str, int], item: Any, data: Any, is_instance: bool) -> Group:
-    owner, data_owner = uid_of(item.original), uid_of(data.original)
+    # Before 4.2 a mesh that modifiers have made has no original.
+    original = item.original.data if item.original.type == "MESH" else data.original
+    owner, data_owner = uid_of(item.original), uid_of(original)
     # Objects without modifiers share the mesh of their data.
     pointer = data.as_pointer()
     mesh_key = f"mesh {data_owner}"

@@ -7,8 +7,10 @@ from dataclasses import replace
 from typing import Any, Callable
 
 import bottega
+import bpy
 import numpy as np
 
+from .baked import PROPERTY, name_of
 from .colors import ColorReader
 from .fields import Field, Placing, cached
 from .images import MissingPicture, is_known_space
@@ -86,6 +88,12 @@ def environment_of(
     volume = named(output, (), "Volume")
     if volume is not None and volume.source() is not None:
         report.add(KEY, world.name, "Volume", Fidelity.LEFT_OUT, "a volume that fills the world is left out")
+    surface = output.inputs["Surface"]
+    baked = bpy.data.images.get(str(dict(world.get(PROPERTY, {})).get(name_of(surface)))) if PROPERTY in world else None
+    if baked is not None:
+        report.add(KEY, world.name, "Surface", Fidelity.BAKED, "a panorama that Cycles has baked is used")
+        key = pictures.read(baked, None)
+        return bottega.Environment(1.0, key, rotation=_rows(_FROM_BLENDER @ _PANORAMA)), {key: lambda: pictures.loaded[key].to_image()}
     reader = WorldReader(pictures, report, world.name)
     try:
         color = ShaderReader(reader).shader(named(output, (), "Surface")).emission
@@ -94,14 +102,17 @@ def environment_of(
         return None, {}
     if color.is_constant:
         return _constant(color.load()), {}
-    rotation = _FROM_BLENDER @ reader.rotation.T @ _PANORAMA
-    fields = {"rotation": tuple(tuple(float(value) for value in row) for row in rotation)}
+    fields = {"rotation": _rows(_FROM_BLENDER @ reader.rotation.T @ _PANORAMA)}
     if color.image is not None:
         key = color.image
         factor = tuple(float(value) for value in np.broadcast_to(color.factor, (3,)))
         return bottega.Environment(factor, key, **fields), {key: lambda: pictures.loaded[key].to_image()}
     color = replace(color, channels=3)
     return bottega.Environment(1.0, color.key(), **fields), {color.key(): folded(color)}
+
+
+def _rows(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(float(value) for value in row) for row in matrix)
 
 
 def _constant(color: Any) -> bottega.Environment | None:

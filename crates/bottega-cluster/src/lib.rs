@@ -17,6 +17,7 @@
 //! | messages between the agents of a job, for observers; their transport over NATS | [`messages`]; `src/job/transport.rs` |
 //! | the fuzzy rules of a job, evaluated for a zone; learned zone times of machines | [`rules_of_job`]; `src/job/experience.rs` |
 //! | the preview of a job while it is rendered; before its first zone | [`job_preview`]; `src/job/first_look.rs` |
+//! | the layers of a job while it is rendered | [`job_film`] |
 //! | stored photons and lighting agents; energy and its price | `src/job/shared_parts.rs`; [`energy`] |
 //! | **`server`**: the NATS server of a farm, run as a child process, and its configuration | [`up`], `src/server/process.rs`, `src/server/supervisor.rs`, [`room`]; a server for one test or measurement: [`own_server`] |
 //! | members of a farm and their permissions | `src/server/admission.rs`, `src/server/members.rs` |
@@ -61,7 +62,7 @@ pub use self::{
         board::JobBoard,
         energy,
         experience::ALL_MACHINES,
-        job_preview, machines, messages, presence,
+        job_film, job_preview, machines, messages, presence,
         record::{Job, JobState, LogLine, unix_seconds},
         refusals, rules_of_job, society,
         transport::job_link,

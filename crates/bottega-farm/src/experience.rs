@@ -36,7 +36,7 @@ use self::{
 use crate::{PictureOutlook, RelativePower, TaskFeatures, TaskOutlook};
 
 /// Version of the text's format; other versions are rejected.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 /// Maximum length of a text, in bytes.
 const TEXT_MAX: usize = 1 << 20;
 /// Seconds of painting from which a job counts fully; shorter ones have less weight, because of start-up time.
@@ -239,10 +239,14 @@ impl Experience {
             learnt.deviation += (1.0 - REMEMBERED) * weight * (error - learnt.deviation);
         }
         // Move the weights
-        learnt.model.forget(REMEMBERED, &deviations());
+        learnt.model.forget(REMEMBERED.powf(weight), &deviations());
         let each = weight * (ZONES_OF_JOB / observed.len() as f64).min(1.0);
         observed.iter().for_each(|(zone, log)| learnt.model.learn(&x(zone), *log, NOISE, each));
         learnt.job = self.jobs;
+        if !learnt.is_sound() {
+            tracing::warn!(technique = name, "what was learnt is not plausible: it is forgotten");
+            return;
+        }
         self.techniques.insert(name, learnt);
         while self.techniques.len() > TECHNIQUES_MAX {
             let oldest = self.techniques.iter().min_by_key(|(_, learnt)| learnt.job).map(|(name, _)| name.clone());

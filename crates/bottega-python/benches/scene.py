@@ -6,7 +6,9 @@ instances in one call, and the first new pixels of a viewport after a change of 
 
 from __future__ import annotations
 
+import tempfile
 import time
+from pathlib import Path
 from typing import Callable
 
 import numpy as np
@@ -55,6 +57,19 @@ def main() -> None:
     scene.lights["sun"] = bottega.SunLight((-1, -2, -1), 3.0)
     scene.environment = bottega.Environment(0.3)
     scene.cameras["main"] = bottega.Camera.looking((0, 1.5, 3), (0, 0, 0))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.bottega"
+        report("writing the scene to a file", best(3, lambda: scene.save(file)), 500)
+        report("reading the file", best(3, lambda: bottega.Scene.read(file)), 1000)
+
+    def beyond() -> float:
+        session = bottega.Session(scene, spp=1, size=(160, 120))
+        heard: list[object] = []
+        begun = time.perf_counter()
+        picture = session.render(on_event=heard.append)
+        return 1000 * (time.perf_counter() - begun - float(picture.report["seconds"]))
+
+    report("a call that hears all events, beyond the painting", min(beyond() for _ in range(3)), 100)
     with bottega.Viewport(scene, size=(640, 480), spp=1024) as viewport:
         pixels = np.empty(viewport.shape, np.float32)
 

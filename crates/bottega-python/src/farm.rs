@@ -1,21 +1,38 @@
 //! The Python class of a farm: jobs, machines, pictures.
 
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    sync::Mutex,
+    time::{Duration, Instant},
+};
 
+use bottega::{
+    events::{Event, ZoneEvent},
+    request::PRIORITY_MAX,
+};
 use bottega_cluster::{
-    Credentials, Error, FarmAddress, JobBoard, JobState, client, jobs, link,
+    Credentials, Error, FarmAddress, Job, JobBoard, JobState, client,
+    job_film::JobFilm,
+    job_preview::JobPreview,
+    jobs, link,
     names::host_name,
     view::{JobView, MachineView},
 };
-use pyo3::prelude::*;
+use numpy::{IntoPyArray, PyArray3};
+use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 
 use crate::{
     errors,
+    image_file::decoded,
+    live::{layers_of, locked},
     process::refuse_forked,
     request::request_of,
     values::{path_of, to_python},
     waiting::Caller,
 };
+
+/// Interval between checks for Ctrl-C.
+const SIGNALS_EVERY: Duration = Duration::from_millis(100);
 
 /// Returns the author of orders, for the log of a job.
 fn by() -> String {
@@ -34,6 +51,16 @@ pub(crate) struct FarmLogin {
 pub(crate) struct PyFarm {
     login: FarmLogin,
     board: JobBoard,
+    /// The job that was seen last, so that its pixels are fetched once.
+    seen: Mutex<SeenJob>,
+}
+
+/// What was fetched of a job.
+#[derive(Default)]
+struct SeenJob {
+    number: u32,
+    preview: Option<JobPreview>,
+    film: JobFilm,
 }
 
 impl PyFarm {
@@ -46,6 +73,23 @@ impl PyFarm {
     fn ask<T: Send>(&self, py: Python<'_>, ask: impl FnOnce(&JobBoard) -> Result<T, Error> + Send) -> PyResult<T> {
         refuse_forked()?;
         py.detach(|| ask(&self.board)).map_err(|error| errors::raised_by_farm(&error))
+    }
+
+    /// Calls a function with a job and what was fetched of it before.
+    fn see<T: Send>(
+        &self,
+        py: Python<'_>,
+        number: u32,
+        see: impl FnOnce(&JobBoard, &Job, &mut SeenJob) -> Result<T, Error> + Send,
+    ) -> PyResult<T> {
+        self.ask(py, |board| {
+            let job = jobs::known(board, number)?;
+            let mut seen = locked(&self.seen);
+            if seen.number != number {
+                *seen = SeenJob { number, ..SeenJob::default() };
+            }
+            see(board, &job, &mut seen)
+        })
     }
 }
 
@@ -71,7 +115,7 @@ impl PyFarm {
         let FarmLogin { address, credentials } = login.clone();
         let linked = Caller::new(py).wait_for(move |_, _| link(address.as_ref(), &credentials))?.whole()?;
         let uplink = linked.map_err(|error| errors::raised_by_farm(&error))?.uplink;
-        Ok(Self { login, board: JobBoard { uplink } })
+        Ok(Self { login, board: JobBoard { uplink }, seen: Mutex::default() })
     }
 
     /// Submits a picture and does not wait for it. Returns the number of the job.
@@ -127,6 +171,68 @@ impl PyFarm {
     /// Cancels a job.
     fn cancel(&self, py: Python<'_>, number: u32) -> PyResult<()> {
         self.ask(py, |board| jobs::steer(board, number, &JobState::Cancelled, &by()))
+    }
+
+    /// Changes the weight of a job among those that share the machines.
+    fn set_priority(&self, py: Python<'_>, number: u32, priority: u32) -> PyResult<()> {
+        if !(1..=PRIORITY_MAX).contains(&priority) {
+            return Err(PyValueError::new_err(format!("`priority` is {priority}; 1 to {PRIORITY_MAX} is allowed")));
+        }
+        self.ask(py, |board| {
+            jobs::known(board, number)?;
+            jobs::set_priority(board, number, priority, &by())
+        })
+    }
+
+    /// Requests that a zone that is done or has failed is rendered again.
+    fn requeue(&self, py: Python<'_>, number: u32, zone: u32) -> PyResult<()> {
+        self.ask(py, |board| {
+            jobs::known(board, number)?;
+            board.requeue(number, zone, &by())
+        })
+    }
+
+    /// Returns the rows of a job's zones on the Blackboard, as dictionaries.
+    fn zones<'py>(&self, py: Python<'py>, number: u32) -> PyResult<Bound<'py, PyAny>> {
+        let rows = self.ask(py, |board| board.rows(&jobs::known(board, number)?))?;
+        let mut zones: Vec<ZoneEvent> =
+            rows.into_iter().filter_map(|row| if let Event::Zone(zone) = row { Some(*zone) } else { None }).collect();
+        zones.sort_by_key(|zone| zone.id);
+        to_python(py, &zones)
+    }
+
+    /// Returns the preview of a job: uint8, (height, width, 3), sRGB; `None`: nothing is painted.
+    fn preview<'py>(&self, py: Python<'py>, number: u32) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
+        let png = self.see(py, number, |board, job, seen| {
+            let mut preview = seen.preview.take().map_or_else(|| JobPreview::new(board, job), Ok)?;
+            let png = preview.renew(board, job);
+            seen.preview = Some(preview);
+            png
+        })?;
+        let array = py.detach(|| png.as_deref().map(decoded).transpose()).map_err(PyValueError::new_err)?;
+        Ok(array.map(|array| array.into_pyarray(py)))
+    }
+
+    /// Returns copies of the layers of a job that is not over, by name; `None`: nothing is painted.
+    fn layers<'py>(&self, py: Python<'py>, number: u32) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let film = self.see(py, number, |board, job, seen| Ok(seen.film.renew(board, job)?.cloned()))?;
+        film.map(|film| layers_of(py, &film)).transpose()
+    }
+
+    /// Waits until something changes in the jobs and machines of the farm, at most `seconds`. Returns the number of changes.
+    ///
+    /// - `seen`: the number that was returned before.
+    fn wait(&self, py: Python<'_>, seen: u64, seconds: f64) -> PyResult<u64> {
+        refuse_forked()?;
+        let end = Instant::now() + Duration::try_from_secs_f64(seconds.min(1e6)).unwrap_or_default();
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            let count = py.detach(|| self.board.uplink.notices().wait(seen, left.min(SIGNALS_EVERY)));
+            if count != seen || left.is_zero() {
+                return Ok(count);
+            }
+            py.check_signals()?;
+        }
     }
 
     /// Removes a job that is over.

@@ -112,7 +112,13 @@ pub(crate) fn read(py: Python<'_>, path: &Bound<'_, PyAny>) -> PyResult<PyImageF
     let metadata = PyDict::new(py);
     file.metadata.iter().try_for_each(|(name, text)| metadata.set_item(name, text))?;
     let (offset, full_size) = (file.offset, file.full_size);
-    Ok(PyImageFile { path, color: array_of(py, file.picture)?.unbind(), metadata: metadata.unbind(), offset, full_size })
+    Ok(PyImageFile {
+        path,
+        color: array_of(py, file.picture)?.unbind(),
+        metadata: metadata.unbind(),
+        offset,
+        full_size,
+    })
 }
 
 /// Returns the pixels of a picture as an array, (height, width, 3), without a copy.
@@ -140,4 +146,13 @@ pub(crate) fn picture_of(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<P
     };
     let data = view.rows().into_iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
     Ok(Picture { width, height, data })
+}
+
+/// Decodes a PNG file of 8-bit RGB.
+pub(crate) fn decoded(file: &[u8]) -> Result<Array3<u8>, String> {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().map_err(|error| error.to_string())?;
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap_or_default()];
+    let frame = reader.next_frame(&mut pixels).map_err(|error| error.to_string())?;
+    let shape = (frame.height as usize, frame.width as usize, 3);
+    Array3::from_shape_vec(shape, pixels).map_err(|error| error.to_string())
 }

@@ -19,7 +19,7 @@
 //! | scenes in memory; arrays as their input | `src/scene.rs`; `src/numpy_input.rs`, `src/image_input.rs` |
 //! | interactive views | `src/viewport.rs` |
 //! | importance maps, zones, rules, differences | `src/analysis.rs`, `src/rules.rs`, `src/difference.rs` |
-//! | farms | `src/farm.rs` |
+//! | farms; by HTTP | `src/farm.rs`; `src/http_farm.rs` |
 //! | errors as exceptions | `src/errors.rs` |
 //! | forked processes, the end of the interpreter | `src/process.rs` |
 
@@ -28,6 +28,7 @@ mod arrays;
 mod difference;
 mod errors;
 mod farm;
+mod http_farm;
 mod image_file;
 mod image_input;
 mod live;
@@ -50,6 +51,7 @@ mod _native {
         analysis::{PyAnalysis, analyze},
         difference::diff,
         farm::PyFarm,
+        http_farm::{digests, preview_array, submission},
         image_file::{PyImageFile, read},
         picture::PyPicture,
         process::stop_all,

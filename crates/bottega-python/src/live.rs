@@ -47,21 +47,26 @@ impl LivePicture {
     /// Returns copies of all layers by name: float32, (height, width, channels), or (height, width) for one channel; 0 where
     /// nothing is painted. `None`: nothing is painted.
     pub(crate) fn layers<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(film) = py.detach(|| locked(&self.film).clone()) else { return Ok(None) };
-        let (height, width) = (film.rect().height() as usize, film.rect().width() as usize);
-        let stride = film.layout().stride() + 1;
-        let layers = PyDict::new(py);
-        for (name, range) in film.layout().parts() {
-            let value =
-                |y: usize, x: usize, channel: usize| film.values()[(y * width + x) * stride + range.start + channel];
-            if range.len() == 1 {
-                let layer = Array2::from_shape_fn((height, width), |(y, x)| value(y, x, 0));
-                layers.set_item(name, layer.into_pyarray(py))?;
-            } else {
-                let layer = Array3::from_shape_fn((height, width, range.len()), |(y, x, channel)| value(y, x, channel));
-                layers.set_item(name, layer.into_pyarray(py))?;
-            }
-        }
-        Ok(Some(layers))
+        let film = py.detach(|| locked(&self.film).clone());
+        film.map(|film| layers_of(py, &film)).transpose()
     }
+}
+
+/// Returns copies of all layers of a film by name: float32, (height, width, channels), or (height, width) for one channel.
+pub(crate) fn layers_of<'py>(py: Python<'py>, film: &Film) -> PyResult<Bound<'py, PyDict>> {
+    let (height, width) = (film.rect().height() as usize, film.rect().width() as usize);
+    let stride = film.layout().stride() + 1;
+    let layers = PyDict::new(py);
+    for (name, range) in film.layout().parts() {
+        let value =
+            |y: usize, x: usize, channel: usize| film.values()[(y * width + x) * stride + range.start + channel];
+        if range.len() == 1 {
+            let layer = Array2::from_shape_fn((height, width), |(y, x)| value(y, x, 0));
+            layers.set_item(name, layer.into_pyarray(py))?;
+        } else {
+            let layer = Array3::from_shape_fn((height, width, range.len()), |(y, x, channel)| value(y, x, channel));
+            layers.set_item(name, layer.into_pyarray(py))?;
+        }
+    }
+    Ok(layers)
 }

@@ -7,7 +7,7 @@ use std::{
 
 use bottega::{Error, Picture, Request, Session, SessionOptions, StopSwitch, scene::Loaded};
 use bottega_cluster::client::{FarmPicture, RenderOutcome};
-use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
+use numpy::{IntoPyArray, PyArray3};
 use pyo3::{
     exceptions::PyValueError,
     prelude::*,
@@ -17,6 +17,7 @@ use pyo3::{
 use crate::{
     errors,
     farm::{FarmLogin, PyFarm},
+    image_file::decoded,
     live::{LivePicture, locked},
     picture::PyPicture,
     process::refuse_forked,
@@ -98,9 +99,8 @@ impl PySession {
         let Stage::Open(session) = std::mem::replace(&mut *locked(&self.stage), Stage::Used) else {
             return Err(used());
         };
-        let ending = self
-            .caller(py, on_event, warn_level)
-            .wait_for(move |watcher, stop| session.render(watcher, stop))?;
+        let ending =
+            self.caller(py, on_event, warn_level).wait_for(move |watcher, stop| session.render(watcher, stop))?;
         ended(py, ending)
     }
 
@@ -166,13 +166,4 @@ pub(crate) fn ended(py: Python<'_>, ending: Ending<Result<Picture, Error>>) -> P
             Err(errors::interrupted(picture.map(Py::into_any)))
         }
     }
-}
-
-/// Decodes a PNG file of 8-bit RGB.
-fn decoded(file: &[u8]) -> Result<Array3<u8>, String> {
-    let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().map_err(|error| error.to_string())?;
-    let mut pixels = vec![0; reader.output_buffer_size().unwrap_or_default()];
-    let frame = reader.next_frame(&mut pixels).map_err(|error| error.to_string())?;
-    let shape = (frame.height as usize, frame.width as usize, 3);
-    Array3::from_shape_vec(shape, pixels).map_err(|error| error.to_string())
 }

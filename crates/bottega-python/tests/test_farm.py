@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import re
 import socket
 import subprocess
 import time
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Iterator
+from typing import Any, Iterator
 
 import numpy as np
 import pytest
@@ -17,9 +19,23 @@ import pytest
 import bottega
 
 
+@dataclass
+class Addresses:
+    """Where a farm with one machine is: for machines, and its page for those who steer."""
+
+    farm: str
+    page: str
+
+
 @pytest.fixture
-def farm(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[bottega.Farm]:
+def farm(addresses: Addresses) -> bottega.Farm:
     """A farm with one machine."""
+    return bottega.Farm(addresses.farm)
+
+
+@pytest.fixture
+def addresses(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Addresses]:
+    """The addresses of a farm with one machine."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.delenv("BOTTEGA_FARM", raising=False)
     log = tmp_path / "up.log"
@@ -37,17 +53,18 @@ def farm(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
             return process
 
         up = start("up", "--listen", f"127.0.0.1:{port}", "--hidden", *(["--server", server] if server else []))
-        address = None
+        found: list[re.Match[str] | None] = [None]
         end = time.monotonic() + 20
-        while address is None and time.monotonic() < end and up.poll() is None:
-            found = re.search(r"bottega://\S+", log.read_text())
-            address = found and found.group()
+        while not all(found) and time.monotonic() < end and up.poll() is None:
+            patterns = r"bottega://\S+", r"http://\S+\?token=\S+"
+            found = [re.search(pattern, log.read_text()) for pattern in patterns]
             time.sleep(0.05)
         if "there is no NATS server" in log.read_text():
             pytest.skip("there is no NATS server")
-        assert address, log.read_text()
+        address, page = [match.group() if match else "" for match in found]
+        assert address and page, log.read_text()
         start("join", address, "--threads", "1")
-        yield bottega.Farm(address)
+        yield Addresses(address, page)
 
 
 def test_a_farm_paints_the_same_bits(farm: bottega.Farm, box: Path, tmp_path: Path) -> None:
@@ -83,6 +100,46 @@ def test_a_farm_paints_the_same_bits(farm: bottega.Farm, box: Path, tmp_path: Pa
         farm.render(bottega.Scene(), output="a.exr")
 
 
+def test_a_job_is_steered_and_seen_while_it_is_painted(farm: bottega.Farm, box: Path, tmp_path: Path) -> None:
+    asked = {"samples": 2000, "size": (160, 120), "layers": ["depth"]}
+    job = farm.submit(box, output=tmp_path / "a.exr", **asked)  # type: ignore[arg-type]
+    job.priority = 7
+    assert job.priority == 7
+    with pytest.raises(ValueError, match="1 to 1000"):
+        job.priority = 0
+
+    # Something is seen before all of it is done
+    done: list[dict[str, Any]] = []
+    for view in job.watch():
+        assert view["state"] == "active"
+        done = [zone for zone in job.zones() if zone["state"] == "done"]
+        if done:
+            break
+    preview, layers = job.preview(), job.layers()
+    assert layers is not None and layers["depth"].shape == (120, 160) and (layers["depth"] > 0).any()
+    assert preview is not None and preview.shape == (120, 160, 3) and preview.any()
+    assert {"id", "rect", "agent"} <= done[0].keys()
+    with pytest.raises(bottega.FarmError, match="no zone"):
+        job.requeue(999_999)
+    job.requeue(done[0]["id"])
+
+    # Its end is awaited by coroutines, while others run
+    async def until_the_end() -> list[str]:
+        states = []
+        async for view in job.watch():
+            states.append(view["state"])
+            if len(states) == 1:
+                job.cancel()
+        return states
+
+    assert asyncio.run(until_the_end())[-1] == "cancelled"
+    assert any("painted again" in line["text"] for line in job.log())
+    small = farm.submit(box, output=tmp_path / "b.exr", samples=2, size=(32, 24), layers=["depth"])
+    assert small.wait(60)["state"] == "done"
+    layers = small.layers()
+    assert layers is not None and {"color", "alpha", "depth"} <= layers.keys()
+
+
 def test_a_scene_in_memory_goes_to_a_farm(farm: bottega.Farm, box: Path, tmp_path: Path) -> None:
     asked = {"spp": 8, "size": (64, 48), "exact": True}
     scene = bottega.Scene.read(box)
@@ -111,6 +168,46 @@ def test_a_scene_in_memory_goes_to_a_farm(farm: bottega.Farm, box: Path, tmp_pat
     assert (layers["color"] == bottega.read(path).color).all() and (layers["color"] != plain.color).any()
     with pytest.raises(bottega.Error, match="once"):
         session.render()
+
+
+def test_a_farm_is_used_by_http(addresses: Addresses, box: Path, tmp_path: Path) -> None:
+    asked = {"spp": 4, "size": (64, 48), "exact": True}
+    farm = bottega.Farm(addresses.page)
+    while not farm.machines():
+        time.sleep(0.1)
+    scene = bottega.Scene.read(box)
+    scene.lights["sun"] = bottega.SunLight((0.0, -1.0, -0.2), (0.5, 0.4, 0.3))
+    job = farm.submit(scene, output=tmp_path / "a.exr", **asked)  # type: ignore[arg-type]
+    seen = list(job.watch())
+    assert seen[-1]["state"] == "done", job.log()
+    assert job.fetch() == tmp_path / "a.exr"
+    plain = bottega.render(scene, **asked)  # type: ignore[arg-type]
+    assert (bottega.read(tmp_path / "a.exr").color == plain.color).all()
+    preview, layers = job.preview(), job.layers()
+    assert preview is not None and preview.shape == (48, 64, 3)
+    assert layers is not None and (layers["color"] == plain.color).all()
+    assert all(zone["state"] == "done" for zone in job.zones()) and job.zones()
+    job.remove()
+    assert farm.jobs() == []
+    # A mesh beside the scene and a texture outside of its folder go along
+    folder = tmp_path / "project" / "scenes"
+    folder.mkdir(parents=True)
+    (tmp_path / "project" / "triangle.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    )
+    text = '<scene version="3.0.0"><shape type="ply"><string name="filename" value="../triangle.ply"/></shape></scene>'
+    (folder / "scene.xml").write_text(text)
+    request = bottega.Request.of(folder / "scene.xml", output=tmp_path / "b.exr", **asked)  # type: ignore[arg-type]
+    request.scene.allow_outside = True
+    assert farm.submit(request).wait(60)["state"] == "done"
+    # What is wrong is told as the farm says it
+    with pytest.raises(bottega.FarmError, match="token"):
+        bottega.Farm(addresses.page.split("?")[0], token="wrong").jobs()
+    with pytest.raises(bottega.FarmError, match="no part by HTTP"):
+        farm.render(box, output="c.exr", spp=1)
+    with pytest.raises(bottega.FarmError, match="does not answer"):
+        bottega.Farm("http://127.0.0.1:9")
 
 
 def test_farms_that_are_not_there_are_told() -> None:

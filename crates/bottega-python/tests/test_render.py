@@ -121,21 +121,6 @@ def test_warnings_are_warnings(box: Path, tmp_path: Path) -> None:
         bottega.render(box, optimization="n", work={"rules": [{"file": str(odd)}]}, **SMALL)
 
 
-def test_the_way_through_python_costs_little(box: Path) -> None:
-    """A hundredth of ten seconds: what a call takes beyond the painting, with a callback that hears everything."""
-
-    def beyond() -> float:
-        session = bottega.Session(box, spp=30, size=(160, 120))
-        heard: list[Any] = []
-        begun = time.monotonic()
-        picture = session.render(on_event=heard.append)
-        return time.monotonic() - begun - float(picture.report["seconds"])
-
-    # The least of several: other programs of the machine take their time, too.
-    least = min(beyond() for _ in range(3))
-    assert least < 0.1, f"{least:.3f} s beyond the painting"
-
-
 def test_layers_are_there_while_a_picture_is_painted(box: Path) -> None:
     session = bottega.Session(box, live=True, layers=["depth"], spp=64, size=(64, 48))
     assert session.layers() is None

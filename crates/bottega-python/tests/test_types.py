@@ -33,7 +33,7 @@ def paint() -> NDArray[np.float32]:
 
 bottega.render("a.glb", spp="many")  # type: ignore[arg-type]
 bottega.render("a.glb", filter="boxy")  # type: ignore[arg-type]
-bottega.render("a.glb", samples=3)  # type: ignore[call-arg]
+bottega.render("a.glb", sample=3)  # type: ignore[call-arg]
 """)
     cache = ["--cache-dir", str(PACKAGE.parent / ".mypy_cache")]
     run("mypy", "--strict", *cache, str(PACKAGE), str(use))

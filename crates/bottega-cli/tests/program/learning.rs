@@ -81,9 +81,9 @@ fn a_file_that_cannot_be_used_is_told_and_left_as_it_is() {
     fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
     let long = " ".repeat((1 << 20) + 1);
     let newer = r#"{"format":7,"jobs":3,"paces":{},"powers":{},"more":[]}"#;
-    let mad = r#"{"format":2,"jobs":3,"techniques":{},"pictures":[],"powers":{"p":{"log":1e300,"count":3,"job":2}}}"#;
+    let mad = r#"{"format":3,"jobs":3,"techniques":{},"pictures":[],"powers":{"p":{"log":1e300,"count":3,"job":2}}}"#;
     for (bytes, words) in [
-        (b"{\"format\":2,\"jo".as_slice(), "not what a machine has learnt"),
+        (b"{\"format\":3,\"jo".as_slice(), "not what a machine has learnt"),
         (b"\xff\xfe\x00".as_slice(), "valid UTF-8"),
         (long.as_bytes(), "1048577 bytes"),
         (newer.as_bytes(), "form 7"),

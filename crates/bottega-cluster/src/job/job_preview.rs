@@ -1,26 +1,21 @@
 //! The preview of a job while it is rendered, from what the farm stores, so it does not depend on the leader.
 
-use std::{
-    collections::BTreeMap,
-    path::Path,
-    sync::{Mutex, PoisonError},
-};
+use std::path::Path;
 
 use bottega::settings::tone;
-use bottega_agents::BlobId;
-use bottega_farm::{ResultRef, StopSwitch, WorkId, ZoneId};
 use bottega_image::{Canvas, Preview, ReadLimits, Rect, ToneMap, read_image_bytes};
 
 use crate::{
     error::Error,
-    files::chunks::several,
-    job::{board::JobBoard, record::Job, transport::job_link},
+    job::{
+        board::JobBoard,
+        record::Job,
+        zone_pixels::{ZonePixels, around},
+    },
 };
 
 /// The largest picture that is shown, in pixels.
 const PIXELS_MAX: u64 = 1 << 26;
-/// The most zones whose pixels are fetched at once; the others follow at the next call.
-const ZONES_AT_A_TIME: usize = 256;
 
 /// The preview of a job, tone mapped for display.
 pub struct JobPreview {
@@ -28,8 +23,8 @@ pub struct JobPreview {
     tone: ToneMap,
     /// The preview and the rectangle it covers; none before the picture is divided into zones.
     canvas: Option<(Rect, Preview)>,
-    /// The pixels of each zone that are shown.
-    shown: BTreeMap<ZoneId, BlobId>,
+    /// The zones that are shown.
+    shown: ZonePixels,
     png: Option<Vec<u8>>,
     /// The state of the job when a stored picture was loaded: the number of its painting, and whether it was over.
     is_final: Option<(u64, bool)>,
@@ -43,7 +38,7 @@ impl JobPreview {
     pub fn new(board: &JobBoard, job: &Job) -> Result<Self, Error> {
         let output = board.spec(job)?.request.output;
         let (exposure, tone) = (output.exposure, tone(output.tonemap));
-        Ok(Self { exposure, tone, canvas: None, shown: BTreeMap::new(), png: None, is_final: None })
+        Ok(Self { exposure, tone, canvas: None, shown: ZonePixels::default(), png: None, is_final: None })
     }
 
     /// Returns the current preview as the bytes of a PNG file; while a job is rendered again, its previous picture until
@@ -94,31 +89,10 @@ impl JobPreview {
             let preview = Preview::new(rect, self.exposure, self.tone);
             board.first_look(job)?.filter(|look| look.crop() == rect).iter().for_each(|look| look.show(&preview));
             self.canvas = Some((rect, preview));
-            self.shown.clear();
+            self.shown = ZonePixels::default();
         }
-        let is_news = |zone: &ZoneId, result: &ResultRef| self.shown.get(zone) != Some(&result.digest);
-        let results = rows.iter().filter_map(|row| Some((row.zone, row.result?)));
-        let news: Vec<(ZoneId, ResultRef)> =
-            results.filter(|(zone, result)| is_news(zone, result)).take(ZONES_AT_A_TIME).collect();
         let Some((_, preview)) = &self.canvas else { return Ok(false) };
-        let link = job_link(board.uplink.clone(), WorkId(job.work), None, String::new());
-        // Do not wait for a server that does not answer.
-        let impatient = StopSwitch::new();
-        impatient.request();
-        let fetched = Mutex::new(Vec::new());
-        several(news.len(), &|i| {
-            let (zone, result) = &news[i];
-            // Its zone may be rendered again right now; then it is shown at the next call.
-            if let Ok(tile) = link.get(result, &impatient) {
-                preview.show(&tile);
-                fetched.lock().unwrap_or_else(PoisonError::into_inner).push((*zone, result.digest));
-            }
-            Ok(())
-        })?;
-        let fetched = fetched.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let is_new = !fetched.is_empty();
-        self.shown.extend(fetched);
-        Ok(is_new)
+        self.shown.fetch_news(board, job, &rows, &|tile| preview.show(tile))
     }
 }
 
@@ -138,11 +112,6 @@ impl JobPreview {
     }
 }
 
-/// Returns the smallest rectangle around two.
-fn around(a: Rect, b: Rect) -> Rect {
-    Rect::new(a.x0.min(b.x0), a.y0.min(b.y0), a.x1.max(b.x1), a.y1.max(b.y1))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -153,7 +122,7 @@ mod tests {
             exposure: 0.0,
             tone: ToneMap::Linear,
             canvas: None,
-            shown: BTreeMap::new(),
+            shown: ZonePixels::default(),
             png: None,
             is_final: None,
         };

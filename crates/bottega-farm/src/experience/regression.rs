@@ -1,7 +1,8 @@
 //! A linear model that is fitted online, by recursive least squares.
 //!
-//! Source: Ljung 1999, *System Identification*, §11.2 (recursive least squares with forgetting); Huber 1964 for the
-//! bound on outliers.
+//! Source: Ljung 1999, *System Identification*, §11.2 (recursive least squares with forgetting); Potter's square-root form
+//! (Maybeck 1979, *Stochastic Models, Estimation, and Control*, §7.3), in which rounding cannot make a variance negative; Huber
+//! 1964 for the bound on outliers.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,17 +10,18 @@ use super::features::{FEATURES, FeatureVector};
 
 /// Residuals beyond this many standard deviations count as that many, so that one wrong time has little effect.
 const OUTLIER: f64 = 2.0;
-/// Bound on weights and variances of a sound model.
+/// Bound on weights and deviations of a sound model.
 const VALUE_MAX: f64 = 1e4;
 
-/// A linear model y ≈ weights · x, whose first feature is the constant 1, with the covariance of its weights. Starts from a prior, and each observation moves it.
+/// A linear model y ≈ weights · x, whose first feature is the constant 1, with the covariance of its
+/// weights. Starts from a prior, and each observation moves it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Regression {
     /// The weight of each feature.
     weights: FeatureVector,
-    /// The covariance of the weights, symmetric.
-    covariance: [FeatureVector; FEATURES],
+    /// A square root R of the covariance of the weights, which is R Rᵀ; row by row.
+    root: [FeatureVector; FEATURES],
     /// The weight of all observations; older ones count less.
     count: f64,
 }
@@ -30,11 +32,8 @@ impl Regression {
     /// - `weights`: the expected weights.
     /// - `deviations`: how far each weight may be from the expected one (standard deviation).
     pub(super) fn new(weights: FeatureVector, deviations: &FeatureVector) -> Self {
-        let mut covariance = [[0.0; FEATURES]; FEATURES];
-        for (place, deviation) in deviations.iter().enumerate() {
-            covariance[place][place] = deviation * deviation;
-        }
-        Self { weights, covariance, count: 0.0 }
+        let row = |place: usize| std::array::from_fn(|column| if column == place { deviations[place] } else { 0.0 });
+        Self { weights, root: std::array::from_fn(row), count: 0.0 }
     }
 
     /// The same model of y + `shift`.
@@ -51,7 +50,8 @@ impl Regression {
 
     /// The variance of the expected value, from what is not known of the weights.
     pub(super) fn variance(&self, x: &FeatureVector) -> f64 {
-        dot(&self.spread(x), x).max(0.0)
+        let shares = self.shares(x);
+        dot(&shares, &shares)
     }
 
     /// Learns an observation.
@@ -59,34 +59,30 @@ impl Regression {
     /// - `noise`: standard deviation of y at known weights.
     /// - `weight`: how much it counts, above 0, 1 for a full one.
     pub(super) fn learn(&mut self, x: &FeatureVector, y: f64, noise: f64, weight: f64) {
-        let spread = self.spread(x);
-        let variance = dot(&spread, x).max(0.0) + noise * noise / weight;
+        let shares = self.shares(x);
+        let of_noise = noise * noise / weight;
+        let variance = dot(&shares, &shares) + of_noise;
         let limit = OUTLIER * variance.sqrt();
         let residual = (y - self.expected(x)).clamp(-limit, limit);
         if !residual.is_finite() || variance <= 0.0 {
             return;
         }
-        // Move the weights along the gain, and narrow the covariance by what was learned
-        for row in 0..FEATURES {
-            let gain = spread[row] / variance;
-            self.weights[row] += gain * residual;
-            for (cell, other) in self.covariance[row].iter_mut().zip(&spread) {
-                *cell -= gain * other;
-            }
+        // Move the weights along the gain, and narrow the root of the covariance by what was learned
+        let narrowing = 1.0 / (1.0 + (of_noise / variance).sqrt());
+        for (weight, row) in self.weights.iter_mut().zip(&mut self.root) {
+            let gain = dot(row, &shares) / variance;
+            *weight += gain * residual;
+            row.iter_mut().zip(&shares).for_each(|(cell, share)| *cell -= narrowing * gain * share);
         }
         self.count += weight;
     }
 
     /// Lets earlier observations count less: widens the covariance by 1 ∕ `kept`, up to that of the prior.
     pub(super) fn forget(&mut self, kept: f64, deviations: &FeatureVector) {
-        // Scaling rows and columns alike keeps the matrix positive semi-definite
-        let scale = |place: usize| {
-            let now = self.covariance[place][place].max(f64::MIN_POSITIVE);
-            (deviations[place] * deviations[place] / now).min(1.0 / kept).max(1.0).sqrt()
-        };
-        let scales: FeatureVector = std::array::from_fn(scale);
-        for (row, of_row) in self.covariance.iter_mut().zip(&scales) {
-            row.iter_mut().zip(&scales).for_each(|(cell, of_column)| *cell *= of_row * of_column);
+        for (row, deviation) in self.root.iter_mut().zip(deviations) {
+            let variance = dot(row, row).max(f64::MIN_POSITIVE);
+            let scale = (deviation * deviation / variance).min(1.0 / kept).max(1.0).sqrt();
+            row.iter_mut().for_each(|cell| *cell *= scale);
         }
         self.count *= kept;
     }
@@ -101,19 +97,17 @@ impl Regression {
         &self.weights
     }
 
-    /// True if all numbers are plausible, and no variance is negative.
+    /// True if all numbers are plausible.
     pub(super) fn is_sound(&self) -> bool {
         let is_plausible = |value: &f64| value.abs() <= VALUE_MAX;
-        let covariances = self.covariance.iter().flatten();
-        self.weights.iter().chain(covariances).all(is_plausible)
-            && (0..FEATURES).all(|place| self.covariance[place][place] >= -1e-9)
+        self.weights.iter().chain(self.root.iter().flatten()).all(is_plausible)
             && self.count.is_finite()
             && self.count >= 0.0
     }
 
-    /// The covariance times `x`.
-    fn spread(&self, x: &FeatureVector) -> FeatureVector {
-        std::array::from_fn(|row| dot(&self.covariance[row], x))
+    /// The transposed root times `x`: the variance of x · weights is the sum of their squares.
+    fn shares(&self, x: &FeatureVector) -> FeatureVector {
+        std::array::from_fn(|column| self.root.iter().zip(x).map(|(row, value)| row[column] * value).sum())
     }
 }
 

@@ -137,10 +137,10 @@ fn a_text_comes_back_and_what_is_none_is_refused() {
     let read = Experience::from_json(&text).unwrap();
     assert_eq!(read.to_json(), text);
     assert_eq!(read.factors(), experience.factors());
-    assert!(matches!(Experience::from_json("{\"format\":2"), Err(ExperienceError::Syntax(_))));
-    assert!(matches!(Experience::from_json("[2]"), Err(ExperienceError::Syntax(_))));
+    assert!(matches!(Experience::from_json("{\"format\":3"), Err(ExperienceError::Syntax(_))));
+    assert!(matches!(Experience::from_json("[3]"), Err(ExperienceError::Syntax(_))));
     assert!(matches!(Experience::from_json(&text[..text.len() / 2]), Err(ExperienceError::Syntax(_))));
-    let newer = text.replace("\"format\":2", "\"format\":9");
+    let newer = text.replace("\"format\":3", "\"format\":9");
     assert!(matches!(Experience::from_json(&newer), Err(ExperienceError::Format { found: 9 })));
     let earlier = Experience::from_json("{\"format\":1,\"factors\":{}}");
     assert!(matches!(earlier, Err(ExperienceError::Earlier { found: 1 })));
@@ -181,4 +181,31 @@ fn nonsense_teaches_nothing() {
     let known = knowing(&experience, "p", "a");
     let zone = TaskOutlook { sample_time: f64::NAN, features, ..zone(0, 1.0) };
     assert_eq!(known.forecast(&MIXED, &outlook(), &zone, 4).time, Duration::ZERO);
+}
+
+#[test]
+fn hundreds_of_unlike_jobs_leave_what_is_learnt_plausible() {
+    let mut state = 7_u64;
+    let mut random = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1_u32 << 31)
+    };
+    let mut experience = Experience::default();
+    for _ in 0..400 {
+        // Milliseconds to seconds of zones that are alike in some features, and not in others
+        let features = TaskFeatures { glass: random(), texture: random(), material: random(), ..PLAIN };
+        let (seconds, ratio) = (10_f64.powf(-5.0 * random()), (4.0 * random() - 2.0).exp());
+        let mut lesson = job("path", "box", |_, _| ratio);
+        lesson.zones.truncate(1 + (48.0 * random()) as usize);
+        let each = seconds / lesson.zones.len() as f64;
+        for zone in &mut lesson.zones {
+            zone.outlook.features = TaskFeatures { shadow: random(), ..features };
+            zone.outlook.sample_time = each / 64.0;
+            zone.time = Duration::from_secs_f64(each * (1.0 + random()));
+        }
+        experience.learn(&lesson, None);
+    }
+    let read = Experience::from_json(&experience.to_json()).unwrap();
+    assert_eq!(read.jobs, 400);
+    assert_eq!(read.techniques.len(), 1, "what is learnt of the technique was not forgotten as implausible");
 }

@@ -25,7 +25,7 @@ from ._errors import (
     RulesError,
     SceneError,
 )
-from ._farm import Farm, FarmSession, Job
+from ._farm import Farm, FarmSession, Job, JobView, MachineView
 from ._lights import (
     AreaLight,
     Camera,
@@ -115,9 +115,11 @@ __all__ = [
     "Interrupted",
     "Iridescence",
     "Job",
+    "JobView",
     "Layered",
     "Light",
     "LightingAgentOptions",
+    "MachineView",
     "Material",
     "Medium",
     "Mesh",

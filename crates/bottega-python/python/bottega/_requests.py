@@ -166,6 +166,11 @@ class Fields(TypedDict, total=False):
     scene file asks for, or 64.
     """
 
+    samples: int | None
+    """`goal.samples`: Samples per pixel; with an error or a time the maximum per pixel. None: what the
+    scene file asks for, or 64.
+    """
+
     error: float | None
     """`goal.error`: The estimated relative error at which a cell of 32 x 32 pixels stops, such as
     0.05; the maximum of samples is then 4096 if none is given.
@@ -278,6 +283,7 @@ class Fields(TypedDict, total=False):
 
 
 KEYWORDS: Mapping[str, str] = {'spp': 'goal.samples',
+ 'samples': 'goal.samples',
  'error': 'goal.error',
  'time': 'goal.time',
  'size': 'film.size',

@@ -12,7 +12,8 @@ use crate::facing_curves::CurvePoint;
 use crate::model::{Instance, Sphere};
 use crate::visibility::Visibility;
 
-const _: () = assert!(cfg!(target_endian = "little"), "blocks are copied as they are in memory, which must be little-endian");
+const _: () =
+    assert!(cfg!(target_endian = "little"), "blocks are copied as they are in memory, which must be little-endian");
 
 /// Writes an array.
 pub(super) fn put<T: Pod>(out: &mut dyn Write, values: &[T]) -> io::Result<()> {
@@ -35,7 +36,8 @@ impl<'a> Blocks<'a> {
     pub(super) fn take<T: Pod>(&mut self, place: &str, count: u64) -> Result<Vec<T>, SceneError> {
         let bytes = usize::try_from(count).ok().and_then(|count| count.checked_mul(size_of::<T>()));
         let Some((block, rest)) = bytes.and_then(|bytes| self.rest.split_at_checked(bytes)) else {
-            let problem = format!("{place} has {count} values, and only {} bytes are left of the file", self.rest.len());
+            let problem =
+                format!("{place} has {count} values, and only {} bytes are left of the file", self.rest.len());
             return Err(self.damaged(problem));
         };
         self.budget.take(self.path, place, block.len())?;

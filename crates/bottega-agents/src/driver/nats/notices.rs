@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
 };
 
@@ -41,6 +41,8 @@ pub struct NatsNotices {
     store: kv::Store,
     handle: Handle,
     seen: Arc<Mutex<KnownNotices>>,
+    /// Notified after each change of `seen`.
+    changed: Arc<Condvar>,
 }
 
 /// The local copy of the notices.
@@ -51,6 +53,8 @@ struct KnownNotices {
     listing: u64,
     /// Number of changes per folder: the part before the first `/`.
     changes: BTreeMap<String, u64>,
+    /// Number of all changes.
+    all_changes: u64,
     /// Number of connections to the server, and the time of the last one.
     connects: u64,
     connected: Instant,
@@ -67,10 +71,11 @@ struct ReceivedNote {
 impl NatsNotices {
     /// Opens the board; returns when all notices are read.
     pub(super) async fn open(client: Client, store: kv::Store, handle: Handle) -> Self {
-        let seen = KnownNotices::new();
-        let board = Self { client, store, handle, seen: Arc::new(Mutex::new(seen)) };
+        let seen = Arc::new(Mutex::new(KnownNotices::new()));
+        let board = Self { client, store, handle, seen, changed: Arc::default() };
         let (read, is_read) = oneshot::channel();
         let (follower, store, seen) = (board.client.clone(), board.store.clone(), Arc::downgrade(&board.seen));
+        let changed = Arc::clone(&board.changed);
         let mut read = Some(read);
         board.handle.spawn(async move {
             let tell = |news| {
@@ -85,6 +90,7 @@ impl NatsNotices {
                     }
                     WatchNews::Nothing => {}
                 }
+                changed.notify_all();
                 true
             };
             follow(&follower, &store, ">", tell).await;
@@ -188,6 +194,14 @@ impl NatsNotices {
     /// Updates the local copy after a write, before the server reports it.
     fn wrote(&self, name: &str, revision: u64, text: &[u8]) {
         lock(&self.seen).hear(name, revision, text);
+        self.changed.notify_all();
+    }
+
+    /// Waits until the number of all changes is no longer `seen`, at most for `limit`. Returns the number.
+    pub fn wait(&self, seen: u64, limit: Duration) -> u64 {
+        let known = lock(&self.seen);
+        let waited = self.changed.wait_timeout_while(known, limit, |known| known.all_changes == seen);
+        waited.unwrap_or_else(PoisonError::into_inner).0.all_changes
     }
 
     /// The last known state of a notice.
@@ -228,7 +242,8 @@ impl NatsNotices {
 
 impl KnownNotices {
     fn new() -> Self {
-        Self { notices: BTreeMap::new(), listing: 0, changes: BTreeMap::new(), connects: 0, connected: now() }
+        let (notices, changes) = (BTreeMap::new(), BTreeMap::new());
+        Self { notices, listing: 0, changes, all_changes: 0, connects: 0, connected: now() }
     }
 
     fn told(&mut self, entry: &WrittenEntry) {
@@ -257,6 +272,7 @@ impl KnownNotices {
     }
 
     fn count(&mut self, name: &str) {
+        self.all_changes += 1;
         let folder = name.split('/').next().unwrap_or_default();
         match self.changes.get_mut(folder) {
             Some(count) => *count += 1,
