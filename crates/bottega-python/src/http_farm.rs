@@ -1,4 +1,4 @@
-//! What Python needs to ask for pictures by the HTTP API of a farm: the files of a scene, digests, and previews as arrays.
+//! Parts of the HTTP client of a farm that are not in Python: the files of a scene, digests, and previews as arrays.
 
 use std::{
     fs::File,

@@ -15,7 +15,6 @@ mod texels;
 use glam::Vec4;
 
 use pyramid::{Encoding, Pyramid, Texel};
-use raw::LevelTexels;
 
 use crate::color::LUMINANCE;
 use crate::values::VALUE_MAX;
@@ -145,26 +144,6 @@ impl Image {
             }
         }
         Self { name: name.into(), texels: Texels::Rgba16(Pyramid::new(width, height, texels, Encoding::Linear)) }
-    }
-
-    /// Makes an image of the texels of its finest level, as they are.
-    ///
-    /// # Panics
-    ///
-    /// Unless there are `width × height` texels, at least one.
-    pub(crate) fn of_level(name: &str, size: (u32, u32), texels: LevelTexels<'_>, encoding: Encoding) -> Self {
-        fn pyramid<T: Texel>((width, height): (u32, u32), texels: &[T], encoding: Encoding) -> Pyramid<T> {
-            Pyramid::new(width, height, texels.to_vec(), encoding)
-        }
-        let texels = match texels {
-            LevelTexels::Gray8(texels) => Texels::Gray8(pyramid(size, texels, encoding)),
-            LevelTexels::Rgb8(texels) => Texels::Rgb8(pyramid(size, texels, encoding)),
-            LevelTexels::Rgba8(texels) => Texels::Rgba8(pyramid(size, texels, encoding)),
-            LevelTexels::Rgba16(texels) => Texels::Rgba16(pyramid(size, texels, encoding)),
-            LevelTexels::Rgb32(texels) => Texels::Rgb32(pyramid(size, texels, encoding)),
-            LevelTexels::Rgba32(texels) => Texels::Rgba32(pyramid(size, texels, encoding)),
-        };
-        Self { name: name.to_owned(), texels }
     }
 
     /// Returns the replacement of a missing picture: one magenta texel.

@@ -1,6 +1,6 @@
 //! Texels as they are in memory, for copying, for example to a GPU.
 
-use super::pyramid::Encoding;
+use super::pyramid::{Encoding, Pyramid, Texel};
 use super::{Image, Texels, srgb, with_pyramid};
 
 /// The texels of one mip level, row-major from the upper row.
@@ -21,6 +21,26 @@ pub enum LevelTexels<'a> {
 }
 
 impl Image {
+    /// Makes an image of the texels of its finest level, as they are.
+    ///
+    /// # Panics
+    ///
+    /// Unless there are `width × height` texels, at least one.
+    pub(crate) fn of_level(name: &str, size: (u32, u32), texels: LevelTexels<'_>, encoding: Encoding) -> Self {
+        fn pyramid<T: Texel>((width, height): (u32, u32), texels: &[T], encoding: Encoding) -> Pyramid<T> {
+            Pyramid::new(width, height, texels.to_vec(), encoding)
+        }
+        let texels = match texels {
+            LevelTexels::Gray8(texels) => Texels::Gray8(pyramid(size, texels, encoding)),
+            LevelTexels::Rgb8(texels) => Texels::Rgb8(pyramid(size, texels, encoding)),
+            LevelTexels::Rgba8(texels) => Texels::Rgba8(pyramid(size, texels, encoding)),
+            LevelTexels::Rgba16(texels) => Texels::Rgba16(pyramid(size, texels, encoding)),
+            LevelTexels::Rgb32(texels) => Texels::Rgb32(pyramid(size, texels, encoding)),
+            LevelTexels::Rgba32(texels) => Texels::Rgba32(pyramid(size, texels, encoding)),
+        };
+        Self { name: name.to_owned(), texels }
+    }
+
     /// Returns the texels of a mip level; level 0 is the finest. Panics if there is no such level.
     pub fn level_texels(&self, level: usize) -> LevelTexels<'_> {
         match &self.texels {
