@@ -54,7 +54,9 @@ def picture(folder: Path, name: str, samples: int, on_farm: bool) -> dict[str, A
 
 def compare(name: str, alone: dict[str, Any], other: dict[str, Any]) -> None:
     for layer, values in alone.items():
-        if layer not in other or not np.array_equal(values, other[layer]):
+        # Before 4.1 Blender adds up normals in an order that changes, so two exports differ in the last bits.
+        tolerance = 1e-3 if bpy.app.version < (4, 1, 0) else 0.0
+        if layer not in other or not np.allclose(values, other[layer], 0.0, tolerance):
             support.failed(f"{name}: the layer {layer} has other bits")
 
 
@@ -106,8 +108,7 @@ def main() -> None:
         wait("two machines are in it", lambda: len(farm.watch.machines) >= 2)
         compare("farm", alone, picture(folder, "all", 16, True))
         line = command_line(folder, program)
-        if not np.array_equal(alone["color"], line["color"]):
-            support.failed("the command line has other bits")
+        compare("the command line", {"color": alone["color"]}, line)
         longer = picture(folder, "longer-alone", 96, False)
         has_died = threading.Event()
         threading.Thread(target=kill_when_painting, args=(second, has_died), daemon=True).start()

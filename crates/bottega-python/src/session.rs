@@ -31,7 +31,7 @@ use crate::{
 enum Stage {
     Open(Box<Session>),
     /// A picture to be rendered with a farm.
-    WithFarm(Box<FarmPicture>, FarmLogin),
+    WithFarm(Box<(FarmPicture, FarmLogin)>),
     /// Rendering has begun, and may have ended.
     Used,
 }
@@ -81,7 +81,7 @@ impl PySession {
             let opened = Caller::new(py).wait_for(move |_, _| FarmPicture::open(&request, options))?.whole()?;
             let picture = opened.map_err(|error| errors::raised_by_farm(&error))?;
             let crop = picture.crop();
-            (Stage::WithFarm(Box::new(picture), farm.get().login()), crop)
+            (Stage::WithFarm(Box::new((picture, farm.get().login()))), crop)
         } else {
             let opened = Caller::new(py).wait_for(move |_, _| open(&request, scene, options))?.whole()?;
             let session = opened.map_err(|error| errors::raised(&error))?;
@@ -108,11 +108,10 @@ impl PySession {
     #[pyo3(signature = (on_event=None))]
     fn render_with_farm(&self, py: Python<'_>, on_event: Option<Bound<'_, PyAny>>) -> PyResult<PathBuf> {
         refuse_forked()?;
-        let Stage::WithFarm(picture, FarmLogin { address, credentials }) =
-            std::mem::replace(&mut *locked(&self.stage), Stage::Used)
-        else {
+        let Stage::WithFarm(picture) = std::mem::replace(&mut *locked(&self.stage), Stage::Used) else {
             return Err(used());
         };
+        let (picture, FarmLogin { address, credentials }) = *picture;
         let rendered = self
             .caller(py, on_event, 2)
             .wait_for(move |watcher, stop| picture.render(address.as_ref(), &credentials, watcher, stop))?
