@@ -319,9 +319,10 @@ fn does_not_depend_on_size(oracle: Oracle) {
         let mut scene = room_with_sphere();
         grow(&mut scene, size);
         let scene = prepare(scene);
-        let tile = paint(&scene, SIZE, 8, by(few(oracle), 0));
+        let settings = by(AgentSettings { cast: 1_000, ..few(oracle) }, 0);
+        let tile = paint(&scene, (12, 12), 8, settings);
         assert!(tile.sums().iter().all(|sum| sum.is_finite()), "{size}");
-        let tally = report(&scene, &by(few(oracle), 0)).tally;
+        let tally = report_of(&scene, (12, 12), &settings).tally;
         (mean_color(&tile), tally.shadow_spared as f32 / (tally.shadow_spared + tally.shadow_traced) as f32)
     };
     let expected = of_size(1.0);
