@@ -378,7 +378,8 @@ fn a_picture_with_received_maps_has_the_same_bits() {
                 taken += 1;
                 // A part of this view: another view has maps of its own.
                 let part = Tile::new(Rect::new(8, 8, 16, 16), Layout::new(AovSet::NONE));
-                third.block(view, settings, part, 0..1).perform().expect("a picture");
+                let part = third.block(view, settings, part, 0..1).perform().expect("a picture").tile;
+                assert!(part.sums().iter().all(|sum| sum.is_finite()), "{i}");
             }
         }
         assert!(taken > 0, "no damaged map was painted with");
