@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, time::Duration};
 use bottega_agents::{AgentId, Key, Time, platform::LifeCycleState};
 use bottega_farm::{FarmAgent, FarmValue, service_type};
 
-use crate::sim::stage::{Play, Scene, assert_whole, bad_network, check, play, stage};
+use crate::sim::stage::{Play, SURVEY_SHRINK, Scene, assert_whole, bad_network, check, play, stage};
 
 /// What stands in the directories: the names of entries that hold text.
 fn pages(play: &Play) -> BTreeSet<String> {
@@ -149,6 +149,7 @@ fn a_work_waits_while_all_are_suspended_and_goes_on_in_any_weather() {
             master_may_crash: true,
             zones: 24,
             samples: 512,
+            survey_shrink: SURVEY_SHRINK,
             ..Scene::calm(&[1.0, 0.5])
         };
         let mut play = stage(seed, &scene, false);

@@ -68,7 +68,8 @@ fn painted_again(play: &Play) -> Vec<Rect> {
 fn a_zone_that_is_wanted_again_is_painted_once_more_and_the_film_is_whole() {
     let mut again = 0;
     for seed in 0..200 {
-        let play = play(seed, &Scene { requeues: 0.2, ..troubled(seed) }, false);
+        // These seeds have no agent that fails three times by chance and is left out; with a coarse survey one has.
+        let play = play(seed, &Scene { requeues: 0.2, survey_shrink: 1, ..troubled(seed) }, false);
         assert_whole(&play, seed);
         again += painted_again(&play).len();
     }

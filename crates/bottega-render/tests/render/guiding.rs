@@ -1,6 +1,6 @@
 //! Guided paths have the mean of those that are not, less noise, and bits that depend on nobody's threads.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use bottega_image::Tile;
 use bottega_render::{Filter, PathSettings, PrepareOptions, PreparedScene};
@@ -33,6 +33,12 @@ pub(crate) fn behind_a_screen(wall: &Material) -> Scene {
     scene
 }
 
+/// The matte room, prepared once for all tests: its guide is learnt once.
+fn matte_room() -> &'static Subject {
+    static ROOM: OnceLock<Subject> = OnceLock::new();
+    ROOM.get_or_init(|| prepare(behind_a_screen(&matte(Vec3::splat(0.7)))))
+}
+
 /// Sum over the pixels of the variance of their means, relative to the picture's mean.
 fn noise(tile: &Tile) -> f64 {
     let (mean, variance) = moments(tile, &tile.rect());
@@ -47,8 +53,8 @@ fn in_a_room_with_glass() {
 
 #[test]
 fn behind_a_screen_with_less_noise() {
-    let scene = prepare(behind_a_screen(&matte(Vec3::splat(0.7))));
-    let (guided, plain) = (paint_by(&scene, true, 16, 1), paint_by(&scene, false, MORE * 16, 2));
+    let scene = matte_room();
+    let (guided, plain) = (paint_by(scene, true, 16, 1), paint_by(scene, false, MORE * 16, 2));
     assert_same_mean("matte", &guided, &plain);
     let (guided, plain) = (noise(&guided), f64::from(MORE) * noise(&plain));
     assert!(guided < 0.9 * plain, "{guided} {plain}");
@@ -63,27 +69,19 @@ fn behind_a_screen_of_gloss() {
 
 #[test]
 fn whatever_the_number_of_threads() {
-    let by = |threads| {
-        let options = PrepareOptions { threads, ..PrepareOptions::default() };
-        let scene = behind_a_screen(&matte(Vec3::splat(0.7)));
-        paint_by(&Subject::new(PreparedScene::new(Arc::new(scene), &options).unwrap()), true, 2, 3)
-    };
-    let one = by(1);
-    assert!(
-        one == by(3)
-            && one != {
-                let scene = prepare(behind_a_screen(&matte(Vec3::splat(0.7))));
-                paint_by(&scene, false, 2, 3)
-            }
-    );
+    let one = paint_by(matte_room(), true, 2, 3);
+    let options = PrepareOptions { threads: 3, ..PrepareOptions::default() };
+    let scene = behind_a_screen(&matte(Vec3::splat(0.7)));
+    let three = Subject::new(PreparedScene::new(Arc::new(scene), &options).unwrap());
+    assert!(one == paint_by(&three, true, 2, 3) && one != paint_by(matte_room(), false, 2, 3));
 }
 
 #[test]
 fn of_few_samples_nothing_is_learnt() {
-    let scene = prepare(behind_a_screen(&matte(Vec3::splat(0.7))));
+    let scene = matte_room();
     let by = |guiding, planned_samples| {
         let settings = PathSettings { guiding, planned_samples, filter: Filter::PIXEL, ..PathSettings::default() };
-        paint(&scene, (SIDE, SIDE), 1, settings)
+        paint(scene, (SIDE, SIDE), 1, settings)
     };
     assert!(by(true, 31) == by(false, 31) && by(true, 32) != by(false, 32));
 }

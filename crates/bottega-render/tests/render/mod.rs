@@ -12,6 +12,7 @@ mod mitsuba;
 mod no_negative_light;
 mod pbrt;
 mod photon_options;
+mod photon_scenes;
 mod photons;
 mod scenes;
 mod sheets;

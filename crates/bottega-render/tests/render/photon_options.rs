@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use crate::render::{
     agents::around_a_corner,
-    photons::{SIZE, by_photons, closed_room, distance, few, many_things, mean_of_seeds},
+    photon_scenes::{SIZE, by_photons, closed_room, cornell_known, distance, few, many_things_known, mean_of_seeds},
     scenes::{Subject, add_room, camera, cornell, matte, mean_color, paint, prepare},
 };
 
@@ -21,10 +21,12 @@ fn by_surfaces() -> PhotonSettings {
 
 #[test]
 fn rays_sent_where_light_comes_from_leave_the_mean() {
-    for (name, scene) in [("many things", many_things()), ("cornell", cornell()), ("corner", around_a_corner())] {
-        let scene = prepare(scene);
+    let corner = prepare(around_a_corner());
+    for (name, scene) in
+        [("many things", &many_things_known().scene), ("cornell", &cornell_known().scene), ("corner", &corner)]
+    {
         let [expected, found] =
-            [by_surfaces(), few()].map(|photons| mean_of_seeds(&scene, 24, |seed| by_photons(photons, seed, 24)));
+            [by_surfaces(), few()].map(|photons| mean_of_seeds(scene, 24, |seed| by_photons(photons, seed, 24)));
         let distance = distance(found, expected, 0.0);
         assert!(found != expected, "{name}: no ray is sent anywhere");
         assert!(distance < 4.0, "{name}: {found:?} {expected:?}, {distance}");
@@ -54,9 +56,8 @@ fn a_closed_room_that_shines_is_as_bright_as_its_albedo_says() {
 
 #[test]
 fn maps_that_are_kept_apart_show_the_same() {
-    for (name, scene) in [("many things", many_things()), ("cornell", cornell())] {
-        let scene = prepare(scene);
-        let found = |photons| mean_of_seeds(&scene, 16, |seed| by_photons(photons, seed, 16));
+    for (name, scene) in [("many things", &many_things_known().scene), ("cornell", &cornell_known().scene)] {
+        let found = |photons| mean_of_seeds(scene, 16, |seed| by_photons(photons, seed, 16));
         let (expected, apart) = (found(few()), found(PhotonSettings { separate_maps: true, ..few() }));
         assert!(apart != expected, "{name}: the maps are not used");
         let distance = distance(apart, expected, 0.012);
@@ -72,9 +73,9 @@ fn without_indirect_light_there_is_direct_light_and_caustics() {
     let room = prepare(closed_room(false));
     let (found, expected) = (mean_of_seeds(&room, 32, alone), mean_of_seeds(&room, 64, direct));
     assert!(distance(found, expected, 0.002) < 4.0, "{found:?} {expected:?}");
-    let things = prepare(many_things());
-    let whole = mean_of_seeds(&things, 32, |seed| by_photons(few(), seed, 32)).0;
-    let (found, expected) = (mean_of_seeds(&things, 32, alone).0, mean_of_seeds(&things, 32, direct).0);
+    let things = &many_things_known().scene;
+    let whole = mean_of_seeds(things, 32, |seed| by_photons(few(), seed, 32)).0;
+    let (found, expected) = (mean_of_seeds(things, 32, alone).0, mean_of_seeds(things, 32, direct).0);
     assert!(found.cmpgt(expected * 1.02).all() && found.cmplt(whole * 0.95).all(), "{found} {expected} {whole}");
 }
 

@@ -1,6 +1,6 @@
 //! Pictures by photons, held to those by paths.
 
-use std::sync::Arc;
+use std::{cell::RefCell, collections::BTreeMap, sync::Arc};
 
 use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_image::{Aov, AovSet, Layout, Rect, Tile};
@@ -9,102 +9,32 @@ use bottega_render::{
     RenderWork, View,
     photon::{PhotonWork, cast_photons},
 };
-use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Medium, Scene, Spectrum, Surface};
+use bottega_scene::{AlphaMode, Environment, Layered, Light, LightKind, Material, Medium, Scene, Spectrum};
 use glam::Vec3;
 
-use crate::render::scenes::{
-    Subject, add_quad, add_room, add_sphere, camera, color, cornell, glass, grow, lamp, matte, mean_color, paint,
-    prepare, room_under_sky,
+use crate::render::photon_scenes::{
+    KnownScene, SIZE, by_paths, by_photons, closed_room, cornell_known, distance, few, hard_scenes, many_things_known,
+    mean_of_seeds, mirror, outside, sky_known,
 };
-
-pub(crate) const SIZE: (u32, u32) = (24, 24);
-
-pub(crate) fn by_photons(photons: PhotonSettings, seed: u64, samples: u32) -> PathSettings {
-    PathSettings { photons: Some(photons), planned_samples: samples, seed, guiding: false, ..PathSettings::default() }
-}
-
-pub(crate) fn few() -> PhotonSettings {
-    PhotonSettings { count: 20_000, ..PhotonSettings::default() }
-}
-
-/// Mean of pictures of several seeds, and the square of its standard error, by channel.
-pub(crate) fn mean_of_seeds(scene: &Subject, samples: u32, settings: impl Fn(u64) -> PathSettings) -> (Vec3, Vec3) {
-    let means: Vec<Vec3> = (0..6).map(|seed| mean_color(&paint(scene, SIZE, samples, settings(seed)))).collect();
-    let mean = means.iter().sum::<Vec3>() / 6.0;
-    (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 30.0)
-}
-
-pub(crate) fn by_paths(scene: &Subject) -> (Vec3, Vec3) {
-    mean_of_seeds(scene, 512, |seed| PathSettings { seed: seed + 100, guiding: false, ..PathSettings::default() })
-}
-
-/// How many standard errors beyond a share of the mean two means are apart.
-pub(crate) fn distance(a: (Vec3, Vec3), b: (Vec3, Vec3), margin: f32) -> f32 {
-    let beyond = ((a.0 - b.0).abs() - b.0 * margin).max(Vec3::ZERO);
-    (beyond / (a.1 + b.1).map(f32::sqrt).max(Vec3::splat(1e-9))).max_element()
-}
-
-fn mirror() -> Material {
-    let metal = Layered {
-        metallic: 1.0.into(),
-        roughness: 0.0.into(),
-        base_color: Vec3::splat(0.9).into(),
-        ..Layered::default()
-    };
-    metal.into()
-}
-
-/// A room with mirrors, frosted and clear glass, a matte sheet that lets light through, and lights of several kinds.
-pub(crate) fn many_things() -> Scene {
-    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.2, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
-    add_room(&mut scene, Vec3::new(1.2, 1.0, 4.0), &matte(Vec3::new(0.6, 0.5, 0.4)));
-    add_sphere(&mut scene, Vec3::new(-0.5, -0.6, -0.4), 0.4, mirror());
-    let tinted = scene.push_medium(Medium::absorbing(Vec3::new(0.2, 1.0, 2.0)));
-    add_sphere(&mut scene, Vec3::new(0.5, -0.6, 0.2), 0.35, Material { interior: Some(tinted), ..glass() });
-    let frosted = Layered { roughness: 0.5.into(), transmission: 1.0.into(), ..Layered::default() };
-    add_sphere(&mut scene, Vec3::new(0.1, 0.2, -0.6), 0.3, frosted.into());
-    let shiny = Layered { base_color: Vec3::new(0.2, 0.5, 0.2).into(), roughness: 0.3.into(), ..Layered::default() };
-    add_sphere(&mut scene, Vec3::new(-0.7, 0.3, 0.3), 0.25, shiny.into());
-    let sheet =
-        Surface::DiffuseTransmission { reflectance: Vec3::splat(0.3).into(), transmittance: Vec3::splat(0.5).into() };
-    add_quad(&mut scene, Vec3::new(0.4, -0.2, 0.4), Vec3::X * 0.5, Vec3::new(0.0, 0.4, -0.2), sheet.into());
-    let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.4.into(), ..matte(Vec3::splat(0.5)) };
-    add_quad(&mut scene, Vec3::new(-0.4, 0.5, 0.2), Vec3::X * 0.5, Vec3::Z * 0.4, veil);
-    add_quad(&mut scene, Vec3::new(-0.2, 0.99, -0.2), Vec3::X * 0.4, Vec3::Z * 0.4, Material::lamp(Vec3::splat(5.0)));
-    add_sphere(&mut scene, Vec3::new(0.9, 0.7, -0.3), 0.08, lamp(Vec3::new(10.0, 5.0, 2.0)));
-    scene
-}
-
-/// Below a sky: with a glass ball, or with a sun and a lamp without extent, whose light paths find through no glass.
-pub(crate) fn outside(has_sun: bool) -> Scene {
-    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 1.0, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
-    add_quad(&mut scene, Vec3::new(-1.5, -0.5, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0, matte(Vec3::splat(0.6)));
-    add_sphere(&mut scene, Vec3::new(0.4, 0.0, 0.0), 0.45, if has_sun { matte(Vec3::splat(0.8)) } else { glass() });
-    add_sphere(&mut scene, Vec3::new(-0.5, -0.1, 0.0), 0.4, matte(Vec3::new(0.7, 0.3, 0.2)));
-    scene.environment = Some(Environment::uniform(Vec3::new(0.4, 0.6, 0.9)));
-    if has_sun {
-        let (direction, irradiance) = (Vec3::new(0.6, -0.8, 0.0), Vec3::new(2.0, 1.8, 1.5));
-        let sun = LightKind::Directional { direction, irradiance, angle: 0.0 };
-        let lamp = LightKind::Point { position: Vec3::new(-0.9, 0.8, 0.9), intensity: Vec3::new(0.1, 0.2, 0.4) };
-        scene.lights.extend([sun, lamp].map(|kind| Light::new("", kind)));
-    }
-    scene
-}
+use crate::render::scenes::{
+    Subject, add_quad, add_sphere, camera, color, cornell, glass, grow, lamp, matte, mean_color, paint, prepare,
+    room_under_sky,
+};
 
 #[test]
 fn gathered_light_is_that_of_paths() {
-    for (name, scene, margin) in [
-        ("cornell", cornell(), 0.006),
-        ("many things", many_things(), 0.01),
-        ("sky", outside(false), 0.006),
-        ("sun", outside(true), 0.006),
-        ("room under a sky", room_under_sky(), 0.006),
+    let [sun, room] = [outside(true), room_under_sky()].map(KnownScene::new);
+    for (name, known, margin) in [
+        ("cornell", cornell_known(), 0.006),
+        ("many things", many_things_known(), 0.01),
+        ("sky", sky_known(), 0.006),
+        ("sun", &sun, 0.006),
+        ("room under a sky", &room, 0.006),
     ] {
-        let scene = prepare(scene);
-        let expected = by_paths(&scene);
+        let (scene, expected) = (&known.scene, known.by_paths());
         for filter in [PhotonFilter::Epanechnikov, PhotonFilter::Cone] {
             let photons = PhotonSettings { filter, ..few() };
-            let found = mean_of_seeds(&scene, 32, |seed| by_photons(photons, seed, 32));
+            let found = mean_of_seeds(scene, 32, |seed| by_photons(photons, seed, 32));
             let distance = distance(found, expected, margin);
             assert!(distance < 4.0, "{name} {filter:?}: {found:?} {expected:?}, {distance}");
         }
@@ -146,12 +76,11 @@ fn a_veil_is_as_bright_as_paths_find_it() {
 
 #[test]
 fn a_progressive_picture_comes_nearer_to_that_of_paths_the_more_passes_it_has() {
-    for (name, scene) in [("cornell", cornell()), ("many things", many_things()), ("sky", outside(false))] {
-        let scene = prepare(scene);
-        let expected = by_paths(&scene);
+    for (name, known) in [("cornell", cornell_known()), ("many things", many_things_known()), ("sky", sky_known())] {
+        let (scene, expected) = (&known.scene, known.by_paths());
         let with = |radius: f32, passes: u32, count: u32| {
             let photons = PhotonSettings { radius, progressive: true, count, ..few() };
-            mean_of_seeds(&scene, 64, |seed| by_photons(photons, seed, passes))
+            mean_of_seeds(scene, 64, |seed| by_photons(photons, seed, passes))
         };
         let error = |found: (Vec3, Vec3)| ((found.0 - expected.0) / expected.0).abs().max_element();
         // So wide that it is seen what the radius does.
@@ -187,23 +116,10 @@ fn polished_surfaces_show_lamps_in_mirrors_as_sharply_as_paths_do() {
 
 #[test]
 fn photons_at_the_first_surface_show_nearly_the_same() {
-    let scene = prepare(cornell());
+    let (scene, expected) = (&cornell_known().scene, cornell_known().by_paths());
     let photons = PhotonSettings { final_rays: 0, count: 60_000, ..few() };
-    let found = mean_of_seeds(&scene, 16, |seed| by_photons(photons, seed, 16));
-    let expected = by_paths(&scene);
+    let found = mean_of_seeds(scene, 16, |seed| by_photons(photons, seed, 16));
     assert!(((found.0 - expected.0) / expected.0).abs().max_element() < 0.03, "{found:?} {expected:?}");
-}
-
-/// A closed room with a lamp below its ceiling and a ball; its back wall may be a mirror.
-pub(crate) fn closed_room(has_mirror: bool) -> Scene {
-    let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 0.97), Vec3::ZERO, 1.2)], ..Scene::default() };
-    add_room(&mut scene, Vec3::ONE, &matte(Vec3::new(0.7, 0.5, 0.4)));
-    if has_mirror {
-        add_quad(&mut scene, Vec3::new(-1.0, -1.0, -0.99), Vec3::X * 2.0, Vec3::Y * 2.0, mirror());
-    }
-    add_quad(&mut scene, Vec3::new(-0.4, 0.97, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8, Material::lamp(Vec3::splat(4.0)));
-    add_sphere(&mut scene, Vec3::new(0.0, -0.5, 0.0), 0.35, matte(Vec3::new(0.7, 0.5, 0.4)));
-    scene
 }
 
 /// Mean of small pictures of three seeds, and the square of its standard error, by channel.
@@ -211,6 +127,54 @@ fn mean_of_small(scene: &Subject, samples: u32, settings: impl Fn(u64) -> PathSe
     let means: Vec<Vec3> = (0..3).map(|seed| mean_color(&paint(scene, (12, 12), samples, settings(seed)))).collect();
     let mean = means.iter().sum::<Vec3>() / 3.0;
     (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 6.0)
+}
+
+/// A closed room, empty and filled with a medium that absorbs nothing, and the light of its paths by their depth.
+struct RoomByDepth {
+    name: &'static str,
+    scene: Subject,
+    in_medium: Subject,
+    by_paths: RefCell<BTreeMap<u32, (Vec3, Vec3)>>,
+}
+
+impl RoomByDepth {
+    fn new(name: &'static str, room: Scene) -> Self {
+        let mut clear = room.clone();
+        clear.cameras[0].medium = Some(clear.push_medium(Medium::absorbing(Vec3::splat(1e-9))));
+        Self { name, scene: prepare(room), in_medium: prepare(clear), by_paths: RefCell::default() }
+    }
+
+    fn path(max_depth: u32, seed: u64) -> PathSettings {
+        PathSettings { max_depth, seed: seed + 100, guiding: false, ..PathSettings::default() }
+    }
+
+    /// Mean of small pictures by paths, and the square of its standard error. They are painted once for each depth.
+    fn by_paths(&self, max_depth: u32) -> (Vec3, Vec3) {
+        let paint = || mean_of_small(&self.scene, 512, |seed| Self::path(max_depth, seed));
+        *self.by_paths.borrow_mut().entry(max_depth).or_insert_with(paint)
+    }
+
+    /// Checks that each mode shows the light of so many bounces, and of no other number.
+    fn check(&self, max_depth: u32, modes: &[(&str, PhotonSettings)]) {
+        let (name, expected) = (self.name, self.by_paths(max_depth));
+        let in_medium = mean_of_small(&self.in_medium, 256, |seed| Self::path(max_depth, seed));
+        let is_near = |found: (Vec3, Vec3)| distance(found, expected, 0.02) < 4.0;
+        assert!(is_near(in_medium), "{name} {max_depth}, in a medium: {in_medium:?} {expected:?}");
+        for &(mode, photons) in modes {
+            let photons = PhotonSettings { bounces: max_depth, ..photons };
+            let settings = |seed| PathSettings { max_depth, ..by_photons(photons, seed, 32) };
+            let found = mean_of_small(&self.scene, 32, settings);
+            let ratio = found.0 / expected.0;
+            assert!(is_near(found), "{name} {max_depth} {mode}: {found:?} {expected:?}, {ratio}");
+            if max_depth > 3 {
+                continue;
+            }
+            // A bounce more or less is seen.
+            let more = self.by_paths(max_depth + 1);
+            let is_distinct = (found.0 - more.0).x.abs() > 2.0 * (found.0 - expected.0).x.abs();
+            assert!(is_distinct, "{name} {max_depth} {mode}: {found:?} {expected:?} {more:?}");
+        }
+    }
 }
 
 #[test]
@@ -225,36 +189,11 @@ fn depth_is_the_same_number_of_bounces_for_all() {
         ("at once", PhotonSettings { final_rays: 0, radius: 0.05, count: 30_000, ..small }),
         ("ala by the paper", PhotonSettings { agents: agents(Oracle::Paper), ..small }),
     ];
-    let check = |name: &str, room: Scene, max_depth: u32, modes: &[(&str, PhotonSettings)]| {
-        let scene = prepare(room.clone());
-        let mut clear = room;
-        clear.cameras[0].medium = Some(clear.push_medium(Medium::absorbing(Vec3::splat(1e-9))));
-        let path = |max_depth: u32, seed: u64| PathSettings {
-            max_depth,
-            seed: seed + 100,
-            guiding: false,
-            ..PathSettings::default()
-        };
-        let expected = mean_of_small(&scene, 512, |seed| path(max_depth, seed));
-        let more = mean_of_small(&scene, 512, |seed| path(max_depth + 1, seed));
-        let in_medium = mean_of_small(&prepare(clear), 256, |seed| path(max_depth, seed));
-        let is_near = |found: (Vec3, Vec3)| distance(found, expected, 0.02) < 4.0;
-        assert!(is_near(in_medium), "{name} {max_depth}, in a medium: {in_medium:?} {expected:?}");
-        for &(mode, photons) in modes {
-            let photons = PhotonSettings { bounces: max_depth, ..photons };
-            let found = mean_of_small(&scene, 32, |seed| PathSettings { max_depth, ..by_photons(photons, seed, 32) });
-            let ratio = found.0 / expected.0;
-            assert!(is_near(found), "{name} {max_depth} {mode}: {found:?} {expected:?}, {ratio}");
-            // A bounce more or less is seen.
-            let is_distinct = max_depth > 3 || (found.0 - more.0).x.abs() > 2.0 * (found.0 - expected.0).x.abs();
-            assert!(is_distinct, "{name} {max_depth} {mode}: {found:?} {expected:?} {more:?}");
-        }
-    };
-    for (max_depth, count) in [(2, 6), (3, 5), (4, 3), (8, 2)] {
-        check("box", closed_room(false), max_depth, &modes[..count]);
+    let room = RoomByDepth::new("box", closed_room(false));
+    for (max_depth, count) in [(1, 1), (2, 6), (3, 5), (4, 3), (8, 2)] {
+        room.check(max_depth, &modes[..count]);
     }
-    check("mirror", closed_room(true), 3, &modes[..3]);
-    check("box", closed_room(false), 1, &modes[..1]);
+    RoomByDepth::new("mirror", closed_room(true)).check(3, &modes[..3]);
 }
 
 #[test]
@@ -284,20 +223,14 @@ fn neither_threads_nor_cuts_change_a_bit() {
     }
 }
 
-fn is_sound(name: &str, scene: Scene, photons: PhotonSettings) -> Spectrum {
-    let scene = prepare(scene);
-    let tile = paint(&scene, (12, 12), 4, by_photons(photons, 0, 4));
+fn is_sound(name: &str, scene: &Subject, photons: PhotonSettings) -> Spectrum {
+    let tile = paint(scene, (12, 12), 4, by_photons(photons, 0, 4));
     assert!(tile.sums().iter().all(|sum| sum.is_finite()), "{name}");
     mean_color(&tile)
 }
 
 #[test]
 fn hard_cases_end_in_the_right_picture() {
-    let room = |material: &Material| {
-        let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 0.9), Vec3::ZERO, 0.9)], ..Scene::default() };
-        add_room(&mut scene, Vec3::ONE, material);
-        scene
-    };
     let modes = [
         few(),
         PhotonSettings { progressive: true, ..few() },
@@ -311,31 +244,18 @@ fn hard_cases_end_in_the_right_picture() {
         PhotonSettings { irradiance_cache: 0.3, ..few() },
         PhotonSettings { irradiance_cache: f32::MAX, ..few() },
     ];
+    let [unlit, black, closed, shade, mirrors, nothing, cornell] = hard_scenes();
     for photons in modes {
-        let grey = matte(Vec3::splat(0.5));
-        assert_eq!(is_sound("no light", room(&grey), photons), Vec3::ZERO);
-        let mut black = room(&grey);
-        add_sphere(&mut black, Vec3::ZERO, 0.1, lamp(Vec3::ZERO));
-        assert_eq!(is_sound("black light", black, photons), Vec3::ZERO);
-        let mut closed = room(&grey);
-        add_sphere(&mut closed, Vec3::new(0.5, 0.0, -0.5), 0.2, grey.clone());
-        let kind = LightKind::Point { position: Vec3::new(0.5, 0.0, -0.5), intensity: Vec3::ONE };
-        closed.lights.push(Light::new("", kind));
-        let inside = is_sound("light inside a closed object", closed, photons);
+        assert_eq!(is_sound("no light", &unlit, photons), Vec3::ZERO);
+        assert_eq!(is_sound("black light", &black, photons), Vec3::ZERO);
+        let inside = is_sound("light inside a closed object", &closed, photons);
         // A map that is as wide as the room knows no inside.
         assert!(inside == Vec3::ZERO || photons.radius > 1.0, "{photons:?}");
-        let mut shade = room(&grey);
-        add_sphere(&mut shade, Vec3::new(0.5, 0.0, -0.5), 0.2, grey.clone());
-        add_sphere(&mut shade, Vec3::new(0.5, 0.0, -0.5), 0.12, lamp(Vec3::ONE));
-        let inside = is_sound("lamp close to what hides it", shade, photons);
+        let inside = is_sound("lamp close to what hides it", &shade, photons);
         assert!(inside == Vec3::ZERO || photons.radius > 1.0, "{photons:?}");
-        let mut mirrors = room(&mirror());
-        add_sphere(&mut mirrors, Vec3::new(0.5, 0.0, -0.5), 0.2, lamp(Vec3::ONE));
-        assert!(is_sound("mirrors alone", mirrors, photons) != Vec3::ZERO);
-        let mut nothing = Scene { cameras: room(&grey).cameras, ..Scene::default() };
-        nothing.environment = Some(Environment::uniform(Vec3::ONE));
-        assert_eq!(is_sound("nothing but sky", nothing, photons), Vec3::ONE);
-        assert!(is_sound("cornell", cornell(), photons) != Vec3::ZERO);
+        assert!(is_sound("mirrors alone", &mirrors, photons) != Vec3::ZERO);
+        assert_eq!(is_sound("nothing but sky", &nothing, photons), Vec3::ONE);
+        assert!(is_sound("cornell", &cornell, photons) != Vec3::ZERO);
     }
 }
 
@@ -344,7 +264,7 @@ fn the_size_of_a_scene_does_not_matter() {
     let of_size = |size: f32| {
         let mut scene = cornell();
         grow(&mut scene, size);
-        is_sound("cornell", scene, few())
+        is_sound("cornell", &prepare(scene), few())
     };
     let expected = of_size(1.0);
     for size in [1e-5, 1e6] {
@@ -482,7 +402,7 @@ fn a_small_thing_in_a_wide_world_is_as_bright_as_paths_find_it() {
         pixels.sum::<Vec3>() / (BLOCK * BLOCK) as f32
     };
     let mut wrong = Vec::new();
-    for half in [50.0, 500.0, 5000.0] {
+    for half in [50.0, 5000.0] {
         let scene = prepare(ball_on_a_plain(half));
         let path = PathSettings { seed: 9, guiding: false, ..PathSettings::default() };
         let expected = paint(&scene, SIZE, 512, path);

@@ -20,7 +20,7 @@ use self::{
     world::HostileWorld,
 };
 use crate::sim::{
-    stage::{assert_pieces, bad_network},
+    stage::{SURVEY_SHRINK, assert_pieces, bad_network},
     survey::tunables,
 };
 
@@ -43,6 +43,8 @@ struct Siege {
     optimization: Optimization,
     goal: Goal,
     zones: u32,
+    /// Pixels of the survey that make one, along each axis.
+    survey_shrink: u32,
 }
 
 impl Siege {
@@ -60,6 +62,7 @@ impl Siege {
             optimization: Optimization::Off,
             goal: Goal::Samples,
             zones: 10,
+            survey_shrink: SURVEY_SHRINK,
         }
     }
 
@@ -83,6 +86,13 @@ impl Siege {
             goal: if seed % 7 == 3 { Goal::Time(Duration::from_secs(20)) } else { Goal::Samples },
             ..Self::by(&[])
         }
+    }
+}
+
+impl Siege {
+    /// The mixture of a seed that once found a fault, with the survey of that time: another one has other zones.
+    fn found_by(seed: u64) -> Self {
+        Self { survey_shrink: 1, ..Self::of_seed(seed) }
     }
 }
 
@@ -194,7 +204,7 @@ struct SiegeOutcome {
 
 /// Runs a work, and checks that it ends as it must.
 fn withstand(siege: &Siege, seed: u64) -> SiegeOutcome {
-    let mut world = HostileWorld::default();
+    let mut world = HostileWorld::new(siege.survey_shrink);
     world.power.extend(names("agent", siege.honest.len()).into_iter().zip(siege.honest.iter().copied()));
     world.power.extend(names("polite", siege.polite).into_iter().map(|id| (id, 1.0)));
     world.rude.extend(names("rude", siege.rude));
@@ -336,7 +346,7 @@ fn visitors_that_keep_to_the_rules_paint_a_picture_among_those_that_do_not() {
 #[test]
 fn a_zone_that_was_given_up_and_is_painted_after_all_goes_into_the_film() {
     for seed in [1113, 1158, 1371, 1488, 1509, 2259] {
-        withstand(&Siege::of_seed(seed), seed);
+        withstand(&Siege::found_by(seed), seed);
     }
 }
 
@@ -344,7 +354,7 @@ fn a_zone_that_was_given_up_and_is_painted_after_all_goes_into_the_film() {
 #[test]
 fn a_tile_may_be_missing_while_its_zone_is_opened_again() {
     for seed in [819, 846] {
-        withstand(&Siege::of_seed(seed), seed);
+        withstand(&Siege::found_by(seed), seed);
     }
 }
 

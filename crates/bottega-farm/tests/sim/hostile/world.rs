@@ -39,12 +39,18 @@ pub(super) struct HostileWorld {
     pub(super) left_out: BTreeMap<AgentId, String>,
     /// Tiles that were to be composed and that nobody had painted.
     pub(super) missing: usize,
+    pub(super) survey_shrink: u32,
 }
 
 impl HostileWorld {
+    pub(super) fn new(survey_shrink: u32) -> Self {
+        Self { survey_shrink, ..Self::default() }
+    }
+
     fn survey_of(&mut self, agent: &AgentId, effect: &FarmEffect, random: &mut Random) -> (Duration, FarmCompletion) {
         match *effect {
             FarmEffect::Survey { width, height, .. } => {
+                let (width, height) = (width / self.survey_shrink, height / self.survey_shrink);
                 (Duration::from_millis(100), FarmCompletion::Surveyed(Ok(Arc::new(survey(width, height)))))
             }
             FarmEffect::Fetch(work) => (Duration::from_millis(50), FarmCompletion::Fetched(work)),
