@@ -54,9 +54,7 @@ def picture(folder: Path, name: str, samples: int, on_farm: bool) -> dict[str, A
 
 def compare(name: str, alone: dict[str, Any], other: dict[str, Any]) -> None:
     for layer, values in alone.items():
-        # Before 4.1 Blender adds up normals in an order that changes, so two exports differ in the last bits.
-        tolerance = 1e-3 if bpy.app.version < (4, 1, 0) else 0.0
-        if layer not in other or not np.allclose(values, other[layer], 0.0, tolerance):
+        if layer not in other or not support.is_same(values, other[layer]):
             support.failed(f"{name}: the layer {layer} has other bits")
 
 

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+import tempfile
+from pathlib import Path
 from typing import Any, Callable
 
 import bpy
@@ -152,7 +154,15 @@ def lights() -> None:
     lamp("AREA", (3, -1, 3), (0, 30, 0), energy=60, shape="RECTANGLE", size=1.5, size_y=0.5)
     lamp("AREA", (0, 2.5, 3), (-20, 0, 0), energy=60, shape="DISK", size=1.0)
     lamp("AREA", (-2.5, 2, 2.5), (0, 0, 0), energy=20, shape="ELLIPSE", size=1.0, size_y=0.4)
-    lamp("POINT", (2.5, -2, 1.5), energy=30, shadow_soft_size=0.0)
+    glow = lamp("POINT", (2.5, -2, 1.5), energy=0.3, shadow_soft_size=0.0)
+    # Nodes: a temperature, and a strength by a falloff
+    glow.data.use_nodes = True
+    tree = glow.data.node_tree
+    emission = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeEmission")
+    black_body, falloff = tree.nodes.new("ShaderNodeBlackbody"), tree.nodes.new("ShaderNodeLightFalloff")
+    black_body.inputs[0].default_value, falloff.inputs["Strength"].default_value = 3000.0, 100.0
+    tree.links.new(black_body.outputs[0], emission.inputs["Color"])
+    tree.links.new(falloff.outputs["Quadratic"], emission.inputs["Strength"])
 
 
 @scene
@@ -210,6 +220,37 @@ def textures() -> None:
     ball((-1.5, 0, 1), material=plain)
     cube((1.5, 0, 0.75), material=plain)
     lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
+@scene
+def tiles() -> None:
+    """A picture of UDIM tiles, one of which is missing and one smaller than the others."""
+    made = empty((0.5, 0.5, 0.5))
+    folder = Path(tempfile.mkdtemp(prefix="bottega-tiles-"))
+    for number, width in ((1001, 64), (1002, 32), (1011, 64)):
+        image = picture(f"tile {number}", width, width)
+        pixels = np.empty(4 * width * width, np.float32)
+        image.pixels.foreach_get(pixels)
+        pixels[number % 3 :: 4] *= 0.3
+        image.pixels.foreach_set(pixels)
+        image.filepath_raw, image.file_format = str(folder / f"tile.{number}.png"), "PNG"
+        image.save()
+        bpy.data.images.remove(image)
+    tiled = bpy.data.images.load(str(folder / "tile.1001.png"))
+    tiled.source = "TILED"
+    tiled.filepath = str(folder / "tile.<UDIM>.png")
+    for number in (1002, 1011):
+        if tiled.tiles.get(number) is None:
+            tiled.tiles.new(tile_number=number)
+    material, tree, output = nodes("Tiled")
+    shader, texture = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeTexImage")
+    texture.image, texture.interpolation = tiled, "Closest"
+    tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    plane = floor(material)
+    for corner in plane.data.uv_layers[0].data:
+        corner.uv = (2.0 * corner.uv[0], 2.0 * corner.uv[1])
+    made.camera.location, made.camera.rotation_euler = (0, -7, 9), (math.radians(38), 0, 0)
 
 
 @scene

@@ -343,6 +343,14 @@ def _blackbody(reader: ColorReader, source: Source) -> Field:
     return constant(*mixing.blackbody(kelvin.number()))
 
 
+def _light_falloff(reader: ColorReader, source: Source) -> Field:
+    if source.output.name != "Quadratic":
+        reader.note(source.node, Fidelity.APPROXIMATED, f"{source.output.name.lower()} falloff is rendered as quadratic")
+    elif not is_constant_of(reader.at(source, "Smooth", 0.0), 0.0):
+        reader.note(source.node, Fidelity.APPROXIMATED, "the falloff near the light is not smoothed")
+    return reader.at(source, "Strength", 100.0)
+
+
 def _vertex_color(reader: ColorReader, source: Source) -> Field:
     node = source.node
     name = getattr(node, "layer_name", None) if node.bl_idname == "ShaderNodeVertexColor" else node.attribute_name
@@ -404,6 +412,7 @@ _READERS: dict[str, Callable[[ColorReader, Source], Field]] = {
     "ShaderNodeMapRange": _map_range,
     "ShaderNodeClamp": _clamp,
     "ShaderNodeBlackbody": _blackbody,
+    "ShaderNodeLightFalloff": _light_falloff,
     "ShaderNodeVertexColor": _vertex_color,
     "ShaderNodeAttribute": _vertex_color,
     "ShaderNodeFresnel": _fresnel,

@@ -11,8 +11,12 @@ import bottega
 import numpy as np
 
 from . import axes
+from .colors import ColorReader
 from .mixing import blackbody
+from .nodes import CyclicNodes, named
 from .report import Fidelity, Report
+from .shaders import ShaderReader
+from .textures import Pictures
 
 
 def light_of(light: Any, matrix: Any, key: str, report: Report) -> bottega.Light | None:
@@ -39,18 +43,32 @@ def visibility_of(item: Any) -> bottega.Visibility:
 
 
 def _strength(data: Any, owner: str, key: str, report: Report) -> np.ndarray:
-    """Returns what multiplies the color: power, exposure, temperature, and an Emission node of constant strength."""
+    """Returns what multiplies the color: power, exposure, temperature, and the emission of the nodes."""
     factor = np.full(3, max(data.energy, 0.0)) * 2.0 ** getattr(data, "exposure", 0.0)
     if getattr(data, "use_temperature", False):
         factor = factor * np.array(blackbody(data.temperature))
     tree = data.node_tree if data.use_nodes else None
-    if tree is not None:
-        emission = next((node for node in tree.nodes if node.bl_idname == "ShaderNodeEmission"), None)
-        if emission is None or any(socket.is_linked for socket in emission.inputs):
-            report.add(key, owner, "Node tree", Fidelity.LEFT_OUT, "nodes of lights are left out, but for an Emission of constant color and strength")
-        else:
-            factor = factor * np.array(emission.inputs["Color"].default_value)[:3] * emission.inputs["Strength"].default_value
-    return np.maximum(factor, 0.0)
+    return np.maximum(factor if tree is None else factor * _of_nodes(tree, owner, key, report), 0.0)
+
+
+def _of_nodes(tree: Any, owner: str, key: str, report: Report) -> np.ndarray:
+    """Returns the emission of the nodes of a light, (3,)."""
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    if output is None:
+        return np.zeros(3)
+
+    def note(node: Any, fidelity: Fidelity, text: str) -> None:
+        report.add(key, owner, node.label or node.name, fidelity, text)
+
+    try:
+        emission = ShaderReader(ColorReader(Pictures(), note)).shader(named(output, (), "Surface")).emission
+    except CyclicNodes as error:
+        report.add(key, owner, "Light Output", Fidelity.LEFT_OUT, f"{error}: the light is black")
+        return np.zeros(3)
+    if not emission.is_constant:
+        report.add(key, owner, "Node tree", Fidelity.LEFT_OUT, "a picture on a light is left out: the light has its mean")
+        return np.asarray(emission.load(), np.float64).reshape(-1, emission.channels).mean(0) * np.ones(3)
+    return np.broadcast_to(emission.load(), (3,)).astype(np.float64)
 
 
 def _numbers(values: Any) -> tuple[float, ...]:

@@ -110,7 +110,7 @@ def tile_bounds(image: Any) -> tuple[int, int]:
 
 
 def _tiles(image: Any) -> Pixels:
-    """Joins UDIM tiles to one picture; a tile that is missing is black."""
+    """Joins UDIM tiles to one picture; between them it is magenta, as in Cycles."""
     columns, rows = tile_bounds(image)
     pattern = image.filepath_from_user() if "<UDIM>" in image.filepath else image.filepath
     if "<UDIM>" not in pattern:
@@ -124,7 +124,9 @@ def _tiles(image: Any) -> Pixels:
     width = max(pixels.array.shape[1] for pixels in read.values())
     height = max(pixels.array.shape[0] for pixels in read.values())
     first = next(iter(read.values()))
-    joined = np.zeros((rows * height, columns * width, 4), first.array.dtype)
+    full = 255 if first.array.dtype == np.uint8 else 1.0
+    joined = np.full((rows * height, columns * width, 4), full, first.array.dtype)
+    joined[..., 1] = 0
     for number, pixels in read.items():
         h, w = pixels.array.shape[:2]
         resized = pixels.array[np.arange(height)[:, None] * h // height, np.arange(width) * w // width]
