@@ -310,6 +310,27 @@ def mixes() -> None:
 
 
 @scene
+def coats() -> None:
+    """Reflections that Fresnel and Layer Weight nodes mix in over matte."""
+    empty((0.5, 0.5, 0.5))
+    floor(matte())
+    for x, kind, roughness in ((-2.2, "ShaderNodeFresnel", 0.0), (0.0, "ShaderNodeFresnel", 0.3), (2.2, "ShaderNodeLayerWeight", 0.1)):
+        material, tree, output = nodes("Coat")
+        mix, share = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new(kind)
+        below, above = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeBsdfAnisotropic")
+        below.inputs["Color"].default_value = (0.6, 0.1, 0.1, 1)
+        above.distribution, above.inputs["Roughness"].default_value = "GGX", roughness
+        if kind == "ShaderNodeLayerWeight":
+            share.inputs["Blend"].default_value = 0.3
+        tree.links.new(share.outputs["Fac" if "Fac" in share.outputs else 0], mix.inputs[0])
+        tree.links.new(below.outputs[0], mix.inputs[1])
+        tree.links.new(above.outputs[0], mix.inputs[2])
+        tree.links.new(mix.outputs[0], output.inputs["Surface"])
+        ball((x, 0, 1), material=material)
+    lamp("AREA", (0, -3, 5), (30, 0, 0), energy=200, size=2.0)
+
+
+@scene
 def groups() -> None:
     """A node group with an input, a muted node, a reroute."""
     empty((0.5, 0.5, 0.5))

@@ -165,10 +165,41 @@ def _emission(self: ShaderReader, source: Source) -> Shader:
 
 def _mix(self: ShaderReader, source: Source) -> Shader:
     inputs = [Input(socket, source.groups) for socket in source.node.inputs]
+    first, second = self.shader(inputs[1]), self.shader(inputs[2])
+    coated = _coated(self, inputs[0].source(), first, second)
+    if coated is not None:
+        return coated
     share = self.reader.number(inputs[0])
     if share.is_constant:
         share = constant(min(max(share.number(), 0.0), 1.0))
-    return mixed(share, self.shader(inputs[1]), self.shader(inputs[2]))
+    return mixed(share, first, second)
+
+
+def _coated(self: ShaderReader, share: Source | None, first: Shader, second: Shader) -> Shader | None:
+    """Returns a matte surface below the reflection that a Fresnel or Layer Weight node mixes in; `None`: it is another mix."""
+    eta = _fresnel_ior(self, share)
+    models = first.model, second.model
+    if eta is None or models[0] is None or models[1] is None or [model.name for model in models] != ["Diffuse", "Conductor"]:  # type: ignore[union-attr]
+        return None
+    matte, glossy = models[0].fields, models[1].fields
+    is_plain = is_constant_of(matte.get("roughness", constant(0.0)), 0.0) and glossy.get("distribution") == "ggx"
+    if not is_plain or not all(is_constant_of(one.opacity, 1.0) and is_constant_of(one.emission, 0.0) for one in (first, second)):
+        return None
+    assert share is not None
+    self.note(share.node, Fidelity.APPROXIMATED, "the reflection that it mixes in is that of Principled")
+    fields = {"base_color": matte["reflectance"], "roughness": glossy["roughness"], "specular_color": glossy["reflectance"], "ior": eta}
+    return Shader(Model("Layered", fields), relief=first.relief or second.relief)
+
+
+def _fresnel_ior(self: ShaderReader, share: Source | None) -> float | None:
+    """Returns the index of refraction of a Fresnel node, or of a Layer Weight node as Fresnel; `None`: it is another node, or varies."""
+    if share is None or share.node.bl_idname not in ("ShaderNodeFresnel", "ShaderNodeLayerWeight") or share.output.name == "Facing":
+        return None
+    if share.node.bl_idname == "ShaderNodeFresnel":
+        ior = self.reader.at(share, "IOR", 1.45)
+        return max(ior.number(), 1.0) if ior.is_constant else None
+    blend = self.reader.at(share, "Blend", 0.5)
+    return 1.0 / max(1.0 - blend.number(), 1e-2) if blend.is_constant else None
 
 
 def _add(self: ShaderReader, source: Source) -> Shader:
