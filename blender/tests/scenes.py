@@ -149,7 +149,7 @@ def lights() -> None:
     empty((0.02, 0.02, 0.02))
     floor(matte())
     cube((0, 0, 0.75), material=matte((0.6, 0.3, 0.2)))
-    lamp("SUN", (0, 0, 5), (40, 20, 0), energy=0.7, angle=0.0)
+    sun = lamp("SUN", (0, 0, 5), (40, 20, 0), energy=0.7, angle=0.0)
     lamp("SPOT", (-3, -1, 3.5), (0, -30, 0), energy=300, spot_size=math.radians(50), spot_blend=0.3, shadow_soft_size=0.0)
     lamp("AREA", (3, -1, 3), (0, 30, 0), energy=60, shape="RECTANGLE", size=1.5, size_y=0.5)
     lamp("AREA", (0, 2.5, 3), (-20, 0, 0), energy=60, shape="DISK", size=1.0)
@@ -163,6 +163,12 @@ def lights() -> None:
     black_body.inputs[0].default_value, falloff.inputs["Strength"].default_value = 3000.0, 100.0
     tree.links.new(black_body.outputs[0], emission.inputs["Color"])
     tree.links.new(falloff.outputs["Quadratic"], emission.inputs["Strength"])
+    if hasattr(glow.data, "normalize"):
+        # Power per area, and per solid angle
+        for data, values in ((glow.data, {"shadow_soft_size": 0.2, "use_soft_falloff": False}), (sun.data, {"energy": 90.0, "angle": 0.1})):
+            data.normalize = False
+            for name, value in values.items():
+                setattr(data, name, value)
 
 
 @scene

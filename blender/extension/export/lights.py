@@ -19,12 +19,18 @@ from .shaders import ShaderReader
 from .textures import Pictures
 
 
+# Radius of a light, in metres, from which its soft falloff is said to be another one: the light of smaller ones hardly differs.
+SOFT = 0.3
+
+
 def light_of(light: Any, matrix: Any, key: str, report: Report) -> bottega.Light | None:
     """Returns the light of an evaluated object of type LIGHT; `None`: it only guides sampling. `matrix`: from its space to the world."""
     data = light.data
     placed = axes.turned(matrix)
     color = np.maximum(np.array(data.color, np.float64), 0.0) * _strength(data, light.name, key, report)
     made = {"SUN": _sun, "AREA": _area}.get(data.type, _point)(data, placed, color)
+    if data.type in ("POINT", "SPOT") and getattr(data, "use_soft_falloff", False) and data.shadow_soft_size > SOFT:
+        report.add(key, light.name, "Soft Falloff", Fidelity.APPROXIMATED, "nearer than some radii it is brighter: its falloff is that of a sphere")
     if made is not None:
         made.visibility = visibility_of(light)
     return made
@@ -82,7 +88,9 @@ def _is_normalized(data: Any) -> bool:
 
 def _point(data: Any, placed: np.ndarray, color: np.ndarray) -> bottega.Light:
     radius = max(float(data.shadow_soft_size), 0.0)
-    intensity = color / (4.0 * math.pi) * (1.0 if _is_normalized(data) else math.pi * radius * radius)
+    # Without a radius Cycles takes the power of 4 m².
+    area = 1.0 if _is_normalized(data) else 4.0 * math.pi * radius * radius if radius > 0.0 else 4.0
+    intensity = color / (4.0 * math.pi) * area
     fields = {"intensity": _numbers(intensity), "radius": radius}
     if data.type == "SPOT":
         place = axes.rows(axes.without_scale(placed))
@@ -92,7 +100,8 @@ def _point(data: Any, placed: np.ndarray, color: np.ndarray) -> bottega.Light:
 
 def _sun(data: Any, placed: np.ndarray, color: np.ndarray) -> bottega.Light:
     place = axes.rows(axes.without_scale(placed))
-    return bottega.SunLight.by_matrix(place, _numbers(color), min(math.degrees(data.angle), 180.0))
+    solid_angle = 1.0 if _is_normalized(data) or data.angle == 0.0 else math.pi * math.sin(0.5 * data.angle) ** 2
+    return bottega.SunLight.by_matrix(place, _numbers(color * solid_angle), min(math.degrees(data.angle), 180.0))
 
 
 def _area(data: Any, placed: np.ndarray, color: np.ndarray) -> bottega.Light | None:
