@@ -260,6 +260,33 @@ def tiles() -> None:
 
 
 @scene
+def reliefs() -> None:
+    """A bump map on a floor, and a normal map on a ball."""
+    empty((0.4, 0.4, 0.4))
+    v, u = np.mgrid[0:128, 0:128] / 128
+    height = 0.5 + 0.25 * np.sin(8 * math.pi * u) + 0.25 * np.sin(6 * math.pi * v)
+    slopes = np.stack([*np.gradient(-3 * height)[::-1], np.ones_like(height)], -1)
+    normals = slopes / np.linalg.norm(slopes, axis=-1, keepdims=True)
+    for name, values in (("Bump", np.repeat(height[..., None], 3, -1)), ("Normals", 0.5 + 0.5 * normals)):
+        image = bpy.data.images.new(name, 128, 128, float_buffer=True)
+        image.colorspace_settings.name = "Non-Color"
+        image.pixels.foreach_set(np.concatenate([values, np.ones((128, 128, 1))], -1).astype(np.float32).ravel())
+        image.pack()
+        material, tree, output = nodes(name)
+        shader, texture = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeTexImage")
+        relief = tree.nodes.new("ShaderNodeBump" if name == "Bump" else "ShaderNodeNormalMap")
+        texture.image = image
+        if name == "Bump":
+            relief.inputs["Strength"].default_value, relief.inputs["Distance"].default_value = 1.0, 0.3
+        tree.links.new(texture.outputs["Color"], relief.inputs["Height" if name == "Bump" else "Color"])
+        tree.links.new(relief.outputs[0], shader.inputs["Normal"])
+        tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    floor(bpy.data.materials["Bump"])
+    ball((0, 0, 1), material=bpy.data.materials["Normals"])
+    lamp("AREA", (0, -3, 5), (30, 0, 0), energy=200, size=2.0)
+
+
+@scene
 def panorama() -> None:
     """A picture as world, turned."""
     made = empty()

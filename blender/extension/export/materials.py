@@ -18,6 +18,9 @@ from .shaders import ShaderReader
 from .surfaces import Model, Relief, Shader
 from .textures import Pictures, flipped
 
+# Reliefs dim light that grazes them, nearly as in Cycles.
+_RULE = {"mitsuba": {"turns": True, "shadows": True, "mirrored": False}}
+
 
 @dataclass
 class MadeMaterial:
@@ -163,9 +166,9 @@ class MaterialMaker:
             return None
         if relief.kind == "normal":
             texture = self.color(relief.field, None)
-            return bottega.NormalMap(texture, relief.strength) if isinstance(texture, bottega.Texture) else None
+            return bottega.NormalMap(texture, relief.strength, _RULE) if isinstance(texture, bottega.Texture) else None
         low = computed("height", 1, lambda values: values, relief.field)
-        return bottega.BumpMap(self._texture(low.key(), folded(low), low, 1.0))
+        return bottega.BumpMap(self._texture(low.key(), folded(low), low, 1.0), _RULE)
 
     def _displacement(self, displacement: Input, material: Any) -> None:
         source = displacement.source()

@@ -162,6 +162,7 @@ def _film(fields: dict[str, Any], node: Any, number: Any, note: Any) -> None:
         note(node, Fidelity.LEFT_OUT, "a thin film that varies is left out")
         return
     fields["iridescence"] = (film.number(), ior.number())
+    note(node, Fidelity.APPROXIMATED, "a thin film is that of glTF: up to 7 % darker, and its colors differ")
 
 
 def _subsurface_color(fields: dict[str, Any], is_old: bool, number: Any, color: Any, base: Field) -> None:
