@@ -229,6 +229,22 @@ def textures() -> None:
 
 
 @scene
+def clips() -> None:
+    """A picture with nothing around it."""
+    empty((0.5, 0.5, 0.5))
+    material, tree, output = nodes("Clipped")
+    shader, texture, place, uv = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "TexImage", "Mapping", "TexCoord"))
+    texture.image, texture.extension = picture(), "CLIP"
+    place.inputs["Scale"].default_value, place.inputs["Location"].default_value = (1.6, 2.0, 1.0), (-0.3, -0.4, 0.0)
+    tree.links.new(uv.outputs["UV"], place.inputs["Vector"])
+    tree.links.new(place.outputs[0], texture.inputs["Vector"])
+    tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    floor(material)
+    ball((0, 0, 1), material=matte())
+
+
+@scene
 def tiles() -> None:
     """A picture of UDIM tiles, one of which is missing and one smaller than the others."""
     made = empty((0.5, 0.5, 0.5))

@@ -65,6 +65,8 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
             continue
         item = instance.object
         kind = item.type
+        if not instance.is_instance:
+            _skip_hair(found, item)
         if kind == "MESH":
             data = item.data
             is_instance = instance.is_instance
@@ -82,6 +84,13 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
         elif kind in ("VOLUME", "CURVES", "POINTCLOUD", "GREASEPENCIL"):
             found.skipped[item.name] = {"CURVES": "hair curves are", "POINTCLOUD": "point clouds are"}.get(kind, f"{kind.lower()} objects are")
     return found
+
+
+def _skip_hair(found: Pass, item: Any) -> None:
+    """Notes that hair of particles is left out."""
+    for system in getattr(item, "particle_systems", ()):
+        if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
+            found.skipped[f"{item.name}: {system.name}"] = "hair of particles is"
 
 
 def _persistent(instance: Any) -> str:

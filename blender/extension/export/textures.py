@@ -66,6 +66,16 @@ class Pictures:
         return key
 
 
+    def framed(self, key: str) -> str:
+        """Returns the key of an image with a transparent black frame, so wide that coarser mip levels have it, too."""
+        framed = f"{key} framed"
+        if framed not in self.loaded:
+            pixels = self.loaded[key]
+            height, width = (max(1, side // 16) for side in pixels.array.shape[:2])
+            self.loaded[framed] = Pixels(np.pad(pixels.array, ((height, height), (width, width), (0, 0))), pixels.color_space)
+        return framed
+
+
 def _frame_number(image: Any, user: Any, frame: int) -> int:
     """Returns the number of the file of a sequence at a frame of the scene; 0: the image is no sequence."""
     if image.source != "SEQUENCE" or user is None:
@@ -155,13 +165,17 @@ def image_field(node: Any, groups: tuple[Any, ...], pictures: Pictures) -> tuple
     key = pictures.read(image, node.image_user)
     if not is_known_space(image):
         notes.append(f"the color space {image.colorspace_settings.name} is read as sRGB")
-    if node.extension == "CLIP":
-        notes.append("outside the picture its edge is repeated, where Cycles has black")
     placing = placing_of(named(node, groups, "Vector"))
     transform = placing.transform
     if image.source == "TILED":
         columns, rows = tile_bounds(image)
         transform = _product(((1 / columns, 0, 0), (0, 1 / rows, 0), (0, 0, 1)), transform)
+    elif node.extension == "CLIP":
+        inner = pictures.loaded[key].array.shape
+        key = pictures.framed(key)
+        whole = pictures.loaded[key].array.shape
+        across, up = inner[1] / whole[1], inner[0] / whole[0]
+        transform = _product(((across, 0, 0.5 - 0.5 * across), (0, up, 0.5 - 0.5 * up), (0, 0, 1)), transform)
     placing = Placing(placing.uv_name, transform, _WRAPS[node.extension], node.interpolation != "Closest")
     pixels = pictures.loaded[key]
     height, width = pixels.array.shape[:2]
