@@ -102,7 +102,9 @@ def shaded(kind: str, name: str = "Material", **inputs: Any) -> Any:
         # The renderer's facets scatter once, but for those of Principled.
         node.distribution = "MULTI_GGX" if kind == "ShaderNodeBsdfPrincipled" else "GGX"
     for key, value in inputs.items():
-        socket = node.inputs[key.replace("_", " ")]
+        name = key.replace("_", " ")
+        # Before 4.0 some inputs had other names.
+        socket = node.inputs[name if name in node.inputs else name.removesuffix(" Weight").replace("Coat", "Clearcoat").replace("Emission Color", "Emission")]
         socket.default_value = (*value, 1.0) if isinstance(value, tuple) and len(value) == 3 and socket.type == "RGBA" else value
     tree.links.new(node.outputs[0], output.inputs["Surface"])
     return material

@@ -8,6 +8,7 @@ import math
 from typing import Any
 
 import bottega
+import bpy
 import numpy as np
 
 from . import axes
@@ -33,6 +34,8 @@ def light_of(light: Any, matrix: Any, key: str, report: Report) -> bottega.Light
         report.add(key, light.name, "Soft Falloff", Fidelity.APPROXIMATED, "nearer than some radii it is brighter: its falloff is that of a sphere")
     if made is not None:
         made.visibility = visibility_of(light)
+    if data.type == "SPOT" and bpy.app.version < (4, 0, 0):
+        report.add(key, light.name, "Spot", Fidelity.APPROXIMATED, "away from its axis it is brighter, by one over the cosine of the angle")
     return made
 
 
@@ -110,10 +113,11 @@ def _area(data: Any, placed: np.ndarray, color: np.ndarray) -> bottega.Light | N
     width = max(float(data.size), 1e-6)
     height = max(float(data.size_y), 1e-6) if data.shape in ("RECTANGLE", "ELLIPSE") else width
     is_round = data.shape in ("DISK", "ELLIPSE")
-    power = color
+    # Before 4.0 an area of A m² had P / 4A W·sr⁻¹·m⁻².
+    power = color * (math.pi / 4.0 if bpy.app.version < (4, 0, 0) else 1.0)
     if not _is_normalized(data):
         sides = np.linalg.norm(np.cross(placed[:3, 0], placed[:3, 1]))
-        power = color * sides * width * height * (math.pi / 4.0 if is_round else 1.0)
+        power = power * sides * width * height * (math.pi / 4.0 if is_round else 1.0)
     shape = "ellipse" if is_round else "rectangle"
     spread = min(max(math.degrees(data.spread), 0.2), 180.0)
     return bottega.AreaLight(axes.rows(placed), (width, height), _numbers(power), shape, spread)

@@ -59,6 +59,8 @@ def principled(reader: ColorReader, source: Source, note: Callable[[Any, Fidelit
     fields: dict[str, Any] = {"base_color": base, "metallic": metallic, "roughness": roughness}
     if node.distribution == "GGX" and not is_constant_of(roughness, 0.0):
         note(node, Fidelity.APPROXIMATED, "facets scatter more than once, as those of Multiscatter GGX")
+    if is_old and not is_constant_of(metallic, 1.0):
+        note(node, Fidelity.APPROXIMATED, "the matte part is Lambert's; before 4.0 it is brighter or darker at its edges, by roughness")
     _specular(fields, node, is_old, number, color, note)
     _anisotropy(fields, node, number, note)
     _coat(fields, node, is_old, number, color, note)
