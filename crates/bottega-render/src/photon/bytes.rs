@@ -134,3 +134,27 @@ impl Reader<'_> {
         PhotonMap::from_parts(planes, photons)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A list of one photon at a position.
+    fn photon_at(position: [f32; 3]) -> Vec<u8> {
+        let numbers = position.map(f32::to_bits);
+        [1].into_iter().chain(numbers).chain([0; 3]).flat_map(u32::to_le_bytes).collect()
+    }
+
+    #[test]
+    fn positions_that_are_not_finite_are_refused() {
+        assert_eq!(Reader(&photon_at([0.5; 3])).photons().map(|photons| photons.len()), Some(1));
+        for wrong in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(Reader(&wrong.to_le_bytes()).value().is_none());
+            for axis in 0..3 {
+                let mut position = [0.5; 3];
+                position[axis] = wrong;
+                assert!(Reader(&photon_at(position)).photons().is_none(), "{position:?}");
+            }
+        }
+    }
+}
