@@ -28,6 +28,9 @@ class Kept:
 
     exports: dict[str, Export] = {}
     last_report: Report = Report()
+    # The file that scenes are written to instead of being painted, and whether that was done: by the first view layer.
+    save_to: str | None = None
+    is_saved = False
 
 
 def render(engine: Any, depsgraph: Any) -> None:
@@ -49,10 +52,24 @@ def render(engine: Any, depsgraph: Any) -> None:
             export.report.add("camera", scene.name, "Transparent", Fidelity.APPROXIMATED, text)
         export.scene.cameras["camera"] = camera
         Kept.last_report = export.report
+        if Kept.save_to is not None:
+            _save(engine, scene, frame, export.scene, is_mirrored(camera))
+            return
         _paint(engine, scene, layer, frame, export.scene, is_mirrored(camera))
     except bottega.Error as error:
         # `error_set` would write a black picture.
         engine.report({"ERROR"}, f"Bottega: {error}")
+
+
+def _save(engine: Any, scene: Any, frame: Frame, made: bottega.Scene, mirrors: bool) -> None:
+    """Writes the scene to a file, unless another view layer has been written."""
+    if Kept.is_saved or Kept.save_to is None:
+        return
+    if mirrors:
+        engine.report({"WARNING"}, "The camera mirrors, so the picture of the file has its columns reversed")
+    settings = scene.bottega
+    made.save(Kept.save_to, size=(frame.width, frame.height), spp=settings.samples, max_depth=settings.max_depth)
+    Kept.is_saved = True
 
 
 def _export(scene: Any, depsgraph: Any) -> Export:
@@ -119,6 +136,8 @@ def _follow(engine: Any, scene: Any, layer: Any, work: Work, crop: tuple[int, in
                 engine.update_result(result)
             now = time.monotonic()
             next_show = now + max(SHOW_EVERY, (now - begun) / SHOW_SHARE)
+    for text in work.warnings:
+        engine.report({"WARNING"}, text)
     error = state.get("error")
     if error is not None:
         engine.end_result(result, cancel=True)

@@ -10,6 +10,7 @@ from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from . import library
+from .engine import ENGINE
 
 
 class BOTTEGA_OT_save_scene(bpy.types.Operator, ExportHelper):
@@ -25,31 +26,22 @@ class BOTTEGA_OT_save_scene(bpy.types.Operator, ExportHelper):
         if problem is not None:
             self.report({"ERROR"}, problem)
             return {"CANCELLED"}
-        import bottega
+        from .render import Kept
 
-        from .export import Export
-        from .export.camera import camera_of, frame_of, is_mirrored
-
-        scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
-        if scene.camera is None or scene.camera.type != "CAMERA":
-            self.report({"ERROR"}, "The scene has no camera. Add one, or choose one in the scene properties")
-            return {"CANCELLED"}
-        export, frame = Export(), frame_of(scene.render)
+        # The scene is exported by a render: only there Blender evaluates it as F12 does.
+        render = context.scene.render
+        kept = {name: getattr(render, name) for name in ("engine", "use_compositing", "use_sequencer")}
+        Kept.save_to, Kept.is_saved = self.filepath, False
         try:
-            export.update(depsgraph)
-            camera = scene.camera.evaluated_get(depsgraph)
-            made = camera_of(camera, camera.matrix_world, frame, export.report)
-            made.hides_emitters = scene.render.film_transparent
-            if is_mirrored(made):
-                self.report({"WARNING"}, "The camera mirrors, so the picture of the file has its columns reversed")
-            export.scene.cameras["camera"] = made
-            settings = scene.bottega
-            size = (frame.width, frame.height)
-            export.scene.save(self.filepath, size=size, spp=settings.samples, max_depth=settings.max_depth)
-        except (bottega.Error, OSError) as error:
-            self.report({"ERROR"}, f"Bottega: {error}")
-            return {"CANCELLED"}
-        return {"FINISHED"}
+            render.engine, render.use_compositing, render.use_sequencer = ENGINE, False, False
+            bpy.ops.render.render(scene=context.scene.name)
+        except RuntimeError as error:
+            self.report({"ERROR"}, str(error))
+        finally:
+            Kept.save_to = None
+            for name, value in kept.items():
+                setattr(render, name, value)
+        return {"FINISHED"} if Kept.is_saved else {"CANCELLED"}
 
 
 def _draw(self: Any, context: Any) -> None:

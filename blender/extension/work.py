@@ -21,11 +21,12 @@ ASK_EVERY = 2.0
 class Work:
     """A picture that this machine renders.
 
-    `progress`: the latest, `None` at first. `render` runs in a thread of its own; the rest may be called meanwhile.
+    `progress`: the latest, `None` at first. `warnings`: of a farm, such as machines that it leaves out, and why. `render` runs in a thread of its own; the rest may be called meanwhile.
     """
 
     def __init__(self, made: bottega.Scene, fields: dict[str, Any]) -> None:
         self.progress: bottega.Progress | None = None
+        self.warnings: list[str] = []
         self._session: Any = self._open(made, fields)
 
     def _open(self, made: bottega.Scene, fields: dict[str, Any]) -> Any:
@@ -74,6 +75,8 @@ class FarmWork(Work):
             self._sent = f"{event['bytes_sent'] / 1e6:.0f} of {event['bytes'] / 1e6:.0f} MB sent"
         elif event["event"] == "asked":
             self._job, self._sent = event["job"], ""
+        elif event["event"] == "warning":
+            self.warnings.append(event["message"])
 
     def state(self) -> str:
         if self._job is not None and time.monotonic() > self._next:

@@ -64,12 +64,12 @@ def settle_passes(scene: Any) -> None:
     scene.bottega.use_albedo = True
 
 
-def kill_when_painting(machine: Any, has_died: threading.Event) -> None:
+def kill_when_painting(address: str, machine: Any, has_died: threading.Event) -> None:
     """Kills a machine as soon as two have a job."""
-    farm = support.part("farm")
+    farm = bottega.Farm(address)
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
-        if sum(known["job"] is not None for known in farm.watch.machines) >= 2:
+        if sum(known["job"] is not None for known in farm.machines()) >= 2:
             os.kill(machine.pid, signal.SIGKILL)
             has_died.set()
             return
@@ -92,6 +92,8 @@ def main() -> None:
     scene = bpy.context.scene
     support.settle(scene, 320, 240, 16)
     settle_passes(scene)
+    # What only the viewport shows is neither rendered nor written.
+    scenes.cube((0, -1, 1)).hide_render = True
     alone = picture(folder, "alone", 16, False)
     farm, library = support.part("farm"), support.part("library")
     program = library.program("bottega")
@@ -109,7 +111,7 @@ def main() -> None:
         compare("the command line", {"color": alone["color"]}, line)
         longer = picture(folder, "longer-alone", 96, False)
         has_died = threading.Event()
-        threading.Thread(target=kill_when_painting, args=(second, has_died), daemon=True).start()
+        threading.Thread(target=kill_when_painting, args=(address, second, has_died), daemon=True).start()
         compare("a machine was killed", longer, picture(folder, "longer", 96, True))
         if not has_died.is_set():
             support.failed("no machine has died")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from ._requests import Fields
 
-# Seconds after which a farm is asked even if it has told of no change: a server may have lost what it was to tell.
+# Seconds between checks while the farm reports no change. A server may lose its last reports.
 _REMINDED = 5.0
 
 
