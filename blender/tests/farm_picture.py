@@ -104,6 +104,7 @@ def main() -> None:
     second = subprocess.Popen(
         [str(program), "join", address, "--threads", "1"], env=farm.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
+    support.STARTED.append(second)
     try:
         wait("two machines are in it", lambda: len(farm.watch.machines) >= 2)
         compare("farm", alone, picture(folder, "all", 16, True))

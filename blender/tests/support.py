@@ -13,6 +13,8 @@ import bpy
 
 HERE = Path(__file__).parent
 NAME = "bottega_addon"
+# Programs that a check has started; they end with it.
+STARTED: list[Any] = []
 
 
 def addon() -> Any:
@@ -53,6 +55,8 @@ def leave(code: int = 0) -> None:
     """Ends the process at once: modules of `bpy` crash at the end of the interpreter in some versions."""
     import os
 
+    for program in STARTED:
+        program.kill()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
