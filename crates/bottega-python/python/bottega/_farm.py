@@ -7,6 +7,7 @@ import contextlib
 import os
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Iterator, Literal, TypedDict
 
@@ -73,10 +74,32 @@ class MachineView(TypedDict):
     tags: list[str]
 
 
+@dataclass(frozen=True)
+class FoundFarm:
+    """A farm on the local network."""
+
+    host: str
+    """The name of the machine that runs its server."""
+    address: str
+    """The address and port of its server."""
+    pin: str
+    """The digest of its server's certificate, which its word begins with."""
+
+
+def farms(seconds: float = 2.0) -> list[FoundFarm]:
+    """Returns the farms that announce themselves on the local network (mDNS) within some seconds, sorted by host.
+
+    Joining one needs its word, which it does not announce: `Farm("WORD")` finds the farm of that word.
+    Raises `FarmError` if the network cannot be asked.
+    """
+    return [FoundFarm(**farm) for farm in _native.farms(seconds)]
+
+
 class Farm:
     """A farm to which this process is linked.
 
-    - `address`: as `bottega up` prints it, `bottega://WORD@HOST:PORT`; `None`: the farm that runs on this machine. Or the address of its
+    - `address`: as `bottega up` prints it, `bottega://WORD@HOST:PORT`, or the word alone, whose farm is searched on the local network;
+      `None`: the farm that runs on this machine. Or the address of its
       page, `https://HOST:PORT`, with a `token`: then all but `session` and `render` works by HTTP.
     - `creds`, `nkey`, `tls_ca`, `tls_own` (certificate, key): files with credentials, for NATS servers run by others.
 
