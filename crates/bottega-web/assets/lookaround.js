@@ -141,7 +141,7 @@ export class LookAround {
     this.picture.hidden = false;
     Object.assign(this.stage.dataset, { look, samples, machines });
     const by = machines > 1 ? `, ${machines} machines, ${(bytesPerSecond / 1e6).toFixed(1)} MB/s` : "";
-    const of = `${samples} of ${this.#viewport.samples} samples`;
+    const of = `${Math.min(samples, this.#viewport.samples)} of ${this.#viewport.samples} samples`;
     setText(this.status, samples === 0 ? "coarse" : `${of}${isDenoised ? ", noise removed" : ""}${by}`);
   }
 
