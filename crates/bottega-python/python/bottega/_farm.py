@@ -176,6 +176,12 @@ class Job:
                 return view
         raise FarmError(f"there is no job {self.number}", "farm.jobs() has those that are there")
 
+    def _wait(self, changes: int, seconds: float) -> int:
+        """Waits until something changes, at most `seconds`. Returns the number of changes. `changes`: the number returned before."""
+        if isinstance(self._native, HttpFarm):
+            return self._native.wait(self.number, changes, seconds)
+        return self._native.wait(changes, seconds)
+
     def watch(self) -> JobWatch:
         """Iterates over the state of the job, now and after each change, until the job is over: `for view in job.watch()`, or
         `async for view in job.watch()`, which lets other coroutines run meanwhile.
@@ -193,7 +199,7 @@ class Job:
             left = _REMINDED if end is None else end - time.monotonic()
             if left <= 0.0:
                 raise TimeoutError(f"job {self.number} is {view['state']} after {timeout} s")
-            changes = self._native.wait(changes, min(left, _REMINDED))
+            changes = self._wait(changes, min(left, _REMINDED))
 
     @property
     def priority(self) -> int:
@@ -290,7 +296,7 @@ class JobWatch:
             if view != self._last:
                 self._last = view
                 return view
-            self._changes = self._job._native.wait(self._changes, _REMINDED)
+            self._changes = self._job._wait(self._changes, _REMINDED)
 
 
 def _is_going(view: JobView) -> bool:
