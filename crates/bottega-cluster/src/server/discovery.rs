@@ -1,7 +1,7 @@
 //! Discovery of farms on the local network by mDNS: a server announces its address and its pin, and no secret.
 
 use std::{
-    collections::BTreeSet,
+    collections::BTreeMap,
     net::{IpAddr, SocketAddr},
     ops::ControlFlow,
     time::{Duration, Instant},
@@ -55,7 +55,7 @@ pub struct FoundFarm {
     pub host: String,
     /// The address and port of its server.
     pub address: String,
-    /// The digest of its server's certificate, which its word begins with.
+    /// The digest of its server's certificate, which its word ends with.
     pub pin: String,
 }
 
@@ -64,12 +64,18 @@ pub struct FoundFarm {
 /// # Errors
 /// mDNS cannot be used.
 pub fn farms(within: Duration) -> Result<Vec<FoundFarm>, Error> {
-    let mut found = BTreeSet::new();
+    let mut found: BTreeMap<String, FoundFarm> = BTreeMap::new();
     browse(within, |farm| {
-        found.insert(farm);
+        // A farm announces all addresses of its machine: keep the best one.
+        match found.get(&farm.pin) {
+            Some(known) if rank(&known.address) <= rank(&farm.address) => {}
+            _ => _ = found.insert(farm.pin.clone(), farm),
+        }
         ControlFlow::Continue(())
     })?;
-    Ok(found.into_iter().collect())
+    let mut farms: Vec<FoundFarm> = found.into_values().collect();
+    farms.sort();
+    Ok(farms)
 }
 
 /// Returns the address of the farm on the local network whose server has the given pin.
@@ -84,6 +90,12 @@ pub(crate) fn find(pin: Pin) -> Result<String, Error> {
         ControlFlow::Break(())
     })?;
     found.ok_or_else(|| nowhere("no machine on the local network answers for it"))
+}
+
+/// Ranks addresses of one machine, the best one first: those that other machines can use, and IPv4, which needs no zone.
+fn rank(address: &str) -> (bool, bool) {
+    let ip = address.parse::<SocketAddr>().map(|address| address.ip());
+    ip.map_or((true, true), |ip| (ip.is_loopback(), ip.is_ipv6()))
 }
 
 /// Reports farms as they announce themselves, until a time has passed or `tell` breaks off.
@@ -116,4 +128,16 @@ fn nowhere(reason: &str) -> Error {
         format!("the farm was not found: {reason}"),
         "name its machine: bottega join bottega://WORD@HOST:4222, the whole line that `bottega up` printed",
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_that_other_machines_can_use_come_first() {
+        let mut addresses = ["[::1]:1", "127.0.0.1:1", "nonsense", "[fd00::2]:1", "192.0.2.2:1"];
+        addresses.sort_by_key(|address| rank(address));
+        assert_eq!(addresses[..4], ["192.0.2.2:1", "[fd00::2]:1", "127.0.0.1:1", "[::1]:1"]);
+    }
 }

@@ -83,7 +83,7 @@ class FoundFarm:
     address: str
     """The address and port of its server."""
     pin: str
-    """The digest of its server's certificate, which its word begins with."""
+    """The digest of its server's certificate, which its word ends with."""
 
 
 def farms(seconds: float = 2.0) -> list[FoundFarm]:
