@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The viewport in a window, by script: turn, edit, undo, resize; F12 and Escape. `window.py FOLDER` needs a display.
+"""The viewport in a window, by script: turn, edit, undo; with a farm. `window.py FOLDER` needs a display.
 
 Each step waits until the view shows it, and writes a screenshot. Prints how long the first pixels of each step took.
 """
@@ -88,6 +88,35 @@ def steps(folder: Path) -> Iterator[Callable[[], bool]]:
     area().spaces[0].shading.type = "RENDERED"
     yield lambda: look() >= 0
     screenshot(folder, "again")
+    yield from farm_steps(folder)
+
+
+def farm_steps(folder: Path) -> Iterator[Callable[[], bool]]:
+    """Yields the steps with a farm on this machine, whose only machine helps the viewport."""
+    farm = support.part("farm")
+    if support.part("library").program("bottega") is None:
+        print("WINDOW SKIPPED: the program bottega is not beside the module", flush=True)
+        return
+    farm.start_farm()
+    yield lambda: farm._ADDRESS.search(farm.programs.said) is not None
+    farm.join_farm()
+    # Undo has made other data
+    scene = bpy.context.scene
+    scene.bottega.view_samples = 65536
+    scene.bottega.view_farm = True
+    yield report("a machine helps", helps)
+    area().spaces[0].region_3d.view_rotation = area().spaces[0].region_3d.view_rotation @ mathutils.Quaternion((0.0, 1.0, 0.0), 0.4)
+    yield report("it helps with another view", helps)
+    print(f"WINDOW {view()._frame.samples} samples{view()._help()}", flush=True)
+    screenshot(folder, "farm")
+    farm.end_programs()
+
+
+def helps() -> bool:
+    """Returns true if a machine of the farm sends samples."""
+    shown = view()
+    machines = shown.viewport.machines if shown is not None and shown.viewport is not None else []
+    return any(machine.samples_per_second > 0 for machine in machines)
 
 
 def report(name: str, is_done: Callable[[], bool]) -> Callable[[], bool]:
