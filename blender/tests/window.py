@@ -107,6 +107,7 @@ def farm_steps(folder: Path) -> Iterator[Callable[[], bool]]:
     yield report("a machine helps", helps)
     area().spaces[0].region_3d.view_rotation = area().spaces[0].region_3d.view_rotation @ mathutils.Quaternion((0.0, 1.0, 0.0), 0.4)
     yield report("it helps with another view", helps)
+    yield lambda: view()._frame.samples >= 8
     print(f"WINDOW {view()._frame.samples} samples{view()._help()}", flush=True)
     screenshot(folder, "farm")
     farm.end_programs()

@@ -95,6 +95,16 @@ impl SamplePool {
         }
     }
 
+    /// Returns the samples that each pixel has at least, from all processes.
+    pub(super) fn all_min(&self) -> u32 {
+        self.own.iter().zip(&self.others).map(|(own, others)| own[4] + others[4]).fold(f32::INFINITY, f32::min) as u32
+    }
+
+    /// Returns true if a rectangle has the lowest rows of the region, with which a frame of another process ends.
+    pub(super) fn ends_with(&self, rect: Rect) -> bool {
+        self.region.is_some_and(|region| region.y1 == rect.y1)
+    }
+
     /// Returns the samples from other processes that each pixel has at least.
     pub(super) fn others_min(&self) -> u32 {
         if !self.has_others {
@@ -133,7 +143,8 @@ mod tests {
         assert!(pool.add(&from(4, Rect::new(1, 0, 2, 1), 4.0)));
         assert_eq!(pool.others_min(), 0, "the second pixel has none");
         assert!(pool.add(&from(4, Rect::new(2, 0, 3, 1), 5.0)));
-        assert_eq!(pool.others_min(), 6);
+        assert_eq!((pool.others_min(), pool.all_min()), (6, 6));
+        assert!(pool.ends_with(Rect::new(0, 0, 1, 1)) && !pool.ends_with(Rect::new(0, 0, 1, 2)));
         pool.merge_into(&mut own);
         // (1 + 3 + 6 × 4) / 8 samples, as sums of the two samples of the tile
         assert_eq!(own.pixel(1, 0)[..4], [7.0, 7.0, 7.0, 2.0 * (2.0 + 3.0) / 8.0]);

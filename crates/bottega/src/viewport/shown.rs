@@ -316,15 +316,22 @@ impl ViewportShared {
 
     /// Adds samples of another process, and shows them. Returns false if they are of another look, or do not fit.
     pub(super) fn add(&self, samples: &ViewportSamples) -> bool {
-        if !self.pool().add(samples) {
-            return false;
-        }
+        let total = {
+            let mut pool = self.pool();
+            if !pool.add(samples) {
+                return false;
+            }
+            pool.ends_with(samples.rect).then(|| pool.all_min())
+        };
         let shown = self.state().shown.clone();
         // Coarse frames have other pixels, and denoised ones wait for the next denoising.
         if let Some(ShownView { screen, is_denoised: false, .. }) = shown.filter(|shown| shown.look == samples.look) {
             if screen.shows_pixels() {
                 self.show_merged(&screen, samples.look, samples.rect);
-                self.touch(&screen);
+                match total {
+                    Some(total) => self.note_samples(samples.look, total),
+                    None => self.touch(&screen),
+                }
             }
         }
         true
