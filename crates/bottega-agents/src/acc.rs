@@ -25,7 +25,7 @@ const REMEMBERED_FOR: Duration = Duration::from_secs(300);
 /// A received message, decoded and parsed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Letter {
-    /// The envelope.
+    /// The envelope: receivers, representation, and stamps of the platforms that it passed.
     pub envelope: Envelope,
     /// The message, with its content.
     pub message: WireMessage,
@@ -79,7 +79,7 @@ pub struct Outbound {
 pub enum Routed {
     /// Put the message into the mailbox of an agent of this platform.
     Deliver {
-        /// The agent.
+        /// The receiving agent, of this platform.
         to: AgentId,
         /// The message, with its content.
         message: WireMessage,

@@ -106,9 +106,9 @@ pub struct AclMessage<C = String> {
     pub performative: Performative,
     /// The name of the sender.
     pub sender: AgentId,
-    /// The receivers.
+    /// The names of the receivers.
     pub receivers: Vec<AgentId>,
-    /// The content.
+    /// The content: typed within a platform, text at its border.
     pub content: C,
     /// The language of the content as text: `fipa-sl`, `bottega-json`, …
     pub language: &'static str,

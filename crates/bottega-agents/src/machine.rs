@@ -46,7 +46,7 @@ pub enum Action<C, V, E> {
     Store {
         /// The ticket, chosen by the agent.
         ticket: Ticket,
-        /// The request.
+        /// The request to the store.
         request: StoreRequest<V>,
     },
     /// Begins an effect outside the platform; its completion arrives as [`Event::Completed`].

@@ -41,7 +41,7 @@ impl Term {
         Self::List(std::iter::once(Self::text(head)).chain(arguments).collect())
     }
 
-    /// An integer.
+    /// Makes a term of an integer.
     pub fn integer(number: i64) -> Self {
         Self::Bare(number.to_string())
     }

@@ -26,14 +26,14 @@ impl Revision {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub u64);
 
-/// An entry.
+/// An entry of a store: a key, its latest value and the revision of the write.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry<V> {
-    /// Its key.
+    /// The key under which the value is stored.
     pub key: Key,
     /// The revision of its last write.
     pub revision: Revision,
-    /// Its value.
+    /// The latest value.
     pub value: V,
 }
 
@@ -200,11 +200,11 @@ impl<V> Folder<V> {
 /// A reply and its receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AddressedStore<V, W> {
-    /// The receiver.
+    /// The watcher or requester that gets the reply.
     pub to: W,
     /// The ticket of its request.
     pub ticket: Ticket,
-    /// The reply.
+    /// The reply of the store.
     pub reply: StoreReply<V>,
 }
 

@@ -39,7 +39,7 @@ pub(crate) enum OutputForm {
     Verbose,
     /// One JSON object per line on standard output.
     Json,
-    /// Errors only.
+    /// Print errors only.
     Quiet,
 }
 

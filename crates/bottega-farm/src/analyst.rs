@@ -59,7 +59,7 @@ pub fn survey_size(picture: &Rect) -> (u32, u32) {
 pub struct Analysis {
     /// The importance map.
     pub map: Arc<ImportanceMap>,
-    /// The zones.
+    /// The zones of the picture.
     pub partition: Arc<Partition>,
     /// The row of the work.
     pub work: WorkRow,

@@ -83,7 +83,7 @@ pub struct AgentRow {
     pub power: RelativePower,
     /// Number of processors that work on its zones at once; may be a fraction if agents share a machine.
     pub lanes: f64,
-    /// Its credit: how well its times match its promises.
+    /// The agent's credit: how well its times match its promises.
     pub credit: Credit,
     /// Number of its paintings that others confirmed, if paintings are compared.
     pub agreed: u32,

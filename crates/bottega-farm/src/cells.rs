@@ -148,7 +148,7 @@ fn grid(rect: Rect) -> impl Iterator<Item = Rect> {
     cuts(rect.y0, rect.y1).flat_map(move |(y0, y1)| cuts(rect.x0, rect.x1).map(move |(x0, x1)| Rect { x0, y0, x1, y1 }))
 }
 
-/// The same pixels in fewer rectangles: adjacent cells of a row are joined.
+/// Joins adjacent cells of a row: the same pixels in fewer rectangles.
 fn joined(cells: impl Iterator<Item = Rect>) -> Vec<Rect> {
     let mut all: Vec<Rect> = Vec::new();
     for cell in cells {

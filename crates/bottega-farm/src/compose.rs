@@ -11,9 +11,9 @@ use crate::{Partition, partition::ZoneIndex};
 /// A zone with its band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BandedZone {
-    /// Its own pixels.
+    /// The zone's own pixels, without the band.
     pub rect: Rect,
-    /// Its pixels and the band, clipped to the frame.
+    /// The zone's pixels and its band, clipped to the frame.
     pub grown: Rect,
 }
 

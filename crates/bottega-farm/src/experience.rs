@@ -66,7 +66,7 @@ pub struct Experience {
     techniques: BTreeMap<String, LearntTechnique>,
     /// The pictures, the least recently updated first.
     pictures: Vec<LearntPicture>,
-    /// ln V_cp.
+    /// What was learnt of ln V_cp, per technique and kind of picture.
     powers: Lessons,
 }
 
@@ -97,7 +97,7 @@ pub struct PaintedZone {
 pub struct JobLesson {
     /// Engine, integrator and all else that determines how paths are traced, as a name.
     pub technique: Arc<str>,
-    /// The picture.
+    /// The picture of the job: its scene and what of it is seen.
     pub subject: Subject,
     /// The survey's features of the whole picture.
     pub features: TaskFeatures,
@@ -387,7 +387,7 @@ impl LearntTechnique {
         Self { model, deviation: DEVIATION, job: 0 }
     }
 
-    /// The same for a machine with this V_cp, from the reference machine's times.
+    /// Converts reference-machine times to those of a machine with this V_cp.
     fn slower(&self, power: RelativePower) -> Self {
         Self { model: self.model.shifted(power.get().ln()), ..self.clone() }
     }

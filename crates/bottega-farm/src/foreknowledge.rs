@@ -16,11 +16,11 @@ const TRUSTED_DEVIATION: f64 = 0.25;
 pub struct Foreknowledge {
     /// The machine's experience from earlier works.
     pub experience: Arc<Experience>,
-    /// That of all machines of its farm together, in reference time.
+    /// The experience of all machines of the farm together, in reference time.
     pub of_farm: Arc<Experience>,
     /// The technique, as in [`JobLesson::technique`](crate::JobLesson::technique).
     pub technique: Arc<str>,
-    /// The picture.
+    /// The picture to predict: its scene and what of it is seen.
     pub subject: Subject,
     /// V_cp from the benchmark.
     pub benchmark: RelativePower,

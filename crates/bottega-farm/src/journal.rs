@@ -121,7 +121,7 @@ pub struct JournalContents {
 /// An error in reading a journal.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// Reading failed.
+    /// The journal cannot be read.
     #[error("cannot read the journal")]
     Read(#[from] io::Error),
     /// It is not a journal, or of another version.

@@ -158,7 +158,7 @@ impl Master {
         }
     }
 
-    /// Its view of the Blackboard.
+    /// Returns the Master's view of the Blackboard.
     pub fn board(&self) -> &Blackboard {
         self.assignments.rows.board()
     }

@@ -153,7 +153,7 @@ pub struct NeighborDifference {
 }
 
 impl NeighborDifference {
-    /// The same difference on all sides.
+    /// Returns a difference that is the same on all sides.
     pub fn all(difference: f64) -> Self {
         Self { mean: difference, sides: Sides::all(difference) }
     }

@@ -16,9 +16,9 @@ pub enum Technique {
 /// An output of rules and its meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OutputMeaning {
-    /// Its name in the rules; compared without case.
+    /// The name of the output in the rules; compared without case.
     pub name: &'static str,
-    /// Its meaning, for users.
+    /// The meaning of the output, for users.
     pub meaning: &'static str,
 }
 
@@ -78,7 +78,7 @@ const PHOTON_MAPPING: [OutputMeaning; 6] = [
 ];
 
 impl Technique {
-    /// All techniques.
+    /// All techniques, in the order of their declaration.
     pub const ALL: [Self; 2] = [Self::PathTracing, Self::PhotonMapping];
 
     /// The name for texts.

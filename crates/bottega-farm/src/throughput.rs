@@ -51,7 +51,7 @@ struct AgentPace {
 /// A zone held by an agent.
 #[derive(Clone, Copy, Debug)]
 struct HeldZone {
-    /// Its position in the order in which the agent received zones.
+    /// The position of the zone in the order in which the agent received zones.
     turn: u64,
     /// T_est of its samples, in seconds; `None`: a profile.
     estimated: Option<f64>,

@@ -31,7 +31,7 @@ pub enum VisitorEffect {
     Offers {
         /// The id of the call.
         call: u64,
-        /// The zones.
+        /// The offered zones.
         offers: Arc<[Offer]>,
         /// The number of zones that it may win.
         room: u32,
@@ -45,7 +45,7 @@ pub enum VisitorEffect {
     },
     /// An order to paint, answered by [`VisitorReport::Painted`].
     Paint {
-        /// The order.
+        /// The order to pass to the visitor.
         order: Box<PaintOrder>,
         /// The call in which it was won; `None`: first samples of a zone.
         call: Option<u64>,
@@ -73,7 +73,7 @@ pub enum VisitorReport {
         call: u64,
         /// The maximum number of zones it wants.
         room: u32,
-        /// The bids.
+        /// The bids of the visitor: one per zone that it wants.
         bids: Vec<Bid>,
     },
     /// The visitor wants none of the zones of a call.
@@ -99,11 +99,11 @@ pub enum VisitorReport {
 /// The configuration of a visitor.
 #[derive(Clone, Debug)]
 pub struct VisitorConfig {
-    /// Its id in the farm.
+    /// The visitor's id in the farm.
     pub id: AgentId,
-    /// The Master.
+    /// The id of the Master.
     pub master: AgentId,
-    /// Its V_cp as it claims; corrected by measured times.
+    /// The V_cp that the visitor claims; corrected by measured times.
     pub power: RelativePower,
     /// Number of zones that it paints at once.
     pub lanes: f64,

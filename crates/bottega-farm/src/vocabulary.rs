@@ -22,7 +22,7 @@ pub struct PaintOrder {
     pub rect: Rect,
     /// The range of samples of each pixel.
     pub samples: Range<u32>,
-    /// The settings.
+    /// The settings to paint with: samples, bounces, light samples.
     pub tunables: Tunables,
     /// The preferred one of two engines.
     pub preference: EnginePreference,
@@ -56,7 +56,7 @@ pub enum FarmEffect {
     Analyzed {
         /// The importance map.
         map: Arc<ImportanceMap>,
-        /// The zones.
+        /// The zones of the picture.
         partition: Arc<Partition>,
         /// The survey's predictions.
         outlook: Arc<PictureOutlook>,
@@ -126,7 +126,7 @@ pub enum FarmEffect {
     Compose {
         /// The id of the zone.
         zone: ZoneId,
-        /// Its samples.
+        /// The samples of the zone, by reference.
         result: ResultRef,
         /// The weights of its pixels.
         mask: Mask,

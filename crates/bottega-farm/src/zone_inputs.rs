@@ -28,7 +28,7 @@ pub enum ExpertError {
     /// The rules have no output `leaning`, which chooses the engine.
     #[error("the rules do not decide `leaning`, which engine suits a zone, but {}", .found.join(", "))]
     NoLeaning {
-        /// Their outputs.
+        /// The outputs that the rules have.
         found: Vec<String>,
     },
     /// The rules have no output that the technique knows.
@@ -37,9 +37,9 @@ pub enum ExpertError {
         .technique.name(), .found.join(", "), .technique.outputs().iter().map(|one| one.name).collect::<Vec<_>>().join(", ")
     )]
     NoOutput {
-        /// The technique.
+        /// The technique for which the rules should decide.
         technique: Technique,
-        /// Their outputs.
+        /// The outputs that the rules have.
         found: Vec<String>,
     },
     /// The fuzzy sets cannot be laid out over the ranges of the scene.

@@ -8,7 +8,7 @@ use crate::{
 /// A linguistic value of a variable, such as `big`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
-    /// Its name, as written; compared without case.
+    /// The name of the term, as written; compared without case.
     pub name: String,
     /// The degree to which numbers belong to it.
     pub membership: Membership,
@@ -17,9 +17,9 @@ pub struct Term {
 /// An input variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InputVariable {
-    /// Its name, as written; compared without case.
+    /// The name of the variable, as written; compared without case.
     pub name: String,
-    /// Its linguistic values.
+    /// The linguistic values of the variable.
     pub terms: Vec<Term>,
     /// The declared interval. `None`: from the least to the greatest point of the terms.
     pub range: Option<(f64, f64)>,
@@ -30,9 +30,9 @@ pub struct InputVariable {
 /// An output variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutputVariable {
-    /// Its name, as written; compared without case.
+    /// The name of the variable, as written; compared without case.
     pub name: String,
-    /// Its linguistic values: all singletons, or none.
+    /// The linguistic values of the variable: all singletons, or none.
     pub terms: Vec<Term>,
     /// The declared interval. `None`: from the least to the greatest point of the terms.
     pub range: Option<(f64, f64)>,
@@ -40,7 +40,7 @@ pub struct OutputVariable {
     pub method: Method,
     /// The accumulation, if declared at the output and not at the rules.
     pub accumulation: Option<Accumulation>,
-    /// Its value if no rule fires. `None`: no change.
+    /// The value of the variable if no rule fires. `None`: no change.
     pub default: Option<f64>,
 }
 
@@ -74,11 +74,11 @@ pub struct Conclusion {
 /// A rule: IF condition THEN conclusions WITH weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rule {
-    /// Its number or name, as written.
+    /// The number or name of the rule, as written.
     pub label: String,
-    /// The condition.
+    /// The condition after `IF`.
     pub condition: Condition,
-    /// The conclusions.
+    /// The conclusions after `THEN`.
     pub conclusions: Vec<Conclusion>,
     /// The factor on its degree, 0..=1.
     pub weight: f64,
@@ -87,7 +87,7 @@ pub struct Rule {
 /// A block of rules with common operators.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RuleBlock {
-    /// Its name, as written.
+    /// The name of the block, as written.
     pub name: String,
     /// The operator for AND.
     pub and: And,
@@ -97,7 +97,7 @@ pub struct RuleBlock {
     pub activation: Activation,
     /// The accumulation, for outputs that declare none.
     pub accumulation: Accumulation,
-    /// The rules.
+    /// The rules, in the order of the file.
     pub rules: Vec<Rule>,
 }
 

@@ -66,7 +66,7 @@ pub struct FiredRule {
     pub label: String,
     /// The degree of its condition times its weight; above 0.
     pub degree: f64,
-    /// Its conclusions, as `output IS term`.
+    /// The conclusions of the rule, as `output IS term`.
     pub conclusions: Vec<String>,
 }
 

@@ -107,10 +107,10 @@ impl Or {
 macro_rules! words {
     ($type:ident { $($variant:ident = $word:literal),+ }) => {
         impl $type {
-            /// All variants.
+            /// All variants, in the order of their declaration.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// Its keyword in FCL.
+            /// Returns the keyword of the operator in FCL.
             pub fn word(self) -> &'static str {
                 match self { $(Self::$variant => $word),+ }
             }

@@ -5,7 +5,7 @@
 pub enum Activity {
     /// It waits for work.
     Idle,
-    /// It works.
+    /// The resource works on a packet.
     Working,
     /// It is suspended after a failure; or it does not return from a call.
     Suspended,

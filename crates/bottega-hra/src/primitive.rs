@@ -71,7 +71,7 @@ pub struct PrimitiveSet(u8);
 impl PrimitiveSet {
     /// The empty set.
     pub const NONE: Self = Self(0);
-    /// All primitives.
+    /// The set of all primitives.
     pub const ALL: Self = Self((1 << Primitive::COUNT) - 1);
 
     /// The set with `primitive` added.

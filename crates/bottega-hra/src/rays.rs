@@ -14,7 +14,7 @@ pub enum RayQuery<'a> {
 }
 
 impl<'a> RayQuery<'a> {
-    /// The rays.
+    /// Returns the rays of the query.
     pub fn rays(&self) -> &'a [Ray] {
         match self {
             Self::Intersect(rays) | Self::Occluded(rays) => rays,

@@ -24,18 +24,18 @@ pub struct HraReport {
     pub resources: Vec<ResourceReport>,
     /// Incidents with resources, for the user.
     pub incidents: Vec<Incident>,
-    /// Expired units.
+    /// Numbers of units that expired before their answer was delivered, by cause.
     pub expiries: Expiries,
 }
 
 /// A resource since the allocator was made.
 #[derive(Clone, Debug)]
 pub struct ResourceReport {
-    /// Its id.
+    /// The id of the resource.
     pub id: ResourceId,
-    /// Its description.
+    /// The description that the resource gave of itself.
     pub descriptor: ResourceDescriptor,
-    /// Its current activity.
+    /// The current activity of the resource.
     pub activity: Activity,
     /// Number of units done.
     pub units: u64,
@@ -53,7 +53,8 @@ pub struct ResourceReport {
     pub cable: Option<CableUse>,
     /// Learned costs of the primitives that it has done.
     pub costs: Vec<(Primitive, CostModel)>,
-    /// Its activity over time; empty unless [`HraConfig::spans_kept`](crate::HraConfig::spans_kept) is set.
+    /// The activity of the resource over time; empty unless [`HraConfig::spans_kept`](crate::HraConfig::spans_kept)
+    /// is set.
     pub spans: Vec<Span>,
 }
 

@@ -32,7 +32,7 @@ pub struct ResourceDescriptor {
     pub name: String,
     /// The supported primitives.
     pub primitives: PrimitiveSet,
-    /// Its own memory for data, in bytes; `None`: it uses this process's memory, or the size is unknown.
+    /// The resource's own memory for data, in bytes; `None`: it uses this process's memory, or the size is unknown.
     pub memory_bytes: Option<u64>,
     /// The link to it.
     pub link: Link,

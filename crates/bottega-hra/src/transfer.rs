@@ -22,7 +22,7 @@ pub struct CableUse {
     pub received_bytes: u64,
     /// Last measured bandwidth to the resource, in bytes per second; `None` unless it is known to limit.
     pub bandwidth_there: Option<f64>,
-    /// The same for answers.
+    /// Last measured bandwidth from the resource, in bytes per second; `None` unless it is known to limit.
     pub bandwidth_back: Option<f64>,
     /// Number of packets answered.
     pub packets: u64,

@@ -9,10 +9,10 @@ use crate::{DataId, Primitive, ResourceId};
 /// A value refers to its data (for example an `Arc` of a scene) and contains neither scene nor code. It is used by one
 /// resource at a time: the value is moved in, and its output is moved out.
 pub trait Work: Send + Sized + 'static {
-    /// The result.
+    /// The result of a unit.
     type Output: Send + 'static;
 
-    /// The primitive.
+    /// Returns the primitive that a resource must support to do the unit.
     fn primitive(&self) -> Primitive;
 
     /// Amount of work, in the primitive's items: rays, samples or photons. The cost model is per item.
@@ -57,7 +57,7 @@ pub trait Work: Send + Sized + 'static {
 /// A work unit: work with all that the allocator needs to schedule it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorkUnit<W> {
-    /// The work.
+    /// The work to do.
     pub work: W,
     /// The caller's own number, returned with the answer. Need not be unique.
     pub ticket: u64,
@@ -164,9 +164,9 @@ pub enum TrySubmit<W> {
     /// The unit will never be accepted.
     #[error("{reason}")]
     Refused {
-        /// The unit.
+        /// The refused unit, given back.
         unit: WorkUnit<W>,
-        /// The reason.
+        /// The reason of the refusal.
         reason: SubmitError,
     },
 }

@@ -44,7 +44,7 @@ pub struct FileLayer {
 pub struct LayerPicture {
     /// The layer and its channels.
     pub layer: FileLayer,
-    /// Its values; a single number is in all three channels.
+    /// The values of the layer; a single channel is repeated in all three.
     pub picture: Picture,
 }
 

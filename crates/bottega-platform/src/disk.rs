@@ -7,7 +7,7 @@ use std::path::Path;
 pub struct DiskSpace {
     /// Free space available to this user.
     pub free: u64,
-    /// Total space.
+    /// Total space, in bytes.
     pub total: u64,
 }
 

@@ -44,11 +44,11 @@ pub enum RenderWork {
     Wave(Box<WaveWork>),
     /// Probes a block of pixels.
     Probe(ProbeWork),
-    /// Traces photons.
+    /// Traces a batch of photons from the lights.
     Photons(Box<PhotonWork>),
     /// Estimates irradiance from photons at a batch of points.
     Irradiance(IrradianceWork),
-    /// Traces agents.
+    /// Traces a batch of lighting agents from the lights.
     Agents(AgentWork),
     /// Lets agents sense their surroundings.
     Sensors(Box<SensorWork>),

@@ -56,9 +56,9 @@ pub enum FilmFilter {
     Mitchell {
         /// Radius at which it ends.
         radius: f32,
-        /// Their parameter B.
+        /// Parameter B of Mitchell and Netravali (1988).
         b: f32,
-        /// Their parameter C.
+        /// Parameter C of Mitchell and Netravali (1988).
         c: f32,
     },
     /// The four-term Blackman-Harris window, close to a Gaussian.

@@ -150,12 +150,12 @@ where
         self.node(self.network.known(id)?)?.machine.as_ref()
     }
 
-    /// The store.
+    /// Returns the store of the simulated platform.
     pub fn store(&self) -> &MemoryStore<M::Value, NodeId> {
         &self.network.store
     }
 
-    /// The world.
+    /// Returns the world in which the agents act.
     pub fn world(&self) -> &W {
         &self.world
     }

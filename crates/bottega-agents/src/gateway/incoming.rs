@@ -20,7 +20,7 @@ enum Read<C> {
     Content(C),
     /// Answer with this performative and content.
     Answer(Performative, ManagementContent),
-    /// Ignore it.
+    /// Ignore the message.
     Nothing,
 }
 

@@ -43,7 +43,7 @@ pub trait CarriesForeign: CarriesManagement {
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "most of what is said between agents is of management")]
 pub enum PlainContent {
-    /// Agent management.
+    /// A message of agent management (FIPA00023).
     Management(ManagementContent),
     /// Any other content, as text.
     Foreign(Arc<WireMessage>),
@@ -93,7 +93,7 @@ pub enum ChannelReport {
     Arrived(Box<Letter>),
     /// A message could not be delivered to any of its addresses.
     Failed {
-        /// The message.
+        /// The message that could not be sent.
         outbound: Box<Outbound>,
         /// The error at the last address.
         reason: String,
@@ -114,7 +114,7 @@ pub enum Way {
 }
 
 impl Way {
-    /// All ways.
+    /// All ways, in the order of their declaration.
     pub const ALL: [Self; 4] = [Self::In, Self::Out, Self::Dropped, Self::Lost];
 
     /// A name for display.
@@ -131,9 +131,9 @@ impl Way {
 /// A message that passed the gateway.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {
-    /// The time.
+    /// The time at which the message passed.
     pub time: Time,
-    /// The way.
+    /// The way that it took.
     pub way: Way,
     /// The name of the receiver.
     pub to: AgentId,

@@ -65,7 +65,7 @@ pub struct Ams {
     is_ready: bool,
     /// Entries that this process has to write, by key.
     errands: BTreeMap<String, AmsTask>,
-    /// Those being written, by mark.
+    /// The names of entries that are being written, by mark.
     written: BTreeMap<u64, String>,
     next_mark: u64,
     /// The next time to check them.

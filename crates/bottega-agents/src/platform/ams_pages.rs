@@ -64,16 +64,16 @@ pub fn read_white_page(text: &str) -> Option<AmsAgentDescription> {
 /// The content of an entry of the white pages, for routing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AmsPages<'a> {
-    /// An agent.
+    /// The entry of an agent.
     Agent {
-        /// Its name in lower case.
+        /// The agent's name in lower case.
         name: &'a str,
-        /// Its identifier with addresses; `None`: it is gone.
+        /// The agent's identifier with addresses; `None`: the agent is gone.
         agent: Option<AgentId>,
     },
     /// A process that serves the platform.
     Node {
-        /// Its address.
+        /// The address of the process.
         address: &'a str,
         /// True if it serves.
         present: bool,

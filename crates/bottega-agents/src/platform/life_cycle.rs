@@ -25,7 +25,7 @@ pub enum Transition {
 }
 
 impl LifeCycleState {
-    /// All states.
+    /// All states, in the order of their declaration.
     pub const ALL: [Self; 5] = [Self::Initiated, Self::Active, Self::Suspended, Self::Waiting, Self::Transit];
 
     /// The standard's name.

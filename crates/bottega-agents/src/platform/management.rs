@@ -125,7 +125,7 @@ impl Function {
 }
 
 impl LifeCycleRequest {
-    /// All requests.
+    /// All requests, in the order of their declaration.
     pub const ALL: [Self; 4] = [Self::Suspend, Self::Resume, Self::Quit, Self::Destroy];
 
     /// The request's name in the ontology.
@@ -155,9 +155,9 @@ pub enum LifeCycleRequest {
 /// The white-pages description of an agent. In a template, absent fields match anything.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AmsAgentDescription {
-    /// The agent.
+    /// The described agent, with its addresses.
     pub name: Option<AgentId>,
-    /// The owner.
+    /// The owner of the agent.
     pub ownership: Option<String>,
     /// The life-cycle state.
     pub state: Option<LifeCycleState>,
@@ -166,15 +166,15 @@ pub struct AmsAgentDescription {
 /// The yellow-pages description of an agent. In a template, absent and empty fields match anything.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DfAgentDescription {
-    /// The agent.
+    /// The described agent, with its addresses.
     pub name: Option<AgentId>,
-    /// Its services.
+    /// The services that the agent offers.
     pub services: Vec<ServiceDescription>,
-    /// Its interaction protocols.
+    /// The names of the interaction protocols that the agent speaks.
     pub protocols: Vec<String>,
-    /// Its ontologies.
+    /// The names of the ontologies that the agent understands.
     pub ontologies: Vec<String>,
-    /// Its content languages.
+    /// The names of the content languages that the agent understands.
     pub languages: Vec<String>,
     /// The time at which the entry expires. `None`: never.
     pub lease_time: Option<Time>,
@@ -185,28 +185,28 @@ pub struct DfAgentDescription {
 /// A service of an agent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ServiceDescription {
-    /// Its name.
+    /// The name of the service.
     pub name: Option<String>,
-    /// Its type.
+    /// The type of the service, by which agents search for it.
     pub service_type: Option<String>,
-    /// Its interaction protocols.
+    /// The names of the interaction protocols of the service.
     pub protocols: Vec<String>,
-    /// Its ontologies.
+    /// The names of the ontologies of the service.
     pub ontologies: Vec<String>,
-    /// Its content languages.
+    /// The names of the content languages of the service.
     pub languages: Vec<String>,
-    /// Its owner.
+    /// The owner of the service.
     pub ownership: Option<String>,
-    /// Its properties.
+    /// Further properties of the service, by name.
     pub properties: Vec<Property>,
 }
 
 /// A named value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Property {
-    /// Its name.
+    /// The name of the property.
     pub name: String,
-    /// Its value; any term.
+    /// The value of the property: any SL term.
     pub value: Term,
 }
 
@@ -224,20 +224,20 @@ pub struct SearchConstraints {
 /// The description of a platform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlatformDescription {
-    /// Its name: the part after `@` in the names of its agents.
+    /// The name of the platform: the part after `@` in the names of its agents.
     pub name: String,
-    /// Its transports and services.
+    /// The transports and services of the platform.
     pub services: Vec<ServiceEntry>,
 }
 
 /// An entry of the service root (FIPA00001): a basic service.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServiceEntry {
-    /// Its unique name.
+    /// The unique name of the service.
     pub id: String,
-    /// Its type, such as `fipa-ams`.
+    /// The type of the service, such as `fipa-ams`.
     pub service_type: String,
-    /// Its addresses, at least one. Within a platform: the agent's name.
+    /// The addresses of the service, at least one. Within a platform: the agent's name.
     pub addresses: Vec<String>,
 }
 
@@ -305,7 +305,7 @@ pub enum FailureReason {
     AlreadyRegistered,
     /// It is not registered.
     NotRegistered,
-    /// Another error.
+    /// Any other failure, with its description.
     InternalError(String),
 }
 

@@ -75,7 +75,7 @@ pub enum Step {
 /// Messages and changes that a service issues in addition to its answers.
 #[derive(Debug, Default)]
 pub struct ServiceOutbox {
-    /// The messages.
+    /// The messages to send.
     pub send: Vec<Said>,
     /// The changes, each with a mark for [`Functions::settled`].
     pub writes: Vec<(u64, Change)>,

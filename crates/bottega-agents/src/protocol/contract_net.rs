@@ -14,11 +14,11 @@ pub const RESPONSES_MAX: usize = 1024;
 /// A call for proposals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call<C> {
-    /// The initiator.
+    /// The agent that calls for proposals.
     pub initiator: AgentId,
     /// The agents called.
     pub participants: Vec<AgentId>,
-    /// The task.
+    /// The task to give away.
     pub content: C,
     /// The language of the content.
     pub language: &'static str,
@@ -30,12 +30,12 @@ pub struct Call<C> {
     pub reply_by: Time,
 }
 
-/// A proposal.
+/// A proposal to carry out a called task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal<C> {
-    /// The proposer.
+    /// The agent that proposes.
     pub from: AgentId,
-    /// The terms.
+    /// The terms on which it offers to do the task.
     pub content: C,
 }
 
@@ -57,9 +57,9 @@ pub enum InitiatorNews<C> {
     Collected(Vec<Proposal<C>>),
     /// An awarded task ended.
     Ended {
-        /// The contractor.
+        /// The agent that had the task.
         contractor: AgentId,
-        /// The outcome.
+        /// The result of the task, or the reason why there is none.
         outcome: TaskOutcome<C>,
     },
 }
@@ -121,7 +121,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         Self { call, participants, proposals: Vec::new(), collecting: true, results_by: None }
     }
 
-    /// The call.
+    /// Returns the call of this negotiation.
     pub fn the_call(&self) -> &Call<C> {
         &self.call
     }

@@ -38,7 +38,7 @@ pub enum Form {
 }
 
 impl Form {
-    /// Its name in envelopes.
+    /// Returns the name of the representation in envelopes.
     pub fn name(self) -> &'static str {
         match self {
             Self::String => STRING_FORM,
@@ -68,11 +68,11 @@ pub struct WireMessage {
     pub performative: Performative,
     /// The name of the sender.
     pub sender: Option<AgentId>,
-    /// The receivers.
+    /// The names and addresses of the receivers.
     pub receivers: Vec<AgentId>,
     /// The receivers of replies, if not the sender.
     pub reply_to: Vec<AgentId>,
-    /// The content.
+    /// The content, as text in its language.
     pub content: Option<String>,
     /// The language of the content.
     pub language: Option<String>,

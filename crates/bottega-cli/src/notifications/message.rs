@@ -33,7 +33,7 @@ pub(super) struct JobFacts {
     pub(super) reason: Option<String>,
 }
 
-/// A notification.
+/// A notification of a job's end or stall, as it is sent to a target.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Notification {
     version: u32,

@@ -100,7 +100,7 @@ pub(super) enum ChildOutput {
     Line(String),
     /// No output for a moment.
     Silence,
-    /// Its standard output is closed.
+    /// The child has closed its standard output.
     End,
 }
 

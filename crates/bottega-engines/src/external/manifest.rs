@@ -320,7 +320,7 @@ pub struct Manifest {
     pub errors: ErrorText,
     /// The command line (`kind = "command"`).
     pub command: Option<Invocation>,
-    /// Its animation features.
+    /// The animation features of the engine.
     #[serde(default)]
     pub animation: Animation,
     /// Parameters passed to a worker unchanged.

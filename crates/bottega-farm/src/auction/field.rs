@@ -17,7 +17,7 @@ pub struct Field {
     members: Vec<MemberId>,
     /// Dense, because all of them are read now and then.
     paces: Vec<Pace>,
-    /// The same agents by speed; built on demand, see [`Field::rest`].
+    /// The same agents as classes of equal speed; built on demand, see [`Field::rest`].
     classes: RefCell<Classes>,
     /// The last computed end.
     known: Cell<ExpectedEnd>,

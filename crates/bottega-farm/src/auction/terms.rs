@@ -58,7 +58,7 @@ impl AuctionRule {
 pub struct Proposal {
     /// The number of zones that it has room for.
     pub room: u32,
-    /// Its bids: one per zone that it wants.
+    /// The bids of the agent: one per zone that it wants.
     pub bids: Vec<Bid>,
 }
 
@@ -67,7 +67,7 @@ pub struct Proposal {
 pub struct Bidder {
     /// The agent's id.
     pub agent: MemberId,
-    /// Its credit by the paper: the sum of T_est − T, in seconds.
+    /// The bidder's credit by the paper: the sum of T_est − T, in seconds.
     pub credit: f64,
     /// The factor on its promises, from its reliability: 1 if it kept them, 0.5 if zones took twice as long.
     pub worth: f64,
@@ -75,7 +75,7 @@ pub struct Bidder {
     pub own: f64,
     /// The number of zones that it lacks to have as many as it works on at once.
     pub needs: u32,
-    /// Its proposal.
+    /// The bidder's proposal in this round.
     pub proposal: Proposal,
 }
 

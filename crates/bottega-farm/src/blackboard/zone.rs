@@ -20,7 +20,7 @@ pub struct ZoneRow {
     pub work: WorkId,
     /// IdZone: its index in the partition, or a new number for a piece.
     pub zone: ZoneId,
-    /// Its pixels, without the band. The paper's Size is their number: [`ZoneRow::size`].
+    /// The pixels of the zone, without the band. The paper's Size is their number: [`ZoneRow::size`].
     pub rect: Rect,
     /// Complexity: predicted cost of its pixels, in average pixels of the frame.
     pub complexity: f64,
@@ -33,7 +33,7 @@ pub struct ZoneRow {
     pub time_measured: Option<Duration>,
     /// Agent: the one that is, or was last, responsible for it.
     pub agent: Option<AgentId>,
-    /// The state.
+    /// The state of the zone, from unprofiled to done.
     pub state: ZoneState,
     /// Number of times that it was taken from an agent that failed or fell silent.
     pub attempt: u32,
@@ -69,7 +69,7 @@ pub struct ZoneRow {
 pub struct Cut {
     /// The id of the piece's row.
     pub zone: ZoneId,
-    /// Its pixels, including the zone's band.
+    /// The pixels of the piece, including the zone's band.
     pub piece: Rect,
 }
 
@@ -107,7 +107,7 @@ pub enum ZoneState {
 pub struct Vote {
     /// The name of the agent.
     pub agent: AgentId,
-    /// The painting.
+    /// The painting for which the agent stands.
     pub painting: Painting,
 }
 
@@ -313,7 +313,7 @@ impl ZoneRow {
         self.reopened(self.attempt + 1)
     }
 
-    /// The same, with the total number of attempts given.
+    /// Returns the row of the zone as it is opened again, with the total number of attempts given.
     #[must_use]
     pub fn reopened(&self, attempt: u32) -> Self {
         let state = match self.state {

@@ -18,7 +18,7 @@ const TIME_MAX: Duration = Duration::from_millis(1500);
 const LOAD_TURNS: u32 = 2;
 /// A machine with at most this load is quiet.
 const QUIET: f64 = 1.1;
-/// Maximum load.
+/// Maximum load: clock time over processor time of the benchmark.
 const LOAD_MAX: f64 = 64.0;
 
 /// The speed of this machine by its benchmark.

@@ -10,7 +10,7 @@ pub(super) type FeatureVector = [f64; FEATURES];
 
 /// A feature, for display.
 pub(super) struct FeatureKind {
-    /// Its name.
+    /// The name of the feature, for display.
     pub(super) name: &'static str,
     /// The step of the feature for which a learned factor is shown.
     pub(super) step: f64,

@@ -43,7 +43,7 @@ pub(super) struct MeasuredZone<'a> {
     pub(super) outlook: &'a TaskOutlook,
     /// ln of measured time over the survey's prediction.
     pub(super) log: f64,
-    /// The same, as the technique's model expects it.
+    /// ln(measured ∕ predicted time) as the technique's model expects it.
     pub(super) expected: f64,
 }
 

@@ -36,7 +36,7 @@ impl Regression {
         Self { weights, root: std::array::from_fn(row), count: 0.0 }
     }
 
-    /// The same model of y + `shift`.
+    /// Returns the model of y + `shift` instead of y.
     pub(super) fn shifted(&self, shift: f64) -> Self {
         let mut shifted = self.clone();
         shifted.weights[0] += shift;

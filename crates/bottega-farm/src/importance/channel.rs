@@ -35,7 +35,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// All channels.
+    /// All channels, in the order of their declaration.
     pub const ALL: [Self; 10] = [
         Self::Steps,
         Self::Path,
@@ -131,7 +131,7 @@ pub struct UnknownChannel {
 pub struct ChannelSet(u16);
 
 impl ChannelSet {
-    /// All channels.
+    /// The set of all channels.
     pub const ALL: Self = Self((1 << Channel::ALL.len()) - 1);
     /// No channel: a uniform map.
     pub const NONE: Self = Self(0);

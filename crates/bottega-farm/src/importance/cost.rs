@@ -11,7 +11,7 @@ use super::{
 struct CostTerm {
     /// The channel of the term.
     channel: Channel,
-    /// The count.
+    /// Returns the count of a pixel, per path.
     count: fn(&SurveyPixel) -> f32,
     /// Time per count, in nanoseconds of the machine on which the weights were fitted. Only ratios matter.
     weight: f32,

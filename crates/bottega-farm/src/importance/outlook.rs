@@ -13,9 +13,9 @@ use super::{
 /// Seconds per nanosecond.
 const NANOSECOND: f64 = 1e-9;
 
-/// Size of the grid of a [`PictureOutlook`], in cells.
+/// Width of the grid of a [`PictureOutlook`], in cells.
 pub const OUTLOOK_COLUMNS: u32 = 32;
-/// See [`OUTLOOK_COLUMNS`].
+/// Height of the grid of a [`PictureOutlook`], in cells.
 pub const OUTLOOK_ROWS: u32 = 24;
 /// Maximum of [`TaskFeatures::bounces`].
 const BOUNCES_MAX: f64 = 1e3;
@@ -40,11 +40,11 @@ pub struct TaskFeatures {
 /// The survey's prediction for a part of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskOutlook {
-    /// Its pixels.
+    /// The pixels of the part.
     pub rect: Rect,
     /// Predicted time of one sample for each of its pixels, in seconds of the reference machine.
     pub sample_time: f64,
-    /// Its features.
+    /// The features of the part, for the model of its technique.
     pub features: TaskFeatures,
 }
 

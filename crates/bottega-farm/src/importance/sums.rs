@@ -25,7 +25,7 @@ impl Sums {
         Self { surveyed, width, height, values, sums }
     }
 
-    /// The same cells with each value mapped.
+    /// Returns the same grid of cells with each value mapped.
     pub(super) fn map(&self, value: impl Fn(f32) -> f32) -> Self {
         Self::new(self.surveyed, self.size(), self.values.iter().map(|&old| value(old)).collect())
     }

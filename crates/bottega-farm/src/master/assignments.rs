@@ -23,7 +23,7 @@ use crate::{
 pub(super) enum Departure {
     /// It says goodbye, or is excluded: its zones are not to blame.
     Goodbye,
-    /// Its lease is over: one of its zones may have crashed it.
+    /// The lease of the agent is over: one of its zones may have crashed it.
     Silence,
 }
 

@@ -56,7 +56,7 @@ pub struct MasterConfig {
     pub credits: Arc<BTreeMap<String, Credit>>,
     /// The rules for goals of error and time.
     pub goals: GoalRules,
-    /// The timeouts.
+    /// The timeouts of rounds, leases and retries.
     pub timing: Timing,
     /// The platform at which it registers; `None`: it does not.
     pub registration: Option<RegistrationConfig>,

@@ -13,7 +13,7 @@ use crate::{Blackboard, FarmAction, ZoneId, ZoneRow};
 pub(super) struct Offcuts {
     /// Pieces without a row, with the zones they were cut from.
     missing: BTreeMap<ZoneId, ZoneId>,
-    /// Those of `missing` whose row must be written, again if a write failed.
+    /// The zones of `missing` whose row must be written, again if a write failed.
     due: Vec<ZoneId>,
 }
 

@@ -25,7 +25,7 @@ struct Waiting {
 /// The pass over the picture in progress.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pass {
-    /// Its start.
+    /// The time at which the pass began.
     begun: Time,
     /// Reference-machine time painted in it.
     painted: Duration,

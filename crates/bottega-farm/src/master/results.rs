@@ -17,13 +17,13 @@ const TIME_MAX: Duration = Duration::from_secs(1 << 30);
 /// The answer to a report by its fencing token alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fencing {
-    /// Its order is valid.
+    /// The order of the report is valid.
     Valid,
     /// None now: the row is being written, and the agent repeats its report.
     Pending,
     /// The report is on the Blackboard already; its confirmation was lost.
     Known,
-    /// Its order is not valid, for this reason.
+    /// The order of the report is not valid, for this reason.
     Refused(&'static str),
 }
 

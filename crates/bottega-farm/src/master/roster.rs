@@ -56,11 +56,11 @@ pub(super) struct Member {
     reported: Time,
     /// Progress of its orders, from its heartbeats.
     watched: WatchedZones,
-    /// Its failed orders since its last success.
+    /// The orders of the agent that failed since its last success.
     pub(super) failed: Vec<(ZoneId, Revision)>,
     /// The value of [`Roster::changes`] when its neighbors were last sent.
     neighbors_sent: u64,
-    /// Its keys in the roster's orders.
+    /// The agent's keys in the sorted sets of the roster.
     places: Places,
 }
 
@@ -429,7 +429,7 @@ impl Roster {
         self.count
     }
 
-    /// All agents.
+    /// Iterates over all agents, in the order of their numbers.
     pub(super) fn iter(&self) -> impl Iterator<Item = &Member> {
         self.members.iter().flatten()
     }

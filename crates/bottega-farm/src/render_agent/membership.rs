@@ -14,7 +14,7 @@ use crate::{
 #[derive(Clone, Debug)]
 pub(super) struct FarmMembership {
     id: AgentId,
-    /// Its Master; `None` until it is found.
+    /// The Master of the agent's work; `None` until it is found.
     master: Option<AgentId>,
     /// The registration at the directories, if there are any.
     registrant: Option<Box<Registrant>>,

@@ -14,7 +14,7 @@ const SECONDS_MAX: f64 = 1e7;
 /// The agents of a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FarmSpec {
-    /// The machines.
+    /// The machines of the farm.
     pub machines: Vec<MachineSpec>,
     /// The agents; their names are `agent-0`, `agent-1` and so on.
     pub agents: Vec<AgentSpec>,
@@ -78,7 +78,7 @@ pub enum FarmSpecError {
     /// A word is invalid.
     #[error("`{item}` says nothing of agents: {problem}")]
     Item {
-        /// The word.
+        /// The word that cannot be parsed.
         item: String,
         /// The problem, as text for the user.
         problem: &'static str,

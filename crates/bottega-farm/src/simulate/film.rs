@@ -16,7 +16,7 @@ pub(super) struct FilmLog {
     pub(super) films: u32,
     zone_count: usize,
     composed: NumberMap<()>,
-    /// Those of `composed` that were painted wrong.
+    /// The zones of `composed` that were painted wrong.
     wrong: BTreeSet<ZoneId>,
     /// The latest order begun for each zone, with the index of its agent.
     newest: NumberMap<(Revision, u32)>,

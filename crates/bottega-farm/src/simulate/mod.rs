@@ -48,7 +48,7 @@ const AFTERWARDS: Duration = Duration::from_secs(20);
 /// The plan of a simulation: agents, network and rules.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The agents.
+    /// The machines of the farm, with the faults that befall them.
     pub farm: FarmSpec,
     /// Faults of the network. Agents that it kills come back; those of [`FarmSpec::incidents`] do not.
     pub faults: Faults,
@@ -80,7 +80,7 @@ pub struct Plan {
     pub verify: u32,
     /// `true`: agents are not bit-identical: see [`MasterConfig::compares_by_look`].
     pub inexact: bool,
-    /// The timeouts.
+    /// The timeouts of the Master.
     pub timing: Timing,
     /// The rules of the agents, assigned in rotation; empty: those of the recorded run.
     pub experts: Vec<Expert>,
@@ -154,7 +154,7 @@ pub enum SimulationError {
     /// An invariant does not hold: an error in this program.
     #[error("what must hold after every run does not: {}", .broken.join("; "))]
     Broken {
-        /// The violations.
+        /// A description of each violation.
         broken: Vec<String>,
     },
 }

@@ -48,11 +48,11 @@ pub struct SimulationOutcome {
 /// The result of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentOutcome {
-    /// Its name.
+    /// The name of the agent.
     pub name: String,
     /// Speed of its processors.
     pub speed: f64,
-    /// Its share of the processors of its machine.
+    /// The agent's share of the processors of its machine, in processors.
     pub lanes: f64,
     /// Processor time spent, in time of its machine.
     pub busy: Duration,
@@ -60,7 +60,7 @@ pub struct AgentOutcome {
     pub orders: u32,
     /// The reason why it was excluded, if it was.
     pub left_out: Option<String>,
-    /// Its credit at the end.
+    /// The agent's credit at the end.
     pub credit: Credit,
     /// V_cp at the end, as known to its Master.
     pub power: RelativePower,

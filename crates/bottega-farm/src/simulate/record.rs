@@ -95,7 +95,7 @@ impl RecordedRules {
 /// The record of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedZone {
-    /// Its own pixels.
+    /// The zone's own pixels, without the band.
     pub rect: Rect,
     /// Predicted cost, in average pixels.
     pub complexity: f64,

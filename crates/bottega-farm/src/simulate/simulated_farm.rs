@@ -53,7 +53,7 @@ pub struct Span {
     pub begin: Time,
     /// Time of the end.
     pub end: Time,
-    /// The kind.
+    /// The kind of work done in the span.
     pub kind: SpanKind,
 }
 
@@ -62,7 +62,7 @@ pub struct Span {
 pub enum SpanKind {
     /// First samples of a zone.
     Profiling,
-    /// Remaining samples.
+    /// Painting of the samples that the profile left.
     Painting,
     /// Lost work: an order that failed, was lost with the agent, or was cancelled.
     Lost,
@@ -91,7 +91,7 @@ pub(super) struct SimulatedPainter {
     pub(super) loads: f64,
     /// The reason why its Master has excluded it, if it has.
     pub(super) left_out: Option<String>,
-    /// Its row, as its Master last wrote it.
+    /// The row of the agent, as its Master last wrote it.
     pub(super) known: Option<Arc<AgentRow>>,
 }
 

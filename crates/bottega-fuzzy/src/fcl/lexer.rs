@@ -3,7 +3,7 @@
 use super::error::{FclError, FclErrorKind, Position};
 use crate::limits::Limits;
 
-/// A token.
+/// A token of FCL (IEC 61131-7).
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token<'a> {
     /// A name or keyword.

@@ -33,7 +33,7 @@ impl Features {
     pub(super) const FILM: Self = Self(1 << 8);
     pub(super) const COAT: Self = Self(1 << 9);
     pub(super) const SHEEN: Self = Self(1 << 10);
-    /// All features.
+    /// The set of all features.
     #[cfg(test)]
     pub(crate) const ALL: Self = Self((1 << NAMES.len()) - 1);
 

@@ -81,9 +81,9 @@ pub(crate) struct PacketLanding {
     /// Number of failed units.
     pub(crate) failed: usize,
     pub(crate) fault: Option<(Fault, String)>,
-    /// Its time, if measured at the resource.
+    /// The time of the packet, if measured at the resource.
     pub(crate) busy: Option<Duration>,
-    /// Its traffic in both directions, if measured.
+    /// The traffic of the packet in both directions, if measured.
     pub(crate) transfers: Option<[Transfer; 2]>,
     /// Number of units done too late.
     pub(crate) expired: u64,

@@ -24,7 +24,7 @@ pub(crate) struct Demand {
 }
 
 impl Demand {
-    /// Announces items.
+    /// Announces a number of items of a primitive that will follow.
     pub(crate) fn announce(&mut self, primitive: Primitive, items: u64) {
         let announced = &mut self.announced[primitive.index()];
         *announced = announced.saturating_add(items);

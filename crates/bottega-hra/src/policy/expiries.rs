@@ -38,7 +38,7 @@ impl Expiries {
         }
     }
 
-    /// Those since an earlier moment; times count from there.
+    /// Returns the expiries since an earlier moment; times count from there.
     pub(crate) fn since(&self, before: &Self, start: Time) -> Self {
         let (waiting, late) = (self.waiting - before.waiting, self.late - before.late);
         if waiting + late == 0 {

@@ -16,7 +16,7 @@ pub enum Fault {
     Refused,
     /// It panicked, or its link broke, during work.
     Died,
-    /// Its answer was invalid.
+    /// The answer of the resource was invalid.
     Garbage,
     /// It did not answer within several times the expected time.
     Hung,
@@ -57,7 +57,7 @@ impl fmt::Display for Fault {
 pub struct Incident {
     /// The id of the resource.
     pub resource: ResourceId,
-    /// The kind.
+    /// The kind of fault.
     pub fault: Fault,
     /// Time of the first occurrence, since the allocator was made.
     pub first: Time,

@@ -25,7 +25,7 @@ const PIVOTS_MAX: usize = 2_000;
 pub(crate) struct ResourceKind {
     /// Nanoseconds per item; infinite for unsupported primitives.
     pub(crate) times: ByPrimitive<f64>,
-    /// Their number.
+    /// Number of resources of this kind.
     pub(crate) count: f64,
 }
 

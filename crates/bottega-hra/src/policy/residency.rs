@@ -39,7 +39,7 @@ impl Residency {
         Self { capacity: capacity.unwrap_or(u64::MAX), used: 0, held: BTreeMap::new(), uses: 0, is_here: false }
     }
 
-    /// That of a resource in this process's memory: everything is resident.
+    /// Returns the residency of a resource in this process's memory: everything is resident.
     pub(crate) fn here() -> Self {
         Self { is_here: true, ..Self::new(None) }
     }

@@ -49,7 +49,7 @@ impl ResourceStates {
         &self.states
     }
 
-    /// All resources.
+    /// Iterates over all resources, in the order of their ids.
     pub(super) fn iter(&self) -> impl Iterator<Item = (&LaneState, ResourceId)> {
         self.states.iter().zip((0..).map(ResourceId))
     }

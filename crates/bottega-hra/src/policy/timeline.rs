@@ -8,7 +8,7 @@ use crate::Activity;
 /// A span of time with one activity of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    /// The activity.
+    /// The activity during the span.
     pub activity: Activity,
     /// The start of the span.
     pub from: Time,

@@ -21,9 +21,9 @@ pub struct Arrival {
     pub data: Option<(DataId, u64)>,
     /// Priority; higher goes first.
     pub priority: i32,
-    /// Maximum delay.
+    /// Maximum delay until a resource begins the unit.
     pub max_delay: Duration,
-    /// Life time.
+    /// Life time of the unit: its answer is not delivered later.
     pub validity: Duration,
 }
 
@@ -38,7 +38,7 @@ impl Arrival {
 /// All units to submit, in order of time. Those with equal times form a group, known as a whole.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Load {
-    /// The units.
+    /// The units, in the order of their arrival.
     pub arrivals: Vec<Arrival>,
     /// Times at which all waiting units are cancelled.
     pub cancelled: Vec<Time>,

@@ -7,7 +7,7 @@ use crate::{Link, Primitive, PrimitiveSet, ResourceDescriptor, Window};
 /// A resource in virtual time: speed, link, memory and faults.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// Its name.
+    /// The name of the resource.
     pub name: String,
     /// Nanoseconds per item by primitive, in the order of [`Primitive::ALL`]; `None`: unsupported.
     pub time_per_item: [Option<f64>; Primitive::COUNT],
@@ -21,7 +21,7 @@ pub struct Model {
     pub memory_bytes: Option<u64>,
     /// Times vary uniformly by this share up and down; below 1.
     pub noise: f64,
-    /// Its faults.
+    /// The faults of the resource.
     pub faults: Faults,
 }
 
@@ -60,7 +60,7 @@ impl Model {
         Self { link, window: Some(Window::default()), ..Self::near(name, ns_per_item) }
     }
 
-    /// Its description for the allocator.
+    /// Returns the description of the resource for the allocator.
     pub fn descriptor(&self) -> ResourceDescriptor {
         let able = Primitive::ALL.into_iter().filter(|primitive| self.time_per_item[primitive.index()].is_some());
         let primitives: PrimitiveSet = able.collect();

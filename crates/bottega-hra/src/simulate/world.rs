@@ -69,7 +69,7 @@ pub fn simulate(config: HraConfig, models: &[Model], load: &Load, costs: &CostBo
     world.outcome()
 }
 
-/// An event.
+/// An event of the simulation, at a point of virtual time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum WorldEvent {
     /// All units from this index on with the same time are submitted.

@@ -86,7 +86,7 @@ impl<O> ResultsBin<O> {
         self.left(&self.lock())
     }
 
-    /// Adds answers.
+    /// Adds answers, and wakes the client if it waits for them.
     pub(crate) fn deliver(&self, completed: Vec<Completed<O>>) {
         let arrived = completed.len();
         let mut state = self.lock();

@@ -13,7 +13,7 @@ use crate::{Closed, Primitive, SubmitError, TrySubmit, Work, WorkUnit};
 /// Items by primitive.
 type Items = [u64; Primitive::COUNT];
 
-/// A submitter.
+/// A client's side of the work bin: takes places in the bin and puts units into the client's inlet.
 pub(crate) struct Submitter<'a, O> {
     pub(crate) client: ClientId,
     pub(crate) results: &'a ResultsBin<O>,

@@ -229,11 +229,11 @@ pub(super) fn optimize(binary: &[Binary], ids: &[u32], parallel: bool) -> Option
 
 /// An intact subtree in the new tree.
 struct MovedNode {
-    /// Its first node in the old tree.
+    /// The first node of the subtree in the old tree.
     from: u32,
-    /// Its nodes in the new tree.
+    /// The nodes of the subtree in the new tree.
     nodes: Range<u32>,
-    /// Its first item in the new tree.
+    /// The first item of the subtree in the new tree.
     first: u32,
     /// Number of levels above it.
     depth: usize,

@@ -64,7 +64,7 @@ enum PathStage {
     Ray,
     /// It scatters no further, and waits only for shadow rays.
     Light,
-    /// Its record is stored. It keeps its slot: skipping it is cheaper than moving the others.
+    /// The record of the path is stored. The path keeps its slot: skipping it is cheaper than moving the others.
     Ended,
 }
 

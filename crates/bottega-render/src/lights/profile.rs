@@ -19,7 +19,7 @@ pub(crate) enum Profile {
     Diffuse,
     /// A cone around the normal: max(tan α − tan θ, 0) / (tan α − α), which keeps the power.
     Spread {
-        /// tan α.
+        /// Tangent of the half-angle α of the cone.
         tangent: f32,
         /// 1 / (tan α − α).
         scale: f32,

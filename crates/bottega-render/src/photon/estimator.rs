@@ -39,7 +39,7 @@ pub(crate) struct PhotonContribution {
     pub(crate) is_before: bool,
     /// Number of scatterings before it arrived.
     pub(crate) bounces: u32,
-    /// Its part of the irradiance.
+    /// The photon's part of the irradiance.
     pub(crate) light: Spectrum,
 }
 

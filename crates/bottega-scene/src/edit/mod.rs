@@ -69,7 +69,7 @@ struct EditedSphere {
 /// A light of an editor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EditedLight {
-    /// Its kind, position and strength.
+    /// The kind, position and strength of the light.
     pub kind: EditedLightKind,
     /// Kinds of ray that it reaches.
     #[serde(default)]

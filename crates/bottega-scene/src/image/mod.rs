@@ -25,7 +25,7 @@ use crate::values::VALUE_MAX;
 /// pictures take 1, 3 or 4 bytes per texel, 16-bit ones 8, float ones 12 or 16; the mip levels add a third.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
-    /// Its source, for messages.
+    /// The source of the image (a file or a name within one), for messages.
     pub name: String,
     texels: Texels,
 }

@@ -88,7 +88,7 @@ pub(super) enum TexelFormat {
     Rgba32,
 }
 
-/// A medium.
+/// A medium, as the description of a saved scene has it.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MediumDescription<'a> {
@@ -118,7 +118,7 @@ pub(super) enum DensityKind {
     WithAlbedo,
 }
 
-/// A grid.
+/// A grid, as the description of a saved scene has it; its values are in the arrays behind the description.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GridDescription {

@@ -8,7 +8,7 @@ use bottega_scene::{Camera, Loaded, Scene, SharedList};
 use super::{LoadedScene, aimed, no_camera, size, turn_environment};
 use crate::{devices::threads, error::Error, request::Request};
 
-/// What a prepared scene shares with another one.
+/// The parts of a prepared scene that another one may share with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Likeness {
     /// Everything but the cameras.

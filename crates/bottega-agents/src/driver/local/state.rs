@@ -96,7 +96,7 @@ impl<M: StateMachine> PlatformShared<M> {
 }
 
 impl<M: StateMachine> PlatformState<M> {
-    /// Without agents.
+    /// Makes the state of a platform without agents.
     pub(super) fn new() -> Self {
         Self {
             slots: Vec::new(),

@@ -78,9 +78,9 @@ fn says_full(error: &(dyn std::error::Error + 'static)) -> bool {
 /// A blob in a listing of the object store.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoredBlob {
-    /// Its name.
+    /// The name of the blob.
     pub name: String,
-    /// Its size, in bytes.
+    /// The size of the blob, in bytes.
     pub bytes: u64,
     /// Time since it was stored.
     pub age: Duration,

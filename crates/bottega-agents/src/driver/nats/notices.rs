@@ -24,11 +24,11 @@ use crate::Key;
 /// The last known state of a notice.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Notice {
-    /// Its name.
+    /// The name of the notice.
     pub name: String,
     /// The unique number of its last write.
     pub revision: u64,
-    /// Its text.
+    /// The text of the notice, as written.
     pub text: Arc<[u8]>,
     /// Time without a change while the server was reachable.
     pub unchanged: Duration,

@@ -159,7 +159,7 @@ impl EntryStore<String, usize> for NoticePages {
 pub struct AgentPage {
     /// The name of the agent, in lower case.
     pub agent: String,
-    /// The notice.
+    /// The notice that holds the page.
     pub notice: Notice,
 }
 

@@ -39,7 +39,7 @@ pub(super) enum WatchNews {
 
 /// A write of an entry.
 pub(super) struct WrittenEntry {
-    /// Its key on the server.
+    /// The key of the entry on the server.
     pub(super) key: String,
     pub(super) revision: u64,
     /// `None`: it was removed.

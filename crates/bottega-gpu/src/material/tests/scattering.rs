@@ -77,9 +77,9 @@ struct KnownCase {
     value: Vec<f32>,
     /// The sampled direction; empty: none.
     way: Vec<f32>,
-    /// Its weight and its density.
+    /// The expected weight and density.
     weight: Vec<f32>,
-    /// Its relative index of refraction and its lobe.
+    /// The expected relative index of refraction and lobe.
     lobe: [f32; 2],
     albedo: Vec<f32>,
     /// Roughness, and black, delta, transmissive as bits.

@@ -97,7 +97,7 @@ impl GatherPath<'_> {
         true
     }
 
-    /// The same from separate maps: estimates the density of the photons near the place.
+    /// Adds light from separate maps: estimates the density of the photons near the place.
     fn add_estimated(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf, normal: Vec3) -> bool {
         let reflected = state.throughput * bsdf.albedo(vertex.wo) * FRAC_1_PI;
         let most = self.bounces_left(state);
