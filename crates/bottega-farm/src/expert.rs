@@ -66,6 +66,9 @@ pub struct Expert {
 
 impl Expert {
     /// Parses rules for path tracing from FCL text.
+    ///
+    /// # Errors
+    /// The text is not one valid function block of FCL; or those of [`Self::new`].
     pub fn parse(text: &str) -> Result<Self, ExpertError> {
         Self::new(FunctionBlock::parse(text)?)
     }

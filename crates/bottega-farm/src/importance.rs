@@ -136,6 +136,9 @@ impl ImportanceMap {
     /// - `frame`: the pixels to paint, within `surveyed`. Their mean cost becomes 1.
     ///
     /// Values that are not finite or not positive count as 0. A survey without any cost gives a uniform map.
+    ///
+    /// # Errors
+    /// The survey has no cells, too many cells, or another number of pixels than cells.
     pub fn new(
         survey: &Survey,
         surveyed: Rect,

@@ -82,6 +82,9 @@ impl<W: Work> HraClient<W> {
     }
 
     /// Puts a unit into the work bin; blocks while the bin is full.
+    ///
+    /// # Errors
+    /// No resource supports the primitive or has room for the data of the unit, or the allocator is closed.
     pub fn submit(&self, unit: WorkUnit<W>) -> Result<(), SubmitError> {
         self.handle.shared.submit(&self.as_submitter(), unit)
     }
@@ -90,11 +93,17 @@ impl<W: Work> HraClient<W> {
     ///
     /// If any of them is supported by no resource, none is accepted. If the allocator is shut down while the call
     /// blocks, units accepted so far are answered, the others are dropped.
+    ///
+    /// # Errors
+    /// As for [`Self::submit`].
     pub fn submit_group(&self, units: Vec<WorkUnit<W>>) -> Result<(), SubmitError> {
         self.handle.shared.submit_group(&self.as_submitter(), units)
     }
 
     /// Puts a unit into the work bin if there is room.
+    ///
+    /// # Errors
+    /// As for [`Self::submit`]; or the bin is full. Both give the unit back.
     pub fn try_submit(&self, unit: WorkUnit<W>) -> Result<(), TrySubmit<W>> {
         self.handle.shared.try_submit(&self.as_submitter(), unit)
     }

@@ -114,6 +114,9 @@ impl Canvas {
     }
 
     /// Writes it as PNG, atomically: the file is complete or unchanged.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), ImageError> {
         write_png_rgb8(path, self.width, self.height, self.pixels.as_flattened())
     }

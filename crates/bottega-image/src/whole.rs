@@ -79,6 +79,9 @@ impl WholeHeader {
 }
 
 /// Reads the picture of a file; see [`WholeHeader::read`].
+///
+/// # Errors
+/// The bytes are not such a picture, are damaged, or exceed the limits.
 pub fn read_whole(
     name: impl AsRef<Path>,
     bytes: &[u8],

@@ -63,6 +63,9 @@ pub struct PreparedScene {
 
 impl PreparedScene {
     /// Prepares a scene: validates it, builds the acceleration structure and everything else.
+    ///
+    /// # Errors
+    /// As for [`build_accel`].
     pub fn new(scene: Arc<Scene>, options: &PrepareOptions) -> Result<Self, RenderError> {
         let accel = build_accel(&scene, options)?;
         Ok(Self::with_accel(scene, accel, options))
@@ -285,6 +288,9 @@ impl<'a> SceneGeometry<'a> {
 }
 
 /// Validates a scene and builds its acceleration structure, which takes most of the preparation of large scenes.
+///
+/// # Errors
+/// [`Scene::validate`] finds a fault, or the geometry cannot be built.
 pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, RenderError> {
     scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
     let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(scene);

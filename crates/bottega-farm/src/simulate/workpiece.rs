@@ -107,6 +107,9 @@ impl Workpiece {
     ///
     /// - `scale`: each zone is cut into this many, of about equal size, with predicted costs in proportion to their
     ///   sizes.
+    ///
+    /// # Errors
+    /// The work has no zones, or too many.
     pub fn recorded(record: &Record, scale: u32) -> Result<Self, WorkpieceError> {
         let found = record.zones.len().saturating_mul(scale as usize);
         if found == 0 || found > ZONES_MAX {
@@ -135,6 +138,9 @@ impl Workpiece {
     }
 
     /// A work of a number of zones whose costs have a log-normal distribution.
+    ///
+    /// # Errors
+    /// The work has no zones, or too many.
     pub fn synthetic(zone_count: usize, spread: &SyntheticSpread, seed: u64) -> Result<Self, WorkpieceError> {
         const SAMPLES: u32 = 64;
         if zone_count == 0 || zone_count > ZONES_MAX {

@@ -82,6 +82,9 @@ impl CostBook {
     }
 
     /// Parses the JSON of [`CostBook::to_json`].
+    ///
+    /// # Errors
+    /// The text is too long, is not such JSON, or has another format or version.
     pub fn from_json(text: &str, version: &str) -> Result<Self, CostBookError> {
         if text.len() > TEXT_MAX {
             return Err(CostBookError::TooLong(text.len()));

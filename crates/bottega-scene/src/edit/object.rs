@@ -35,6 +35,9 @@ pub enum MatrixRows<'a> {
 
 impl MatrixRows<'_> {
     /// Converts to transformations.
+    ///
+    /// # Errors
+    /// The last row of a 4 × 4 matrix is not 0, 0, 0, 1.
     pub fn to_transforms(self) -> Result<Vec<Affine3A>, EditError> {
         match self {
             Self::Three(matrices) => Ok(matrices.par_iter().map(|&[x, y, z]| of_rows(x, y, z)).collect()),
