@@ -14,11 +14,11 @@ use crate::error::CliError;
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Request")]
 pub(crate) struct RequestArgs {
-    /// Paint what this file asks for: a request as JSON, as --dry-run prints it; `-` is standard input. Options given beside it
-    /// take the place of what it says.
+    /// Paint a request: a JSON file as --dry-run prints it; `-` is standard input. Options given beside it override its
+    /// fields.
     #[arg(long = "request", id = "request", value_name = "FILE|-", value_hint = ValueHint::FilePath, conflicts_with = "from")]
     file: Option<PathBuf>,
-    /// Paint what this picture is of, once more: it holds its request.
+    /// Paint the request that this picture holds.
     #[arg(long, value_name = "PICTURE", value_hint = ValueHint::FilePath)]
     from: Option<PathBuf>,
     /// Print the request that the options make, and paint nothing.
