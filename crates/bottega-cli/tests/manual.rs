@@ -16,7 +16,7 @@ use std::{
 use crate::support::{scenes, servers, signal};
 
 const WAIT: Duration = Duration::from_secs(180);
-/// How lines begin that stay in the background.
+/// Beginnings of lines whose program stays in the background.
 const BACKGROUND: [&str; 2] = ["bottega up", "bottega join"];
 const SECOND: &str = "# on the second machine";
 
@@ -57,7 +57,7 @@ struct Reader {
     folder: tempfile::TempDir,
     server: PathBuf,
     port: u16,
-    /// What stays in the background.
+    /// The processes in the background.
     processes: Vec<Child>,
 }
 

@@ -20,7 +20,7 @@ use serde_json::Value;
 const WAIT: Duration = Duration::from_secs(60);
 const SECRET: &str = "a secret of some length";
 
-/// What a server was sent: the first line, the headers, the body.
+/// A request that the server got: first line, headers, body.
 struct Delivery {
     line: String,
     headers: Vec<(String, String)>,
@@ -219,7 +219,7 @@ fn a_server_that_is_trusted_is_told_in_secret_and_another_one_is_not() {
         let (mut stream, _) = listener.accept().expect("a connection");
         stream.read_exact(&mut [0; 5]).expect("the head of a greeting");
         stream.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").expect("an answer");
-        // Whoever has asked ends it.
+        // The process that asked ends it.
         _ = stream.read_to_end(&mut Vec::new());
     });
     let (_, said) = paint(folder.path(), &["--on", &format!("done=https://{address}/")]);
@@ -245,7 +245,7 @@ fn a_command_has_json_on_its_input_and_facts_in_its_environment() {
     assert_eq!(told["event"], "done");
     let facts = fs::read_to_string(out.with_extension("env")).expect("facts");
     assert_eq!(facts.trim_end(), format!("done:{}:", text(&output)), "the secret is not told");
-    // One that fails is told of, and spoils nothing.
+    // A notification that fails is reported, and nothing else changes.
     let (code, said) = paint(folder.path(), &["--on", "done=exit 3"]);
     assert!(
         code == Some(0) && said.contains("`exit 3` was not told of `done`: it ended with exit status: 3"),

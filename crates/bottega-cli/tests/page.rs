@@ -10,7 +10,7 @@ use std::{
     sync::{PoisonError, RwLock},
 };
 
-/// Whoever times answers has the processors alone; the others, which wait most of their time, run beside each other.
+/// A test that times answers runs alone; the others, which mostly wait, run at the same time.
 static PROCESSORS: RwLock<()> = RwLock::new(());
 
 #[test]

@@ -1,4 +1,4 @@
-//! With the real library: noise goes, what is no noise stays, and who wants to stop can.
+//! With the real library: noise goes, other detail stays, and the user can stop it.
 
 use std::ops::ControlFlow;
 

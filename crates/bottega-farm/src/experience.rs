@@ -66,7 +66,7 @@ pub struct Experience {
     techniques: BTreeMap<String, LearntTechnique>,
     /// The pictures, the least recently updated first.
     pictures: Vec<LearntPicture>,
-    /// What was learnt of ln V_cp, per technique and kind of picture.
+    /// The learnt values of ln V_cp, per technique and kind of picture.
     powers: Lessons,
 }
 

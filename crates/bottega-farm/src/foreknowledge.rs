@@ -36,7 +36,7 @@ pub struct ZoneForecast {
 }
 
 impl ZoneForecast {
-    /// True if profiling the zone would say little more.
+    /// True if profiling the zone adds little information.
     pub fn is_trusted(&self) -> bool {
         self.deviation.is_some_and(|deviation| deviation <= TRUSTED_DEVIATION)
     }

@@ -74,7 +74,7 @@ impl Painted {
 /// The zones that an agent works on.
 #[derive(Clone, Copy, Debug)]
 struct BegunZones {
-    /// The turn of the last one that is no profile.
+    /// The turn of the last held zone that is painted, not profiled.
     until: Option<u64>,
     count: usize,
 }

@@ -69,7 +69,7 @@ fn optimization_saves_samples_and_gives_the_same_picture_to_any_agents() {
     let settings = JobSettings { optimization: Optimization::VeryBig, ..settings() };
     let engine = Arc::new(FakeEngine::new(2, 0));
     let one = JobSettings { agents: 1, ..settings.clone() };
-    // One agent has other zones than three, unless they are told how many.
+    // One agent has other zones than three, unless the number of zones is given.
     let report = run(&one, engine.clone(), Arc::new(()), &StopSwitch::new(), None, None).unwrap();
     assert!(engine.samples_painted() < 97 * 61 * 24 * 9 / 10, "{}", engine.samples_painted());
     assert!(
@@ -317,7 +317,7 @@ fn what_was_kept_of_other_settings_is_refused() {
     assert!(matches!(refused, Err(JobError::OtherWork)));
 }
 
-/// Writes down what it is told.
+/// An observer that records all events.
 #[derive(Default)]
 struct Witness {
     analyzed: Mutex<Option<(Arc<ImportanceMap>, usize)>>,

@@ -48,7 +48,7 @@ fn troubled(seed: u64) -> Plan {
     Plan { benchmark_error: 0.25, fetch: Duration::from_millis(50), ..trouble }
 }
 
-/// What goes wrong with agents that come back, over a thousand seeds, is in `sim`; here are those who do not.
+/// Faults of agents that come back are tested in `sim`, over a thousand seeds; here are agents that do not.
 #[test]
 fn who_goes_for_good_takes_nothing_along() {
     let mut films = 0;
@@ -193,7 +193,7 @@ fn who_cannot_finish_is_told() {
     assert!(matches!(error, SimulationError::Unfinished { zones: 16, .. }), "{error}");
 }
 
-/// Who bids for the last zone while another is expected to have it sooner is asked again when that one has ended, not at the next
+/// A bidder for the last zone that another agent is expected to finish sooner is asked again when that one has ended, not at the next
 /// heartbeat, which comes each second.
 #[test]
 fn a_short_work_does_not_wait_for_a_heartbeat() {
@@ -210,7 +210,7 @@ fn a_short_work_does_not_wait_for_a_heartbeat() {
     }
 }
 
-/// Where messages take long nobody waits for a round.
+/// With slow messages no agent waits for a round.
 #[test]
 fn who_steals_is_done_sooner_than_who_bids_where_the_way_is_long() {
     let took = |auction: AuctionRule| -> f64 {

@@ -1,6 +1,6 @@
 //! Inference beside an independent library's: every operator, every method, and the rules that come with the program.
 //! `data/reference.py` says which library, and where its definitions are others. `cargo xtask fuzzy-reference` makes
-//! the numbers anew.
+//! the numbers again.
 
 use std::{collections::BTreeMap, fs, path::Path};
 

@@ -20,7 +20,7 @@ const SAMPLES: u32 = 16;
 const DIFFERING_MAX: f64 = 0.05;
 /// Share of pixels that the z-test may reject; Mitsuba's tests have the same.
 const REJECTED_MAX: f64 = 0.0025;
-/// How much more than two seeds of the processor, seen by the eye, its picture and the device's may differ where a last bit decides
+/// Largest perceived difference of the processor's and the device's picture, beyond that of two seeds, where a last bit decides
 /// on the way of many paths: which triangle of a lamp is drawn, say.
 const NOISE_RATIO_MAX: f64 = 1.15;
 /// Greatest mean difference as it is seen.
@@ -85,7 +85,7 @@ impl Pair {
         [&self.device, &self.processor].map(film)
     }
 
-    /// How much two pictures of the processor differ, as it is seen.
+    /// The perceived difference of two pictures of the processor.
     fn noise(self) -> f64 {
         let other = self.again.perform().expect("a picture").tile;
         seen(&film(&self.processor), &film(&other))

@@ -11,7 +11,7 @@ use glam::{Affine3A, Vec3};
 
 const SIDE: u32 = 32;
 
-/// What `BOTTEGA_GPU` names, or llvmpipe, or any adapter that is there; none where there is none.
+/// The adapter that `BOTTEGA_GPU` names, or llvmpipe, or any; `None` if there is no adapter.
 fn adapter() -> Option<GpuAdapter> {
     let there = adapters();
     let software = there.iter().find(|adapter| adapter.name.contains("llvmpipe"));
@@ -82,7 +82,7 @@ impl Bench {
         }
     }
 
-    /// Paints a scene; the picture must be right. How many blocks the device painted.
+    /// Renders a scene and checks the picture. Returns the number of blocks that the device rendered.
     fn paint(&self, scene: &Arc<PreparedScene>) -> usize {
         let whole = Rect::new(0, 0, SIDE, SIDE);
         let client = self.hra.client();

@@ -11,7 +11,7 @@ use bottega_hra::{
 };
 use proptest::prelude::*;
 
-/// What a resource is like.
+/// The properties of a resource.
 #[derive(Clone, Debug)]
 enum Character {
     Sound(PrimitiveSet),
@@ -66,7 +66,7 @@ fn lane(character: &Character) -> Lane<Job> {
     }
 }
 
-/// What a client does.
+/// The actions of a client.
 #[derive(Clone, Debug)]
 struct Script {
     /// Sizes of the groups that it submits.

@@ -254,7 +254,7 @@ fn garbage_is_noticed_and_done_again() {
     });
 }
 
-/// A board with little memory, that writes down what it was told to throw out.
+/// A board with little memory, which records the data that it was told to evict.
 struct Board {
     memory_bytes: u64,
     held: Vec<u64>,

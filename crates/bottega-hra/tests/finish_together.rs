@@ -7,7 +7,7 @@ use bottega_hra::{CostBook, HraConfig, Link, Primitive, Time};
 
 /// Items of a unit.
 const SIZE: u64 = 100;
-/// How long a batch should take: some hundred units of the slowest resource.
+/// Target time of a batch: some hundred units of the slowest resource.
 const SECONDS: f64 = 10.0;
 
 fn run(models: &[Model], load: &Load, seed: u64) -> DayOutcome {
@@ -51,12 +51,12 @@ fn mix(random: &mut LoadRandom) -> Vec<Model> {
         .collect()
 }
 
-/// Units a second of a resource that never waits and is sent no packets: nobody can do more.
+/// Units per second of a resource that never waits and gets no packets: the upper bound.
 fn ideal_rate(model: &Model) -> f64 {
     1e9 / (model.time_per_item[0].unwrap_or(f64::INFINITY) * SIZE as f64)
 }
 
-/// Units a second of a resource that has the allocator to itself, for as long as the batch takes.
+/// Units per second of a resource that has the allocator to itself, for as long as the batch takes.
 fn rate_alone(model: &Model, seed: u64) -> f64 {
     let units = (SECONDS * ideal_rate(model)).ceil() as usize;
     let outcome = run(std::slice::from_ref(model), &Load::batch(units, SIZE, &[Primitive::Intersect]), seed);

@@ -343,7 +343,7 @@ fn a_file_with_any_byte_changed_is_read_or_refused() {
                 2 => bytes[at].wrapping_add(1),
                 _ => (state >> 8) as u8,
             };
-            // Whatever comes of it, it comes without a panic and within the limits.
+            // Any result is fine without a panic and within the limits.
             if let Ok(read) = read_image_bytes(&name, &bytes, limits) {
                 assert!(read.picture.data.len() as u64 <= limits.max_pixels);
             }
@@ -426,7 +426,7 @@ fn a_whole_picture_is_black_where_its_file_holds_nothing() {
     // The file itself holds two pixels.
     let file = read_image_bytes("a.exr", &bytes, ReadLimits::default()).unwrap();
     assert_eq!((file.picture.size(), file.offset, file.full_size), ((2, 1), (1, 1), (4, 3)));
-    // A frame that is all but empty is no reason for gigabytes.
+    // An almost empty frame must not take gigabytes.
     let bytes = exr_of(None, Rect::of_size(1, 1), (11_000, 11_000));
     let refused = WholeHeader::read("a.exr", &bytes, ReadLimits::default());
     assert!(matches!(refused, Err(ImageError::Malformed { .. })), "{refused:?}");
@@ -474,7 +474,7 @@ fn the_references_of_other_programs_are_read() {
             } else if ["exr", "hdr", "png"].contains(&extension.as_str()) {
                 let picture = match read_picture(&path) {
                     Ok(picture) => picture,
-                    // Several values a pixel are no picture yet.
+                    // Several values per pixel are not yet a picture.
                     Err(ImageError::Unsupported { detail, .. }) if detail.contains("deep data") => continue,
                     Err(error) => panic!("{}: {error}", path.display()),
                 };

@@ -108,7 +108,7 @@ impl AnalyzedScene {
 
     /// Surveys a loaded scene.
     ///
-    /// - `painters`: number of CPU threads for the survey.
+    /// - `painters`: number of CPU threads of the survey.
     ///
     /// # Errors
     /// The survey fails.

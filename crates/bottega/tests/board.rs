@@ -113,7 +113,7 @@ fn a_board_behind_a_slow_cable_is_left_alone() {
     assert!(slow * 4 < fast.max(4), "{slow} units where one with a fast cable has {fast}");
 }
 
-/// Waves take processors longer than blocks: they are painted where boards save more than that, or where they are asked for.
+/// Waves cost processors more than blocks: they are used where boards save more than that, or on request.
 #[test]
 fn where_a_board_saves_nothing_the_picture_is_painted_in_blocks() {
     let _processors = processors();
@@ -187,12 +187,12 @@ fn what_a_board_is_told_that_cannot_be_ends_the_connection_and_nothing_else() {
     assert!(units > 0, "the board serves others as before");
 }
 
-/// What befalls a cable.
+/// The faults of a cable.
 #[derive(Clone, Copy, PartialEq)]
 enum Fault {
     /// It is cut after so many bytes to the board.
     Cut(u64),
-    /// It stays, and can be plugged in anew, but answers do not come any more after so many bytes.
+    /// The cable stays and can be plugged in again, but carries no answers after this many bytes.
     Silence(u64),
 }
 

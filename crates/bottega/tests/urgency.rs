@@ -21,7 +21,7 @@ fn request(samples: u32) -> Request {
     request
 }
 
-/// How long a picture takes in the middle of a longer one that has the same thread.
+/// The time of a picture that is rendered amid a longer one on the same thread.
 fn time_beside_another(request: &Request) -> Duration {
     let long = Session::open(&self::request(800)).expect("it is opened");
     let stop = StopSwitch::new();

@@ -181,7 +181,7 @@ fn two_over(stores: [Box<dyn EntryStore<String, usize> + Send>; 3]) {
     let mut both = [one.address().to_owned(), two.address().to_owned()];
     both.sort();
     assert_eq!(platform(), both);
-    // A name is given once, whoever is asked.
+    // A name is given only once, by any process of the platform.
     let again = ask(&two, "a@p", two.df(), Function::Register(offer("a@p")));
     assert!(matches!(again, (P::Failure, M::Failed(..))), "{again:?}");
     drop(one);

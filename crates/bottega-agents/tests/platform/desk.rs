@@ -22,7 +22,7 @@ pub(crate) struct Desk<F> {
     pub(crate) conversation: u64,
     /// So many of the next writes the store does not hear.
     pub(crate) deaf: u32,
-    /// What it said when it started.
+    /// The lines that it printed at its start.
     pub(crate) first: Vec<AclMessage<M>>,
 }
 

@@ -78,7 +78,7 @@ fn a_request_outside_of_conversations_is_a_new_one_each_time() {
     }
 }
 
-/// What is found of an agent in the white pages.
+/// The entry of an agent in the white pages.
 fn found(ams: &mut Desk<Ams>, now: Time, name: &str) -> Option<AmsAgentDescription> {
     let template = AmsAgentDescription { name: Some(id(name)), ..Default::default() };
     match outcome(ams, now, "x", Function::SearchAgents(template, SearchConstraints::default())) {
@@ -120,7 +120,7 @@ fn who_changes_an_entry_and_names_no_addresses_leaves_them_as_they_are() {
     assert_eq!(&*entry.name.unwrap().addresses, ["http://here/acc"]);
 }
 
-/// What a subscriber is told in these messages: of each agent, whether it is there.
+/// The news of a subscriber in these messages: whether each agent is there.
 fn told(messages: &[AclMessage<M>]) -> Vec<(String, bool)> {
     let news = messages.iter().filter_map(|message| match &message.content {
         M::News(_, _, offers) => Some(offers),

@@ -54,7 +54,7 @@ struct Manager {
     tasks: BTreeMap<u32, (TaskState, Revision)>,
     /// The auction, its task, and the revision that the task had when it was called: what the award rests on.
     auction: Option<(ContractNetInitiator<Say>, u32, Revision)>,
-    /// Whom to award the task of the auction, once the store has said yes.
+    /// The agent that gets the task of the auction once the store has confirmed.
     winner: Option<AgentId>,
     tick: Time,
 }
@@ -318,7 +318,7 @@ impl StateMachine for Observer {
     }
 }
 
-/// What became of which task by which write.
+/// The result of each task, with the write that decided it.
 type Step = (u32, Revision, TaskState);
 type World = fn(Time, &AgentId, Effect, &mut Random, &mut Vec<(Duration, u32)>);
 
@@ -414,7 +414,7 @@ fn in_a_thousand_bad_worlds_no_task_is_lost_and_none_is_done_or_awarded_twice() 
         check(seed, &seen);
         awards += seen.iter().filter(|(_, _, state)| matches!(state, TaskState::Awarded { .. })).count();
     }
-    // The faults did something: many awards had to be made anew.
+    // The faults did something: many awards had to be repeated.
     assert!(awards > 1000 * TASKS as usize * 11 / 10, "{awards} awards");
 }
 

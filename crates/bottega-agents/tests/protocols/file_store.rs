@@ -1,4 +1,4 @@
-//! A store in a file: what was written is there, whatever happens to the file's end and whoever else writes.
+//! A store in a file: written entries survive damage at the file's end and other writers.
 
 use std::{fs, io::Write, path::Path, thread};
 

@@ -48,7 +48,7 @@ fn any_blows() -> impl Strategy<Value = Vec<(prop::sample::Index, u8, u8)>> {
     prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), byte), 1..6)
 }
 
-/// What a server does with the bytes of a request, up to the mailbox.
+/// Handles the bytes of a request as a server does, up to the mailbox.
 fn take(bytes: &[u8]) -> Option<(Performative, Vec<Term>)> {
     let (head, taken) = parse_head(bytes).ok()??;
     let body = &bytes[taken..];

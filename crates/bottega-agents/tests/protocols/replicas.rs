@@ -23,7 +23,7 @@ struct Client {
     me: AgentId,
     round: u32,
     leaving: bool,
-    /// Who said that it was entered, in this round. Answers may arrive twice.
+    /// The replicas that confirmed an entry in this round. Answers may arrive twice.
     entered: BTreeSet<AgentId>,
     known: bool,
     until: Time,
@@ -35,7 +35,7 @@ impl Client {
         let offer = DfAgentDescription { name: Some(self.me.clone()), ..Default::default() };
         let function = if self.leaving { Function::Deregister(offer) } else { Function::Register(offer) };
         let message = AclMessage::new(P::Request, self.me.clone(), directory(directory_number), M::Action(function));
-        // The same request to both would count as one that was taken twice.
+        // The same request to both counts as one that was taken twice.
         let conversation_id = self.conversation() + 1 + directory_number as u64;
         actions.push(Action::Send(AclMessage { conversation_id, reply_with: conversation_id, ..message }));
     }

@@ -1,4 +1,4 @@
-//! Strangers who use a platform, and hold it to what it has told them.
+//! Clients of a platform that check that it keeps what it has confirmed.
 
 use std::{
     collections::BTreeMap,
@@ -16,27 +16,27 @@ use bottega_agents::{
     protocol::{Answer, RequestInitiator},
 };
 
-/// How long an answer is waited for.
+/// Time to wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(40);
 /// Between two requests; whatever was on its way of the one before has come by then.
 const PAUSE: Duration = Duration::from_secs(20);
 /// The service type of those who offer something.
 pub(crate) const KIND: &str = "smithy";
 
-/// What clients found, for the test to look at when all is over.
+/// The findings of the clients, for the test to check at the end.
 #[derive(Debug, Default)]
 pub(crate) struct Notes {
-    /// What must not be.
+    /// Violations that clients have seen.
     pub(crate) wrong: Vec<String>,
-    /// How often requests came to an end, by what it was.
+    /// Number of finished requests, by outcome.
     pub(crate) ends: BTreeMap<&'static str, u32>,
     /// Requests that nobody answered, by when they were made.
     pub(crate) unanswered: Vec<(Time, AgentId)>,
-    /// What each registrar knows to be entered of it. Absent: it is not sure.
+    /// The entry that each registrar knows to exist. Absent: it is not sure.
     pub(crate) entered: BTreeMap<AgentId, Option<DfAgentDescription>>,
     /// The state that each agent was given last; absent: it is not sure.
     pub(crate) states: BTreeMap<AgentId, LifeCycleState>,
-    /// What each subscriber knows: by agent, its service's name.
+    /// The knowledge of each subscriber: the service's name by agent.
     pub(crate) views: BTreeMap<AgentId, BTreeMap<String, String>>,
     /// Basic services that were taken.
     pub(crate) supplied: Vec<ServiceEntry>,
@@ -46,7 +46,7 @@ pub(crate) type Shared = Arc<Mutex<Notes>>;
 
 /// The wish of a client, and what it makes of the answer.
 pub(crate) trait Plan {
-    /// What to ask next, and whom.
+    /// The next request, and its receiver.
     fn next(&mut self, now: Time, random: &mut Random) -> (AgentId, Function);
     /// It has ended so.
     fn ended(&mut self, asked: Time, now: Time, function: &Function, answer: &Answer<PlainContent>, notes: &mut Notes);
@@ -60,7 +60,7 @@ pub(crate) struct Client<W> {
     random: Random,
     conversation: u64,
     open: Option<(RequestInitiator, Function, Time)>,
-    /// How conversations ended.
+    /// The outcomes of conversations.
     ends: BTreeMap<u64, &'static str>,
     next: Time,
     /// From here on nothing is asked.
@@ -177,7 +177,7 @@ pub(crate) struct Registrar {
     pub(crate) depth: i64,
 }
 
-/// What a client knows of its entry.
+/// The knowledge that a client has of its entry.
 #[derive(Clone, Debug)]
 pub(crate) enum Known {
     Unsure,
@@ -356,7 +356,7 @@ impl Plan for Supplier {
     }
 }
 
-/// Wants to be told of all offers of a kind.
+/// Subscribes to all offers of a kind.
 pub(crate) struct Subscriber {
     pub(crate) me: AgentId,
     pub(crate) df: AgentId,

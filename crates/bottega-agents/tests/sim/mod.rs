@@ -90,7 +90,7 @@ fn service<F: Functions + Send + 'static>(id: &AgentId, functions: F) -> (AgentI
     (id.clone(), Box::new(service))
 }
 
-/// How a process serves a platform.
+/// The part that a process serves of a platform.
 #[derive(Clone)]
 struct Serves {
     platform: &'static str,
@@ -168,7 +168,7 @@ fn strangers(platform: &str, clients: Vec<(AgentId, Inner)>) -> Process {
 const REGISTRARS: usize = 4;
 const SUBSCRIBERS: usize = 2;
 
-/// What becomes of the second process when nothing goes wrong any more.
+/// The state of the second process after the last fault.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Second {
     Lives,
@@ -281,7 +281,7 @@ fn play(seed: u64, weather: Weather, faults: Faults, dies_every: Option<Duration
     play
 }
 
-/// What stands in the store of platform b under this folder, by name.
+/// The entries of platform b's store under this folder, by name.
 fn pages(play: &Play, folder: &str) -> BTreeMap<String, String> {
     let prefix = bottega_agents::Key::from(format!("b:{folder}"));
     let all = play.simulator.store().with_prefix(&prefix).filter(|entry| !entry.value.is_empty());

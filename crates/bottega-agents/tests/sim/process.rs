@@ -15,7 +15,7 @@ use bottega_agents::{
 /// An agent of a process.
 pub(crate) type Inner = BoxedMachine<PlainContent, String, ChannelEffect, ChannelReport>;
 
-/// What a process has done in the world.
+/// The effects of a process on the world.
 pub(crate) enum Deed {
     /// It listens.
     Up,
@@ -36,7 +36,7 @@ pub(crate) struct Process {
     members: Vec<Member>,
     index: BTreeMap<AgentId, usize>,
     mail: VecDeque<(usize, InnerEvent)>,
-    /// Whose question of the store it was, and under which ticket.
+    /// The agent that asked the store, and its ticket.
     asked: BTreeMap<Ticket, (usize, Ticket)>,
     /// Greater than all of the life before.
     first_ticket: u64,

@@ -14,12 +14,12 @@ use bottega_agents::{
 
 use super::process::{Deed, Process};
 
-/// How often what goes wrong.
+/// The probability of each fault.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weather {
     /// Share of messages that are not taken: the next address is tried.
     pub(crate) lost: f64,
-    /// Share of messages that are taken while their sender is told nothing: the next address is tried.
+    /// Share of messages that are taken without an answer to the sender, which then tries the next address.
     pub(crate) unanswered: f64,
     /// Share of messages that come once more later.
     pub(crate) twice: f64,
@@ -40,7 +40,7 @@ struct Flight {
     /// The life of the sender.
     life: u32,
     outbound: Box<Outbound>,
-    /// How many addresses were tried.
+    /// Number of addresses tried.
     tried: usize,
 }
 
@@ -56,9 +56,9 @@ enum Event {
 pub(crate) struct Wires {
     weather: Weather,
     random: Random,
-    /// Who listens at which address.
+    /// The listening process at each address.
     at: BTreeMap<String, AgentId>,
-    /// How often each process has begun to listen, and whether it does.
+    /// Number of times that each process began to listen, and whether it listens now.
     lives: BTreeMap<AgentId, (u32, bool)>,
     lanes: BTreeMap<Lane, VecDeque<Flight>>,
     events: BTreeMap<(Time, u64), Event>,

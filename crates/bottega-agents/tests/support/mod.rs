@@ -18,10 +18,10 @@ use bottega_agents::{
     wire::{Envelope, WireMessage, XML_FORM, parse_envelope, parse_string, parse_xml},
 };
 
-/// How long a test waits for something that must come.
+/// Time that a test waits for something that must come.
 pub(crate) const WAIT: Duration = Duration::from_secs(10);
 
-/// What JADE put on the wire.
+/// A message as JADE put it on the wire.
 pub(crate) fn recorded(number: u32) -> String {
     // Tests of other crates talk as JADE, too.
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../bottega-agents/tests/jade_data");
@@ -78,7 +78,7 @@ impl Jade {
         self.heard.recv_timeout(Duration::from_millis(300)).is_err()
     }
 
-    /// A recorded message, as it would be between these two.
+    /// A recorded message with other sender and receiver.
     pub(crate) fn says(&self, number: u32, node: &Node) -> String {
         self.says_else(number, node, |text| text)
     }
@@ -210,7 +210,7 @@ impl Line {
     }
 }
 
-/// What JADE is told for a message that was taken.
+/// The answer to JADE for a message that was taken.
 pub(crate) const TAKEN: &str = "HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\nCache-Control: no-cache\r\nContent-Length: \
                          0\r\nConnection: Keep-Alive\r\n\r\n";
 

@@ -48,7 +48,7 @@ proptest! {
         }
     }
 
-    /// What was damaged on its way reads as a message that can be written again, or not at all.
+    /// A damaged message can be read and written again, or is refused.
     #[test]
     fn damage_is_found_or_harmless(message in any_message(), at in any::<prop::sample::Index>(), cut in 0..9_usize, put in r#"[()"\\#: <>&;0-9é]{0,3}"#) {
         let damage = |text: &str| {
@@ -282,7 +282,7 @@ fn channel() -> Acc {
     acc
 }
 
-/// What a channel does with a message that comes for the first time.
+/// The channel's step for a message that arrives for the first time.
 fn receive(envelope: &Envelope, payload: &str) -> Result<Vec<Routed>, AccError> {
     let letter = Letter::open(envelope.clone(), payload.as_bytes())?;
     channel().receive(Time::ZERO, &letter)

@@ -69,7 +69,7 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "SHARE", default_value = "0", value_parser = parse_share, help_heading = "Agents")]
     pub(crate) benchmark_error: f64,
 
-    /// How long a message takes at least, such as 1ms. Default: 0.1ms.
+    /// Least time that a message takes, such as 1ms.
     #[arg(long, value_name = "TIME", default_value = "0.1ms", value_parser = parse_time, help_heading = "Network")]
     pub(crate) latency: Duration,
     /// Mean of a random time added to the latency; a few messages take five times as long, and others overtake them.

@@ -21,7 +21,7 @@ struct Stage {
     folder: TempDir,
 }
 
-/// Where the worker writes what it was told.
+/// The file in which the worker writes its requests.
 const TRACE: &str = "traces/trace";
 
 const MANIFEST: &str = r#"

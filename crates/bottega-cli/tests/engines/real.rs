@@ -134,7 +134,7 @@ fn cycles_paints_in_zones() {
     }
 }
 
-/// Has Mitsuba itself paint the whole frame, without a worker: two pictures of different seeds, all channels.
+/// Renders the whole frame by Mitsuba itself, without a worker: two pictures of different seeds, all channels.
 const WHOLE_FRAMES: &str = "
 import sys, numpy, mitsuba
 mitsuba.set_variant('scalar_rgb')
@@ -262,7 +262,7 @@ fn two_engines_paint_one_picture() {
     }
 }
 
-/// What is refused of two engines in one picture.
+/// Requests for two engines in one picture that are refused.
 #[test]
 fn two_engines_that_would_not_agree_are_refused() {
     if !is_here("mitsuba") {

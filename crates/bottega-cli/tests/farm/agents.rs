@@ -11,7 +11,7 @@ use super::{
 
 const JOB: u32 = 1;
 
-/// What stands in the directories of the job: name, state, services.
+/// The entries in the directories of the job: name, state, services.
 fn listed(farm: &Farm) -> Vec<(String, String, Vec<String>)> {
     let job = farm.job(JOB);
     let words = |value: &Value| value.as_array().into_iter().flatten().map(word).collect();

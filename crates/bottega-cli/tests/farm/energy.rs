@@ -104,7 +104,7 @@ fn energy_and_cost_are_told_as_far_as_they_are_known() {
     let said = farm.succeed(&["jobs", "show", "3"]);
     assert!(said.contains("processor time") && !said.contains("Wh") && !said.contains("EUR"), "{said}");
 
-    // The process that has the farm tells of each job once.
+    // The process of `bottega up` reports each job once.
     farm.until("all three are told of", || {
         fs::read_to_string(&told).unwrap_or_default().matches("\"done\"").count() >= 3
     });

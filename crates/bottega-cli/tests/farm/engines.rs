@@ -1,4 +1,4 @@
-//! Farms that paint with other people's engines.
+//! Farms that paint with external engines.
 
 use std::{fs, path::Path};
 

@@ -20,7 +20,7 @@ use super::support::{bottega, signal, text};
 
 pub(super) const WAIT: Duration = Duration::from_secs(180);
 pub(super) const PICTURE: [&str; 6] = ["--size", "96x72", "--seed", "5", "--quiet", "--set=work.zones=24"];
-/// Samples a pixel of a picture that takes some seconds, and of one that takes much longer.
+/// Samples per pixel of a picture that takes some seconds, and of one that takes much longer.
 pub(super) const FEW: &str = "--spp=384";
 pub(super) const MANY: &str = "--spp=1200";
 

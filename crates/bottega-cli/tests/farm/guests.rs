@@ -91,7 +91,7 @@ fn order_as_guests_read_it(farm: &Farm, number: u32) -> String {
     String::from_utf8(order).expect("text")
 }
 
-/// What a guest tries that takes its own key, and no program of ours: all of it comes to nothing.
+/// Attempts of a guest with its own key and a foreign program: all of them fail.
 fn hostile(farm: &Farm) {
     let [seed, member] = guest_of(farm);
     let link = link(farm);
@@ -104,7 +104,7 @@ fn hostile(farm: &Farm) {
     thread::scope(|scope| {
         for name in ["job/1", "job/77", "lead/1", "seat/other/other.1"].into_iter().chain(pages) {
             scope.spawn(move || assert!(link_of_evil.notices().put(name, b"{}").is_err(), "{name}"));
-            // Of a notice that is there it may be told so.
+            // It may learn that a notice exists.
             scope.spawn(move || {
                 assert!(!matches!(link_of_evil.notices().update(name, b"{}", 0), Ok(Some(_))), "{name}");
             });

@@ -1,4 +1,4 @@
-//! A farm of real processes on real NATS servers: the same bits, whoever paints and whoever dies.
+//! A farm of real processes on real NATS servers: the same bits, whichever machines paint and die.
 //!
 //! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the tests say that they are
 //! skipped.
@@ -79,7 +79,7 @@ fn machines_that_are_compared_give_the_same_bits_and_one_alone_waits_for_another
 
 #[test]
 fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_of_one() {
-    /// What is cast is the same however few there are.
+    /// Photons and agents are the same for any number of machines.
     const SAMPLES: &str = "--spp=64";
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);

@@ -197,7 +197,7 @@ fn one_is_known_by_credentials() {
     }
 }
 
-/// What `issuer` says of somebody, signed.
+/// A signed statement of `issuer` about another key.
 fn token(of: &KeyPair, issuer: &KeyPair, says: &Value) -> String {
     let claims =
         json!({"jti": "1", "iat": 1, "iss": issuer.public_key(), "sub": of.public_key(), "name": "n", "nats": says});

@@ -12,7 +12,7 @@ use super::{
     support::{servers, text},
 };
 
-/// How fast the owner has the machine back.
+/// Time within which the owner has the machine back.
 const BACK_IN: Duration = Duration::from_secs(2);
 
 /// A program that says the first line of a file.
@@ -27,7 +27,7 @@ fn speaker(farm: &Farm, name: &str, says: &str) {
 /// A machine whose screen was touched so many milliseconds ago as `farm.path("touched")` says.
 fn desk(farm: &Farm) -> Process {
     speaker(farm, "xprintidle", &format!("read ms < {}; echo $ms", text(&farm.path("touched"))));
-    // Whoever sits at the machine of the test does not count.
+    // The user of the test machine does not count.
     speaker(farm, "busctl", "echo 'b true'; echo 't 1'");
     let log = fs::File::create(farm.path("desk")).expect("a log");
     let cache = farm.path("cache-desk");

@@ -1,4 +1,4 @@
-//! A farm and a platform that shows it: JADE's words over a real socket, and machines that do what they are told.
+//! A farm and a platform that shows it: JADE's messages over a real socket, and machines that follow orders.
 
 use std::{cell::Cell, net::SocketAddr};
 
@@ -38,7 +38,7 @@ impl<'a> ShownPage<'a> {
         format!("http://{}/acc", self.at)
     }
 
-    /// What the white or the yellow pages say.
+    /// The answer of the white or the yellow pages.
     fn pages(&self, which: &str) -> Vec<Value> {
         let told = self.farm.succeed(&["platform", which, "--at", &self.url(), "--json"]);
         told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()

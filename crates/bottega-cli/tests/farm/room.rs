@@ -14,7 +14,7 @@ use super::{
     support::{self, servers, text},
 };
 
-/// What a small picture takes.
+/// Space of a small picture.
 const SMALL: [&str; 8] = ["render", "goblets.glb", "--size", "64x64", "--spp", "4", "--quiet", "-o"];
 
 /// A scene of a triangle, with so many megabytes of comments.
@@ -125,7 +125,7 @@ fn a_job_waits_while_the_store_is_full_and_goes_on_when_something_is_let_go() {
 /// A farm whose folder lies on a disk that only its own processes see.
 struct SmallDisk {
     _up: Process,
-    /// Where others see the folder.
+    /// The path at which other processes see the folder.
     seen: PathBuf,
 }
 

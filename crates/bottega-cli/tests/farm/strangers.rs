@@ -42,7 +42,7 @@ fn room(farm: &Farm) -> PathBuf {
     path
 }
 
-/// Where the farm's platform is.
+/// The address of the farm's platform.
 fn platform(farm: &Farm) -> SocketAddr {
     farm.until_says("up.log", "FIPA platform at ");
     let said = farm.said("up.log");
@@ -212,7 +212,7 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
     assert!(is_rejected);
     let (seen, conversation) = (ObservedZone::of(&award), award.conversation_id.clone().expect("a conversation"));
     let (width, height) = seen.size;
-    // Wrong sizes, what is no picture, another key, too much, and to say that it is done before it is.
+    // Wrong sizes, bytes that are not a picture, another key, too much, and a report before the work is done.
     assert_eq!(put(&seen.deliver, &plain(&farm.path("."), width + 1, height, 0.5)), "422");
     assert_eq!(put(&seen.deliver, &plain(&farm.path("."), width, height, f32::NAN)), "422");
     assert_eq!(put(&seen.deliver, b"no picture"), "422");

@@ -114,7 +114,7 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     assert!(sent > 0);
     assert_eq!(steer.upload("goblets.glb", &scene).1, 0, "it is there");
     let asked = json!({ "request": request("scenes/goblets.glb", 384), "files": { "scenes/goblets.glb": digest } });
-    // What cannot be painted is refused before it is a job.
+    // A request that cannot be rendered is refused before it becomes a job.
     for (change, word) in [
         (json!({ "goal": { "samples": 0 } }), "goal.samples"),
         (json!({ "scene": { "file": "/etc/passwd" } }), "scene.file"),
@@ -157,7 +157,7 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     // There is something to see before a zone is done.
     farm.until("a first look", || steer.job(1)["seen"] == true);
     assert!(see.get("/api/jobs/1/preview.png").1.starts_with(b"\x89PNG"), "{}", farm.logs());
-    // The stream tells of each zone and of the end.
+    // The stream reports each zone and the end.
     let (mut line, mut done) = (String::new(), std::collections::BTreeSet::new());
     let mut has_ended = false;
     let mut preview = None;
@@ -217,7 +217,7 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     let (status, told) =
         steer_there.post("/api/jobs", &json!({ "request": request("goblets.glb", 2000), "files_of_job": 1 }));
     assert_eq!((status, &told["job"]), (201, &json!(2)), "{told}");
-    // What one door was told the other hears over the farm.
+    // A change at one door arrives at the other over the farm.
     farm.until("the first door knows it", || steer.job(2)["state"].is_string());
     assert_eq!(anna.post("/api/jobs/2/pause", &json!({})).1["state"], "paused");
     let log = farm.log_of(2);

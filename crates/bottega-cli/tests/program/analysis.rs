@@ -34,7 +34,7 @@ fn rendered(folder: &Path, name: &str, more: &[&str]) -> Picture {
     read_picture(&output).expect("a picture")
 }
 
-/// What `bottega diff --seams` says: z and p.
+/// The output of `bottega diff --seams`: z and p.
 fn seams(folder: &Path, name: &str, reference: Option<&str>) -> (f64, f64) {
     let (picture, index) = (folder.join(name), folder.join("index.json"));
     let reference = reference.map(|name| folder.join(name));
@@ -95,7 +95,7 @@ fn zones_of_equal_quality_have_no_seams_and_those_that_are_put_in_are_found() {
 
 #[test]
 fn bands_between_zones_of_different_quality_are_not_seen() {
-    /// How far from an edge of a zone a pixel counts as near it.
+    /// Largest distance of a pixel that counts as near an edge of a zone, in pixels.
     const NEAR: u32 = 4;
     let folder = tempfile::tempdir().expect("a folder");
     let zones = zones(&analyzed("goblets.glb", folder.path(), &[]), 3);

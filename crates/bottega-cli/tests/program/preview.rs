@@ -1,4 +1,4 @@
-//! Previews while a picture is painted, and where and how they are written.
+//! Previews while a picture is rendered: their files, and how these are written.
 
 use std::{
     fs,
@@ -159,7 +159,7 @@ fn ball_on_table(integrator: &str, more: &str) -> String {
 fn the_integrator_of_the_file_chooses_ours() {
     let folder = tempfile::tempdir().expect("a folder");
     let (scene, output) = (folder.path().join("scene.pbrt"), folder.path().join("picture.exr"));
-    // What is chosen, whether the user is told of it, and the mean of the picture.
+    // The choice, whether it is reported, and the mean of the picture.
     let painted = |integrator: &str, more: &str, options: &[&str]| {
         fs::write(&scene, ball_on_table(integrator, more)).expect("a scene");
         let arguments = [&["render", text(&scene), "-o", text(&output), "--json", "--exact"], options].concat();

@@ -12,7 +12,7 @@ use crate::program::support::{bottega, example, run, scenes, succeed, text};
 use bottega::{Request, Session, SessionOptions, StopSwitch, picture::request_of};
 use bottega_farm::simulate::{FarmSpec, Plan, Record, Workpiece, simulate};
 
-/// What is asked for, in options.
+/// The options of the picture.
 const OPTIONS: [&str; 9] = [
     "goblets.glb",
     "--size=40x30",
@@ -134,7 +134,7 @@ fn a_picture_without_a_sound_request_says_so() {
         assert!(!output.status.success(), "{name}");
         String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ")
     };
-    // Another program's picture, a damaged one, and what is no picture.
+    // Another program's picture, a damaged one, and a file that is not a picture.
     bottega_image::write_png_rgb8(at("foreign.png"), 2, 2, &[9; 12]).expect("written");
     assert!(from("foreign.png").contains("does not say what it is a picture of"));
     let film = bottega_image::Film::new(

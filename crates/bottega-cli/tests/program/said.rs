@@ -1,4 +1,4 @@
-//! The lines that the program prints while it paints, and its end by a signal.
+//! The lines that the program prints while it renders, and its end by a signal.
 
 use std::{fs, process::Output};
 #[cfg(unix)]

@@ -14,7 +14,7 @@ pub(crate) use self::servers::servers;
 /// The program, in the folder of the scenes.
 pub(crate) fn bottega(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bottega"));
-    // What is learnt here is no part of what this machine knows.
+    // Experience learnt here does not mix with that of this machine.
     let state = Path::new(env!("CARGO_TARGET_TMPDIR")).join("state");
     command.args(arguments).current_dir(scenes()).env("XDG_STATE_HOME", state);
     command

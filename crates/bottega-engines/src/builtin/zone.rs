@@ -91,7 +91,7 @@ fn blocks(rect: Rect, parts: Option<&[Rect]>) -> VecDeque<Rect> {
 }
 
 impl<'a> ZonePainter<'a> {
-    /// Returns a painter for a zone, with the settings of its task.
+    /// Returns the renderer of a zone, with the settings of its task.
     pub(super) fn new(shared: &'a Shared, client: HraClient<RenderWork>, task: ZoneTask) -> Self {
         let mut settings = shared.options.settings;
         settings.max_depth = task.tunables.max_depth;

@@ -22,7 +22,7 @@ pub(crate) use survey::{survey, tunables};
 struct Shared {
     queue: Mutex<(VecDeque<(ZoneTask, ZoneCallback)>, bool)>,
     filled: Condvar,
-    /// Tasks that still shall fail.
+    /// Number of tasks that will still fail.
     failures: AtomicUsize,
     samples: AtomicU64,
     /// Work a sample, to make painting take its time.
@@ -59,7 +59,7 @@ pub(crate) fn layout() -> Layout {
     Layout::new(AovSet::NONE)
 }
 
-/// What a sample of a pixel is worth: any function of these alone.
+/// The value of a sample of a pixel: a function of these alone.
 fn radiance(x: u32, y: u32, sample: u32, tunables: Tunables, weight: u32) -> f32 {
     let mut bits = x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b) ^ sample.wrapping_mul(0xc2b2_ae35);
     for _ in 0..=weight + tunables.max_depth {
@@ -142,7 +142,7 @@ impl FakeEngine {
         self
     }
 
-    /// Whose task comes to so many samples, counted as tasks begin, waits to be stopped, however late that comes.
+    /// The task that reaches this many samples, counted as tasks begin, waits until it is stopped, however late that is.
     pub(crate) fn hold_from(self, samples: u64) -> Self {
         self.shared.held_from.store(samples, Ordering::Relaxed);
         self

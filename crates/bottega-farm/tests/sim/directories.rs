@@ -7,7 +7,7 @@ use bottega_farm::{FarmAgent, FarmValue, service_type};
 
 use crate::sim::stage::{Play, SURVEY_SHRINK, Scene, assert_whole, bad_network, check, play, stage};
 
-/// What stands in the directories: the names of entries that hold text.
+/// The content of the directories: the names of entries that hold text.
 fn pages(play: &Play) -> BTreeSet<String> {
     let all = ["ams/agent/", "df/agent/"].map(Key::from);
     let held = all.iter().flat_map(|folder| play.simulator.store().with_prefix(folder));
@@ -163,7 +163,7 @@ fn a_work_waits_while_all_are_suspended_and_goes_on_in_any_weather() {
                 change_state(&mut play, agent, LifeCycleState::Active, LifeCycleState::Suspended);
             }
         }
-        // Until the network is well, and whoever is dead is back.
+        // Until the network works again, and all dead processes are back.
         run_for(&mut play, 60.0);
         for agent in ["agent-0", "agent-1"] {
             let key = format!("ams/agent/{agent}");

@@ -24,7 +24,7 @@ use bottega_image::Rect;
 
 use crate::sim::survey::{survey, tunables};
 
-/// What the film of the present Master holds.
+/// The content of the present Master's film.
 #[derive(Debug, Default)]
 pub(crate) struct ObservedAgent {
     pub(crate) zones: BTreeMap<ZoneId, ZoneRow>,
@@ -48,7 +48,7 @@ pub(crate) struct Studio {
     /// From when on which agent is how many times slower.
     pub(crate) slows: Option<(Time, AgentId, f64)>,
     pub(crate) seen: Rc<RefCell<ObservedAgent>>,
-    /// What is painted when, by order.
+    /// The paintings under way, by order, with their end.
     pub(crate) sittings: BTreeMap<(AgentId, ZoneId, Revision), (Time, Time)>,
     /// Reference-machine time painted, whether it was of use or not.
     pub(crate) painted: Duration,
@@ -64,7 +64,7 @@ pub(crate) struct Studio {
 pub(crate) const SURVEY_SHRINK: u32 = 4;
 
 impl Studio {
-    /// What samples cost on the reference machine: a function of the pixels, which no estimate knows exactly.
+    /// The cost of samples on the reference machine: a function of the pixels that no estimate knows exactly.
     pub(crate) fn cost(rect: &Rect, samples: u32) -> Duration {
         let center = |a: u32, b: u32| f64::from(a + b) / 2.0;
         let (x, y) = (center(rect.x0, rect.x1), center(rect.y0, rect.y1));
@@ -193,7 +193,7 @@ pub(crate) struct Scene {
     pub(crate) late: Duration,
     /// Agents find their Master in directories, which come so late; the longest time: never.
     pub(crate) directories: Option<Duration>,
-    /// Share of zones that are to be painted again.
+    /// Share of zones that are painted again on request.
     pub(crate) requeues: f64,
     /// Pixels of the survey that make one, along each axis.
     pub(crate) survey_shrink: u32,
@@ -360,12 +360,12 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
     play
 }
 
-/// What holds after every step: a zone that is done stays done with the same samples, and the store agrees with the film.
+/// Checks the invariants of every step: a zone that is done stays done with the same samples, and the store agrees with the film.
 pub(crate) fn check(simulator: &Simulator<FarmAgent, Studio>) {
     let Some(FarmAgent::Master(master)) = simulator.machine(&AgentId::new("master")) else { return };
     let seen = simulator.world().seen.borrow();
     for zone in &seen.composed {
-        // One that is to be painted again leaves the film with the next one.
+        // A zone that is painted again leaves the film when the next film begins.
         if simulator.world().requeued.contains_key(zone) {
             continue;
         }

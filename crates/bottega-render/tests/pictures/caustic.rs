@@ -63,7 +63,7 @@ impl Numbers {
     }
 }
 
-/// What a line meets first.
+/// The first hit of a line.
 #[derive(Clone, Copy)]
 enum SurfaceMet {
     Wall(usize),

@@ -67,7 +67,7 @@ impl Estimate {
         if self.parts.is_empty() {
             return (mean, 0.0);
         }
-        // The samples of one picture are no independent ones; pictures of several seeds are.
+        // The samples of one picture are not independent; pictures of several seeds are.
         let whole = self.parts.iter().map(|part| of.iter().map(|&pixel| part[pixel]).sum::<f64>() / n);
         let whole = moments(whole);
         (mean, (whole.variance / whole.samples).sqrt())

@@ -2,7 +2,7 @@
 //! by a z-test with the variance of both sides, and by the mean of the whole. Scenes and references lie in the folder
 //! that `BOTTEGA_SCENES` names; without it they are not tested, and the tests say so. Scenes beside the tests are always.
 //!
-//! A test that fails leaves what was painted, the reference and the difference in `target/pictures`.
+//! A test that fails leaves the picture, the reference and the difference in `target/pictures`.
 
 mod agents;
 mod caustic;
@@ -26,33 +26,33 @@ struct Case {
     samples: u32,
     /// Bounces, where the reference does not show what the file asks for.
     max_depth: Option<u32>,
-    /// Where the file and the picture do not mean the same: why, how far the mean of the whole may then be off, and which
+    /// A known difference between file and picture: its reason, the tolerance of the mean, and which
     /// share of pixels may differ.
     differs: Option<(&'static str, f64, f64)>,
-    /// What is changed in the scene before it is painted.
+    /// The change to the scene before it is rendered.
     change: fn(&mut Scene),
     /// Appended to the scene's name in messages.
     note: &'static str,
 }
 
-/// Where a file lies.
+/// The place of a file.
 #[derive(Clone, Copy)]
 enum Place {
     /// In the folder of scenes.
     Shared(&'static str),
-    /// Beside these tests. A reference there, `NAME.exr`, was painted by Mitsuba 3.9.1 (`llvm_ad_rgb`, curves `scalar_rgb`, box filter) in
+    /// Beside these tests. A reference there, `NAME.exr`, was rendered by Mitsuba 3.9.1 (`llvm_ad_rgb`, curves `scalar_rgb`, box filter) in
     /// batches of several seeds; `NAME-error.exr` is the standard error of its luminance, from their differences.
     Own(&'static str),
 }
 
-/// How far the mean of the whole may be off.
+/// Tolerance of the mean of the whole picture.
 const MEAN_MARGIN: f64 = 0.005;
 
 /// Share of pixels that the z-test may reject: what the tests of Mitsuba accept.
 const REJECTED_MAX: f64 = 0.0025;
 
 impl Case {
-    /// What scenes are held to where nothing speaks against it.
+    /// The usual tolerances of a scene.
     const fn new(scene: &'static str, reference: &'static str, shrink: u32, samples: u32) -> Self {
         Self::of(Place::Shared(scene), Place::Shared(reference), shrink, samples)
     }

@@ -1,4 +1,4 @@
-//! Painting a scene file as it asks to be painted, only smaller.
+//! Rendering of a scene file with its own settings, at a smaller size.
 
 use std::{path::Path, sync::Arc, thread};
 
@@ -6,15 +6,15 @@ use bottega_image::{AovSet, Film, Layout, Rect, Tile};
 use bottega_render::{BlockWork, Filter, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, Prepass, View};
 use bottega_scene::{LoadOptions, Loaded};
 
-/// Threads that paint; the picture does not depend on it.
+/// Threads that render; the picture does not depend on their number.
 const THREADS: u32 = 2;
 
-/// Pictures of each scene, whose differences tell of their noise.
+/// Pictures of each scene; their differences measure the noise.
 const SEEDS: u32 = 4;
 
 /// Paints a scene with several seeds.
 ///
-/// - `change`: what is to be changed before.
+/// - `change`: the change to the scene before it is rendered.
 /// - `samples`: of each pixel, all seeds together.
 pub(crate) fn paint(path: &Path, size: (u32, u32), samples: u32, change: impl FnOnce(&mut Loaded)) -> Vec<Film> {
     paint_by(path, size, samples, change, None)

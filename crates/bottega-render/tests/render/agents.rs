@@ -189,7 +189,7 @@ fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
     }
 }
 
-/// What came of each part of each stage.
+/// The result of each part of each stage.
 type Found = (Mutex<BTreeMap<(u32, u32), Vec<u8>>>, Condvar);
 
 /// One of two machines, of which each does every other part. What the second one tells of its first part is cut off.

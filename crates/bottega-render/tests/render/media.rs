@@ -22,7 +22,7 @@ fn scattering(sigma: Spectrum, g: f32) -> Medium {
     Medium { scattering: sigma, g, ..Medium::absorbing(Spectrum::ZERO) }
 }
 
-/// What parts two media and does nothing else.
+/// A boundary between two media, without any other effect.
 fn boundary(interior: Option<MediumId>, exterior: Option<MediumId>) -> Material {
     Material { interior, exterior, ..Surface::Null.into() }
 }
@@ -161,7 +161,7 @@ fn all_ways_to_find_light_in_smoke_agree() {
     }
 }
 
-/// What Mitsuba 3 (`volpath`, scalar_rgb, 32768 samples a pixel of 8 × 8, max_depth 7 = six bounces, no roulette) says of
+/// The means of Mitsuba 3 (`volpath`, scalar_rgb, 32768 samples per pixel of 8 × 8, max_depth 7 = six bounces, no roulette) over
 /// the four quarters of the picture, row by row; its standard errors are below 0.4 %.
 const QUARTERS: [[[f32; 3]; 4]; 2] = [
     [

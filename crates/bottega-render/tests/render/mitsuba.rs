@@ -1,4 +1,4 @@
-//! Scenes of Mitsuba against the means of its own pictures: Mitsuba 3.9.1, `scalar_rgb`, 1,500 samples a pixel.
+//! Scenes of Mitsuba against the means of its own pictures: Mitsuba 3.9.1, `scalar_rgb`, 1,500 samples per pixel.
 
 use std::{fs, path::Path};
 

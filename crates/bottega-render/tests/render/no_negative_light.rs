@@ -1,6 +1,6 @@
-//! No sample takes light away, whoever helps: what is subtracted anywhere must have been added before.
+//! No sample is negative, with any guide and any integrator: light that is subtracted must have been added before.
 //!
-//! Every scene is painted with every guide and by every integrator, with so few samples that nothing can make up for a value
+//! Every scene is rendered with every guide and by every integrator, with so few samples that nothing can make up for a value
 //! below zero.
 
 use std::{
@@ -26,7 +26,7 @@ use crate::render::scenes::{Subject, cornell, matte, room_under_sky};
 const LEARNING_SIDE: u32 = 128;
 /// Photons learn nothing of the view.
 const SIDE: u32 = 16;
-/// Planned samples per pixel, by which paths learn, and painted samples.
+/// Planned samples per pixel, which decide how much paths learn, and rendered samples.
 const PLANNED_SAMPLES: u32 = 32;
 const SAMPLES: u32 = 2;
 

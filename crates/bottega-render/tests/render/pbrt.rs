@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use crate::render::scenes::{mean_color, paint, prepare};
 
-/// Loads a scene with these `LoadOptions::strict`, and paints it.
+/// Loads a scene with these `LoadOptions::strict`, and renders it.
 fn mean(text: &str, strict: bool, spp: u32, photons: Option<PhotonSettings>) -> Vec3 {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.pbrt");

@@ -27,7 +27,7 @@ pub(crate) fn mean_of_seeds(scene: &Subject, samples: u32, settings: impl Fn(u64
     (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 30.0)
 }
 
-/// A scene that several tests paint, and the light of its paths.
+/// A scene that several tests render, and its light by path tracing.
 pub(crate) struct KnownScene {
     pub(crate) scene: Subject,
     by_paths: OnceLock<(Vec3, Vec3)>,
@@ -38,7 +38,7 @@ impl KnownScene {
         Self { scene: prepare(scene), by_paths: OnceLock::new() }
     }
 
-    /// Mean of its pictures by paths, and the square of the standard error. They are painted once.
+    /// Mean of its pictures by paths, and the square of the standard error. They are rendered once.
     pub(crate) fn by_paths(&self) -> (Vec3, Vec3) {
         *self.by_paths.get_or_init(|| by_paths(&self.scene))
     }
@@ -66,7 +66,7 @@ pub(crate) fn by_paths(scene: &Subject) -> (Vec3, Vec3) {
     mean_of_seeds(scene, 512, |seed| PathSettings { seed: seed + 100, guiding: false, ..PathSettings::default() })
 }
 
-/// How many standard errors beyond a share of the mean two means are apart.
+/// The distance of two means beyond a share of the mean, in standard errors.
 pub(crate) fn distance(a: (Vec3, Vec3), b: (Vec3, Vec3), margin: f32) -> f32 {
     let beyond = ((a.0 - b.0).abs() - b.0 * margin).max(Vec3::ZERO);
     (beyond / (a.1 + b.1).map(f32::sqrt).max(Vec3::splat(1e-9))).max_element()

@@ -52,7 +52,7 @@ fn what_glass_reflects_is_in_every_sample() {
     let mean = seen.iter().sum::<f32>() / seen.len() as f32;
     let deviation = (seen.iter().map(|it| (it - mean).powi(2)).sum::<f32>() / seen.len() as f32).sqrt();
     assert!((0.06..0.1).contains(&(mean / 5.0)), "{mean}");
-    // By chance alone it would be three times the mean.
+    // By chance alone it is three times the mean.
     assert!(deviation < 0.25 * mean, "{deviation} of {mean}");
 }
 
@@ -148,7 +148,7 @@ impl RoomByDepth {
         PathSettings { max_depth, seed: seed + 100, guiding: false, ..PathSettings::default() }
     }
 
-    /// Mean of small pictures by paths, and the square of its standard error. They are painted once for each depth.
+    /// Mean of small pictures by paths, and the square of its standard error. They are rendered once for each depth.
     fn by_paths(&self, max_depth: u32) -> (Vec3, Vec3) {
         let paint = || mean_of_small(&self.scene, 512, |seed| Self::path(max_depth, seed));
         *self.by_paths.borrow_mut().entry(max_depth).or_insert_with(paint)

@@ -1,4 +1,4 @@
-//! Scenes made by hand, and how to paint them.
+//! Scenes made by hand, and functions that render them.
 
 use std::{ops::Range, sync::Arc};
 

@@ -87,7 +87,7 @@ fn polarizers_of_light_without_polarization_are_gray_sheets() {
     check_sheet("in a blend", &blend(0.6, POLARIZER, RED), [0.68, 0.32, 0.26], [0.2; 3]);
 }
 
-/// Where a wall at z = 6 is seen from within the room before it, and a lamp shines on it from behind the sheet.
+/// A wall at z = 6, seen from the room before it, and lit by a lamp behind the sheet.
 fn lit_wall(integrator: &str, bsdf: &str, lamp: &str) -> String {
     let wall = "<shape type='rectangle'><transform name='to_world'><scale value='5'/><rotate y='1' angle='180'/><translate z='6'/>
         </transform><bsdf type='diffuse'/></shape>";

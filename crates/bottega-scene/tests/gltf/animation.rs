@@ -328,7 +328,7 @@ fn a_node_that_is_scaled_flat_is_a_flat_surface() {
         (json!({"scale": [1, 1, 0]}), false, triangle),
         (json!({"scale": [2, 1, 0], "rotation": [0.5, 0.5, 0.5, 0.5]}), false, 2.0 * triangle),
         (json!({"matrix": flat}), false, triangle),
-        // Edge on, or a line: nothing is left of it, which is told; three zeros hide it, which is meant so.
+        // Edge on, or a line: nothing is left of it, with a warning; three zeros hide it on purpose.
         (json!({"scale": [0, 1, 1]}), true, 0.0),
         (json!({"scale": [1, 0, 0]}), true, 0.0),
         (json!({"scale": [0, 0, 0]}), false, 0.0),

@@ -326,7 +326,7 @@ fn morph_targets_move_texture_coordinates_and_colors() {
     file.json["meshes"][0]["weights"] = json!([0.5]);
     let mesh = &file.load().scene.meshes[0];
     assert_eq!(mesh.uvs[0], [Vec2::new(0.25, 0.25), Vec2::new(1.25, 0.25), Vec2::new(0.25, 1.25)]);
-    // What comes out is no brighter than white.
+    // The output is not brighter than white.
     assert_eq!(mesh.colors, [Vec4::new(0.75, 1.0, 1.0, 1.0), Vec4::ONE, Vec4::ONE]);
 }
 

@@ -90,7 +90,7 @@ fn missing_files_are_warned_of_and_foreign_ones_refused() {
     assert!(matches!(strict, Err(SceneError::Unsupported { .. })), "{strict:?}");
 }
 
-/// The colour of the square in `bytes`, told nothing but what `expected` says.
+/// The colour of the square in `bytes`, with no warnings but `expected`.
 fn check_square(files: &[(&str, &[u8])], expected: &[&str]) {
     let loaded = load_files(files);
     let name = files[0].0;

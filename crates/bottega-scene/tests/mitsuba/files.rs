@@ -179,7 +179,7 @@ fn each_mesh_has_its_own_values_wherever_a_texture_can_stand() {
         assert!(colors.contains(&Vec3::X) && colors.contains(&Vec3::splat(0.1)), "{colors:?}");
         assert!(mesh.colors.is_empty());
     }
-    // What is not there is told, and 0.5 stands for it.
+    // A missing picture is reported, and 0.5 replaces it.
     for (shape, told) in [
         ("<shape type='ply'><string name='filename' value='a.ply'/>", "no attribute `vertex_mark`"),
         ("<shape type='sphere'>", "sphere` has no attribute"),

@@ -49,7 +49,7 @@ fn grid() -> Vec<u8> {
     bytes
 }
 
-/// What the scenes of the corpus refer to.
+/// The files that the scenes of the corpus refer to.
 fn folder() -> Folder {
     Folder::new()
         .with("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")

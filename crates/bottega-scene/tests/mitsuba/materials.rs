@@ -123,7 +123,7 @@ fn pictures_are_laid_out_as_the_file_says() {
         <transform name='to_uv'><scale x='2' y='3'/><translate x='0.5'/></transform></texture></bsdf>";
     let folder = Folder::new().scene(&format!("<shape type='rectangle'>{bitmap}</shape>"));
     let loaded = folder.load(&bare()).unwrap();
-    // The picture is not there: magenta stands for it, and this is told.
+    // The picture is missing: magenta replaces it, with a warning.
     assert!(told(&loaded)[0].contains("a.bmp"), "{:?}", told(&loaded));
     let Surface::Diffuse(diffuse) = &loaded.scene.materials[0].surface else { panic!() };
     let map = diffuse.reflectance.texture.as_ref().unwrap();

@@ -86,7 +86,7 @@ fn round_spheres_stay_spheres_and_others_become_triangles() {
     assert!((world_area(&loaded.scene) / expected - 1.0).abs() < 0.011);
 }
 
-/// Where the texture coordinates of a sphere are (0, ½), (¼, ½) and (½, 0), in Mitsuba: +x, +y, +z.
+/// The points of a sphere with the texture coordinates (0, ½), (¼, ½) and (½, 0), in Mitsuba: +x, +y, +z.
 #[test]
 fn the_poles_of_a_sphere_lie_along_z() {
     let loaded = silent("<shape type='sphere'/>");
@@ -119,7 +119,7 @@ fn a_sphere_that_looks_inwards_shines_inwards() {
     assert!(matches!(&material.surface, Surface::Dielectric(d) if (d.eta - 1.0 / 1.5).abs() < 1e-6));
 }
 
-/// Mitsuba 3.9 paints both of these, the first dark and the second lit, seen from outside.
+/// Mitsuba 3.9 renders both of these, the first dark and the second lit, seen from outside.
 #[test]
 fn a_sphere_turns_inwards_by_its_own_mirror_but_not_by_that_of_its_instance() {
     let bsdf = "<bsdf type='diffuse'/>";

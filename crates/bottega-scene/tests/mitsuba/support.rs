@@ -59,7 +59,7 @@ pub(crate) fn refuse(content: &str) -> String {
     }
 }
 
-/// What is told of a scene, but that it has no camera, no light or no surface.
+/// The warnings about a scene, except that it has no camera, no light or no surface.
 pub(crate) fn told(loaded: &Loaded) -> Vec<String> {
     let is_trivial = |message: &str| message.starts_with("the scene has no ");
     loaded.warnings.iter().filter(|warning| !is_trivial(&warning.message)).map(ToString::to_string).collect()

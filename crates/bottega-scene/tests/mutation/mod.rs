@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use bottega_kernels::SplitMix64;
 
-/// Where a file is changed, and how.
+/// A change of a file: its place and its kind.
 pub(crate) struct Random(SplitMix64);
 
 impl Random {

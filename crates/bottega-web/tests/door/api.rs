@@ -54,7 +54,7 @@ fn the_document_and_the_door_know_the_same_routes() {
             let is_private = ["/api/viewports", "/api/tokens"].iter().any(|start| path.starts_with(start));
             let is_private = is_private || path.ends_with("/{id}/request");
             assert_eq!(is_steered, method != "get" || is_private, "{method} {path}");
-            // One who may not is told so before anything else is looked at.
+            // A client without the right is refused before anything else is checked.
             let without = ask(at, &method.to_uppercase(), &filled(path), "", b"");
             let is_open = ["/api/openapi.json", "/api/schema/request"].contains(&path.as_str());
             assert_eq!(without.status, if is_open { 200 } else { 401 }, "{method} {path}");
@@ -179,7 +179,7 @@ fn a_viewport_shows_each_look_and_is_closed() {
     assert_eq!((other.status, other.header("bottega-look")), (200, Some("1")));
     let wrong = look(r#"{"pose":{"eye":[0,1,3],"target":[0,1,3]}}"#);
     assert!(wrong.status == 422 && wrong.text().contains("view.pose.target"), "{wrong:?}");
-    // Few at once: the others are told so, until one is closed.
+    // Few at once: further ones are refused until one is closed.
     let others: Vec<u64> = (0..3).map(|_| open_viewport(at)).collect();
     assert_eq!(post(at, "POST", "/api/viewports", r#"{"request":{},"files":{"a.glb":"x"}}"#).status, 503);
     assert_eq!(ask(at, "DELETE", &place, &steer, b"").status, 204);

@@ -32,10 +32,10 @@ use bottega_web::{
 
 pub(crate) const SEE: &str = "00000000000000000000000000000005";
 pub(crate) const STEER: &str = "00000000000000000000000000000007";
-/// Where the fake farm's files are: nobody may be told.
+/// The folder of the fake farm's files, which no answer may reveal.
 pub(crate) const HIDDEN: &str = "/home/anna/secret";
 
-/// A farm of two jobs and a machine, which notes what it is told.
+/// A farm of two jobs and a machine, which records the calls that it gets.
 #[derive(Default)]
 pub(crate) struct FakeFarm {
     pub(crate) live: Arc<LiveJob>,
@@ -320,7 +320,7 @@ pub(crate) fn open_with(log: Option<DeedLog>) -> (Arc<FakeFarm>, Door) {
     (farm, door)
 }
 
-/// What a door answered.
+/// The answer of a door.
 #[derive(Debug)]
 pub(crate) struct Told {
     pub(crate) status: u16,

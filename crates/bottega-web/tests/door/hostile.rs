@@ -10,7 +10,7 @@ use bottega_web::{EVENT_STREAMS_MAX, JSON_BYTES_MAX};
 
 use crate::door::fake::{FakeFarm, SEE, STEER, Told, ask, bearer, get, head, open, post, raw, send, zone};
 
-/// The farm was told nothing, and whoever means well is answered.
+/// The farm got no call, and honest clients are answered.
 fn is_unharmed(farm: &FakeFarm, at: SocketAddr) {
     assert_eq!(farm.noted(), Vec::<String>::new());
     let told = get(at, "/api/jobs");
@@ -190,7 +190,7 @@ fn ten_thousand_streams_of_events_are_bounded() {
     }
     assert_eq!((open.len(), refused), (EVENT_STREAMS_MAX, 10_000 - EVENT_STREAMS_MAX));
     is_unharmed(&farm, at);
-    // Whoever goes makes room.
+    // A client that leaves makes room.
     drop(open);
     farm.live.tell(&zone(1, "open"));
     let begun = Instant::now();
@@ -221,7 +221,7 @@ fn one_who_reads_nothing_is_dropped_and_one_who_reads_slowly_is_told_the_end() {
     }
     farm.live.tell(&zone(5000, "the end"));
     is_unharmed(&farm, at);
-    // The slow one reads now: it has missed steps, and is told how all is.
+    // The slow client reads now: it has missed steps, and gets the whole state.
     let (mut told, mut bytes) = (Vec::new(), vec![0; 1 << 16]);
     while !String::from_utf8_lossy(&told[told.len().saturating_sub(1 << 18)..]).contains("the end") {
         let count = slow.read(&mut bytes).expect("it is told");

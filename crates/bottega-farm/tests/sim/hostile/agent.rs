@@ -10,10 +10,10 @@ use bottega_farm::{
 };
 use bottega_image::Sides;
 
-/// What it has seen, and uses again, at most.
+/// Maximum number of things seen that it uses again.
 const KEPT: usize = 16;
 
-/// What a hostile agent does.
+/// The habits of a hostile agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Vice {
     /// It bids for what is not offered, twice, too late, with absurd times and room for none or for all.
@@ -30,7 +30,7 @@ pub(super) enum Vice {
     Fails,
     /// It goes and comes again.
     Leaves,
-    /// It tells of orders that it does not have, not of those that it has, or of progress that is none.
+    /// Reports orders that it does not have, hides those that it has, or reports progress that was not made.
     Claims,
     /// It speaks in the names of honest agents.
     Impersonates,
@@ -67,7 +67,7 @@ impl Vice {
     ];
 }
 
-/// What a hostile agent is told when it is made.
+/// The configuration of a hostile agent.
 #[derive(Clone, Debug)]
 pub(super) struct HostileConfig {
     pub(super) id: AgentId,
@@ -75,7 +75,7 @@ pub(super) struct HostileConfig {
     /// In whose names it speaks.
     pub(super) honest: Vec<AgentId>,
     pub(super) vices: Vec<Vice>,
-    /// How often it does something, at first.
+    /// Time between two of its actions, at first.
     pub(super) pace: Duration,
     /// From then on it does something every few seconds.
     pub(super) tires: Time,
@@ -252,7 +252,7 @@ impl HostileAgent {
         }
     }
 
-    /// What it says of its orders when it says that it lives.
+    /// The progress of its orders that it reports with a heartbeat.
     fn alive(&mut self) -> FarmContent {
         let claims = self.has(Vice::Claims);
         let mut holdings: Vec<Holding> = Vec::new();
@@ -420,7 +420,7 @@ impl HostileAgent {
         }
     }
 
-    /// What it was asked to paint is painted: it says so as an honest agent does.
+    /// An order is painted: reports it as an honest agent does.
     fn painted(&mut self, zone: ZoneId, fence: Revision, result: ResultRef, actions: &mut Vec<FarmAction>) {
         let known = self.orders.iter().find(|(order, _)| (order.row.zone, order.fence) == (zone, fence));
         let Some((order, conversation)) = known.cloned() else { return };
@@ -442,7 +442,7 @@ impl HostileAgent {
     }
 }
 
-/// All of a zone that is to be painted, from its first sample.
+/// All samples of a zone, from the first.
 fn whole(order: &Order) -> PaintOrder {
     let settings = &order.work.settings;
     let choice = order.row.choice.unwrap_or(Choice::unchanged(settings));

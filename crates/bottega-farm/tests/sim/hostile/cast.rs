@@ -14,13 +14,13 @@ pub(super) enum AnyAgent {
     Hostile(Box<HostileAgent>),
 }
 
-/// What any of them can have done.
+/// The effects that an agent of the cast can ask for.
 pub(super) enum AnyEffect {
     Farm(FarmEffect),
     Visitor(VisitorEffect),
 }
 
-/// What is reported to any of them.
+/// The events that an agent of the cast can get.
 pub(super) enum AnyCompletion {
     Farm(FarmCompletion),
     Visitor(VisitorReport),

@@ -28,7 +28,7 @@ const WORK: WorkId = WorkId(1);
 /// A work that has not ended by then never will.
 const LIMIT: Duration = Duration::from_secs(7 * 24 * 3600);
 
-/// Who is here, over which network, by which rules.
+/// The agents, the network and the rules of a siege.
 #[derive(Clone, Debug)]
 struct Siege {
     honest: Vec<f64>,
@@ -193,7 +193,7 @@ fn frame() -> Rect {
     Rect::of_size(640, 480)
 }
 
-/// What came of a siege.
+/// The result of a siege.
 struct SiegeOutcome {
     took: Duration,
     zones: usize,

@@ -18,7 +18,7 @@ use crate::sim::{stage::Studio, survey::survey};
 
 type Reports = Vec<(Duration, AnyCompletion)>;
 
-/// What the world has seen, and what there is in it.
+/// The state of the world, and a log of its events.
 #[derive(Default)]
 pub(super) struct HostileWorld {
     /// V_cp by agent.
@@ -27,13 +27,13 @@ pub(super) struct HostileWorld {
     pub(super) rude: BTreeSet<AgentId>,
     /// When each machine is free.
     free: BTreeMap<AgentId, Time>,
-    /// What is painted when, by order.
+    /// The paintings under way, by order, with their end.
     sittings: BTreeMap<(AgentId, ZoneId, Revision), (Time, Time)>,
     /// All that was painted, by digest: its pixels and samples.
     tiles: BTreeMap<BlobId, (Rect, u32)>,
     work: Option<Arc<WorkRow>>,
     pub(super) zones: BTreeMap<ZoneId, ZoneRow>,
-    /// What the film of the present Master holds.
+    /// The content of the present Master's film.
     pub(super) composed: BTreeMap<ZoneId, (Mask, Rect)>,
     pub(super) finished: Option<Vec<ZoneId>>,
     pub(super) left_out: BTreeMap<AgentId, String>,
@@ -61,7 +61,7 @@ impl HostileWorld {
         }
     }
 
-    /// Paints an order. Returns when it is done, and what comes of it.
+    /// Paints an order. Returns the time of its end, and its result.
     fn paint(
         &mut self,
         now: Time,
@@ -153,7 +153,7 @@ impl HostileWorld {
         }
     }
 
-    /// What a visitor does that keeps to the rules.
+    /// The step of a visitor that keeps to the rules.
     fn visit(&mut self, now: Time, agent: &AgentId, effect: VisitorEffect, random: &mut Random, reports: &mut Reports) {
         match effect {
             VisitorEffect::Offers { call, offers, room, .. } => {
@@ -179,7 +179,7 @@ impl HostileWorld {
     }
 }
 
-/// What a visitor does that keeps to no rules: sometimes nothing, sometimes what makes no sense, sometimes too much.
+/// The step of a visitor that breaks the rules: nothing, nonsense, or too much.
 fn intrude(effect: &VisitorEffect, random: &mut Random, reports: &mut Reports) {
     let times = [Duration::ZERO, Duration::from_secs(1 << 30), Duration::MAX];
     while random.unit() < 0.6 {
