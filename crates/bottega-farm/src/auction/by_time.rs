@@ -38,6 +38,7 @@ enum AwardShare {
 
 impl<'a> ByTime<'a> {
     pub(super) fn new(offers: &[Offer], mut bidders: Vec<Candidate>, standing: &'a BidderStanding<'a>) -> Self {
+        // Leave out bidders without room, and compute the expected end of the work
         bidders.retain(|bidder| bidder.room > 0);
         let end = standing.field.end(standing.now, standing.open) * (1.0 + SLACK);
         Self { open: Lot::all(offers), bidders, standing, end }
@@ -87,6 +88,7 @@ impl<'a> ByTime<'a> {
 
     /// The bidder that finishes a zone soonest: `first`, which chose it, or another that would choose the same one.
     fn soonest(&self, first: usize, place: usize) -> usize {
+        // Compare with the other bidders that choose the same zone
         let lot = &self.open[place];
         let finish = |index: usize| self.bidders[index].finish(lot).unwrap_or(f64::INFINITY);
         let mut best = first;
@@ -144,6 +146,7 @@ impl<'a> ByTime<'a> {
         if !own.bids_for(lot) {
             return false;
         }
+        // Compare with the other bidders, then with agents that were not called
         let limit = finish(own);
         let mut bids = self.bidders.iter().filter(|bidder| bidder.bids_for(lot));
         let bids_now = |agent: MemberId| self.bidders.iter().any(|it| it.bidder.agent == agent);

@@ -121,6 +121,7 @@ impl Field {
     ///   holds, if it holds anything.
     pub fn set(&mut self, member: MemberId, pace: Option<(f64, Option<Time>)>) {
         let Some((own, ready)) = pace else { return self.remove(member) };
+        // Update the agent's entry, or add one
         let pace = Pace { own: own.max(1e-12), ready: ready.map(|ready| ready.elapsed().as_secs_f64()) };
         if self.slots.len() <= member.index() {
             self.slots.resize(member.index() + 1, None);

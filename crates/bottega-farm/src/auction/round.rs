@@ -28,6 +28,7 @@ impl Candidate {
             let bid = likely.or_else(|| bids.iter().find(|bid| bid.zone == offer.zone));
             bid.map(|bid| bid.finish.as_secs_f64() / worth)
         };
+        // Sort the bids by offer
         let finish = offers.iter().enumerate().map(bid_for).collect();
         Self {
             finish,

@@ -211,6 +211,7 @@ impl Roster {
     fn place(&mut self, id: MemberId) {
         let Some(member) = self.members[id.index()].as_mut() else { return };
         let own = member.own();
+        // Compute the agent's keys: whether it may bid, whether it lacks zones, and when it is ready
         let willing = member.rests_until.is_none();
         let may_bid = willing && !member.passed_over && member.round.is_none();
         let is_supplied = may_bid && (self.prefetch..self.window).contains(&member.held);
@@ -220,6 +221,7 @@ impl Roster {
             profiling: (member.held < PROFILE_WINDOW).then(|| ((member.held as f64 + 1.0) * own).to_bits()),
             laden: (member.held > 0).then_some(member.ready),
         };
+        // Move it from its old places to the new ones
         let before = std::mem::replace(&mut member.places, places);
         self.field.set(id, willing.then_some((own, (!member.load.is_zero()).then_some(member.ready))));
         self.alter(id, before, places);
@@ -281,6 +283,7 @@ impl Roster {
         }
         let own = member.own();
         let scale = |time: Duration| crate::adaptation::scaled(time, own);
+        // New zones start after those in hand; a finished one sets the clock again
         member.ready = if load > member.load {
             member.ready.max(now) + scale(load - member.load)
         } else if held < member.held {
@@ -418,6 +421,7 @@ impl Roster {
         if is_small {
             return Some(self.iter().map(|member| member.id).filter(|&other| other != id).collect());
         }
+        // Take those at distances of powers of two around the ring
         let distances = (0..count_max).map(|k| (ring >> (k + 1)).max(1)).rev();
         let mut neighbors: Vec<MemberId> = distances.filter_map(|distance| next(id.index() + distance)).collect();
         neighbors.dedup();

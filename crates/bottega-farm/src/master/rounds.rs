@@ -243,11 +243,13 @@ fn decide_round(
     assignments: &Assignments,
 ) -> Decision {
     let Assignments { config, rows, ledger, roster, .. } = assignments;
+    // Leave out zones that were taken or changed since the call
     let is_still_open = |offer: &&Offer| {
         let is_open = |row: &ZoneRow| row.state == ZoneState::Profiled && !row.is_waiting();
         rows.settled_zone(offer.zone).is_some_and(is_open)
     };
     let offers: Vec<Offer> = offers.iter().filter(is_still_open).copied().collect();
+    // Add credit, reliability, speed and room to each proposal
     let bidder = |(agent, proposal): (MemberId, Proposal)| {
         let member = roster.get(agent)?;
         let (credit, worth, own) = (member.row.credit.sum, member.worth(), member.promised_own());
@@ -255,6 +257,7 @@ fn decide_round(
         Some(Bidder { agent, credit, worth, own, needs: roster.lacks(agent), proposal })
     };
     let bidders = proposals.into_iter().filter_map(bidder).collect();
+    // Run the rule
     let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| rows.cut(zone, 0.5).is_some();
     let standing = BidderStanding {
         field: roster.field(),

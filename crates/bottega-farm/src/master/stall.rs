@@ -45,6 +45,7 @@ fn waits_in_vain(assignments: &Assignments) -> Option<(usize, usize)> {
     let Assignments { config, rows, ledger, roster, .. } = assignments;
     let mut ordered: BTreeMap<MemberId, usize> = BTreeMap::new();
     let mut being_given = 0;
+    // Count zones whose order is being written as waiting
     for row in rows.pending_orders() {
         being_given += 1;
         for agent in row.holders().filter_map(|agent| roster.find(agent)) {
@@ -56,6 +57,7 @@ fn waits_in_vain(assignments: &Assignments) -> Option<(usize, usize)> {
         return None;
     }
     let somebody_paints = ledger.in_hand_count() > being_given;
+    // Count agents that are free and willing to take a zone
     let is_free = |member: &&Member| {
         let in_hand = ledger.load(member.id).0 - ordered.get(&member.id).copied().unwrap_or_default();
         let is_wanted = !somebody_paints || !config.deals() && !member.is_passed_over();

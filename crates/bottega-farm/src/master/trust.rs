@@ -160,10 +160,12 @@ impl Trust {
         if self.is_wrong(agent) {
             return None;
         }
+        // Find the last known row of the agent
         let known = assignments.roster.get_by_name(agent).map(|member| member.row.clone());
         let known = known.or_else(|| self.excluded.get(agent).map(|row| (**row).clone()));
         let known = known.or_else(|| assignments.rows.board().agent(agent).cloned());
         let row = known.unwrap_or_else(|| AgentRow::new(agent.clone(), RelativePower::REFERENCE, 1.0));
+        // Exclude it, and check all zones that may depend on it
         let id = assignments.roster.number(agent);
         let excluded = self.exclude(id, AgentRow { failures: 0, agreed: 0, ..row }, reason, assignments, actions);
         self.doubt_all(assignments.rows.board());
@@ -186,6 +188,7 @@ impl Trust {
         self.lost.remove(&agent);
         let row = Arc::new(AgentRow { left_out: Some(reason.clone()), ..row });
         self.excluded.insert(name.clone(), Arc::clone(&row));
+        // Tell the agent and the observers
         let content = FarmContent::LeftOut { reason: reason.clone() };
         let (me, to) = (&assignments.config.id, vec![name.clone()]);
         actions.push(FarmAction::Send(message(Performative::Refuse, protocol::SUBSCRIBE, me, to, content)));
@@ -221,6 +224,7 @@ impl Trust {
             // Zones that are held or being written are checked again afterwards
             let row = assignments.rows.settled_zone(zone);
             let Some(row) = row.filter(|row| !row.is_in_hand() && self.is_dubious(row)) else { continue };
+            // Paint the zone again if it rests on the agent's word alone; else drop the agent's vote
             let row = if row.word_of.as_ref().is_some_and(|agent| self.is_wrong(agent)) {
                 row.unpainted()
             } else {

@@ -61,6 +61,7 @@ impl ZoneWorth {
     /// The expected time of samples of a zone, in reference-machine time, from the measurements of agents other than
     /// `agent`; from all, if there are no others. `None`: no measurements.
     pub(super) fn of(&self, agent: Option<MemberId>, row: &ZoneRow, samples: u32) -> Option<Duration> {
+        // Subtract the agent's own measurements from those of all
         let own = agent.and_then(|agent| self.by_agent.get(&agent)).copied().unwrap_or_default();
         let rate = self.all.but(own).rate().or_else(|| self.all.rate())?;
         let seconds = rate * row.complexity * f64::from(samples);

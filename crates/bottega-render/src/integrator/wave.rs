@@ -149,6 +149,7 @@ impl Wave {
             self.take_light(&answers.occluded);
             self.meet::<AGENTS>(integrators, &answers.hits);
         }
+        // Collect the next rays
         let mut rays = Vec::with_capacity(self.live_count);
         rays.extend(self.paths.iter().filter(|it| it.stage == PathStage::Ray).map(|it| it.path.ray()));
         self.rays = Arc::new(rays);
@@ -162,6 +163,7 @@ impl Wave {
             let integrator = integrators.of_pixel(x, y);
             let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
             let (ray, factor) = integrator.camera_ray(&sampler, x, y);
+            // Start the path at its camera ray
             let mut path = integrator.begin(sampler, &ray, integrator.guide(), None);
             if AGENTS {
                 path.expect(integrator.place(x, y));
