@@ -98,6 +98,7 @@ impl Assignments {
     /// Orders profiles, the most complex zone first, from the agents that finish one soonest.
     pub(super) fn order_profiles(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         while let Some(zone) = self.ledger.next_unseen() {
+            // Give the most complex zone without samples to the agent that profiles it soonest
             let Some(agent) = self.roster.freest() else { return };
             let Some(row) = self.rows.settled_zone(zone) else { return };
             let agent = Some(self.roster.name(agent).clone());
@@ -117,10 +118,12 @@ impl Assignments {
 
     /// Updates the counts and the loads with a row.
     pub(super) fn count(&mut self, now: Time, row: &ZoneRow) {
+        // Number the agents that hold the zone
         let mut holders: Holders = [None; 2];
         for (place, agent) in holders.iter_mut().zip(row.holders()) {
             *place = Some(self.roster.number(agent));
         }
+        // Count the row, and update the loads of the agents concerned
         let mut changed = std::mem::take(&mut self.changed);
         let order_time = self.rows.board().work().and_then(|work| row.order_time(&work.settings));
         self.ledger.count(row, holders, order_time, &mut changed);
@@ -175,6 +178,7 @@ impl Assignments {
                 !is_known && !self.rows.is_being_written(*zone) && !is_on_its_way
             })
         };
+        // Send each missing order again, or take the zone back
         let zones: Vec<ZoneId> = self.ledger.held_by(agent).filter(is_missing).collect();
         for zone in zones {
             let Some((revision, row)) = self.rows.board().shared(zone) else { continue };

@@ -131,6 +131,7 @@ impl Composition {
 
     /// The first zone that is neither composed nor given up, with all its pieces.
     fn next_in_order(&mut self, board: &Blackboard) -> ZoneId {
+        // A zone is passed when it and all its pieces are in the film, on the way there, or given up
         let passed = |zone: ZoneId| {
             let failed = board.zone(zone).is_some_and(|(_, row)| row.state == ZoneState::Failed);
             failed || self.composing.contains(&zone) || self.composed.contains(&zone)

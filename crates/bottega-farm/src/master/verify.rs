@@ -100,7 +100,9 @@ impl Verification {
         if agreed < BELIEVED_FROM {
             return false;
         }
+        // Compare a share of the paintings that falls with the number of confirmed ones
         let share = (f64::from(BELIEVED_FROM) / f64::from(agreed)).sqrt().max(COMPARED_MIN);
+        // Select that share by a keyed hash of the painting, which no agent can predict
         let mut hasher = blake3::Hasher::new();
         hasher.update(&self.config.secret.to_le_bytes());
         hasher.update(&zone.0.to_le_bytes());
@@ -148,6 +150,7 @@ impl Verification {
             // The agent repeats its report later; so does another agent whose report is not the waiting one
             return false;
         }
+        // Find a vote whose pixels must be compared with the report's
         let is_open = |vote: &&Vote| {
             let pair = (zone, painting.result.digest, vote.painting.result.digest);
             vote.agent != report.sender
@@ -160,6 +163,7 @@ impl Verification {
         let Some(vote) = before.votes.iter().find(is_open).filter(|_| !self.is_missing(zone, painting)) else {
             return true;
         };
+        // Postpone the report, and have the two tiles compared
         let results = [painting.result, vote.painting.result];
         self.comparisons.postpone(zone, report.clone());
         actions.push(FarmAction::Effect(FarmEffect::Compare { zone, results }));
@@ -198,6 +202,7 @@ impl Verification {
         let zones: Vec<ZoneId> = assignments.ledger.comparisons(LARGEST_LOOKED_AT, NEXT_LOOKED_AT);
         for zone in zones {
             let Some(row) = assignments.rows.settled_zone(zone) else { continue };
+            // Give the zone to a free agent on a machine without a vote
             let Some(agent) = assignments.roster.first_free(|agent| row.is_new_to(agent)) else { continue };
             let agent = Some(assignments.roster.name(agent).clone());
             let state = if row.state == ZoneState::Open { ZoneState::Profiling } else { ZoneState::Awarded };
@@ -212,6 +217,7 @@ impl Verification {
             return;
         }
         let Assignments { roster, ledger, .. } = assignments;
+        // Count the machines, not the agents
         let mut machines: Vec<&str> = roster.iter().map(|member| member.row.agent.home()).collect();
         machines.sort_unstable();
         machines.dedup();
