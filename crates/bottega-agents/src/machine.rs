@@ -80,8 +80,8 @@ pub trait StateMachine {
     /// Handles one event. Appends the requested actions, in order.
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>);
 
-    /// The time of the next [`Event::Deadline`]; `None`: none. After a deadline was handled it must be later than
-    /// `now`, or the driver loops forever.
+    /// Returns the time of the next [`Event::Deadline`]; `None`: none. After a deadline was handled it must be later
+    /// than `now`, or the driver loops forever.
     fn next_deadline(&self) -> Option<Time>;
 }
 

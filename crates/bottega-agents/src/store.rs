@@ -71,7 +71,7 @@ pub enum StoreRequest<V> {
 }
 
 impl<V> StoreRequest<V> {
-    /// The key, or the prefix of a watch.
+    /// Returns the key, or the prefix of a watch.
     pub fn key(&self) -> &Key {
         match self {
             Self::Get { key } | Self::Put { key, .. } | Self::CompareAndSet { key, .. } => key,
@@ -79,7 +79,7 @@ impl<V> StoreRequest<V> {
         }
     }
 
-    /// The value to write.
+    /// Returns the value to write.
     pub fn value(&self) -> Option<&V> {
         match self {
             Self::Put { value, .. } | Self::CompareAndSet { value, .. } => Some(value),
@@ -87,7 +87,7 @@ impl<V> StoreRequest<V> {
         }
     }
 
-    /// The request with its value mapped.
+    /// Returns the request with its value mapped.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreRequest<T> {
         match self {
             Self::Get { key } => StoreRequest::Get { key },
@@ -133,7 +133,7 @@ pub enum StoreReply<V> {
 }
 
 impl<V> StoreReply<V> {
-    /// The reply with its values mapped.
+    /// Returns the reply with its values mapped.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreReply<T> {
         let entry = |Entry { key, revision, value }: Entry<V>| Entry { key, revision, value: change(value) };
         match self {
@@ -191,7 +191,7 @@ impl<V> Folder<V> {
         }
     }
 
-    /// All entries: numbered ones first, then named ones.
+    /// Returns all entries: numbered ones first, then named ones.
     fn iter(&self) -> impl Iterator<Item = &Entry<V>> {
         self.numbered.values().chain(self.names.iter().filter_map(|name| self.named.get(name)))
     }
@@ -279,7 +279,8 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
         self.folders.get(&key.folder)?.get(&key.name)
     }
 
-    /// All entries whose key starts with a prefix, in the order of their keys: by folder, then by number, then by name.
+    /// Returns all entries whose key starts with a prefix, in the order of their keys: by folder, then by number, then
+    /// by name.
     pub fn with_prefix<'a>(&'a self, prefix: &'a Key) -> impl Iterator<Item = &'a Entry<V>> {
         let folders = self.folders.iter().filter(|(folder, _)| folder.starts_with(&*prefix.folder));
         folders.flat_map(|(_, folder)| folder.iter()).filter(|entry| entry.key.starts_with(prefix))

@@ -153,7 +153,7 @@ impl Error {
         }
     }
 
-    /// True for usage errors: the request is invalid, as opposed to an attempt that failed.
+    /// Returns true for usage errors: the request is invalid, as opposed to an attempt that failed.
     fn is_usage(&self) -> bool {
         match self {
             Self::Bottega(error) => error.is_usage(),

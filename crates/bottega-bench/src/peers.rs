@@ -78,7 +78,7 @@ impl PeersOptions {
         self.threads.iter().copied().map(usize::from).collect()
     }
 
-    /// True if a renderer was requested.
+    /// Returns true if a renderer was requested.
     fn includes(&self, name: &str) -> bool {
         self.peers.is_empty() || self.peers.iter().any(|wanted| name.starts_with(wanted.as_str()))
     }

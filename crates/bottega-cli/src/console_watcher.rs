@@ -44,7 +44,7 @@ pub(crate) enum OutputForm {
 }
 
 impl OutputForm {
-    /// True if the output is for people.
+    /// Returns true if the output is for people.
     fn is_text(self) -> bool {
         matches!(self, Self::Text | Self::Verbose)
     }

@@ -68,7 +68,7 @@ impl CancelSwitch {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// True if the task was cancelled.
+    /// Returns true if the task was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

@@ -110,7 +110,8 @@ impl WorkQueue {
         place * f64::from(task.leaning.get())
     }
 
-    /// True if an engine leaves a zone to another one that is so much faster that it will finish everything that waits sooner.
+    /// Returns true if an engine leaves a zone to another one that is so much faster that it will finish everything that waits
+    /// sooner.
     fn leaves(&self, engine: usize, waiting: &Waiting) -> bool {
         let Some(own) = self.loads[engine].speed else { return false };
         let all: f64 = self.waiting.iter().map(|waiting| samples_of(&waiting.task)).sum();

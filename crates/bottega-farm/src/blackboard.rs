@@ -43,7 +43,7 @@ pub struct InputRanges {
 }
 
 impl InputRanges {
-    /// The ranges of these zones.
+    /// Makes the ranges of these zones.
     pub fn of<R: std::borrow::Borrow<ZoneRow>>(rows: impl IntoIterator<Item = R>) -> Self {
         let mut ranges = [None; 3];
         for row in rows {
@@ -94,7 +94,7 @@ pub struct AgentRow {
 }
 
 impl AgentRow {
-    /// The row of an agent that has only run its benchmark.
+    /// Makes the row of an agent that has only run its benchmark.
     pub fn new(agent: AgentId, power: RelativePower, lanes: f64) -> Self {
         Self { agent, power, lanes, credit: Credit::default(), agreed: 0, failures: 0, left_out: None }
     }
@@ -151,47 +151,47 @@ impl Blackboard {
         false
     }
 
-    /// True if this revision of a zone's row is later than the known one.
+    /// Returns true if this revision of a zone's row is later than the known one.
     pub fn is_news(&self, zone: ZoneId, revision: Revision) -> bool {
         self.zones.get(zone.0).is_none_or(|(seen, _)| *seen < revision)
     }
 
-    /// The row of the work; `None` until the Analyst has finished.
+    /// Returns the row of the work; `None` until the Analyst has finished.
     pub fn work(&self) -> Option<&Arc<WorkRow>> {
         self.work.as_ref()
     }
 
-    /// True if the work and all its zones are known.
+    /// Returns true if the work and all its zones are known.
     pub fn is_complete(&self) -> bool {
         self.work.as_ref().is_some_and(|work| work.zone_count as usize == self.root_count)
     }
 
-    /// A zone and the revision of its row.
+    /// Returns a zone and the revision of its row.
     pub fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, &**row))
     }
 
-    /// A zone's shared row and its revision.
+    /// Returns a zone's shared row and its revision.
     pub fn shared(&self, zone: ZoneId) -> Option<(Revision, &Arc<ZoneRow>)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, row))
     }
 
-    /// The number of zone rows, including pieces.
+    /// Returns the number of zone rows, including pieces.
     pub fn zone_count(&self) -> usize {
         self.zones.len()
     }
 
-    /// All zones in order of their ids.
+    /// Returns all zones in order of their ids.
     pub fn zones(&self) -> impl Iterator<Item = &ZoneRow> {
         self.zones.values().map(|(_, row)| &**row)
     }
 
-    /// The row of an agent.
+    /// Returns the row of an agent.
     pub fn agent(&self, agent: &AgentId) -> Option<&AgentRow> {
         self.agents.get(agent).map(|row| &**row)
     }
 
-    /// The latest known revision of a zone's row.
+    /// Returns the latest known revision of a zone's row.
     pub fn revision(&self, zone: ZoneId) -> Revision {
         self.zones.get(zone.0).map_or(Revision::ABSENT, |(revision, _)| *revision)
     }

@@ -199,7 +199,7 @@ pub enum FarmContent {
 /// A message of the farm.
 pub type FarmMessage = AclMessage<FarmContent>;
 
-/// A message outside any conversation.
+/// Returns a message outside any conversation.
 pub(crate) fn message(
     performative: Performative,
     protocol: &'static str,
@@ -222,12 +222,12 @@ pub(crate) fn message(
     }
 }
 
-/// The message as the start of a conversation whose replies are accepted until `reply_by`.
+/// Returns the message as the start of a conversation whose replies are accepted until `reply_by`.
 pub(crate) fn asking(message: FarmMessage, conversation_id: u64, reply_by: Option<Time>) -> FarmMessage {
     AclMessage { conversation_id, reply_with: conversation_id, reply_by, ..message }
 }
 
-/// The reply to a message, in its conversation.
+/// Returns the reply to a message, in its conversation.
 pub(crate) fn answer(
     to: &FarmMessage,
     sender: &AgentId,

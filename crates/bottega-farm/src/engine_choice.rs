@@ -42,7 +42,7 @@ impl EngineChoice {
         Ok(Self(Arc::new(rules)))
     }
 
-    /// The preferred engine for a zone; no preference if the rules cannot be evaluated.
+    /// Returns the preferred engine for a zone; no preference if the rules cannot be evaluated.
     pub fn preference(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
         let evaluate = || -> Result<EnginePreference, ExpertError> {
             let rules = laid_out(&self.0, &work.ranges)?;

@@ -112,7 +112,7 @@ pub struct JobLesson {
 }
 
 impl JobLesson {
-    /// The lesson in time of the reference machine, for a farm's experience.
+    /// Returns the lesson in time of the reference machine, for a farm's experience.
     #[must_use]
     pub fn in_reference_time(&self) -> Self {
         let zone = |zone: &PaintedZone| PaintedZone { time: self.to_reference.to_reference(zone.time), ..*zone };
@@ -192,12 +192,12 @@ pub(crate) struct LogRatio {
 }
 
 impl Experience {
-    /// True if nothing was learned.
+    /// Returns true if nothing was learned.
     pub fn is_empty(&self) -> bool {
         self.jobs == 0
     }
 
-    /// The number of jobs learned from.
+    /// Returns the number of jobs learned from.
     pub fn jobs(&self) -> u64 {
         self.jobs
     }
@@ -279,7 +279,8 @@ impl Experience {
         self.pictures.drain(..excess);
     }
 
-    /// The expectation for a zone of any picture of a technique. `None`: nothing was learned about the technique.
+    /// Returns the expectation for a zone of any picture of a technique. `None`: nothing was learned about the
+    /// technique.
     pub(crate) fn of_technique(
         &self,
         name: &str,
@@ -292,7 +293,7 @@ impl Experience {
         Some(LogRatio { log: model.expected(&x), deviation: deviation.hypot(model.variance(&x).sqrt()) })
     }
 
-    /// The expectation for a zone of a picture that was painted before. `None`: it was not.
+    /// Returns the expectation for a zone of a picture that was painted before. `None`: it was not.
     pub(crate) fn of_picture(
         &self,
         name: &str,
@@ -306,13 +307,13 @@ impl Experience {
         Some(LogRatio { log: picture.expected(outlook, zone, by_technique), deviation: picture.deviation })
     }
 
-    /// Learned V_cp for a kind of picture; `None`: nothing was learned about the technique.
+    /// Returns the learned V_cp for a kind of picture; `None`: nothing was learned about the technique.
     pub fn power(&self, technique: &str, picture: &TaskFeatures) -> Option<RelativePower> {
         let kind = TaskKind::of_picture(technique, picture);
         self.powers.expected(&kind.names()).map(|log| RelativePower::new(log.exp()))
     }
 
-    /// All learned factors: of V_cp, of techniques with the features of zones, and of pictures.
+    /// Returns all learned factors: of V_cp, of techniques with the features of zones, and of pictures.
     pub fn factors(&self) -> Vec<LearntFactor> {
         let age = |job: u64| self.jobs.saturating_sub(job);
         let of_power = self.powers.iter().map(|(tasks, lesson)| LearntFactor {
@@ -344,7 +345,7 @@ impl Experience {
         of_power.chain(of_technique).chain(of_picture).collect()
     }
 
-    /// The experience as JSON.
+    /// Returns the experience as JSON.
     pub fn to_json(&self) -> String {
         let Self { jobs, techniques, pictures, powers } = self.clone();
         serde_json::to_string(&ExperienceText { format: FORMAT, jobs, techniques, pictures, powers })
@@ -397,7 +398,7 @@ impl LearntTechnique {
     }
 }
 
-/// ln of the measured over the predicted time of a zone. `None`: it is not a plausible number.
+/// Returns ln of the measured over the predicted time of a zone. `None`: it is not a plausible number.
 fn log_ratio(zone: &PaintedZone) -> Option<f64> {
     let predicted = zone.outlook.sample_time * f64::from(zone.samples);
     let log = (zone.time.as_secs_f64() / predicted).ln();

@@ -36,7 +36,7 @@ pub struct ZoneForecast {
 }
 
 impl ZoneForecast {
-    /// True if profiling the zone adds little information.
+    /// Returns true if profiling the zone adds little information.
     pub fn is_trusted(&self) -> bool {
         self.deviation.is_some_and(|deviation| deviation <= TRUSTED_DEVIATION)
     }
@@ -55,13 +55,13 @@ impl Default for Foreknowledge {
 }
 
 impl Foreknowledge {
-    /// V_cp to start with: the learned one, or that of the benchmark.
+    /// Returns V_cp to start with: the learned one, or that of the benchmark.
     pub fn power(&self, picture: &TaskFeatures) -> RelativePower {
         self.experience.power(&self.technique, picture).unwrap_or(self.benchmark)
     }
 
-    /// T_est of an unpainted zone: by the picture as the farm or this machine knows it, else by the technique, else by the
-    /// survey.
+    /// Returns T_est of an unpainted zone: by the picture as the farm or this machine knows it, else by the technique,
+    /// else by the survey.
     ///
     /// - `picture`: the survey's features of the whole picture.
     /// - `samples`: samples per pixel.

@@ -187,8 +187,8 @@ fn keep_zone(payload: &[u8], zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>
     true
 }
 
-/// The resumable state; `None` if zones are missing. A row whose tile is missing or does not match its digest is
-/// painted again from the start.
+/// Returns the resumable state; `None` if zones are missing. A row whose tile is missing or does not match its digest
+/// is painted again from the start.
 fn keep(work: WorkRow, zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> Option<JournalContents> {
     let roots = zones.values().filter(|(row, _)| row.root.is_none()).count();
     let in_order = zones.keys().take(roots).enumerate().all(|(i, zone)| zone.index() == i);

@@ -146,8 +146,8 @@ impl Tally {
         }
     }
 
-    /// Remaining time of all agents for this much reference-machine time; `None` unless predictions come from
-    /// experience or enough zones are profiled.
+    /// Returns the remaining time of all agents for this much reference-machine time; `None` unless predictions come
+    /// from experience or enough zones are profiled.
     fn left_by_estimates(&self, left: f64, all: f64) -> Option<f64> {
         let is_learnt = self.is_experienced && !self.expectations.is_empty();
         let is_profiled = self.timed_expected > SHARE_PROFILED * self.expected;
@@ -155,7 +155,7 @@ impl Tally {
         (is_learnt || is_profiled).then(|| self.throughput.time_for(self.now.unwrap_or_default(), left, zone))?
     }
 
-    /// The current progress.
+    /// Returns the current progress.
     pub(crate) fn progress(&self) -> Progress {
         // Scale the expected cost of unprofiled zones as measured on the profiled ones
         let rate = if self.timed_expected > 1e-9 { self.timed / self.timed_expected } else { 1.0 };

@@ -33,7 +33,7 @@ impl Optimization {
     /// All levels, weakest first.
     pub const ALL: [Self; 6] = [Self::Off, Self::VerySmall, Self::Small, Self::Normal, Self::Big, Self::VeryBig];
 
-    /// The value of the rules' input `optimization_level`: 1 (very small) to 5 (very big). `None` if off.
+    /// Returns the value of the rules' input `optimization_level`: 1 (very small) to 5 (very big). `None` if off.
     pub fn rule_input(self) -> Option<f64> {
         match self {
             Self::Off => None,
@@ -107,7 +107,7 @@ impl Goal {
     /// Number of first samples of a zone with a goal of error or time.
     pub(crate) const FIRST_SAMPLES: u32 = 8;
 
-    /// The use of the error of zones with this goal.
+    /// Returns the use of the error of zones with this goal.
     pub fn error_use(&self) -> ErrorUse {
         match *self {
             Self::Samples => ErrorUse::None,
@@ -152,12 +152,12 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The user's settings.
+    /// Makes the user's settings.
     pub fn unchanged(settings: &WorkSettings) -> Self {
         Self { tunables: settings.tunables, samples: settings.samples, bands: Sides::all(0) }
     }
 
-    /// The number of samples per pixel that profiling takes.
+    /// Returns the number of samples per pixel that profiling takes.
     pub fn profile_samples(&self, goal: &Goal) -> u32 {
         let wanted = match goal {
             Goal::Samples => (f64::from(self.samples) * PROFILE_SHARE).round() as u32,

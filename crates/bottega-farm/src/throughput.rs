@@ -65,7 +65,7 @@ impl Painted {
         self.given = REMEMBERED * self.given + other.given;
     }
 
-    /// Actual over reported speed, with `prior` as the ratio of the first `weight` seconds.
+    /// Returns the actual over the reported speed, with `prior` as the ratio of the first `weight` seconds.
     fn ratio(&self, prior: f64, weight: f64) -> f64 {
         (self.estimated + prior * weight) / (self.given + weight).max(1e-9)
     }
@@ -80,7 +80,7 @@ struct BegunZones {
 }
 
 impl BegunZones {
-    /// The share of the agent's output that a zone gets.
+    /// Returns the share of the agent's output that a zone gets.
     fn share(self, zone: &HeldZone) -> f64 {
         let is_begun = zone.estimated.is_none() || self.until.is_some_and(|until| zone.turn <= until);
         if is_begun { (self.count.max(1) as f64).recip() } else { 0.0 }
@@ -99,7 +99,7 @@ impl AgentPace {
         self.held.values_mut().for_each(|zone| zone.given += given * begun.share(zone));
     }
 
-    /// The zones that it works on: all profiles, and `at_once` others.
+    /// Returns the zones that it works on: all profiles, and `at_once` others.
     fn begun(&self, at_once: usize) -> BegunZones {
         let mut turns: Vec<u64> =
             self.held.values().filter(|zone| zone.estimated.is_some()).map(|zone| zone.turn).collect();
@@ -161,7 +161,7 @@ impl Throughput {
         }
     }
 
-    /// Expected time of all present agents for an amount of work; `None` without known agents.
+    /// Returns the expected time of all present agents for an amount of work; `None` without known agents.
     ///
     /// - `seconds`: reference-machine time of everything unfinished, including what is held.
     /// - `zone_seconds`: that of an average zone: so much must be painted before measured speeds outweigh reported

@@ -136,7 +136,7 @@ pub struct Visitor {
 type VisitorActions = Vec<ActionOf<Visitor>>;
 
 impl Visitor {
-    /// A visitor that has just come.
+    /// Makes a visitor that has just come.
     pub fn new(config: VisitorConfig) -> Self {
         let VisitorConfig { id, master, power, lanes, adaptation, expert, timing } = config;
         let agent = RenderAgent::new(RenderAgentConfig {

@@ -134,37 +134,37 @@ pub enum LayoutError {
 }
 
 impl FunctionBlock {
-    /// The name of the block; may be empty.
+    /// Returns the name of the block; may be empty.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The inputs in order of declaration.
+    /// Returns the inputs in order of declaration.
     pub fn inputs(&self) -> &[InputVariable] {
         &self.inputs
     }
 
-    /// The outputs in order of declaration.
+    /// Returns the outputs in order of declaration.
     pub fn outputs(&self) -> &[OutputVariable] {
         &self.outputs
     }
 
-    /// The blocks of rules, in order of declaration.
+    /// Returns the blocks of rules, in order of declaration.
     pub fn rule_blocks(&self) -> &[RuleBlock] {
         &self.rule_blocks
     }
 
-    /// All rules of all blocks, in order.
+    /// Returns all rules of all blocks, in order.
     pub fn rules(&self) -> impl Iterator<Item = &Rule> {
         self.rule_blocks.iter().flat_map(|block| &block.rules)
     }
 
-    /// The index of an input in [`Self::inputs`], by its name without case.
+    /// Returns the index of an input in [`Self::inputs`], by its name without case.
     pub fn input_index(&self, name: &str) -> Option<usize> {
         self.inputs.iter().position(|input| input.name.eq_ignore_ascii_case(name))
     }
 
-    /// The index of an output in [`Self::outputs`], by its name without case.
+    /// Returns the index of an output in [`Self::outputs`], by its name without case.
     pub fn output_index(&self, name: &str) -> Option<usize> {
         self.outputs.iter().position(|output| output.name.eq_ignore_ascii_case(name))
     }
@@ -186,7 +186,7 @@ impl FunctionBlock {
     }
 }
 
-/// The interval from the least to the greatest point of the terms.
+/// Returns the interval from the least to the greatest point of the terms.
 fn extent(terms: &[Term]) -> (f64, f64) {
     terms
         .iter()
@@ -196,17 +196,17 @@ fn extent(terms: &[Term]) -> (f64, f64) {
 }
 
 impl InputVariable {
-    /// The interval in which the terms are declared.
+    /// Returns the interval in which the terms are declared.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }
 
-    /// The interval over which the terms lie: the one found at run time, or else the declared one.
+    /// Returns the interval over which the terms lie: the one found at run time, or else the declared one.
     pub fn interval(&self) -> (f64, f64) {
         self.found.unwrap_or_else(|| self.declared_range())
     }
 
-    /// The degree of each of its terms at a value, 0..=1, in order.
+    /// Returns the degree of each of its terms at a value, 0..=1, in order.
     pub fn grades(&self, value: f64) -> Vec<f64> {
         let x = self.to_declared(value);
         self.terms.iter().map(|term| term.membership.degree(x)).collect()
@@ -232,7 +232,7 @@ impl InputVariable {
 }
 
 impl OutputVariable {
-    /// The interval of defuzzification.
+    /// Returns the interval of defuzzification.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }

@@ -73,7 +73,7 @@ impl And {
         }
     }
 
-    /// The dual conorm, with which De Morgan's laws hold.
+    /// Returns the dual conorm, with which De Morgan's laws hold.
     pub fn dual(self) -> Or {
         match self {
             Self::Min => Or::Max,
@@ -94,7 +94,7 @@ impl Or {
         }
     }
 
-    /// The dual norm, with which De Morgan's laws hold.
+    /// Returns the dual norm, with which De Morgan's laws hold.
     pub fn dual(self) -> And {
         match self {
             Self::Max => And::Min,

@@ -193,7 +193,7 @@ impl MemoryScope {
     }
 }
 
-/// The binding type of a storage array.
+/// Returns the binding type of a storage array.
 pub(crate) fn storage(read_only: bool) -> wgpu::BufferBindingType {
     wgpu::BufferBindingType::Storage { read_only }
 }

@@ -38,7 +38,7 @@ impl<W: Work> LifeTime<W> {
         }
     }
 
-    /// True if the client is gone.
+    /// Returns true if the client is gone.
     pub fn is_over(&self) -> bool {
         self.0.strong_count() == 0
     }
@@ -76,7 +76,7 @@ impl<W: Work> HraClient<W> {
         self.handle.expire();
     }
 
-    /// A handle to end the life time of this client's units.
+    /// Returns a handle to end the life time of this client's units.
     pub fn life_time(&self) -> LifeTime<W> {
         LifeTime(Arc::downgrade(&self.handle))
     }
@@ -123,7 +123,7 @@ impl<W: Work> HraClient<W> {
         self.handle.results.take_many(max, None)
     }
 
-    /// Number of units submitted, or being submitted, without an answer taken.
+    /// Returns the number of units submitted, or being submitted, without an answer taken.
     pub fn outstanding(&self) -> usize {
         self.handle.results.outstanding()
     }

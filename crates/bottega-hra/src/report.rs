@@ -78,7 +78,7 @@ impl ResourceReport {
         }
     }
 
-    /// The share of its time in which it had work, 0..=1.
+    /// Returns the share of its time in which it had work, 0..=1.
     pub fn occupation(&self) -> f64 {
         let all = (self.busy + self.idle + self.suspended).as_secs_f64();
         if all > 0.0 { self.busy.as_secs_f64() / all } else { 0.0 }
@@ -86,7 +86,7 @@ impl ResourceReport {
 }
 
 impl HraReport {
-    /// All learned costs, for the next run.
+    /// Returns all learned costs, for the next run.
     pub fn costs(&self, version: impl Into<String>) -> CostBook {
         let mut book = CostBook::new(version);
         for resource in &self.resources {
@@ -97,7 +97,7 @@ impl HraReport {
         book
     }
 
-    /// The difference from an earlier report of the same allocator; all times count from there.
+    /// Returns the difference from an earlier report of the same allocator; all times count from there.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         let start = Time::at(before.uptime);
@@ -120,7 +120,7 @@ impl HraReport {
         }
     }
 
-    /// The report of `core`.
+    /// Makes the report of `core`.
     pub(crate) fn of<T>(core: &mut Core<T>, now: Time, pending: usize) -> Self {
         let bin = core.bin_report(now);
         let resources = core.lanes().iter().zip(0..).map(|(lane, index)| {

@@ -84,8 +84,8 @@ const fn word(activity: Activity) -> &'static str {
     }
 }
 
-/// The content of [`timeline_svg`](crate::timeline_svg) as a JSON object: activity of each resource, fill level of the
-/// bin, and incidents. All times are seconds.
+/// Returns the content of [`timeline_svg`](crate::timeline_svg) as a JSON object: activity of each resource, fill
+/// level of the bin, and incidents. All times are seconds.
 pub fn timeline_json(report: &HraReport) -> String {
     let resource = |resource: &ResourceReport| resource.descriptor.name.clone();
     let timeline = Timeline {

@@ -31,12 +31,12 @@ pub struct CableUse {
 }
 
 impl CableUse {
-    /// Mean time between the sending of a packet and its answer.
+    /// Returns the mean time between the sending of a packet and its answer.
     pub fn packet_time(&self) -> Option<Duration> {
         (self.packets > 0).then(|| self.away.div_f64(self.packets as f64))
     }
 
-    /// The traffic since an earlier moment.
+    /// Returns the traffic since an earlier moment.
     pub(crate) fn since(&self, before: &Self) -> Self {
         Self {
             sent_bytes: self.sent_bytes.saturating_sub(before.sent_bytes),

@@ -15,31 +15,32 @@ pub trait Work: Send + Sized + 'static {
     /// Returns the primitive that a resource must support to do the unit.
     fn primitive(&self) -> Primitive;
 
-    /// Amount of work, in the primitive's items: rays, samples or photons. The cost model is per item.
+    /// Returns the amount of work, in the primitive's items: rays, samples or photons. The cost model is per item.
     fn size(&self) -> u64;
 
-    /// The read-only data that the work needs, if it is worth keeping resident.
+    /// Returns the read-only data that the work needs, if it is worth keeping resident.
     fn data(&self) -> Option<DataId> {
         None
     }
 
-    /// Size of [`Work::data`] in the memory of a resource, in bytes. A resource with less memory never gets the unit.
+    /// Returns the size of [`Work::data`] in the memory of a resource, in bytes. A resource with less memory never
+    /// gets the unit.
     fn data_bytes(&self) -> u64 {
         0
     }
 
-    /// Bytes to send to a resource that already holds [`Work::data`].
+    /// Returns the bytes to send to a resource that already holds [`Work::data`].
     fn payload_bytes(&self) -> u64 {
         0
     }
 
-    /// Bytes of its answer.
+    /// Returns the bytes of its answer.
     fn answer_bytes(&self) -> u64 {
         0
     }
 
-    /// A copy for another attempt if a resource dies during the work (a panic, a lost link). Made before each attempt,
-    /// so it must be cheap compared with the work. `None`: the unit is not attempted again, but answered by
+    /// Returns a copy for another attempt if a resource dies during the work (a panic, a lost link). Made before each
+    /// attempt, so it must be cheap compared with the work. `None`: the unit is not attempted again, but answered by
     /// [`UnitError::Lost`].
     fn backup(&self) -> Option<Self> {
         None
@@ -73,7 +74,7 @@ pub struct WorkUnit<W> {
 }
 
 impl<W> WorkUnit<W> {
-    /// A unit of priority 0 with the maximum delay, which does not expire.
+    /// Makes a unit of priority 0 with the maximum delay, which does not expire.
     pub fn new(work: W, ticket: u64) -> Self {
         Self { work, ticket, max_delay: Duration::MAX, priority: 0, validity: Duration::MAX }
     }

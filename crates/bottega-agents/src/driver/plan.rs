@@ -224,7 +224,7 @@ impl<M: StateMachine> EventPlan<M> {
         next.map(|((at, _), source)| (at, source))
     }
 
-    /// The time of the next event.
+    /// Returns the time of the next event.
     pub(super) fn next_time(&self) -> Option<Time> {
         self.next().map(|(at, _)| at)
     }

@@ -60,7 +60,7 @@ where
         self.entries.get(key)
     }
 
-    /// Length of the log, in bytes.
+    /// Returns the length of the log, in bytes.
     pub fn log_bytes(&self) -> u64 {
         self.log.bytes()
     }

@@ -34,8 +34,8 @@ pub trait CarriesForeign: CarriesManagement {
     /// not-understood.
     fn from_foreign(message: WireMessage) -> Option<Self>;
 
-    /// The text for a foreign agent: content, language, ontology, encoding and user-defined parameters are taken from
-    /// it; the rest from the message around it.
+    /// Returns the text for a foreign agent: content, language, ontology, encoding and user-defined parameters are
+    /// taken from it; the rest from the message around it.
     fn foreign(&self) -> Option<&WireMessage>;
 }
 
@@ -117,7 +117,7 @@ impl Way {
     /// All ways, in the order of their declaration.
     pub const ALL: [Self; 4] = [Self::In, Self::Out, Self::Dropped, Self::Lost];
 
-    /// A name for display.
+    /// Returns a name for display.
     pub fn word(self) -> &'static str {
         match self {
             Self::In => "in",
@@ -212,7 +212,7 @@ where
     C: CarriesForeign,
     V: From<String> + AsRef<str>,
 {
-    /// The gateway of a platform, before its start.
+    /// Makes the gateway of a platform, before its start.
     pub fn new(config: GatewayConfig) -> Self {
         let acc = Acc::new(config.platform.clone(), config.addresses.clone(), config.calendar, config.salt);
         Self {
@@ -234,7 +234,7 @@ where
         self.config.services.contains(agent)
     }
 
-    /// The identifier of an agent for other platforms: services have the addresses of every process.
+    /// Returns the identifier of an agent for other platforms: services have the addresses of every process.
     fn with_addresses(&self, agent: &AgentId) -> AgentId {
         let addresses = if self.is_service(agent) { self.nodes.clone() } else { self.config.addresses.clone() };
         AgentId { name: agent.name.clone(), addresses: addresses.into() }
@@ -386,7 +386,7 @@ where
     }
 }
 
-/// True for performatives that are answers: they never get a not-understood.
+/// Returns true for performatives that are answers: they never get a not-understood.
 fn is_answer(act: Performative) -> bool {
     use Performative as P;
     matches!(act, P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood | P::Confirm | P::Disconfirm)

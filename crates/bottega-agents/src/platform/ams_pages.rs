@@ -56,7 +56,7 @@ impl AmsEntry {
     }
 }
 
-/// The agent in an entry of the white pages; `None`: there is none, or it is gone.
+/// Returns the agent in an entry of the white pages; `None`: there is none, or it is gone.
 pub fn read_white_page(text: &str) -> Option<AmsAgentDescription> {
     AmsEntry::parse(text).filter(|entry| !entry.is_gone()).map(|entry| entry.description)
 }

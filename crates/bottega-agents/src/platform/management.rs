@@ -12,7 +12,7 @@ pub const ONTOLOGY: &str = "fipa-agent-management";
 ///
 /// A platform whose agents also talk about other things has its own content type, of which this is a part.
 pub trait CarriesManagement: Clone + From<ManagementContent> {
-    /// The management content, if it is of that kind.
+    /// Returns the management content, if it is of that kind.
     fn management(&self) -> Option<&ManagementContent>;
 }
 
@@ -108,7 +108,7 @@ pub enum Outcome {
 }
 
 impl Function {
-    /// The function's name in the ontology.
+    /// Returns the function's name in the ontology.
     pub fn word(&self) -> &'static str {
         match self {
             Self::RegisterAgent(_) | Self::Register(_) => "register",
@@ -128,7 +128,7 @@ impl LifeCycleRequest {
     /// All requests, in the order of their declaration.
     pub const ALL: [Self; 4] = [Self::Suspend, Self::Resume, Self::Quit, Self::Destroy];
 
-    /// The request's name in the ontology.
+    /// Returns the request's name in the ontology.
     pub fn word(self) -> &'static str {
         match self {
             Self::Suspend => "suspend",
@@ -292,7 +292,7 @@ impl RefuseReason {
     }
 }
 
-/// The refusal of an object that is too large; names its largest parameter.
+/// Returns the refusal of an object that is too large; names its largest parameter.
 pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> RefuseReason {
     let largest = sizes.iter().max_by_key(|(_, bytes)| *bytes);
     RefuseReason::bad_value(object, largest.map_or("name", |(parameter, _)| parameter))
@@ -310,7 +310,7 @@ pub enum FailureReason {
 }
 
 impl SearchConstraints {
-    /// The maximum number of results, at most `most`.
+    /// Returns the maximum number of results, at most `most`.
     pub(crate) fn results_max(&self, most: usize) -> usize {
         match self.max_results {
             None => 1.min(most),
@@ -323,25 +323,25 @@ fn same<T: PartialEq>(template: &Option<T>, object: &Option<T>) -> bool {
     template.is_none() || template == object
 }
 
-/// True if each element of the template matches some element.
+/// Returns true if each element of the template matches some element.
 fn within<T>(template: &[T], object: &[T], matches: impl Fn(&T, &T) -> bool) -> bool {
     template.iter().all(|wanted| object.iter().any(|found| matches(wanted, found)))
 }
 
 impl AmsAgentDescription {
-    /// True if `object` matches this template.
+    /// Returns true if `object` matches this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name) && same(&self.ownership, &object.ownership) && same(&self.state, &object.state)
     }
 }
 
 impl ServiceDescription {
-    /// The value of a property.
+    /// Returns the value of a property.
     pub fn property(&self, name: &str) -> Option<&Term> {
         self.properties.iter().find(|property| property.name == name).map(|property| &property.value)
     }
 
-    /// True if `object` matches this template.
+    /// Returns true if `object` matches this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name)
             && same(&self.service_type, &object.service_type)
@@ -354,7 +354,7 @@ impl ServiceDescription {
 }
 
 impl DfAgentDescription {
-    /// True if `object` matches this template.
+    /// Returns true if `object` matches this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name)
             && same(&self.lease_time, &object.lease_time)

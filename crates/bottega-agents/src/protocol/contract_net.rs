@@ -193,7 +193,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         news
     }
 
-    /// The time at which [`Self::handle_time`] must be called; `None`: never.
+    /// Returns the time at which [`Self::handle_time`] must be called; `None`: never.
     pub fn next_deadline(&self) -> Option<Time> {
         if self.collecting { Some(self.call.reply_by) } else { self.results_by }
     }
@@ -223,7 +223,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         }
     }
 
-    /// True if no more messages are expected.
+    /// Returns true if no more messages are expected.
     pub fn is_finished(&self) -> bool {
         !self.collecting
             && self.proposals.is_empty()
@@ -294,7 +294,7 @@ pub struct ContractNetResponder<C> {
 }
 
 impl<C: Clone> ContractNetResponder<C> {
-    /// A responder without open calls.
+    /// Makes a responder without open calls.
     pub fn new(me: AgentId) -> Self {
         Self { me, open: BTreeMap::new() }
     }
@@ -414,17 +414,17 @@ impl<C: Clone> ContractNetResponder<C> {
         news
     }
 
-    /// The time at which [`Self::handle_time`] must be called; `None`: never.
+    /// Returns the time at which [`Self::handle_time`] must be called; `None`: never.
     pub fn next_deadline(&self) -> Option<Time> {
         self.open.values().filter_map(Response::ends_at).min()
     }
 
-    /// Number of accepted tasks in progress.
+    /// Returns the number of accepted tasks in progress.
     pub fn working_count(&self) -> usize {
         self.open.values().filter(|response| matches!(response, Response::Working(_))).count()
     }
 
-    /// Number of valid proposals.
+    /// Returns the number of valid proposals.
     pub fn proposed_count(&self) -> usize {
         self.open.values().filter(|response| matches!(response, Response::Proposed(..))).count()
     }

@@ -80,7 +80,7 @@ impl RequestInitiator {
         self.deadline.take_if(|by| *by <= now).map(|_| Answer::Silence)
     }
 
-    /// The time at which [`Self::handle_time`] must be called. `None`: the conversation is over.
+    /// Returns the time at which [`Self::handle_time`] must be called. `None`: the conversation is over.
     pub fn next_deadline(&self) -> Option<Time> {
         self.deadline
     }

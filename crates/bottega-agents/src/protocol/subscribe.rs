@@ -30,7 +30,7 @@ pub struct Subscriptions<C> {
 }
 
 impl<C: Clone> Subscriptions<C> {
-    /// A publisher without subscribers.
+    /// Makes a publisher without subscribers.
     pub fn new(me: AgentId) -> Self {
         Self { me, subscribers: BTreeMap::new() }
     }

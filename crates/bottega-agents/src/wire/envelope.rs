@@ -47,7 +47,7 @@ pub struct Received {
     pub from: Option<String>,
     /// The message's id.
     pub id: Option<String>,
-    /// The transport used.
+    /// The name of the message transport that delivered the message.
     pub via: Option<String>,
 }
 

@@ -27,7 +27,7 @@ pub(crate) struct RequestArgs {
 }
 
 impl RequestArgs {
-    /// True if a request is given.
+    /// Returns true if a request is given.
     pub(super) fn is_given(&self) -> bool {
         self.file.is_some() || self.from.is_some()
     }

@@ -32,7 +32,7 @@ pub(crate) struct NotificationArgs {
 }
 
 impl NotificationArgs {
-    /// True if there are no subscriptions.
+    /// Returns true if there are no subscriptions.
     pub(crate) fn is_empty(&self) -> bool {
         self.on.is_empty()
     }

@@ -156,7 +156,7 @@ pub enum EngineFault {
 }
 
 impl EngineFault {
-    /// True if the process must be restarted.
+    /// Returns true if the process must be restarted.
     pub(super) fn ends_process(&self) -> bool {
         match self {
             Self::Refused { fatal, .. } => *fatal,

@@ -109,7 +109,7 @@ pub struct SceneFiles {
     /// Patterns for references; group 1 is a path.
     #[serde(default)]
     pub scan: Vec<Pattern>,
-    /// Extensions of referenced files that are scanned, too.
+    /// Extensions of referenced files that are searched for further references.
     #[serde(default)]
     pub scan_in: Vec<String>,
     /// The source of the survey.
@@ -433,13 +433,13 @@ impl Manifest {
         }
     }
 
-    /// True if it supports files of this extension.
+    /// Returns true if it supports files of this extension.
     pub fn takes(&self, scene: &std::path::Path) -> bool {
         let extension = scene.extension().map(|it| it.to_string_lossy().to_lowercase()).unwrap_or_default();
         self.scene.extensions.contains(&extension)
     }
 
-    /// True if passes with different seeds add up to one picture.
+    /// Returns true if passes with different seeds add up to one picture.
     pub fn adds_up(&self) -> bool {
         self.seeds && self.determinism != Determinism::Frame
     }

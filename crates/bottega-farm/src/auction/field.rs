@@ -51,17 +51,20 @@ struct Pace {
 }
 
 impl Pace {
-    /// Remaining busy time, in seconds. An agent that is late is expected to need as long again as it is late.
+    /// Returns the remaining busy time, in seconds. An agent that is late is expected to need as long again as it is
+    /// late.
     fn busy(&self, now: f64) -> f64 {
         self.ready.map_or(0.0, |ready| (ready - now).abs())
     }
 
-    /// Time until it has painted one more zone that takes `time` reference-machine seconds, in seconds from now.
+    /// Returns the time until it has painted one more zone that takes `time` reference-machine seconds, in seconds
+    /// from now.
     fn finish(&self, now: f64, time: f64) -> f64 {
         self.busy(now) + self.own * time
     }
 
-    /// The speed class: speeds within a class differ by a sixteenth at most. Positive floats order as their bits do.
+    /// Returns the speed class: speeds within a class differ by a sixteenth at most. Positive floats order as their
+    /// bits do.
     fn class(&self) -> u64 {
         self.own.to_bits() >> 48
     }
@@ -166,13 +169,13 @@ impl Field {
         self.slots.get(member.index()).copied().flatten().map(|slot| &self.paces[slot])
     }
 
-    /// Reference-machine seconds that all agents together paint per second.
+    /// Returns the reference-machine seconds that all agents together paint per second.
     pub fn speed(&self) -> f64 {
         self.paces.iter().map(|pace| pace.own.recip()).sum()
     }
 
-    /// Expected end of all work if it is divided without loss, in seconds from now; infinite without agents. Reuses the
-    /// last value while little has changed.
+    /// Returns the expected end of all work if it is divided without loss, in seconds from now; infinite without
+    /// agents. Reuses the last value while little has changed.
     ///
     /// Agents that are busy beyond that time cannot help before it and are left out.
     ///
@@ -216,14 +219,15 @@ impl Field {
         end
     }
 
-    /// The time until an agent finishes one more zone, in seconds from now; infinite if it is not in the field.
+    /// Returns the time until an agent finishes one more zone, in seconds from now; infinite if it is not in the
+    /// field.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
     pub fn finish(&self, now: f64, time: f64, member: MemberId) -> f64 {
         self.pace(member).map_or(f64::INFINITY, |pace| pace.finish(now, time))
     }
 
-    /// The agent that finishes one more zone soonest, and when, in seconds from now. `None` without agents.
+    /// Returns the agent that finishes one more zone soonest, and when, in seconds from now. `None` without agents.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
     pub fn soonest(&self, now: f64, time: f64) -> Option<(f64, MemberId)> {
@@ -235,7 +239,7 @@ impl Field {
         soonest
     }
 
-    /// True if another agent finishes a zone before `limit`, in seconds from now.
+    /// Returns true if another agent finishes a zone before `limit`, in seconds from now.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
     /// - `except`: true for agents to leave out.

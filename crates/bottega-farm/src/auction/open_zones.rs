@@ -26,7 +26,8 @@ pub struct OpenZones {
 }
 
 impl OpenZones {
-    /// The sort key: T_est by default, complexity under the paper's rule. Positive floats order as their bits do.
+    /// Returns the sort key: T_est by default, complexity under the paper's rule. Positive floats order as their bits
+    /// do.
     fn rank(rule: AuctionRule, offer: &Offer) -> Rank {
         let rank = match rule {
             AuctionRule::Paper => offer.complexity.max(0.0).to_bits(),
@@ -51,32 +52,32 @@ impl OpenZones {
         }
     }
 
-    /// The number of zones, including those on offer.
+    /// Returns the number of zones, including those on offer.
     pub fn len(&self) -> usize {
         self.waiting.len() + self.offered.len()
     }
 
-    /// True if there are no zones.
+    /// Returns true if there are no zones.
     pub fn is_empty(&self) -> bool {
         self.waiting.is_empty() && self.offered.is_empty()
     }
 
-    /// True if a zone is waiting that is not on offer.
+    /// Returns true if a zone is waiting that is not on offer.
     pub fn has_waiting(&self) -> bool {
         !self.waiting.is_empty()
     }
 
-    /// T_est of the largest zone that is not on offer, in reference-machine time.
+    /// Returns T_est of the largest zone that is not on offer, in reference-machine time.
     pub fn largest_waiting(&self) -> Option<Duration> {
         self.largest().map(|offer| offer.time_estimated)
     }
 
-    /// The largest zone that is not on offer.
+    /// Returns the largest zone that is not on offer.
     pub fn largest(&self) -> Option<Offer> {
         self.waiting.last_key_value().map(|(_, offer)| *offer)
     }
 
-    /// The sum of T_est of all zones, in reference-machine time.
+    /// Returns the sum of T_est of all zones, in reference-machine time.
     pub fn time_estimated(&self) -> Duration {
         self.time
     }

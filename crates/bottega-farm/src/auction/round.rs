@@ -40,12 +40,13 @@ impl Candidate {
         }
     }
 
-    /// Time of a zone on this bidder, in its own seconds.
+    /// Returns the time of a zone on this bidder, in its own seconds.
     pub(super) fn own(&self, lot: &Lot) -> f64 {
         self.own * lot.time
     }
 
-    /// Finishing time of a zone after those it has won, in seconds from now. `None`: it does not bid for it.
+    /// Returns the finishing time of a zone after those it has won, in seconds from now. `None`: it does not bid for
+    /// it.
     pub(super) fn finish(&self, lot: &Lot) -> Option<f64> {
         self.finish[lot.place].map(|finish| finish + self.won)
     }
@@ -54,13 +55,13 @@ impl Candidate {
         self.finish[lot.place].is_some()
     }
 
-    /// The time at which it can start its next zone, in seconds from now: computed from its first bid.
+    /// Returns the time at which it can start its next zone, in seconds from now: computed from its first bid.
     pub(super) fn ready(&self, open: &[Lot]) -> f64 {
         let begin = |lot: &Lot| Some((self.finish(lot)? - self.own(lot)).max(self.won));
         open.iter().find_map(begin).unwrap_or(self.won)
     }
 
-    /// Time of the zones it has won so far, in its own seconds.
+    /// Returns the time of the zones it has won so far, in its own seconds.
     pub(super) fn won(&self) -> f64 {
         self.won
     }

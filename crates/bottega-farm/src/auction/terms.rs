@@ -28,12 +28,12 @@ pub enum AuctionRule {
 }
 
 impl AuctionRule {
-    /// True if promises are weighted by reliability.
+    /// Returns true if promises are weighted by reliability.
     pub(crate) fn weighs_promises(self) -> bool {
         matches!(self, Self::FinishingTime | Self::Stealing)
     }
 
-    /// Number of zones that an agent of this rule works on at once, for a prediction of the time left.
+    /// Returns the number of zones that an agent of this rule works on at once, for a prediction of the time left.
     ///
     /// - `prefetch`: the number that it begins.
     pub(crate) fn at_once(self, prefetch: u32) -> usize {
@@ -41,7 +41,7 @@ impl AuctionRule {
         if self == Self::Stealing { 1 } else { prefetch as usize }
     }
 
-    /// Maximum number of zones that the Master lets an agent hold.
+    /// Returns the maximum number of zones that the Master lets an agent hold.
     ///
     /// - `prefetch`: the number of zones that an agent works on at once.
     pub(crate) fn window(self, prefetch: u32) -> u32 {

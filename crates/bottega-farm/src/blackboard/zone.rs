@@ -112,7 +112,7 @@ pub struct Vote {
 }
 
 impl ZoneRow {
-    /// The row of a new zone.
+    /// Makes the row of a new zone.
     pub fn open(
         work: WorkId,
         zone: ZoneId,
@@ -145,8 +145,8 @@ impl ZoneRow {
         }
     }
 
-    /// The row of a new zone with a predicted time. If the prediction is trusted, and no rules have to choose settings, the zone
-    /// is not profiled: it waits for the auction at once.
+    /// Returns the row of a new zone with a predicted time. If the prediction is trusted, and no rules have to choose settings,
+    /// the zone is not profiled: it waits for the auction at once.
     #[must_use]
     pub(crate) fn with_forecast(self, settings: &WorkSettings, forecast: &ZoneForecast) -> Self {
         let row = Self { time_estimated: Some(forecast.time), ..self };
@@ -157,7 +157,7 @@ impl ZoneRow {
         Self { state: ZoneState::Profiled, choice: Some(Choice::unchanged(settings)), ..row }
     }
 
-    /// The paper's Size: the number of its own pixels, without the band.
+    /// Returns the paper's Size: the number of its own pixels, without the band.
     pub fn size(&self) -> u64 {
         match self.piece {
             None => self.rect.area(),
@@ -165,24 +165,24 @@ impl ZoneRow {
         }
     }
 
-    /// The paper's complexity/size ratio: its mean complexity per pixel.
+    /// Returns the paper's complexity/size ratio: its mean complexity per pixel.
     pub fn complexity_density(&self) -> f64 {
         self.complexity / self.size().max(1) as f64
     }
 
-    /// The rectangle to paint with this choice: the zone and its band, or the piece.
+    /// Returns the rectangle to paint with this choice: the zone and its band, or the piece.
     pub fn painted(&self, choice: &Choice, frame: &Rect) -> Rect {
         self.piece.unwrap_or_else(|| self.rect.grown_by(choice.bands, frame))
     }
 
-    /// The Analyst's zone that this row is, or is a piece of.
+    /// Returns the Analyst's zone that this row is, or is a piece of.
     pub fn root(&self) -> ZoneId {
         self.root.unwrap_or(self.zone)
     }
 
-    /// The row with a part cut off; [`Self::offcut`] gives the row of that part. Complexity and T_est scale with the
-    /// number of pixels. `None` if a piece is smaller than the minimum, or the settings and with them the band are not
-    /// chosen yet.
+    /// Returns the row with a part cut off; [`Self::offcut`] gives the row of that part. Complexity and T_est scale
+    /// with the number of pixels. `None` if a piece is smaller than the minimum, or the settings and with them the
+    /// band are not chosen yet.
     ///
     /// - `share`: the share of the zone that the row keeps, 0..1.
     /// - `offcut`: the id for the part that is cut off.
@@ -213,7 +213,7 @@ impl ZoneRow {
         )
     }
 
-    /// The row of the part that was cut off last: it waits for an auction, whatever this row's state is now.
+    /// Returns the row of the part that was cut off last: it waits for an auction, whatever this row's state is now.
     pub fn offcut(&self) -> Option<Self> {
         let (Cut { zone, piece }, kept) = (self.cut?, self.piece?);
         let root = Some(self.root());
@@ -231,7 +231,7 @@ impl ZoneRow {
         Self { complexity: self.complexity * share, time_estimated, ..self }
     }
 
-    /// The fencing token under which `agent` may report this zone, if the row has `revision`.
+    /// Returns the fencing token under which `agent` may report this zone, if the row has `revision`.
     pub fn fence_of(&self, agent: &AgentId, revision: Revision) -> Option<Revision> {
         if !self.is_in_hand() {
             None
@@ -242,8 +242,8 @@ impl ZoneRow {
         }
     }
 
-    /// True if the rules of the agent that wins it choose its settings: only profiling samples are painted, and no part
-    /// of it was given to another agent.
+    /// Returns true if the rules of the agent that wins it choose its settings: only profiling samples are painted, and
+    /// no part of it was given to another agent.
     pub fn is_undecided(&self, settings: &WorkSettings) -> bool {
         let is_whole = self.piece.is_none() && self.cut.is_none() && self.votes.is_empty();
         let is_profiled = |choice: Choice| self.samples_done() <= choice.profile_samples(&settings.goal);
@@ -253,8 +253,8 @@ impl ZoneRow {
         has_rules && has_samples && is_whole && self.choice.is_some_and(is_profiled)
     }
 
-    /// The row with other settings than those of the agent that profiled it. The first samples are discarded, and T_est
-    /// scales with the number of samples.
+    /// Returns the row with other settings than those of the agent that profiled it. The first samples are discarded,
+    /// and T_est scales with the number of samples.
     #[must_use]
     pub fn decided_anew(&self, choice: Choice) -> Self {
         let before = self.choice.map_or(0, |before| self.goal_samples(&before)).saturating_sub(self.samples_done());
@@ -263,13 +263,13 @@ impl ZoneRow {
         Self { choice: Some(choice), result: None, goal: None, time_estimated, ..self.clone() }
     }
 
-    /// The agents that hold it: its agent and the rival.
+    /// Returns the agents that hold it: its agent and the rival.
     pub fn holders(&self) -> impl Iterator<Item = &AgentId> {
         let holders = [self.agent.as_ref(), self.rival.as_ref().map(|rival| &rival.agent)];
         holders.into_iter().flatten().filter(|_| self.is_in_hand())
     }
 
-    /// The number of painted samples per pixel.
+    /// Returns the number of painted samples per pixel.
     pub fn samples_done(&self) -> u32 {
         self.result.map_or(0, |result| result.samples)
     }
@@ -279,8 +279,8 @@ impl ZoneRow {
         self.goal.map_or(choice.samples, |goal| goal.min(choice.samples))
     }
 
-    /// T_est of its next order: of the first samples with the user's settings before and during profiling, else of all
-    /// the remaining ones.
+    /// Returns T_est of its next order: of the first samples with the user's settings before and during profiling,
+    /// else of all the remaining ones.
     pub fn order_time(&self, settings: &WorkSettings) -> Option<Duration> {
         match self.state {
             ZoneState::Open | ZoneState::Profiling => {
@@ -292,22 +292,22 @@ impl ZoneRow {
         }
     }
 
-    /// True if it has all samples of its goal and waits for the next goal.
+    /// Returns true if it has all samples of its goal and waits for the next goal.
     pub fn is_waiting(&self) -> bool {
         self.state == ZoneState::Profiled && self.goal.is_some_and(|goal| goal <= self.samples_done())
     }
 
-    /// True if it is done or given up.
+    /// Returns true if it is done or given up.
     pub fn is_settled(&self) -> bool {
         matches!(self.state, ZoneState::Done | ZoneState::Failed)
     }
 
-    /// True if an agent holds it.
+    /// Returns true if an agent holds it.
     pub fn is_in_hand(&self) -> bool {
         matches!(self.state, ZoneState::Profiling | ZoneState::Awarded)
     }
 
-    /// The row after its agent failed or fell silent: open for the next agent, with one more attempt.
+    /// Returns the row after its agent failed or fell silent: open for the next agent, with one more attempt.
     #[must_use]
     pub fn taken_back(&self) -> Self {
         self.reopened(self.attempt + 1)
@@ -325,8 +325,8 @@ impl ZoneRow {
         Self { state, attempt, rival: None, ..self.clone() }
     }
 
-    /// The row of a zone that is painted again from its first sample. It keeps its settings, because the neighbors'
-    /// bands were made for them. `None`: the zone is neither done nor given up.
+    /// Returns the row of a zone that is painted again from its first sample. It keeps its settings, because the
+    /// neighbors' bands were made for them. `None`: the zone is neither done nor given up.
     pub fn requeued(&self) -> Option<Self> {
         matches!(self.state, ZoneState::Done | ZoneState::Failed).then(|| Self {
             state: ZoneState::Open,
@@ -343,7 +343,7 @@ impl ZoneRow {
         })
     }
 
-    /// The row after a restart of the whole farm: no agent holds it, and no failed attempts count.
+    /// Returns the row after a restart of the whole farm: no agent holds it, and no failed attempts count.
     #[must_use]
     pub fn resumed(&self) -> Self {
         let state = match self.state {

@@ -82,8 +82,8 @@ pub struct JobSettings {
 }
 
 impl JobSettings {
-    /// True if zones whose time is known well from earlier works need no profile: not by the paper's rules, and not where
-    /// agents are compared, because a profile compares them early.
+    /// Returns true if zones whose time is known well from earlier works need no profile: not by the paper's rules, and
+    /// not where agents are compared, because a profile compares them early.
     pub(crate) fn trusts_forecasts(&self) -> bool {
         let is_paper = self.auction == AuctionRule::Paper || self.adaptation == AdaptationRule::Paper;
         !is_paper && self.verify <= 1 && !self.strangers

@@ -26,8 +26,8 @@ const TERMS: [CostTerm; 4] = [
     CostTerm { channel: Channel::Material, count: |pixel| pixel.lookups, weight: 711.0 },
 ];
 
-/// Predicted time per sample of each cell, row-major, smoothed over 3 × 3 cells. A channel that is off counts
-/// everywhere as its mean.
+/// Returns the predicted time per sample of each cell, row-major, smoothed over 3 × 3 cells. A channel that is off
+/// counts everywhere as its mean.
 pub(super) fn predicted(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     let cells = survey.pixels.len();
     let mean = |term: &CostTerm| {
@@ -43,7 +43,7 @@ pub(super) fn predicted(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     })
 }
 
-/// The part of the predicted time per sample that the counts of one channel take, like [`predicted`].
+/// Returns the part of the predicted time per sample that the counts of one channel take, like [`predicted`].
 pub(super) fn predicted_of(survey: &Survey, channel: Channel) -> Vec<f32> {
     smoothed(survey, |pixel| {
         let terms = TERMS.iter().filter(|term| term.channel == channel);

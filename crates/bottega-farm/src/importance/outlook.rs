@@ -60,7 +60,7 @@ pub struct PictureOutlook {
 }
 
 impl PictureOutlook {
-    /// Predicted seconds per sample and pixel of the whole picture.
+    /// Returns the predicted seconds per sample and pixel of the whole picture.
     pub fn mean_density(&self) -> f64 {
         self.grid.iter().sum::<f64>() / self.grid.len().max(1) as f64
     }
@@ -98,7 +98,8 @@ impl Outlook {
         }
     }
 
-    /// The predictions for zones, and for the grid over `frame`. Panics if a zone or `frame` reaches beyond the survey.
+    /// Returns the predictions for zones, and for the grid over `frame`. Panics if a zone or `frame` reaches beyond the
+    /// survey.
     pub(crate) fn of_picture(&self, frame: &Rect, zones: impl Iterator<Item = Rect>) -> PictureOutlook {
         let cells = (0..OUTLOOK_ROWS).flat_map(|row| (0..OUTLOOK_COLUMNS).map(move |column| (column, row)));
         let grid = cells.map(|(column, row)| {
@@ -108,7 +109,7 @@ impl Outlook {
         PictureOutlook { frame: *frame, zones: zones.map(|rect| self.of(&rect)).collect(), grid: grid.collect() }
     }
 
-    /// The prediction for the pixels of `rect`. Constant time. Panics if `rect` reaches beyond the survey.
+    /// Returns the prediction for the pixels of `rect`. Constant time. Panics if `rect` reaches beyond the survey.
     pub(crate) fn of(&self, rect: &Rect) -> TaskOutlook {
         let mean = |sums: &Sums| sums.integral(rect) / rect.area().max(1) as f64;
         let share = |sums: &Sums| mean(sums).clamp(0.0, 1.0);
@@ -129,7 +130,7 @@ impl Outlook {
     }
 }
 
-/// The pixels of a cell of the grid: at least one.
+/// Returns the pixels of a cell of the grid: at least one.
 fn grid_cell(frame: &Rect, column: u32, row: u32) -> Rect {
     let part = |start: u32, end: u32, place: u32, count: u32| {
         let side = u64::from(end - start);

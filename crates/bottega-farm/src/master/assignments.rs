@@ -148,7 +148,7 @@ impl Assignments {
         }
     }
 
-    /// A zone's row after it is taken back from an agent; `None`: unchanged.
+    /// Returns a zone's row after it is taken back from an agent; `None`: unchanged.
     fn taken_back(&self, zone: ZoneId, agent: &AgentId, how: Departure) -> Option<ZoneRow> {
         let row = self.rows.settled_zone(zone).filter(|row| row.is_in_hand())?;
         let is_here = |other: &AgentId| other != agent && self.roster.get_by_name(other).is_some();
@@ -225,8 +225,8 @@ impl Assignments {
         self.orders_sent += 1;
     }
 
-    /// True if the rules of the agent that paints a zone choose its settings: MAGarRO, section 3.4, "when a task is
-    /// assigned to an agent". Never if paintings are compared, because all must use the same settings.
+    /// Returns true if the rules of the agent that paints a zone choose its settings: MAGarRO, section 3.4, "when a
+    /// task is assigned to an agent". Never if paintings are compared, because all must use the same settings.
     pub(super) fn decides(&self, row: &ZoneRow) -> bool {
         let settings = self.rows.board().work().map(|work| &work.settings);
         !self.config.verifies() && settings.is_some_and(|settings| row.is_undecided(settings))
@@ -241,7 +241,7 @@ impl Assignments {
         }
     }
 
-    /// The orders of an agent on the Blackboard, with the progress that it reports.
+    /// Returns the orders of an agent on the Blackboard, with the progress that it reports.
     pub(super) fn orders_of(&self, agent: MemberId, reported: &[Holding]) -> Vec<Holding> {
         let name = self.roster.name(agent);
         let order = |zone: ZoneId| {
@@ -253,12 +253,12 @@ impl Assignments {
         self.ledger.held_by(agent).filter_map(order).collect()
     }
 
-    /// Time at which the current order of a zone was sent.
+    /// Returns the time at which the current order of a zone was sent.
     pub(super) fn sent_at(&self, zone: ZoneId) -> Option<Time> {
         self.sent.get(&zone).copied()
     }
 
-    /// Time since the current order of a zone was sent.
+    /// Returns the time since the current order of a zone was sent.
     pub(super) fn time_since_order(&self, now: Time, zone: ZoneId) -> Option<Duration> {
         self.sent_at(zone).map(|sent| now - sent)
     }
@@ -268,12 +268,12 @@ impl Assignments {
         self.sent.remove(&zone);
     }
 
-    /// Number of orders sent so far.
+    /// Returns the number of orders sent so far.
     pub(super) fn orders_sent(&self) -> u64 {
         self.orders_sent
     }
 
-    /// The names of agents.
+    /// Returns the names of agents.
     pub(super) fn names(&self, agents: &[MemberId]) -> Vec<AgentId> {
         agents.iter().map(|&agent| self.roster.name(agent).clone()).collect()
     }

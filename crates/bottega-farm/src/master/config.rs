@@ -63,12 +63,12 @@ pub struct MasterConfig {
 }
 
 impl MasterConfig {
-    /// True if paintings are compared.
+    /// Returns true if paintings are compared.
     pub(super) fn verifies(&self) -> bool {
         self.verify > 1
     }
 
-    /// True if zones are dealt out and agents take them from one another, instead of auctions.
+    /// Returns true if zones are dealt out and agents take them from one another, instead of auctions.
     pub(super) fn deals(&self) -> bool {
         self.auction == AuctionRule::Stealing
     }

@@ -55,7 +55,7 @@ pub(super) fn hand_over(
     }
 }
 
-/// A zone's row after the transfer of its order; `None`: it cannot be transferred.
+/// Returns a zone's row after the transfer of its order; `None`: it cannot be transferred.
 fn handed_over(from: &AgentId, to: &AgentId, order: &PassedOrder, assignments: &Assignments) -> Option<ZoneRow> {
     let &PassedOrder { zone, fence, kept } = order;
     let Assignments { config, rows, .. } = assignments;

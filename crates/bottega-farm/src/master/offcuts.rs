@@ -47,7 +47,7 @@ impl Offcuts {
         }
     }
 
-    /// True if all pieces have rows.
+    /// Returns true if all pieces have rows.
     pub(super) fn is_empty(&self) -> bool {
         self.missing.is_empty()
     }

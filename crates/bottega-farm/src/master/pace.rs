@@ -34,8 +34,8 @@ pub(super) struct HangingOrder {
     pub(super) reason: String,
 }
 
-/// The agent's longest-held order if it has made no progress for too long. Taking longer than expected is no reason,
-/// except far beyond all bounds.
+/// Returns the agent's longest-held order if it has made no progress for too long. Taking longer than expected is no
+/// reason, except far beyond all bounds.
 ///
 /// - `reported`: the orders in the agent's heartbeat. Orders of the Blackboard that are missing there count as without
 ///   progress; others are ignored.
@@ -65,8 +65,8 @@ pub(super) fn hanging_order(
     Some(HangingOrder { order, reason })
 }
 
-/// The allowed time without progress, and the allowed total time, of an agent's order. An agent with `order_count` orders may
-/// divide its processors among them.
+/// Returns the allowed time without progress, and the allowed total time, of an agent's order. An agent with `order_count`
+/// orders may divide its processors among them.
 fn patience(member: &Member, row: &ZoneRow, order: &Holding, order_count: usize) -> [Duration; 2] {
     // Agents that share a machine slow each other down.
     let sharing = member.row.lanes.min(1.0).recip().min(SHARING_MAX);

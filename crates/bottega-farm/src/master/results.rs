@@ -71,7 +71,7 @@ pub(super) fn kept_promise(
     Some(KeptPromise { taken, worth: worth.of(Some(id), row, samples) })
 }
 
-/// The zone's row after a valid report, or the reason to refuse it.
+/// Returns the zone's row after a valid report, or the reason to refuse it.
 pub(super) fn accepted(
     zone: ZoneId,
     fence: Revision,
@@ -137,7 +137,7 @@ pub(super) fn accepted(
     })
 }
 
-/// The row of a finished zone whose samples were lost: open again, or given up.
+/// Returns the row of a finished zone whose samples were lost: open again, or given up.
 pub(super) fn without_samples(row: &ZoneRow) -> ZoneRow {
     // Keep the settings, for which its neighbors' bands were made
     let attempt = row.attempt + 1;

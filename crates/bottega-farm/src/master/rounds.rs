@@ -65,8 +65,8 @@ impl Rounds {
         true
     }
 
-    /// True if a proposal bids for a zone on offer. A proposal without such a bid is a refusal, so that it does not
-    /// count as competition.
+    /// Returns true if a proposal bids for a zone on offer. A proposal without such a bid is a refusal, so that it
+    /// does not count as competition.
     pub(super) fn is_bid(&self, conversation: u64, proposal: &Proposal) -> bool {
         let offers = self.running.get(&conversation).map_or(&[][..], |round| &round.offers);
         let is_offered = |bid: &Bid| offers.iter().any(|offer| offer.zone == bid.zone);
@@ -229,7 +229,7 @@ impl Rounds {
         self.running.clear();
     }
 
-    /// The deadline of the next round to end. Rounds end in the order in which they began.
+    /// Returns the deadline of the next round to end. Rounds end in the order in which they began.
     pub(super) fn next_deadline(&self) -> Option<Time> {
         self.running.values().next().map(|round| round.deadline)
     }

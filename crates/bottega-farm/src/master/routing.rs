@@ -229,8 +229,8 @@ impl Master {
         self.count_failure(now, sender, (zone, fence), reason, actions);
     }
 
-    /// The zone's row after a valid report of a painting, with the verdict on compared agents; or the reason to refuse
-    /// it.
+    /// Returns the zone's row after a valid report of a painting, with the verdict on compared agents; or the reason
+    /// to refuse it.
     fn row_after(
         &self,
         report: &Report,
@@ -269,7 +269,7 @@ impl Master {
         actions.push(FarmAction::Send(answer(to, &self.assignments.config.id, performative, content)));
     }
 
-    /// The confirmation of a report.
+    /// Returns the confirmation of a report.
     fn confirmation(&self, message: &FarmMessage, report: &Report) -> FarmMessage {
         let &Report { zone, fence, .. } = report;
         let content = FarmContent::Received { zone, fence };

@@ -25,7 +25,7 @@ pub(super) struct StallWatch {
 }
 
 impl StallWatch {
-    /// The stall if zones have waited for [`STALLED_AFTER`](crate::STALLED_AFTER) although an agent is free.
+    /// Returns the stall if zones have waited for [`STALLED_AFTER`](crate::STALLED_AFTER) although an agent is free.
     ///
     /// - `is_at_work`: true if the Master gives out zones.
     pub(super) fn check(&mut self, now: Time, is_at_work: bool, assignments: &Assignments) -> Option<Stall> {
@@ -36,8 +36,8 @@ impl StallWatch {
     }
 }
 
-/// The number of zones that wait for an agent and of agents that are free; `None` if either is zero. A zone whose order is
-/// not on the Blackboard yet counts as waiting, and an agent without other orders as free.
+/// Returns the number of zones that wait for an agent and of agents that are free; `None` if either is zero. A zone whose
+/// order is not on the Blackboard yet counts as waiting, and an agent without other orders as free.
 ///
 /// An agent that refuses zones is not free. While others paint, neither is one that was passed over because another
 /// agent finishes the zone sooner.

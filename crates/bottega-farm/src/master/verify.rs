@@ -45,7 +45,7 @@ impl Verification {
         Self { config, comparisons: Comparisons::default(), lacking: 0 }
     }
 
-    /// The row after a valid report: accepted, or waiting for further votes.
+    /// Returns the row after a valid report: accepted, or waiting for further votes.
     ///
     /// - `accepted`: the row if the report is accepted.
     pub(super) fn vote(
@@ -92,8 +92,9 @@ impl Verification {
         (ZoneRow { votes: Vec::new(), word_of, time_estimated, ..accepted }, verdict)
     }
 
-    /// True if an agent's painting is accepted without comparison: it was right often enough, and the painting is not
-    /// in the random share that is compared anyway. That share falls with the number of confirmed paintings.
+    /// Returns true if an agent's painting is accepted without comparison: it was right often enough, and the
+    /// painting is not in the random share that is compared anyway. That share falls with the number of confirmed
+    /// paintings.
     fn believes(&self, vote: &Vote, zone: ZoneId, assignments: &Assignments) -> bool {
         let member = assignments.roster.get_by_name(&vote.agent).map(|member| &member.row);
         let agreed = member.or_else(|| assignments.rows.board().agent(&vote.agent)).map_or(0, |row| row.agreed);
@@ -113,7 +114,7 @@ impl Verification {
         f64::from(u32::from_le_bytes(bits)) >= share * f64::from(u32::MAX)
     }
 
-    /// True if two paintings of a zone agree: bit for bit, or by their look.
+    /// Returns true if two paintings of a zone agree: bit for bit, or by their look.
     fn is_same(&self, zone: ZoneId, one: &Painting, other: &Painting) -> bool {
         if !self.config.compares_by_look {
             return one.is_same(other);
@@ -122,18 +123,19 @@ impl Verification {
         one.may_look_like(other) && (pair.1 == pair.2 || self.comparisons.result(&pair) == Some(true))
     }
 
-    /// True if the tile of a vote could not be fetched, so the vote does not count.
+    /// Returns true if the tile of a vote could not be fetched, so the vote does not count.
     fn is_missing(&self, zone: ZoneId, painting: &Painting) -> bool {
         self.comparisons.is_missing(zone, painting.result.digest)
     }
 
-    /// The same for a reported tile, whose mark is removed: the next report of it may be of a tile that exists.
+    /// Returns the same for a reported tile, whose mark is removed: the next report of it may be of a tile that
+    /// exists.
     pub(super) fn take_missing(&mut self, zone: ZoneId, painting: &Painting) -> bool {
         self.comparisons.take_missing(zone, painting.result.digest)
     }
 
-    /// True if the votes of others can be compared with this report now. If not, a comparison of pixels is pending, and
-    /// the report is processed after it.
+    /// Returns true if the votes of others can be compared with this report now. If not, a comparison of pixels is
+    /// pending, and the report is processed after it.
     pub(super) fn can_compare(
         &mut self,
         before: &ZoneRow,

@@ -54,7 +54,7 @@ impl<'a> ZoneIndex<'a> {
     }
 }
 
-/// The multiple of `grid` nearest to `at`.
+/// Returns the multiple of `grid` nearest to `at`.
 pub(crate) fn nearest_multiple(at: u32, grid: u32) -> u32 {
     at.saturating_add(grid / 2) / grid.max(1) * grid.max(1)
 }

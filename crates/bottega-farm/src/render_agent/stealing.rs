@@ -25,15 +25,15 @@ pub(super) struct Neighbor {
 }
 
 impl Neighbor {
-    /// A neighbor as it describes itself.
+    /// Makes a neighbor as it describes itself.
     pub(super) fn new(own_seconds: f64, load: Duration) -> Self {
         let own_seconds = if own_seconds.is_finite() { own_seconds.clamp(1e-6, 1e6) } else { 1.0 };
         Self { own_seconds, load }
     }
 }
 
-/// The orders to give to a neighbor, the last of `waiting` first, while the neighbor finishes them before this agent
-/// finishes everything. Of the next zone such a part is given that both finish together.
+/// Returns the orders to give to a neighbor, the last of `waiting` first, while the neighbor finishes them before
+/// this agent finishes everything. Of the next zone such a part is given that both finish together.
 ///
 /// - `waiting`: the zones that are not begun, the last first.
 /// - `load`: time until this agent has painted all that it holds.

@@ -103,14 +103,14 @@ pub enum FarmSpecError {
 }
 
 impl FarmSpec {
-    /// A number of agents with speed 1, each with a processor of its own.
+    /// Makes a number of agents with speed 1, each with a processor of its own.
     pub fn equal(count: usize) -> Self {
         let mut farm = Self::default();
         farm.add(count, MachineSpec { processors: 1, speed: 1.0 });
         farm
     }
 
-    /// A number of agents that share one machine of speed 1, like those of one process.
+    /// Makes a number of agents that share one machine of speed 1, like those of one process.
     pub fn sharing(count: usize, processors: u32) -> Self {
         let machines = vec![MachineSpec { processors, speed: 1.0 }];
         let agents = vec![AgentSpec { machine: 0, joins: Duration::ZERO }; count];
@@ -137,12 +137,12 @@ impl FarmSpec {
         }
     }
 
-    /// The sum of the speeds of all processors, without incidents.
+    /// Returns the sum of the speeds of all processors, without incidents.
     pub fn speed(&self) -> f64 {
         self.machines.iter().map(|machine| f64::from(machine.processors) * machine.speed).sum()
     }
 
-    /// Lower bound on the time to paint an amount of work from `start` on: without losses or waiting.
+    /// Returns a lower bound on the time to paint an amount of work from `start` on: without losses or waiting.
     ///
     /// - `work`: processor time at speed 1, in seconds.
     ///
@@ -168,7 +168,7 @@ impl FarmSpec {
         (speed > 1e-12).then(|| Duration::try_from_secs_f64(now + left / speed).ok()).flatten()
     }
 
-    /// The changes of each machine.
+    /// Returns the changes of each machine.
     fn marks(&self) -> Vec<Vec<MachineMark>> {
         let mut marks: Vec<Vec<MachineMark>> = vec![Vec::new(); self.machines.len()];
         let mut gone: Vec<Option<Duration>> = vec![None; self.agents.len()];

@@ -57,7 +57,7 @@ impl Machines {
         self.machines.push(Machine { processors, speed, jobs: Vec::new(), settled: Time::ZERO, next: None });
     }
 
-    /// The time at which the next job is done.
+    /// Returns the time at which the next job is done.
     pub(super) fn next(&self) -> Option<Time> {
         self.next.first().map(|(time, _)| *time)
     }
@@ -70,7 +70,7 @@ impl Machines {
         self.alter(now, machine, |machine| machine.speed *= factor);
     }
 
-    /// Speed of a machine's processors.
+    /// Returns the speed of a machine's processors.
     pub(super) fn speed(&self, machine: usize) -> f64 {
         self.machines[machine].speed
     }
@@ -89,7 +89,7 @@ impl Machines {
         dropped
     }
 
-    /// Remaining processor time of a job at speed 1, in seconds.
+    /// Returns the remaining processor time of a job at speed 1, in seconds.
     pub(super) fn left(&mut self, now: Time, machine: usize, zone: ZoneId, fence: Revision) -> Option<f64> {
         self.alter(now, machine, |_| {});
         let mut jobs = self.machines[machine].jobs.iter();

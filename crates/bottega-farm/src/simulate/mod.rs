@@ -93,8 +93,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// A plan with these agents on a fast network without faults. Zones are shared at the end if agents have machines
-    /// of their own.
+    /// Makes a plan with these agents on a fast network without faults. Zones are shared at the end if agents have
+    /// machines of their own.
     pub fn calm(farm: FarmSpec, seed: u64) -> Self {
         Self {
             shares_tail: farm.machines.len() >= farm.agents.len(),
@@ -120,8 +120,8 @@ impl Plan {
         }
     }
 
-    /// The plan with the paper's auction and adaptation, and without what the paper has not: agents hold one zone at a
-    /// time, and the end of the work is not shared.
+    /// Returns the plan with the paper's auction and adaptation, and without what the paper has not: agents hold one
+    /// zone at a time, and the end of the work is not shared.
     #[must_use]
     pub fn as_in_paper(self) -> Self {
         let (auction, adaptation) = (AuctionRule::Paper, AdaptationRule::Paper);
@@ -215,8 +215,8 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome
     })
 }
 
-/// Processor time at speed 1 of the samples in the picture, in seconds; rules may have chosen other numbers of samples
-/// than in the record.
+/// Returns the processor time at speed 1 of the samples in the picture, in seconds; rules may have chosen other
+/// numbers of samples than in the record.
 fn painted_seconds(simulator: &Simulator<FarmAgent, SimulatedFarm>, piece: &Workpiece) -> f64 {
     let prefix = WorkKeys::new(piece.work.work).prefix();
     let seconds = |value: &FarmValue| match value {

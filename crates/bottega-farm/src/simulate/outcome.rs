@@ -10,7 +10,7 @@ use crate::{Credit, RelativePower, RoundSummary, Theft};
 pub struct SimulationOutcome {
     /// Time at which the picture was complete, from the start of the platform.
     pub makespan: Duration,
-    /// Lower bound on that time, for the painted samples and the agents present, including the survey; `None`: they
+    /// Lower bound on the time taken, for the painted samples and the agents present, including the survey; `None`: they
     /// cannot finish.
     pub least: Option<Duration>,
     /// Time of the most expensive zone on the fastest machine, in one piece, including the survey.
@@ -69,13 +69,13 @@ pub struct AgentOutcome {
 }
 
 impl SimulationOutcome {
-    /// The credit of the agents, for [`Plan::credits`](super::Plan::credits) of the next work.
+    /// Returns the credit of the agents, for [`Plan::credits`](super::Plan::credits) of the next work.
     pub fn credits(&self) -> BTreeMap<String, Credit> {
         self.agents.iter().map(|agent| (agent.name.clone(), agent.credit)).collect()
     }
 
-    /// V_cp of the agents, for [`Plan::powers`](super::Plan::powers) of the next work. Agents learn it from estimates that they themselves have
-    /// made, so all may drift together: their mean is held to that at the start.
+    /// Returns V_cp of the agents, for [`Plan::powers`](super::Plan::powers) of the next work. Agents learn it from estimates
+    /// that they themselves have made, so all may drift together: their mean is held to that at the start.
     pub fn powers(&self) -> BTreeMap<String, RelativePower> {
         let drift = |agent: &AgentOutcome| (agent.power.get() / agent.first_power.get()).ln();
         let mean = self.agents.iter().map(drift).sum::<f64>() / self.agents.len().max(1) as f64;
@@ -83,13 +83,13 @@ impl SimulationOutcome {
         self.agents.iter().map(|agent| (agent.name.clone(), power(agent))).collect()
     }
 
-    /// The lower bound over the time taken, 0..=1.
+    /// Returns the lower bound over the time taken, 0..=1.
     pub fn efficiency(&self) -> f64 {
         self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
     }
 
-    /// The worst ratio of predicted to actual remaining time, or its inverse, once a share of the work was done. Errors
-    /// below a second, or below a twentieth of the whole time, are ignored. `None`: no predictions.
+    /// Returns the worst ratio of predicted to actual remaining time, or its inverse, once a share of the work was
+    /// done. Errors below a second, or below a twentieth of the whole time, are ignored. `None`: no predictions.
     ///
     /// - `from`: share of the cost, 0..1.
     pub fn worst_time_left(&self, from: f64) -> Option<f64> {

@@ -172,7 +172,8 @@ impl SimulatedFarm {
         self.agents.push(simulated);
     }
 
-    /// Time of preparation for an agent that joins now: its shared part is divided among the machines present.
+    /// Returns the time of preparation for an agent that joins now: its shared part is divided among the machines
+    /// present.
     fn preparation(&self, now: Time) -> Duration {
         let Workpiece { preparation, shared_preparation, shared_stages, .. } = *self.piece;
         let is_there = |simulated: &&SimulatedPainter| Time::ZERO + simulated.joins <= now;

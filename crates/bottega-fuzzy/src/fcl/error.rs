@@ -12,7 +12,7 @@ pub struct Position {
 }
 
 impl Position {
-    /// The byte range of the token at this position; empty at the end of a text.
+    /// Returns the byte range of the token at this position; empty at the end of a text.
     pub fn range_in(self, text: &str) -> std::ops::Range<usize> {
         let line_start = match self.line.checked_sub(2) {
             Some(before) => text.match_indices('\n').nth(before).map_or(text.len(), |(newline, _)| newline + 1),
@@ -144,13 +144,13 @@ fn did_you_mean(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or_else(String::new, |word| format!("; did you mean `{word}`?"))
 }
 
-/// The word most similar to `found`, if it is similar enough.
+/// Returns the word most similar to `found`, if it is similar enough.
 pub(super) fn nearest<'a>(found: &str, words: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let near = |word: &&str| distance(found, word) <= (found.len().max(word.len()) / 3).max(1);
     words.into_iter().filter(near).min_by_key(|word| distance(found, word)).map(str::to_owned)
 }
 
-/// The edit distance without case: insertions, deletions, substitutions and swaps of neighbors.
+/// Returns the edit distance without case: insertions, deletions, substitutions and swaps of neighbors.
 fn distance(a: &str, b: &str) -> usize {
     let (a, b) = (a.to_ascii_uppercase().into_bytes(), b.to_ascii_uppercase().into_bytes());
     let mut rows: Vec<Vec<usize>> = vec![(0..=b.len()).collect()];

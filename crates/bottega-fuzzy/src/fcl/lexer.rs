@@ -20,7 +20,7 @@ pub(super) enum Token<'a> {
 }
 
 impl Token<'_> {
-    /// The token's name in error messages.
+    /// Returns the token's name in error messages.
     pub(super) fn describe(&self) -> String {
         match self {
             Self::Word(word) => format!("`{word}`"),

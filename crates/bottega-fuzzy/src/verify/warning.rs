@@ -79,7 +79,7 @@ pub struct Hole {
 }
 
 impl WarningKind {
-    /// A short identifier for programs, like that of a lint.
+    /// Returns a short identifier for programs, like that of a lint.
     pub fn code(&self) -> &'static str {
         match self {
             Self::LabelTwice { .. } => "label-twice",

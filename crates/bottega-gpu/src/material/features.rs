@@ -46,7 +46,7 @@ impl Features {
         if condition { self.with(others) } else { self }
     }
 
-    /// True if any of `others` is in the set.
+    /// Returns true if any of `others` is in the set.
     pub(super) fn has_some_of(self, others: Self) -> bool {
         self.0 & others.0 != 0
     }

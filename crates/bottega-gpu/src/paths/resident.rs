@@ -97,7 +97,7 @@ impl ResidentScenes {
         Ok(())
     }
 
-    /// True if the kernels of a variant are compiled.
+    /// Returns true if the kernels of a variant are compiled.
     pub(super) fn has_kernels(&self, variant: Variant) -> bool {
         self.kernels.iter().any(|(known, _)| *known == variant)
     }

@@ -129,7 +129,7 @@ impl Tracer {
         self.scenes.kernels(&self.context, &self.layouts, &self.cache, variant).map(|_| ())
     }
 
-    /// True if the kernels of a variant are compiled.
+    /// Returns true if the kernels of a variant are compiled.
     pub(super) fn has_kernels(&self, variant: Variant) -> bool {
         self.scenes.has_kernels(variant)
     }

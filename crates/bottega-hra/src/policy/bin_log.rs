@@ -36,7 +36,7 @@ pub struct BinStep {
 }
 
 impl BinReport {
-    /// The difference from an earlier report; times count from there.
+    /// Returns the difference from an earlier report; times count from there.
     pub(crate) fn since(&self, before: &Self, then: Duration, now: Duration) -> Self {
         let start = Time::at(then);
         let seconds = now.saturating_sub(then).as_secs_f64().max(f64::MIN_POSITIVE);
@@ -141,7 +141,7 @@ impl BinLog {
         self.step *= 2;
     }
 
-    /// The report until `now`.
+    /// Returns the report until `now`.
     pub(crate) fn report(&mut self, now: Time) -> BinReport {
         self.advance(now);
         let length = self.step.as_secs_f64();

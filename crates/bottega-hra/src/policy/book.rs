@@ -76,7 +76,7 @@ struct BookEntry {
 }
 
 impl CostBook {
-    /// An empty book for costs learned under `version`.
+    /// Makes an empty book for costs learned under `version`.
     pub fn new(version: impl Into<String>) -> Self {
         Self { version: version.into(), costs: BTreeMap::new() }
     }
@@ -112,7 +112,7 @@ impl CostBook {
         Ok(book)
     }
 
-    /// The book as JSON.
+    /// Returns the book as JSON.
     pub fn to_json(&self) -> String {
         let entries = |costs: &[CostModel; Primitive::COUNT]| {
             let known = Primitive::ALL.into_iter().filter(|primitive| costs[primitive.index()].units() > 0);
@@ -123,7 +123,7 @@ impl CostBook {
         serde_json::to_string_pretty(&text).unwrap_or_default()
     }
 
-    /// The cost of a primitive on a resource, if known.
+    /// Returns the cost of a primitive on a resource, if known.
     pub fn get(&self, resource: &str, primitive: Primitive) -> Option<&CostModel> {
         let costs = self.costs.get(kind_of(resource))?;
         Some(&costs[primitive.index()]).filter(|cost| cost.units() > 0)
@@ -164,7 +164,7 @@ impl BookEntry {
     }
 }
 
-/// A name without a trailing number.
+/// Returns a name without a trailing number.
 fn kind_of(name: &str) -> &str {
     name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end()
 }

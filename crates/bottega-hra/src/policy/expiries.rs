@@ -16,7 +16,7 @@ pub struct Expiries {
 }
 
 impl Expiries {
-    /// Number of all expired units.
+    /// Returns the number of all expired units.
     pub fn count(&self) -> u64 {
         self.waiting + self.late
     }

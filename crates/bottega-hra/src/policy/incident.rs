@@ -31,7 +31,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// A description for users.
+    /// Returns a description for users.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Refused => "gave work back",

@@ -30,8 +30,8 @@ pub(crate) struct ResourceKind {
 }
 
 impl ResourceKind {
-    /// True if a resource with these times is of the kind: it supports the same primitives, within a fifth of the
-    /// speed.
+    /// Returns true if a resource with these times is of the kind: it supports the same primitives, within a fifth of
+    /// the speed.
     pub(crate) fn is_like(&self, times: &ByPrimitive<f64>) -> bool {
         self.times.iter().zip(times).all(|(own, time)| {
             own == time || (own.is_finite() && time.is_finite() && (0.8..=1.25).contains(&(own / time)))
@@ -179,7 +179,7 @@ impl Tableau {
         values
     }
 
-    /// The dual value of a row.
+    /// Returns the dual value of a row.
     fn price(&self, row: usize) -> f64 {
         self.get(self.rows, self.columns + row).max(0.0)
     }
@@ -218,7 +218,7 @@ pub(crate) fn split(total: u64, costs: &[Option<(f64, f64)>]) -> Vec<u64> {
     shares
 }
 
-/// The time at which `amount` is done by workers with `(start, speed)`, in the order of their starts.
+/// Returns the time at which `amount` is done by workers with `(start, speed)`, in the order of their starts.
 pub(crate) fn water_level(workers: &[(f64, f64)], amount: f64) -> f64 {
     let (mut speed, mut level, mut done) = (0.0, 0.0, 0.0);
     for &(start, own) in workers {

@@ -34,7 +34,7 @@ pub(crate) struct Admission {
 }
 
 impl Residency {
-    /// An empty memory of `capacity` bytes; `None`: unlimited.
+    /// Makes an empty memory of `capacity` bytes; `None`: unlimited.
     pub(crate) fn new(capacity: Option<u64>) -> Self {
         Self { capacity: capacity.unwrap_or(u64::MAX), used: 0, held: BTreeMap::new(), uses: 0, is_here: false }
     }
@@ -48,7 +48,7 @@ impl Residency {
         self.is_here || self.held.contains_key(&id)
     }
 
-    /// Bytes of resident data.
+    /// Returns the bytes of resident data.
     pub(crate) fn used(&self) -> u64 {
         self.used
     }

@@ -60,7 +60,7 @@ impl Spans {
         }
     }
 
-    /// All spans, followed by `last`.
+    /// Returns all spans, followed by `last`.
     pub(crate) fn with(&self, last: Span) -> Vec<Span> {
         let mut spans = self.kept.clone();
         if self.max > 0 && last.to > last.from {

@@ -77,14 +77,14 @@ impl<T> Chunk<T> {
         Self::with_room(unit, announced, 1)
     }
 
-    /// A chunk with room for a number of units, within the maximum.
+    /// Makes a chunk with room for a number of units, within the maximum.
     pub(crate) fn with_room(unit: Unit<T>, announced: bool, units: usize) -> Self {
         let mut chunk = Self { units: VecDeque::with_capacity(units.min(Self::UNITS_MAX)), items: 0, announced };
         chunk.push(unit);
         chunk
     }
 
-    /// True if a unit with `meta` may be appended.
+    /// Returns true if a unit with `meta` may be appended.
     pub(crate) fn accepts(&self, meta: &Meta, announced: bool) -> bool {
         let Some(last) = self.units.back().map(|unit| &unit.meta) else { return false };
         self.units.len() < Self::UNITS_MAX
@@ -147,7 +147,7 @@ impl<T> Chunk<T> {
         drawn.len() < units
     }
 
-    /// The properties of the first unit.
+    /// Returns the properties of the first unit.
     pub(crate) fn front(&self) -> Option<&Meta> {
         self.units.front().map(|unit| &unit.meta)
     }

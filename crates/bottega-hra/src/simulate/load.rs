@@ -28,7 +28,7 @@ pub struct Arrival {
 }
 
 impl Arrival {
-    /// A unit without data, maximum delay or expiry.
+    /// Makes a unit without data, maximum delay or expiry.
     pub fn new(at: Time, primitive: Primitive, size: u64) -> Self {
         let (max_delay, validity) = (Duration::MAX, Duration::MAX);
         Self { at, primitive, size, payload_bytes: 0, answer_bytes: 0, data: None, priority: 0, max_delay, validity }
@@ -45,7 +45,7 @@ pub struct Load {
 }
 
 impl Load {
-    /// A single group at the start: `units` units of `size` items, of these primitives in turn.
+    /// Makes a single group at the start: `units` units of `size` items, of these primitives in turn.
     pub fn batch(units: usize, size: u64, primitives: &[Primitive]) -> Self {
         let turns = primitives.iter().cycle().take(units);
         let arrivals = turns.map(|&primitive| Arrival::new(Time::ZERO, primitive, size)).collect();

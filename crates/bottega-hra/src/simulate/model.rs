@@ -41,7 +41,7 @@ pub struct Faults {
 }
 
 impl Model {
-    /// A resource without faults next to the processor, with `ns_per_item` for every primitive.
+    /// Makes a resource without faults next to the processor, with `ns_per_item` for every primitive.
     pub fn near(name: impl Into<String>, ns_per_item: f64) -> Self {
         Self {
             name: name.into(),
@@ -55,7 +55,7 @@ impl Model {
         }
     }
 
-    /// A resource without faults behind a link.
+    /// Makes a resource without faults behind a link.
     pub fn far(name: impl Into<String>, ns_per_item: f64, link: Link) -> Self {
         Self { link, window: Some(Window::default()), ..Self::near(name, ns_per_item) }
     }

@@ -49,12 +49,12 @@ pub struct DayOutcome {
 }
 
 impl DayOutcome {
-    /// Number of successful units.
+    /// Returns the number of successful units.
     pub fn done(&self) -> usize {
         self.answers.iter().flatten().filter(|answer| answer.outcome == Some(Ok(()))).count()
     }
 
-    /// Number of units that were never answered.
+    /// Returns the number of units that were never answered.
     pub fn lost(&self) -> usize {
         self.answers.iter().filter(|answer| answer.is_none()).count()
     }

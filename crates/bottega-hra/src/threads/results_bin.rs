@@ -77,7 +77,7 @@ impl<O> ResultsBin<O> {
         }
     }
 
-    /// Number of units whose answer is outstanding.
+    /// Returns the number of units whose answer is outstanding.
     fn left(&self, state: &ResultsState<O>) -> usize {
         self.expected.load(Ordering::SeqCst) - state.settled
     }
@@ -146,7 +146,7 @@ impl<O> ResultsBin<O> {
     }
 }
 
-/// The instant after `timeout`; `None` if it exceeds the clock's range.
+/// Returns the instant after `timeout`; `None` if it exceeds the clock's range.
 pub(crate) fn deadline_after(timeout: Duration) -> Option<Instant> {
     Instant::now().checked_add(timeout)
 }

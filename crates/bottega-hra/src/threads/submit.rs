@@ -167,7 +167,7 @@ fn data_of<W: Work>(work: &W) -> Option<Data> {
     work.data().map(|id| Data { id, bytes: work.data_bytes() })
 }
 
-/// The unit as submitted, unless a resource has it; its maximum delay bounded by the configuration.
+/// Returns the unit as submitted, unless a resource has it; its maximum delay bounded by the configuration.
 pub(crate) fn into_unit<W: Work>(unit: Unit<UnitPayload<W>>) -> Option<WorkUnit<W>> {
     let Unit { meta, load: UnitPayload { work, ticket, .. } } = unit;
     let validity = if meta.expires < Time::NEVER { meta.expires.since(meta.submitted) } else { Duration::MAX };

@@ -363,7 +363,7 @@ pub(super) mod tests {
             .collect()
     }
 
-    /// A guide learned from some thousand directions on a floor.
+    /// Returns a guide learned from some thousand directions on a floor.
     pub(in super::super) fn example(to: Vec3) -> Guide {
         learn(&vertices(to), None)
     }

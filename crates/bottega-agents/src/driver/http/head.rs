@@ -74,7 +74,7 @@ pub fn parse_head(bytes: &[u8]) -> Result<Option<(Head, usize)>, HttpError> {
     Ok(Some((read_head(&text)?, blank + length)))
 }
 
-/// Length of the header in bytes, including the empty line at its end.
+/// Returns the length of the header in bytes, including the empty line at its end.
 pub(super) fn end_of_head(bytes: &[u8]) -> Option<usize> {
     let ends = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at);
     ends.map(|at| (at, &bytes[at + 1..])).find_map(|(at, rest)| match rest {
@@ -131,7 +131,7 @@ fn read_head(text: &str) -> Result<Head, HttpError> {
     })
 }
 
-/// Field names in lower case, with values. A line that starts with a blank continues the one before.
+/// Returns the field names in lower case, with values. A line that starts with a blank continues the one before.
 fn fields<'a>(lines: impl Iterator<Item = &'a str>) -> Result<Vec<(String, String)>, HttpError> {
     let mut fields: Vec<(String, String)> = Vec::new();
     for line in lines {

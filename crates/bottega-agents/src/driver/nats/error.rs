@@ -75,13 +75,14 @@ pub enum NatsError {
 }
 
 impl NatsError {
-    /// True if the server does not know the credentials. While it reloads its configuration this may be temporary.
+    /// Returns true if the server does not know the credentials. While it reloads its configuration this may be
+    /// temporary.
     pub fn is_refusal(&self) -> bool {
         matches!(self, Self::Connect { source, .. } if source.kind() == ConnectErrorKind::AuthorizationViolation)
     }
 
-    /// True if retrying may succeed on a server that was reachable a moment ago: while it reloads its configuration it
-    /// rejects members, closes connections and has no storage.
+    /// Returns true if retrying may succeed on a server that was reachable a moment ago: while it reloads its
+    /// configuration it rejects members, closes connections and has no storage.
     pub fn may_pass(&self) -> bool {
         match self {
             Self::Connect { source, .. } => matches!(

@@ -146,37 +146,37 @@ impl<K: Codec> NatsUplink<K> {
         })
     }
 
-    /// The blobs: large data.
+    /// Returns the blobs: large data.
     pub fn blobs(&self) -> &NatsBlobs {
         &self.blobs
     }
 
-    /// The payloads of results.
+    /// Returns the payloads of results.
     pub fn payloads(&self) -> &NatsPayloads {
         &self.payloads
     }
 
-    /// The name of the member that is linked: all processes of a machine are one member.
+    /// Returns the name of the member that is linked: all processes of a machine are one member.
     pub fn member(&self) -> &str {
         &self.member
     }
 
-    /// True if this member is a guest, see [`Rights::of_guest`].
+    /// Returns true if this member is a guest, see [`Rights::of_guest`].
     pub fn is_guest(&self) -> bool {
         self.is_guest
     }
 
-    /// The notices of the farm.
+    /// Returns the notices of the farm.
     pub fn notices(&self) -> &NatsNotices {
         &self.notices
     }
 
-    /// The version of the server.
+    /// Returns the version of the server.
     pub fn server_version(&self) -> String {
         self.client.server_info().version
     }
 
-    /// The traffic over the link so far.
+    /// Returns the traffic over the link so far.
     pub fn traffic(&self) -> Traffic {
         let told = self.client.statistics();
         Traffic {
@@ -187,7 +187,7 @@ impl<K: Codec> NatsUplink<K> {
         }
     }
 
-    /// True if the server is connected.
+    /// Returns true if the server is connected.
     pub fn is_connected(&self) -> bool {
         self.client.connection_state() == async_nats::connection::State::Connected
     }
@@ -215,7 +215,7 @@ impl<K: Codec> NatsUplink<K> {
         self.handle.block_on(self.bucket.forget(prefix));
     }
 
-    /// The address of an agent over this link, for directories.
+    /// Returns the address of an agent over this link, for directories.
     pub fn address_of(&self, agent: &AgentId) -> String {
         names::address(&self.farm, &agent.name)
     }

@@ -153,7 +153,7 @@ impl NatsNotices {
         }
     }
 
-    /// True if a notice of this name exists, or was removed.
+    /// Returns true if a notice of this name exists, or was removed.
     ///
     /// # Errors
     /// The server does not answer.
@@ -204,14 +204,14 @@ impl NatsNotices {
         waited.unwrap_or_else(PoisonError::into_inner).0.all_changes
     }
 
-    /// The last known state of a notice.
+    /// Returns the last known state of a notice.
     pub fn get(&self, name: &str) -> Option<Notice> {
         self.refresh();
         let seen = lock(&self.seen);
         seen.notices.get_key_value(name).map(|(name, heard)| self.notice(&seen, name, heard))
     }
 
-    /// All notices whose names start with `prefix`, by name.
+    /// Returns all notices whose names start with `prefix`, by name.
     pub fn all(&self, prefix: &str) -> Vec<Notice> {
         self.refresh();
         let seen = lock(&self.seen);
@@ -219,7 +219,7 @@ impl NatsNotices {
         from.map(|(name, heard)| self.notice(&seen, name, heard)).collect()
     }
 
-    /// A number that changes with every reported change in a folder: the part of names before the first `/`.
+    /// Returns a number that changes with every reported change in a folder: the part of names before the first `/`.
     pub(super) fn changes(&self, folder: &str) -> u64 {
         lock(&self.seen).changes.get(folder).copied().unwrap_or_default()
     }

@@ -59,7 +59,7 @@ pub struct Tls {
 }
 
 impl NatsOptions {
-    /// The options for the library.
+    /// Returns the options for the library.
     ///
     /// # Errors
     /// The credentials cannot be read, or a name is invalid.

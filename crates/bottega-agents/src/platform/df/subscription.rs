@@ -127,7 +127,7 @@ impl Subscription {
         }
     }
 
-    /// The current state, if it differs from that in the store.
+    /// Returns the current state, if it differs from that in the store.
     pub(super) fn moved(&self, now: Time) -> Option<SubscriptionState> {
         let is_sure = |news: &SubscriptionNews| news.said.is_some_and(|(said, _)| said + SURE_AFTER <= now);
         let last =
@@ -140,7 +140,7 @@ impl Subscription {
         Some(SubscriptionState { sure, told, ..self.standing.clone() })
     }
 
-    /// The time at which another process takes over.
+    /// Returns the time at which another process takes over.
     pub(super) fn take_over_at(&self) -> Option<Time> {
         let at = |news: &SubscriptionNews| {
             news.since + if news.revision > self.standing.told { TELL_WITHIN } else { SURE_WITHIN }
@@ -148,7 +148,7 @@ impl Subscription {
         self.news.iter().map(at).min()
     }
 
-    /// The time at which the process with this name must act.
+    /// Returns the time at which the process with this name must act.
     pub(super) fn next_deadline(&self, teller: &str) -> Option<Time> {
         if self.standing.teller != teller {
             return self.take_over_at().filter(|_| !self.is_written);

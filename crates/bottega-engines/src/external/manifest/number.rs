@@ -132,7 +132,7 @@ pub struct Versions {
 }
 
 impl Versions {
-    /// True if a version is in the range.
+    /// Returns true if a version is in the range.
     pub fn include(&self, version: &Version) -> bool {
         self.least.as_ref().is_none_or(|least| version >= least)
             && self.below.as_ref().is_none_or(|below| version < below)

@@ -33,8 +33,8 @@ impl Orientations {
         Self(directions.map(|(dx, dy)| pair(dx, dy)))
     }
 
-    /// The strength of one orientation at every pixel: the root of the summed squares of both responses, which does not
-    /// depend on the phase of an edge or bar.
+    /// Returns the strength of one orientation at every pixel: the root of the summed squares of both responses, which
+    /// does not depend on the phase of an edge or bar.
     pub(super) fn strength(&self, plane: &Plane, orientation: usize) -> Plane {
         let GaborPair { even, odd } = &self.0[orientation];
         let (width, height) = plane.size();
