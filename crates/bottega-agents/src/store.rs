@@ -31,7 +31,7 @@ pub struct Ticket(pub u64);
 pub struct Entry<V> {
     /// The key under which the value is stored.
     pub key: Key,
-    /// The revision of its last write.
+    /// The revision of the entry's last write.
     pub revision: Revision,
     /// The latest value.
     pub value: V,
@@ -202,7 +202,7 @@ impl<V> Folder<V> {
 pub struct AddressedStore<V, W> {
     /// The watcher or requester that gets the reply.
     pub to: W,
-    /// The ticket of its request.
+    /// The ticket of the receiver's request.
     pub ticket: Ticket,
     /// The reply of the store.
     pub reply: StoreReply<V>,

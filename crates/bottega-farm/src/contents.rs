@@ -50,7 +50,7 @@ pub struct Order {
     pub work: Arc<WorkRow>,
     /// The row of the zone on the Blackboard.
     pub row: Arc<ZoneRow>,
-    /// The revision of that row: the fencing token, which the result must carry.
+    /// The revision of the zone's row: the fencing token, which the result must carry.
     pub fence: Revision,
     /// `true`: the agent's own rules choose the settings of the zone, not those of the agent that profiled it.
     pub decides: bool,

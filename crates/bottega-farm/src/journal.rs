@@ -112,7 +112,7 @@ pub struct Journal {
 pub struct JournalContents {
     /// The row of the work.
     pub work: WorkRow,
-    /// The rows of all its zones, by id.
+    /// The rows of all zones of the work, by id.
     pub rows: Vec<ZoneRow>,
     /// The samples referenced by the rows.
     pub tiles: BTreeMap<ZoneId, Tile>,

@@ -146,7 +146,7 @@ impl Partition {
 /// an edge with it, averaged by the length of the edges. 0 without neighbors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NeighborDifference {
-    /// The average over all its edges.
+    /// The average over all edges of the zone.
     pub mean: f64,
     /// The average over the edges of each side.
     pub sides: Sides<f64>,

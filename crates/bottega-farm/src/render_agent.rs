@@ -40,7 +40,7 @@ use crate::{
 pub struct RenderAgentConfig {
     /// The agent's own id.
     pub id: AgentId,
-    /// The way to find its Master.
+    /// The way in which the agent finds its Master.
     pub master: MasterSource,
     /// The rule that adapts V_cp.
     pub adaptation: AdaptationRule,
@@ -54,7 +54,7 @@ pub struct RenderAgentConfig {
     pub heartbeat: Duration,
     /// The rules that choose the settings of zones.
     pub expert: Expert,
-    /// V_cp learned by its machine in earlier works.
+    /// The experience of the agent's machine from earlier works.
     pub knowledge: Foreknowledge,
 }
 

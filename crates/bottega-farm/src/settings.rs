@@ -152,7 +152,7 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Makes the user's settings.
+    /// Makes the choice that keeps the user's settings, without bands.
     pub fn unchanged(settings: &WorkSettings) -> Self {
         Self { tunables: settings.tunables, samples: settings.samples, bands: Sides::all(0) }
     }

@@ -80,7 +80,7 @@ pub struct Rule {
     pub condition: Condition,
     /// The conclusions after `THEN`.
     pub conclusions: Vec<Conclusion>,
-    /// The factor on its degree, 0..=1.
+    /// The factor on the rule's degree, 0..=1.
     pub weight: f64,
 }
 

@@ -64,7 +64,7 @@ impl Outputs {
 pub struct FiredRule {
     /// The rule's label.
     pub label: String,
-    /// The degree of its condition times its weight; above 0.
+    /// The degree of the rule's condition times its weight; above 0.
     pub degree: f64,
     /// The conclusions of the rule, as `output IS term`.
     pub conclusions: Vec<String>,

@@ -49,7 +49,7 @@ pub struct ResourceReport {
     pub suspended: Duration,
     /// Size of the data that it holds, in bytes.
     pub resident_bytes: u64,
-    /// The traffic on its cable, if it has one.
+    /// The traffic on the resource's cable, if it has one.
     pub cable: Option<CableUse>,
     /// Learned costs of the primitives that it has done.
     pub costs: Vec<(Primitive, CostModel)>,

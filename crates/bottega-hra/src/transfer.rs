@@ -7,7 +7,7 @@ use std::time::Duration;
 pub struct Transfer {
     /// Number of bytes.
     pub bytes: u64,
-    /// Number of those that followed others without a gap: only they measure the bandwidth. 0: not measured.
+    /// Number of bytes that followed others without a gap: only they measure the bandwidth. 0: not measured.
     pub timed_bytes: u64,
     /// The time that these took.
     pub time: Duration,

@@ -33,7 +33,7 @@ pub enum LayerKind {
 pub struct FileLayer {
     /// Name, such as `albedo`.
     pub name: String,
-    /// Kind of its values.
+    /// Kind of the layer's values.
     pub kind: LayerKind,
     /// Full names of its channels, at most three.
     channels: Vec<String>,

@@ -28,7 +28,7 @@ pub struct Sides<T> {
 }
 
 impl<T> Sides<T> {
-    /// Returns the same value on all sides.
+    /// Returns sides that all have one value.
     pub fn all(value: T) -> Self
     where
         T: Copy,

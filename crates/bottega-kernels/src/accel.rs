@@ -125,7 +125,7 @@ impl Accel {
         self.bounds
     }
 
-    /// Returns its memory, in bytes.
+    /// Returns the memory of the structure, in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of::<Self>() + self.tree.memory_bytes() + size_of_val(&*self.topology)
     }

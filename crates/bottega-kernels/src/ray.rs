@@ -117,7 +117,7 @@ impl Aabb {
         d.x * d.y + d.y * d.z + d.z * d.x
     }
 
-    /// Returns its center.
+    /// Returns the center of the box.
     #[inline]
     pub fn center(&self) -> Vec3 {
         (self.min + self.max) * 0.5

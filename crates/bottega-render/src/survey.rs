@@ -56,7 +56,7 @@ pub struct Survey {
     pub height: u32,
     /// Pixels `[width × height]`, row-major.
     pub pixels: Vec<SurveyPixel>,
-    /// Largest number of zones that pays for its overhead; `None`: no limit.
+    /// Largest number of zones that pays for the overhead of a zone; `None`: no limit.
     pub zones_max: Option<u32>,
 }
 

@@ -43,7 +43,7 @@ pub struct CurvePoint {
 /// Curves whose hull is a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FacingCurves {
-    /// The shape of all of them.
+    /// The shape of all curves.
     pub look: CurveLook,
     /// Points of all curves, one curve after another.
     pub points: Vec<CurvePoint>,

@@ -135,7 +135,7 @@ impl Medium {
 }
 
 impl Variation {
-    /// Returns its grids.
+    /// Returns the grids of the variation.
     pub fn grids(&self) -> impl Iterator<Item = &Grid> {
         let (first, second) = match &self.density {
             Density::Both(grid) => (grid, None),

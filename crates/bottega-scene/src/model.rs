@@ -70,7 +70,7 @@ pub struct Sphere {
     pub center: Vec3,
     /// Radius, above 0, in scene units.
     pub radius: f32,
-    /// Rotation of its texture coordinates: object space, where +y is the pole, to world space.
+    /// Rotation of the sphere's texture coordinates: object space, where +y is the pole, to world space.
     #[serde(with = "crate::numbers")]
     pub world_from_object: Quat,
     /// Index into [`Scene::materials`].

@@ -85,7 +85,7 @@ pub struct MachineStatus {
     pub devices: Vec<String>,
     /// Number of the job that it works on; `null`: none.
     pub job: Option<u32>,
-    /// The identity of its build.
+    /// The identity of the machine's build.
     pub version: String,
     /// True if it can be suspended, resumed and terminated; false for the process that submitted a job.
     pub takes_orders: bool,

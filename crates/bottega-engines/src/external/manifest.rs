@@ -204,9 +204,9 @@ pub struct Limits {
     pub silence_seconds: f64,
     /// Seconds per window.
     pub zone_seconds: f64,
-    /// Memory of all its processes, in MiB.
+    /// Memory of all processes of the engine, in MiB.
     pub memory_mib: u64,
-    /// Size of its log, in KiB.
+    /// Size of the engine's log, in KiB.
     pub log_kib: u64,
     /// Size of a file that it writes, in MiB.
     pub output_mib: u64,
@@ -305,17 +305,17 @@ pub struct Manifest {
     /// The supported tunables.
     #[serde(default)]
     pub tunables: TunableRanges,
-    /// The form of its output.
+    /// The form of the engine's output.
     pub pixels: Pixels,
     /// The overhead of windows.
     #[serde(default)]
     pub cost: Cost,
-    /// The limits of its processes.
+    /// The limits of the engine's processes.
     #[serde(default)]
     pub limits: Limits,
-    /// The form of its progress messages.
+    /// The form of the engine's progress messages.
     pub progress: Option<ProgressText>,
-    /// The form of its error messages.
+    /// The form of the engine's error messages.
     #[serde(default)]
     pub errors: ErrorText,
     /// The command line (`kind = "command"`).

@@ -123,7 +123,7 @@ impl Opened {
 pub struct OpenedLayer {
     /// The name of the layer.
     pub name: String,
-    /// The names of its channels; in the file they are prefixed with the layer's name and a period.
+    /// The names of the layer's channels; in the file they are prefixed with the layer's name and a period.
     pub channels: Vec<String>,
     /// The combination of several passes.
     #[serde(default)]

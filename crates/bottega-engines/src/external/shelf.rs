@@ -124,7 +124,7 @@ impl ShelfEntry {
         Ok(())
     }
 
-    /// Returns what determines its pictures: the bytes of the manifest and the scripts.
+    /// Returns what determines the engine's pictures: the bytes of the manifest and the scripts.
     pub fn identity(&self) -> Vec<u8> {
         let mut bytes = self.text.as_bytes().to_vec();
         for name in &self.manifest.files {

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The figures of one round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RoundSummary {
-    /// The id of its conversation.
+    /// The id of the round's conversation.
     pub round: u64,
     /// Number of zones on offer.
     pub offers: u32,

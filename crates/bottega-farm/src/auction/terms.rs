@@ -69,7 +69,7 @@ pub struct Bidder {
     pub agent: MemberId,
     /// The bidder's credit by the paper: the sum of T_est − T, in seconds.
     pub credit: f64,
-    /// The factor on its promises, from its reliability: 1 if it kept them, 0.5 if zones took twice as long.
+    /// The factor on the bidder's promises, from its reliability: 1 if it kept them, 0.5 if zones took twice as long.
     pub worth: f64,
     /// Own seconds per second of the reference machine, with all its processors together, as it reports them.
     pub own: f64,

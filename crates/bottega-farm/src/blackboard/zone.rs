@@ -43,7 +43,7 @@ pub struct ZoneRow {
     pub reasons: Option<Arc<str>>,
     /// The samples painted so far.
     pub result: Option<ResultRef>,
-    /// Samples per pixel that its next painting reaches; `None`: all samples of its choice.
+    /// Samples per pixel that the zone's next painting reaches; `None`: all samples of its choice.
     pub goal: Option<u32>,
     /// Estimated relative error of the samples so far, if requested.
     pub error: Option<f64>,
@@ -78,7 +78,7 @@ pub struct Cut {
 pub struct Rival {
     /// The agent that held the zone before.
     pub agent: AgentId,
-    /// The fencing token of its order.
+    /// The fencing token of the rival's order.
     pub fence: Revision,
 }
 

@@ -32,7 +32,7 @@ pub struct Link {
     pub transport: Arc<dyn JobTransport>,
     /// The identifier of the work.
     pub work: WorkId,
-    /// The number of its job. `None`: no job; its agents know their Master's name and are not registered.
+    /// The number of the work's job. `None`: no job; its agents know their Master's name and are not registered.
     pub job: Option<u32>,
     /// The unique name of this process, which its agents' names end with.
     pub name: String,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 pub struct Subject {
     /// The scene: equal for equal files and options of reading them.
     pub scene: Arc<str>,
-    /// The view of it: camera, pose, and the painted part of the picture.
+    /// The view of the scene: camera, pose, and the painted part of the picture.
     pub view: Arc<str>,
 }
 

@@ -25,7 +25,7 @@ pub struct FarmSpec {
 /// A machine of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MachineSpec {
-    /// Number of processors, shared by all of its agents.
+    /// Number of processors, shared by all agents of the machine.
     pub processors: u32,
     /// Speed of each processor: 1 is the measured machine, 2 is twice as fast.
     pub speed: f64,
@@ -34,7 +34,7 @@ pub struct MachineSpec {
 /// An agent of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentSpec {
-    /// Index of its machine.
+    /// Index of the agent's machine.
     pub machine: usize,
     /// The time at which it joins.
     pub joins: Duration,

@@ -50,11 +50,11 @@ pub struct SimulationOutcome {
 pub struct AgentOutcome {
     /// The name of the agent.
     pub name: String,
-    /// Speed of its processors.
+    /// Speed of the agent's processors.
     pub speed: f64,
     /// The agent's share of the processors of its machine, in processors.
     pub lanes: f64,
-    /// Processor time spent, in time of its machine.
+    /// Processor time spent, in time of the agent's machine.
     pub busy: Duration,
     /// Number of orders finished.
     pub orders: u32,

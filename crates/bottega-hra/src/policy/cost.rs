@@ -104,7 +104,7 @@ impl CostModel {
         self.parts().1
     }
 
-    /// Nanoseconds per unit or packet before its first item; not negative.
+    /// Returns the nanoseconds per unit or packet before its first item; not negative.
     pub fn fixed_ns(&self) -> f64 {
         self.parts().0
     }

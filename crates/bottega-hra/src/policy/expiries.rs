@@ -9,9 +9,9 @@ pub struct Expiries {
     pub waiting: u64,
     /// Number of units finished, or given back, after the end of their life time.
     pub late: u64,
-    /// Time of the first one.
+    /// Time of the first expiry.
     pub first: Time,
-    /// Time of the last one.
+    /// Time of the last expiry.
     pub last: Time,
 }
 

@@ -15,7 +15,7 @@ pub struct Arrival {
     pub size: u64,
     /// Bytes sent with it.
     pub payload_bytes: u64,
-    /// Bytes of its answer.
+    /// Bytes of the unit's answer.
     pub answer_bytes: u64,
     /// The data that it needs, and its size in bytes.
     pub data: Option<(DataId, u64)>,

@@ -15,7 +15,7 @@ pub struct Model {
     pub time_per_packet: Duration,
     /// The link in both directions.
     pub link: Link,
-    /// The limits of its window. `None`: it is called directly, and its link is not used.
+    /// The limits of the resource's window. `None`: it is called directly, and its link is not used.
     pub window: Option<Window>,
     /// Memory for data, in bytes.
     pub memory_bytes: Option<u64>,
@@ -36,7 +36,7 @@ pub struct Faults {
     pub death: f64,
     /// Time after a hang or death until it can recover.
     pub lasts: Duration,
-    /// Packets of more units than this exceed its memory; `None`: none do.
+    /// Packets of more units than this exceed the resource's memory; `None`: none do.
     pub units_max: Option<usize>,
 }
 

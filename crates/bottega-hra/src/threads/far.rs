@@ -49,7 +49,7 @@ pub struct Packet<W: Work> {
     pub sequence: u64,
     /// The works; all of one primitive, on the same data.
     pub works: Vec<W>,
-    /// The handle for its results.
+    /// The handle that answers the packet.
     pub reply: Reply<W>,
 }
 

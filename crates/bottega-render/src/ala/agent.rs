@@ -40,9 +40,9 @@ pub struct Agent {
     pub p: Vec3,
     /// Geometric normal on the side that it came from; unit length.
     pub normal: Vec3,
-    /// Direction against its flight; unit length.
+    /// Direction against the agent's flight; unit length.
     pub to_light: Vec3,
-    /// Number of its light in the light tree; `u32::MAX`: a light at infinity.
+    /// Number of the agent's light in the light tree; `u32::MAX`: a light at infinity.
     pub light: u32,
     /// Distance from the point that it was cast from.
     pub distance: f32,

@@ -91,15 +91,15 @@ pub mod code {
 record! {
     /// An instance of a mesh.
     pub struct InstanceRecord in 24 {
-        /// Linear part of its transformation.
+        /// Linear part of the transformation from object to world space.
         pub world_from_object: Mat3,
-        /// Translation of its transformation.
+        /// Translation of that transformation.
         pub translation: Vec3,
         /// Transformation of normals.
         pub world_from_normal: Mat3,
-        /// Offset of its mesh.
+        /// Offset of the mesh.
         pub mesh: u32,
-        /// Index of its first triangle among the emitting ones; [`NONE`](super::NONE) if it does not emit.
+        /// Index of the first triangle among the emitting ones; [`NONE`](super::NONE) if the mesh does not emit.
         pub first_light: u32,
     }
 }
@@ -107,7 +107,7 @@ record! {
 record! {
     /// A mesh: offsets of its arrays; [`NONE`](super::NONE) for arrays that are missing or unused.
     pub struct MeshRecord {
-        /// Index of its material.
+        /// Index of the material of the mesh.
         pub material: u32,
         /// Offset of vertex indices, three per triangle.
         pub triangles: u32,
@@ -133,9 +133,9 @@ record! {
         pub radius: f32,
         /// Rotation, as a unit quaternion.
         pub world_from_object: Vec4,
-        /// Index of its material.
+        /// Index of the sphere's material.
         pub material: u32,
-        /// Number of its light; [`NONE`](super::NONE) if light sampling never finds it.
+        /// Number of the sphere's light; [`NONE`](super::NONE) if light sampling never finds it.
         pub light: u32,
     }
 }
@@ -148,7 +148,7 @@ record! {
     pub struct SurfaceLightRecord in 24 {
         /// Kind of the light: [`code::LIGHT_SURFACE`].
         pub kind: u32,
-        /// Index of its instance.
+        /// Index of the panel's instance.
         pub instance: u32,
         /// Index of the panel's first triangle.
         pub triangle: u32,
@@ -162,7 +162,7 @@ record! {
         pub y: Vec3,
         /// Position of the part along both sides, and its relative size; negative for a part rotated by half a turn.
         pub part: Vec3,
-        /// Index of its material.
+        /// Index of the panel's material.
         pub material: u32,
     }
 }

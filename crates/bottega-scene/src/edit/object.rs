@@ -10,7 +10,7 @@ use crate::visibility::Visibility;
 /// A mesh placed in the world, once or many times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacedObject {
-    /// The key of its mesh.
+    /// The key of the object's mesh.
     pub mesh: String,
     /// Object space to world space of each instance; may mirror.
     pub transforms: Vec<Affine3A>,

@@ -218,7 +218,7 @@ impl Image {
         matches!(self.texels, Texels::Rgba8(_) | Texels::Rgba16(_) | Texels::Rgba32(_))
     }
 
-    /// Returns true if its values may exceed 1.
+    /// Returns true if the image's values may exceed 1.
     pub fn is_high_dynamic_range(&self) -> bool {
         matches!(self.texels, Texels::Rgb32(_) | Texels::Rgba32(_))
     }

@@ -26,7 +26,7 @@ use crate::Key;
 pub struct Notice {
     /// The name of the notice.
     pub name: String,
-    /// The unique number of its last write.
+    /// The unique number of the notice's last write.
     pub revision: u64,
     /// The text of the notice, as written.
     pub text: Arc<[u8]>,

@@ -15,7 +15,7 @@ pub(super) const CONNECT_TIME: Duration = Duration::from_secs(5);
 /// The address of a farm.
 #[derive(Clone, Debug, Default)]
 pub struct NatsOptions {
-    /// The addresses of its servers: `nats://host:4222`.
+    /// The addresses of the farm's servers: `nats://host:4222`.
     pub servers: Vec<String>,
     /// The credentials for the server.
     pub login: Login,
