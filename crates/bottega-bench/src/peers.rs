@@ -58,7 +58,7 @@ pub(crate) struct PeersOptions {
     /// Numbers of threads to render with. Default: one, and as many as there are processors.
     #[arg(long, value_name = "N", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Vec<u16>,
-    /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); who is missing is left out.
+    /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); a missing one is left out.
     #[arg(long, value_name = "PROGRAM", default_value = "python3")]
     python: String,
     /// Compare the time of the processors, not of the clock: for a machine that has other work as well.

@@ -110,8 +110,8 @@ pub(crate) struct AnalyzeArgs {
     pub(crate) scene_file: PathBuf,
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
-    /// Folder for the pictures: the cost map, the visual importance, every channel, the zones of each level; and for
-    /// index.json, which says what is what.
+    /// Folder for the pictures (the cost map, the visual importance, every channel, the zones of each level) and for
+    /// index.json, which describes them.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) output: PathBuf,
     /// Paint every zone of these levels several times, and report how well its time was predicted: by the map alone, and
@@ -141,7 +141,7 @@ pub(crate) struct AnalyzeArgs {
     /// Photons that leave the lights.
     #[arg(long, value_name = "N", default_value_t = 100_000, requires = "ludd", value_parser = clap::value_parser!(u32).range(1..=10_000_000), help_heading = "Useful data density")]
     pub(crate) photons: u32,
-    /// Draw the lighting agents where the camera sees them, with the links of their network, by what they answer: lit,
+    /// Draw the lighting agents where the camera sees them, with the links of their network, colored by their answer: lit,
     /// shaded, or trace a shadow ray.
     #[arg(long, help_heading = "Lighting agents")]
     pub(crate) network: bool,

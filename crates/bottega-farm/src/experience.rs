@@ -97,7 +97,7 @@ pub struct PaintedZone {
 pub struct JobLesson {
     /// Engine, integrator and all else that determines how paths are traced, as a name.
     pub technique: Arc<str>,
-    /// The picture of the job: its scene and what of it is seen.
+    /// The picture of the job: its scene and its view.
     pub subject: Subject,
     /// The survey's features of the whole picture.
     pub features: TaskFeatures,

@@ -20,7 +20,7 @@ pub struct Foreknowledge {
     pub of_farm: Arc<Experience>,
     /// The technique, as in [`JobLesson::technique`](crate::JobLesson::technique).
     pub technique: Arc<str>,
-    /// The picture to predict: its scene and what of it is seen.
+    /// The picture to predict: its scene and its view.
     pub subject: Subject,
     /// V_cp from the benchmark.
     pub benchmark: RelativePower,

@@ -271,7 +271,7 @@ mod tests {
         assert_eq!(zones(8, 0.03), 64);
         assert_eq!(zones(32, 0.001), 32);
         assert_eq!(zones(100, 0.001), 2);
-        // The third level makes so many that none has to exceed it; a number of zones wins.
+        // The third level makes enough zones that none has to exceed it; a number of zones wins.
         let limits = ZoneLimits { complexity_max: Some(0.01), ..ZoneLimits::default() };
         let usual = PartitionSettings::for_agents(Level::Balanced, 1, frame);
         assert_eq!(usual.within(None, limits).zone_count, 100);

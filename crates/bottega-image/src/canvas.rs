@@ -113,7 +113,7 @@ impl Canvas {
         })
     }
 
-    /// Writes it as PNG, atomically: the file is complete or unchanged.
+    /// Writes the canvas as PNG, atomically: the file is complete or unchanged.
     ///
     /// # Errors
     /// The file cannot be written.

@@ -37,7 +37,7 @@ pub struct AgentUse {
 }
 
 impl AgentUse {
-    /// All uses of what agents know.
+    /// All uses of agents' knowledge.
     pub const ALL: Self = Self { shadows: true, lights: true, roulette: true };
 
     /// Returns true if any use is enabled.

@@ -42,7 +42,7 @@ where
         actions: &mut GatewayActions<C, V>,
     ) {
         let Some(sender) = message.sender.clone() else {
-            // Without a sender nobody can be answered
+            // Without a sender there is no receiver for an answer
             self.passed(now, Way::Dropped, to, &message, actions);
             return;
         };

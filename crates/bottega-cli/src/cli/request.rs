@@ -68,7 +68,7 @@ pub(crate) struct RequestCommandArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum RequestCommand {
-    /// Print the JSON Schema of requests: every field, what it means, and what is allowed.
+    /// Print the JSON Schema of requests: every field with its meaning and its range.
     Schema,
     /// Check a request, and print it with every default written out.
     Check {

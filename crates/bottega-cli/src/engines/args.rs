@@ -17,7 +17,7 @@ pub(crate) struct EnginesArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum EnginesCommand {
-    /// List the engines that there are manifests for, and whether they are installed here.
+    /// List the engines that have a manifest, and whether they are installed here.
     List(ListArgs),
     /// Check a manifest, and whether its engine is found and answers.
     Check(EngineCheckArgs),

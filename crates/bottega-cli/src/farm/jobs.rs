@@ -53,7 +53,7 @@ enum JobsCommand {
     },
     /// Print the log of a job.
     Log { number: u32 },
-    /// Write the picture of a job that the farm has finished.
+    /// Write the picture of a finished job to a file.
     Fetch {
         number: u32,
         /// The file to write; default: the output file of the request.

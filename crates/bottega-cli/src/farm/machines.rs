@@ -34,14 +34,14 @@ enum MachinesCommand {
     Suspend { name: String },
     /// Resume a suspended machine.
     Resume { name: String },
-    /// Have a machine leave the farm: `bottega join` ends there.
+    /// Remove a machine from the farm: its `bottega join` ends.
     Terminate { name: String },
     /// Show the times of zones that a machine of the farm has learnt; the machine need not be there. Without a name: this
     /// machine alone, without a farm. `all-machines`: all machines of the farm together.
     Show { name: Option<String> },
-    /// Print all of what a machine has learnt as JSON, to look at or to keep.
+    /// Print all that a machine has learnt, as JSON.
     Export { name: Option<String> },
-    /// Forget what a machine has learnt, and how far its promises held.
+    /// Forget all that a machine has learnt, and its reliability.
     Forget { name: Option<String> },
 }
 

@@ -43,13 +43,13 @@ pub(crate) enum PlatformCommand {
     Agents(AskArgs),
     /// List the services that a platform's DF knows.
     Services(ServicesArgs),
-    /// Watch what passes the message transport of a platform on this machine.
+    /// Watch the messages that pass the transport of a platform on this machine.
     Trace(TraceArgs),
     /// Suspend an agent by the AMS of a farm: a Render Agent hands its zones back to others.
     Suspend(SteerArgs),
-    /// Have the AMS of a farm resume an agent that was suspended.
+    /// Resume a suspended agent by the AMS of a farm.
     Resume(SteerArgs),
-    /// Have the AMS of a farm ask an agent to quit.
+    /// Ask an agent to quit, by the AMS of a farm.
     Terminate(SteerArgs),
 }
 

@@ -16,9 +16,9 @@ pub(crate) struct RulesArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum RulesCommand {
-    /// Look for mistakes, and for what is most likely not meant: contradictions, dead rules, cases without a rule.
+    /// Find errors and likely mistakes: contradictions, dead rules, cases without a rule.
     Check(RulesCheckArgs),
-    /// Say what the rules decide for some values of their inputs, and why.
+    /// Evaluate the rules for given values of their inputs, and explain the result.
     #[command(
         after_help = "For example: bottega rules eval path-tracing complexity=4.2 neighbor_difference=0.3 size=900 \
         optimization_level=3 --range complexity=0.1..7 --range size=256..4096 --explain"

@@ -85,7 +85,7 @@ pub(crate) struct SimulateArgs {
     /// Draw which agent painted which zone when.
     #[arg(short, long, value_name = "FILE.svg", value_hint = ValueHint::FilePath, help_heading = "Output")]
     pub(crate) output: Option<PathBuf>,
-    /// Write every message and what else happens to this file.
+    /// Write every message and every other event to this file.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     pub(crate) trace: Option<PathBuf>,
     /// Replay the record as it was, agents and all, and say how far the time is from the one that was measured.

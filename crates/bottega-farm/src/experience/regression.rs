@@ -48,7 +48,7 @@ impl Regression {
         dot(&self.weights, x)
     }
 
-    /// Returns the variance of the expected value, from what is not known of the weights.
+    /// Returns the variance of the expected value, from the uncertainty of the weights.
     pub(super) fn variance(&self, x: &FeatureVector) -> f64 {
         let shares = self.shares(x);
         dot(&shares, &shares)

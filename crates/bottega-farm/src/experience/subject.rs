@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-/// The identity of what a job paints, for recognizing it in a later job. An empty scene: unknown.
+/// The identity of a job's picture, which recognizes it in a later job. An empty scene: unknown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Subject {
     /// The scene: equal for equal files and options of reading them.

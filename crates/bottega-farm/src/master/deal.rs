@@ -60,7 +60,7 @@ fn handed_over(from: &AgentId, to: &AgentId, order: &PassedOrder, assignments: &
     let &PassedOrder { zone, fence, kept } = order;
     let Assignments { config, rows, .. } = assignments;
     let (revision, row) = rows.zone(zone)?;
-    // Check that the giver holds the zone under this token, and that nobody else works on it
+    // Check that the giver holds the zone under this token, and that no other agent works on it
     let is_its = row.state == ZoneState::Awarded && row.agent.as_ref() == Some(from) && revision == fence;
     if !is_its || row.rival.is_some() || !row.is_new_to(to) || rows.is_being_written(zone) {
         return None;

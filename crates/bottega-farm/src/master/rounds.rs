@@ -158,7 +158,7 @@ impl Rounds {
             outbid,
             credit_decided,
         };
-        // A single agent has nobody to compete with, so its awards do not count as an auction
+        // A single agent has no competitor, so its awards do not count as an auction
         if assignments.roster.count() > 1 {
             actions.push(FarmAction::Effect(FarmEffect::RoundClosed(summary)));
         }

@@ -175,7 +175,7 @@ impl Master {
                 }
             }
         };
-        // Measure how well the agent kept its promise, and what the zone was worth
+        // Measure how well the agent kept its promise, and the worth of the zone
         let promise = kept_promise(now, report, sender, &self.worth, &mut self.assignments);
         if let (Ok(painting), Ok(_)) = (&report.outcome, &after)
             && let Some((_, row)) = self.assignments.rows.zone(zone)

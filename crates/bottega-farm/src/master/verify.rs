@@ -128,7 +128,7 @@ impl Verification {
         self.comparisons.is_missing(zone, painting.result.digest)
     }
 
-    /// Returns the same for a reported tile, whose mark is removed: the next report of it may be of a tile that
+    /// Returns true if the tile of a report could not be fetched, and removes that mark: the next report of it may be of a tile that
     /// exists.
     pub(super) fn take_missing(&mut self, zone: ZoneId, painting: &Painting) -> bool {
         self.comparisons.take_missing(zone, painting.result.digest)

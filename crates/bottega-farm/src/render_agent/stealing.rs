@@ -46,7 +46,7 @@ pub(super) fn orders_for(
 ) -> Vec<PassedOrder> {
     let (mut mine, mut theirs) = (load, neighbor.load);
     let mut orders = Vec::new();
-    // Give whole zones while the neighbor would finish first
+    // Give whole zones while the neighbor finishes first
     for (zone, held) in waiting.into_iter().take(YIELDED_MAX) {
         let time = held.time(expert).unwrap_or_default();
         let (fence, here, there) = (held.order.fence, speed.own(time), scaled(time, neighbor.own_seconds));
@@ -55,7 +55,7 @@ pub(super) fn orders_for(
             orders.push(PassedOrder { zone, fence, kept: 0.0 });
             continue;
         }
-        // Keep so much of the next zone that both finish together
+        // Keep the part of the next zone with which both finish together
         let begins = mine.saturating_sub(here).as_secs_f64();
         let kept = theirs.saturating_add(there).as_secs_f64() - begins;
         let kept = kept / here.saturating_add(there).as_secs_f64().max(1e-9);

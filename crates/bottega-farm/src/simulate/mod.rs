@@ -120,7 +120,7 @@ impl Plan {
         }
     }
 
-    /// Returns the plan with the paper's auction and adaptation, and without what the paper has not: agents hold one
+    /// Returns the plan with the paper's auction and adaptation, and without our additions: agents hold one
     /// zone at a time, and the end of the work is not shared.
     #[must_use]
     pub fn as_in_paper(self) -> Self {

@@ -72,11 +72,11 @@ struct SyntheticCost {
 /// The spread of costs in a synthetic work. All are standard deviations of logarithms, except the mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SyntheticSpread {
-    /// Of the costs of zones, whose mean is [`Self::mean_seconds`].
+    /// Spread of the costs of zones, whose mean is [`Self::mean_seconds`].
     pub zones: f64,
-    /// Of the importance map's predictions, relative to the cost.
+    /// Spread of the importance map's predictions, relative to the cost.
     pub prediction: f64,
-    /// Of profiling's estimates, relative to the cost.
+    /// Spread of profiling's estimates, relative to the cost.
     pub profiling: f64,
     /// Mean cost of a zone, in seconds.
     pub mean_seconds: f64,

@@ -81,7 +81,7 @@ impl Placement {
         }
         let able = capabilities.primitives(id);
         let holds = |data: Option<Data>| capabilities.holds(id, data);
-        // Then one that has waited too long for what may be before it
+        // Then one that has waited too long, compared with the units that may go before it
         let lead = waiting.length.wait_behind(waiting.bin.len()).min(config.bin_delay);
         if let Some(head) = waiting.bin.latest(able, now.after(lead), holds) {
             let bound = lane.packet_bound(&head.needs);

@@ -3,7 +3,7 @@
 //! Work is treated as a fluid: a resource of kind r needs t(r, p) per item of primitive p, there are n(r) of the kind,
 //! and b(p) items wait. Find times x(r, p) with Σₚ x(r, p) ≤ n(r) that maximize λ = minₚ Σᵣ x(r, p) / (t(r, p) · b(p));
 //! the work ends after 1/λ. This is a small linear program, solved by the simplex method (Dantzig; Bland's rule if it
-//! stalls). Its dual gives each primitive a price, at which each resource does what pays best per hour. This is
+//! stalls). Its dual gives each primitive a price, at which each resource does the primitive that pays best per hour. This is
 //! Ricardo's comparative advantage: a resource does not do what it does faster than others, but what it does least
 //! badly. It also keeps less capable resources busy: for the more capable ones other work pays better.
 

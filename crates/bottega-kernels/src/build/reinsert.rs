@@ -15,7 +15,7 @@ use std::collections::BinaryHeap;
 use std::ops::Range;
 
 const NONE: u32 = u32::MAX;
-/// One node in so many is reinserted per round.
+/// One node in this many is reinserted per round.
 const SHARE: usize = 6;
 const ROUNDS: usize = 2;
 /// Maximal number of nodes reinserted per round, to bound the time: the largest matter most.
@@ -23,7 +23,7 @@ const MOST: usize = 20_000;
 /// Maximal number of nodes visited per insertion.
 const PATIENCE: usize = 4096;
 
-/// Subtrees with at most one in so many of all items stay intact.
+/// Subtrees with at most one in this many of all items stay intact.
 const TOP: usize = 1 << 16;
 
 #[derive(Clone, Copy)]

@@ -45,7 +45,7 @@ impl Sun {
         let quarter = math::sin(0.25 * angle);
         let one_minus_cos = 2.0 * quarter * quarter;
         let sine = (one_minus_cos * (2.0 - one_minus_cos)).sqrt();
-        // Light sampling leaves out what no surface receives
+        // Light sampling leaves out directions from which no surface receives light
         let illuminance = if visibility.has_bounces() { luminance(irradiance) } else { 0.0 };
         Self { to_light: -direction, irradiance, illuminance, sine, one_minus_cos, visibility }
     }

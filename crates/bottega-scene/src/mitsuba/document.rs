@@ -152,7 +152,7 @@ impl Object {
         format!("{} `{}`", self.class.name(), shortened(&self.plugin))
     }
 
-    /// Returns the name for what is made of it: its id.
+    /// Returns the name for the object made of it: its id.
     pub(super) fn label(&self) -> String {
         self.id.clone()
     }

@@ -148,7 +148,7 @@ pub(super) struct CurvePointRecord {
     tangent: Vec3,
     radius: f32,
     along: f32,
-    /// 1: the curve ends here; 0: it goes on.
+    /// 1: the curve ends here; 0: it continues.
     is_last: u32,
 }
 

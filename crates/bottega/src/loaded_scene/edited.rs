@@ -74,7 +74,7 @@ fn prepared_again(
     drop(before);
     let is_kept = match kind {
         Likeness::AllButCameras | Likeness::Shapes => true,
-        // Where somebody still follows rays in the structure, another one is built.
+        // If rays are still traced in the structure, another one is built.
         Likeness::MovedShapes => Arc::get_mut(&mut accel).is_some_and(|accel| {
             let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(&scene);
             accel.refit(&meshes, &instances, &spheres).is_ok()

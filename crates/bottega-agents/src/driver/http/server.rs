@@ -61,7 +61,7 @@ pub async fn serve(listener: TcpListener, service: Arc<HttpService>) {
         };
         let (service, bodies) = (Arc::clone(&service), Arc::clone(&bodies));
         tokio::spawn(async move {
-            // A failed connection has nobody to report to
+            // A failed connection cannot be reported to its peer
             _ = Connection { stream, peer, bytes: Vec::new(), service, bodies }.run().await;
             drop(place);
         });

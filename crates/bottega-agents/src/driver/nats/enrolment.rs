@@ -52,7 +52,7 @@ pub fn is_public_key(text: &str) -> bool {
 /// - `group`: the group to join.
 ///
 /// # Errors
-/// The server is unreachable, or nobody answers.
+/// The server is unreachable, or the farm does not answer.
 pub fn enrol(options: &NatsOptions, group: &str, request: &[u8]) -> Result<Vec<u8>, NatsError> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {

@@ -72,7 +72,7 @@ impl<'a> PathIntegrator<'a> {
         let budget = LearningBudget::new(samples);
         let lights = agents.any().then(|| self.prepared.lights());
         let mut training = Training::new([view.width, view.height], lights);
-        // Trace a pass: the first ones plainly, over pixels; later ones guided by what was learned before
+        // Trace a pass: the first ones plainly, over pixels; later ones guided by earlier passes
         let follow = |training: &mut Training<'_>, passes: Range<u32>| {
             for pass in passes {
                 let count = budget.paths(pass);
