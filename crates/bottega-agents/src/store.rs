@@ -274,7 +274,7 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
         }
     }
 
-    /// Returns an entry.
+    /// Returns the entry of a key; `None`: there is none.
     pub fn get(&self, key: &Key) -> Option<&Entry<V>> {
         self.folders.get(&key.folder)?.get(&key.name)
     }

@@ -64,6 +64,8 @@ pub(crate) struct ConsoleWatcher {
 }
 
 impl ConsoleWatcher {
+    /// Makes a watcher that prints to this terminal.
+    ///
     /// - `trace`: a file for every message between the agents.
     /// - `is_detached`: `true` if the process does not wait for the farm's result.
     pub(crate) fn new(

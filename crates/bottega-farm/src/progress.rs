@@ -80,6 +80,8 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
+    /// Makes the tally of a work without zones.
+    ///
     /// - `is_experienced`: true if this machine has experience from earlier works.
     /// - `at_once`: number of zones that an agent works on at once, of those it holds.
     pub(crate) fn new(is_experienced: bool, at_once: usize) -> Self {

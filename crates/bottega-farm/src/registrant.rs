@@ -102,6 +102,8 @@ pub(crate) struct Registrant {
 }
 
 impl Registrant {
+    /// Makes a registrant that has not registered yet.
+    ///
     /// - `services`: the types of the agent's services, with the protocols of each.
     pub(crate) fn new(me: AgentId, config: RegistrationConfig, services: &[(&str, &[&str])]) -> Self {
         let (mut white, mut yellow) = (Page::absent(), Page::absent());

@@ -111,6 +111,8 @@ impl AgentPace {
 }
 
 impl Throughput {
+    /// Makes a throughput without agents.
+    ///
     /// - `at_once`: number of zones that an agent works on at once.
     pub(crate) fn new(at_once: usize) -> Self {
         Self { at_once, ..Self::default() }

@@ -183,6 +183,8 @@ impl Context {
 pub(crate) struct MemoryScope(wgpu::ErrorScopeGuard);
 
 impl MemoryScope {
+    /// Ends the scope.
+    ///
     /// # Errors
     /// The device ran out of memory since the scope began.
     pub(crate) fn end(self) -> Result<(), GpuError> {

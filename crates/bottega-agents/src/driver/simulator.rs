@@ -238,7 +238,7 @@ where
         }
     }
 
-    /// Ends the partition.
+    /// Ends the partition of the network, if there is one.
     pub fn heal(&mut self) {
         self.network.note(|_| "healed".to_owned());
         for node in std::mem::take(&mut self.network.cut_off) {
@@ -277,7 +277,7 @@ where
         assert!(self.world.next_change().is_none_or(|next| next > at), "the world names a change again that has come");
     }
 
-    /// Runs until `end`.
+    /// Runs all events up to `end`.
     pub fn run_until(&mut self, end: Time) {
         self.run_while(end, |_| true);
         self.network.now = self.network.now.max(end);

@@ -75,7 +75,7 @@ impl RequestInitiator {
         Ok(Some(answer))
     }
 
-    /// Checks the deadline.
+    /// Returns [`Answer::Silence`] if the deadline has passed without an answer.
     pub fn handle_time<C>(&mut self, now: Time) -> Option<Answer<C>> {
         self.deadline.take_if(|by| *by <= now).map(|_| Answer::Silence)
     }

@@ -27,6 +27,8 @@ enum ConfigCommand {
     Show,
 }
 
+/// Runs `bottega config`.
+///
 /// - `program`: the options of the program.
 pub(crate) fn run(args: &ConfigArgs, program: &Command) -> Result<ExitCode, CliError> {
     match args.command {

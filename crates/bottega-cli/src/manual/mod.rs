@@ -33,6 +33,8 @@ enum ManualPart {
     Request,
 }
 
+/// Runs `bottega manual`.
+///
 /// - `program`: the program with all its options.
 pub(crate) fn run(args: &ManualArgs, program: Command) -> Result<ExitCode, CliError> {
     match &args.part {

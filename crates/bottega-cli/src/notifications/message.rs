@@ -49,6 +49,8 @@ pub(super) struct Notification {
 }
 
 impl Notification {
+    /// Makes the notification of an event.
+    ///
     /// - `at`: seconds since 1970.
     pub(super) fn new(kind: WorkEvent, facts: JobFacts, at: u64) -> Self {
         let event = kind.word();

@@ -146,7 +146,7 @@ impl Field {
         self.classes.get_mut().insert(member, &pace);
     }
 
-    /// Removes an agent.
+    /// Removes an agent that has left.
     pub fn remove(&mut self, member: MemberId) {
         let Some(slot) = self.slots.get_mut(member.index()).and_then(Option::take) else { return };
         self.members.swap_remove(slot);

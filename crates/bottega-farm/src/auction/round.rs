@@ -19,6 +19,8 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
+    /// Makes a candidate of a bidder for these offers.
+    ///
     /// - `worth`: the bidder's reliability: 1 if it kept its promises, 0.5 if zones took twice as long.
     pub(super) fn new(bidder: Bidder, offers: &[Offer], worth: f64) -> Self {
         let bids = &bidder.proposal.bids;

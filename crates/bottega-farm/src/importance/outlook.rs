@@ -81,6 +81,8 @@ pub(crate) struct Outlook {
 }
 
 impl Outlook {
+    /// Predicts the time of a sample for each cell of a survey.
+    ///
     /// - `survey`: valid, as for an [`ImportanceMap`](super::ImportanceMap); covers the pixels of `surveyed` evenly.
     pub(crate) fn new(survey: &Survey, surveyed: Rect) -> Self {
         let sums = |values: Vec<f32>| Sums::new(surveyed, (survey.width, survey.height), values);

@@ -17,6 +17,8 @@ pub(super) struct Sums {
 }
 
 impl Sums {
+    /// Sums values over cells, for queries in constant time.
+    ///
     /// - `surveyed`: the pixels that the cells cover.
     /// - `values`: `[width × height]`, row-major; panics if the length differs.
     pub(super) fn new(surveyed: Rect, (width, height): (u32, u32), values: Vec<f32>) -> Self {

@@ -193,7 +193,7 @@ impl Roster {
         Some(id)
     }
 
-    /// Removes an agent.
+    /// Removes an agent that has left or was excluded. Returns its entry.
     pub(super) fn leave(&mut self, id: MemberId) -> Option<Member> {
         let member = self.members[id.index()].take()?;
         self.count -= 1;

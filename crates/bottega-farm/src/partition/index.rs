@@ -12,6 +12,8 @@ pub(crate) struct ZoneIndex<'a> {
 }
 
 impl<'a> ZoneIndex<'a> {
+    /// Makes an index of zones by position.
+    ///
     /// - `zones`: rectangles within `frame`, which is not empty unless there are none.
     pub(crate) fn new(frame: Rect, zones: &'a [Rect]) -> Self {
         let area_per_zone = frame.area() / (zones.len() as u64).max(1);

@@ -208,6 +208,8 @@ impl Orders {
         self.held.is_empty() && self.unanswered.is_empty()
     }
 
+    /// Checks the invariants of the orders; panics if one is violated.
+    ///
     /// - `most`: number of awards that the agent works on at once.
     /// - `begins`: true if it can paint.
     pub(super) fn assert_invariants(&self, most: usize, begins: bool) {

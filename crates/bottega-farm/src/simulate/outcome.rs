@@ -103,7 +103,7 @@ impl SimulationOutcome {
         self.times_left.iter().filter(|predicted| predicted.done >= from).map(wrong).reduce(f64::max)
     }
 
-    /// Messages per zone.
+    /// Returns the number of messages sent, per zone.
     pub fn messages_per_zone(&self) -> f64 {
         self.messages as f64 / self.zones.max(1) as f64
     }

@@ -65,6 +65,8 @@ pub struct RecordedRules {
 }
 
 impl RecordedRules {
+    /// Records the rules and the bands of a work.
+    ///
     /// - `experts`: the rules of the agents, assigned in rotation.
     pub fn new(experts: &[Expert], bands: BandWidth, engine: &EngineDescription) -> Self {
         let &EngineDescription { has_max_depth, has_light_samples, is_profiled, .. } = engine;

@@ -130,6 +130,8 @@ pub(super) struct SimulatedFarm {
 }
 
 impl SimulatedFarm {
+    /// Makes the environment of a simulation.
+    ///
     /// - `fetch`: time to fetch the scene; `latency`: minimum latency of a message.
     pub(super) fn new(
         piece: Arc<Workpiece>,

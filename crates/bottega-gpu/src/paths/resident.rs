@@ -48,6 +48,8 @@ pub(super) struct ResidentScenes {
 }
 
 impl ResidentScenes {
+    /// Makes an empty set of scenes.
+    ///
     /// - `memory`: the maximum size of all scenes, in bytes.
     pub(super) fn new(memory: Option<u64>) -> Self {
         Self { memory, ..Self::default() }

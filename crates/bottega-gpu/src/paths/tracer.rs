@@ -150,7 +150,7 @@ impl Tracer {
         self.scenes.admit(&self.context, &self.layouts, &self.cache, id, flat)
     }
 
-    /// Evicts a scene.
+    /// Removes a scene from the device's memory.
     pub(super) fn evict(&mut self, id: DataId) {
         for buffers in &mut self.buffers {
             // A bind group keeps its buffers alive.

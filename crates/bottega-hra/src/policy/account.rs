@@ -27,7 +27,7 @@ impl Account {
         self.activity
     }
 
-    /// Changes the activity.
+    /// Changes the activity from `now` on.
     pub(crate) fn enter(&mut self, activity: Activity, now: Time) {
         if activity == self.activity {
             return;

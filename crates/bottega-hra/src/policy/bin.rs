@@ -213,7 +213,7 @@ impl<T> Bin<T> {
         drawn
     }
 
-    /// Removes expired units.
+    /// Moves expired units from the bin to `out`.
     pub(crate) fn take_expired(&mut self, now: Time, out: &mut Vec<Unit<T>>) {
         let before = out.len();
         for shelf in &mut self.shelves {

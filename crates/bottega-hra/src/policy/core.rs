@@ -157,7 +157,7 @@ impl<T> Core<T> {
         self.waiting.demand.announce(primitive, items);
     }
 
-    /// Withdraws announced work.
+    /// Withdraws announced items that will not follow.
     pub(crate) fn retract(&mut self, primitive: Primitive, items: u64) {
         self.waiting.demand.arrived(primitive, items);
     }

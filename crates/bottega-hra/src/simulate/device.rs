@@ -66,7 +66,7 @@ impl SimulatedDevice {
         Ok(())
     }
 
-    /// Takes a packet.
+    /// Takes a packet. Returns the time at which it ends, and its fault if there is one.
     pub(super) fn send(&mut self, now: Time, parcel: &Parcel) -> Fate {
         let faults = self.model.faults;
         if self.down_until.is_some() {

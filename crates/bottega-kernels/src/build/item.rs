@@ -60,12 +60,12 @@ impl Item {
         Self(ItemSpan([low.x, low.y, low.z, f32::from_bits(id ^ NUMBER), high.x, high.y, high.z, 0.0]))
     }
 
-    /// Returns its number.
+    /// Returns the number of the item.
     pub(super) fn id(&self) -> u32 {
         self.0.0[3].to_bits() ^ NUMBER
     }
 
-    /// Returns its box.
+    /// Returns the bounds of the item.
     pub(super) fn bounds(&self) -> Aabb {
         self.0.bounds()
     }

@@ -37,6 +37,8 @@ pub(crate) struct LearningBudget {
 }
 
 impl LearningBudget {
+    /// Plans the learning for a picture.
+    ///
     /// - `samples`: number of samples of the whole picture.
     pub(crate) fn new(samples: u64) -> Self {
         Self { samples }

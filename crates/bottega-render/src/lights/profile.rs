@@ -29,7 +29,7 @@ pub(crate) enum Profile {
 }
 
 impl Profile {
-    /// Prepares a profile.
+    /// Prepares an emission profile for evaluation.
     pub(crate) fn new(profile: &EmissionProfile) -> Self {
         match *profile {
             EmissionProfile::Diffuse => Self::Diffuse,

@@ -66,6 +66,8 @@ pub(crate) struct Estimator {
 }
 
 impl Estimator {
+    /// Makes an estimator with the radius that the settings ask for.
+    ///
     /// - `extent`: extent of the visible part of the scene.
     pub(crate) fn new(settings: &PhotonSettings, extent: Extent) -> Self {
         let scale = 1.0 / settings.count.max(1) as f32;

@@ -182,7 +182,7 @@ impl Object {
         }
     }
 
-    /// Returns a number.
+    /// Returns a number property; `None`: the object lacks it.
     pub(super) fn float(&self, name: &str) -> Result<Option<f64>, TextFault> {
         match self.property(name) {
             None => Ok(None),
@@ -202,7 +202,7 @@ impl Object {
         Ok(number)
     }
 
-    /// Returns an integer.
+    /// Returns an integer property; `None`: the object lacks it.
     pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, TextFault> {
         match self.property(name) {
             None => Ok(None),
@@ -214,7 +214,7 @@ impl Object {
         }
     }
 
-    /// Returns a boolean.
+    /// Returns a boolean property, or the default if the object lacks it.
     pub(super) fn boolean(&self, name: &str, default: bool) -> Result<bool, TextFault> {
         match self.property(name) {
             None => Ok(default),
@@ -223,7 +223,7 @@ impl Object {
         }
     }
 
-    /// Returns a text.
+    /// Returns a text property; `None`: the object lacks it.
     pub(super) fn string(&self, name: &str) -> Result<Option<&str>, TextFault> {
         match self.property(name) {
             None => Ok(None),

@@ -15,7 +15,7 @@ use crate::visibility::Visibility;
 const _: () =
     assert!(cfg!(target_endian = "little"), "blocks are copied as they are in memory, which must be little-endian");
 
-/// Writes an array.
+/// Writes an array as a block of bytes.
 pub(super) fn put<T: Pod>(out: &mut dyn Write, values: &[T]) -> io::Result<()> {
     out.write_all(bytemuck::cast_slice(values))
 }

@@ -44,7 +44,7 @@ pub struct HttpService {
     pub trace: broadcast::Sender<Arc<str>>,
 }
 
-/// Serves until dropped.
+/// Serves connections of a listener until the future is dropped.
 pub async fn serve(listener: TcpListener, service: Arc<HttpService>) {
     let room = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let bodies = Arc::new(Semaphore::new(BODIES_KIB_MAX));

@@ -262,7 +262,7 @@ impl NatsBlobs {
         })
     }
 
-    /// Deletes a blob.
+    /// Deletes a blob by its name; does nothing if there is none.
     pub fn forget(&self, name: &str) {
         self.handle.block_on(async {
             if let Ok(info) = self.store.info(name).await {
@@ -276,7 +276,7 @@ impl NatsBlobs {
         self.purge(self.parts_of(&info.nuid)).await;
     }
 
-    /// Lists all blobs.
+    /// Lists all blobs of the farm, with their sizes.
     pub fn list(&self) -> Vec<StoredBlob> {
         let infos = self.handle.block_on(self.infos());
         let blob = |info: ObjectInfo| StoredBlob { age: age_of(&info), bytes: info.size as u64, name: info.name };

@@ -26,7 +26,7 @@ impl Orientations {
     /// Number of orientations.
     pub(super) const COUNT: usize = 4;
 
-    /// Makes the filters.
+    /// Makes the Gabor filters of all orientations.
     pub(super) fn new() -> Self {
         // Directions of the waves; exact, so that only `exp` and `cos` of small numbers round.
         let directions = [(1.0, 0.0), (FRAC_1_SQRT_2, FRAC_1_SQRT_2), (0.0, 1.0), (-FRAC_1_SQRT_2, FRAC_1_SQRT_2)];

@@ -10,6 +10,8 @@ pub(super) struct Plane {
 }
 
 impl Plane {
+    /// Makes a plane of values.
+    ///
     /// - `values`: `[width × height]`, at least one pixel.
     pub(super) fn new(width: u32, height: u32, values: Vec<f32>) -> Self {
         debug_assert_eq!(values.len(), width as usize * height as usize);
@@ -21,7 +23,7 @@ impl Plane {
         Self { width, height, values: vec![0.0; width as usize * height as usize] }
     }
 
-    /// Columns and rows.
+    /// Returns columns and rows.
     pub(super) fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }

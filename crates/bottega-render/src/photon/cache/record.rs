@@ -93,6 +93,8 @@ pub(crate) struct Measurement {
 }
 
 impl Measurement {
+    /// Computes irradiance, gradients and harmonic mean distance (Ward and Heckbert 1992).
+    ///
     /// - `rays`: samples in the directions of [`direction`], cell by cell.
     /// - `effort`: rays per cell: 1 or an even number.
     pub(crate) fn new(rays: Vec<GatherSample>, effort: u32) -> Self {
@@ -159,6 +161,8 @@ pub(crate) fn direction(n: Vec3, index: u32, u: [f32; 2]) -> Vec3 {
 }
 
 impl IrradianceRecord {
+    /// Makes a record of a measurement.
+    ///
     /// - `reach`: least and greatest radius.
     pub(crate) fn new(p: Vec3, n: Vec3, found: &Measurement, reach: [f32; 2]) -> Self {
         let looks = found.cells();
