@@ -82,7 +82,7 @@ proptest! {
             let me = bottega_agents::AgentId::new("me@here");
             let text = print_content(Calendar::default(), &me, &said);
             let again = sl::parse(&text).ok().and_then(|terms| read_content(Calendar::default(), Time::ZERO, act, &terms).ok());
-            // What is cancelled is not repeated; everything else reads back.
+            // Cancelled parts are not written again; everything else reads back.
             if said != ManagementContent::Cancel {
                 prop_assert_eq!(again, Some(said), "{}", text);
             }

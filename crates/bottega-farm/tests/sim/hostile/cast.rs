@@ -1,4 +1,4 @@
-//! All who take part: the farm's own agents, visitors and hostile agents, as one machine that a simulator runs.
+//! All agents of a siege: the farm's own agents, visitors and hostile agents, as one machine that a simulator runs.
 
 use bottega_agents::{Action, ActionOf, Event, EventOf, StateMachine, Time};
 use bottega_farm::{
@@ -63,7 +63,7 @@ fn of_visitor(completion: AnyCompletion) -> Option<VisitorReport> {
     }
 }
 
-/// Gives a machine an event of the platform, and the platform what it wants done.
+/// Passes an event of the platform to a machine, and the machine's actions to the platform.
 fn feed<M>(
     machine: &mut M,
     now: Time,

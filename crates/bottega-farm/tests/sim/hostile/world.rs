@@ -25,11 +25,11 @@ pub(super) struct HostileWorld {
     pub(super) power: BTreeMap<AgentId, f64>,
     /// Visitors that misbehave.
     pub(super) rude: BTreeSet<AgentId>,
-    /// When each machine is free.
+    /// The time at which each machine is free.
     free: BTreeMap<AgentId, Time>,
     /// The paintings under way, by order, with their end.
     sittings: BTreeMap<(AgentId, ZoneId, Revision), (Time, Time)>,
-    /// All that was painted, by digest: its pixels and samples.
+    /// All paintings, by digest: their pixels and samples.
     tiles: BTreeMap<BlobId, (Rect, u32)>,
     work: Option<Arc<WorkRow>>,
     pub(super) zones: BTreeMap<ZoneId, ZoneRow>,
@@ -37,7 +37,7 @@ pub(super) struct HostileWorld {
     pub(super) composed: BTreeMap<ZoneId, (Mask, Rect)>,
     pub(super) finished: Option<Vec<ZoneId>>,
     pub(super) left_out: BTreeMap<AgentId, String>,
-    /// Tiles that were to be composed and that nobody had painted.
+    /// Tiles to compose that were never painted.
     pub(super) missing: usize,
     pub(super) survey_shrink: u32,
 }
@@ -210,7 +210,7 @@ fn intrude(effect: &VisitorEffect, random: &mut Random, reports: &mut Reports) {
     }
 }
 
-/// Stands for the samples of a zone: the same for all who paint it.
+/// Returns a stand-in for the digest of a zone's samples, equal for all agents.
 fn digest(order: &PaintOrder) -> BlobId {
     let PaintOrder { zone, rect, samples, tunables, .. } = order;
     let words = [zone.0, samples.end, rect.x0, rect.y0, rect.x1, rect.y1, tunables.max_depth, tunables.light_samples];
