@@ -1,4 +1,4 @@
-//! Two pictures on the same processors, one of which somebody looks at.
+//! Two pictures on the same processors, one of which is urgent.
 
 use std::{
     sync::{Arc, mpsc},
@@ -62,7 +62,7 @@ fn begin(engine: &BuiltinEngine, cancel: &CancelSwitch) -> mpsc::Receiver<bool> 
     receiver
 }
 
-/// Samples of a long picture of sixteen zones that are rendered while somebody waits for the first block of a preview.
+/// Samples of a long picture of sixteen zones that are rendered before the first block of a preview.
 fn samples_meanwhile(urgency: Urgency) -> u64 {
     let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
     let (long, cancel) = (engine(&scene, &resources, Urgency::Picture), CancelSwitch::default());
@@ -81,7 +81,7 @@ fn samples_meanwhile(urgency: Urgency) -> u64 {
     samples
 }
 
-/// Waits until something is so.
+/// Waits until a condition holds.
 fn until(is_so: impl Fn() -> bool) {
     let begun = Instant::now();
     while !is_so() {

@@ -32,7 +32,7 @@ pub enum ImportanceFunction {
     /// One plus the levels of recursion in mirror and transparent surfaces. Source: MAGarRO, section 3.3. (The paper
     /// gives no value for places without such surfaces; they get 1.)
     Paper,
-    /// Time per sample, predicted from these channels: see `docs/decisions.md` for the accuracy.
+    /// Time per sample, predicted from these channels: `bench/attempts/farm.md` has the accuracy.
     PredictedCost(ChannelSet),
     /// Visibility of an error, from these channels. Zones then have equal visual importance instead of equal time.
     Visual(ChannelSet),

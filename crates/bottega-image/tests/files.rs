@@ -1,4 +1,4 @@
-//! Files: what is written is read back; what other programs wrote is read; what is broken is refused.
+//! Files: our own are read back, those of other programs are read, broken ones are refused.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use bottega_image::{
     write_png_rgb8,
 };
 
-/// A film with every AOV, whose values tell the pixel that they belong to.
+/// Makes a film with every AOV, whose values identify their pixel.
 fn film(rect: Rect, picture: (u32, u32)) -> Film {
     let layout = Layout::new(Aov::ALL.into_iter().collect());
     let mut tile = Tile::new(rect, layout.clone());
@@ -88,7 +88,7 @@ fn layers_of_a_film_are_read_back_from_a_file() {
     let stride = layout.stride();
     for (index, pixel) in tile.sums_mut().chunks_exact_mut(stride).enumerate() {
         pixel[Layout::SAMPLE_COUNT] = 2.0;
-        // Of sums the mean is half; an identity is what it is.
+        // The mean of sums is half; an identity stays.
         pixel[Layout::SAMPLE_COUNT + 1..].iter_mut().enumerate().for_each(|(i, sum)| *sum = (2 * (index + i)) as f32);
     }
     let mut film = Film::new(rect, layout.clone());
@@ -440,7 +440,7 @@ fn small_files_that_announce_much_are_refused_at_once() {
         let window = exr.windows(16).position(|w| w == b"dataWindow\0box2i").unwrap() + 17 + 4;
         exr[window + 8..window + 12].copy_from_slice(&(width - 1).to_le_bytes());
         exr[window + 12..window + 16].copy_from_slice(&(height - 1).to_le_bytes());
-        // Files of one part need not tell how many blocks they have; a count that contradicts the size is refused for that.
+        // Files of one part need no count of blocks; a count that contradicts the size is refused.
         let count = exr.windows(11).position(|w| w == b"chunkCount\0").unwrap();
         exr[count..count + 10].copy_from_slice(b"chunkOther");
         let radiance = format!("#?RADIANCE\n\n-Y {height} +X {width}\n\x02\x02").into_bytes();

@@ -1,4 +1,4 @@
-//! Jobs that are steered, and whatever cannot be.
+//! Jobs that are steered, and requests that are refused.
 
 use std::fs;
 
@@ -33,7 +33,7 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
     let zones = zones(&farm, "2");
     assert!(!zones.is_empty() && zones.iter().all(|zone| zone["state"] == "done" && zone["reasons"].is_null()));
     let society = &farm.job(2)["society"];
-    // A single agent has nobody to compete with, so there is no auction.
+    // A single agent has no competitor, so there is no auction.
     let agents = society["agents"].as_array().map_or(0, Vec::len);
     let awards = society["auction"]["awards"].as_u64().unwrap_or_default();
     assert!(if agents > 1 { awards >= zones.len() as u64 / 2 } else { awards == 0 }, "{society}");
@@ -43,12 +43,12 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
     let machine = agent.rsplit('@').next().and_then(|process| process.split('.').next()).expect("a machine");
     let learnt =
         || -> Value { serde_json::from_str(&farm.succeed(&["machines", "show", machine, "--json"])).expect("JSON") };
-    // Its credit is written when it has laid the lead down.
+    // Its credit is written when it has given up the lead.
     farm.until("its credit is kept", || learnt()["reliability"].is_number());
     let learnt = learnt();
     let shown = farm.succeed(&["machines", "show", agent]);
     assert!(shown.starts_with(&format!("{machine}: ")), "an agent's name says which machine: {shown}");
-    // The job was paused: each part in which whole zones were painted teaches.
+    // The job was paused: each part with whole zones adds experience.
     assert!(
         learnt["jobs"].as_u64() >= Some(1) && learnt["factors"].as_array().is_some_and(|all| all.len() > 3),
         "{learnt}"
@@ -158,7 +158,7 @@ fn what_cannot_be_is_told() {
         let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
         assert!(output.status.code() == Some(code) && told.contains(words), "{arguments:?}: {told}");
     }
-    // One who asks for what nobody has does not wait to see that nobody comes.
+    // A requirement that no machine meets is reported at once.
     let path = farm.path("tagged.exr");
     let words = ["render", "goblets.glb", "-o", text(&path), "--size", "32x24", "--farm", "--detach"];
     let asked = farm.run(&[&words[..], &["--require", "mars", "--require", "gpu"]].concat());

@@ -33,7 +33,7 @@ pub(crate) fn succeed(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// Starts a long picture, stops it when some of it is painted, and returns how it ended.
+/// Starts a long picture, stops it when some of it is painted, and returns its exit status.
 #[cfg(unix)]
 pub(crate) fn interrupt(arguments: &[&str]) -> ExitStatus {
     let mut child = bottega(arguments).arg("--json").stdout(Stdio::piped()).spawn().expect("the program starts");
@@ -48,7 +48,7 @@ pub(crate) fn interrupt(arguments: &[&str]) -> ExitStatus {
     child.wait().expect("the program ends")
 }
 
-/// Sends a signal to a process, by the shell's own `kill`: not every system has a program of that name. Whether it arrived.
+/// Sends a signal to a process, by the shell's own `kill`: not every system has a program of that name. Returns true if it arrived.
 ///
 /// - `what`: such as `-INT`.
 #[cfg(unix)]

@@ -17,7 +17,7 @@ struct CostTerm {
     weight: f32,
 }
 
-/// The terms, fitted by least squares; `docs/decisions.md` has the fit and its accuracy on scenes that were left out.
+/// The terms, fitted by least squares; `bench/attempts/farm.md` has the fit and its accuracy on scenes that were left out.
 /// Counts whose fitted weight was negligible (a constant per sample, vertices in addition to rays) are left out.
 const TERMS: [CostTerm; 4] = [
     CostTerm { channel: Channel::Steps, count: |pixel| pixel.steps, weight: 50.0 },

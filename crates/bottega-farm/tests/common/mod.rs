@@ -36,7 +36,8 @@ struct Shared {
 const LOOKS: u32 = 60_000;
 
 impl Shared {
-    /// Waits until the task is called off, if enough has begun with it. (The number of painted samples is too late: two threads may begin the last tasks.)
+    /// Waits until the task is called off, if enough has begun with it. (The number of painted samples is too late: two
+    /// threads may begin the last tasks.)
     fn hold(&self, task: &ZoneTask) {
         let count = task.rect.area() * u64::from(task.samples.end - task.samples.start);
         let begun = self.begun.fetch_add(count, Ordering::Relaxed) + count;
