@@ -44,11 +44,11 @@ pub enum BandWidth {
 /// The shares of the user's settings that the rules leave to a zone, each from [`SHARE_MIN`] squared to 1.
 #[derive(Clone, Copy, Debug)]
 struct Shares {
-    /// Of the maximum depth.
+    /// The share of the maximum depth.
     depth: f64,
-    /// Of the samples per pixel.
+    /// The share of the samples per pixel.
     samples: f64,
-    /// Of the light samples at a bounce.
+    /// The share of the light samples at a bounce.
     light_samples: f64,
 }
 

@@ -188,7 +188,7 @@ impl ImportanceMap {
         self.importance.values()
     }
 
-    /// Returns the map as a grayscale picture: cost per cell, scaled from 0 (least, black) to 1 (greatest, white).
+    /// Returns the map as a grayscale picture, row-major, one value per cell: the cost from 0 (least, black) to 1 (greatest, white).
     pub fn grey(&self) -> Vec<f32> {
         let cost = self.cost();
         let least = cost.iter().copied().fold(f32::INFINITY, f32::min);

@@ -194,7 +194,7 @@ mod tests {
         (0..10).map(row).collect()
     }
 
-    /// The same after five samples; what is left takes the reference machine 1.9 s each.
+    /// A zone after five samples, whose rest takes the reference machine 1.9 s.
     fn profiled(row: &ZoneRow) -> ZoneRow {
         let tunables = Tunables { max_depth: 8, light_samples: 1 };
         let result = ResultRef { fence: Revision(1), samples: 5, digest: BlobId([0; 32]) };

@@ -91,9 +91,10 @@ pub struct MachineStatus {
     pub takes_orders: bool,
     /// True if it may only paint zones.
     pub is_guest: bool,
-    /// Its tags, which jobs can require.
+    /// The machine's tags, which jobs can require.
     pub tags: Vec<String>,
-    /// Its reliability in the jobs so far: estimated over measured time, 1 if zones took as long as promised. `null`: unknown.
+    /// The machine's reliability in the jobs so far: estimated over measured time, 1 if zones took as long as promised.
+    /// `null`: unknown.
     pub reliability: Option<f64>,
     /// V_cp, credit and failures of its agents in its current job.
     pub agents: Vec<AgentEvent>,

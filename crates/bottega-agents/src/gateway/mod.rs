@@ -156,7 +156,7 @@ pub struct GatewayConfig {
     pub services: Vec<AgentId>,
     /// Names that messages from outside must not use as sender.
     pub administrators: Vec<AgentId>,
-    /// Makes the names of its conversations differ from those of other processes.
+    /// Number that makes the names of the gateway's conversations differ from those of other processes.
     pub salt: u64,
     /// The representation of first messages to other platforms.
     pub first_forms: FirstForms,

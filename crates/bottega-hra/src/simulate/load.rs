@@ -13,7 +13,7 @@ pub struct Arrival {
     pub primitive: Primitive,
     /// Number of items.
     pub size: u64,
-    /// Bytes sent with it.
+    /// Bytes sent with the unit.
     pub payload_bytes: u64,
     /// Bytes of the unit's answer.
     pub answer_bytes: u64,

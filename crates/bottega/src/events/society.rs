@@ -54,7 +54,7 @@ pub struct ZoneEvent {
     pub reasons: Option<String>,
     /// Samples per pixel taken so far.
     pub samples: u32,
-    /// Its estimated relative error; missing if no error was requested.
+    /// The zone's estimated relative error; missing if no error was requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
 }

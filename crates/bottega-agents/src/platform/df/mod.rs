@@ -47,7 +47,7 @@ pub struct DfConfig {
     pub administrators: Vec<AgentId>,
     /// Directories at which it registers, and which it asks too.
     pub federates: Vec<AgentId>,
-    /// Makes its search ids differ from those of other processes.
+    /// Number that makes the directory's search ids differ from those of other processes.
     pub salt: u64,
 }
 
