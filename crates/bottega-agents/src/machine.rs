@@ -29,7 +29,7 @@ pub enum Event<C, V, R> {
     Presence {
         /// The name of the agent.
         agent: AgentId,
-        /// True if it is present.
+        /// True if the agent is present.
         present: bool,
     },
     /// [`StateMachine::next_deadline`] is reached. It may arrive when the machine has just set a later one, so compare

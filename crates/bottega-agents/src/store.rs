@@ -57,7 +57,7 @@ pub enum StoreRequest<V> {
     CompareAndSet {
         /// The key of the entry.
         key: Key,
-        /// The revision it must have: [`Revision::ABSENT`] if it must not exist.
+        /// The revision that the entry must have: [`Revision::ABSENT`] if it must not exist.
         expected_revision: Revision,
         /// The new value.
         value: V,

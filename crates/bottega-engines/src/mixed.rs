@@ -33,9 +33,9 @@ struct WorkQueue {
 /// The load of an engine.
 #[derive(Clone, Copy, Debug)]
 struct Load {
-    /// The most zones that it may run at a time.
+    /// The most zones that the engine may run at a time.
     most: usize,
-    /// The zones that it runs.
+    /// The zones that the engine runs.
     running: usize,
     /// Samples in progress, over all pixels.
     under_way: f64,

@@ -35,7 +35,7 @@ pub struct AnalystConfig {
     pub importance: ImportanceFunction,
     /// The target of the partition.
     pub partition: PartitionSettings,
-    /// The platform at which it registers; `None`: it does not.
+    /// The platform at which the Analyst registers; `None`: it does not.
     pub registration: Option<RegistrationConfig>,
     /// Knowledge from earlier works about the times of zones.
     pub knowledge: Foreknowledge,

@@ -81,13 +81,13 @@ pub struct AgentRow {
     pub agent: AgentId,
     /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
     pub power: RelativePower,
-    /// Number of processors that work on its zones at once; may be a fraction if agents share a machine.
+    /// Number of processors that work on the agent's zones at once; may be a fraction if agents share a machine.
     pub lanes: f64,
     /// The agent's credit: how well its times match its promises.
     pub credit: Credit,
-    /// Number of its paintings that others confirmed, if paintings are compared.
+    /// Number of the agent's paintings that others confirmed, if paintings are compared.
     pub agreed: u32,
-    /// Number of failures since it last painted something.
+    /// Number of failures since the agent last painted something.
     pub failures: u32,
     /// The reason why it is excluded from the work, if it is.
     pub left_out: Option<String>,

@@ -48,7 +48,7 @@ pub(crate) struct Cells {
 #[derive(Debug)]
 struct Cell {
     rect: Rect,
-    /// The look at which it may stop next, as a sample count; `None`: it continues to the end of the octave.
+    /// The look at which the cell may stop next, as a sample count; `None`: it continues to the end of the octave.
     look: Option<u32>,
     stopped: bool,
     error: Option<f64>,

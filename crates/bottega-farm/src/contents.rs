@@ -109,7 +109,7 @@ pub enum FarmContent {
     Subscription {
         /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
-        /// Number of processors that work on its zones at once.
+        /// Number of processors that work on the agent's zones at once.
         lanes: f64,
     },
     /// *agree*: the Master has added the agent to its list.
@@ -162,7 +162,7 @@ pub enum FarmContent {
     Alive {
         /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
-        /// The orders that it holds.
+        /// The orders that the agent holds.
         orders: Vec<Holding>,
     },
     /// *refuse*: the Master no longer calls this agent and accepts nothing from it.

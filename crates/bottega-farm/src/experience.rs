@@ -133,9 +133,9 @@ pub struct LearntFactor {
     pub factor: f64,
     /// Expected relative error of a time predicted so, one standard deviation; `None`: not known for one factor alone.
     pub error: Option<f64>,
-    /// Number of zones that it is based on; older jobs count less.
+    /// Number of zones on which the factor is based; older jobs count less.
     pub zones: f64,
-    /// Number of jobs since it was last updated.
+    /// Number of jobs since the factor was last updated.
     pub age: u64,
 }
 

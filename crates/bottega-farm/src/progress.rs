@@ -53,7 +53,7 @@ struct Share {
     expected: f64,
     /// T_est of all its samples, in seconds, if profiled.
     time: Option<f64>,
-    /// Share of its samples that are painted, 0..=1.
+    /// Share of the zone's samples that are painted, 0..=1.
     done: f64,
     samples: u64,
     samples_done: u64,

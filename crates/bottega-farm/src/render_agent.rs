@@ -66,7 +66,7 @@ pub struct RenderAgent {
     speed: Speed,
     orders: Orders,
     thief: Thief,
-    /// The work that it paints.
+    /// The work that the agent paints.
     work: Option<WorkRow>,
     /// True if the scene of the work is fetched.
     is_fetched: bool,
@@ -96,7 +96,7 @@ impl RenderAgent {
         self.speed.power()
     }
 
-    /// Returns true if it is subscribed and willing, and holds nothing.
+    /// Returns true if the agent is subscribed and willing, and holds nothing.
     pub(crate) fn is_free(&self) -> bool {
         let membership = &self.membership;
         membership.is_subscribed() && !membership.is_excluded() && self.orders.is_empty() && self.room() > 0

@@ -60,9 +60,9 @@ mod tests {
         name: String,
         /// Parts done per thousand steps.
         speed: u32,
-        /// The step at which it leaves silently, and true if others still take it for present.
+        /// The step at which the machine leaves silently, and true if others still take it for present.
         gone: Option<(u32, bool)>,
-        /// The part that it works on, and the step at which it is done.
+        /// The part that the machine works on, and the step at which it is done.
         busy: Option<(usize, u32)>,
     }
 

@@ -53,7 +53,7 @@ struct AgentPace {
 struct HeldZone {
     /// The position of the zone in the order in which the agent received zones.
     turn: u64,
-    /// T_est of its samples, in seconds; `None`: a profile.
+    /// T_est of the zone's samples, in seconds; `None`: a profile.
     estimated: Option<f64>,
     /// Reported output assigned to it so far, in reference-machine seconds.
     given: f64,

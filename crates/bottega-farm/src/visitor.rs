@@ -47,7 +47,7 @@ pub enum VisitorEffect {
     Paint {
         /// The order to pass to the visitor.
         order: Box<PaintOrder>,
-        /// The call in which it was won; `None`: first samples of a zone.
+        /// The call in which the zone was won; `None`: first samples of a zone.
         call: Option<u64>,
     },
     /// The order is cancelled.
@@ -105,7 +105,7 @@ pub struct VisitorConfig {
     pub master: AgentId,
     /// The V_cp that the visitor claims; corrected by measured times.
     pub power: RelativePower,
-    /// Number of zones that it paints at once.
+    /// Number of zones that the visitor paints at once.
     pub lanes: f64,
     /// The rule that adapts V_cp.
     pub adaptation: AdaptationRule,
@@ -125,7 +125,7 @@ pub struct Visitor {
     calls: Vec<FarmMessage>,
     /// The number of samples per pixel to which each of its orders goes. A hash map for speed; never iterated.
     orders: FxHashMap<ZoneId, (Revision, u32)>,
-    /// `true`: it has painted something since it came. The first zone's time may include reading the scene or
+    /// `true`: the visitor has painted something since it came. The first zone's time may include reading the scene or
     /// compiling.
     is_warm: bool,
     /// The call in which each of its zones was won. A hash map for speed; never iterated.

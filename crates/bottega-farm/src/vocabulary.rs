@@ -128,7 +128,7 @@ pub enum FarmEffect {
         zone: ZoneId,
         /// The samples of the zone, by reference.
         result: ResultRef,
-        /// The weights of its pixels.
+        /// The weights of the zone's pixels.
         mask: Mask,
     },
     /// The work is finished: all zones are composed or given up.

@@ -16,7 +16,7 @@ use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 /// answers, but not submit units.
 pub struct HraClient<W: Work> {
     handle: Arc<ClientHandle<W>>,
-    /// The inlet of its units; different for each clone, to avoid lock contention.
+    /// The inlet of the client's units; different for each clone, to avoid lock contention.
     inlet: usize,
 }
 

@@ -47,7 +47,7 @@ pub struct ResourceReport {
     pub idle: Duration,
     /// Time suspended after failures.
     pub suspended: Duration,
-    /// Size of the data that it holds, in bytes.
+    /// Size of the data that the resource holds, in bytes.
     pub resident_bytes: u64,
     /// The traffic on the resource's cable, if it has one.
     pub cable: Option<CableUse>,

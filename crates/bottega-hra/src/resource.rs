@@ -34,7 +34,7 @@ pub struct ResourceDescriptor {
     pub primitives: PrimitiveSet,
     /// The resource's own memory for data, in bytes; `None`: it uses this process's memory, or the size is unknown.
     pub memory_bytes: Option<u64>,
-    /// The link to it.
+    /// The link to the resource.
     pub link: Link,
 }
 

@@ -38,7 +38,7 @@ struct CableLine {
 #[derive(Serialize)]
 struct ResourceLine<'a> {
     name: &'a str,
-    /// Share of its time with work, 0..=1.
+    /// Share of the resource's time with work, 0..=1.
     occupation: f64,
     busy: f64,
     idle: f64,

@@ -24,7 +24,7 @@ pub enum Combine {
 pub struct Layer {
     /// Name of the layer.
     pub name: String,
-    /// Names of its channels, in their order within a pixel.
+    /// Names of the layer's channels, in their order within a pixel.
     pub channels: Vec<String>,
     /// Combination of several values.
     pub combine: Combine,

@@ -74,7 +74,7 @@ impl Rect {
         u64::from(self.width()) * u64::from(self.height())
     }
 
-    /// Returns true if it contains no pixel.
+    /// Returns true if the rectangle contains no pixel.
     pub fn is_empty(&self) -> bool {
         self.x0 >= self.x1 || self.y0 >= self.y1
     }

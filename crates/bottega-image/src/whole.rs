@@ -29,7 +29,7 @@ pub struct WholeHeader {
     pub width: u32,
     /// Height of the picture, in pixels.
     pub height: u32,
-    /// `true`: it has alpha beside the color.
+    /// `true`: the picture has alpha beside the color.
     pub has_alpha: bool,
 }
 

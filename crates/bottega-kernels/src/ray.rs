@@ -92,7 +92,7 @@ impl Aabb {
     /// The empty box; its union with a box is that box.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// Returns true if it contains no point.
+    /// Returns true if the box contains no point.
     #[inline]
     pub fn is_empty(&self) -> bool {
         !(self.min.x <= self.max.x && self.min.y <= self.max.y && self.min.z <= self.max.z)

@@ -218,7 +218,7 @@ impl SceneTrees {
         self.arena.at(child.index())
     }
 
-    /// Returns its memory, in bytes.
+    /// Returns the memory of the trees, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.arena.bytes()
             + self.spheres.capacity() * size_of::<Sphere>()

@@ -66,7 +66,7 @@ impl SurfaceVertex<'_> {
 pub(crate) struct LeavingDirection {
     /// The direction in world space; unit length.
     pub(crate) wi: Vec3,
-    /// `true`: it is on the side of the surface that the path came from.
+    /// `true`: the direction is on the side of the surface that the path came from.
     pub(crate) is_reflection: bool,
 }
 

@@ -152,12 +152,12 @@ impl FacingCurves {
         }
     }
 
-    /// Returns its memory, in bytes.
+    /// Returns the memory of the curves, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.points) + size_of_val(&*self.pieces)
     }
 
-    /// Checks its invariants for a mesh of `triangles` triangles.
+    /// Checks the invariants of the curves for a mesh of `triangles` triangles.
     pub(crate) fn check(&self, triangles: usize) -> Result<(), Violation> {
         let is_sound = |point: &CurvePoint| {
             let is_finite = point.position.is_finite() && point.along.is_finite() && point.radius.is_finite();

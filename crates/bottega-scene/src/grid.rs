@@ -81,7 +81,7 @@ impl Grid {
         self.size
     }
 
-    /// Returns its values: those of a cell adjacent; cells along x first, then y, then z.
+    /// Returns the grid's values: those of a cell adjacent; cells along x first, then y, then z.
     pub(crate) fn values(&self) -> &[f32] {
         &self.values
     }

@@ -19,7 +19,7 @@ pub struct IntegratorHint {
 pub enum Follows {
     /// Paths from the camera.
     Paths {
-        /// `true`: it equals our path tracer, so nothing is replaced.
+        /// `true`: the integrator equals our path tracer, so nothing is replaced.
         is_ours: bool,
     },
     /// Paths from the lights, alone or connected to camera paths. They find point lights seen in mirrors and through

@@ -90,7 +90,7 @@ impl Medium {
         }
     }
 
-    /// Returns true if it only absorbs, and homogeneously.
+    /// Returns true if the medium only absorbs, and homogeneously.
     pub fn is_clear(&self) -> bool {
         self.scattering == Spectrum::ZERO && self.emission == Spectrum::ZERO && self.variation.is_none()
     }

@@ -32,7 +32,7 @@ pub(crate) struct Needless<Kind> {
 }
 
 impl<Kind: PartialEq> Needless<Kind> {
-    /// Returns true if it lists the parameter of a plugin.
+    /// Returns true if the list has the parameter of a plugin.
     pub(crate) fn covers(&self, kind: &Kind, plugin: &str, name: &str) -> bool {
         let is_of = |list: &[&str], name: &str| list.is_empty() || list.contains(&name);
         self.kind == *kind && is_of(self.of, plugin) && is_of(self.names, name)

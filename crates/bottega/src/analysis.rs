@@ -47,7 +47,7 @@ pub struct ZoneAnalysis {
     pub neighbor_difference: f64,
     /// The same average per side: left, top, right, bottom.
     pub edge_differences: [f64; 4],
-    /// Mean visual importance of its pixels, 0 to 1.
+    /// Mean visual importance of the zone's pixels, 0 to 1.
     pub visual_importance: f64,
 }
 

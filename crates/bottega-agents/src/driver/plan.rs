@@ -109,7 +109,7 @@ impl Ord for PlannedEvent {
 
 /// A store request that may be open.
 struct OpenRequest {
-    /// The time of its timeout.
+    /// The time of the request's timeout.
     at: Time,
     sequence: u64,
     of: Life,

@@ -66,9 +66,9 @@ struct SimulatedAgent<M> {
     machine: Option<M>,
     make: Box<dyn FnMut() -> M>,
     may_crash: bool,
-    /// The deadline that it has set.
+    /// The deadline that the agent has set.
     deadline: Option<Time>,
-    /// The time of its next timer, not later than the deadline. An early timer is set again, because most deadlines are
+    /// The time of the agent's next timer, not later than the deadline. An early timer is set again, because most deadlines are
     /// postponed before they arrive.
     timer: Option<Time>,
 }

@@ -133,7 +133,7 @@ impl Way {
 pub struct Passage {
     /// The time at which the message passed.
     pub time: Time,
-    /// The way that it took.
+    /// The way that the message took.
     pub way: Way,
     /// The name of the receiver.
     pub to: AgentId,

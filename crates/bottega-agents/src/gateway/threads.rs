@@ -31,7 +31,7 @@ const FORM: &str = "X-form";
 pub(super) struct Thread {
     /// The message, without its content.
     pub(super) message: WireMessage,
-    /// The first expression of its content, which answers repeat.
+    /// The first expression of the message's content, which answers repeat.
     pub(super) asked: Option<Term>,
     /// The representation that the foreign agent uses.
     pub(super) form: String,

@@ -75,7 +75,7 @@ pub enum AmsPages<'a> {
     Node {
         /// The address of the process.
         address: &'a str,
-        /// True if it serves.
+        /// True if the process serves.
         present: bool,
     },
 }

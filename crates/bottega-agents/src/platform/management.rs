@@ -71,7 +71,7 @@ pub enum Function {
     TerminateAgent {
         /// The name of the agent.
         agent: AgentId,
-        /// True if it may finish its work, or ignore the request.
+        /// True if the agent may finish its work, or ignore the request.
         graceful: bool,
     },
     /// AMS: return the description of the platform.

@@ -33,7 +33,7 @@ where
         &self.machine
     }
 
-    /// Returns true if it is suspended.
+    /// Returns true if the agent is suspended.
     pub fn is_suspended(&self) -> bool {
         self.suspended
     }

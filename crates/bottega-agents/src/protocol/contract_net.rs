@@ -35,7 +35,7 @@ pub struct Call<C> {
 pub struct Proposal<C> {
     /// The agent that proposes.
     pub from: AgentId,
-    /// The terms on which it offers to do the task.
+    /// The terms on which the bidder offers to do the task.
     pub content: C,
 }
 

@@ -61,7 +61,7 @@ pub enum EngineFault {
     Ended {
         /// The exit status of the process, for display.
         status: String,
-        /// The end of its log.
+        /// The end of the worker's log.
         log: String,
     },
     /// The engine exceeded a time limit.
@@ -71,7 +71,7 @@ pub enum EngineFault {
         seconds: f64,
         /// The missing answer.
         what: &'static str,
-        /// The end of its log.
+        /// The end of the worker's log.
         log: String,
     },
     /// The engine wrote too much output.
@@ -103,7 +103,7 @@ pub enum EngineFault {
     /// The engine wrote no picture.
     #[error("it wrote no picture{}", last_words(.log))]
     NoPicture {
-        /// The end of its log.
+        /// The end of the worker's log.
         log: String,
     },
     /// The engine's picture cannot be read.

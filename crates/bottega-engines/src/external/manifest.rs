@@ -176,7 +176,7 @@ pub struct Pixels {
     /// The position of the first row.
     #[serde(default)]
     pub first_row: FirstRow,
-    /// The pixel filter that it uses, for display.
+    /// The pixel filter that the engine uses, for display.
     pub filter: Option<String>,
 }
 
@@ -196,11 +196,11 @@ pub struct Cost {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
-    /// Seconds until it is ready.
+    /// Seconds until the worker is ready.
     pub start_seconds: f64,
     /// Seconds until the scene is open.
     pub open_seconds: f64,
-    /// Seconds without output while it renders.
+    /// Seconds without output while the worker renders.
     pub silence_seconds: f64,
     /// Seconds per window.
     pub zone_seconds: f64,
@@ -208,7 +208,7 @@ pub struct Limits {
     pub memory_mib: u64,
     /// Size of the engine's log, in KiB.
     pub log_kib: u64,
-    /// Size of a file that it writes, in MiB.
+    /// Size of a file that the worker writes, in MiB.
     pub output_mib: u64,
 }
 
@@ -265,7 +265,7 @@ pub struct ErrorText {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Animation {
-    /// True if it accepts a frame number.
+    /// True if the engine accepts a frame number.
     pub frames: bool,
 }
 
@@ -279,7 +279,7 @@ pub struct Manifest {
     pub name: String,
     /// The display name of the engine.
     pub title: String,
-    /// The way it is driven.
+    /// The way in which the engine is driven.
     pub kind: EngineKind,
     /// A one-line description.
     pub about: Option<String>,
@@ -433,7 +433,7 @@ impl Manifest {
         }
     }
 
-    /// Returns true if it supports files of this extension.
+    /// Returns true if the engine supports files of this extension.
     pub fn takes(&self, scene: &std::path::Path) -> bool {
         let extension = scene.extension().map(|it| it.to_string_lossy().to_lowercase()).unwrap_or_default();
         self.scene.extensions.contains(&extension)

@@ -81,7 +81,7 @@ pub struct Opened {
     /// The pixel filter; `None`: unknown or unsupported.
     #[serde(default)]
     pub filter: Option<FilmFilter>,
-    /// The layers that it renders in addition to the color.
+    /// The layers that the worker renders in addition to the color.
     #[serde(default)]
     pub layers: Vec<OpenedLayer>,
 }
@@ -128,7 +128,7 @@ pub struct OpenedLayer {
     /// The combination of several passes.
     #[serde(default)]
     pub combine: CombineWord,
-    /// True if it has the same meaning as the built-in engine's layer of this name.
+    /// True if the layer has the same meaning as the built-in engine's layer of this name.
     #[serde(default)]
     pub shared: bool,
 }

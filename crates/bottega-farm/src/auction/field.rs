@@ -46,7 +46,7 @@ const USES_TIME: f64 = 0.01;
 struct Pace {
     /// Own seconds per second of the reference machine, with all its processors together.
     own: f64,
-    /// The time at which it will have painted what it holds, in seconds; `None`: it holds nothing.
+    /// The time at which the agent will have painted what it holds, in seconds; `None`: it holds nothing.
     ready: Option<f64>,
 }
 

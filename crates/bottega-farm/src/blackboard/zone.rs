@@ -35,7 +35,7 @@ pub struct ZoneRow {
     pub agent: Option<AgentId>,
     /// The state of the zone, from unprofiled to done.
     pub state: ZoneState,
-    /// Number of times that it was taken from an agent that failed or fell silent.
+    /// Number of times that the zone was taken from an agent that failed or fell silent.
     pub attempt: u32,
     /// The settings; chosen at profiling, and again by the winner of the auction where its rules decide.
     pub choice: Option<Choice>,
@@ -274,7 +274,7 @@ impl ZoneRow {
         self.result.map_or(0, |result| result.samples)
     }
 
-    /// Samples per pixel that its next painting reaches with this choice.
+    /// Samples per pixel that the zone's next painting reaches with this choice.
     pub fn goal_samples(&self, choice: &Choice) -> u32 {
         self.goal.map_or(choice.samples, |goal| goal.min(choice.samples))
     }
@@ -292,12 +292,12 @@ impl ZoneRow {
         }
     }
 
-    /// Returns true if it has all samples of its goal and waits for the next goal.
+    /// Returns true if the zone has all samples of its goal and waits for the next goal.
     pub fn is_waiting(&self) -> bool {
         self.state == ZoneState::Profiled && self.goal.is_some_and(|goal| goal <= self.samples_done())
     }
 
-    /// Returns true if it is done or given up.
+    /// Returns true if the zone is done or given up.
     pub fn is_settled(&self) -> bool {
         matches!(self.state, ZoneState::Done | ZoneState::Failed)
     }

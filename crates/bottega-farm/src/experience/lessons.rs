@@ -23,7 +23,7 @@ const LOG_MAX: f64 = 20.0;
 pub(super) struct Lesson {
     /// Weighted mean of the logarithm that this kind adds to the wider ones.
     log: f64,
-    /// Number of zones behind it; older jobs count less.
+    /// Number of zones behind the value; older jobs count less.
     count: f64,
     /// The number of the last job that updated it.
     job: u64,

@@ -29,7 +29,7 @@ pub(super) struct LearntPicture {
     pub(super) offset: f64,
     /// Standard deviation of the logarithm of measured over predicted time.
     pub(super) deviation: f64,
-    /// Number of zones behind it; older jobs count less.
+    /// Number of zones behind the picture; older jobs count less.
     pub(super) count: f64,
     /// The number of the last job that taught something.
     pub(super) job: u64,
@@ -63,7 +63,7 @@ impl LearntPicture {
         }
     }
 
-    /// Returns true if it is of this scene, seen in this way and painted by this technique.
+    /// Returns true if the picture is of this scene, seen in this way and painted by this technique.
     pub(super) fn is(&self, technique: &str, subject: &Subject) -> bool {
         self.technique == technique && *self.scene == *subject.scene && *self.view == *subject.view
     }

@@ -71,7 +71,7 @@ impl PictureOutlook {
 pub(crate) struct Outlook {
     /// Predicted time per sample, in nanoseconds of the reference machine.
     time: Sums,
-    /// The parts of it for rays towards lights, and for materials.
+    /// The parts of the time for rays towards lights, and for materials.
     shadow: Sums,
     material: Sums,
     glass: Sums,

@@ -58,7 +58,7 @@ pub struct MasterConfig {
     pub goals: GoalRules,
     /// The timeouts of rounds, leases and retries.
     pub timing: Timing,
-    /// The platform at which it registers; `None`: it does not.
+    /// The platform at which the Master registers; `None`: it does not.
     pub registration: Option<RegistrationConfig>,
 }
 

@@ -42,7 +42,7 @@ struct CountedZone {
     waiting: bool,
     complexity: f64,
     time_estimated: Duration,
-    /// T_est of its current order.
+    /// T_est of the zone's current order.
     order_time: Duration,
     chosen: bool,
     voted: bool,

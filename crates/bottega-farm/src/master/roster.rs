@@ -34,9 +34,9 @@ const FAILED_KEPT: usize = 16;
 pub(super) struct Member {
     pub(super) id: MemberId,
     pub(super) row: AgentRow,
-    /// True if its reported speed is weighted by its reliability.
+    /// True if the agent's reported speed is weighted by its reliability.
     weighs_promises: bool,
-    /// Time of its last message.
+    /// Time of the agent's last message.
     pub(super) heard: Time,
     /// It refused or did not answer: not called before this time.
     rests_until: Option<Time>,
@@ -50,11 +50,11 @@ pub(super) struct Member {
     held: usize,
     /// The sum of their T_est.
     load: Duration,
-    /// The expected time at which it will have painted them.
+    /// The expected time at which the agent will have painted them.
     pub(super) ready: Time,
-    /// Time of its last report.
+    /// Time of the agent's last report.
     reported: Time,
-    /// Progress of its orders, from its heartbeats.
+    /// Progress of the agent's orders, from its heartbeats.
     watched: WatchedZones,
     /// The orders of the agent that failed since its last success.
     pub(super) failed: Vec<(ZoneId, Revision)>,
@@ -556,17 +556,17 @@ impl Member {
         }
     }
 
-    /// Returns true if it holds nothing, is in no round and is not resting.
+    /// Returns true if the agent holds nothing, is in no round and is not resting.
     pub(super) fn is_idle(&self) -> bool {
         self.held == 0 && self.rests_until.is_none() && self.round.is_none()
     }
 
-    /// Returns true if it did not refuse when it was last called.
+    /// Returns true if the agent did not refuse when it was last called.
     pub(super) fn is_willing(&self) -> bool {
         !self.is_unwilling
     }
 
-    /// Returns true if it bid and won nothing, and nothing has changed since.
+    /// Returns true if the agent bid and won nothing, and nothing has changed since.
     pub(super) fn is_passed_over(&self) -> bool {
         self.passed_over
     }

@@ -42,12 +42,12 @@ impl FarmMembership {
         self.is_suspended
     }
 
-    /// Returns true if its Master has excluded it.
+    /// Returns true if the agent's Master has excluded it.
     pub(super) fn is_excluded(&self) -> bool {
         self.is_excluded
     }
 
-    /// Returns true if it belongs to no Master and may subscribe.
+    /// Returns true if the agent belongs to no Master and may subscribe.
     pub(super) fn may_subscribe(&self) -> bool {
         !self.is_subscribed && !self.is_suspended
     }

@@ -16,7 +16,7 @@ const LOOK_AFTER: Duration = Duration::from_secs(5);
 pub(super) struct UnansweredReport {
     pub(super) report: Arc<Report>,
     pub(super) conversation: u64,
-    /// The time at which it was made.
+    /// The time at which the report was made.
     pub(super) since: Time,
 }
 

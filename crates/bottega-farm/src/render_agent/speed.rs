@@ -10,7 +10,7 @@ pub(super) struct Speed {
     rule: AdaptationRule,
     /// V_cp; `None` until the benchmark is done.
     adaptation: Option<Adaptation>,
-    /// Number of processors that work on its zones at once.
+    /// Number of processors that work on the agent's zones at once.
     lanes: f64,
 }
 

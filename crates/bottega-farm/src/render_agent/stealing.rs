@@ -20,7 +20,7 @@ const SHARE_MIN: f64 = 0.2;
 pub(super) struct Neighbor {
     /// Own seconds per second of the reference machine.
     own_seconds: f64,
-    /// Time until it has painted what it holds.
+    /// Time until the neighbor has painted what it holds.
     load: Duration,
 }
 

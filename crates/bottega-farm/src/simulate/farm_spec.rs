@@ -36,7 +36,7 @@ pub struct MachineSpec {
 pub struct AgentSpec {
     /// Index of the agent's machine.
     pub machine: usize,
-    /// The time at which it joins.
+    /// The time at which the agent joins.
     pub joins: Duration,
 }
 
@@ -200,7 +200,7 @@ impl FarmSpec {
 struct MachineMark {
     /// Time, in seconds.
     at: f64,
-    /// Number of its agents that come, or negative: that leave.
+    /// Number of the machine's agents that come, or negative: that leave.
     come: i32,
     /// Factor on its speed.
     factor: f64,

@@ -14,7 +14,7 @@ const SHORTEST: Duration = Duration::from_micros(1);
 /// A paint job.
 #[derive(Clone, Debug)]
 pub(super) struct PaintJob {
-    /// The index of its agent.
+    /// The index of the agent that paints.
     pub(super) agent: usize,
     pub(super) zone: ZoneId,
     pub(super) fence: Revision,
@@ -22,7 +22,7 @@ pub(super) struct PaintJob {
     pub(super) samples: u32,
     /// The flaw of the samples it continues; 0: correct.
     pub(super) flaw: u64,
-    /// True if it begins with the first sample.
+    /// True if the job begins with the first sample.
     pub(super) first: bool,
     pub(super) begun: Time,
     /// Remaining processor time at speed 1, in seconds.

@@ -52,7 +52,7 @@ pub struct Plan {
     pub farm: FarmSpec,
     /// Faults of the network. Agents that it kills come back; those of [`FarmSpec::incidents`] do not.
     pub faults: Faults,
-    /// `true`: it may kill the Master.
+    /// `true`: the faults may kill the Master.
     pub master_may_crash: bool,
     /// Share of orders that fail, 0..1.
     pub failures: f64,

@@ -103,7 +103,7 @@ pub struct RecordedZone {
     pub complexity: f64,
     /// The Neighbor Difference.
     pub neighbor_difference: NeighborDifference,
-    /// The settings that it was painted with.
+    /// The settings with which the zone was painted.
     pub choice: Choice,
     /// Processor time of the first [`Choice::profile_samples`] samples.
     pub profiling: Duration,

@@ -47,7 +47,7 @@ pub const SPANS_MAX: usize = 1 << 22;
 pub struct Span {
     /// Index of the agent.
     pub agent: u32,
-    /// The zone that it painted.
+    /// The zone that the agent painted.
     pub zone: ZoneId,
     /// Time of the beginning.
     pub begin: Time,
@@ -72,20 +72,20 @@ pub enum SpanKind {
 #[derive(Clone, Debug)]
 pub(super) struct SimulatedPainter {
     pub(super) machine: usize,
-    /// The time at which it joins.
+    /// The time at which the agent joins.
     pub(super) joins: Duration,
-    /// V_cp from its benchmark.
+    /// V_cp from the agent's benchmark.
     pub(super) power: RelativePower,
     pub(super) lanes: f64,
     /// Processor time spent, in seconds of its machine.
     pub(super) busy: f64,
     /// Number of finished orders.
     pub(super) orders: u32,
-    /// Share of its orders that fails.
+    /// Share of the agent's orders that fails.
     pub(super) breaks: f64,
-    /// Share of its paintings that is wrong.
+    /// Share of the agent's paintings that is wrong.
     pub(super) lies: f64,
-    /// Factor by which its clock runs slow, so that it claims to be faster.
+    /// Factor by which the agent's clock runs slow, so that it claims to be faster.
     pub(super) boasts: f64,
     /// Additional seconds of its next order.
     pub(super) loads: f64,

@@ -18,6 +18,6 @@ pub(crate) struct Places {
 pub(crate) struct VariablePlaces {
     /// The position of the variable's declaration.
     pub(crate) at: Position,
-    /// The names of its terms.
+    /// The names of the variable's terms.
     pub(crate) terms: Vec<Position>,
 }

@@ -19,7 +19,7 @@ pub(super) const GRID_CELLS_MAX: u64 = 1 << 19;
 pub(super) struct AxisStretch {
     pub(super) low: f64,
     pub(super) high: f64,
-    /// True if it lies in the input's declared range, or none is declared.
+    /// True if the stretch lies in the input's declared range, or none is declared.
     pub(super) in_range: bool,
     /// The degree of each term.
     grades: Vec<f64>,

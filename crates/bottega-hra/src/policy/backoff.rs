@@ -15,7 +15,7 @@ impl Backoff {
         self.failures = 0;
     }
 
-    /// Returns true if it has failed since its last success.
+    /// Returns true if the resource has failed since its last success.
     pub(crate) fn has_failed(&self) -> bool {
         self.failures > 0
     }

@@ -23,7 +23,7 @@ pub(crate) struct ChunkOrder {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BinHead {
     pub(crate) order: ChunkOrder,
-    /// The needs of its first unit.
+    /// The needs of the bin's first unit.
     pub(crate) needs: UnitNeeds,
     pub(crate) late: Time,
 }

@@ -14,7 +14,7 @@ const STEP_MIN: Duration = Duration::from_millis(1);
 pub struct BinReport {
     /// Mean number of waiting units over time.
     pub mean_waiting: f64,
-    /// Time in which it was full, and submitters waited.
+    /// Time in which the bin was full, and submitters waited.
     pub full: Duration,
     /// Time in which no unit waited: resources took everything at once, or had nothing to do.
     pub empty: Duration,

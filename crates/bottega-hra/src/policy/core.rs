@@ -47,7 +47,7 @@ pub(crate) struct DrawnPacket<T> {
     pub(crate) units: Vec<Unit<T>>,
     /// Data to evict first.
     pub(crate) evicted: Vec<DataId>,
-    /// The time at which it is overdue.
+    /// The time at which the packet is overdue.
     pub(crate) deadline: Time,
 }
 

@@ -46,7 +46,7 @@ pub(crate) struct Flight {
     pub(crate) bytes: CableBytes,
     pub(crate) primitive: Primitive,
     pub(crate) data: Option<DataId>,
-    /// Bytes of data sent with it.
+    /// Bytes of data sent with the packet.
     pub(crate) moved_bytes: u64,
     pub(crate) predicted_ns: f64,
     /// The time from which the resource counts as hanging.
@@ -81,16 +81,16 @@ pub(crate) struct LaneState {
     pub(crate) backoff: Backoff,
     pub(crate) flights: BTreeMap<u64, Flight>,
     pub(crate) residency: Residency,
-    /// The cable to it; unused for a near resource.
+    /// The cable to the resource; unused for a near resource.
     pub(crate) cable: Cable,
     pub(crate) account: Account,
-    /// True if it waits to be woken.
+    /// True if the resource waits to be woken.
     pub(crate) dozes: bool,
-    /// True if it was woken and has not asked yet.
+    /// True if the resource was woken and has not asked yet.
     pub(crate) called: bool,
-    /// True if its data survives a time without an answer.
+    /// True if the resource's data survives a time without an answer.
     pub(crate) keeps_data: bool,
-    /// True if it failed in a way that leaves its contents unknown.
+    /// True if the resource failed in a way that leaves its contents unknown.
     pub(crate) is_lost: bool,
     next_sequence: u64,
     /// `None`: called directly, with one packet at a time.
@@ -140,7 +140,7 @@ impl LaneState {
         &self.costs
     }
 
-    /// Returns true if it can be sent one more packet.
+    /// Returns true if the resource can be sent one more packet.
     pub(crate) fn has_room(&self, now: Time) -> bool {
         match &self.flow {
             Some(flow) => flow.has_room(now, self.latency_ns()),

@@ -12,7 +12,7 @@ pub(crate) struct Residency {
     used: u64,
     held: BTreeMap<DataId, ResidentData>,
     uses: u64,
-    /// True if it uses this process's memory, where all data is resident.
+    /// True if the resource uses this process's memory, where all data is resident.
     is_here: bool,
 }
 

@@ -41,7 +41,7 @@ pub(crate) struct Meta {
     /// The time from which its output is no longer wanted.
     pub(crate) expires: Time,
     pub(crate) attempts: u32,
-    /// Resources on which it failed.
+    /// Resources on which the unit failed.
     pub(crate) failed_on: Vec<ResourceId>,
 }
 
@@ -65,7 +65,7 @@ pub(crate) struct Unit<T> {
 pub(crate) struct Chunk<T> {
     units: VecDeque<Unit<T>>,
     items: u64,
-    /// True if its units were announced, as the rest of a group for which the bin had no room.
+    /// True if the chunk's units were announced, as the rest of a group for which the bin had no room.
     pub(crate) announced: bool,
 }
 

@@ -38,7 +38,7 @@ pub(super) struct SimulatedDevice {
     /// Increases when everything in progress is lost.
     pub(super) generation: u64,
     held: BTreeMap<DataId, u64>,
-    /// True if it ever had to hold more than its memory.
+    /// True if the device ever had to hold more than its memory.
     pub(super) overfull: bool,
 }
 

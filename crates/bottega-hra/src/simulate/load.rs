@@ -17,7 +17,7 @@ pub struct Arrival {
     pub payload_bytes: u64,
     /// Bytes of the unit's answer.
     pub answer_bytes: u64,
-    /// The data that it needs, and its size in bytes.
+    /// The data that the unit needs, and its size in bytes.
     pub data: Option<(DataId, u64)>,
     /// Priority; higher goes first.
     pub priority: i32,

@@ -28,11 +28,11 @@ pub struct Model {
 /// The faults of a resource, per packet.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// Probability that it stops answering, this packet and all others, until it recovers.
+    /// Probability that the resource stops answering, this packet and all others, until it recovers.
     pub hang: f64,
     /// Probability of an invalid answer.
     pub garbage: f64,
-    /// Probability that it dies and loses everything in progress.
+    /// Probability that the resource dies and loses everything in progress.
     pub death: f64,
     /// Time after a hang or death until it can recover.
     pub lasts: Duration,

@@ -17,7 +17,7 @@ type Items = [u64; Primitive::COUNT];
 pub(crate) struct Submitter<'a, O> {
     pub(crate) client: ClientId,
     pub(crate) results: &'a ResultsBin<O>,
-    /// The index of its inlet.
+    /// The index of the client's inlet.
     pub(crate) inlet: usize,
     /// Added to the priority of each unit.
     pub(crate) priority: i32,

@@ -30,7 +30,7 @@ impl ItemSpan {
         -self.0[axis + 4]
     }
 
-    /// Converts it to a box.
+    /// Converts the span to a box.
     pub(super) fn bounds(&self) -> Aabb {
         let [a, b, c, _, d, e, f, _] = self.0;
         Aabb { min: Vec3::new(a, b, c), max: -Vec3::new(d, e, f) }
@@ -70,12 +70,12 @@ impl Item {
         self.0.bounds()
     }
 
-    /// Returns true if its box is empty.
+    /// Returns true if the item's box is empty.
     pub(super) fn is_empty(&self) -> bool {
         self.0.lower(0) > self.0.upper(0)
     }
 
-    /// Returns true if its box is finite.
+    /// Returns true if the item's box is finite.
     pub(super) fn is_finite(&self) -> bool {
         let bounds = self.bounds();
         bounds.min.is_finite() && bounds.max.is_finite()

@@ -200,7 +200,7 @@ record! {
         pub cos_inner: f32,
         /// Cosine of the angle beyond which the intensity is 0.
         pub cos_outer: f32,
-        /// Code of its fall-off.
+        /// Code of the light's fall-off.
         pub falloff: u32,
     }
 }
@@ -212,7 +212,7 @@ record! {
         pub point: PointLightRecord,
         /// Rotation from light space to world space.
         pub world_from_light: Mat3,
-        /// Handle of its picture.
+        /// Handle of the light's picture.
         pub picture: u32,
         /// Projector: half the height of its picture at distance 1.
         pub half_height: f32,
@@ -226,7 +226,7 @@ record! {
     pub struct ShiningRecord {
         /// Offset of the light numbers of its panel's parts.
         pub parts: u32,
-        /// Shape of its panel, see [`code::PANEL_TRIANGLE`].
+        /// Shape of the triangle's panel, see [`code::PANEL_TRIANGLE`].
         pub shape: u32,
         /// 1 for the second triangle of a rectangle, else 0.
         pub is_second: bool,
@@ -290,7 +290,7 @@ record! {
 record! {
     /// The environment.
     pub struct EnvironmentRecord {
-        /// Code of its sampling.
+        /// Code of the environment's sampling.
         pub kind: u32,
         /// 1 if its picture is an equal-area one, else 0.
         pub is_equal_area: bool,
@@ -300,7 +300,7 @@ record! {
         pub world_from_environment: Mat3,
         /// Luminance integrated over the sphere, of the sampled part.
         pub integral: f32,
-        /// Handle of its picture; [`NONE`](super::NONE) without one.
+        /// Handle of the environment's picture; [`NONE`](super::NONE) without one.
         pub picture: u32,
         /// Table of the sampling.
         pub table: TableRecord,
@@ -345,7 +345,7 @@ record! {
         pub shift: Vec2,
         /// Two over the picture's size in pixels.
         pub double_pixel: Vec2,
-        /// Code of its projection.
+        /// Code of the camera's projection.
         pub kind: u32,
         /// Radius of the lens; 0 for a pinhole.
         pub lens_radius: f32,
@@ -367,7 +367,7 @@ record! {
     pub struct FilterRecord {
         /// Radius in pixels.
         pub radius: f32,
-        /// Offset of its quantiles from the start of the picture; [`NONE`](super::NONE) for a uniform filter.
+        /// Offset of the filter's quantiles from the start of the picture; [`NONE`](super::NONE) for a uniform filter.
         pub quantiles: u32,
         /// Weight of a sample, before its sign.
         pub factor: f32,

@@ -26,7 +26,7 @@ pub(crate) struct RegionAgent {
     lights: Option<Choice>,
     /// Root of the mean square of the light that leaves, divided by the work.
     strength: f32,
-    /// Root of its variance, divided by the work.
+    /// Standard deviation of that light, divided by the work.
     pub(super) noise: f32,
 }
 

@@ -29,7 +29,7 @@ pub(crate) struct Painting<'a> {
 /// A path in flight.
 struct PathLane<'a> {
     path: Path<'a>,
-    /// Index of its sample, and the factor of that sample.
+    /// Index of the path's sample, and the factor of that sample.
     sample: usize,
     factor: f32,
     hit: Hit,

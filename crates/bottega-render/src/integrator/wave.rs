@@ -49,7 +49,7 @@ pub struct WaveAnswers {
 #[derive(Clone)]
 struct WavePath {
     path: SuspendedPath,
-    /// Index of its sample, and the factor of that sample.
+    /// Index of the path's sample, and the factor of that sample.
     sample: u32,
     factor: f32,
     /// Branches that wait to be traced.

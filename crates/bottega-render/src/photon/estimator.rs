@@ -35,7 +35,7 @@ pub(super) fn is_on_surface(place: &Photon, p: Vec3, normal: Vec3, reach: f32) -
 pub(crate) struct PhotonContribution {
     /// Direction against its flight.
     pub(crate) to_light: Vec3,
-    /// `true` if it arrived on the side of the normal.
+    /// `true` if the photon arrived on the side of the normal.
     pub(crate) is_before: bool,
     /// Number of scatterings before it arrived.
     pub(crate) bounces: u32,

@@ -18,7 +18,7 @@ pub struct PlacedObject {
     pub materials: Vec<String>,
     /// The material of each instance, as an index into `materials`, for all its slots. Empty: materials go by slot.
     pub instance_materials: Vec<u32>,
-    /// `true`: it is not in the picture.
+    /// `true`: the object is not in the picture.
     pub hidden: bool,
     /// Kinds of ray for which it is there.
     pub visibility: Visibility,

@@ -208,7 +208,7 @@ impl Image {
         self.level_texel(self.level_count() - 1, 0, 0)
     }
 
-    /// Returns true if it has a single channel, used for all colours.
+    /// Returns true if the image has a single channel, used for all colours.
     pub(crate) fn is_gray(&self) -> bool {
         matches!(self.texels, Texels::Gray8(_))
     }

@@ -42,7 +42,7 @@ pub(super) struct AwaitedTexture {
     pub(super) name: String,
     /// The image of the texture, which is 0.5 until the mesh is read.
     pub(super) image: ImageId,
-    /// `true`: its luminance is used.
+    /// `true`: the texture's luminance is used.
     pub(super) is_number: bool,
 }
 

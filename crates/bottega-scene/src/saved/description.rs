@@ -42,7 +42,7 @@ pub(super) struct Description<'a> {
 #[serde(deny_unknown_fields)]
 pub(super) struct MeshDescription<'a> {
     pub(super) name: Cow<'a, str>,
-    /// Index of its material.
+    /// Index of the mesh's material.
     pub(super) material: u32,
     /// Number of vertices.
     pub(super) vertices: u64,
@@ -93,7 +93,7 @@ pub(super) enum TexelFormat {
 #[serde(deny_unknown_fields)]
 pub(super) struct MediumDescription<'a> {
     pub(super) medium: Cow<'a, Medium>,
-    /// The spatial variation of its coefficients; `None`: homogeneous.
+    /// The spatial variation of the medium's coefficients; `None`: homogeneous.
     pub(super) variation: Option<VariationDescription>,
 }
 

@@ -82,7 +82,7 @@ pub struct StoredBlob {
     pub name: String,
     /// The size of the blob, in bytes.
     pub bytes: u64,
-    /// Time since it was stored.
+    /// Time since the blob was stored.
     pub age: Duration,
 }
 

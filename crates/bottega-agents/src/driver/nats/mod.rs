@@ -277,11 +277,11 @@ async fn post(client: Client, mut mail: mpsc::Receiver<(String, Vec<u8>)>) {
 pub struct Traffic {
     /// Messages to the server.
     pub messages_out: u64,
-    /// Messages from it.
+    /// Messages from the server.
     pub messages_in: u64,
     /// Bytes to the server.
     pub bytes_out: u64,
-    /// Bytes from it.
+    /// Bytes from the server.
     pub bytes_in: u64,
 }
 

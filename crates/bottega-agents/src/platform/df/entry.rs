@@ -26,7 +26,7 @@ pub(super) struct DfEntry {
     /// The request that entered it.
     pub(super) by: Option<String>,
     pub(super) revision: Revision,
-    /// Length of its text, in bytes.
+    /// Length of the entry's text, in bytes.
     pub(super) bytes: usize,
 }
 
@@ -39,7 +39,7 @@ impl DfEntry {
         Some(Self { offer, by: written_by(DF_DESCRIPTION, &term), revision, bytes: text.len() })
     }
 
-    /// Returns true if it was entered by this same request before.
+    /// Returns true if this same request has already made the entry.
     pub(super) fn is_by(&self, request: &Said, description: &DfAgentDescription) -> bool {
         // Compare with the granted lease
         let granted = DfAgentDescription { lease_time: self.offer.lease_time, ..description.clone() };

@@ -45,7 +45,7 @@ pub struct DfConfig {
     pub lease_max: Option<Duration>,
     /// Agents that may register offers of others, such as other directories.
     pub administrators: Vec<AgentId>,
-    /// Directories at which it registers, and which it asks too.
+    /// Directories at which the directory registers, and which it asks too.
     pub federates: Vec<AgentId>,
     /// Number that makes the directory's search ids differ from those of other processes.
     pub salt: u64,

@@ -14,9 +14,9 @@ pub struct Range {
     pub most: u32,
     /// The default value.
     pub default: Option<u32>,
-    /// True if it must be a power of two.
+    /// True if the number must be a power of two.
     pub powers_of_two: bool,
-    /// True if it must be the square of a whole number.
+    /// True if the number must be the square of a whole number.
     pub squares: bool,
 }
 

@@ -33,7 +33,7 @@ impl Pattern {
         share.is_finite().then(|| share.clamp(0.0, 1.0))
     }
 
-    /// Returns true if it has a group.
+    /// Returns true if the pattern has a group.
     pub fn has_group(&self) -> bool {
         self.0.captures_len() > 1
     }
