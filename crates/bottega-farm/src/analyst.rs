@@ -66,7 +66,7 @@ pub struct Analysis {
     pub work: WorkRow,
     /// The rows of all zones, by id.
     pub rows: Vec<ZoneRow>,
-    /// The survey's predictions for them.
+    /// The survey's predictions for the zones.
     pub outlook: Arc<PictureOutlook>,
 }
 

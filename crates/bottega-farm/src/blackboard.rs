@@ -89,7 +89,7 @@ pub struct AgentRow {
     pub agreed: u32,
     /// Number of failures since the agent last painted something.
     pub failures: u32,
-    /// The reason why it is excluded from the work, if it is.
+    /// The reason why the agent is excluded from the work; `None`: it takes part.
     pub left_out: Option<String>,
 }
 

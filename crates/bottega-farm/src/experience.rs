@@ -84,7 +84,7 @@ struct LearntTechnique {
 /// A measured zone that was painted as a whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaintedZone {
-    /// The survey's prediction for it.
+    /// The survey's prediction for the zone.
     pub outlook: TaskOutlook,
     /// Samples per pixel.
     pub samples: u32,

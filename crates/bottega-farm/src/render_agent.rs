@@ -102,7 +102,7 @@ impl RenderAgent {
         membership.is_subscribed() && !membership.is_excluded() && self.orders.is_empty() && self.room() > 0
     }
 
-    /// Returns the zones that it holds, with the fencing tokens of their orders.
+    /// Returns the zones that the agent holds, with the fencing tokens of their orders.
     pub fn held_zones(&self) -> impl Iterator<Item = (ZoneId, Revision)> {
         self.orders.held()
     }

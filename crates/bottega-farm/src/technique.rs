@@ -105,7 +105,7 @@ impl Technique {
         }
     }
 
-    /// Returns the outputs that its rules may have.
+    /// Returns the outputs that the technique's rules may have.
     pub fn outputs(self) -> &'static [OutputMeaning] {
         match self {
             Self::PathTracing => &PATH_TRACING,

@@ -203,7 +203,7 @@ pub enum FarmCompletion {
 pub struct PaintResult {
     /// The reference to the samples.
     pub result: ResultRef,
-    /// Processor time that it took.
+    /// Processor time of the painting.
     pub busy: Duration,
     /// `true`: `busy` is a measurement; nothing was loaded, compiled or started meanwhile.
     pub is_measured: bool,

@@ -86,7 +86,7 @@ impl Grid {
         &self.values
     }
 
-    /// Returns the interpolation between its cells.
+    /// Returns the interpolation between the grid's cells.
     pub(crate) fn blend(&self) -> Blend {
         self.blend
     }

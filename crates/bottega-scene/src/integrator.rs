@@ -9,7 +9,7 @@ pub struct IntegratorHint {
     pub name: String,
     /// Location in the file, such as `scene.pbrt:3:1`; may be empty.
     pub place: String,
-    /// Transport paths that it finds.
+    /// Transport paths that the integrator finds.
     pub follows: Follows,
 }
 

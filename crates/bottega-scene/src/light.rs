@@ -14,7 +14,8 @@ pub struct Light {
     pub name: String,
     /// The kind, position and strength of the light.
     pub kind: LightKind,
-    /// Kinds of ray that it reaches: those of the camera see the disc of a sun. [`Visibility::SHADOW`] has no effect.
+    /// Kinds of ray that the light reaches: those of the camera see the disc of a sun. [`Visibility::SHADOW`] has no
+    /// effect.
     #[serde(default)]
     pub visibility: Visibility,
 }

@@ -158,7 +158,7 @@ pub struct Material {
     pub emission: ColorParam,
     /// Sides that emit.
     pub emission_sides: Sides,
-    /// Directions into which they emit.
+    /// Directions into which the sides emit.
     #[serde(default)]
     pub emission_profile: EmissionProfile,
     /// Perturbation of the shading normal; `None`: smooth.

@@ -488,7 +488,7 @@ impl Surface {
         }
     }
 
-    /// Returns all its colour and number parameters, including those with textures.
+    /// Returns all colour and number parameters of the surface, including those with textures.
     pub fn params(&self) -> (Vec<&ColorParam>, Vec<&ScalarParam>) {
         let (mut colors, mut scalars) = (Vec::new(), Vec::new());
         self.add_params(&mut colors, &mut scalars);

@@ -39,7 +39,7 @@ pub struct ZoneAnalysis {
     pub rect: [u32; 4],
     /// Size of the zone: number of pixels.
     pub size: u64,
-    /// Predicted cost of all its pixels; unit: one average pixel of the picture.
+    /// Predicted cost of all the zone's pixels; unit: one average pixel of the picture.
     pub complexity: f64,
     /// `complexity` as a share of the sum over all zones, 0 to 1.
     pub share_of_cost: f64,

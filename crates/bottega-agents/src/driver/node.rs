@@ -175,7 +175,7 @@ impl Node {
         &self.address
     }
 
-    /// Returns the address that it listens on.
+    /// Returns the address on which the node listens.
     pub fn local_address(&self) -> SocketAddr {
         self.local
     }

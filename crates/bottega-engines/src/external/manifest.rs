@@ -293,7 +293,7 @@ pub struct Manifest {
     pub determinism: Determinism,
     /// True if another seed gives other noise, so that passes can be added up.
     pub seeds: bool,
-    /// The steps to find it.
+    /// The steps to find the engine.
     pub find: Vec<SearchStep>,
     /// The supported versions.
     #[serde(default)]

@@ -34,9 +34,9 @@ impl RoundSummary {
 /// A transfer of waiting zones from one agent to another by stealing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Theft {
-    /// The agent that held them.
+    /// The agent that held the zones.
     pub from: AgentId,
-    /// The agent that took them.
+    /// The agent that took the zones.
     pub to: AgentId,
     /// Number of zones, including pieces.
     pub zones: u32,

@@ -84,7 +84,7 @@ pub struct Bidder {
 pub struct Award {
     /// The id of the zone.
     pub zone: ZoneId,
-    /// The agent that wins it.
+    /// The agent that wins the zone.
     pub agent: MemberId,
     /// The share of the zone to cut off for the winner, 0..1; `None`: all of it.
     pub share: Option<f64>,

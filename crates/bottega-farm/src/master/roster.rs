@@ -582,7 +582,7 @@ impl Member {
         self.promised_own() / self.worth()
     }
 
-    /// Returns the factor on its promises: see [`Credit::worth`](crate::Credit::worth).
+    /// Returns the factor on the agent's promises: see [`Credit::worth`](crate::Credit::worth).
     pub(super) fn worth(&self) -> f64 {
         if self.weighs_promises { self.row.credit.worth() } else { 1.0 }
     }

@@ -18,7 +18,7 @@ pub(super) struct PaintJob {
     pub(super) agent: usize,
     pub(super) zone: ZoneId,
     pub(super) fence: Revision,
-    /// Samples per pixel at its end.
+    /// Samples per pixel at the end of the job.
     pub(super) samples: u32,
     /// The flaw of the samples it continues; 0: correct.
     pub(super) flaw: u64,

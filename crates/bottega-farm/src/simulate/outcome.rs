@@ -58,7 +58,7 @@ pub struct AgentOutcome {
     pub busy: Duration,
     /// Number of orders finished.
     pub orders: u32,
-    /// The reason why it was excluded, if it was.
+    /// The reason why the agent was excluded; `None`: it was not.
     pub left_out: Option<String>,
     /// The agent's credit at the end.
     pub credit: Credit,

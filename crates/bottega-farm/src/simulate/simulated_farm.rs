@@ -89,7 +89,7 @@ pub(super) struct SimulatedPainter {
     pub(super) boasts: f64,
     /// Additional seconds of its next order.
     pub(super) loads: f64,
-    /// The reason why its Master has excluded it, if it has.
+    /// The reason why the Master has excluded the agent; `None`: it has not.
     pub(super) left_out: Option<String>,
     /// The row of the agent, as its Master last wrote it.
     pub(super) known: Option<Arc<AgentRow>>,

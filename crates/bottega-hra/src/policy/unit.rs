@@ -36,9 +36,9 @@ pub(crate) struct Meta {
     /// Priority; higher goes first.
     pub(crate) priority: i32,
     pub(crate) submitted: Time,
-    /// The time from which it goes before all units that are not late.
+    /// The time from which the unit goes before all units that are not late.
     pub(crate) late: Time,
-    /// The time from which its output is no longer wanted.
+    /// The time from which the unit's output is no longer wanted.
     pub(crate) expires: Time,
     pub(crate) attempts: u32,
     /// Resources on which the unit failed.

@@ -27,7 +27,7 @@ pub struct AnsweredUnit {
     pub submitted: Time,
     /// Waiting time in the bin before it was first given to a resource, if it was.
     pub waited: Option<Duration>,
-    /// The resource that did it.
+    /// The resource that handled the unit.
     pub resource: Option<ResourceId>,
 }
 

@@ -81,13 +81,13 @@ impl Item {
         bounds.min.is_finite() && bounds.max.is_finite()
     }
 
-    /// Returns twice its center on an axis.
+    /// Returns twice the center of the box on an axis.
     #[inline(always)]
     pub(super) fn center(&self, axis: usize) -> f32 {
         self.0.0[axis] - self.0.0[axis + 4]
     }
 
-    /// Returns twice its center, as an [`ItemSpan`] without extent.
+    /// Returns twice the center of the box, as an [`ItemSpan`] without extent.
     #[inline(always)]
     pub(super) fn centers<S: Lanes>(&self, s: S) -> S::F {
         let span = s.load(&self.0.0);

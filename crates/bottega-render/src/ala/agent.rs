@@ -76,7 +76,7 @@ pub(crate) struct Casting<'a> {
     pub(crate) prepared: &'a PreparedScene,
     /// Sources that cast the agents.
     pub(crate) sources: &'a Emission,
-    /// Region that they are sent to.
+    /// Region to which the agents are sent.
     pub(crate) plan: &'a EmissionPlan,
     /// Seed of the random numbers.
     pub(crate) seed: u64,

@@ -292,7 +292,7 @@ record! {
     pub struct EnvironmentRecord {
         /// Code of the environment's sampling.
         pub kind: u32,
-        /// 1 if its picture is an equal-area one, else 0.
+        /// 1 if the environment's picture is an equal-area one, else 0.
         pub is_equal_area: bool,
         /// Factor for the picture; the radiance itself without one.
         pub factor: Vec3,

@@ -38,7 +38,7 @@ pub(super) const NUMBERS: usize = 3 + CHOICE_NUMBERS;
 pub(super) struct DepartingLight {
     /// Greatest channel of the light, relative to the throughput on arrival.
     pub(super) brightness: f32,
-    /// Work of finding it, in vertices.
+    /// Work of finding the light, in vertices.
     pub(super) work: f32,
 }
 

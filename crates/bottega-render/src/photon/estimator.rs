@@ -33,7 +33,7 @@ pub(super) fn is_on_surface(place: &Photon, p: Vec3, normal: Vec3, reach: f32) -
 /// The contribution of a photon to a point near it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PhotonContribution {
-    /// Direction against its flight.
+    /// Direction against the photon's flight; unit length.
     pub(crate) to_light: Vec3,
     /// `true` if the photon arrived on the side of the normal.
     pub(crate) is_before: bool,

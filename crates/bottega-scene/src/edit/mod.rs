@@ -71,7 +71,7 @@ struct EditedSphere {
 pub struct EditedLight {
     /// The kind, position and strength of the light.
     pub kind: EditedLightKind,
-    /// Kinds of ray that it reaches.
+    /// Kinds of ray that the thing reaches.
     #[serde(default)]
     pub visibility: Visibility,
     #[serde(skip)]

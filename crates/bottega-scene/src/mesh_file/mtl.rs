@@ -76,7 +76,7 @@ pub(crate) struct MtlMap {
 #[derive(Debug, Default)]
 pub(crate) struct MtlFile {
     pub(crate) materials: Vec<MtlMaterial>,
-    /// Lines, and warnings about them.
+    /// Numbers of lines, with warnings about them.
     pub(crate) notes: Vec<(usize, String)>,
 }
 

@@ -175,7 +175,7 @@ impl AgentPage {
         notices.all(&folder).into_iter().filter_map(page).collect()
     }
 
-    /// Returns true if it was removed.
+    /// Returns true if the page was removed.
     pub fn is_empty(&self) -> bool {
         self.notice.text.is_empty()
     }

@@ -23,7 +23,7 @@ pub(super) const ENTRY: &str = "df/agent/";
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct DfEntry {
     pub(super) offer: DfAgentDescription,
-    /// The request that entered it.
+    /// The request that made the entry.
     pub(super) by: Option<String>,
     pub(super) revision: Revision,
     /// Length of the entry's text, in bytes.

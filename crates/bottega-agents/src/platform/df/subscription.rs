@@ -33,12 +33,12 @@ pub(super) type SearchRequest = (DfAgentDescription, SearchConstraints);
 /// A subscription in the store.
 #[derive(Clone, Debug)]
 pub(super) struct SubscriptionState {
-    /// The message that began it, from which the informs are made.
+    /// The message that began the subscription, from which the informs are made.
     pub(super) message: Said,
     pub(super) wish: SearchRequest,
     /// The process that informs the subscriber.
     pub(super) teller: String,
-    /// The newest revision at its beginning: entries removed by then do not concern it.
+    /// The newest revision at the beginning: entries removed by then do not concern the subscription.
     pub(super) begun: Revision,
     /// The revision up to which news have certainly arrived.
     pub(super) sure: Revision,

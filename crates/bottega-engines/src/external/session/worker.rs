@@ -94,7 +94,7 @@ impl WorkerSession {
         }
     }
 
-    /// Returns the files that it may read in addition to its own.
+    /// Returns the files that the worker may read in addition to its own.
     pub(super) fn reads(&self) -> &[PathBuf] {
         &self.reads
     }

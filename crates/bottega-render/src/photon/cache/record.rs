@@ -333,7 +333,7 @@ impl IrradianceRecord {
         Some(Self { p, n, irradiance, shares, turning, moving, radius, clearance, effort, variance, noise, around })
     }
 
-    /// Returns the region where it may count; see [`Self::nearness`].
+    /// Returns the region where the record may count; see [`Self::nearness`].
     ///
     /// A point at distance d whose normal differs by 1 − cos = e² counts where d ∕ R + e < a (the tolerance), if its
     /// offset along the mean of both normals is within 0.1 R. So its offset along the record's normal is at most R (0.1
@@ -345,7 +345,7 @@ impl IrradianceRecord {
         Reach { height: height * self.radius, ..self.reach_around(tolerance) }
     }
 
-    /// Returns the ball where it may count, without the planes.
+    /// Returns the ball where the record may count, without the planes.
     pub(super) fn reach_around(&self, tolerance: f32) -> Reach {
         Reach { p: self.p, n: self.n, radius: tolerance * self.radius, height: f32::INFINITY }
     }
