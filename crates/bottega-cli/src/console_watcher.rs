@@ -326,7 +326,7 @@ fn asked(job: u32, last: Option<u32>, is_detached: bool) -> String {
     }
 }
 
-/// Returns the message for a user who ends the process at once.
+/// Returns the message when a user ends the process at once.
 fn parting(job: u32, last: Option<u32>) -> String {
     match last {
         Some(last) => format!(

@@ -448,7 +448,7 @@ mod tests {
         };
         assert_eq!(first(true, Goal::Samples), 13);
         assert_eq!(first(false, Goal::Samples), 256);
-        // Until an error is met nobody knows how many samples that will be.
+        // The number of samples is unknown until the error is met.
         assert_eq!(first(false, Goal::Error(0.1)), 8);
     }
 

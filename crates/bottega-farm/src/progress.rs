@@ -221,7 +221,7 @@ mod tests {
         let at = |seconds: u32| Time::ZERO + seconds * SECOND;
         rows.iter().for_each(|row| tally.see(at(0), row, 100, 0));
         assert_eq!(seconds_left(&tally), None, "nobody knows anything yet");
-        // Profiling took far longer than so many samples of whole zones do.
+        // Profiling took far longer than that number of samples of whole zones.
         rows.iter().for_each(|row| tally.see(at(10), &profiled(row), 100, 0));
         let left = seconds_left(&tally).unwrap();
         assert!((left - 19.0 / 4.0).abs() < 1.0, "{left} s: two agents, each twice as fast as the reference machine");

@@ -162,7 +162,7 @@ impl Choice {
         let wanted = match goal {
             Goal::Samples => (f64::from(self.samples) * PROFILE_SHARE).round() as u32,
             Goal::Error(_) => Goal::FIRST_SAMPLES,
-            // The whole picture is there as early as can be: nobody knows how many more the time allows.
+            // The whole picture is done as early as possible: how many more goals the time allows is unknown.
             Goal::Time(_) => 1,
         };
         wanted.clamp(1, self.samples.max(1))

@@ -134,7 +134,7 @@ mod tests {
             }
             let alone = 1_000_000 / all[0].speed;
             let end = simulate(count, all).expect("an end");
-            // No later than the first alone, who may wait for each part of another one.
+            // No later than the first machine alone, which may wait for each part of another one.
             assert!(end <= alone * (3 * count as u32 + 1), "{seed}: {end}");
         }
     }

@@ -17,7 +17,7 @@ use crate::{
     protocol,
 };
 
-/// Number of zones that a visitor paints at once: the next one is there when it has delivered. Others wait here.
+/// Number of zones that a visitor paints at once, so that the next one has arrived when one is delivered. Others wait here.
 const PREFETCH: u32 = 2;
 /// Maximum number of unanswered calls for proposals; older ones are refused in its name.
 const CALLS_MAX: usize = 16;

@@ -184,7 +184,7 @@ impl PreparedScene {
         self.needs_volume
     }
 
-    /// Returns true if some surface or light is there for rays after one kind of event and not after another, so that
+    /// Returns true if some surface or light exists for rays after one kind of event and not after another, so that
     /// paths must know the kind of their last event.
     #[inline(always)]
     pub(crate) fn tells_bounces_apart(&self) -> bool {

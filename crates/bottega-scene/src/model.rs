@@ -51,7 +51,7 @@ pub struct Instance {
     /// Object space to world space. Never singular, and never mirroring: its determinant is above 0, so
     /// counter-clockwise triangles stay counter-clockwise. ([`Mesh::mirrored`] makes the mesh for a mirrored instance.)
     pub world_from_object: Affine3A,
-    /// Kinds of ray for which it is there.
+    /// Kinds of ray for which the instance exists.
     pub visibility: Visibility,
 }
 
@@ -75,7 +75,7 @@ pub struct Sphere {
     pub world_from_object: Quat,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// Kinds of ray for which it is there.
+    /// Kinds of ray for which the sphere exists.
     #[serde(default)]
     pub visibility: Visibility,
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// The kinds of ray for which a surface or light is there, as a set. The kind of a ray is that of the event that it leaves.
+/// The kinds of ray for which a surface or light exists, as a set. The kind of a ray is that of the event that it leaves.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
 pub struct Visibility(u8);

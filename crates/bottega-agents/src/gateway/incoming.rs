@@ -96,7 +96,7 @@ where
         }
         let read = match expressions.0 {
             Ok(terms) => read_content(self.config.calendar, now, message.performative, &terms),
-            // The conversation tells what is cancelled
+            // The conversation identifies the cancelled act
             Err(_) if message.performative == Performative::Cancel => Ok(ManagementContent::Cancel),
             Err(reason) => return not_understood(reason),
         };

@@ -497,7 +497,7 @@ mod tests {
         for message in std::mem::take(&mut wire) {
             news.extend(initiator.handle_message(at(2), &message, &mut wire).unwrap());
         }
-        // All have answered: nobody waits for the deadline.
+        // All have answered: the deadline is not waited for.
         let proposals = vec![Proposal { from: a.clone(), content: 4 }, Proposal { from: b.clone(), content: 3 }];
         assert_eq!(news, [InitiatorNews::Collected(proposals)]);
         initiator.award(&[(b.clone(), 7)], at(30), &mut wire);

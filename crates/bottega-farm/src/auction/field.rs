@@ -28,7 +28,7 @@ pub struct Field {
 struct ExpectedEnd {
     /// `now` when it was computed, in seconds.
     at: f64,
-    /// Reference-machine seconds of the zones that nobody held.
+    /// Reference-machine seconds of the zones that no agent held.
     open: f64,
     /// The end, in seconds from `at`.
     end: f64,
@@ -180,7 +180,7 @@ impl Field {
     /// Agents that are busy beyond that time cannot help before it and are left out.
     ///
     /// - `now`: in seconds.
-    /// - `open`: reference-machine seconds of all zones that nobody holds.
+    /// - `open`: reference-machine seconds of all zones that no agent holds.
     pub fn end(&self, now: f64, open: f64) -> f64 {
         // Reuse the last value while time and open work are close to its inputs
         let ExpectedEnd { at, open: open_then, end, uses } = self.known.get();

@@ -102,7 +102,7 @@ impl OpenZones {
         offers
     }
 
-    /// Puts back a zone that nobody won, unless it was removed meanwhile.
+    /// Puts back a zone that no agent won, unless it was removed meanwhile.
     pub fn give_back(&mut self, rule: AuctionRule, round: u64, offer: Offer) {
         // Ignore a zone that was removed, inserted and offered again in another round
         if self.offered.get(&offer.zone) == Some(&round) {

@@ -96,7 +96,7 @@ pub struct BidderStanding<'a> {
     pub field: &'a Field,
     /// The end of the round, in seconds.
     pub now: f64,
-    /// T_est of all zones that nobody holds, in seconds of reference-machine time.
+    /// T_est of all zones that no agent holds, in seconds of reference-machine time.
     pub open: f64,
     /// True for zones that can be cut; `None`: cutting is off.
     pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,

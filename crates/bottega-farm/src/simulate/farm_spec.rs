@@ -206,7 +206,7 @@ struct MachineMark {
     factor: f64,
 }
 
-/// Times and amounts of the changes in a machine's speed, which counts while any of its agents is there.
+/// Times and amounts of the changes in a machine's speed, which counts while any of its agents is present.
 fn speed_changes(machine: &MachineSpec, mut marks: Vec<MachineMark>) -> Vec<(f64, f64)> {
     marks.sort_by(|a, b| a.at.total_cmp(&b.at));
     let (mut present, mut speed, mut counted) = (0, f64::from(machine.processors) * machine.speed, 0.0);

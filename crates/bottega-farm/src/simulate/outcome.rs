@@ -75,7 +75,7 @@ impl SimulationOutcome {
     }
 
     /// Returns V_cp of the agents, for [`Plan::powers`](super::Plan::powers) of the next work. Agents learn it from estimates
-    /// that they themselves have made, so all may drift together: their mean is held to that at the start.
+    /// that they themselves have made, so all may drift together: their mean is scaled to that at the start.
     pub fn powers(&self) -> BTreeMap<String, RelativePower> {
         let drift = |agent: &AgentOutcome| (agent.power.get() / agent.first_power.get()).ln();
         let mean = self.agents.iter().map(drift).sum::<f64>() / self.agents.len().max(1) as f64;

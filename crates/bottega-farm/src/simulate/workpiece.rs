@@ -373,10 +373,10 @@ mod tests {
             simulate(&piece, &Plan::calm(farm, 1)).unwrap().makespan.as_secs_f64()
         };
         let saved = |agents| makespan(0, agents) - makespan(8, agents);
-        // Two stages of ten milliseconds for those who look at each other.
+        // Two stages of ten milliseconds, for agents that look at each other.
         assert!(saved("1").abs() < 0.025, "{}", saved("1"));
         assert!((saved("4") - 5.98).abs() < 0.025, "{}", saved("4"));
-        // One who comes later takes no part.
+        // An agent that joins later takes no part.
         let late = saved("4 agent-3@join=60s");
         assert!((late - (8.0 * 2.0 / 3.0 - 0.02)).abs() < 0.025, "{late}");
     }

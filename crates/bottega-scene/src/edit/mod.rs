@@ -221,7 +221,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Sets the kinds of ray for which an object is there.
+    /// Sets the kinds of ray for which an object exists.
     ///
     /// # Errors
     /// There is no such object.

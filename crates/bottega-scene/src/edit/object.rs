@@ -20,7 +20,7 @@ pub struct PlacedObject {
     pub instance_materials: Vec<u32>,
     /// `true`: the object is not in the picture.
     pub hidden: bool,
-    /// Kinds of ray for which it is there.
+    /// Kinds of ray for which the object exists.
     pub visibility: Visibility,
 }
 

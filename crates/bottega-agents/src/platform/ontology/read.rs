@@ -51,7 +51,7 @@ pub fn read_content(
     let reader = TermReader { calendar, now };
     use ManagementContent as M;
     match (act, content) {
-        // Any content: the conversation tells what is cancelled
+        // Any content: the conversation identifies the cancelled act
         (Performative::Cancel, _) => Ok(M::Cancel),
         (Performative::Request, [action]) => reader.request(action),
         (Performative::Subscribe, [iota]) => {
