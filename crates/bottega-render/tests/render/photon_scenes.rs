@@ -1,4 +1,4 @@
-//! Scenes that photons are tried on, what they are held to, and how two means are compared.
+//! Test scenes of photon mapping, their references, and the comparison of two means.
 
 use std::sync::OnceLock;
 
@@ -38,7 +38,7 @@ impl KnownScene {
         Self { scene: prepare(scene), by_paths: OnceLock::new() }
     }
 
-    /// Mean of its pictures by paths, and the square of the standard error. They are rendered once.
+    /// Mean of the scene's pictures by paths, and the square of the standard error. They are rendered once.
     pub(crate) fn by_paths(&self) -> (Vec3, Vec3) {
         *self.by_paths.get_or_init(|| by_paths(&self.scene))
     }
@@ -82,7 +82,7 @@ pub(crate) fn mirror() -> Material {
     metal.into()
 }
 
-/// A room with mirrors, frosted and clear glass, a matte sheet that lets light through, and lights of several kinds.
+/// A room with mirrors, frosted and clear glass, a matte sheet that transmits light, and lights of several kinds.
 pub(crate) fn many_things() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.2, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
     add_room(&mut scene, Vec3::new(1.2, 1.0, 4.0), &matte(Vec3::new(0.6, 0.5, 0.4)));
@@ -103,7 +103,7 @@ pub(crate) fn many_things() -> Scene {
     scene
 }
 
-/// Below a sky: with a glass ball, or with a sun and a lamp without extent, whose light paths find through no glass.
+/// A scene below a sky: with a glass ball, or with a sun and a lamp without extent, whose light paths cannot find through glass.
 pub(crate) fn outside(has_sun: bool) -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 1.0, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
     add_quad(&mut scene, Vec3::new(-1.5, -0.5, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0, matte(Vec3::splat(0.6)));
@@ -131,7 +131,7 @@ pub(crate) fn closed_room(has_mirror: bool) -> Scene {
     scene
 }
 
-/// Rooms without light, with black light, with a light and a lamp inside closed objects, of mirrors alone; nothing but sky; Cornell's room.
+/// Rooms without light, with black light, with a light and a lamp inside closed objects, of mirrors alone; only a sky; Cornell's room.
 /// Each is prepared once, and its trial photons are traced once, for all modes.
 pub(crate) fn hard_scenes() -> [Subject; 7] {
     let room = |material: &Material| {
