@@ -90,7 +90,7 @@ fn punctual_lights_stand_where_their_nodes_stand() {
         {"mesh": 0},
         {"extensions": light(0), "translation": [0, 9, 0], "scale": [3, 3, 3]},
         {"extensions": light(1), "name": "lamp"},
-        // The spot points down.
+        // The directional light points down.
         {"extensions": light(2), "rotation": [-half, 0, 0, half]},
         {"extensions": light(3)},
     ]);
