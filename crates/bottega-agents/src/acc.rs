@@ -151,7 +151,7 @@ impl Acc {
         self.agents.remove(&agent.name.to_lowercase());
     }
 
-    /// Returns the agent with this name in this process.
+    /// Returns the agent with this name in this process; `None`: it is not here.
     pub fn resident(&self, agent: &AgentId) -> Option<&AgentId> {
         self.agents.get(&agent.name.to_lowercase())
     }
@@ -261,7 +261,7 @@ impl Acc {
     /// Addresses a message from an agent of this platform to one of another platform.
     ///
     /// # Errors
-    /// It cannot be written in this representation, or the receiver has no address.
+    /// The message cannot be written in this representation, or the receiver has no address.
     pub fn dispatch(
         &self,
         now: Time,

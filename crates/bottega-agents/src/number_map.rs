@@ -38,7 +38,7 @@ impl<V> NumberMap<V> {
         self.len == 0
     }
 
-    /// Returns the value of a number.
+    /// Returns the value of a number; `None`: it has none.
     pub fn get(&self, number: impl Into<u64>) -> Option<&V> {
         let number = number.into();
         match self.slot(number) {
@@ -48,7 +48,7 @@ impl<V> NumberMap<V> {
         }
     }
 
-    /// Returns the value of a number, mutable.
+    /// Returns the value of a number, mutable; `None`: it has none.
     pub fn get_mut(&mut self, number: impl Into<u64>) -> Option<&mut V> {
         let number = number.into();
         match self.slot(number) {
@@ -63,7 +63,7 @@ impl<V> NumberMap<V> {
         self.get(number).is_some()
     }
 
-    /// Sets the value of a number. Returns the old one.
+    /// Sets the value of a number. Returns the old one; `None`: there was none.
     pub fn insert(&mut self, number: impl Into<u64>, value: V) -> Option<V> {
         let number = number.into();
         if self.slot(number).is_none() && number < (SLOTS_EACH * self.len + SLOTS_MORE) as u64 {
@@ -77,7 +77,7 @@ impl<V> NumberMap<V> {
         before
     }
 
-    /// Removes the value of a number.
+    /// Removes the value of a number, and returns it; `None`: there was none.
     pub fn remove(&mut self, number: impl Into<u64>) -> Option<V> {
         let number = number.into();
         let before = match self.slot(number) {

@@ -46,7 +46,7 @@ impl Term {
         Self::Bare(number.to_string())
     }
 
-    /// Returns the text of a word, a string, a number or a date-time.
+    /// Returns the text of a word, a string, a number or a date-time; `None` for other terms.
     pub fn as_str(&self) -> Option<&str> {
         match self {
             Self::Text(text) | Self::Bare(text) => Some(text),
@@ -54,7 +54,7 @@ impl Term {
         }
     }
 
-    /// Head and arguments of `(head argument …)`.
+    /// Returns head and arguments of `(head argument …)`; `None` for other terms.
     pub fn as_call(&self) -> Option<(&str, &[Term])> {
         match self {
             Self::List(terms) => match terms.split_first() {
@@ -70,7 +70,7 @@ impl Term {
         self.as_call().filter(|(found, _)| found.eq_ignore_ascii_case(head)).map(|(_, arguments)| arguments)
     }
 
-    /// Returns the elements of a set or a sequence; platforms confuse the two.
+    /// Returns the elements of a set or a sequence; `None` for other terms. Platforms confuse the two.
     pub fn elements(&self) -> Option<&[Term]> {
         self.arguments_of("set").or_else(|| self.arguments_of("sequence"))
     }

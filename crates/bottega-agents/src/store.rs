@@ -79,7 +79,7 @@ impl<V> StoreRequest<V> {
         }
     }
 
-    /// Returns the value to write.
+    /// Returns the value to write; `None`: the request does not write.
     pub fn value(&self) -> Option<&V> {
         match self {
             Self::Put { value, .. } | Self::CompareAndSet { value, .. } => Some(value),

@@ -166,12 +166,12 @@ impl Blackboard {
         self.work.as_ref().is_some_and(|work| work.zone_count as usize == self.root_count)
     }
 
-    /// Returns a zone and the revision of its row.
+    /// Returns a zone and the revision of its row; `None`: there is no such zone.
     pub fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, &**row))
     }
 
-    /// Returns a zone's shared row and its revision.
+    /// Returns a zone's shared row and its revision; `None`: there is no such zone.
     pub fn shared(&self, zone: ZoneId) -> Option<(Revision, &Arc<ZoneRow>)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, row))
     }
@@ -186,7 +186,7 @@ impl Blackboard {
         self.zones.values().map(|(_, row)| &**row)
     }
 
-    /// Returns the row of an agent.
+    /// Returns the row of an agent; `None`: it has none.
     pub fn agent(&self, agent: &AgentId) -> Option<&AgentRow> {
         self.agents.get(agent).map(|row| &**row)
     }

@@ -29,7 +29,7 @@ impl EngineChoice {
     /// Uses parsed rules.
     ///
     /// # Errors
-    /// They have an unknown input, or no output `leaning`.
+    /// The rules have an unknown input, or no output `leaning`.
     pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
         let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
         if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {

@@ -355,7 +355,7 @@ impl Experience {
     /// Reads the JSON of [`Self::to_json`].
     ///
     /// # Errors
-    /// It is damaged, too long, of another version, or holds numbers out of range.
+    /// The text is damaged, too long, of another version, or holds numbers out of range.
     pub fn from_json(text: &str) -> Result<Self, ExperienceError> {
         if text.len() > TEXT_MAX {
             return Err(ExperienceError::TooLong(text.len()));

@@ -28,13 +28,13 @@ pub trait ZoneStore: Send {
     /// Stores the row of the work.
     ///
     /// # Errors
-    /// It cannot be written. The work continues, but cannot be resumed from here.
+    /// The row cannot be written. The work continues, but cannot be resumed from here.
     fn put_work(&mut self, work: &WorkRow) -> io::Result<()>;
 
     /// Stores the current row of a zone, with its tile if the row's result is new.
     ///
     /// # Errors
-    /// It cannot be written, as for [`Self::put_work`].
+    /// The row cannot be written, as for [`Self::put_work`].
     fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()>;
 }
 

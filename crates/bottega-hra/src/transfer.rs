@@ -31,7 +31,7 @@ pub struct CableUse {
 }
 
 impl CableUse {
-    /// Returns the mean time between the sending of a packet and its answer.
+    /// Returns the mean time between the sending of a packet and its answer; `None`: no packets.
     pub fn packet_time(&self) -> Option<Duration> {
         (self.packets > 0).then(|| self.away.div_f64(self.packets as f64))
     }

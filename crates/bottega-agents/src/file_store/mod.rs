@@ -55,7 +55,7 @@ where
         Ok(store)
     }
 
-    /// Returns an entry, as last read by this process.
+    /// Returns an entry, as last read by this process; `None`: there is none.
     pub fn get(&self, key: &Key) -> Option<&Entry<V>> {
         self.entries.get(key)
     }

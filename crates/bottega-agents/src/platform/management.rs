@@ -336,7 +336,7 @@ impl AmsAgentDescription {
 }
 
 impl ServiceDescription {
-    /// Returns the value of a property.
+    /// Returns the value of a property; `None`: there is none of this name.
     pub fn property(&self, name: &str) -> Option<&Term> {
         self.properties.iter().find(|property| property.name == name).map(|property| &property.value)
     }

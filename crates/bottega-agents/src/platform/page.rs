@@ -57,7 +57,7 @@ impl<T: Clone + PartialEq> Page<T> {
         self.wanted = wanted;
     }
 
-    /// Returns the wanted content.
+    /// Returns the wanted content; `None`: no entry is wanted.
     pub fn wanted(&self) -> Option<&T> {
         self.wanted.as_ref()
     }
@@ -115,7 +115,7 @@ impl<T: Clone + PartialEq> Page<T> {
         None
     }
 
-    /// Returns the time at which [`Self::next`] has a request.
+    /// Returns the time at which [`Self::next`] has a request; `None`: only after a change.
     pub fn next_deadline(&self) -> Option<Time> {
         if self.is_due() { Some(self.again) } else { self.renew.filter(|_| self.wanted.is_some()) }
     }

@@ -49,7 +49,7 @@ impl RequestInitiator {
     /// Handles a message of this conversation.
     ///
     /// # Errors
-    /// It is from another sender, or the conversation is over, or it is out of sequence.
+    /// The message is from another sender, or the conversation is over, or the message is out of sequence.
     pub fn handle_message<C: Clone>(&mut self, message: &AclMessage<C>) -> Result<Option<Answer<C>>, OutOfSequence> {
         let wrong = |state| OutOfSequence { from: message.sender.clone(), got: message.performative, state };
         if message.sender != self.participant || message.conversation_id != self.conversation_id {

@@ -100,7 +100,7 @@ impl Probe {
     /// Starts a worker and stops it again.
     ///
     /// # Errors
-    /// It does not start, or violates the protocol.
+    /// The worker does not start, or violates the protocol.
     pub fn start(engine: &Arc<LocatedEngine>) -> Result<Self, EngineFault> {
         let begun = std::time::Instant::now();
         WorkerSession::start(engine, Vec::new())?;

@@ -71,7 +71,7 @@ impl Shelf {
         }
     }
 
-    /// Returns the manifest of this name.
+    /// Returns the manifest of the engine with this name; `None`: there is none.
     pub fn get(&self, name: &str) -> Option<&ShelfEntry> {
         self.entries.get(name)
     }
@@ -81,7 +81,8 @@ impl Shelf {
         self.entries.values()
     }
 
-    /// Returns the error of a broken manifest, by the stem of its file name.
+    /// Returns the error of a broken manifest, by the stem of its file name; `None`: there is no broken one of this
+    /// name.
     pub fn broken(&self, name: &str) -> Option<&ManifestError> {
         self.broken.iter().find(|error| error.path.file_stem().is_some_and(|stem| stem == name))
     }

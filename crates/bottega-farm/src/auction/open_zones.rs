@@ -67,12 +67,12 @@ impl OpenZones {
         !self.waiting.is_empty()
     }
 
-    /// Returns T_est of the largest zone that is not on offer, in reference-machine time.
+    /// Returns T_est of the largest zone that is not on offer, in reference-machine time; `None`: there is none.
     pub fn largest_waiting(&self) -> Option<Duration> {
         self.largest().map(|offer| offer.time_estimated)
     }
 
-    /// Returns the largest zone that is not on offer.
+    /// Returns the largest zone that is not on offer; `None`: there is none.
     pub fn largest(&self) -> Option<Offer> {
         self.waiting.last_key_value().map(|(_, offer)| *offer)
     }

@@ -214,6 +214,7 @@ impl ZoneRow {
     }
 
     /// Returns the row of the part that was cut off last: it waits for an auction, whatever this row's state is now.
+    /// `None`: nothing was cut off.
     pub fn offcut(&self) -> Option<Self> {
         let (Cut { zone, piece }, kept) = (self.cut?, self.piece?);
         let root = Some(self.root());

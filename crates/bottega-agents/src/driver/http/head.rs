@@ -61,7 +61,7 @@ pub struct Head {
 /// Blank lines before it are ignored, fields may be folded over several lines, and lines may end in LF alone.
 ///
 /// # Errors
-/// It is too long or malformed.
+/// The header is too long or malformed.
 pub fn parse_head(bytes: &[u8]) -> Result<Option<(Head, usize)>, HttpError> {
     let blank = bytes.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
     let Some(length) = end_of_head(&bytes[blank..]) else {
@@ -161,7 +161,7 @@ fn path_of(target: &str) -> &str {
 /// Parses the code of a status line. `None`: the line is incomplete.
 ///
 /// # Errors
-/// It is not a status line.
+/// The bytes are not a status line.
 pub fn parse_status(bytes: &[u8]) -> Result<Option<u16>, HttpError> {
     let bad = HttpError::Bad("no status line");
     let Some(end) = bytes.iter().position(|byte| *byte == b'\n') else {

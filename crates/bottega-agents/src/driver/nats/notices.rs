@@ -114,7 +114,7 @@ impl NatsNotices {
     /// - `revision`: the number of its last write; 0: it does not exist, or was removed.
     ///
     /// # Errors
-    /// It is unknown whether the server accepted it.
+    /// Whether the server accepted the notice is unknown.
     pub fn update(&self, name: &str, text: &[u8], revision: u64) -> Result<Option<u64>, BlobError> {
         let (key, bytes) = (names::key(&Key::from(name.to_owned())), text.to_vec().into());
         let written = self.handle.block_on(async {
@@ -140,7 +140,7 @@ impl NatsNotices {
     /// Writes the first notice of a name. Returns the number of the write; `None`: the name exists, or did before.
     ///
     /// # Errors
-    /// It is unknown whether the server accepted it.
+    /// Whether the server accepted the notice is unknown.
     pub fn put_first(&self, name: &str, text: &[u8]) -> Result<Option<u64>, BlobError> {
         let written = self.store.update(names::key(&Key::from(name.to_owned())), text.to_vec().into(), 0);
         match self.handle.block_on(written) {
@@ -204,7 +204,7 @@ impl NatsNotices {
         waited.unwrap_or_else(PoisonError::into_inner).0.all_changes
     }
 
-    /// Returns the last known state of a notice.
+    /// Returns the last known state of a notice; `None`: there is none of this name.
     pub fn get(&self, name: &str) -> Option<Notice> {
         self.refresh();
         let seen = lock(&self.seen);

@@ -47,7 +47,8 @@ impl DfEntry {
     }
 }
 
-/// Returns the offer in an entry of the yellow pages. The end of its lease is not converted to a time.
+/// Returns the offer in an entry of the yellow pages; `None`: the text is not an entry. The end of its lease is not
+/// converted to a time.
 pub fn read_yellow_page(text: &str) -> Option<DfAgentDescription> {
     DfEntry::parse(Calendar::default(), Time::ZERO, Revision::ABSENT, text).map(|entry| entry.offer)
 }

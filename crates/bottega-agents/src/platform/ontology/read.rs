@@ -41,7 +41,7 @@ fn senseless() -> Unread {
 /// Parses the content of a message with this performative. Relative dates count from `now`.
 ///
 /// # Errors
-/// It is not agent-management content.
+/// The content does not belong to agent management.
 pub fn read_content(
     calendar: Calendar,
     now: Time,
