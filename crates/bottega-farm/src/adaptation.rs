@@ -15,7 +15,7 @@ const RATIOS_KEPT: usize = 5;
 pub struct RelativePower(f64);
 
 impl RelativePower {
-    /// The reference machine.
+    /// The power of the reference machine: 1.
     pub const REFERENCE: Self = Self(1.0);
     const RANGE: (f64, f64) = (1e-4, 1e4);
 

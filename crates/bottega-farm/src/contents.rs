@@ -13,13 +13,13 @@ pub(crate) const LANGUAGE: &str = "bottega-typed";
 
 /// The interaction protocols of the farm.
 pub mod protocol {
-    /// Auctions of zones.
+    /// The protocol of the auctions of zones.
     pub const CONTRACT_NET: &str = "fipa-contract-net";
-    /// Profiling and the life cycle of agents.
+    /// The protocol of profiling and of the life cycle of agents.
     pub const REQUEST: &str = "fipa-request";
-    /// Transfer of waiting zones from one agent to another.
+    /// The protocol of the transfer of waiting zones from one agent to another.
     pub const STEALING: &str = "bottega-stealing";
-    /// Registration of agents with a Master.
+    /// The protocol of the registration of agents with a Master.
     pub const SUBSCRIBE: &str = "fipa-subscribe";
 }
 

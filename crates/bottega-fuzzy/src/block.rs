@@ -14,7 +14,7 @@ pub struct Term {
     pub membership: Membership,
 }
 
-/// An input variable.
+/// An input variable of a block, with its linguistic values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InputVariable {
     /// The name of the variable, as written; compared without case.
@@ -27,7 +27,7 @@ pub struct InputVariable {
     pub(crate) found: Option<(f64, f64)>,
 }
 
-/// An output variable.
+/// An output variable of a block, with its linguistic values and its method of defuzzification.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutputVariable {
     /// The name of the variable, as written; compared without case.

@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 
 use crate::ImageError;
 
-/// An output format.
+/// A file format for pictures to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutputFormat {
     /// OpenEXR: linear, with all AOVs.

@@ -79,7 +79,7 @@ impl Default for Hit {
     }
 }
 
-/// An axis-aligned box.
+/// An axis-aligned box, given by two corners; empty if a coordinate of `min` exceeds that of `max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
     /// Least coordinates of the box.
@@ -104,7 +104,7 @@ impl Aabb {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Returns the smallest box around it and a point.
+    /// Returns the smallest box around the box and a point.
     #[inline]
     pub fn with(&self, p: Vec3) -> Self {
         Self { min: self.min.min(p), max: self.max.max(p) }

@@ -201,7 +201,7 @@ pub struct ServiceDescription {
     pub properties: Vec<Property>,
 }
 
-/// A named value.
+/// A named value of a service's description (FIPA `property`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Property {
     /// The name of the property.

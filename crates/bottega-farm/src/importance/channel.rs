@@ -117,7 +117,7 @@ impl FromStr for Channel {
     }
 }
 
-/// An unknown channel.
+/// The error of parsing a name that no channel has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown channel `{found}`: there are {}", Channel::ALL.map(Channel::name).join(", "))]
 pub struct UnknownChannel {

@@ -43,7 +43,7 @@ pub trait WindowedResource<W: Work>: Send {
     }
 }
 
-/// Units sent together.
+/// Work units that are sent to a resource together.
 pub struct Packet<W: Work> {
     /// The number of the packet; increases by one per packet to this resource.
     pub sequence: u64,

@@ -26,7 +26,7 @@ pub enum FlipView {
     },
 }
 
-/// Options of [`flip`].
+/// Options of [`flip`]: the display on which the pictures are compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlipOptions {
     /// Exposure and tone mapping.

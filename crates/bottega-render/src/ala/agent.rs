@@ -33,7 +33,7 @@ pub(super) const CAMERA_CLONE: u32 = 128;
 /// Least opacity of a surface that stops agents and sensors.
 const OPAQUE: f32 = 0.5;
 
-/// A lighting agent.
+/// A lighting agent: a place on a surface that light or the camera reaches, which answers questions about the light around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agent {
     /// Position on a surface, in world space.

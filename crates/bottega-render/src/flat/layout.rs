@@ -222,7 +222,7 @@ record! {
 }
 
 record! {
-    /// An emitting triangle.
+    /// An emitting triangle, as a reference to the panel of which it is a part.
     pub struct ShiningRecord {
         /// Offset of the light numbers of its panel's parts.
         pub parts: u32,
@@ -236,7 +236,7 @@ record! {
 }
 
 record! {
-    /// A parallel light.
+    /// A light at infinity with parallel rays: a sun without a disc.
     pub struct ParallelRecord {
         /// Direction to the light, unit length.
         pub to_light: Vec3,
@@ -288,7 +288,7 @@ record! {
 }
 
 record! {
-    /// The environment.
+    /// The environment light: a radiance from each direction, uniform or from a picture.
     pub struct EnvironmentRecord {
         /// Code of the environment's sampling.
         pub kind: u32,
@@ -363,7 +363,7 @@ record! {
 }
 
 record! {
-    /// A pixel filter.
+    /// A separable pixel filter, as a table for importance sampling.
     pub struct FilterRecord {
         /// Radius in pixels.
         pub radius: f32,
