@@ -8,6 +8,7 @@ its word, is kept in the preferences of the add-on, never in the .blend file.
 from __future__ import annotations
 
 import atexit
+import contextlib
 import os
 import re
 import subprocess
@@ -25,6 +26,8 @@ from . import library
 
 # Seconds between two questions to the farm.
 ASK_EVERY = 1.0
+# Seconds for which farms on the local network are searched.
+FIND_TIME = 2.0
 _ADDRESS = re.compile(r"bottega://\S+@\S+")
 
 
@@ -61,6 +64,8 @@ class Watch:
     """What is known of the farm. The thread that asks it writes here, and the panel reads."""
 
     machines: list[dict[str, Any]] = field(default_factory=list)
+    # Farms on the local network: machine and address of each.
+    found: list[str] = field(default_factory=list)
     still: Still | None = None
     problem: str = ""
     address: str | None = None
@@ -77,7 +82,7 @@ class BottegaPreferences(bpy.types.AddonPreferences):
 
     bl_idname = __package__
 
-    address: StringProperty(name="Farm", description="The line that `bottega up` prints; empty: the farm on this machine", default="", subtype="PASSWORD")
+    address: StringProperty(name="Farm", description="The line that `bottega up` prints, or its word alone; empty: the farm on this machine", default="", subtype="PASSWORD")
     outlives: BoolProperty(name="Stay in the farm after Blender ends", default=False)
 
     def draw(self, context: Any) -> None:
@@ -182,8 +187,11 @@ def _ask() -> None:
             watch.machines = farm.machines()
             _follow(farm)
             watch.problem = "" if watch.still is None or watch.still.state == "done" or not watch.still.is_over else watch.problem
+            watch.found = []
         except bottega.Error as error:
             watch.problem, farm = str(error), None
+            with contextlib.suppress(bottega.FarmError):
+                watch.found = [f"{found.host}, {found.address}" for found in bottega.farms(FIND_TIME)]
         time.sleep(ASK_EVERY)
 
 
@@ -377,6 +385,8 @@ class BOTTEGA_PT_farm(bpy.types.Panel):
         for problem in (failure(), watch.problem):
             if problem:
                 layout.label(text=problem, icon="ERROR")
+        for found in watch.found:
+            layout.label(text=f"On this network: {found}. Paste the word or the line of its `bottega up`", icon="WORLD")
         for machine in watch.machines:
             text = f"{machine['machine']}: {machine['state']}, {machine['threads']} processors, Bottega {machine['version']}"
             layout.label(text=text, icon="DESKTOP")
@@ -384,6 +394,7 @@ class BOTTEGA_PT_farm(bpy.types.Panel):
             self._draw_still(context)
         else:
             layout.prop(context.scene.bottega, "use_farm")
+            layout.prop(context.scene.bottega, "view_farm")
             if context.scene.bottega.use_farm and context.scene.bottega.goal == "TIME":
                 layout.label(text="A farm keeps no time. Finish at noise or samples", icon="ERROR")
 

@@ -37,6 +37,7 @@ class BottegaSceneSettings(bpy.types.PropertyGroup):
     threads: IntProperty(name="Threads", description="Processors to use; 0: all", default=0, min=0, max=1024)
     seed: IntProperty(name="Seed", description="Another seed has other noise", default=0, min=0)
     use_farm: BoolProperty(name="Render on the Farm", description="F12 renders with all machines of the farm, this one among them", default=False)
+    view_farm: BoolProperty(name="Viewport on the Farm", description="Free machines of the farm render samples of the viewport, too", default=False)
     use_albedo: BoolProperty(name="Albedo", description="The color of surfaces, as a pass", default=False)
     use_sample_count: BoolProperty(name="Samples", description="The number of samples per pixel, as a pass", default=False)
     use_cost: BoolProperty(name="Cost", description="The time per pixel, as a pass", default=False)

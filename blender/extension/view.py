@@ -13,6 +13,7 @@ import gpu
 import numpy as np
 from gpu_extras.presets import draw_texture_2d
 
+from . import farm
 from .export import Export
 from .export.camera import Frame, view_camera
 from .export.report import Report
@@ -36,6 +37,8 @@ class View:
         self.viewport: bottega.Viewport | None = None
         self._engine = weakref.proxy(engine)
         self._looked: tuple[Any, ...] = ()
+        # The farm whose free machines help, and its address.
+        self._farm: tuple[str | None, bottega.Farm] | None = None
         self._pixels = np.zeros((0, 0, 4), np.float32)
         self._texture: Any = None
         self._frame: Any = None
@@ -81,9 +84,30 @@ class View:
         fields: dict[str, Any] = {"spp": settings.view_samples, "max_depth": settings.max_depth}
         if settings.view_denoise:
             fields["denoise"] = True
-        viewport = bottega.Viewport(self.export.scene, size=(frame.width, frame.height), camera=camera, **fields)
+        helpers = self._linked() if settings.view_farm else None
+        viewport = bottega.Viewport(self.export.scene, size=(frame.width, frame.height), camera=camera, farm=helpers, **fields)
         viewport.start()
         self.viewport, self._looked = viewport, self._state(context, depsgraph.scene)
+
+    def _linked(self) -> bottega.Farm | None:
+        """Returns the farm; `None`: it is out of reach, and this machine renders alone."""
+        address = farm.address()
+        if self._farm is None or self._farm[0] != address:
+            try:
+                self._farm = (address, bottega.Farm(address))
+            except bottega.FarmError as error:
+                self._engine.report({"WARNING"}, f"Bottega: the viewport renders without the farm: {error}")
+                return None
+        return self._farm[1]
+
+    def _help(self) -> str:
+        """Returns what the machines of the farm do, to be said beside the samples; empty: none helps."""
+        assert self.viewport is not None
+        helping = [machine for machine in self.viewport.machines if machine.refused is None]
+        if not helping:
+            return ""
+        sent = sum(machine.bytes_per_second for machine in helping) / 1e6
+        return f", {1 + len(helping)} machines, {sent:.1f} MB/s"
 
     def _camera(self, context: Any, depsgraph: Any) -> tuple[bottega.Camera, Frame]:
         camera = depsgraph.scene.camera
@@ -94,7 +118,7 @@ class View:
         """Returns all that the look depends on: first the settings of the viewport, then the view."""
         region, view, settings = context.region, context.region_data, scene.bottega
         matrices = tuple(tuple(row) for matrix in (view.view_matrix, view.window_matrix) for row in matrix)
-        return (settings.view_samples, settings.view_denoise, settings.max_depth), (region.width, region.height, matrices)
+        return (settings.view_samples, settings.view_denoise, settings.max_depth, settings.view_farm), (region.width, region.height, matrices)
 
     def _look(self, context: Any, depsgraph: Any) -> bool:
         """Shows another view, if it has changed. Returns true if so."""
@@ -138,7 +162,7 @@ class View:
         if frame is not None and frame != self._frame:
             self._frame = frame
             self._texture = _texture_of(self._pixels)
-            self._say(f"{frame.samples} samples" if frame.samples else "Coarse")
+            self._say(f"{frame.samples} samples{self._help()}" if frame.samples else "Coarse")
         if self._texture is not None:
             self._paint(context, depsgraph.scene)
 

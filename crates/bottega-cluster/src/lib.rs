@@ -5,7 +5,7 @@
 //!
 //! # Modules
 //!
-//! Six folders; each uses only those above it. Other crates use the modules and types that this page re-exports.
+//! Seven folders; each uses only those above it. Other crates use the modules and types that this page re-exports.
 //!
 //! | what | where |
 //! |---|---|
@@ -19,6 +19,7 @@
 //! | the preview of a job while it is rendered; before its first zone | [`job_preview`]; `src/job/first_look.rs` |
 //! | the layers of a job while it is rendered | [`job_film`] |
 //! | stored photons and lighting agents; energy and its price | `src/job/shared_parts.rs`; [`energy`] |
+//! | **`viewport`**: a viewport whose samples come from all free machines: its calls, the samples on the wire | `src/viewport/call.rs`, `src/viewport/calls.rs`, `src/viewport/frame.rs` |
 //! | **`server`**: the NATS server of a farm, run as a child process, and its configuration | [`up`], `src/server/process.rs`, `src/server/supervisor.rs`, [`room`]; a server for one test or measurement: [`own_server`] |
 //! | members of a farm and their permissions | `src/server/admission.rs`, `src/server/members.rs` |
 //! | connecting to a farm: addresses, discovery on the local network, ports | [`link`](mod@link), [`address`], `src/server/discovery.rs`, [`ports`] |
@@ -28,8 +29,10 @@
 //! | when the owner of a machine lets it work; its processor time and energy | [`owner`]; [`usage_meter`], `src/machine/power_counters.rs` |
 //! | a job prepared on this machine; led or helped | `src/machine/prepared_job.rs`, `src/machine/part.rs`, `src/machine/part_observer.rs` |
 //! | photons and lighting agents, shared by all machines | `src/machine/together.rs` |
+//! | samples for somebody's viewport | `src/machine/viewport_helper.rs` |
 //! | **`client`**: submitting a picture; an animation; commands to jobs | [`client`]: `src/client/submit.rs`, [`animation`], [`jobs`] |
 //! | sending scenes; uploads in pieces from clients that are not machines of the farm; requests of jobs, submitted again | `src/client/transfer.rs`; [`uploads`]; `src/client/asked_again.rs` |
+//! | a viewport of this process, shared with the machines | `src/client/shared_viewport.rs` |
 //! | what a user may see of a farm; guests see only their own jobs | `src/client/shown_farm.rs` |
 //! | **`agents`**: the farm as a FIPA platform; its jobs and machines as agents; painting agents of other platforms | [`platform`]; `src/agents/platform/farm_agents/`; `src/agents/platform/strangers/` |
 //! | agents of jobs in the directories; removal of those whose process was killed | [`directories`] |
@@ -46,6 +49,7 @@ mod job;
 mod machine;
 pub mod names;
 mod server;
+mod viewport;
 
 pub use self::{
     agents::{directories, platform},
@@ -72,6 +76,7 @@ pub use self::{
     server::{
         address::{self, FarmAddress},
         deed_log,
+        discovery::{FoundFarm, farms},
         link::{self, Credentials, FarmLink, link, link_as},
         own_server, ports, room, up, web_secrets, web_tokens,
     },

@@ -69,6 +69,11 @@ impl PyFarm {
         self.login.clone()
     }
 
+    /// Returns the jobs and machines of the farm.
+    pub(crate) fn board(&self) -> &JobBoard {
+        &self.board
+    }
+
     /// Calls the farm without the interpreter's lock.
     fn ask<T: Send>(&self, py: Python<'_>, ask: impl FnOnce(&JobBoard) -> Result<T, Error> + Send) -> PyResult<T> {
         refuse_forked()?;
@@ -91,6 +96,15 @@ impl PyFarm {
             see(board, &job, &mut seen)
         })
     }
+}
+
+/// Returns the farms that announce themselves on the local network within `seconds`, as dictionaries.
+#[pyfunction]
+pub(crate) fn farms<'py>(py: Python<'py>, seconds: f64) -> PyResult<Bound<'py, PyAny>> {
+    let within = Duration::try_from_secs_f64(seconds)
+        .map_err(|error| errors::wrong("seconds", &format!("it is {seconds}: {error}; a number from 0 is needed")))?;
+    let found = Caller::new(py).wait_for(move |_, _| bottega_cluster::farms(within))?.whole()?;
+    to_python(py, &found.map_err(|error| errors::raised_by_farm(&error))?)
 }
 
 #[pymethods]

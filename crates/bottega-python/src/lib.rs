@@ -50,7 +50,7 @@ mod _native {
     use super::{
         analysis::{PyAnalysis, analyze},
         difference::diff,
-        farm::PyFarm,
+        farm::{PyFarm, farms},
         http_farm::{digests, preview_array, submission},
         image_file::{PyImageFile, read},
         picture::PyPicture,

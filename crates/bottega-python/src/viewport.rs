@@ -10,14 +10,17 @@ use bottega::{
     scene::{Camera, Loaded},
     viewport::{LinearFrameState, Viewport},
 };
+use bottega_cluster::client::{SharedViewport, share_viewport};
 use numpy::{PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::{
     errors::{self, wrong},
+    farm::PyFarm,
     process::refuse_forked,
     request::request_of,
     scene::{PyScene, parsed},
+    values::to_python,
     waiting::Caller,
 };
 
@@ -28,6 +31,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 #[pyclass(name = "Viewport", module = "bottega._native", frozen)]
 pub(crate) struct PyViewport {
     scene: Py<PyScene>,
+    /// The farm whose free machines render samples, too.
+    farm: Option<Py<PyFarm>>,
     state: Mutex<ViewportState>,
 }
 
@@ -42,6 +47,8 @@ struct ViewportState {
 
 struct RunningViewport {
     viewport: Arc<Viewport>,
+    /// The help of the farm's machines, which ends when this is dropped.
+    shared: Option<SharedViewport>,
     /// Number of the last frame that was copied.
     copied: u64,
 }
@@ -77,9 +84,10 @@ impl PyViewport {
 #[pymethods]
 impl PyViewport {
     #[new]
-    fn new(scene: Py<PyScene>, request: &str) -> PyResult<Self> {
+    #[pyo3(signature = (scene, request, farm=None))]
+    fn new(scene: Py<PyScene>, request: &str, farm: Option<Py<PyFarm>>) -> PyResult<Self> {
         let request = request_of(request)?;
-        Ok(Self { scene, state: Mutex::new(ViewportState { request, camera: None, running: None }) })
+        Ok(Self { scene, farm, state: Mutex::new(ViewportState { request, camera: None, running: None }) })
     }
 
     /// Starts rendering the scene as it is now.
@@ -96,7 +104,12 @@ impl PyViewport {
         // The lock is not held meanwhile: other threads of Python may use the viewport.
         let opened = Caller::new(py).wait_for(move |_, _| Viewport::of_scene(&request, snapshot))?.whole()?;
         let viewport = Arc::new(opened.map_err(|error| errors::raised(&error))?);
-        if let Some(other) = self.state().running.replace(RunningViewport { viewport, copied: 0 }) {
+        let share = |farm: &Py<PyFarm>| {
+            let board = farm.get().board();
+            py.detach(|| share_viewport(&viewport, board)).map_err(|error| errors::raised_by_farm(&error))
+        };
+        let shared = self.farm.as_ref().map(share).transpose()?;
+        if let Some(other) = self.state().running.replace(RunningViewport { viewport, shared, copied: 0 }) {
             other.viewport.close();
         }
         Ok(())
@@ -112,6 +125,17 @@ impl PyViewport {
     /// Returns true if the viewport has started and was not stopped.
     fn is_running(&self) -> bool {
         self.state().running.is_some()
+    }
+
+    /// Returns the machines of the farm that render samples, and those that cannot, as dictionaries.
+    fn machines<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let machines = self.state().running.as_ref().and_then(|running| Some(running.shared.as_ref()?.machines()));
+        to_python(py, &machines.unwrap_or_default())
+    }
+
+    /// Returns why no machine of the farm helps, if the scene cannot be sent to them.
+    fn farm_problem(&self) -> Option<String> {
+        self.state().running.as_ref()?.shared.as_ref()?.problem()
     }
 
     /// Shows the scene as it is now. Returns the number of the new look; `None`: the viewport does not run.

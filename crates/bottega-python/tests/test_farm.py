@@ -216,3 +216,56 @@ def test_farms_that_are_not_there_are_told() -> None:
     word = "t" + "0" * 32
     with pytest.raises(bottega.FarmError):
         bottega.Farm(f"bottega://{word}@127.0.0.1:1")
+
+
+def test_free_machines_render_samples_of_a_viewport(farm: bottega.Farm, box: Path) -> None:
+    scene = bottega.Scene.read(box)
+    expected = bottega.render(scene, spp=256, size=(24, 18)).color
+    with bottega.Viewport(scene, size=(96, 72), spp=1024, threads=1, farm=farm) as viewport:
+        pixels = np.empty(viewport.shape, np.float32)
+
+        def wait_for(what: str, is_done: Any) -> None:
+            end = time.monotonic() + 60
+            while not is_done():
+                assert time.monotonic() < end, f"{what}: {viewport.machines}, {viewport.farm_problem}"
+                viewport.wait(0.1)
+                viewport.frame_into(pixels)
+
+        def is_helped() -> bool:
+            return any(machine.samples_per_second > 0 for machine in viewport.machines)
+
+        wait_for("a machine helps", is_helped)
+        assert [machine["activity"] for machine in farm.machines()] == ["viewing"]
+        assert viewport.machines[0].refused is None and viewport.machines[0].bytes_per_second > 0
+        # Another view, and another state of the scene
+        viewport.look(size=(80, 60))
+        pixels = np.empty(viewport.shape, np.float32)
+        scene.cameras["other"] = bottega.Camera.looking(eye=(0, 1, 3), target=(0, 1, 0))
+        viewport.update()
+        wait_for("a machine helps with the new state", is_helped)
+        viewport.look(size=(24, 18))
+        pixels = np.empty(viewport.shape, np.float32)
+        frames: list[int] = []
+
+        def rests() -> bool:
+            frame = viewport.frame_into(pixels)
+            frames.append(frame.samples if frame else 0)
+            return frames[-1] >= 1024
+
+        wait_for("it has all samples", rests)
+        color = pixels[::-1, :, :3]
+        assert abs(float(color.mean()) / float(expected.mean()) - 1) < 0.01
+        assert float(np.abs(color - expected).mean()) < 0.1 * float(expected.mean())
+        # A job goes first; it has a name for its picture where it is given none
+        job = farm.submit(box, spp=4, size=(24, 18))
+        assert (job.wait(60)["state"], job.view()["output"]) == ("done", "picture.exr")
+    end = time.monotonic() + 20
+    while [machine["activity"] for machine in farm.machines()] != ["waiting"] and time.monotonic() < end:
+        time.sleep(0.05)
+    assert [machine["activity"] for machine in farm.machines()] == ["waiting"], "it is free when the viewport is closed"
+
+
+def test_a_viewport_needs_the_address_of_its_farm(addresses: Addresses, box: Path) -> None:
+    page, token = addresses.page.split("/?token=")
+    with pytest.raises(bottega.FarmError, match="by HTTP"):
+        bottega.Viewport(bottega.Scene.read(box), farm=bottega.Farm(page, token=token))

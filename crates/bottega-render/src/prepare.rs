@@ -156,6 +156,11 @@ impl PreparedScene {
         Arc::clone(&self.accel)
     }
 
+    /// Returns the scene as it was imported, to be kept beside this one. Scenes that share it differ in their added cameras alone.
+    pub fn shared_scene(&self) -> Arc<Scene> {
+        Arc::clone(self.surfaces.scene())
+    }
+
     /// Returns the id of the scene as data that may reside on a device; unique within the process.
     pub fn data_id(&self) -> DataId {
         self.id

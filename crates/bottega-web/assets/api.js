@@ -59,6 +59,7 @@ export async function fetchFrame(path, tag, signal) {
   return {
     blob: await response.blob(), tag: response.headers.get("ETag"),
     look: Number(told("Look")), samples: Number(told("Samples")), isDenoised: told("Denoised") === "true",
+    machines: Number(told("Machines")), bytesPerSecond: Number(told("Bytes-Per-Second")),
   };
 }
 

@@ -133,15 +133,16 @@ export class LookAround {
     });
   }
 
-  async #show({ blob, look, samples, isDenoised }) {
+  async #show({ blob, look, samples, isDenoised, machines, bytesPerSecond }) {
     const before = this.picture.src;
     this.picture.src = URL.createObjectURL(blob);
     await this.picture.decode().catch(() => {});
     if (before) URL.revokeObjectURL(before);
     this.picture.hidden = false;
-    Object.assign(this.stage.dataset, { look, samples });
-    const of = `${samples} of ${this.#viewport.samples} samples`;
-    setText(this.status, samples === 0 ? "coarse" : `${of}${isDenoised ? ", noise removed" : ""}`);
+    Object.assign(this.stage.dataset, { look, samples, machines });
+    const by = machines > 1 ? `, ${machines} machines, ${(bytesPerSecond / 1e6).toFixed(1)} MB/s` : "";
+    const of = `${Math.min(samples, this.#viewport.samples)} of ${this.#viewport.samples} samples`;
+    setText(this.status, samples === 0 ? "coarse" : `${of}${isDenoised ? ", noise removed" : ""}${by}`);
   }
 
   #takeCamera(number) {

@@ -10,9 +10,11 @@ use axum::http::StatusCode;
 use bottega::{
     Event, Request, StopSwitch,
     json::{self, JsonError},
+    viewport::Viewport,
 };
 use bottega_cluster::{
     Activity, LogLine,
+    client::SharedViewport,
     energy::{JobEnergy, Tariff},
     messages::{MessageEvent, SeenMessages},
     names::host_name,
@@ -377,6 +379,10 @@ impl ShownFarm for PaintedJob {
         }
         request.output.file = None;
         Ok(request)
+    }
+
+    fn share(&self, _: &Arc<Viewport>) -> Option<SharedViewport> {
+        None
     }
 
     fn holder(&self, token: &str) -> Option<TokenHolder> {

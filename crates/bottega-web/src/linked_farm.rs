@@ -13,11 +13,12 @@ use std::{
 };
 
 use axum::http::StatusCode;
-use bottega::{Request, events::Event};
+use bottega::{Request, events::Event, viewport::Viewport};
 use bottega_cluster::{
     Job, JobBoard, JobState, LogLine,
     blackboard::RowNews,
     cache::Cache,
+    client::{SharedViewport, share_viewport},
     energy::JobEnergy,
     job_preview::JobPreview,
     jobs,
@@ -431,6 +432,11 @@ impl ShownFarm for LinkedFarm {
 
     fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem> {
         Ok(self.board.uploaded_here(asked, &self.cache)?)
+    }
+
+    fn share(&self, viewport: &Arc<Viewport>) -> Option<SharedViewport> {
+        let shared = share_viewport(viewport, &self.board);
+        shared.inspect_err(|error| tracing::warn!(%error, "the machines do not help a viewport")).ok()
     }
 
     fn holder(&self, token: &str) -> Option<TokenHolder> {

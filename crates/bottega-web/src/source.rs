@@ -5,9 +5,11 @@ use std::sync::Arc;
 use bottega::{
     Request,
     events::{AgentEvent, Event},
+    viewport::Viewport,
 };
 use bottega_cluster::{
     LogLine,
+    client::SharedViewport,
     energy::{JobEnergy, MachineEnergy},
     messages::SeenMessages,
     presence::PresenceState,
@@ -272,6 +274,9 @@ pub trait ShownFarm: Send + Sync + 'static {
     /// # Errors
     /// A file is missing, or the source is not a farm.
     fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem>;
+
+    /// Lets free machines render samples of a viewport. `None`: there are no other machines.
+    fn share(&self, viewport: &Arc<Viewport>) -> Option<SharedViewport>;
 
     /// Returns the holder of a token; `None`: the token is unknown or revoked. Returns at once.
     fn holder(&self, token: &str) -> Option<TokenHolder>;

@@ -9,6 +9,7 @@ use std::{
 
 use axum::http::StatusCode;
 use bottega::viewport::Viewport;
+use bottega_cluster::client::{SharedViewport, ViewportMachine};
 use tokio::sync::watch;
 
 use crate::{
@@ -35,6 +36,8 @@ struct ViewportTable {
 
 struct WatchedViewport {
     viewport: Arc<Viewport>,
+    /// The help of a farm's machines, which ends when this is dropped; `None`: there are none.
+    shared: Option<SharedViewport>,
     /// Signals that there may be a new frame.
     news: watch::Receiver<()>,
     asked: Instant,
@@ -72,6 +75,13 @@ impl Viewports {
         known.ok_or_else(|| Problem::unknown(format!("there is no viewport {number}"), "open one: POST /api/viewports"))
     }
 
+    /// Returns the machines that render samples for a viewport.
+    pub(crate) fn machines(&self, number: u32) -> Vec<ViewportMachine> {
+        let state = self.state();
+        let shared = state.open.get(&number).and_then(|known| known.shared.as_ref());
+        shared.map(SharedViewport::machines).unwrap_or_default()
+    }
+
     /// Closes a viewport; waits for its rendering thread, which ends within a moment.
     pub(crate) fn close(&self, number: u32) {
         let closed = {
@@ -95,7 +105,9 @@ impl Viewports {
 
 impl ViewportPlace {
     /// Fills the place with a viewport, which is closed when no client uses it any more. Returns its number.
-    pub(crate) fn fill(self, viewport: Viewport) -> u32 {
+    ///
+    /// - `shared`: the help of a farm's machines.
+    pub(crate) fn fill(self, viewport: Arc<Viewport>, shared: Option<SharedViewport>) -> u32 {
         let (tell, news) = watch::channel(());
         viewport.watch(move || tell.send_replace(()));
         let number = {
@@ -104,7 +116,7 @@ impl ViewportPlace {
             state.taken += 1;
             state.last += 1;
             let number = state.last;
-            state.open.insert(number, WatchedViewport { viewport: Arc::new(viewport), news, asked: Instant::now() });
+            state.open.insert(number, WatchedViewport { viewport, shared, news, asked: Instant::now() });
             number
         };
         let all = Arc::clone(&self.all);

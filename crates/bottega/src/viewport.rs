@@ -5,7 +5,10 @@
 //! the meantime.
 
 mod cameras;
+mod follower;
 mod painter;
+mod sampler;
+mod samples;
 mod screen;
 mod shown;
 
@@ -21,6 +24,9 @@ use bottega_scene::Loaded;
 
 pub use self::{
     cameras::ViewportCamera,
+    follower::{ViewportFollower, ViewportLook},
+    sampler::{LookEnd, ViewportSampler},
+    samples::ViewportSamples,
     shown::{LinearFrameState, ViewportFrame},
 };
 use self::{
@@ -184,6 +190,18 @@ impl Viewport {
     /// The requested view failed.
     pub fn copy_linear(&self, size: (u32, u32), values: &mut [f32]) -> Result<Option<LinearFrameState>, Error> {
         self.shared.copy_linear(size, values)
+    }
+
+    /// Tells a follower of all looks from the current one on, so that other processes can render samples of them. Only the first
+    /// call has an effect.
+    pub fn follow(&self, follower: Box<dyn ViewportFollower>) {
+        self.shared.follow(follower);
+    }
+
+    /// Adds samples that another process has rendered of a look, and shows them. Returns false if the look is over, or the samples
+    /// do not fit its pixels.
+    pub fn add(&self, samples: &ViewportSamples) -> bool {
+        self.shared.add(samples)
     }
 
     /// Ends rendering without waiting for the end of the step that is running. The last frame stays.

@@ -5,6 +5,7 @@ use std::{
     sync::{
         Arc, Mutex,
         atomic::{AtomicUsize, Ordering},
+        mpsc,
     },
     thread,
     time::{Duration, Instant},
@@ -13,7 +14,7 @@ use std::{
 use bottega::{
     Event, Request, Session, StopSwitch, Watcher,
     request::{CameraPose, ViewOptions},
-    viewport::{Viewport, ViewportFrame},
+    viewport::{Viewport, ViewportFollower, ViewportFrame, ViewportLook, ViewportSampler},
 };
 use bottega_image::{ReadLimits, read_image_bytes};
 
@@ -129,6 +130,61 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
     assert!(error.to_string().contains("no camera `9`"), "{error}");
     let (still, _) = frame(&viewport, |frame| frame.look == look);
     assert_eq!(still.number, back.number);
+}
+
+/// Sends what a viewport shows, and `None` when it rests.
+struct Looks(Mutex<mpsc::Sender<Option<ViewportLook>>>);
+
+impl ViewportFollower for Looks {
+    fn begins(&self, look: ViewportLook) {
+        _ = self.0.lock().unwrap().send(Some(look));
+    }
+
+    fn rests(&self, _: u64) {
+        _ = self.0.lock().unwrap().send(None);
+    }
+}
+
+#[test]
+fn another_process_renders_samples_of_what_a_viewport_shows() {
+    const FIRST: u32 = 1 << 14;
+    let _alone = processors();
+    let request = request().with("goal.samples", "512").unwrap().with("devices.threads", "1").unwrap();
+    let reference = Session::open(&request.with("goal.samples", "64").unwrap()).expect("it is opened");
+    let reference = reference.render(Arc::new(()), &StopSwitch::new()).expect("it is rendered").film().to_picture();
+    let viewport = Viewport::open(&request).expect("it is opened");
+    let (tell, looks) = mpsc::channel();
+    viewport.follow(Box::new(Looks(Mutex::new(tell))));
+    let next = || looks.recv_timeout(Duration::from_secs(60)).expect("it is told");
+    let look = next().expect("a look");
+    let sampler = ViewportSampler::open(&look.request, Arc::clone(&look.scene), look.camera.clone()).expect("it opens");
+    let end = sampler.end().expect("it has an engine");
+    let samples = sampler.render(look.number, FIRST..FIRST + 64, &end).expect("it renders").expect("nobody ends it");
+    // Samples of the same picture: not the same bits, but the same mean
+    let mean = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).sum::<f64>();
+    let (own, other) = (
+        mean(&mut reference.data.iter().flatten().copied()),
+        mean(&mut samples.means.iter().flat_map(|mean| mean[..3].iter().copied())),
+    );
+    assert!((own / other - 1.0).abs() < 0.02, "{own} and {other}");
+    assert!(reference.data.iter().zip(&samples.means).any(|(a, b)| a[0].to_bits() != b[0].to_bits()));
+    // They count: the viewport rests with fewer samples of its own
+    for _ in 0..8 {
+        assert!(viewport.add(&samples));
+    }
+    assert!(next().is_none(), "it rests");
+    let (last, _) = frame(&viewport, |frame| frame.samples >= 512);
+    assert_eq!(last.look, look.number);
+
+    // Another look: the same scene, another camera
+    let number = viewport.look(&from_above()).expect("it looks");
+    let there = next().expect("a look");
+    assert!(there.number == number && Arc::ptr_eq(&there.scene, &look.scene) && there.camera != look.camera);
+    assert!(!viewport.add(&samples), "samples of a look that is over");
+    let sampler = sampler.look(&there.request, there.camera.clone()).expect("it looks");
+    let end = sampler.end().expect("it has an engine");
+    end.end();
+    assert!(sampler.render(number, 0..1 << 14, &end).expect("it ends").is_none(), "it was ended");
 }
 
 #[derive(Default)]

@@ -3,9 +3,16 @@
 pub mod animation;
 mod asked_again;
 pub mod jobs;
+mod shared_viewport;
 mod shown_farm;
 pub mod submit;
 mod transfer;
 pub mod uploads;
 
-pub use self::submit::{FarmPicture, RenderOutcome, SubmittedJob, render, submit};
+pub use self::{
+    shared_viewport::{SharedViewport, ViewportMachine, share_viewport},
+    submit::{FarmPicture, RenderOutcome, SubmittedJob, render, submit},
+};
+
+/// The name of a picture for which a submission gives none.
+const PICTURE: &str = "picture.exr";

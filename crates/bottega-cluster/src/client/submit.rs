@@ -154,7 +154,8 @@ impl FarmPicture {
     }
 }
 
-/// Submits a picture to a farm and returns its job number, without waiting for it.
+/// Submits a picture to a farm and returns its job number, without waiting for it. Without an output file it is called
+/// `picture.exr`.
 ///
 /// # Errors
 /// As for [`render`].
@@ -166,7 +167,10 @@ pub fn submit(
     stop: &StopSwitch,
 ) -> Result<u32, Error> {
     let reporter = Reporter::new(watcher);
-    let request = &request.by_engine_of_scene();
+    let mut request = request.by_engine_of_scene();
+    // The farm keeps the picture under a name, whose extension says the format.
+    request.output.file.get_or_insert_with(|| PathBuf::from(super::PICTURE));
+    let request = &request;
     let material = Session::examine(request)?;
     material.warnings.iter().for_each(|warning| reporter.warn(warning.clone()));
     let job = SubmittedJob::submit((farm, credentials), request, &material, None, stop, &reporter)?;

@@ -51,8 +51,6 @@ pub const FILES_MAX: usize = 4096;
 const NAME_MAX: usize = 512;
 /// The largest list of pieces that is read, in bytes.
 const LIST_BYTES_MAX: usize = 1 << 20;
-/// The default name of a picture.
-const PICTURE: &str = "picture.exr";
 
 /// The description of a file to upload.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -210,7 +208,7 @@ impl JobBoard {
             let problem = format!("`frames.list` has more than {FRAMES_MAX} frames");
             return Err(Error::usage(problem, "ask for them part by part"));
         }
-        let output = request.output.file.get_or_insert_with(|| PathBuf::from(PICTURE)).clone();
+        let output = request.output.file.get_or_insert_with(|| PathBuf::from(super::PICTURE)).clone();
         check_output(&output.to_string_lossy())?;
         if request.frames.is_some() {
             request.validate().map_err(bottega::Error::from)?;

@@ -16,6 +16,8 @@ pub enum Activity {
     Waiting,
     /// The machine loads a scene, takes part in the work before the first zone, or renders zones.
     Busy,
+    /// The machine has no job and renders samples for a viewport.
+    Viewing,
 }
 
 impl Activity {
@@ -24,6 +26,7 @@ impl Activity {
         match self {
             Self::Waiting => "waiting",
             Self::Busy => "busy",
+            Self::Viewing => "viewing",
         }
     }
 }
@@ -40,6 +43,8 @@ struct ActivityState {
     awaits_others: AtomicBool,
     /// Number of zones, with the data they need, in progress.
     under_way: AtomicUsize,
+    /// Number of [`Viewing`] guards alive.
+    viewings: AtomicUsize,
     /// Number of changes so far, as a sign of life.
     moves: AtomicU64,
 }
@@ -48,7 +53,25 @@ struct ActivityState {
 #[derive(Debug)]
 pub(crate) struct Occupation(ActivityLog);
 
+/// A guard that counts as rendering for a viewport until it is dropped.
+#[derive(Debug)]
+pub(crate) struct Viewing(ActivityLog);
+
+impl Drop for Viewing {
+    fn drop(&mut self) {
+        self.0.0.viewings.fetch_sub(1, Ordering::Relaxed);
+        self.0.moved();
+    }
+}
+
 impl ActivityLog {
+    /// Starts to render for a viewport; it ends when the guard is dropped.
+    pub(crate) fn view(&self) -> Viewing {
+        self.0.viewings.fetch_add(1, Ordering::Relaxed);
+        self.moved();
+        Viewing(self.clone())
+    }
+
     /// Starts work other than a zone; it ends when the guard is dropped.
     pub(crate) fn occupy(&self) -> Occupation {
         self.0.occupations.fetch_add(1, Ordering::Relaxed);
@@ -76,9 +99,15 @@ impl ActivityLog {
 
     /// Returns the current activity.
     pub(crate) fn now(&self) -> Activity {
-        let ActivityState { occupations, awaits_others, under_way, .. } = &*self.0;
+        let ActivityState { occupations, awaits_others, under_way, viewings, .. } = &*self.0;
         let is_occupied = occupations.load(Ordering::Relaxed) > 0 && !awaits_others.load(Ordering::Relaxed);
-        if is_occupied || under_way.load(Ordering::Relaxed) > 0 { Activity::Busy } else { Activity::Waiting }
+        if is_occupied || under_way.load(Ordering::Relaxed) > 0 {
+            Activity::Busy
+        } else if viewings.load(Ordering::Relaxed) > 0 {
+            Activity::Viewing
+        } else {
+            Activity::Waiting
+        }
     }
 
     /// Returns the number of changes so far.
@@ -115,6 +144,10 @@ mod tests {
         log.awaits_others(false);
         assert_eq!(log.now(), Activity::Busy);
         drop(inner);
+        assert_eq!(log.now(), Activity::Waiting);
+        let viewing = log.view();
+        assert_eq!(log.now(), Activity::Viewing);
+        drop(viewing);
         assert_eq!(log.now(), Activity::Waiting);
     }
 }

@@ -94,7 +94,7 @@ impl JobSight {
                 && job.require.iter().all(|tag| seat.tags.contains(tag))
                 && !seat.refusals.iter().any(|refusal| refusal.work == job.work)
         };
-        let is_idle = |seat: &&Presence| seat.activity == Activity::Waiting && (seat.job.is_none() || of_job(seat));
+        let is_idle = |seat: &&Presence| seat.activity != Activity::Busy && (seat.job.is_none() || of_job(seat));
         let free = seats.iter().filter(may_paint).filter(is_idle).map(|seat| seat.name.clone());
         let progress = [lead.zones_done as u64, lead.zones as u64, lead.done.to_bits()];
         let moves = seats.iter().filter(of_job).map(|seat| seat.moves).chain(progress);

@@ -9,4 +9,5 @@ pub(crate) mod prepared_job;
 mod shares;
 pub(crate) mod together;
 pub mod usage_meter;
+mod viewport_helper;
 pub mod worker;

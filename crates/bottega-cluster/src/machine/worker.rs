@@ -3,6 +3,7 @@
 use std::{
     collections::BTreeSet,
     path::PathBuf,
+    sync::Arc,
     thread,
     time::{Duration, Instant},
 };
@@ -11,6 +12,7 @@ use bottega::{
     StopSwitch,
     devices::{beside_processors, compiling, processors},
 };
+use bottega_agents::driver::nats::LiveSubscription;
 use bottega_platform::folders::state_folder;
 
 pub use crate::machine::prepared_job::WorkerDevices;
@@ -30,11 +32,13 @@ use crate::{
         prepared_job::PreparedJob,
         shares::{JobClaim, choose, should_move},
         usage_meter::UsageMeter,
+        viewport_helper::ViewportHelper,
     },
     server::{
         link::FarmLink,
         patience::{meanwhile, patiently, patiently_until},
     },
+    viewport::calls::HeardCalls,
 };
 
 /// A message of a worker to its user.
@@ -81,6 +85,10 @@ pub fn join(link: FarmLink, options: JoinOptions, stop: &StopSwitch, say: Box<dy
     let mut worker = Worker::new(member, cache, own, None, say);
     worker.owner = OwnerWatch::start(&owner);
     worker.memory = memory_bytes.map(MemoryLimit::new);
+    // Guests have no right to the live messages of a farm.
+    if !worker.member.board.uplink.is_guest() {
+        worker.calls = Some(HeardCalls::listen(worker.member.board.uplink.live()));
+    }
     worker.work(once);
     worker.leave();
 }
@@ -105,6 +113,8 @@ pub(crate) struct Worker {
     owner: Option<OwnerWatch>,
     /// The limit of this machine's memory, if any.
     memory: Option<MemoryLimit>,
+    /// The calls of viewports, if this machine helps them.
+    calls: Option<(Arc<HeardCalls>, LiveSubscription)>,
     say: Box<dyn Fn(WorkerMessage<'_>) + Sync>,
 }
 
@@ -122,7 +132,7 @@ impl Worker {
         only: Option<BTreeSet<u32>>,
         say: Box<dyn Fn(WorkerMessage<'_>) + Sync>,
     ) -> Self {
-        Self { member, cache, own, studio: None, only, helped: None, owner: None, memory: None, say }
+        Self { member, cache, own, studio: None, only, helped: None, owner: None, memory: None, calls: None, say }
     }
 
     /// Leaves the farm.
@@ -195,7 +205,10 @@ impl Worker {
         self.member.meter.count(None);
         let Some((number, job)) = chosen else {
             board.attend(&Presence { takes_orders: self.only.is_none(), ..self.member.seat(None) });
-            self.wait();
+            match self.called_viewport() {
+                Some(viewport) => self.help(viewport),
+                None => self.wait(),
+            }
             return false;
         };
         match self.take_part(number, &job) {
@@ -227,8 +240,42 @@ impl Worker {
         let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         while begun.elapsed() < RENEW_EVERY && !self.member.stop.is_requested() {
             thread::sleep(LOOK_EVERY);
-            if is_called_off() || !wanting(&self.member.board, |number, job| self.would(number, job)).is_empty() {
+            let has_job = || !wanting(&self.member.board, |number, job| self.would(number, job)).is_empty();
+            if is_called_off() || self.called_viewport().is_some() || has_job() {
                 return;
+            }
+        }
+    }
+
+    /// Returns a viewport that this machine can help.
+    fn called_viewport(&self) -> Option<u64> {
+        self.calls.as_ref().and_then(|(calls, _)| calls.open())
+    }
+
+    /// Renders samples for a viewport until it is closed, or there is a job.
+    fn help(&mut self, viewport: u64) {
+        // Free the scene of the last job: two may not fit in memory.
+        self.studio = None;
+        let Some((calls, _)) = &self.calls else { return };
+        (self.say)(WorkerMessage::Line("rendering samples for a viewport"));
+        let is_called_off = self.is_called_off();
+        let (board, only, member, memory) = (&self.member.board, &self.only, &self.member, &self.memory);
+        let is_wanted_elsewhere = || {
+            member.stop.is_requested()
+                || is_called_off()
+                || memory.as_ref().is_some_and(MemoryLimit::is_passed)
+                || !wanting(board, |number, job| may(only, member, number, job)).is_empty()
+        };
+        let helper = ViewportHelper { member, cache: &self.cache, own: &self.own, calls, viewport };
+        match helper.help(&is_wanted_elsewhere) {
+            Ok(()) if memory.as_ref().is_some_and(MemoryLimit::is_passed) => {
+                memory.iter().for_each(MemoryLimit::forget);
+                calls.refuse(viewport);
+            }
+            Ok(()) => {}
+            Err(error) => {
+                calls.refuse(viewport);
+                (self.say)(WorkerMessage::Failure(&error));
             }
         }
     }

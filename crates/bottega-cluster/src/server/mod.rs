@@ -3,7 +3,7 @@
 pub mod address;
 mod admission;
 pub mod deed_log;
-mod discovery;
+pub(crate) mod discovery;
 pub mod link;
 mod members;
 pub mod own_server;

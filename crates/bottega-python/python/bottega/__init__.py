@@ -25,7 +25,7 @@ from ._errors import (
     RulesError,
     SceneError,
 )
-from ._farm import Farm, FarmSession, Job, JobView, MachineView
+from ._farm import Farm, FarmSession, FoundFarm, Job, JobView, MachineView, farms
 from ._lights import (
     AreaLight,
     Camera,
@@ -78,7 +78,7 @@ from ._surfaces import (
     Unlit,
 )
 from ._values import Texture, Visibility
-from ._viewport import Frame, Viewport
+from ._viewport import Frame, Viewport, ViewportMachine
 
 __all__ = [
     "Analysis",
@@ -104,6 +104,7 @@ __all__ = [
     "FarmSession",
     "FilmOptions",
     "ForkError",
+    "FoundFarm",
     "Frame",
     "FrameOptions",
     "GoalOptions",
@@ -153,11 +154,13 @@ __all__ = [
     "Unlit",
     "ViewOptions",
     "Viewport",
+    "ViewportMachine",
     "Visibility",
     "WorkOptions",
     "__version__",
     "analyze",
     "diff",
+    "farms",
     "read",
     "render",
     "rules",

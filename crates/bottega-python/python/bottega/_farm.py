@@ -7,6 +7,7 @@ import contextlib
 import os
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Iterator, Literal, TypedDict
 
@@ -73,10 +74,32 @@ class MachineView(TypedDict):
     tags: list[str]
 
 
+@dataclass(frozen=True)
+class FoundFarm:
+    """A farm on the local network."""
+
+    host: str
+    """The name of the machine that runs its server."""
+    address: str
+    """The address and port of its server."""
+    pin: str
+    """The digest of its server's certificate, which its word ends with."""
+
+
+def farms(seconds: float = 2.0) -> list[FoundFarm]:
+    """Returns the farms that announce themselves on the local network (mDNS) within some seconds, sorted by host.
+
+    Joining one needs its word, which it does not announce: `Farm("WORD")` finds the farm of that word.
+    Raises `FarmError` if the network cannot be asked.
+    """
+    return [FoundFarm(**farm) for farm in _native.farms(seconds)]
+
+
 class Farm:
     """A farm to which this process is linked.
 
-    - `address`: as `bottega up` prints it, `bottega://WORD@HOST:PORT`; `None`: the farm that runs on this machine. Or the address of its
+    - `address`: as `bottega up` prints it, `bottega://WORD@HOST:PORT`, or the word alone, whose farm is searched on the local network;
+      `None`: the farm that runs on this machine. Or the address of its
       page, `https://HOST:PORT`, with a `token`: then all but `session` and `render` works by HTTP.
     - `creds`, `nkey`, `tls_ca`, `tls_own` (certificate, key): files with credentials, for NATS servers run by others.
 
@@ -153,6 +176,12 @@ class Job:
                 return view
         raise FarmError(f"there is no job {self.number}", "farm.jobs() has those that are there")
 
+    def _wait(self, changes: int, seconds: float) -> int:
+        """Waits until something changes, at most `seconds`. Returns the number of changes. `changes`: the number returned before."""
+        if isinstance(self._native, HttpFarm):
+            return self._native.wait(self.number, changes, seconds)
+        return self._native.wait(changes, seconds)
+
     def watch(self) -> JobWatch:
         """Iterates over the state of the job, now and after each change, until the job is over: `for view in job.watch()`, or
         `async for view in job.watch()`, which lets other coroutines run meanwhile.
@@ -170,7 +199,7 @@ class Job:
             left = _REMINDED if end is None else end - time.monotonic()
             if left <= 0.0:
                 raise TimeoutError(f"job {self.number} is {view['state']} after {timeout} s")
-            changes = self._native.wait(changes, min(left, _REMINDED))
+            changes = self._wait(changes, min(left, _REMINDED))
 
     @property
     def priority(self) -> int:
@@ -267,7 +296,7 @@ class JobWatch:
             if view != self._last:
                 self._last = view
                 return view
-            self._changes = self._job._native.wait(self._changes, _REMINDED)
+            self._changes = self._job._wait(self._changes, _REMINDED)
 
 
 def _is_going(view: JobView) -> bool:

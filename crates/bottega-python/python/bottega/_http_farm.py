@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import http.client
 import json
 import os
 import ssl
 import tempfile
+import threading
 import time
 import urllib.error
 import urllib.parse
@@ -21,7 +24,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _TIMEOUT = 150.0
-_LOOK_EVERY = 0.5
+# Seconds after which a silent stream of events is opened again; the farm sends a sign of life every ten.
+_SILENCE = 30.0
+# Seconds before a stream that broke off is opened again.
+_PAUSE = 1.0
+# Seconds without a question after which a stream is closed.
+_IDLE = 30.0
 
 
 class HttpFarm:
@@ -38,6 +46,8 @@ class HttpFarm:
         self._base = f"{parts.scheme}://{parts.netloc}"
         self._tls = ssl.create_default_context(cafile=None if tls_ca is None else os.fspath(tls_ca)) if parts.scheme == "https" else None
         self._outputs: dict[int, str] = {}
+        self._lock = threading.Lock()
+        self._events: dict[int, _JobEvents] = {}
         self._get("about")
 
     def submit(self, request: str, on_event: Any = None) -> int:
@@ -109,10 +119,18 @@ class HttpFarm:
     def requeue(self, number: int, zone: int) -> None:
         self._post(f"jobs/{number}/zones/{zone}/requeue")
 
-    def wait(self, seen: int, seconds: float) -> int:
-        """Waits before the farm is asked again."""
-        time.sleep(min(_LOOK_EVERY, max(seconds, 0.0)))
-        return seen + 1
+    def wait(self, number: int, seen: int, seconds: float) -> int:
+        """Waits until something changes in a job, at most `seconds`. Returns the number of changes. `seen`: the number returned before."""
+        with self._lock:
+            events = self._events.get(number)
+            if events is None or not events.is_alive():
+                events = self._events[number] = _JobEvents(self, number)
+        return events.wait(seen, seconds)
+
+    def stream(self, route: str) -> http.client.HTTPResponse:
+        """Opens a stream of events. Raises `FarmError`."""
+        answer: http.client.HTTPResponse = self._open("GET", route, timeout=_SILENCE)
+        return answer
 
     def _get(self, route: str) -> Any:
         return json.loads(self._ask("GET", route))
@@ -124,14 +142,21 @@ class HttpFarm:
 
     def _ask(self, method: str, route: str, body: bytes | None = None, kind: str | None = None) -> bytes:
         """Sends a request and returns the body of the answer. Raises `FarmError` with the farm's own words."""
+        with self._open(method, route, body, kind) as answer:
+            try:
+                return bytes(answer.read())
+            except (OSError, http.client.HTTPException) as error:
+                raise FarmError(f"{self._base} broke off: {error}", "ask again") from None
+
+    def _open(self, method: str, route: str, body: bytes | None = None, kind: str | None = None, timeout: float = _TIMEOUT) -> Any:
+        """Sends a request and returns the answer, open. Raises `FarmError` with the farm's own words."""
         request = urllib.request.Request(f"{self._base}/api/{route}", body, method=method)
         if self._token:
             request.add_header("Authorization", f"Bearer {self._token}")
         if kind is not None:
             request.add_header("Content-Type", kind)
         try:
-            with urllib.request.urlopen(request, timeout=_TIMEOUT, context=self._tls) as answer:
-                return bytes(answer.read())
+            return urllib.request.urlopen(request, timeout=timeout, context=self._tls)
         except urllib.error.HTTPError as error:
             raise _refused(error) from None
         except ssl.SSLError as error:
@@ -142,6 +167,46 @@ class HttpFarm:
             if isinstance(reason, ssl.SSLError):
                 raise FarmError(f"{self._base} is not trusted: {reason}", "tls_ca=FILE names the certificate of the farm") from None
             raise FarmError(f"{self._base} does not answer: {reason}", "check the address; `bottega up` prints it") from None
+
+
+class _JobEvents(threading.Thread):
+    """Follows the events of a job, and counts them. It ends when nobody has waited for some time."""
+
+    def __init__(self, farm: HttpFarm, number: int) -> None:
+        super().__init__(name=f"bottega job {number}", daemon=True)
+        self._farm, self._number = farm, number
+        self._changed = threading.Condition()
+        self._count = 0
+        self._asked = time.monotonic()
+        self.start()
+
+    def wait(self, seen: int, seconds: float) -> int:
+        """Waits until the number of events is not `seen`, at most `seconds`. Returns the number."""
+        self._asked = time.monotonic()
+        with self._changed:
+            self._changed.wait_for(lambda: self._count != seen, max(seconds, 0.0))
+            return self._count
+
+    def run(self) -> None:
+        while not self._is_idle():
+            # A farm that does not answer for a moment is asked again; who asks for the state gets the error.
+            with contextlib.suppress(FarmError, OSError, http.client.HTTPException), self._farm.stream(f"jobs/{self._number}/events") as answer:
+                for line in answer:
+                    if line.startswith(b"data:"):
+                        self._note()
+                    if self._is_idle():
+                        return
+            # The job may be over, or gone.
+            self._note()
+            time.sleep(_PAUSE)
+
+    def _is_idle(self) -> bool:
+        return time.monotonic() - self._asked > _IDLE
+
+    def _note(self) -> None:
+        with self._changed:
+            self._count += 1
+            self._changed.notify_all()
 
 
 def _refused(error: urllib.error.HTTPError) -> FarmError:

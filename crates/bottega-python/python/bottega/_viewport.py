@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from . import _native
-from ._errors import SceneError
+from ._errors import FarmError, SceneError
+from ._farm import Farm
 from ._lights import Camera
 from ._requests import Request
 from ._scene import Scene
@@ -32,6 +33,20 @@ class Frame:
     """True if it is denoised."""
 
 
+@dataclass(frozen=True)
+class ViewportMachine:
+    """A machine of a farm that renders samples for a viewport."""
+
+    name: str
+    """The name of its process."""
+    samples_per_second: float
+    """Samples of pixels per second, over the last seconds."""
+    bytes_per_second: float
+    """Bytes per second that it sends, over the last seconds."""
+    refused: str | None = None
+    """The reason why it does not help."""
+
+
 class Viewport:
     """An interactive view of a scene: frames of linear light that become finer while other threads render.
 
@@ -43,6 +58,8 @@ class Viewport:
     - `size`: columns and rows of the picture.
     - `camera`: key of a camera of the scene, or a `Camera`; `None`: the first of the scene.
     - `region`: x0, y0, x1, y1, the part of the picture that is rendered, with row 0 on top; `None`: all. Frames have its size.
+    - `farm`: a farm whose free machines render samples of the view, too; `None`: this process alone. Each machine that helps has
+      the scene loaded; where nobody helps, the viewport is as without a farm.
     - `fields`: fields of the request, such as `spp=64` (samples after which it rests), `denoise=True`, `max_depth=8`.
 
     Edits of the scene are shown by `update`, all of them at once.
@@ -55,13 +72,16 @@ class Viewport:
         size: tuple[int, int] = (640, 480),
         camera: str | Camera | None = None,
         region: tuple[int, int, int, int] | None = None,
+        farm: Farm | None = None,
         **fields: Any,
     ) -> None:
         if not isinstance(scene, Scene):
             raise SceneError(f"`scene` is a {type(scene).__name__}: make a bottega.Scene, or read one by bottega.Scene.read")
         self._scene = scene
         self._request = Request.of("a scene in memory", **fields)
-        self._native = _native.Viewport(scene._native, self._request.to_json())
+        if farm is not None and not (isinstance(farm, Farm) and isinstance(farm._native, _native.Farm)):
+            raise FarmError("no machine renders samples for a viewport by HTTP", "use the address bottega://WORD@HOST:PORT")
+        self._native = _native.Viewport(scene._native, self._request.to_json(), farm and farm._native)
         # A viewport that nobody holds, and one that runs at the end of the interpreter, stops.
         self._finalizer = weakref.finalize(self, self._native.stop)
         self.look(size=size, camera=camera, region=region)
@@ -78,6 +98,16 @@ class Viewport:
     def is_running(self) -> bool:
         """True if the viewport has started and was not stopped."""
         return self._native.is_running()
+
+    @property
+    def machines(self) -> list[ViewportMachine]:
+        """The machines of the farm that render samples, and those that cannot, by name; empty without a farm."""
+        return [ViewportMachine(**machine) for machine in self._native.machines()]
+
+    @property
+    def farm_problem(self) -> str | None:
+        """Why no machine of the farm helps, if the scene cannot be sent to them."""
+        return self._native.farm_problem()
 
     def update(self) -> int | None:
         """Shows the scene as it is now. Returns the number of the new look; `None`: the viewport does not run.

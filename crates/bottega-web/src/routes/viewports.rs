@@ -14,7 +14,7 @@ use bottega::{
     request::ViewOptions,
     viewport::{Viewport, ViewportCamera, ViewportFrame},
 };
-use bottega_cluster::uploads::Submission;
+use bottega_cluster::{client::ViewportMachine, uploads::Submission};
 use schemars::JsonSchema;
 use serde::Serialize;
 use tokio::time::Instant;
@@ -32,6 +32,11 @@ const LOOK: HeaderName = HeaderName::from_static("bottega-look");
 const SAMPLES: HeaderName = HeaderName::from_static("bottega-samples");
 /// Header that is `true` if a frame is denoised.
 const DENOISED: HeaderName = HeaderName::from_static("bottega-denoised");
+
+/// Header with the number of machines that render the view.
+const MACHINES: HeaderName = HeaderName::from_static("bottega-machines");
+/// Header with the bytes per second that the other machines send.
+const BYTES: HeaderName = HeaderName::from_static("bottega-bytes-per-second");
 
 /// An opened viewport.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -64,7 +69,7 @@ pub(super) fn routes() -> Vec<Route> {
         Route::done(
             "post",
             "/api/viewports",
-            "Look around in a scene: it is painted again and again, finer and finer, as it is seen from wherever one wants.",
+            "Look around in a scene: it is rendered again and again, finer and finer, from wherever one wants. The free machines of a farm help.",
             RouteBody::Json(schema::<Submission>),
             RouteAnswer::Json(schema::<OpenViewport>),
             post(open),
@@ -81,7 +86,7 @@ pub(super) fn routes() -> Vec<Route> {
         Route::done(
             "get",
             "/api/viewports/{viewport}/frame.png",
-            "What is to be seen now. With If-None-Match it waits up to 5 s for something else. `Bottega-Look` says of which look it is.",
+            "What is to be seen now. With If-None-Match it waits up to 5 s for something else. `Bottega-Look` says of which look it is, `Bottega-Machines` how many machines render it.",
             RouteBody::Nothing,
             RouteAnswer::Media("image/png"),
             get(frame),
@@ -109,12 +114,14 @@ async fn open(State(door): AtDoor, request: Request) -> RouteResult {
         let _permit = permit;
         let request = farm.uploaded_here(asked)?;
         let begun = std::time::Instant::now();
-        Ok((Viewport::open(&request).map_err(|error| refused(&error))?, begun.elapsed()))
+        let viewport = Arc::new(Viewport::open(&request).map_err(|error| refused(&error))?);
+        let shared = farm.share(&viewport);
+        Ok((viewport, shared, begun.elapsed()))
     });
-    let (viewport, took) = opened.await?;
+    let (viewport, shared, took) = opened.await?;
     let (width, height) = viewport.size();
     let (samples, denoises, cameras) = (viewport.samples(), viewport.denoises(), viewport.cameras().to_vec());
-    let viewport = place.fill(viewport);
+    let viewport = place.fill(viewport, shared);
     let seconds = took.as_secs_f64();
     let opened = OpenViewport { viewport, width, height, samples, denoises, cameras, seconds };
     let mut response = json_text(StatusCode::CREATED, redacted_json(&opened));
@@ -145,7 +152,7 @@ async fn frame(State(door): AtDoor, Param(number): Param<u32>, headers: HeaderMa
             let shown = tokio::task::spawn_blocking(move || viewport.frame(after)).await;
             let shown = shown.map_err(|_| Problem::conflict("the viewport cannot be shown", "open it anew"))?;
             if let Some(frame) = shown.map_err(|error| refused(&error))? {
-                return Ok(shown_frame(number, frame));
+                return Ok(shown_frame(number, frame, &door.viewports.machines(number)));
             }
             continue;
         }
@@ -160,8 +167,9 @@ async fn frame(State(door): AtDoor, Param(number): Param<u32>, headers: HeaderMa
     }
 }
 
-fn shown_frame(viewport: u32, frame: ViewportFrame) -> Response {
+fn shown_frame(viewport: u32, frame: ViewportFrame, machines: &[ViewportMachine]) -> Response {
     let ViewportFrame { number, look, samples, is_denoised, png } = frame;
+    let helping = machines.iter().filter(|machine| machine.refused.is_none());
     let headers = [
         (header::CONTENT_TYPE, "image/png".to_owned()),
         (header::CACHE_CONTROL, "no-store".to_owned()),
@@ -169,6 +177,9 @@ fn shown_frame(viewport: u32, frame: ViewportFrame) -> Response {
         (LOOK, look.to_string()),
         (SAMPLES, samples.to_string()),
         (DENOISED, is_denoised.to_string()),
+        // This process renders, too
+        (MACHINES, (1 + helping.clone().count()).to_string()),
+        (BYTES, helping.map(|machine| machine.bytes_per_second as u64).sum::<u64>().to_string()),
     ];
     (headers, png).into_response()
 }

@@ -63,6 +63,13 @@ test("a scene that was chosen is looked around in, and the view is what is paint
     await move();
     await until("the camera has moved", async () => await told("eye") !== eye);
   }
+  // The machine of the farm renders samples, too: it has no job
+  await until("a machine helps", async () => {
+    await around().press("ArrowLeft");
+    await new Promise(done => setTimeout(done, 1000));
+    return Number(await told("machines")) > 1;
+  });
+  await page.getByText(/samples.*, 2 machines, [\d.]+ MB\/s/).waitFor();
   await until("it is fine again", async () => Number(await told("samples")) >= 16);
   assert.notEqual(await shown("img.looked"), before);
   // While the camera stands still, noise is removed: by the test's own library where `cargo xtask test` has installed it.

@@ -55,6 +55,7 @@ impl ViewportPainter {
     pub(super) fn paint(mut self, session: Session) {
         let (mut session, mut look) = (session, 0);
         loop {
+            self.shared.begin_look(&session, look);
             let painted = self.paint_look(&session, look);
             let Some((wish, next)) = self.shared.next_look(look) else { return };
             let changed = painted.and_then(|()| match wish {
@@ -75,41 +76,63 @@ impl ViewportPainter {
         let frame = Rect::of_size(settings.width, settings.height);
         // Render coarse frames first
         let Some(coarse) = self.paint_coarse(session, engine, look)? else { return Ok(()) };
-        let screen = self.fresh(session, settings.crop);
+        let screen = self.fresh(session, settings.crop, true);
         screen.show_coarse(&coarse, frame, frame);
-        let shared = Arc::clone(&self.shared);
-        let show = |screen: &Arc<ViewportScreen>, samples, is_denoised| {
-            shared.show(ShownView { screen: Arc::clone(screen), look, samples, is_denoised });
-        };
-        show(&screen, 0, false);
+        self.shared.show_merged(&screen, look, settings.crop);
+        self.shared.show(ShownView { screen: Arc::clone(&screen), look, samples: 0, is_denoised: false });
         let (painted, shared) = (Arc::clone(&screen), Arc::clone(&self.shared));
         session.watch(move |tile| {
-            painted.show(tile);
+            shared.show_own(&painted, look, tile);
             shared.touch(&painted);
         });
-        let (mut tile, mut done) = (None, 0);
+        let (mut tile, mut done, mut shown) = (None, 0, 0);
         // Double the samples with each pass, and denoise the result
-        while done < settings.samples {
-            let until = (2 * done).max(1).min(settings.samples);
+        loop {
+            let wanted = settings.samples.saturating_sub(self.shared.samples_of_others());
+            if done >= wanted {
+                break;
+            }
+            let until = (2 * done).max(1).min(wanted);
             let Some(cancel) = self.shared.begin(look, engine) else { return Ok(()) };
             tile = match pass(engine, settings, (done..until, tile), cancel.clone())? {
                 Some(painted) => Some(painted),
                 None => return Ok(()),
             };
             done = until;
-            let film = tile.as_ref().filter(|_| done >= DENOISED_FROM).map(film_of);
-            match film.and_then(|film| self.noise.remove(session, film, &cancel)) {
-                None => self.shared.note_samples(look, done),
-                Some(clean) => {
-                    let screen = self.fresh(session, settings.crop);
-                    // Alpha is that of the samples; the denoiser changes colors alone.
-                    tile.iter().for_each(|tile| screen.show(tile));
-                    screen.show_denoised(&clean, settings.crop);
-                    show(&screen, done, true);
-                }
+            shown = self.show_pass(session, look, (done, tile.as_ref()), &cancel);
+        }
+        // Show samples of others that have arrived since the last pass
+        if shown < done + self.shared.samples_of_others() {
+            let Some(cancel) = self.shared.begin(look, engine) else { return Ok(()) };
+            self.show_pass(session, look, (done, tile.as_ref()), &cancel);
+        }
+        self.shared.rest(look);
+        Ok(())
+    }
+
+    /// Shows a complete pass with the samples of other processes, denoised if possible. Returns the samples per pixel.
+    fn show_pass(
+        &mut self,
+        session: &Session,
+        look: u64,
+        (done, tile): (u32, Option<&Tile>),
+        cancel: &CancelSwitch,
+    ) -> u32 {
+        let crop = session.settings().crop;
+        let samples = done + self.shared.samples_of_others();
+        let merged = tile.filter(|_| samples >= DENOISED_FROM).map(|tile| self.shared.with_others(look, tile));
+        let film = merged.as_deref().map(film_of);
+        match film.and_then(|film| self.noise.remove(session, film, cancel)) {
+            None => self.shared.note_samples(look, samples),
+            Some(clean) => {
+                let screen = self.fresh(session, crop, true);
+                // Alpha is that of the samples; the denoiser changes colors alone.
+                merged.iter().for_each(|tile| screen.show(tile));
+                screen.show_denoised(&clean, crop);
+                self.shared.show(ShownView { screen, look, samples, is_denoised: true });
             }
         }
-        Ok(())
+        samples
     }
 
     /// Renders coarse frames of a look, first one that takes a moment, then finer ones. Returns the finest; `None`: another
@@ -134,7 +157,7 @@ impl ViewportPainter {
             let paths = f64::from(size.0) * f64::from(size.1) * f64::from(samples);
             self.pace = 0.5 * (self.pace + paths / begun.elapsed().as_secs_f64().max(1e-6));
             let shape = Rect::of_size(size.0, size.1);
-            let screen = self.fresh(session, shape);
+            let screen = self.fresh(session, shape, false);
             screen.show_coarse(&coarse, shape, frame);
             self.shared.show(ShownView { screen, look, samples: 0, is_denoised: false });
             let Some(next) = self.shared.begin(look, engine) else { return Ok(None) };
@@ -150,10 +173,11 @@ impl ViewportPainter {
     /// Makes a black screen with the exposure and tone curve of the request.
     ///
     /// - `shape`: the pixels of displayed frames.
-    fn fresh(&self, session: &Session, shape: Rect) -> Arc<ViewportScreen> {
+    /// - `shows_pixels`: true if these are pixels of the picture.
+    fn fresh(&self, session: &Session, shape: Rect, shows_pixels: bool) -> Arc<ViewportScreen> {
         let output = &session.request().output;
         let linear = self.shared.is_linear.then_some(session.settings().crop);
-        Arc::new(ViewportScreen::new(shape, (output.exposure, tone(output.tonemap)), linear))
+        Arc::new(ViewportScreen::new(shape, (output.exposure, tone(output.tonemap)), linear, shows_pixels))
     }
 }
 
@@ -216,7 +240,7 @@ fn similar_size((width, height): (u32, u32), pixels: f64) -> (u32, u32) {
 }
 
 /// Adds samples to all pixels; `None`: cancelled.
-fn pass(
+pub(super) fn pass(
     engine: &BuiltinEngine,
     settings: &JobSettings,
     (samples, tile): (Range<u32>, Option<Tile>),

@@ -8,6 +8,7 @@ use bottega_image::{ImageError, Layout, Picture, Preview, Rect, Tile, ToneMap};
 pub(super) struct ViewportScreen {
     preview: Preview,
     linear: Option<LinearFrame>,
+    shows_pixels: bool,
 }
 
 /// Linear radiance and alpha of each pixel of a region. Each number is written and read atomically.
@@ -22,8 +23,9 @@ impl ViewportScreen {
     ///
     /// - `shape`: the pixels of displayed frames.
     /// - `linear`: the region of linear frames, in pixels of the picture; `None`: there are none.
-    pub(super) fn new(shape: Rect, (exposure, tone): (f32, ToneMap), linear: Option<Rect>) -> Self {
-        Self { preview: Preview::new(shape, exposure, tone), linear: linear.map(LinearFrame::new) }
+    /// - `shows_pixels`: true if `shape` is the region that is rendered; false: it is a coarse picture.
+    pub(super) fn new(shape: Rect, (exposure, tone): (f32, ToneMap), linear: Option<Rect>, shows_pixels: bool) -> Self {
+        Self { preview: Preview::new(shape, exposure, tone), linear: linear.map(LinearFrame::new), shows_pixels }
     }
 
     /// Fills the screen from cells, interpolating between their centers.
@@ -47,6 +49,11 @@ impl ViewportScreen {
                 linear.set_color(x, y, *color);
             }
         }
+    }
+
+    /// Returns true if it shows pixels of the picture, not cells of a coarse frame.
+    pub(super) fn shows_pixels(&self) -> bool {
+        self.shows_pixels
     }
 
     /// Shows the pixels of a tile that have samples.
@@ -143,7 +150,7 @@ mod tests {
     #[test]
     fn a_linear_frame_begins_with_the_lowest_row_and_keeps_values_above_1() {
         let region = Rect::new(1, 0, 3, 2);
-        let screen = ViewportScreen::new(region, (0.0, ToneMap::Linear), Some(region));
+        let screen = ViewportScreen::new(region, (0.0, ToneMap::Linear), Some(region), true);
         let cells = Picture { width: 1, height: 2, data: vec![[0.0; 3], [8.0; 3]] };
         screen.show_coarse(&cells, region, Rect::of_size(4, 2));
         let mut tile = Tile::new(region, Layout::new(AovSet::NONE));

@@ -1,17 +1,24 @@
 //! The state of a viewport, shared by viewers and the rendering thread.
 
 use std::{
+    borrow::Cow,
     sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError},
     time::{Duration, Instant},
 };
 
 use bottega_engines::{BuiltinEngine, CancelSwitch};
+use bottega_image::{AovSet, Layout, Rect, Tile};
 use bottega_scene::Loaded;
 
-use super::screen::ViewportScreen;
+use super::{
+    follower::{ViewportFollower, ViewportLook},
+    samples::{SamplePool, ViewportSamples},
+    screen::ViewportScreen,
+};
 use crate::{
     error::Error,
     request::{Request, ViewOptions},
+    session::Session,
 };
 
 /// Shortest interval between two frames of the same look.
@@ -67,6 +74,10 @@ pub(super) struct ViewportShared {
     pub(super) closing: CancelSwitch,
     /// Called when there is something new to show.
     watcher: OnceLock<Box<dyn Fn() + Send + Sync>>,
+    /// Receives the looks, if other processes render samples of them.
+    follower: OnceLock<Box<dyn ViewportFollower>>,
+    /// The samples of all processes, if there is a follower.
+    pool: Mutex<SamplePool>,
 }
 
 #[derive(Default)]
@@ -83,6 +94,8 @@ struct ViewportState {
     given: Option<(u64, Instant)>,
     /// The error of the view and its remedy; `None`: no error.
     problem: Option<(String, String)>,
+    /// The look that is rendered, and the rectangle of its pixels.
+    current: Option<(ViewportLook, Rect)>,
 }
 
 /// A running step of a look that is no longer wanted.
@@ -226,6 +239,95 @@ impl ViewportShared {
         let mut state = self.wanted.wait_while(self.state(), is_content).unwrap_or_else(PoisonError::into_inner);
         let wish = state.wish.take()?;
         (!self.closing.is_cancelled()).then_some((wish, state.look))
+    }
+
+    /// Registers the receiver of looks, and tells it of the current one. Only the first call has an effect.
+    pub(super) fn follow(&self, follower: Box<dyn ViewportFollower>) {
+        if self.follower.set(follower).is_err() {
+            return;
+        }
+        // The lock is held meanwhile, so that no later look is told first.
+        let state = self.state();
+        if let (Some((look, region)), Some(follower)) = (&state.current, self.follower.get()) {
+            self.pool().begin(look.number, *region);
+            follower.begins(look.clone());
+        }
+    }
+
+    /// Notes that a look begins, before its first step.
+    pub(super) fn begin_look(&self, session: &Session, number: u64) {
+        let region = session.settings().crop;
+        let mut state = self.state();
+        state.current = ViewportLook::of(session, number).map(|look| (look, region));
+        if let (Some((look, _)), Some(follower)) = (&state.current, self.follower.get()) {
+            self.pool().begin(number, region);
+            follower.begins(look.clone());
+        }
+    }
+
+    /// Notes that a look has all its samples.
+    pub(super) fn rest(&self, look: u64) {
+        if let Some(follower) = self.follower.get() {
+            follower.rests(look);
+        }
+    }
+
+    fn pool(&self) -> MutexGuard<'_, SamplePool> {
+        self.pool.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Shows running sums of this process, with the samples of other processes.
+    pub(super) fn show_own(&self, screen: &ViewportScreen, look: u64, tile: &Tile) {
+        if self.follower.get().is_none() {
+            return screen.show(tile);
+        }
+        let mut merged = tile.clone();
+        {
+            let mut pool = self.pool();
+            pool.take_own(look, tile);
+            pool.merge_into(&mut merged);
+        }
+        screen.show(&merged);
+    }
+
+    /// Shows the samples of all processes in a rectangle of a look.
+    pub(super) fn show_merged(&self, screen: &ViewportScreen, look: u64, rect: Rect) {
+        if let Some(merged) = self.pool().merged(look, rect, Layout::new(AovSet::NONE)) {
+            screen.show(&merged);
+        }
+    }
+
+    /// Returns a tile of this process with the colors of the samples of all processes.
+    pub(super) fn with_others<'tile>(&self, look: u64, tile: &'tile Tile) -> Cow<'tile, Tile> {
+        if self.follower.get().is_none() {
+            return Cow::Borrowed(tile);
+        }
+        let mut merged = tile.clone();
+        let mut pool = self.pool();
+        pool.take_own(look, tile);
+        pool.merge_into(&mut merged);
+        Cow::Owned(merged)
+    }
+
+    /// Returns the samples from other processes that each pixel of the current look has at least.
+    pub(super) fn samples_of_others(&self) -> u32 {
+        if self.follower.get().is_some() { self.pool().others_min() } else { 0 }
+    }
+
+    /// Adds samples of another process, and shows them. Returns false if they are of another look, or do not fit.
+    pub(super) fn add(&self, samples: &ViewportSamples) -> bool {
+        if !self.pool().add(samples) {
+            return false;
+        }
+        let shown = self.state().shown.clone();
+        // Coarse frames have other pixels, and denoised ones wait for the next denoising.
+        if let Some(ShownView { screen, is_denoised: false, .. }) = shown.filter(|shown| shown.look == samples.look) {
+            if screen.shows_pixels() {
+                self.show_merged(&screen, samples.look, samples.rect);
+                self.touch(&screen);
+            }
+        }
+        true
     }
 
     /// Begins a step of a look on `engine`. Returns the switch that cancels it; `None`: another look is wanted.

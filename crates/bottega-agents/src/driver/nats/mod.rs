@@ -10,6 +10,7 @@ mod blobs;
 mod enrolment;
 mod error;
 mod frame;
+mod live;
 mod names;
 mod notices;
 mod options;
@@ -42,6 +43,7 @@ pub use self::{
     blobs::{BlobError, NatsBlobs, StoredBlob},
     enrolment::{MemberKey, enrol, is_public_key, newcomer},
     error::NatsError,
+    live::{LIVE_BYTES_MAX, LiveSubscription, NatsLive},
     notices::{NatsNotices, Notice},
     options::{Login, NatsOptions, Tls},
     paged::PagedUplink,
@@ -73,6 +75,7 @@ pub struct NatsUplink<K> {
     blobs: NatsBlobs,
     payloads: NatsPayloads,
     notices: NatsNotices,
+    live: NatsLive,
     member: String,
     is_guest: bool,
     /// Outgoing messages in order, with their subjects.
@@ -129,6 +132,7 @@ impl<K: Codec> NatsUplink<K> {
         let notices = handle.block_on(NatsNotices::open(client.clone(), notices, handle.clone()));
         let blobs = NatsBlobs::new(context.clone(), objects, names::objects(&options.farm), handle.clone());
         let payloads = NatsPayloads::new(context, payloads, &options.farm, handle.clone());
+        let live = NatsLive::new(client.clone(), &options.farm, handle.clone());
         let (farm, member, is_guest) = (options.farm.clone(), options.member.clone(), options.is_guest);
         Ok(Self {
             codec,
@@ -137,6 +141,7 @@ impl<K: Codec> NatsUplink<K> {
             blobs,
             payloads,
             notices,
+            live,
             member,
             is_guest,
             outbox,
@@ -169,6 +174,11 @@ impl<K: Codec> NatsUplink<K> {
     /// Returns the notices of the farm.
     pub fn notices(&self) -> &NatsNotices {
         &self.notices
+    }
+
+    /// Returns the live messages of the farm.
+    pub fn live(&self) -> &NatsLive {
+        &self.live
     }
 
     /// Returns the version of the server.

@@ -126,6 +126,11 @@ pub(super) fn payloads_prefix(farm: &str) -> String {
     format!("bottega.{farm}.tile.")
 }
 
+/// Returns the subject of the live messages of a channel, whose parts are separated by `/`.
+pub(super) fn live(farm: &str, channel: &str) -> String {
+    format!("bottega.{farm}.live.{}", key(&Key::from(channel.to_owned())))
+}
+
 /// Returns the encoded key of an entry: its parts are tokens.
 pub(super) fn key(key: &Key) -> String {
     key.to_string().split('/').map(token).collect::<Vec<_>>().join(".")

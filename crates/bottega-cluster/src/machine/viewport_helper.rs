@@ -1,0 +1,234 @@
+//! A free machine that renders samples for somebody's viewport.
+
+use std::{
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use bottega::{
+    Request,
+    viewport::{LookEnd, ViewportSampler, ViewportSamples},
+};
+use bottega_scene::{LoadOptions, Scene};
+
+use crate::{
+    build::build,
+    error::Error,
+    files::cache::Cache,
+    job::presence::Presence,
+    machine::{member::Member, prepared_job::WorkerDevices},
+    names::host_name,
+    server::patience::meanwhile,
+    viewport::{
+        call::{CalledLook, HELPER_SAMPLES, HelperNotice, ViewportCall, frames_channel},
+        calls::HeardCalls,
+        frame::{encode_frame, encode_notice, frame_bytes},
+    },
+};
+
+/// Target time of a step. When a machine dies, its last step is lost.
+const STEP_TIME: Duration = Duration::from_millis(250);
+/// Interval of checks whether the machine is still free.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// Longest time to wait for a call.
+const CALL_WAIT: Duration = Duration::from_millis(500);
+/// Head start of the owner's process on the same computer: its first pixels come first.
+const HEAD_START: Duration = Duration::from_millis(150);
+
+/// A machine that helps a viewport.
+pub(crate) struct ViewportHelper<'a> {
+    pub(crate) member: &'a Member,
+    pub(crate) cache: &'a Cache,
+    pub(crate) own: &'a WorkerDevices,
+    pub(crate) calls: &'a HeardCalls,
+    /// The number of the viewport.
+    pub(crate) viewport: u64,
+}
+
+/// The prepared scene of a viewport, and its state.
+struct PreparedView {
+    state: u64,
+    scene: Arc<Scene>,
+    /// The look that `sampler` is prepared for.
+    look: u64,
+    sampler: ViewportSampler,
+}
+
+/// The samples of the current look.
+#[derive(Default)]
+struct LookProgress {
+    look: Option<u64>,
+    done: u32,
+    /// Number of samples of the next step.
+    step: u32,
+}
+
+impl ViewportHelper<'_> {
+    /// Renders samples until the viewport is closed, or `is_wanted_elsewhere` returns true.
+    ///
+    /// # Errors
+    /// This machine cannot render the scene. The owner knows.
+    pub(crate) fn help(&self, is_wanted_elsewhere: &(dyn Fn() -> bool + Sync)) -> Result<(), Error> {
+        let Member { board, activity, .. } = self.member;
+        let viewing = activity.view();
+        let attend = || board.attend(&Presence { takes_orders: true, ..self.member.seat(None) });
+        attend();
+        let is_called_away = std::sync::atomic::AtomicBool::new(false);
+        let mut ticks = 0_u32;
+        let watch = || {
+            ticks += 1;
+            if ticks.is_multiple_of(10) {
+                attend();
+            }
+            if is_wanted_elsewhere() {
+                is_called_away.store(true, std::sync::atomic::Ordering::Relaxed);
+                self.calls.leave();
+            }
+        };
+        let is_free = || !is_called_away.load(std::sync::atomic::Ordering::Relaxed);
+        let helped = meanwhile(LOOK_EVERY, watch, || self.follow(&is_free));
+        drop(viewing);
+        let refuses = helped.as_ref().err().map(Error::error_chain_with_remedy);
+        self.tell(HelperNotice { refuses, leaves: true, ..HelperNotice::default() });
+        helped
+    }
+
+    /// Follows the calls of the viewport.
+    fn follow(&self, is_free: &dyn Fn() -> bool) -> Result<(), Error> {
+        let mut prepared: Option<PreparedView> = None;
+        let mut progress = LookProgress::default();
+        while is_free() {
+            let Some(call) = self.calls.get(self.viewport) else { return Ok(()) };
+            if call.version != build().identity() {
+                return Err(other_build());
+            }
+            let (Some(look), Some(&place)) = (&call.look, call.places.get(&self.member.name)) else {
+                if call.look.is_some() {
+                    self.tell(HelperNotice::default());
+                }
+                self.calls.wait(self.viewport, &call, CALL_WAIT);
+                continue;
+            };
+            // Prepare the scene, or only the look
+            if prepared.as_ref().is_none_or(|it| (it.state, it.look) != (look.state, look.number)) {
+                prepared = self.prepare(prepared.take(), look)?;
+            }
+            let Some(PreparedView { sampler, .. }) = &prepared else { continue };
+            if progress.look != Some(look.number) {
+                progress = LookProgress { look: Some(look.number), done: 0, step: 1 };
+                if call.host == host_name() {
+                    thread::sleep(HEAD_START);
+                }
+            }
+            let most = look.request.goal.samples.unwrap_or(1).min(HELPER_SAMPLES);
+            if progress.done >= most {
+                self.calls.wait(self.viewport, &call, CALL_WAIT);
+                continue;
+            }
+            // Render a step, and send it
+            let first = place.saturating_mul(HELPER_SAMPLES) + progress.done;
+            let count = progress.step.min(most - progress.done);
+            let end = sampler.end()?;
+            if !self.calls.begin(self.viewport, look.number, &end) {
+                continue;
+            }
+            let begun = Instant::now();
+            if let Some(samples) = rendered(sampler, look.number, first..first + count, &end)? {
+                let took = begun.elapsed();
+                self.send(&call, &samples);
+                progress.done += count;
+                progress.step = next_step(count, took, step_time(&call, &samples));
+            }
+        }
+        Ok(())
+    }
+
+    /// Prepares a look. `None`: the farm does not have its scene any more; the owner will send it again.
+    fn prepare(&self, before: Option<PreparedView>, look: &CalledLook) -> Result<Option<PreparedView>, Error> {
+        let CalledLook { number, request, camera, state, .. } = look;
+        let request = self.own.for_viewport(request);
+        if let Some(PreparedView { scene, sampler, .. }) = before.filter(|before| before.state == *state) {
+            let sampler = sampler.look(&request, camera.clone())?;
+            return Ok(Some(PreparedView { state: *state, scene, look: *number, sampler }));
+        }
+        let (file, _) = match look.scene.fetch(self.cache, self.member.board.uplink.blobs()) {
+            Ok(fetched) => fetched,
+            Err(error) => {
+                tracing::debug!(%error, "the scene of a viewport is not there");
+                self.tell(HelperNotice { lacks_scene: true, ..HelperNotice::default() });
+                thread::sleep(CALL_WAIT);
+                return Ok(None);
+            }
+        };
+        let options = LoadOptions { allow_outside: false, ..LoadOptions::default() };
+        let loaded = bottega_scene::load(&file, &options).map_err(bottega::Error::from)?;
+        let scene = Arc::new(loaded.scene);
+        let sampler = ViewportSampler::open(&request, Arc::clone(&scene), camera.clone())?;
+        Ok(Some(PreparedView { state: *state, scene, look: *number, sampler }))
+    }
+
+    fn send(&self, call: &ViewportCall, samples: &ViewportSamples) {
+        let channel = frames_channel(call.viewport);
+        for band in encode_frame(&self.member.name, samples) {
+            self.member.board.uplink.live().send(&channel, band);
+        }
+    }
+
+    fn tell(&self, notice: HelperNotice) {
+        let notice = HelperNotice { name: self.member.name.clone(), ..notice };
+        self.member.board.uplink.live().send(&frames_channel(self.viewport), encode_notice(&notice));
+    }
+}
+
+impl WorkerDevices {
+    /// Returns a request with the processors of this machine.
+    fn for_viewport(&self, request: &Request) -> Request {
+        let mut request = request.clone();
+        request.devices.threads = self.threads;
+        request.devices.names = bottega::devices::DeviceChoice::Auto.names();
+        request
+    }
+}
+
+fn rendered(
+    sampler: &ViewportSampler,
+    look: u64,
+    samples: std::ops::Range<u32>,
+    end: &LookEnd,
+) -> Result<Option<ViewportSamples>, Error> {
+    Ok(sampler.render(look, samples, end)?)
+}
+
+/// Returns the time that a step should take, so that its frames do not exceed the bandwidth.
+fn step_time(call: &ViewportCall, samples: &ViewportSamples) -> Duration {
+    let sending = frame_bytes(&samples.rect) as f64 / call.bytes_per_second.max(1) as f64;
+    STEP_TIME.max(Duration::from_secs_f64(sending))
+}
+
+/// Returns the number of samples of the next step.
+fn next_step(count: u32, took: Duration, target: Duration) -> u32 {
+    let fitting = f64::from(count) * target.as_secs_f64() / took.as_secs_f64().max(1e-6);
+    (fitting as u32).clamp(1, 4 * count)
+}
+
+/// Returns the error for a viewport of another build.
+fn other_build() -> Error {
+    Error::failed(
+        format!("the viewport belongs to another build than this machine's, {}", build().description()),
+        "install the same version on all machines: only the same build renders samples of the same picture",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_grow_until_they_take_their_time() {
+        let seconds = Duration::from_secs_f64;
+        assert_eq!(next_step(1, seconds(0.001), STEP_TIME), 4, "by a factor of four");
+        assert_eq!(next_step(8, seconds(0.5), STEP_TIME), 4);
+        assert_eq!(next_step(1, seconds(9.0), STEP_TIME), 1);
+    }
+}
