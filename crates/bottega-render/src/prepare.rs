@@ -156,7 +156,7 @@ impl PreparedScene {
         Arc::clone(&self.accel)
     }
 
-    /// Returns the scene as it was imported, to be kept beside this one. Scenes that share it differ in their added cameras alone.
+    /// Returns the scene as it was imported, shared. Prepared scenes that share it differ only in their added cameras.
     pub fn shared_scene(&self) -> Arc<Scene> {
         Arc::clone(self.surfaces.scene())
     }
