@@ -39,7 +39,7 @@ pub struct Medium {
 pub struct Variation {
     /// Factors of absorption and scattering.
     pub density: Density,
-    /// Additional factor of emission, which the factor of absorption also multiplies.
+    /// Factor of emission, in addition to the factor of absorption; `None`: 1.
     pub emission: Option<Grid>,
     /// World space to the unit cube of the grids. Outside, the medium is empty.
     pub grid_from_world: Affine3A,

@@ -53,7 +53,7 @@ impl Session {
     /// Opens the scene again with another request, for example in another size.
     ///
     /// # Errors
-    /// The engine refuses it.
+    /// The engine refuses the request.
     pub fn reopen(&mut self, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<(), EngineFault> {
         match &mut self.driver {
             // A worker can only read the files of the scene for which it was started.

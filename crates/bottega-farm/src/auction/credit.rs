@@ -23,7 +23,7 @@ pub struct Credit {
 }
 
 impl Credit {
-    /// Returns the promised over measured time: 1 if zones took as long as promised, 0.5 if twice as long. In
+    /// Returns the ratio of promised to measured time: 1 if zones took as long as promised, 0.5 if twice as long. In
     /// 1/16..=2; 1 for an agent without zones.
     pub fn reliability(&self) -> f64 {
         let held = self.promised / self.taken;

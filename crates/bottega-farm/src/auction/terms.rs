@@ -98,7 +98,7 @@ pub struct BidderStanding<'a> {
     pub now: f64,
     /// T_est of all zones that no agent holds, in seconds of reference-machine time.
     pub open: f64,
-    /// True for zones that can be cut; `None`: cutting is off.
+    /// A function that returns true if a zone can be cut; `None`: cutting is off.
     pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,
 }
 

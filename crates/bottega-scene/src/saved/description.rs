@@ -88,7 +88,7 @@ pub(super) enum TexelFormat {
     Rgba32,
 }
 
-/// A medium, as the description of a saved scene has it.
+/// The description of a medium in a saved scene.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MediumDescription<'a> {

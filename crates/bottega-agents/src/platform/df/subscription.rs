@@ -52,7 +52,7 @@ pub(super) struct SubscriptionNews {
     pub(super) offer: DfAgentDescription,
     /// Length of the offer's text, in bytes.
     pub(super) bytes: usize,
-    /// Time since which this process knows it.
+    /// Time since which this process knows the subscription.
     pub(super) since: Time,
     /// Time at which this process sent it, and the number of the message.
     pub(super) said: Option<(Time, u64)>,
