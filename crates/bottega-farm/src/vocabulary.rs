@@ -177,7 +177,7 @@ pub enum FarmCompletion {
         zone: ZoneId,
         /// The two paintings.
         results: [ResultRef; 2],
-        /// True if they look alike; or the painting that could not be fetched.
+        /// True if the paintings look alike; or the painting that could not be fetched.
         outcome: Result<bool, ResultRef>,
     },
     /// The answer to [`FarmEffect::Compose`].

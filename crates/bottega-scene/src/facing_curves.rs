@@ -32,7 +32,7 @@ pub struct CurvePoint {
     pub position: Vec3,
     /// Direction of the curve, unit length.
     pub tangent: Vec3,
-    /// Half the width of the curve.
+    /// Half the width of the curve, in units of its space.
     pub radius: f32,
     /// Texture coordinate along the curve.
     pub along: f32,
@@ -58,7 +58,7 @@ pub struct CurveMeeting {
     pub t: f32,
     /// Direction of the curve, object space, unit length.
     pub tangent: Vec3,
-    /// Half the width of the curve.
+    /// Half the width of the curve, in units of its space.
     pub radius: f32,
     /// Position across the curve, in [−1, 1].
     pub across: f32,

@@ -16,28 +16,28 @@ pub const ATTEMPTS_MAX: u32 = 5;
 /// The row of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZoneRow {
-    /// IdWork: the work that it belongs to.
+    /// The paper's IdWork: the work to which the zone belongs.
     pub work: WorkId,
-    /// IdZone: its index in the partition, or a new number for a piece.
+    /// The paper's IdZone: the index in the partition, or a new number for a piece.
     pub zone: ZoneId,
     /// The pixels of the zone, without the band. The paper's Size is their number: [`ZoneRow::size`].
     pub rect: Rect,
-    /// Complexity: predicted cost of its pixels, in average pixels of the frame.
+    /// The paper's Complexity: predicted cost of the zone's pixels, in average pixels of the frame.
     pub complexity: f64,
     /// Neighbor Difference, in average pixels per pixel.
     pub neighbor_difference: NeighborDifference,
     /// T_est: expected time of the remaining samples. Before profiling a prediction for all samples, from the survey
     /// and earlier works; afterwards from the measured first samples.
     pub time_estimated: Option<Duration>,
-    /// T_real: measured time.
+    /// The paper's T_real: the measured time of the painted samples; `None`: nothing but the profile is painted.
     pub time_measured: Option<Duration>,
-    /// Agent: the one that is, or was last, responsible for it.
+    /// The agent that is, or was last, responsible for the zone; `None`: none was yet.
     pub agent: Option<AgentId>,
     /// The state of the zone, from unprofiled to done.
     pub state: ZoneState,
     /// Number of times that the zone was taken from an agent that failed or fell silent.
     pub attempt: u32,
-    /// The settings; chosen at profiling, and again by the winner of the auction where its rules decide.
+    /// The settings: chosen at profiling, and again by the winner of the auction if its rules decide. `None`: not yet chosen.
     pub choice: Option<Choice>,
     /// The agent and the rules that chose the settings.
     pub reasons: Option<Arc<str>>,
@@ -52,8 +52,8 @@ pub struct ZoneRow {
     /// If this row is a piece: the zone of the Analyst that it was cut from, whose mask composes it. `None`: a zone of
     /// the Analyst.
     pub root: Option<ZoneId>,
-    /// The last piece cut off it. The row that is cut records this first; an agent that finds the piece's row missing
-    /// writes it.
+    /// The last piece that was cut off this zone. This entry is written before the row of the piece; an agent that finds that row
+    /// missing writes it.
     pub cut: Option<Cut>,
     /// A second valid order, of the agent that held the zone before another took it over: the first report counts.
     pub rival: Option<Rival>,
@@ -88,15 +88,15 @@ const PIECE_SIDE_MIN: u32 = 8;
 /// The state of a zone. It only advances, except for zones taken back from an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ZoneState {
-    /// No agent has had it.
+    /// No agent has had the zone yet.
     Open,
-    /// An agent paints its first samples.
+    /// An agent paints the first samples.
     Profiling,
     /// It has first samples and T_est, and waits for the auction.
     Profiled,
-    /// An agent paints it. The fencing token is the revision of the row with this state.
+    /// An agent paints the zone. The fencing token is the revision of the row with this state.
     Awarded,
-    /// All its samples are painted.
+    /// All samples are painted.
     Done,
     /// Given up after [`ATTEMPTS_MAX`] attempts.
     Failed,
@@ -157,7 +157,7 @@ impl ZoneRow {
         Self { state: ZoneState::Profiled, choice: Some(Choice::unchanged(settings)), ..row }
     }
 
-    /// Returns the paper's Size: the number of its own pixels, without the band.
+    /// Returns the paper's Size: the number of the zone's pixels, without the band.
     pub fn size(&self) -> u64 {
         match self.piece {
             None => self.rect.area(),
@@ -165,7 +165,7 @@ impl ZoneRow {
         }
     }
 
-    /// Returns the paper's complexity/size ratio: its mean complexity per pixel.
+    /// Returns the paper's complexity/size ratio: the zone's mean complexity per pixel.
     pub fn complexity_density(&self) -> f64 {
         self.complexity / self.size().max(1) as f64
     }
@@ -243,7 +243,7 @@ impl ZoneRow {
         }
     }
 
-    /// Returns true if the rules of the agent that wins it choose its settings: only profiling samples are painted, and
+    /// Returns true if the rules of the agent that wins the zone choose its settings: only profiling samples are painted, and
     /// no part of it was given to another agent.
     pub fn is_undecided(&self, settings: &WorkSettings) -> bool {
         let is_whole = self.piece.is_none() && self.cut.is_none() && self.votes.is_empty();
@@ -264,7 +264,7 @@ impl ZoneRow {
         Self { choice: Some(choice), result: None, goal: None, time_estimated, ..self.clone() }
     }
 
-    /// Returns the agents that hold it: its agent and the rival.
+    /// Returns the agents that hold the zone: its agent and the rival.
     pub fn holders(&self) -> impl Iterator<Item = &AgentId> {
         let holders = [self.agent.as_ref(), self.rival.as_ref().map(|rival| &rival.agent)];
         holders.into_iter().flatten().filter(|_| self.is_in_hand())
@@ -280,8 +280,8 @@ impl ZoneRow {
         self.goal.map_or(choice.samples, |goal| goal.min(choice.samples))
     }
 
-    /// Returns T_est of its next order: of the first samples with the user's settings before and during profiling,
-    /// else of all the remaining ones.
+    /// Returns T_est of the zone's next order: of the first samples with the user's settings before and during profiling,
+    /// else of all the remaining ones. `None`: no prediction.
     pub fn order_time(&self, settings: &WorkSettings) -> Option<Duration> {
         match self.state {
             ZoneState::Open | ZoneState::Profiling => {
@@ -303,12 +303,12 @@ impl ZoneRow {
         matches!(self.state, ZoneState::Done | ZoneState::Failed)
     }
 
-    /// Returns true if an agent holds it.
+    /// Returns true if an agent holds the zone.
     pub fn is_in_hand(&self) -> bool {
         matches!(self.state, ZoneState::Profiling | ZoneState::Awarded)
     }
 
-    /// Returns the row after its agent failed or fell silent: open for the next agent, with one more attempt.
+    /// Returns the row after the zone's agent failed or fell silent: open for the next agent, with one more attempt.
     #[must_use]
     pub fn taken_back(&self) -> Self {
         self.reopened(self.attempt + 1)

@@ -44,9 +44,10 @@ pub struct Agent {
     pub to_light: Vec3,
     /// Number of the agent's light in the light tree; `u32::MAX`: a light at infinity.
     pub light: u32,
-    /// Distance from the point that it was cast from.
+    /// Distance from the point from which the agent was cast, in scene units.
     pub distance: f32,
-    /// Distance from the previous surface or from the light; for an agent of the camera, the radius of its neighbourhood.
+    /// Distance from the previous surface or from the light, in scene units; for an agent of the camera, the radius of its
+    /// neighbourhood.
     pub gap: f32,
     /// Number of the cast; identifies the agent together with `clone`.
     pub cast: u32,

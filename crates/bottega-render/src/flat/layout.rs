@@ -347,11 +347,11 @@ record! {
         pub double_pixel: Vec2,
         /// Code of the camera's projection.
         pub kind: u32,
-        /// Radius of the lens; 0 for a pinhole.
+        /// Radius of the lens, in scene units; 0 for a pinhole.
         pub lens_radius: f32,
-        /// Distance of the plane in focus.
+        /// Distance of the plane in focus, in scene units.
         pub focus: f32,
-        /// Width of a ray cone at the camera.
+        /// Width of a ray cone at the camera, in scene units.
         pub cone_width: f32,
         /// Growth of the cone's width per unit of distance.
         pub cone_spread: f32,
