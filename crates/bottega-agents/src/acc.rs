@@ -351,7 +351,7 @@ pub enum Undeliverable {
     /// The receiver has no address.
     #[error("no address is known of the agent")]
     NoAddress,
-    /// It cannot be written in the representation.
+    /// The message cannot be written in the representation.
     #[error("the message cannot be written")]
     Message(#[source] WireError),
 }

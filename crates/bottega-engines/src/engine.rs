@@ -139,7 +139,7 @@ pub struct Painted {
     pub is_warm: bool,
     /// The time per part: disjoint parts of the rectangle. Empty if the engine does not know.
     pub parts: Vec<(Rect, Duration)>,
-    /// True if all samples were rendered; false if it was cancelled.
+    /// True if all samples were rendered; false if the order was cancelled.
     pub complete: bool,
 }
 

@@ -142,13 +142,13 @@ pub struct LearntFactor {
 /// An error in the text of an experience.
 #[derive(Debug, thiserror::Error)]
 pub enum ExperienceError {
-    /// It is longer than the maximum.
+    /// The text is longer than the maximum.
     #[error("the text has {0} bytes, which no experience has")]
     TooLong(usize),
-    /// It is not JSON, or has other fields.
+    /// The text is not JSON, or has other fields.
     #[error("not what a machine has learnt")]
     Syntax(#[source] serde_json::Error),
-    /// It has another version of the format.
+    /// The text has another version of the format.
     #[error("what was learnt has form {found}, not {FORMAT}: a newer version of bottega has written it")]
     Format {
         /// The version found.

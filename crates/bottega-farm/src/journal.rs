@@ -124,7 +124,7 @@ pub enum JournalError {
     /// The journal cannot be read.
     #[error("cannot read the journal")]
     Read(#[from] io::Error),
-    /// It is not a journal, or of another version.
+    /// The file is not a journal, or of another version.
     #[error("this is no journal of a work, or one of another version")]
     Magic,
     /// The first record is not the name.

@@ -91,7 +91,7 @@ pub enum ErrorUse {
 /// The condition under which a zone has enough samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Goal {
-    /// It has the number of samples requested.
+    /// The zone has the number of samples requested.
     #[default]
     Samples,
     /// The estimated relative error of each of its cells is at most this: the root of the mean over the pixels of

@@ -98,7 +98,7 @@ pub struct Completed<O> {
 /// The reason why a unit has no output.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnitError {
-    /// It failed as often as the configuration allows.
+    /// The unit failed as often as the configuration allows.
     #[error("failed {attempts} times, at last because: {reason}")]
     Failed {
         /// Number of attempts.
@@ -115,7 +115,7 @@ pub enum UnitError {
     /// Every resource that could do it was given up.
     #[error("no resource is left that can do `{0}`")]
     NoResource(Primitive),
-    /// It was not done within its [`WorkUnit::validity`].
+    /// The unit was not done within its [`WorkUnit::validity`].
     #[error("not done within its life time")]
     Expired,
     /// The allocator was shut down before.

@@ -104,7 +104,7 @@ impl Canvas {
     ///
     /// # Errors
     ///
-    /// It has no pixels, or more than a PNG file can have.
+    /// The canvas has no pixels, or more than a PNG file can have.
     pub fn to_png(&self) -> Result<Vec<u8>, ImageError> {
         let width = self.width as usize;
         png_bytes_rgb8((self.width, self.height), |row, out| {

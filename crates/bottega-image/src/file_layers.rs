@@ -146,7 +146,7 @@ impl LayerPicture {
     ///
     /// # Errors
     ///
-    /// It has no pixels.
+    /// The layer has no pixels.
     pub fn to_exr(&self) -> Result<Vec<u8>, ImageError> {
         picture_exr_bytes(&self.picture, &Metadata::new(), ExrOptions::default())
     }

@@ -279,7 +279,7 @@ pub struct SceneGeometry<'a> {
 }
 
 impl<'a> SceneGeometry<'a> {
-    /// Returns all shapes of `scene`.
+    /// Returns the shapes of `scene` in the form of the BVH builder: meshes, instances and spheres.
     pub fn of(scene: &'a Scene) -> Self {
         let mesh = |mesh: &'a Mesh| MeshGeometry { positions: &mesh.positions, triangles: &mesh.triangles };
         let instance = |it: &Instance| InstanceGeometry { mesh: it.mesh, world_from_object: it.world_from_object };

@@ -145,12 +145,12 @@ impl Dielectric {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InnerReflection {
-    /// It comes back white at each reflection.
+    /// The light comes back white at each reflection.
     #[default]
     Linear,
-    /// It is multiplied by the colour of the base at each reflection.
+    /// The light is multiplied by the colour of the base at each reflection.
     Nonlinear,
-    /// It is lost, and the base is seen as through a smooth boundary, however rough the facets (Mitsuba's `pplastic`,
+    /// The light is lost, and the base is seen as through a smooth boundary, however rough the facets (Mitsuba's `pplastic`,
     /// after Baek and others 2018, Simultaneous Acquisition of Polarimetric SVBRDF and Normals).
     Lost,
 }

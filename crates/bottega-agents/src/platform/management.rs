@@ -301,9 +301,9 @@ pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> 
 /// The reason of a failure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FailureReason {
-    /// It is registered already.
+    /// The agent is already registered.
     AlreadyRegistered,
-    /// It is not registered.
+    /// The agent is not registered.
     NotRegistered,
     /// Any other failure, with its description.
     InternalError(String),

@@ -23,7 +23,7 @@ pub enum PageAsk<T> {
 #[derive(Clone, Debug, PartialEq)]
 enum Known<T> {
     Absent,
-    /// It exists, with unknown content.
+    /// The entry exists, with unknown content.
     There,
     Says(T),
 }

@@ -34,9 +34,9 @@ pub type Said = AclMessage<ManagementContent>;
 /// The reason why a function has no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NoResult {
-    /// It was refused.
+    /// The function was refused.
     Refuse(RefuseReason),
-    /// It failed.
+    /// The function failed.
     Failure(FailureReason),
 }
 
@@ -64,7 +64,7 @@ pub struct Change {
 /// The next step of a function.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// It is finished, without a change.
+    /// The function is finished, without a change.
     Done(Outcome),
     /// Write this change; then it is finished with this outcome.
     Write(Change, Outcome),

@@ -42,9 +42,9 @@ pub struct Proposal<C> {
 /// The outcome of an awarded task.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TaskOutcome<C> {
-    /// It is done, with this result.
+    /// The task is done, with this result.
     Done(C),
-    /// It failed, for this reason.
+    /// The task failed, for this reason.
     Failed(C),
     /// There was no result by the deadline, or the contractor does not know the task (any more).
     Lost,

@@ -6,13 +6,13 @@ use crate::{AclMessage, AgentId, Performative, Time};
 /// The answer to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer<C> {
-    /// It was done, or this is the result.
+    /// The requested action was done, or this is its result.
     Inform(C),
-    /// It was refused and not begun.
+    /// The request was refused and not begun.
     Refuse(C),
-    /// It failed.
+    /// The request failed.
     Failure(C),
-    /// It was not understood.
+    /// The request was not understood.
     NotUnderstood(C),
     /// There was no answer by the deadline.
     Silence,

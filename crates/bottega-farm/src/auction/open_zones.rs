@@ -83,7 +83,7 @@ impl OpenZones {
     }
 
     /// Takes the zones for one call for proposals, largest first: all of them, or the largest and some of the smallest.
-    /// They are in no other call until they are given back or removed.
+    /// The zones are in no other call until they are given back or removed.
     ///
     /// - `round`: the number of the round.
     /// - `bidders`: the number of agents called.

@@ -92,7 +92,7 @@ pub enum ZoneState {
     Open,
     /// An agent paints the first samples.
     Profiling,
-    /// It has first samples and T_est, and waits for the auction.
+    /// The zone has first samples and T_est, and waits for the auction.
     Profiled,
     /// An agent paints the zone. The fencing token is the revision of the row with this state.
     Awarded,

@@ -21,7 +21,7 @@ use crate::{
 /// The reason why an agent leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Departure {
-    /// It says goodbye, or is excluded: its zones are not to blame.
+    /// The agent says goodbye, or is excluded: its zones are not to blame.
     Goodbye,
     /// The lease of the agent is over: one of its zones may have crashed it.
     Silence,

@@ -38,11 +38,11 @@ pub(super) struct Member {
     weighs_promises: bool,
     /// Time of the agent's last message.
     pub(super) heard: Time,
-    /// It refused or did not answer: not called before this time.
+    /// The agent refused or did not answer: not called before this time.
     rests_until: Option<Time>,
-    /// It refused, or did not answer, when it was last called.
+    /// The agent refused, or did not answer, when it was last called.
     is_unwilling: bool,
-    /// It bid and won nothing: not called again until something changes.
+    /// The agent bid and won nothing: not called again until something changes.
     passed_over: bool,
     /// The round that waits for its bid.
     pub(super) round: Option<u64>,

@@ -135,7 +135,7 @@ pub enum SimulationError {
     /// There are no agents.
     #[error("nobody paints")]
     NoAgents,
-    /// It does not end, for example because no agent is left.
+    /// The run does not end, for example because no agent is left.
     #[error("after {} s of virtual time {painted} of {zones} zones were in the picture: is anybody left to paint?", .after.as_secs())]
     Unfinished {
         /// Virtual time at which it was stopped.

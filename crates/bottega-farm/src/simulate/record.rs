@@ -201,7 +201,7 @@ pub(super) const VERSION: u64 = 2;
 /// An error in a record.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordError {
-    /// It is not JSON of this format.
+    /// The text is not JSON of this format.
     #[error("line {line}, column {column}: {problem}")]
     Syntax {
         /// The line, from 1.
@@ -211,7 +211,7 @@ pub enum RecordError {
         /// The problem, as text for the user.
         problem: String,
     },
-    /// It has another version.
+    /// The text has another version.
     #[error("it is a record of version {found}; this program reads version {}: record it again", VERSION)]
     Version {
         /// The version found.

@@ -9,13 +9,13 @@ pub enum WireError {
     /// There are no bytes.
     #[error("nothing is there")]
     Empty,
-    /// They have another version of the layout.
+    /// The bytes have another version of the layout.
     #[error("it is of layout {found}, and this build reads layout {WIRE_VERSION}")]
     Version {
         /// The version found.
         found: u8,
     },
-    /// They are cut off, name an unknown variant, or have another layout.
+    /// The bytes are cut off, name an unknown variant, or have another layout.
     #[error("{what} is cut off or has another layout")]
     Layout {
         /// The kind of record expected.

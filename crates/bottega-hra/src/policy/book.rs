@@ -27,19 +27,19 @@ pub struct CostBook {
 /// An error in the text of a cost book.
 #[derive(Debug, thiserror::Error)]
 pub enum CostBookError {
-    /// It is longer than the maximum.
+    /// The text is longer than the maximum.
     #[error("the text has {0} bytes, which no book of costs has")]
     TooLong(usize),
-    /// It is not JSON, or has other fields.
+    /// The text is not JSON, or has other fields.
     #[error("not a book of costs")]
     Syntax(#[source] serde_json::Error),
-    /// It has another version of the format.
+    /// The text has another version of the format.
     #[error("the book of costs has form {found}, not {FORMAT}")]
     Format {
         /// The version found.
         found: u32,
     },
-    /// It was learned under another version.
+    /// The costs were learned under another version.
     #[error("the costs were learnt by version `{found}`, not `{wanted}`")]
     Version {
         /// The version in the text.

@@ -15,7 +15,7 @@ use crate::{Completed, ResourceId, UnitError, Work};
 /// The result of an attempt at a unit.
 pub(crate) enum Attempt<W: Work> {
     Done(W::Output),
-    /// It was not begun.
+    /// The unit was not begun.
     Untouched(W),
     Failed {
         fault: Fault,

@@ -54,7 +54,7 @@ pub(crate) enum LaneEnd {
     AtWork,
     /// The work of the lane is over, and its resource is being dropped.
     TearingDown,
-    /// It has ended, or is not waited for, because its resource hangs or cannot be used.
+    /// The thread has ended, or is not waited for, because its resource hangs or cannot be used.
     Over,
 }
 

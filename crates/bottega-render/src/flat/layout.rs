@@ -369,7 +369,7 @@ record! {
         pub radius: f32,
         /// Offset of the filter's quantiles from the start of the picture; [`NONE`](super::NONE) for a uniform filter.
         pub quantiles: u32,
-        /// Weight of a sample, before its sign.
+        /// Absolute weight of a sample; beyond `sign_change` the weight is negative.
         pub factor: f32,
         /// Relative offset beyond which the filter is negative.
         pub sign_change: f32,

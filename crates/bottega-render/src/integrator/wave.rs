@@ -60,9 +60,9 @@ struct WavePath {
 /// Stage of a path.
 #[derive(Clone, Copy, PartialEq)]
 enum PathStage {
-    /// It waits for the hit of its ray.
+    /// The path waits for the hit of its ray.
     Ray,
-    /// It scatters no further, and waits only for shadow rays.
+    /// The path scatters no further, and waits only for shadow rays.
     Light,
     /// The record of the path is stored. The path keeps its slot: skipping it is cheaper than moving the others.
     Ended,

@@ -246,14 +246,14 @@ impl<K: Codec> NatsUplink<K> {
 /// The state of a server's storage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerState {
-    /// It does not answer.
+    /// The server does not answer.
     Silent,
-    /// It answers, but has no storage, for example because its disk was full.
+    /// The server answers, but has no storage, for example because its disk was full.
     StoresNothing {
         /// The server's message.
         reason: String,
     },
-    /// It has storage.
+    /// The server has storage.
     Stores {
         /// Bytes stored for all farms.
         bytes: u64,

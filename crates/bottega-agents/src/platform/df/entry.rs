@@ -14,7 +14,7 @@ pub const DESCRIPTION_BYTES_MAX: usize = 1 << 20;
 /// Maximum number of offers in an answer, even if all were requested: they must fit into a message.
 pub const RESULTS_MAX: usize = 500;
 
-/// Maximum length of those together, in bytes; a single offer of that length is returned.
+/// Maximum length of the returned offers together, in bytes; a single offer of that length is returned.
 pub const RESULTS_BYTES_MAX: usize = DESCRIPTION_BYTES_MAX;
 
 pub(super) const ENTRY: &str = "df/agent/";

@@ -22,9 +22,9 @@ use crate::{
 /// The reason why a content cannot be read; also the answer to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Unread {
-    /// It is not understood.
+    /// The content is not understood.
     NotUnderstood(NotUnderstoodReason),
-    /// It is a request, but malformed.
+    /// The content is a request, but malformed.
     Refuse(RefuseReason),
 }
 
