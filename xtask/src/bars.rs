@@ -1,4 +1,4 @@
-//! The bars for external engines: an image that an engine paints in zones for bottega must equal the one that it renders of the
+//! The bars for external engines: an image that an engine renders in zones for bottega must equal the one that it renders of the
 //! whole frame by itself, without our workers.
 
 mod compare;

@@ -41,13 +41,13 @@ pub(crate) struct FarmArgs {
         default_value = "--size 640x480 --set work.zones=96"
     )]
     render: Vec<String>,
-    /// Samples a pixel: pictures should take half a minute.
+    /// Samples per pixel: pictures should take half a minute.
     #[arg(long, default_value_t = 512)]
     spp: u32,
     /// Seconds from one kill to the next.
     #[arg(long, default_value_t = 5.0)]
     every: f64,
-    /// How often the time over a server is measured beside the time without.
+    /// Number of pairs of measurements: over a server, and without.
     #[arg(long, default_value_t = 2)]
     repeat: u32,
 }

@@ -52,7 +52,7 @@ mod wheel;
 use anyhow::Result;
 use clap::Parser;
 
-/// What a developer of Bottega runs.
+/// The commands of a developer of Bottega.
 #[derive(Parser)]
 #[command(bin_name = "cargo xtask", version)]
 enum Command {
@@ -83,11 +83,11 @@ enum Command {
     /// Makes the Python classes of requests from their schema.
     PythonStubs,
     /// The tests with other people's engines, the checks of their workers, and the bars: pictures in zones are those that
-    /// engines paint of whole frames by themselves. POV-Ray and Mitsuba, which are installed where they can be.
+    /// engines render of whole frames by themselves. POV-Ray and Mitsuba, which are installed where they can be.
     Engines(engines::EnginesArgs),
     /// Casts rays from inside closed meshes and fails when one gets out.
     Leaks {
-        /// How many; 1e9 is the number to publish, some minutes a core.
+        /// Number of rays; 1e9 is the number to publish, some minutes per core.
         #[arg(long, default_value_t = 1e9)]
         rays: f64,
     },

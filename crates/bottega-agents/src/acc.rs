@@ -25,7 +25,7 @@ const REMEMBERED_FOR: Duration = Duration::from_secs(300);
 /// A received message, decoded and parsed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Letter {
-    /// The envelope.
+    /// The envelope: receivers, representation, and stamps of the platforms that it passed.
     pub envelope: Envelope,
     /// The message, with its content.
     pub message: WireMessage,
@@ -79,7 +79,7 @@ pub struct Outbound {
 pub enum Routed {
     /// Put the message into the mailbox of an agent of this platform.
     Deliver {
-        /// The agent.
+        /// The receiving agent, of this platform.
         to: AgentId,
         /// The message, with its content.
         message: WireMessage,
@@ -127,7 +127,7 @@ pub struct Acc {
 }
 
 impl Acc {
-    /// The channel of the platform with this name, reachable at these addresses.
+    /// Makes the channel of the platform with this name, reachable at these addresses.
     pub fn new(platform: impl Into<String>, addresses: Vec<String>, calendar: Calendar, salt: u64) -> Self {
         Self {
             platform: platform.into(),
@@ -151,7 +151,7 @@ impl Acc {
         self.agents.remove(&agent.name.to_lowercase());
     }
 
-    /// The agent with this name in this process.
+    /// Returns the agent with this name in this process; `None`: it is not here.
     pub fn resident(&self, agent: &AgentId) -> Option<&AgentId> {
         self.agents.get(&agent.name.to_lowercase())
     }
@@ -164,7 +164,7 @@ impl Acc {
         }
     }
 
-    /// The address in this channel's stamps.
+    /// Returns the address in this channel's stamps.
     fn mark(&self) -> &str {
         self.addresses.first().unwrap_or(&self.platform)
     }
@@ -205,8 +205,8 @@ impl Acc {
         Ok(routed)
     }
 
-    /// True if the message has not been seen recently. Only its date distinguishes a duplicate from a message sent
-    /// twice on purpose.
+    /// Returns true if the message has not been seen recently. Only its date distinguishes a duplicate from a message
+    /// sent twice on purpose.
     fn is_new(&mut self, now: Time, letter: &Letter) -> bool {
         while self.forget_at.front().is_some_and(|(at, _)| *at <= now) || self.forget_at.len() >= REMEMBERED_MAX {
             if let Some((_, digest)) = self.forget_at.pop_front() {
@@ -240,7 +240,7 @@ impl Acc {
         ways
     }
 
-    /// True if an agent belongs to this platform, by its name.
+    /// Returns true if an agent belongs to this platform, by its name.
     pub fn is_ours(&self, agent: &AgentId) -> bool {
         agent.name.rsplit_once('@').is_some_and(|(_, platform)| platform.eq_ignore_ascii_case(&self.platform))
     }
@@ -261,7 +261,7 @@ impl Acc {
     /// Addresses a message from an agent of this platform to one of another platform.
     ///
     /// # Errors
-    /// It cannot be written in this representation, or the receiver has no address.
+    /// The message cannot be written in this representation, or the receiver has no address.
     pub fn dispatch(
         &self,
         now: Time,
@@ -300,7 +300,7 @@ impl Acc {
         Ok(Outbound { addresses, envelope, payload, message })
     }
 
-    /// The AMS's message to the sender that a message could not be delivered.
+    /// Returns the AMS's message to the sender that a message could not be delivered.
     pub fn undelivered(&self, now: Time, outbound: &Outbound, reason: &str) -> Vec<Routed> {
         let envelope = &outbound.envelope;
         let receivers =
@@ -312,8 +312,8 @@ impl Acc {
         told.collect()
     }
 
-    /// The message to a sender that a receiver cannot be reached, in the representation it used. None in reply to a
-    /// failure or a not-understood, to avoid endless replies.
+    /// Returns the message to a sender that a receiver cannot be reached, in the representation it used. None in
+    /// reply to a failure or a not-understood, to avoid endless replies.
     pub fn failure(
         &self,
         now: Time,
@@ -351,7 +351,7 @@ pub enum Undeliverable {
     /// The receiver has no address.
     #[error("no address is known of the agent")]
     NoAddress,
-    /// It cannot be written in the representation.
+    /// The message cannot be written in the representation.
     #[error("the message cannot be written")]
     Message(#[source] WireError),
 }

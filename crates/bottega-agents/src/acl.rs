@@ -59,7 +59,7 @@ impl Performative {
         Self::Subscribe,
     ];
 
-    /// The standard's name, in lower case.
+    /// Returns the standard's name, in lower case.
     pub fn word(self) -> &'static str {
         match self {
             Self::AcceptProposal => "accept-proposal",
@@ -106,9 +106,9 @@ pub struct AclMessage<C = String> {
     pub performative: Performative,
     /// The name of the sender.
     pub sender: AgentId,
-    /// The receivers.
+    /// The names of the receivers.
     pub receivers: Vec<AgentId>,
-    /// The content.
+    /// The content: typed within a platform, text at its border.
     pub content: C,
     /// The language of the content as text: `fipa-sl`, `bottega-json`, …
     pub language: &'static str,
@@ -127,7 +127,7 @@ pub struct AclMessage<C = String> {
 }
 
 impl<C> AclMessage<C> {
-    /// A message to one receiver, outside any conversation.
+    /// Makes a message to one receiver, outside any conversation.
     pub fn new(performative: Performative, sender: AgentId, receiver: AgentId, content: C) -> Self {
         Self {
             performative,
@@ -144,7 +144,7 @@ impl<C> AclMessage<C> {
         }
     }
 
-    /// A reply of `from` to the sender: same conversation, protocol, language and ontology.
+    /// Returns a reply of `from` to the sender: same conversation, protocol, language and ontology.
     pub fn reply(&self, performative: Performative, from: AgentId, content: C) -> Self {
         Self {
             language: self.language,
@@ -156,7 +156,7 @@ impl<C> AclMessage<C> {
         }
     }
 
-    /// The message with its content mapped.
+    /// Returns the message with its content mapped.
     pub fn map<D>(self, change: impl FnOnce(C) -> D) -> AclMessage<D> {
         AclMessage {
             performative: self.performative,
@@ -173,8 +173,8 @@ impl<C> AclMessage<C> {
         }
     }
 
-    /// The not-understood reply of `from`, which repeats the content. `None` in reply to a not-understood or a failure,
-    /// to avoid endless replies.
+    /// Returns the not-understood reply of `from`, which repeats the content. `None` in reply to a not-understood or a
+    /// failure, to avoid endless replies.
     pub fn not_understood(&self, from: AgentId) -> Option<Self>
     where
         C: Clone,

@@ -36,7 +36,7 @@ pub trait Bus {
     /// Sends a request to the store: get, put, compare-and-set, watch.
     fn ask_store(&mut self, from: &AgentId, ticket: Ticket, request: StoreRequest<Self::Value>);
 
-    /// Reports to the agent who is present, and from now on every arrival and departure.
+    /// Reports to the agent which agents are present, and from now on every arrival and departure.
     fn watch_presence(&mut self, from: &AgentId);
 
     /// Stores a blob. False if there is no room.

@@ -14,7 +14,7 @@ pub trait Codec: Send + Sync + 'static {
     /// The error for invalid bytes.
     type Error: std::error::Error + Send + Sync + 'static;
 
-    /// All languages, ontologies and protocols of messages; the same in every process with this version.
+    /// Returns all languages, ontologies and protocols of messages; the same in every process with this version.
     fn words(&self) -> &'static [&'static str];
 
     /// Appends an encoded content.

@@ -5,7 +5,7 @@ pub(crate) const STRANGE: u64 = 1 << 63;
 /// Bit set in those without a conversation name.
 pub(crate) const NAMELESS: u64 = 1 << 62;
 
-/// True if a conversation has a name; without one, equal messages may be different.
+/// Returns true if a conversation has a name; without one, equal messages may be different.
 pub(crate) fn has_name(conversation: u64) -> bool {
     conversation != 0 && conversation & (STRANGE | NAMELESS) != (STRANGE | NAMELESS)
 }

@@ -10,7 +10,7 @@ const HASH_BYTES: usize = 16;
 /// Length of the header of a record, in bytes.
 pub const RECORD_HEAD_BYTES: usize = 8 + HASH_BYTES;
 
-/// The header of a record with this payload.
+/// Returns the header of a record with this payload.
 pub fn record_head(payload: &[u8]) -> [u8; RECORD_HEAD_BYTES] {
     let length = (payload.len() as u64).to_le_bytes();
     let mut head = [0; RECORD_HEAD_BYTES];

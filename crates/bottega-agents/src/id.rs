@@ -14,18 +14,19 @@ pub struct AgentId {
 }
 
 impl AgentId {
-    /// The identifier of an agent of this platform.
+    /// Makes the identifier of an agent of this platform.
     pub fn new(name: impl Into<Arc<str>>) -> Self {
         Self { name: name.into(), addresses: Arc::new([]) }
     }
 
-    /// The platform in which it was created: the part after the last `@` of its name; the whole name without one.
+    /// Returns the platform in which it was created: the part after the last `@` of its name; the whole name without
+    /// one.
     pub fn home(&self) -> &str {
         self.name.rsplit('@').next().unwrap_or(&self.name)
     }
 }
 
-/// The machine in the name of a process or agent: the part after the last `@`, up to the first full stop.
+/// Returns the machine in the name of a process or agent: the part after the last `@`, up to the first full stop.
 pub fn machine_of(name: &str) -> &str {
     let process = name.rsplit_once('@').map_or(name, |(_, process)| process);
     process.split_once('.').map_or(process, |(machine, _)| machine)

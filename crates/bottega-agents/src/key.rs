@@ -23,13 +23,13 @@ pub(crate) enum EntryName {
 }
 
 impl Key {
-    /// The key of a number in a folder. Panics unless `folder` ends with `/`.
+    /// Makes the key of a number in a folder. Panics unless `folder` ends with `/`.
     pub fn numbered(folder: &Arc<str>, number: u64) -> Self {
         assert!(folder.ends_with('/'), "the name of a folder ends with a stroke");
         Self { folder: Arc::clone(folder), name: EntryName::Number(number) }
     }
 
-    /// The key of a name in a folder. Panics unless `folder` ends with `/`.
+    /// Makes the key of a name in a folder. Panics unless `folder` ends with `/`.
     pub fn named(folder: &Arc<str>, name: &Arc<str>) -> Self {
         assert!(folder.ends_with('/'), "the name of a folder ends with a stroke");
         if name.contains('/') {
@@ -39,7 +39,7 @@ impl Key {
         Self { folder: Arc::clone(folder), name: number.unwrap_or_else(|| EntryName::Text(Arc::clone(name))) }
     }
 
-    /// True if the key, as text, starts with `prefix`.
+    /// Returns true if the key, as text, starts with `prefix`.
     pub fn starts_with(&self, prefix: &Self) -> bool {
         match &prefix.name {
             EntryName::Text(rest) if rest.is_empty() => self.folder.starts_with(&*prefix.folder),

@@ -29,7 +29,7 @@ pub enum Event<C, V, R> {
     Presence {
         /// The name of the agent.
         agent: AgentId,
-        /// True if it is present.
+        /// True if the agent is present.
         present: bool,
     },
     /// [`StateMachine::next_deadline`] is reached. It may arrive when the machine has just set a later one, so compare
@@ -46,7 +46,7 @@ pub enum Action<C, V, E> {
     Store {
         /// The ticket, chosen by the agent.
         ticket: Ticket,
-        /// The request.
+        /// The request to the store.
         request: StoreRequest<V>,
     },
     /// Begins an effect outside the platform; its completion arrives as [`Event::Completed`].
@@ -80,8 +80,8 @@ pub trait StateMachine {
     /// Handles one event. Appends the requested actions, in order.
     fn handle(&mut self, now: Time, event: EventOf<Self>, actions: &mut Vec<ActionOf<Self>>);
 
-    /// The time of the next [`Event::Deadline`]; `None`: none. After a deadline was handled it must be later than
-    /// `now`, or the driver loops forever.
+    /// Returns the time of the next [`Event::Deadline`]; `None`: none. After a deadline was handled it must be later
+    /// than `now`, or the driver loops forever.
     fn next_deadline(&self) -> Option<Time>;
 }
 

@@ -23,22 +23,22 @@ impl<V> Default for NumberMap<V> {
 }
 
 impl<V> NumberMap<V> {
-    /// An empty map with room for 0, 1, … `count` − 1, inserted in any order.
+    /// Makes an empty map with room for 0, 1, … `count` − 1, inserted in any order.
     pub fn with_room_for(count: usize) -> Self {
         Self { dense: std::iter::repeat_with(|| None).take(count).collect(), ..Self::default() }
     }
 
-    /// The number of entries.
+    /// Returns the number of entries.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// True if there are no entries.
+    /// Returns true if there are no entries.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// The value of a number.
+    /// Returns the value of a number; `None`: it has none.
     pub fn get(&self, number: impl Into<u64>) -> Option<&V> {
         let number = number.into();
         match self.slot(number) {
@@ -48,7 +48,7 @@ impl<V> NumberMap<V> {
         }
     }
 
-    /// The value of a number, mutable.
+    /// Returns the value of a number, mutable; `None`: it has none.
     pub fn get_mut(&mut self, number: impl Into<u64>) -> Option<&mut V> {
         let number = number.into();
         match self.slot(number) {
@@ -58,12 +58,12 @@ impl<V> NumberMap<V> {
         }
     }
 
-    /// True if a number has a value.
+    /// Returns true if a number has a value.
     pub fn contains(&self, number: impl Into<u64>) -> bool {
         self.get(number).is_some()
     }
 
-    /// Sets the value of a number. Returns the old one.
+    /// Sets the value of a number. Returns the old one; `None`: there was none.
     pub fn insert(&mut self, number: impl Into<u64>, value: V) -> Option<V> {
         let number = number.into();
         if self.slot(number).is_none() && number < (SLOTS_EACH * self.len + SLOTS_MORE) as u64 {
@@ -77,7 +77,7 @@ impl<V> NumberMap<V> {
         before
     }
 
-    /// Removes the value of a number.
+    /// Removes the value of a number, and returns it; `None`: there was none.
     pub fn remove(&mut self, number: impl Into<u64>) -> Option<V> {
         let number = number.into();
         let before = match self.slot(number) {
@@ -88,13 +88,13 @@ impl<V> NumberMap<V> {
         before
     }
 
-    /// All entries in ascending order of their numbers.
+    /// Returns all entries in ascending order of their numbers.
     pub fn iter(&self) -> impl Iterator<Item = (u64, &V)> {
         let dense = self.dense.iter().enumerate().filter_map(|(slot, value)| Some((slot as u64, value.as_ref()?)));
         dense.chain(self.sparse.iter().map(|(&number, value)| (number, value)))
     }
 
-    /// All values in ascending order of their numbers.
+    /// Returns all values in ascending order of their numbers.
     pub fn values(&self) -> impl Iterator<Item = &V> {
         self.iter().map(|(_, value)| value)
     }

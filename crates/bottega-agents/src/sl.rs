@@ -14,7 +14,7 @@ pub const TERMS_MAX: usize = 1 << 16;
 /// The supported content languages: SL0 and its supersets.
 pub const LANGUAGES: [&str; 4] = ["fipa-sl0", "fipa-sl1", "fipa-sl2", "fipa-sl"];
 
-/// True if the content language is supported; compared without case.
+/// Returns true if the content language is supported; compared without case.
 pub fn is_known(language: &str) -> bool {
     LANGUAGES.iter().any(|known| known.eq_ignore_ascii_case(language))
 }
@@ -31,22 +31,22 @@ pub enum Term {
 }
 
 impl Term {
-    /// A word or a string.
+    /// Makes a word or a string.
     pub fn text(text: impl Into<String>) -> Self {
         Self::Text(text.into())
     }
 
-    /// The term `(head argument …)`.
+    /// Makes the term `(head argument …)`.
     pub fn call(head: &str, arguments: impl IntoIterator<Item = Term>) -> Self {
         Self::List(std::iter::once(Self::text(head)).chain(arguments).collect())
     }
 
-    /// An integer.
+    /// Makes a term of an integer.
     pub fn integer(number: i64) -> Self {
         Self::Bare(number.to_string())
     }
 
-    /// The text of a word, a string, a number or a date-time.
+    /// Returns the text of a word, a string, a number or a date-time; `None` for other terms.
     pub fn as_str(&self) -> Option<&str> {
         match self {
             Self::Text(text) | Self::Bare(text) => Some(text),
@@ -54,7 +54,7 @@ impl Term {
         }
     }
 
-    /// Head and arguments of `(head argument …)`.
+    /// Returns head and arguments of `(head argument …)`; `None` for other terms.
     pub fn as_call(&self) -> Option<(&str, &[Term])> {
         match self {
             Self::List(terms) => match terms.split_first() {
@@ -65,12 +65,12 @@ impl Term {
         }
     }
 
-    /// The arguments if this is a call of `head`, compared without case.
+    /// Returns the arguments if this is a call of `head`, compared without case.
     pub fn arguments_of(&self, head: &str) -> Option<&[Term]> {
         self.as_call().filter(|(found, _)| found.eq_ignore_ascii_case(head)).map(|(_, arguments)| arguments)
     }
 
-    /// The elements of a set or a sequence; platforms confuse the two.
+    /// Returns the elements of a set or a sequence; `None` for other terms. Platforms confuse the two.
     pub fn elements(&self) -> Option<&[Term]> {
         self.arguments_of("set").or_else(|| self.arguments_of("sequence"))
     }
@@ -141,13 +141,14 @@ fn bare(token: &str) -> Term {
     if is_special(token) { Term::Bare(token.to_owned()) } else { Term::Text(token.to_owned()) }
 }
 
-/// True if a token cannot be a plain word: it starts like a number, a variable, a key or similar, or is a truth value.
+/// Returns true if a token cannot be a plain word: it starts like a number, a variable, a key or similar, or is a
+/// truth value.
 fn is_special(token: &str) -> bool {
     token.starts_with(|first: char| first.is_ascii_digit() || matches!(first, '+' | '-' | '.' | '?' | ':' | '@'))
         || ["true", "false"].iter().any(|word| word.eq_ignore_ascii_case(token))
 }
 
-/// True if a text may be written without quotes; fewer characters are excluded than from words of a message.
+/// Returns true if a text may be written without quotes; fewer characters are excluded than from words of a message.
 fn is_word_of_sl(text: &str) -> bool {
     !is_special(text)
         && !text.starts_with('#')

@@ -26,14 +26,14 @@ impl Revision {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub u64);
 
-/// An entry.
+/// An entry of a store: a key, its latest value and the revision of the write.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry<V> {
-    /// Its key.
+    /// The key under which the value is stored.
     pub key: Key,
-    /// The revision of its last write.
+    /// The revision of the entry's last write.
     pub revision: Revision,
-    /// Its value.
+    /// The latest value.
     pub value: V,
 }
 
@@ -57,7 +57,7 @@ pub enum StoreRequest<V> {
     CompareAndSet {
         /// The key of the entry.
         key: Key,
-        /// The revision it must have: [`Revision::ABSENT`] if it must not exist.
+        /// The revision that the entry must have: [`Revision::ABSENT`] if it must not exist.
         expected_revision: Revision,
         /// The new value.
         value: V,
@@ -71,7 +71,7 @@ pub enum StoreRequest<V> {
 }
 
 impl<V> StoreRequest<V> {
-    /// The key, or the prefix of a watch.
+    /// Returns the key, or the prefix of a watch.
     pub fn key(&self) -> &Key {
         match self {
             Self::Get { key } | Self::Put { key, .. } | Self::CompareAndSet { key, .. } => key,
@@ -79,7 +79,7 @@ impl<V> StoreRequest<V> {
         }
     }
 
-    /// The value to write.
+    /// Returns the value to write; `None`: the request does not write.
     pub fn value(&self) -> Option<&V> {
         match self {
             Self::Put { value, .. } | Self::CompareAndSet { value, .. } => Some(value),
@@ -87,7 +87,7 @@ impl<V> StoreRequest<V> {
         }
     }
 
-    /// The request with its value mapped.
+    /// Returns the request with its value mapped.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreRequest<T> {
         match self {
             Self::Get { key } => StoreRequest::Get { key },
@@ -133,7 +133,7 @@ pub enum StoreReply<V> {
 }
 
 impl<V> StoreReply<V> {
-    /// The reply with its values mapped.
+    /// Returns the reply with its values mapped.
     pub fn map<T>(self, change: impl FnOnce(V) -> T) -> StoreReply<T> {
         let entry = |Entry { key, revision, value }: Entry<V>| Entry { key, revision, value: change(value) };
         match self {
@@ -191,7 +191,7 @@ impl<V> Folder<V> {
         }
     }
 
-    /// All entries: numbered ones first, then named ones.
+    /// Returns all entries: numbered ones first, then named ones.
     fn iter(&self) -> impl Iterator<Item = &Entry<V>> {
         self.numbered.values().chain(self.names.iter().filter_map(|name| self.named.get(name)))
     }
@@ -200,11 +200,11 @@ impl<V> Folder<V> {
 /// A reply and its receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AddressedStore<V, W> {
-    /// The receiver.
+    /// The watcher or requester that gets the reply.
     pub to: W,
-    /// The ticket of its request.
+    /// The ticket of the receiver's request.
     pub ticket: Ticket,
-    /// The reply.
+    /// The reply of the store.
     pub reply: StoreReply<V>,
 }
 
@@ -274,12 +274,13 @@ impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
         }
     }
 
-    /// Returns an entry.
+    /// Returns the entry of a key; `None`: there is none.
     pub fn get(&self, key: &Key) -> Option<&Entry<V>> {
         self.folders.get(&key.folder)?.get(&key.name)
     }
 
-    /// All entries whose key starts with a prefix, in the order of their keys: by folder, then by number, then by name.
+    /// Returns all entries whose key starts with a prefix, in the order of their keys: by folder, then by number, then
+    /// by name.
     pub fn with_prefix<'a>(&'a self, prefix: &'a Key) -> impl Iterator<Item = &'a Entry<V>> {
         let folders = self.folders.iter().filter(|(folder, _)| folder.starts_with(&*prefix.folder));
         folders.flat_map(|(_, folder)| folder.iter()).filter(|entry| entry.key.starts_with(prefix))

@@ -13,17 +13,17 @@ impl Time {
     /// The start of the platform.
     pub const ZERO: Self = Self(0);
 
-    /// The moment this long after the start.
+    /// Makes the moment this long after the start.
     pub fn since_start(elapsed: Duration) -> Self {
         Self(u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX))
     }
 
-    /// The time since the start.
+    /// Returns the time since the start.
     pub fn elapsed(self) -> Duration {
         Duration::from_nanos(self.0)
     }
 
-    /// The time since `earlier`; zero if `earlier` is later.
+    /// Returns the time since `earlier`; zero if `earlier` is later.
     pub fn since(self, earlier: Self) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }

@@ -1,4 +1,4 @@
-//! The overhead of painting in zones with an external engine, relative to the same image rendered by the engine as one window.
+//! The overhead of rendering in zones with an external engine, relative to the same image rendered by the engine as one window.
 //! Start and end of all processes count on both sides.
 
 use std::{
@@ -24,7 +24,7 @@ use crate::{
     report::{Measurement, Report, say},
 };
 
-/// What it costs that bottega has another engine paint in zones, beside the same picture as one window.
+/// The cost of rendering in zones with an external engine, beside the same picture as one window.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct EnginesOptions {
     /// The engine.
@@ -40,7 +40,7 @@ pub(crate) struct EnginesOptions {
     /// Threads of both; default: all.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// How often both are measured, in turn.
+    /// Number of measurements of each, in turn.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
     pairs: u16,
     /// More words for `bottega render`, with spaces between, such as "--set work.zones=4".
@@ -52,7 +52,7 @@ pub(crate) struct EnginesOptions {
     /// More manifests of engines: the files NAME.toml of this folder.
     #[arg(long = "engines", value_name = "FOLDER")]
     folders: Vec<PathBuf>,
-    /// The program `bottega`, which paints in zones; default: the one beside this program, or else the first on the search path.
+    /// The program `bottega`, which renders in zones; default: the one beside this program, or else the first on the search path.
     #[arg(long, value_name = "PATH")]
     program: Option<PathBuf>,
 }
@@ -64,7 +64,7 @@ struct EnginesReport {
     scene: PathBuf,
     spp: u32,
     pairs: Vec<TimedPair>,
-    /// Medians of the overhead of painting in zones, relative to the engine alone.
+    /// Medians of the overhead of rendering in zones, relative to the engine alone.
     wall: f64,
     processors: Option<f64>,
 }

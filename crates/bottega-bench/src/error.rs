@@ -26,7 +26,7 @@ pub(crate) enum Error {
     /// A file is not a neutral scene description.
     #[error("`{}` describes no scene: {problem}", .path.display())]
     NeutralScene {
-        /// The file.
+        /// The scene file.
         path: PathBuf,
         /// The error in the description.
         problem: String,
@@ -34,7 +34,7 @@ pub(crate) enum Error {
     /// A folder contains no scene with a reference.
     #[error("there is no scene in `{}`", .folder.display())]
     NoScenes {
-        /// The folder.
+        /// The folder that holds no scenes.
         folder: PathBuf,
     },
     /// Processor time was requested, but the system does not report it.
@@ -124,7 +124,7 @@ pub(crate) enum Error {
     /// The measured program cannot be started.
     #[error("cannot start `{}`", .path.display())]
     StartRender {
-        /// The program.
+        /// The program that could not be started.
         path: PathBuf,
         /// The error of the operating system.
         source: io::Error,
@@ -138,7 +138,7 @@ pub(crate) enum Error {
     /// `bottega render` failed.
     #[error("bottega render fails: {said}")]
     Render {
-        /// Its output on standard error.
+        /// The program's output on standard error.
         said: String,
     },
 }
@@ -153,7 +153,7 @@ impl Error {
         }
     }
 
-    /// True for usage errors: the request is invalid, as opposed to an attempt that failed.
+    /// Returns true for usage errors: the request is invalid, as opposed to an attempt that failed.
     fn is_usage(&self) -> bool {
         match self {
             Self::Bottega(error) => error.is_usage(),

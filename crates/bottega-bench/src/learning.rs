@@ -50,19 +50,19 @@ const ZONES: u32 = 48;
 /// The ratio of errors, second job over first, that the text calls halved.
 const HALF: f64 = 0.5;
 
-/// How well the time of a zone is known before anybody has seen it: in a first job, and in a second of its kind.
+/// The error of predicted zone times before profiling: in a first job, and in a second of its kind.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "What this machine has learnt before is neither used nor changed. For example:\n  \
     bottega-bench learning goblets.glb goblets.glb magarro.pbrt goblets.glb")]
 pub(crate) struct LearningOptions {
-    /// Pairs of scenes: of the first is learnt, then the second is painted. Default: some in the folder of scenes, each twice.
+    /// Pairs of scenes: the first teaches, then the second is painted. Default: some of the folder of scenes, each twice.
     pairs: Vec<PathBuf>,
     #[command(flatten)]
     folder: SceneFolder,
     /// Samples per pixel of the first pictures, of 240 × 180 pixels. Those of the second ones are half as many, of 400 × 300 pixels.
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(4..=1 << 16))]
     spp: u32,
-    /// How far the partition goes. At level 3 zones are made to take as long as each other, and ranks tell little.
+    /// The level of the partition. At level 3 all zones have the same expected time, so ranks say little.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=3))]
     level: u8,
 }
@@ -211,7 +211,7 @@ impl LearningRow {
                 Some((expected.as_secs_f64(), benchmark.to_reference(zone.time).as_secs_f64()))
             })
             .collect();
-        // The replay's machines are known by their speed: T_est is in time of the one that painted
+        // The replay's machines are known by their speed: T_est is in the time of the machine that painted
         let of_replay: Arc<[ZoneForecast]> =
             forecasts.iter().map(|it| ZoneForecast { time: benchmark.to_own(it.time), ..*it }).collect();
         Ok(Self {

@@ -11,7 +11,7 @@
 //! | rays per second: ours, Embree's, those of `obvhs`, a GPU's; paths per second | `src/rays.rs`, `src/rays/` |
 //! | the three papers | `src/hra/`, `src/magarro/`, `src/ala/` |
 //! | error and time of several renderers, and the scenes that all of them read | `src/peers.rs`, `src/neutral_scene.rs` |
-//! | the overhead of painting in zones with an external engine | `src/engines.rs` |
+//! | the overhead of rendering in zones with an external engine | `src/engines.rs` |
 //! | the gain of path guiding | `src/guide/` |
 //! | the accuracy of time forecasts in a second job | `src/learning.rs` |
 //! | awards per second, on a real NATS server | `src/farm/` |

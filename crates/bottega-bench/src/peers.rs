@@ -52,19 +52,19 @@ pub(crate) struct PeersOptions {
     /// once.
     #[arg(long = "peer", value_name = "NAME")]
     peers: Vec<String>,
-    /// What our paths learn beforehand; the time for it counts.
+    /// Knowledge that our paths learn before the first sample; its time counts.
     #[arg(long, value_name = "GUIDE", value_parser = choice::<GuideChoice>(), default_value = "ala")]
     guide: GuideChoice,
-    /// Numbers of threads to paint with. Default: one, and as many as there are processors.
+    /// Numbers of threads to render with. Default: one, and as many as there are processors.
     #[arg(long, value_name = "N", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Vec<u16>,
-    /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); who is missing is left out.
+    /// The Python that has the modules of the others (mitsuba, bpy, pyluxcore); a missing one is left out.
     #[arg(long, value_name = "PROGRAM", default_value = "python3")]
     python: String,
     /// Compare the time of the processors, not of the clock: for a machine that has other work as well.
     #[arg(long)]
     processor_time: bool,
-    /// How long one picture of another renderer may take, in seconds.
+    /// Time limit of a picture of another renderer, in seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 3600)]
     timeout: u64,
 }
@@ -78,7 +78,7 @@ impl PeersOptions {
         self.threads.iter().copied().map(usize::from).collect()
     }
 
-    /// True if a renderer was requested.
+    /// Returns true if a renderer was requested.
     fn includes(&self, name: &str) -> bool {
         self.peers.is_empty() || self.peers.iter().any(|wanted| name.starts_with(wanted.as_str()))
     }

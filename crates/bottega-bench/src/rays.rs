@@ -39,7 +39,7 @@ use crate::{
     bottega-bench rays scene.glb\n  bottega-bench rays --repeat 7 --builds 5 --obvhs --mesh statue.ply"
 )]
 pub(crate) struct RaysOptions {
-    /// Scenes whose paths a second are measured, beside the rays of built-in ones.
+    /// Scenes whose paths per second are measured, beside the rays of built-in ones.
     scenes: Vec<PathBuf>,
     /// Repetitions, interleaved; the median is printed.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=100))]

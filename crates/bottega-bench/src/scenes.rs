@@ -117,7 +117,7 @@ impl BenchScene {
     }
 }
 
-/// A closed ball of 69,168 triangles whose surface is rough at all scales, seen from inside.
+/// Returns a closed ball of 69,168 triangles whose surface is rough at all scales, seen from inside.
 pub(crate) fn noisy_sphere() -> BenchScene {
     const AROUND: u32 = 264;
     const DOWN: u32 = 132;
@@ -207,8 +207,8 @@ impl Mesh {
     }
 }
 
-/// A furnished room of about 75,000 triangles, most of them long and thin: pipes, slats, beams at all angles, next to a finely
-/// tessellated carpet and a few huge walls.
+/// Returns a furnished room of about 75,000 triangles, most of them long and thin: pipes, slats, beams at all angles, next to
+/// a finely tessellated carpet and a few huge walls.
 pub(crate) fn interior() -> BenchScene {
     let mut random = Random::new(42);
     let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
@@ -242,8 +242,8 @@ pub(crate) fn interior() -> BenchScene {
     BenchScene { name: "interior".to_owned(), positions, triangles, eye, target, light }
 }
 
-/// The classic hard case for grids and simple trees: a pot of 27,648 small triangles on the field of a stadium of about 400,000
-/// large ones, a thousand times its size; the camera looks at the pot.
+/// Returns the classic hard case for grids and simple trees: a pot of 27,648 small triangles on the field of a stadium of about
+/// 400,000 large ones, a thousand times its size; the camera looks at the pot.
 pub(crate) fn stadium() -> BenchScene {
     let mut random = Random::new(11);
     let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
@@ -309,7 +309,7 @@ fn pot(mesh: &mut Mesh, base: Vec3, size: f32) {
     );
 }
 
-/// A hall with hilly ground, fluted columns and a coffered ceiling, slightly more than 1,000,000 triangles.
+/// Returns a hall with hilly ground, fluted columns and a coffered ceiling, slightly more than 1,000,000 triangles.
 pub(crate) fn hall() -> BenchScene {
     let mut random = Random::new(5);
     let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };

@@ -95,7 +95,7 @@ pub(crate) fn shapes_of(bytes: &[u8]) -> Result<Shapes, BoardError> {
     if reader.0.is_empty() { Ok(shapes) } else { Err(BoardError::Malformed("something follows the shapes")) }
 }
 
-/// Appends rays.
+/// Appends the bytes of rays to a frame.
 pub(crate) fn put_rays(bytes: &mut Vec<u8>, rays: &[Ray]) {
     bytes.reserve(rays.len() * RAY_BYTES);
     for ray in rays {
@@ -121,7 +121,7 @@ pub(crate) fn rays_of(bytes: &[u8]) -> Result<Vec<Ray>, BoardError> {
     Ok(floats.chunks_exact(RAY_FLOATS).map(ray).collect())
 }
 
-/// Appends hits.
+/// Appends the bytes of hits to a frame.
 pub(crate) fn put_hits(bytes: &mut Vec<u8>, hits: &[Hit]) {
     let words = |hit: &Hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.instance, hit.primitive];
     bytes.reserve(4 * HIT_WORDS * hits.len());

@@ -11,7 +11,7 @@ pub enum BoardError {
     /// The board cannot be reached, or the connection broke.
     #[error("the board {address} cannot be reached")]
     Unreachable {
-        /// The address.
+        /// The address that was tried.
         address: String,
         /// The error of the operating system.
         source: io::Error,
@@ -19,7 +19,7 @@ pub enum BoardError {
     /// The address cannot be listened on.
     #[error("cannot listen on {address}")]
     Listen {
-        /// The address.
+        /// The address to listen at.
         address: String,
         /// The error of the operating system.
         source: io::Error,

@@ -39,7 +39,7 @@ const ECHOES_MAX: usize = 4;
 pub struct BoardAddress(String);
 
 impl BoardAddress {
-    /// True if the name of a device has the form of a board's address.
+    /// Returns true if the name of a device has the form of a board's address.
     pub fn is_one(name: &str) -> bool {
         name.starts_with("tcp://")
     }

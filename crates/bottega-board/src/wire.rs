@@ -62,7 +62,7 @@ struct Header {
     bytes: u64,
 }
 
-/// A frame.
+/// A frame of the protocol between this machine and a board.
 #[derive(Debug)]
 pub(crate) struct Frame {
     pub(crate) kind: FrameKind,

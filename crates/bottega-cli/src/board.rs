@@ -13,13 +13,13 @@ use crate::{error::CliError, option_value::InvalidValue};
 #[command(after_help = "For example:\n  bottega board --listen 10.0.0.7:7070\nand on another machine:\n  \
                         bottega render scene.glb -o picture.exr --devices cpu,tcp://10.0.0.7:7070")]
 pub(crate) struct BoardArgs {
-    /// Where it listens. It answers every client of the same build: keep it within a network that you trust.
+    /// Address to listen at. Every client of the same build is served: use it only in a network that you trust.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:7070")]
     listen: SocketAddr,
-    /// Processors that follow rays; default: all.
+    /// Processors that trace rays; default: all.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Bytes a second that pass each way, in MB: a slower cable than there is, to see what the allocator makes of it.
+    /// Limit of the cable in each direction, in MB per second, to try how the allocator uses a slower cable.
     #[arg(long, value_name = "MB", value_parser = parse_bandwidth)]
     bandwidth: Option<f64>,
     /// Memory for the shapes of scenes, in MiB.

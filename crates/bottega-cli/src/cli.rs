@@ -60,7 +60,7 @@ pub(crate) enum Command {
     Analyze(AnalyzeArgs),
     /// Compare two pictures by RMSE, relMSE and FLIP, or look for seams.
     Diff(DiffArgs),
-    /// Say what is in a scene file.
+    /// Print the contents of a scene file.
     Info(InfoArgs),
     /// Replay a recorded or a synthetic work with other agents.
     Simulate(Box<SimulateArgs>),
@@ -70,7 +70,7 @@ pub(crate) enum Command {
     Web(WebCommandArgs),
     /// Offer this machine to a farm.
     Join(JoinArgs),
-    /// See and steer the pictures that a farm is asked for.
+    /// See and steer the jobs of a farm.
     Jobs(JobsArgs),
     /// Show the zones and agents of a farm's job, row by row.
     Blackboard(BlackboardArgs),
@@ -78,17 +78,17 @@ pub(crate) enum Command {
     Machines(MachinesArgs),
     /// List, make and revoke the tokens of a farm's page and API.
     Tokens(TokensArgs),
-    /// See, check and try the other renderers that can paint.
+    /// List, check and try external render engines.
     Engines(EnginesArgs),
     /// Check, evaluate and draw expert rules.
     Rules(RulesArgs),
-    /// Run a FIPA agent platform, or ask one what it knows.
+    /// Run a FIPA agent platform, or query one.
     Platform(PlatformArgs),
     /// List the devices that can take part in rendering.
     Devices(DevicesArgs),
-    /// Follow rays for another process, as a device of its own.
+    /// Trace rays for another process, as a board behind a cable.
     Board(BoardArgs),
-    /// Say where the configuration file is, and what it says.
+    /// Print the path and the contents of the configuration file.
     Config(ConfigArgs),
     /// Write man pages, or print the reference of all commands.
     Manual(ManualArgs),
@@ -97,7 +97,7 @@ pub(crate) enum Command {
         after_help = "For example: bottega completions bash > ~/.local/share/bash-completion/completions/bottega"
     )]
     Completions {
-        /// Which shell.
+        /// The shell.
         shell: clap_complete::Shell,
     },
 }
@@ -110,37 +110,38 @@ pub(crate) struct AnalyzeArgs {
     pub(crate) scene_file: PathBuf,
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
-    /// Folder for the pictures: the cost map, the visual importance, every channel, the zones of each level; and for
-    /// index.json, which says what is what.
+    /// Folder for the pictures (the cost map, the visual importance, every channel, the zones of each level) and for
+    /// index.json, which describes them.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) output: PathBuf,
-    /// Paint every zone of these levels, again and again, and tell how well its time was predicted: by the map alone, and
-    /// after profiling. One processor does it, unless --threads says otherwise.
+    /// Paint every zone of these levels several times, and report how well its time was predicted: by the map alone, and
+    /// after profiling. Uses one processor, unless --threads says otherwise.
     #[arg(long, value_name = "LEVELS", num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3", value_delimiter = ',', value_parser = clap::value_parser!(u8).range(1..=3), help_heading = "Work")]
     pub(crate) verify: Vec<u8>,
-    /// How often --verify paints a zone; of its times the shortest counts, because what disturbs only adds.
+    /// Number of times that --verify paints each zone. The shortest time counts, because disturbances only add time.
     #[arg(long, value_name = "N", default_value_t = 4, requires = "verify", value_parser = clap::value_parser!(u8).range(2..=100), help_heading = "Work")]
     pub(crate) repeat: u8,
-    /// Samples a pixel of --verify.
+    /// Samples per pixel of --verify.
     #[arg(long, value_name = "N", default_value_t = 64, requires = "verify", value_parser = clap::value_parser!(u32).range(2..=1 << 16), help_heading = "Work")]
     pub(crate) spp: u32,
-    /// Agents that the zones are meant for; default: one for every two processors.
+    /// Number of agents to cut zones for; default: one for every two processors.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Work")]
     pub(crate) agents: Option<u16>,
-    /// Show how much photons and lighting agents differ from those near them: their local useful data density by these
+    /// Draw the local useful data density of photons and lighting agents (how much they differ from their neighbors) by these
     /// criteria: normal,power,direction,irradiance,importance.
     #[arg(long, value_name = "CRITERIA", value_delimiter = ',', value_parser = parse_criterion, help_heading = "Useful data density")]
     pub(crate) ludd: Vec<Criterion>,
-    /// How near, as a share of the radius of what the camera sees, or of the scene where that is not much wider.
+    /// Radius of the neighborhood, as a share of the radius of what the camera sees, or of the scene's if that is not much
+    /// larger.
     #[arg(long, value_name = "R", default_value_t = 0.05, requires = "ludd", value_parser = parse_share, help_heading = "Useful data density")]
     pub(crate) ludd_radius: f32,
-    /// Compare so many of the nearest, instead of all within a radius.
+    /// Compare this many of the nearest samples, instead of all within a radius.
     #[arg(long, value_name = "N", requires = "ludd", conflicts_with = "ludd_radius", value_parser = clap::value_parser!(u16).range(2..=512), help_heading = "Useful data density")]
     pub(crate) ludd_nearest: Option<u16>,
     /// Photons that leave the lights.
     #[arg(long, value_name = "N", default_value_t = 100_000, requires = "ludd", value_parser = clap::value_parser!(u32).range(1..=10_000_000), help_heading = "Useful data density")]
     pub(crate) photons: u32,
-    /// Draw the lighting agents where the camera sees them, with the links of their network, by what they answer: lit,
+    /// Draw the lighting agents where the camera sees them, with the links of their network, colored by their answer: lit,
     /// shaded, or trace a shadow ray.
     #[arg(long, help_heading = "Lighting agents")]
     pub(crate) network: bool,
@@ -155,10 +156,10 @@ pub(crate) struct DiffArgs {
     /// The picture to judge: EXR, PNG or HDR.
     #[arg(value_hint = ValueHint::FilePath)]
     pub(crate) picture: PathBuf,
-    /// The picture that it should equal. Only --seams can do without.
+    /// The reference picture. Only --seams works without it.
     #[arg(value_hint = ValueHint::FilePath, required_unless_present = "seams")]
     pub(crate) reference: Option<PathBuf>,
-    /// Say whether the edges of zones can be seen: the zones are those in the index.json that `bottega analyze` writes.
+    /// Report whether the edges of zones can be seen: the zones of the index.json that `bottega analyze` writes.
     #[arg(long, value_name = "INDEX.json", value_hint = ValueHint::FilePath)]
     pub(crate) seams: Option<PathBuf>,
     /// The level of partition of --seams.
@@ -189,10 +190,10 @@ pub(crate) struct InfoArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct DevicesArgs {
-    /// Measure what work costs on each of them, and who would do how much of it; what is learnt is kept for `render`.
+    /// Measure the cost of work on each device, and the share of the work that it gets. `render` uses the measured costs.
     #[arg(long)]
     pub(crate) bench: bool,
-    /// Measure the GPUs whose names contain this, software too; default: all that are no software.
+    /// Measure the GPUs whose names contain this, including software GPUs; default: all hardware GPUs.
     #[arg(long, value_name = "NAME", requires = "bench")]
     pub(crate) gpu: Option<String>,
     /// Print one JSON object instead of text for people.

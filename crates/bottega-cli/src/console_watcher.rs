@@ -39,12 +39,12 @@ pub(crate) enum OutputForm {
     Verbose,
     /// One JSON object per line on standard output.
     Json,
-    /// Errors only.
+    /// Print errors only.
     Quiet,
 }
 
 impl OutputForm {
-    /// True if the output is for people.
+    /// Returns true if the output is for people.
     fn is_text(self) -> bool {
         matches!(self, Self::Text | Self::Verbose)
     }
@@ -64,6 +64,8 @@ pub(crate) struct ConsoleWatcher {
 }
 
 impl ConsoleWatcher {
+    /// Makes a watcher that prints to this terminal.
+    ///
     /// - `trace`: a file for every message between the agents.
     /// - `is_detached`: `true` if the process does not wait for the farm's result.
     pub(crate) fn new(
@@ -324,7 +326,7 @@ fn asked(job: u32, last: Option<u32>, is_detached: bool) -> String {
     }
 }
 
-/// Returns the message for a user who ends the process at once.
+/// Returns the message when a user ends the process at once.
 fn parting(job: u32, last: Option<u32>) -> String {
     match last {
         Some(last) => format!(

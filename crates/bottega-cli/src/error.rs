@@ -48,7 +48,7 @@ impl CliError {
         bottega::Error::Read { path, source }.into()
     }
 
-    /// True for usage errors: the request is invalid, as opposed to an attempt that failed.
+    /// Returns true for usage errors: the request is invalid, as opposed to an attempt that failed.
     pub(crate) fn is_usage(&self) -> bool {
         match self {
             Self::Bottega(error) => error.is_usage(),

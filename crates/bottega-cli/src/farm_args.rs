@@ -14,16 +14,16 @@ pub(crate) struct LoginArgs {
     /// Credentials for NATS servers that others run: a `.creds` file.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true)]
     creds: Option<PathBuf>,
-    /// An NKey for them: a file with its seed.
+    /// An NKey for NATS servers that others run: a file with its seed.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true, conflicts_with = "creds")]
     nkey: Option<PathBuf>,
-    /// Certificates of more authorities than those of the system (PEM).
+    /// Certificates of further authorities, beside the system's (PEM).
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true)]
     tls_ca: Option<PathBuf>,
     /// The certificate by which the servers know this machine (PEM).
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true, requires = "tls_key")]
     tls_cert: Option<PathBuf>,
-    /// Its key (PEM).
+    /// The key of that certificate (PEM).
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, global = true, requires = "tls_cert")]
     tls_key: Option<PathBuf>,
 }
@@ -55,10 +55,10 @@ impl LoginArgs {
 /// Options that select a farm.
 #[derive(Debug, Args)]
 pub(crate) struct FarmArgs {
-    /// Where the farm is; default: the one that `bottega up` runs on this machine.
+    /// Address of the farm; default: the one that `bottega up` runs on this machine.
     #[arg(long, value_name = "ADDRESS", env = "BOTTEGA_FARM", hide_env_values = true, global = true)]
     farm: Option<FarmAddress>,
-    /// Print JSON, an object a line, instead of text for people.
+    /// Print one JSON object per line instead of text for people.
     #[arg(long, global = true)]
     pub(crate) json: bool,
     #[command(flatten)]

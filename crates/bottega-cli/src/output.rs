@@ -93,7 +93,7 @@ impl Stream {
     }
 }
 
-/// True if the log may use colors: on a terminal, unless NO_COLOR is set (no-color.org).
+/// Returns true if the log may use colors: on a terminal, unless NO_COLOR is set (no-color.org).
 #[allow(clippy::disallowed_methods, reason = "nothing is written")]
 pub(crate) fn has_colors() -> bool {
     io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())

@@ -1,4 +1,4 @@
-//! `--on done=desktop`, with a bus of its own and somebody on it who shows notifications.
+//! `--on done=desktop`, with a bus of its own and a notification service on it.
 #![cfg(all(target_os = "linux", feature = "desktop"))]
 
 use std::{
@@ -20,14 +20,14 @@ const WAIT: Duration = Duration::from_secs(60);
 /// milliseconds.
 type NotifyArguments = (String, u32, String, String, String, Vec<String>, HashMap<String, OwnedVariant>, i32);
 
-/// A bus, which ends with it.
+/// A bus, which ends when this value is dropped.
 struct Bus {
     daemon: Child,
     address: String,
 }
 
 impl Bus {
-    /// A bus on which nobody is yet; none where there is no `dbus-daemon`.
+    /// Starts a bus without services; `None`: `dbus-daemon` is not installed.
     fn start() -> Option<Self> {
         let mut command = Command::new("dbus-daemon");
         command.args(["--session", "--nofork", "--nopidfile", "--print-address"]).stdout(Stdio::piped());
@@ -41,7 +41,7 @@ impl Bus {
         Some(Self { daemon, address: address.trim().to_owned() })
     }
 
-    /// Somebody who shows notifications: title and text of each.
+    /// A notification service: records title and text of each.
     fn desktop(&self) -> mpsc::Receiver<(String, String)> {
         let (told, shown) = mpsc::channel();
         let address = self.address.clone();
@@ -78,7 +78,7 @@ impl Drop for Bus {
     }
 }
 
-/// Paints a small picture on a desktop of this bus. What was said.
+/// Renders a small picture with this bus. Returns the output.
 fn paint(folder: &Path, bus: &str) -> String {
     let output = folder.join("p.png");
     let words =

@@ -16,7 +16,7 @@ use std::{
 use crate::support::{scenes, servers, signal};
 
 const WAIT: Duration = Duration::from_secs(180);
-/// How lines begin that stay in the background.
+/// Beginnings of lines whose program stays in the background.
 const BACKGROUND: [&str; 2] = ["bottega up", "bottega join"];
 const SECOND: &str = "# on the second machine";
 
@@ -52,12 +52,12 @@ fn blocks(page: &str) -> Vec<Block> {
     all
 }
 
-/// A folder with the scenes, and what runs in it.
+/// A folder with the scenes, and the processes that run in it.
 struct Reader {
     folder: tempfile::TempDir,
     server: PathBuf,
     port: u16,
-    /// What stays in the background.
+    /// The processes in the background.
     processes: Vec<Child>,
 }
 
@@ -80,7 +80,7 @@ impl Reader {
         fs::read_to_string(self.path(name)).unwrap_or_default()
     }
 
-    /// A shell whose `bottega` is the one that is tested.
+    /// Makes a shell whose `bottega` is the tested program.
     fn shell(&self, commands: &str, is_second: bool) -> Command {
         let program = Path::new(env!("CARGO_BIN_EXE_bottega")).parent().expect("a folder").to_owned();
         let places = env::var_os("PATH").unwrap_or_default();
@@ -89,13 +89,13 @@ impl Reader {
         shell.args(["-euo", "pipefail", "-c", commands]).current_dir(self.folder.path()).stdin(Stdio::null());
         shell.env("PATH", path).env("NO_COLOR", "1").env_remove("BOTTEGA_FARM");
         shell.env("XDG_STATE_HOME", self.path(if is_second { "second" } else { "first" }));
-        // Where the reader's network is, here is one machine.
+        // The reader has a network; this test has one machine.
         shell.env("BOTTEGA_UP_LISTEN", format!("127.0.0.1:{}", self.port)).env("BOTTEGA_UP_SERVER", &self.server);
         shell.env("BOTTEGA_UP_HIDDEN", "1").env("BOTTEGA_UP_STORE_SIZE", "1").env("BOTTEGA_JOIN_THREADS", "1");
         shell
     }
 
-    /// Runs a block to its end, or until what stays in the background is ready. Returns what it printed, and whether it succeeded.
+    /// Runs a block to its end, or until its background program is ready. Returns its output, and whether it succeeded.
     fn run(&mut self, block: &Block) -> (String, bool) {
         let is_second = block.commands.starts_with(SECOND);
         let stays =
@@ -135,7 +135,7 @@ impl Reader {
 
 impl Drop for Reader {
     fn drop(&mut self) {
-        // `up` takes its server along.
+        // `up` ends its server.
         for child in self.processes.iter_mut().rev() {
             signal("-INT", child.id());
             _ = child.wait();
@@ -143,12 +143,12 @@ impl Drop for Reader {
     }
 }
 
-/// Without borders and line breaks.
+/// Returns the text without borders and line breaks.
 fn flat(text: &str) -> String {
     text.replace(['│', '├', '╰', '─', '▶', '×'], " ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Whether the parts of a line between `…` stand in the output in this order.
+/// Returns true if the parts of a line between `…` are in the output in this order.
 fn is_printed(line: &str, output: &str) -> bool {
     let mut rest = output;
     line.split('…').map(flat).all(|part| match rest.find(&part) {

@@ -20,7 +20,7 @@ use serde_json::Value;
 const WAIT: Duration = Duration::from_secs(60);
 const SECRET: &str = "a secret of some length";
 
-/// What a server was sent: the first line, the headers, the body.
+/// A request that the server got: first line, headers, body.
 struct Delivery {
     line: String,
     headers: Vec<(String, String)>,
@@ -37,7 +37,7 @@ impl Delivery {
     }
 }
 
-/// A server that gives these answers in turn. Returns its address and what it is sent.
+/// Starts a server that gives these answers in turn. Returns its address and the requests that it gets.
 fn server(answers: Vec<String>) -> (String, mpsc::Receiver<Delivery>) {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("an address").to_string();
@@ -45,15 +45,15 @@ fn server(answers: Vec<String>) -> (String, mpsc::Receiver<Delivery>) {
     thread::spawn(move || {
         for answer in answers {
             let (stream, _) = listener.accept().expect("a connection");
-            // Nobody may wait for it any more.
+            // The receiver may be gone.
             _ = told.send(take(stream, &answer).expect("a request"));
         }
     });
     (address, taken)
 }
 
-/// The same behind a certificate for `name`, which an authority of its own has signed: it is written to `authority`. What does
-/// not come to a secure connection is no delivery.
+/// The same behind a certificate for `name`, signed by an authority of its own, which is written to `authority`. A request
+/// without a secure connection does not count as a delivery.
 fn secure_server(name: &str, authority: &Path, answers: usize) -> (String, mpsc::Receiver<Delivery>) {
     let key = KeyPair::generate().expect("a key");
     let mut params = CertificateParams::new(Vec::new()).expect("names");
@@ -84,7 +84,7 @@ fn secure_server(name: &str, authority: &Path, answers: usize) -> (String, mpsc:
     (address, taken)
 }
 
-/// Takes a request, and answers it; none where the connection ends before.
+/// Reads a request and answers it; `None`: the connection ended before.
 fn take(mut stream: impl Read + Write, answer: &str) -> Option<Delivery> {
     let mut reader = BufReader::new(&mut stream);
     let mut lines = Vec::new();
@@ -107,7 +107,7 @@ fn take(mut stream: impl Read + Write, answer: &str) -> Option<Delivery> {
     Some(Delivery { line: lines[0].clone(), headers, body })
 }
 
-/// Paints a small picture. Returns how it went and what was said.
+/// Renders a small picture. Returns the exit status and the output.
 fn paint(folder: &Path, more: &[&str]) -> (Option<i32>, String) {
     paint_with(folder, more, &[])
 }
@@ -167,7 +167,7 @@ fn what_fails_twice_is_tried_a_third_time_with_the_same_id_and_no_more() {
     assert!(said.contains(&format!("http://{address} was not told of `done`: it answered 500")), "{said}");
     assert!(said.contains("(3 tries)") && !said.contains("secret-path"), "{said}");
     assert_eq!(taken.try_iter().count(), 3);
-    // What will not pass is not tried again.
+    // A permanent error is not tried again.
     let (address, taken) = server(vec!["404 Not Found".to_owned(); 2]);
     let (_, said) = paint(folder.path(), &["--on", &format!("done=http://{address}/")]);
     assert!(said.contains("it answered 404") && taken.try_iter().count() == 1, "{said}");
@@ -199,7 +199,7 @@ fn a_server_that_is_trusted_is_told_in_secret_and_another_one_is_not() {
     assert_eq!((delivery.line.as_str(), delivery.header("host")), ("POST /hook HTTP/1.1", address.as_str()));
     assert_eq!(delivery.json()["event"], "done");
 
-    // One whose certificate says nothing to this machine, and one that is another's: what is told stays here.
+    // An untrusted certificate, and one with another name: nothing is sent.
     let (elsewhere, strange) = secure_server("example.org", &other, 1);
     for (address, trusted, why) in [
         (&address, &other, "nobody who is trusted here has signed its certificate"),
@@ -212,14 +212,14 @@ fn a_server_that_is_trusted_is_told_in_secret_and_another_one_is_not() {
         assert!(said.contains("SSL_CERT_FILE") && !said.contains("tries)") && !said.contains("secret-path"), "{said}");
     }
     assert_eq!((taken.try_iter().count(), strange.try_iter().count()), (0, 0));
-    // One that speaks in the clear.
+    // A server without TLS.
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("an address");
     thread::spawn(move || {
         let (mut stream, _) = listener.accept().expect("a connection");
         stream.read_exact(&mut [0; 5]).expect("the head of a greeting");
         stream.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").expect("an answer");
-        // Whoever has asked ends it.
+        // The process that asked ends it.
         _ = stream.read_to_end(&mut Vec::new());
     });
     let (_, said) = paint(folder.path(), &["--on", &format!("done=https://{address}/")]);
@@ -245,7 +245,7 @@ fn a_command_has_json_on_its_input_and_facts_in_its_environment() {
     assert_eq!(told["event"], "done");
     let facts = fs::read_to_string(out.with_extension("env")).expect("facts");
     assert_eq!(facts.trim_end(), format!("done:{}:", text(&output)), "the secret is not told");
-    // One that fails is told of, and spoils nothing.
+    // A notification that fails is reported, and nothing else changes.
     let (code, said) = paint(folder.path(), &["--on", "done=exit 3"]);
     assert!(
         code == Some(0) && said.contains("`exit 3` was not told of `done`: it ended with exit status: 3"),

@@ -1,7 +1,7 @@
-//! The page in a real browser, of a real farm: by the tests of `bottega-web/tests/browser`, which Node.js runs.
+//! The page of a real farm in a real browser: runs the tests of `bottega-web/tests/browser`, which Node.js runs.
 //!
-//! They need a NATS server, Node.js, Chromium, and below `target/node` what drives it: `cargo xtask test` installs these. Without
-//! one the tests say that they are skipped. What the pages looked like lies in `target/pictures`.
+//! They need a NATS server, Node.js, Chromium, and Playwright below `target/node`: `cargo xtask test` installs these. Without
+//! one the tests say that they are skipped. Screenshots are in `target/pictures`.
 
 use std::{
     env,
@@ -10,7 +10,7 @@ use std::{
     sync::{PoisonError, RwLock},
 };
 
-/// Whoever times answers has the processors alone; the others, which wait most of their time, run beside each other.
+/// A test that times answers runs alone; the others, which mostly wait, run at the same time.
 static PROCESSORS: RwLock<()> = RwLock::new(());
 
 #[test]
@@ -58,7 +58,7 @@ fn browse(file: &str) {
     assert!(run.status.success(), "{said}\n{}", String::from_utf8_lossy(&run.stderr));
 }
 
-/// The first of these programs that there is.
+/// Returns the first of these programs that is installed.
 fn program(names: &[&str]) -> Option<PathBuf> {
     let places = env::var_os("PATH").unwrap_or_default();
     let places: Vec<PathBuf> = env::split_paths(&places).collect();

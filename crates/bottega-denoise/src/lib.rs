@@ -45,7 +45,7 @@ pub enum GuideUse {
     AsPainted,
 }
 
-/// A denoised picture.
+/// A denoised picture, with the layers that guided the denoiser.
 #[derive(Debug)]
 pub struct Denoised {
     /// The film with the denoised color; its noisy color is the layer [`NOISY`].

@@ -1,4 +1,4 @@
-//! With the real library: noise goes, what is no noise stays, and who wants to stop can.
+//! With the real library: noise goes, other detail stays, and the user can stop it.
 
 use std::ops::ControlFlow;
 
@@ -7,7 +7,7 @@ use bottega_image::{Aov, AovSet, Film, Layout, Picture, Rect, SampleValues, Tile
 
 const SIDE: u32 = 96;
 
-/// The library, or words about its absence.
+/// Returns the library; prints a message if it is missing.
 fn denoiser() -> Option<Denoiser> {
     match Denoiser::load() {
         Ok(denoiser) => Some(denoiser),
@@ -32,7 +32,7 @@ fn light(x: u32, y: u32) -> [f32; 3] {
     [2.0 + x as f32 / SIDE as f32, 2.0, 2.0 + y as f32 / SIDE as f32]
 }
 
-/// The same with noise: four samples a pixel, of which most are black.
+/// The same with noise: four samples per pixel, most of them black.
 fn noisy(aovs: AovSet) -> Film {
     let rect = Rect::of_size(SIDE, SIDE);
     let layout = Layout::new(aovs);
@@ -74,7 +74,7 @@ fn noise_goes_and_the_noisy_color_is_kept() {
     let error = |picture: &Picture| rmse(picture, &truth()).expect("one size");
     let (before, after) = (error(&film.to_picture()), error(&clean.to_picture()));
     assert!(after < 0.15 * before, "from {before} to {after}");
-    // As they were painted they help, too.
+    // Noisy layers help, too.
     let mut shares = Vec::new();
     let mut told = |share| {
         shares.push(share);
@@ -93,7 +93,7 @@ fn noise_goes_and_the_noisy_color_is_kept() {
         let expected: Vec<f32> = film.to_picture().data.iter().map(|color| color[channel]).collect();
         assert_eq!(plane, Some(expected), "nothing is lost");
     }
-    // Without what helps it, it knows less.
+    // Without the layers the result is worse.
     let Denoised { film: alone, guides } = denoiser
         .denoise(&noisy(AovSet::NONE), GuideUse::Denoised, 2, &mut |_| ControlFlow::Continue(()))
         .expect("it is denoised");

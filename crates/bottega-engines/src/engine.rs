@@ -45,11 +45,11 @@ impl EnginePreference {
 pub struct EngineDescription {
     /// The short name: `builtin`, `cycles`, …
     pub name: String,
-    /// True if it obeys [`Tunables::max_depth`].
+    /// True if the engine obeys [`Tunables::max_depth`].
     pub has_max_depth: bool,
-    /// True if it obeys [`Tunables::light_samples`].
+    /// True if the engine obeys [`Tunables::light_samples`].
     pub has_light_samples: bool,
-    /// True if it can add samples to a tile later: earlier samples are kept, and the result is the same as in one pass.
+    /// True if the engine can add samples to a tile later: earlier samples are kept, and the result is the same as in one pass.
     pub resumes_samples: bool,
     /// True if a zone's first samples are worth rendering separately, to predict its time: not if starting a window is
     /// expensive.
@@ -68,7 +68,7 @@ impl CancelSwitch {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// True if the task was cancelled.
+    /// Returns true if the task was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -139,7 +139,7 @@ pub struct Painted {
     pub is_warm: bool,
     /// The time per part: disjoint parts of the rectangle. Empty if the engine does not know.
     pub parts: Vec<(Rect, Duration)>,
-    /// True if all samples were rendered; false if it was cancelled.
+    /// True if all samples were rendered; false if the order was cancelled.
     pub complete: bool,
 }
 

@@ -33,9 +33,9 @@ struct WorkQueue {
 /// The load of an engine.
 #[derive(Clone, Copy, Debug)]
 struct Load {
-    /// The most zones that it may run at a time.
+    /// The most zones that the engine may run at a time.
     most: usize,
-    /// The zones that it runs.
+    /// The zones that the engine runs.
     running: usize,
     /// Samples in progress, over all pixels.
     under_way: f64,
@@ -110,7 +110,8 @@ impl WorkQueue {
         place * f64::from(task.leaning.get())
     }
 
-    /// True if an engine leaves a zone to another one that is so much faster that it will finish everything that waits sooner.
+    /// Returns true if an engine leaves a zone to another one that is so much faster that it will finish everything that waits
+    /// sooner.
     fn leaves(&self, engine: usize, waiting: &Waiting) -> bool {
         let Some(own) = self.loads[engine].speed else { return false };
         let all: f64 = self.waiting.iter().map(|waiting| samples_of(&waiting.task)).sum();

@@ -161,7 +161,7 @@ fn an_engine_may_end_with_its_last_zone() {
         }),
     );
     drop(engine);
-    // A thread that waited for itself would have panicked before it said so.
+    // A thread that waits for itself panics before it reports this.
     receiver.recv().expect("the zone's thread goes on after the engine's end");
 }
 

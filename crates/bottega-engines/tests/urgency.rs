@@ -1,4 +1,4 @@
-//! Two pictures on the same processors, one of which somebody looks at.
+//! Two pictures on the same processors, one of which is urgent.
 
 use std::{
     sync::{Arc, mpsc},
@@ -44,7 +44,7 @@ fn engine(scene: &Arc<PreparedScene>, resources: &Arc<Resources>, urgency: Urgen
     BuiltinEngine::on(Arc::clone(scene), prepass, options, Arc::clone(resources)).with_urgency(urgency)
 }
 
-/// Has the whole picture painted, with more samples than there will be time for. Tells whether it is complete.
+/// Renders the whole picture, with more samples than there is time for. Returns whether it is complete.
 fn begin(engine: &BuiltinEngine, cancel: &CancelSwitch) -> mpsc::Receiver<bool> {
     let (sender, receiver) = mpsc::channel();
     let task = ZoneTask {
@@ -62,7 +62,7 @@ fn begin(engine: &BuiltinEngine, cancel: &CancelSwitch) -> mpsc::Receiver<bool> 
     receiver
 }
 
-/// Samples of a long picture of sixteen zones that are painted while somebody waits for the first block of a preview.
+/// Samples of a long picture of sixteen zones that are rendered before the first block of a preview.
 fn samples_meanwhile(urgency: Urgency) -> u64 {
     let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
     let (long, cancel) = (engine(&scene, &resources, Urgency::Picture), CancelSwitch::default());
@@ -81,7 +81,7 @@ fn samples_meanwhile(urgency: Urgency) -> u64 {
     samples
 }
 
-/// Waits until something is so.
+/// Waits until a condition holds.
 fn until(is_so: impl Fn() -> bool) {
     let begun = Instant::now();
     while !is_so() {
@@ -110,7 +110,7 @@ fn a_look_that_is_left_is_painted_no_further_and_that_is_told() {
     assert!(!painted.recv().expect("a report"), "it is not whole");
     let (expired, samples) = (look.report().expiries, look.samples_done());
     assert!(expired.waiting >= 1, "units that waited were painted by nobody: {expired:?}");
-    // What is asked of it later is not painted either, and what others paint goes on.
+    // Later requests to it are not rendered either, and other pictures continue.
     let before = long.samples_done();
     assert!(!begin(&look, &CancelSwitch::default()).recv().expect("a report"));
     assert!(look.survey(8, 8).is_err());

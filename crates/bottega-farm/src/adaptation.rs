@@ -15,16 +15,16 @@ const RATIOS_KEPT: usize = 5;
 pub struct RelativePower(f64);
 
 impl RelativePower {
-    /// The reference machine.
+    /// The power of the reference machine: 1.
     pub const REFERENCE: Self = Self(1.0);
     const RANGE: (f64, f64) = (1e-4, 1e4);
 
-    /// A power, clamped to 10⁻⁴..=10⁴; NaN gives the reference.
+    /// Makes a power, clamped to 10⁻⁴..=10⁴; NaN gives the reference.
     pub fn new(value: f64) -> Self {
         if value.is_nan() { Self::REFERENCE } else { Self(value.clamp(Self::RANGE.0, Self::RANGE.1)) }
     }
 
-    /// The value, dimensionless.
+    /// Returns the value, dimensionless.
     pub fn get(self) -> f64 {
         self.0
     }
@@ -40,7 +40,7 @@ impl RelativePower {
     }
 }
 
-/// A duration times a factor; some centuries at most.
+/// Returns a duration times a factor; some centuries at most.
 pub(crate) fn scaled(duration: Duration, factor: f64) -> Duration {
     Duration::try_from_secs_f64(duration.as_secs_f64() * factor).unwrap_or(Duration::from_secs(1 << 34))
 }
@@ -70,7 +70,7 @@ impl Adaptation {
         Self { rule, power: benchmark, ratios: VecDeque::from([benchmark.get()]) }
     }
 
-    /// The current V_cp.
+    /// Returns the current V_cp.
     pub fn power(&self) -> RelativePower {
         self.power
     }
@@ -101,7 +101,7 @@ impl Adaptation {
     }
 }
 
-/// The median; of an even count the geometric mean of the middle two.
+/// Returns the median; of an even count the geometric mean of the middle two.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let middle = values.len() / 2;

@@ -10,9 +10,9 @@ use crate::{
 /// One of the farm's agents. All share one vocabulary, so one driver can run them.
 #[derive(Clone, Debug)]
 pub enum FarmAgent {
-    /// The Analyst.
+    /// The Analyst, which cuts the picture into zones.
     Analyst(Box<Analyst>),
-    /// The Master.
+    /// The Master, which gives zones away and composes the picture.
     Master(Box<Master>),
     /// A Render Agent.
     Render(Box<RenderAgent>),

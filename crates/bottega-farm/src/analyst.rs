@@ -35,7 +35,7 @@ pub struct AnalystConfig {
     pub importance: ImportanceFunction,
     /// The target of the partition.
     pub partition: PartitionSettings,
-    /// The platform at which it registers; `None`: it does not.
+    /// The platform at which the Analyst registers; `None`: it does not.
     pub registration: Option<RegistrationConfig>,
     /// Knowledge from earlier works about the times of zones.
     pub knowledge: Foreknowledge,
@@ -43,7 +43,8 @@ pub struct AnalystConfig {
     pub trusts_forecasts: bool,
 }
 
-/// The size of the survey of a picture, in cells: the picture's shape, one cell per 4 × 4 pixels, at most 2¹⁴ cells.
+/// Returns the size of the survey of a picture, in cells: the picture's shape, one cell per 4 × 4 pixels, at most 2¹⁴
+/// cells.
 pub fn survey_size(picture: &Rect) -> (u32, u32) {
     let fit = (picture.area() as f64 / SURVEY_CELLS_MAX as f64).sqrt();
     let cell = fit.max(f64::from(SURVEY_CELL_SIDE_MIN));
@@ -59,13 +60,13 @@ pub fn survey_size(picture: &Rect) -> (u32, u32) {
 pub struct Analysis {
     /// The importance map.
     pub map: Arc<ImportanceMap>,
-    /// The zones.
+    /// The zones of the picture.
     pub partition: Arc<Partition>,
     /// The row of the work.
     pub work: WorkRow,
     /// The rows of all zones, by id.
     pub rows: Vec<ZoneRow>,
-    /// The survey's predictions for them.
+    /// The survey's predictions for the zones.
     pub outlook: Arc<PictureOutlook>,
 }
 
@@ -129,7 +130,7 @@ pub struct Analyst {
 }
 
 impl Analyst {
-    /// A new Analyst.
+    /// Makes a new Analyst.
     pub fn new(config: AnalystConfig) -> Self {
         let registrant = config.registration.clone();
         let registrant = registrant.map(|place| Box::new(Registrant::new(config.id.clone(), place, &ANALYST_SERVICES)));

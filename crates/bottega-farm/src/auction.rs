@@ -37,6 +37,7 @@ pub(crate) const BIDDERS_MIN: usize = 4;
 /// - `offers`: the zones on offer, largest first.
 pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standing: &BidderStanding<'_>) -> Decision {
     let by_time = |bidders: Vec<Bidder>, weighs: bool| {
+        // Divide promised times by the bidder's reliability, if it is weighed
         let worth = |bidder: &Bidder| if weighs { bidder.worth } else { 1.0 };
         let candidate = |bidder: Bidder| {
             let worth = worth(&bidder);

@@ -43,7 +43,7 @@ pub struct InputRanges {
 }
 
 impl InputRanges {
-    /// The ranges of these zones.
+    /// Makes the ranges of these zones.
     pub fn of<R: std::borrow::Borrow<ZoneRow>>(rows: impl IntoIterator<Item = R>) -> Self {
         let mut ranges = [None; 3];
         for row in rows {
@@ -81,20 +81,20 @@ pub struct AgentRow {
     pub agent: AgentId,
     /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
     pub power: RelativePower,
-    /// Number of processors that work on its zones at once; may be a fraction if agents share a machine.
+    /// Number of processors that work on the agent's zones at once; may be a fraction if agents share a machine.
     pub lanes: f64,
-    /// Its credit: how well its times match its promises.
+    /// The agent's credit: how well its times match its promises.
     pub credit: Credit,
-    /// Number of its paintings that others confirmed, if paintings are compared.
+    /// Number of the agent's paintings that others confirmed, if paintings are compared.
     pub agreed: u32,
-    /// Number of failures since it last painted something.
+    /// Number of failures since the agent last painted something.
     pub failures: u32,
-    /// The reason why it is excluded from the work, if it is.
+    /// The reason why the agent is excluded from the work; `None`: it takes part.
     pub left_out: Option<String>,
 }
 
 impl AgentRow {
-    /// The row of an agent that has only run its benchmark.
+    /// Makes the row of an agent that has only run its benchmark.
     pub fn new(agent: AgentId, power: RelativePower, lanes: f64) -> Self {
         Self { agent, power, lanes, credit: Credit::default(), agreed: 0, failures: 0, left_out: None }
     }
@@ -151,47 +151,47 @@ impl Blackboard {
         false
     }
 
-    /// True if this revision of a zone's row is later than the known one.
+    /// Returns true if this revision of a zone's row is later than the known one.
     pub fn is_news(&self, zone: ZoneId, revision: Revision) -> bool {
         self.zones.get(zone.0).is_none_or(|(seen, _)| *seen < revision)
     }
 
-    /// The row of the work; `None` until the Analyst has finished.
+    /// Returns the row of the work; `None` until the Analyst has finished.
     pub fn work(&self) -> Option<&Arc<WorkRow>> {
         self.work.as_ref()
     }
 
-    /// True if the work and all its zones are known.
+    /// Returns true if the work and all its zones are known.
     pub fn is_complete(&self) -> bool {
         self.work.as_ref().is_some_and(|work| work.zone_count as usize == self.root_count)
     }
 
-    /// A zone and the revision of its row.
+    /// Returns a zone and the revision of its row; `None`: there is no such zone.
     pub fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, &**row))
     }
 
-    /// A zone's shared row and its revision.
+    /// Returns a zone's shared row and its revision; `None`: there is no such zone.
     pub fn shared(&self, zone: ZoneId) -> Option<(Revision, &Arc<ZoneRow>)> {
         self.zones.get(zone.0).map(|(revision, row)| (*revision, row))
     }
 
-    /// The number of zone rows, including pieces.
+    /// Returns the number of zone rows, including pieces.
     pub fn zone_count(&self) -> usize {
         self.zones.len()
     }
 
-    /// All zones in order of their ids.
+    /// Returns all zones in order of their ids.
     pub fn zones(&self) -> impl Iterator<Item = &ZoneRow> {
         self.zones.values().map(|(_, row)| &**row)
     }
 
-    /// The row of an agent.
+    /// Returns the row of an agent; `None`: it has none.
     pub fn agent(&self, agent: &AgentId) -> Option<&AgentRow> {
         self.agents.get(agent).map(|row| &**row)
     }
 
-    /// The latest known revision of a zone's row.
+    /// Returns the latest known revision of a zone's row.
     pub fn revision(&self, zone: ZoneId) -> Revision {
         self.zones.get(zone.0).map_or(Revision::ABSENT, |(revision, _)| *revision)
     }

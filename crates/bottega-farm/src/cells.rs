@@ -16,14 +16,14 @@ use crate::{Goal, GoalRules, settings::CELL_SIDE};
 /// Looks of an octave, in quarters of the samples at its beginning.
 const LOOKS: [u32; 3] = [1, 2, 3];
 
-/// The sample count at which the octave after `samples` ends; at most `samples_max`.
+/// Returns the sample count at which the octave after `samples` ends; at most `samples_max`.
 pub(crate) fn octave_end(samples: u32, samples_max: u32) -> u32 {
     let end = samples.saturating_add(1).checked_next_power_of_two().unwrap_or(u32::MAX);
     end.max(Goal::FIRST_SAMPLES).min(samples_max)
 }
 
-/// The look after `samples` that is nearest to `wanted`, in the octave that began at `begun` samples and ends at `end`.
-/// `None`: the end is nearer.
+/// Returns the look after `samples` that is nearest to `wanted`, in the octave that began at `begun` samples and ends
+/// at `end`. `None`: the end is nearer.
 fn next_look(samples: u32, wanted: u32, begun: u32, end: u32) -> Option<u32> {
     let quarters = LOOKS.map(|quarter| begun + begun / 4 * quarter);
     let last = begun.saturating_mul(2) - 1;
@@ -48,7 +48,7 @@ pub(crate) struct Cells {
 #[derive(Debug)]
 struct Cell {
     rect: Rect,
-    /// The look at which it may stop next, as a sample count; `None`: it continues to the end of the octave.
+    /// The look at which the cell may stop next, as a sample count; `None`: it continues to the end of the octave.
     look: Option<u32>,
     stopped: bool,
     error: Option<f64>,
@@ -64,15 +64,15 @@ pub(crate) struct NextSamples {
 }
 
 impl Cells {
-    /// The cells of a zone that has no samples yet, or is at the end of an octave.
+    /// Makes the cells of a zone that has no samples yet, or is at the end of an octave.
     pub(crate) fn new(rect: Rect, error_wanted: f64, samples_max: u32) -> Self {
         let cell = |rect| Cell { rect, look: None, stopped: false, error: None };
         let cells = grid(rect).map(cell).collect();
         Self { cells, rules: GoalRules::default(), error_wanted, samples_max, before: None, kept: None }
     }
 
-    /// The samples to paint after `samples`, whose sums `tile` holds, up to at most `end`. `None`: all cells have
-    /// stopped.
+    /// Returns the samples to paint after `samples`, whose sums `tile` holds, up to at most `end`. `None`: all cells
+    /// have stopped.
     pub(crate) fn next(&mut self, samples: u32, tile: Option<&Tile>, end: u32) -> Option<NextSamples> {
         let octave_end = octave_end(samples, self.samples_max).min(end);
         let is_new = self.before.as_ref().is_none_or(|(begun, _)| samples >= begun.saturating_mul(2));
@@ -124,7 +124,7 @@ impl Cells {
         }
     }
 
-    /// Share of the pixels whose cells continue after `samples`.
+    /// Returns the share of the pixels whose cells continue after `samples`.
     pub(crate) fn unfinished(&self, samples: u32) -> f64 {
         let area = |all: bool| -> u64 {
             self.cells.iter().filter(|cell| all || !cell.stopped).map(|cell| cell.rect.area()).sum()
@@ -132,13 +132,13 @@ impl Cells {
         if samples >= self.samples_max { 0.0 } else { area(false) as f64 / area(true).max(1) as f64 }
     }
 
-    /// The greatest error estimated for any cell since [`Cells::new`].
+    /// Returns the greatest error estimated for any cell since [`Cells::new`].
     pub(crate) fn error(&self) -> Option<f64> {
         self.cells.iter().filter_map(|cell| cell.error).max_by(f64::total_cmp)
     }
 }
 
-/// The cells of the picture's grid in a rectangle, clipped to it, row by row.
+/// Returns the cells of the picture's grid in a rectangle, clipped to it, row by row.
 fn grid(rect: Rect) -> impl Iterator<Item = Rect> {
     let cuts = |from: u32, to: u32| {
         let first = from / CELL_SIDE;
@@ -148,7 +148,7 @@ fn grid(rect: Rect) -> impl Iterator<Item = Rect> {
     cuts(rect.y0, rect.y1).flat_map(move |(y0, y1)| cuts(rect.x0, rect.x1).map(move |(x0, x1)| Rect { x0, y0, x1, y1 }))
 }
 
-/// The same pixels in fewer rectangles: adjacent cells of a row are joined.
+/// Joins adjacent cells of a row: the same pixels in fewer rectangles.
 fn joined(cells: impl Iterator<Item = Rect>) -> Vec<Rect> {
     let mut all: Vec<Rect> = Vec::new();
     for cell in cells {

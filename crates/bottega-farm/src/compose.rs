@@ -11,9 +11,9 @@ use crate::{Partition, partition::ZoneIndex};
 /// A zone with its band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BandedZone {
-    /// Its own pixels.
+    /// The zone's own pixels, without the band.
     pub rect: Rect,
-    /// Its pixels and the band, clipped to the frame.
+    /// The zone's pixels and its band, clipped to the frame.
     pub grown: Rect,
 }
 
@@ -23,8 +23,8 @@ impl BandedZone {
         Self { rect, grown: rect.grown_by(bands, frame) }
     }
 
-    /// The distance of the pixel's center from the nearest edge of the grown zone, in pixels; 0 outside. Edges of the
-    /// frame do not count, because nothing lies beyond them.
+    /// Returns the distance of the pixel's center from the nearest edge of the grown zone, in pixels; 0 outside.
+    /// Edges of the frame do not count, because nothing lies beyond them.
     fn depth(&self, x: u32, y: u32, frame: &Rect) -> f32 {
         /// Larger than any depth in a picture.
         const INSIDE: f32 = 1e9;
@@ -40,7 +40,7 @@ impl BandedZone {
     }
 }
 
-/// The masks of all zones, by id.
+/// Returns the masks of all zones, by id.
 ///
 /// - `bands`: the widths of the bands beyond each zone's edges, by id.
 pub fn masks(partition: &Partition, bands: &[Sides<u32>]) -> Vec<Mask> {
@@ -72,12 +72,12 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// The mask of a zone without a band, where its neighbors have none either.
+    /// Makes the mask of a zone without a band, where its neighbors have none either.
     pub fn without_band(rect: Rect, frame: Rect) -> Self {
         Self { frame, zone: BandedZone::new(rect, Sides::all(0), &frame), overlapping: Vec::new() }
     }
 
-    /// The mask of `zone`. `others`: all zones that may overlap it, including itself, in order of their ids.
+    /// Makes the mask of `zone`. `others`: all zones that may overlap it, including itself, in order of their ids.
     pub fn new(frame: Rect, zone: BandedZone, mut others: Vec<BandedZone>) -> Self {
         others.retain(|other| other.grown.intersection(&zone.grown).is_some());
         if others.iter().all(|other| *other == zone) {
@@ -86,8 +86,8 @@ impl Mask {
         Self { frame, zone, overlapping: others }
     }
 
-    /// The weight of the pixel (x, y): 0 outside the grown zone, exactly 1 where no other zone overlaps. The weights of
-    /// all zones at a pixel sum to 1.
+    /// Returns the weight of the pixel (x, y): 0 outside the grown zone, exactly 1 where no other zone overlaps. The
+    /// weights of all zones at a pixel sum to 1.
     pub fn weight(&self, x: u32, y: u32) -> f32 {
         if self.overlapping.is_empty() {
             return if self.zone.grown.contains(x, y) { 1.0 } else { 0.0 };

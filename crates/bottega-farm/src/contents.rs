@@ -13,13 +13,13 @@ pub(crate) const LANGUAGE: &str = "bottega-typed";
 
 /// The interaction protocols of the farm.
 pub mod protocol {
-    /// Auctions of zones.
+    /// The protocol of the auctions of zones.
     pub const CONTRACT_NET: &str = "fipa-contract-net";
-    /// Profiling and the life cycle of agents.
+    /// The protocol of profiling and of the life cycle of agents.
     pub const REQUEST: &str = "fipa-request";
-    /// Transfer of waiting zones from one agent to another.
+    /// The protocol of the transfer of waiting zones from one agent to another.
     pub const STEALING: &str = "bottega-stealing";
-    /// Registration of agents with a Master.
+    /// The protocol of the registration of agents with a Master.
     pub const SUBSCRIBE: &str = "fipa-subscribe";
 }
 
@@ -50,7 +50,7 @@ pub struct Order {
     pub work: Arc<WorkRow>,
     /// The row of the zone on the Blackboard.
     pub row: Arc<ZoneRow>,
-    /// The revision of that row: the fencing token, which the result must carry.
+    /// The revision of the zone's row: the fencing token, which the result must carry.
     pub fence: Revision,
     /// `true`: the agent's own rules choose the settings of the zone, not those of the agent that profiled it.
     pub decides: bool,
@@ -109,7 +109,7 @@ pub enum FarmContent {
     Subscription {
         /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
-        /// Number of processors that work on its zones at once.
+        /// Number of processors that work on the agent's zones at once.
         lanes: f64,
     },
     /// *agree*: the Master has added the agent to its list.
@@ -162,7 +162,7 @@ pub enum FarmContent {
     Alive {
         /// V_cp: its relative power; 1 is the reference machine, 0.5 is twice as fast.
         power: RelativePower,
-        /// The orders that it holds.
+        /// The orders that the agent holds.
         orders: Vec<Holding>,
     },
     /// *refuse*: the Master no longer calls this agent and accepts nothing from it.
@@ -199,7 +199,7 @@ pub enum FarmContent {
 /// A message of the farm.
 pub type FarmMessage = AclMessage<FarmContent>;
 
-/// A message outside any conversation.
+/// Returns a message outside any conversation.
 pub(crate) fn message(
     performative: Performative,
     protocol: &'static str,
@@ -222,12 +222,12 @@ pub(crate) fn message(
     }
 }
 
-/// The message as the start of a conversation whose replies are accepted until `reply_by`.
+/// Returns the message as the start of a conversation whose replies are accepted until `reply_by`.
 pub(crate) fn asking(message: FarmMessage, conversation_id: u64, reply_by: Option<Time>) -> FarmMessage {
     AclMessage { conversation_id, reply_with: conversation_id, reply_by, ..message }
 }
 
-/// The reply to a message, in its conversation.
+/// Returns the reply to a message, in its conversation.
 pub(crate) fn answer(
     to: &FarmMessage,
     sender: &AgentId,

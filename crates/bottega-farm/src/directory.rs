@@ -54,12 +54,12 @@ pub enum DirectoryService {
     Df(Box<PlatformService<Df>>),
 }
 
-/// The ids of Start Service, AMS and DF.
+/// Returns the ids of Start Service, AMS and DF.
 pub fn directory_service_names() -> [AgentId; 3] {
     ["start", "ams", "df"].map(|name| AgentId::new(format!("{name}@{PLATFORM}")))
 }
 
-/// The services of one process, with their ids.
+/// Returns the services of one process, with their ids.
 ///
 /// - `salt`: a number unique to the process.
 pub fn directory_services(calendar: Calendar, salt: u64) -> [(AgentId, DirectoryService); 3] {
@@ -113,13 +113,13 @@ pub struct RegistrationConfig {
 }
 
 impl RegistrationConfig {
-    /// The registration for a work, at this platform's services.
+    /// Makes the registration for a work, at this platform's services.
     pub fn new(work: WorkId, job: Option<u32>) -> Self {
         let [start, ..] = directory_service_names();
         Self { start, work, job, master_home: None }
     }
 
-    /// True if the agent's machine is that of the Master.
+    /// Returns true if the agent's machine is that of the Master.
     pub(crate) fn may_be_master(&self, agent: &AgentId) -> bool {
         self.master_home.as_deref().is_none_or(|home| machine_of(&agent.name) == home)
     }
@@ -131,7 +131,7 @@ impl RegistrationConfig {
         std::iter::once(property("work", self.work.0)).chain(job).collect()
     }
 
-    /// The DF entry of an agent that offers services of these types, each with these protocols.
+    /// Returns the DF entry of an agent that offers services of these types, each with these protocols.
     pub(crate) fn offer(&self, agent: &AgentId, services: &[(&str, &[&str])]) -> DfAgentDescription {
         let texts = |texts: &[&str]| texts.iter().map(|&text| text.to_owned()).collect::<Vec<String>>();
         let service = |&(kind, protocols): &(&str, &[&str])| ServiceDescription {
@@ -156,7 +156,7 @@ impl RegistrationConfig {
         }
     }
 
-    /// The DF query for the Master of this work.
+    /// Returns the DF query for the Master of this work.
     pub(crate) fn master_template(&self) -> DfAgentDescription {
         let work = self.properties().into_iter().take(1).collect();
         let kind = Some(service_type::MASTER.to_owned());
@@ -222,7 +222,7 @@ impl From<String> for FarmValue {
 }
 
 impl AsRef<str> for FarmValue {
-    /// The text of a page; empty for a row.
+    /// Returns the text of a page; empty for a row.
     fn as_ref(&self) -> &str {
         match self {
             Self::Page(text) => text,

@@ -50,7 +50,7 @@ use crate::{FarmCompletion, Forecast, Goal, JobLesson, JournalContents, Times, W
 pub struct JobReport {
     /// The picture, possibly incomplete.
     pub film: Film,
-    /// True if it was stopped before its end.
+    /// True if the job was stopped before its end.
     pub stopped: bool,
     /// Zones that no agent could paint.
     pub failed: Vec<ZoneId>,

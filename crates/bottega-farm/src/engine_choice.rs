@@ -29,7 +29,7 @@ impl EngineChoice {
     /// Uses parsed rules.
     ///
     /// # Errors
-    /// They have an unknown input, or no output `leaning`.
+    /// The rules have an unknown input, or no output `leaning`.
     pub fn new(rules: FunctionBlock) -> Result<Self, ExpertError> {
         let known = |name: &str| INPUTS.iter().any(|input| input.eq_ignore_ascii_case(name));
         if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
@@ -42,7 +42,7 @@ impl EngineChoice {
         Ok(Self(Arc::new(rules)))
     }
 
-    /// The preferred engine for a zone; no preference if the rules cannot be evaluated.
+    /// Returns the preferred engine for a zone; no preference if the rules cannot be evaluated.
     pub fn preference(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
         let evaluate = || -> Result<EnginePreference, ExpertError> {
             let rules = laid_out(&self.0, &work.ranges)?;

@@ -66,7 +66,7 @@ pub struct Experience {
     techniques: BTreeMap<String, LearntTechnique>,
     /// The pictures, the least recently updated first.
     pictures: Vec<LearntPicture>,
-    /// ln V_cp.
+    /// The learnt values of ln V_cp, per technique and kind of picture.
     powers: Lessons,
 }
 
@@ -84,7 +84,7 @@ struct LearntTechnique {
 /// A measured zone that was painted as a whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaintedZone {
-    /// The survey's prediction for it.
+    /// The survey's prediction for the zone.
     pub outlook: TaskOutlook,
     /// Samples per pixel.
     pub samples: u32,
@@ -97,7 +97,7 @@ pub struct PaintedZone {
 pub struct JobLesson {
     /// Engine, integrator and all else that determines how paths are traced, as a name.
     pub technique: Arc<str>,
-    /// The picture.
+    /// The picture of the job: its scene and its view.
     pub subject: Subject,
     /// The survey's features of the whole picture.
     pub features: TaskFeatures,
@@ -112,7 +112,7 @@ pub struct JobLesson {
 }
 
 impl JobLesson {
-    /// The lesson in time of the reference machine, for a farm's experience.
+    /// Returns the lesson in time of the reference machine, for a farm's experience.
     #[must_use]
     pub fn in_reference_time(&self) -> Self {
         let zone = |zone: &PaintedZone| PaintedZone { time: self.to_reference.to_reference(zone.time), ..*zone };
@@ -133,22 +133,22 @@ pub struct LearntFactor {
     pub factor: f64,
     /// Expected relative error of a time predicted so, one standard deviation; `None`: not known for one factor alone.
     pub error: Option<f64>,
-    /// Number of zones that it is based on; older jobs count less.
+    /// Number of zones on which the factor is based; older jobs count less.
     pub zones: f64,
-    /// Number of jobs since it was last updated.
+    /// Number of jobs since the factor was last updated.
     pub age: u64,
 }
 
 /// An error in the text of an experience.
 #[derive(Debug, thiserror::Error)]
 pub enum ExperienceError {
-    /// It is longer than the maximum.
+    /// The text is longer than the maximum.
     #[error("the text has {0} bytes, which no experience has")]
     TooLong(usize),
-    /// It is not JSON, or has other fields.
+    /// The text is not JSON, or has other fields.
     #[error("not what a machine has learnt")]
     Syntax(#[source] serde_json::Error),
-    /// It has another version of the format.
+    /// The text has another version of the format.
     #[error("what was learnt has form {found}, not {FORMAT}: a newer version of bottega has written it")]
     Format {
         /// The version found.
@@ -192,12 +192,12 @@ pub(crate) struct LogRatio {
 }
 
 impl Experience {
-    /// True if nothing was learned.
+    /// Returns true if nothing was learned.
     pub fn is_empty(&self) -> bool {
         self.jobs == 0
     }
 
-    /// The number of jobs learned from.
+    /// Returns the number of jobs learned from.
     pub fn jobs(&self) -> u64 {
         self.jobs
     }
@@ -279,7 +279,8 @@ impl Experience {
         self.pictures.drain(..excess);
     }
 
-    /// The expectation for a zone of any picture of a technique. `None`: nothing was learned about the technique.
+    /// Returns the expectation for a zone of any picture of a technique. `None`: nothing was learned about the
+    /// technique.
     pub(crate) fn of_technique(
         &self,
         name: &str,
@@ -292,7 +293,7 @@ impl Experience {
         Some(LogRatio { log: model.expected(&x), deviation: deviation.hypot(model.variance(&x).sqrt()) })
     }
 
-    /// The expectation for a zone of a picture that was painted before. `None`: it was not.
+    /// Returns the expectation for a zone of a picture that was painted before. `None`: it was not.
     pub(crate) fn of_picture(
         &self,
         name: &str,
@@ -306,13 +307,13 @@ impl Experience {
         Some(LogRatio { log: picture.expected(outlook, zone, by_technique), deviation: picture.deviation })
     }
 
-    /// Learned V_cp for a kind of picture; `None`: nothing was learned about the technique.
+    /// Returns the learned V_cp for a kind of picture; `None`: nothing was learned about the technique.
     pub fn power(&self, technique: &str, picture: &TaskFeatures) -> Option<RelativePower> {
         let kind = TaskKind::of_picture(technique, picture);
         self.powers.expected(&kind.names()).map(|log| RelativePower::new(log.exp()))
     }
 
-    /// All learned factors: of V_cp, of techniques with the features of zones, and of pictures.
+    /// Returns all learned factors: of V_cp, of techniques with the features of zones, and of pictures.
     pub fn factors(&self) -> Vec<LearntFactor> {
         let age = |job: u64| self.jobs.saturating_sub(job);
         let of_power = self.powers.iter().map(|(tasks, lesson)| LearntFactor {
@@ -344,7 +345,7 @@ impl Experience {
         of_power.chain(of_technique).chain(of_picture).collect()
     }
 
-    /// The experience as JSON.
+    /// Returns the experience as JSON.
     pub fn to_json(&self) -> String {
         let Self { jobs, techniques, pictures, powers } = self.clone();
         serde_json::to_string(&ExperienceText { format: FORMAT, jobs, techniques, pictures, powers })
@@ -354,7 +355,7 @@ impl Experience {
     /// Reads the JSON of [`Self::to_json`].
     ///
     /// # Errors
-    /// It is damaged, too long, of another version, or holds numbers out of range.
+    /// The text is damaged, too long, of another version, or holds numbers out of range.
     pub fn from_json(text: &str) -> Result<Self, ExperienceError> {
         if text.len() > TEXT_MAX {
             return Err(ExperienceError::TooLong(text.len()));
@@ -387,7 +388,7 @@ impl LearntTechnique {
         Self { model, deviation: DEVIATION, job: 0 }
     }
 
-    /// The same for a machine with this V_cp, from the reference machine's times.
+    /// Converts reference-machine times to those of a machine with this V_cp.
     fn slower(&self, power: RelativePower) -> Self {
         Self { model: self.model.shifted(power.get().ln()), ..self.clone() }
     }
@@ -397,7 +398,7 @@ impl LearntTechnique {
     }
 }
 
-/// ln of the measured over the predicted time of a zone. `None`: it is not a plausible number.
+/// Returns ln of the measured over the predicted time of a zone. `None`: it is not a plausible number.
 fn log_ratio(zone: &PaintedZone) -> Option<f64> {
     let predicted = zone.outlook.sample_time * f64::from(zone.samples);
     let log = (zone.time.as_secs_f64() / predicted).ln();

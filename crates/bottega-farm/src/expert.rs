@@ -44,11 +44,11 @@ pub enum BandWidth {
 /// The shares of the user's settings that the rules leave to a zone, each from [`SHARE_MIN`] squared to 1.
 #[derive(Clone, Copy, Debug)]
 struct Shares {
-    /// Of the maximum depth.
+    /// The share of the maximum depth.
     depth: f64,
-    /// Of the samples per pixel.
+    /// The share of the samples per pixel.
     samples: f64,
-    /// Of the light samples at a bounce.
+    /// The share of the light samples at a bounce.
     light_samples: f64,
 }
 
@@ -66,6 +66,9 @@ pub struct Expert {
 
 impl Expert {
     /// Parses rules for path tracing from FCL text.
+    ///
+    /// # Errors
+    /// The text is not one valid function block of FCL; or those of [`Self::new`].
     pub fn parse(text: &str) -> Result<Self, ExpertError> {
         Self::new(FunctionBlock::parse(text)?)
     }
@@ -90,52 +93,53 @@ impl Expert {
         Ok(Self { rules, ignored, has_max_depth, has_light_samples, is_profiled, engine_choice, bands })
     }
 
-    /// Names of the rules' outputs that path tracing ignores.
+    /// Returns the names of the rules' outputs that path tracing ignores.
     pub fn ignored_outputs(&self) -> &[String] {
         &self.ignored
     }
 
-    /// The built-in rules for path tracing: the two printed in the paper and 26 of our own.
+    /// Makes the built-in rules for path tracing: the two printed in the paper and 26 of our own.
     pub fn path_tracing() -> Self {
         Self::parse(Technique::PathTracing.rules()).expect("the rules in the repository can be read")
     }
 
-    /// The rules as FCL text, which [`Self::parse`] reads.
+    /// Returns the rules as FCL text, which [`Self::parse`] reads.
     pub fn rules_text(&self) -> String {
         self.rules.to_string()
     }
 
-    /// The Expert for an engine: settings that the engine lacks stay at the user's value.
+    /// Returns the Expert for an engine: settings that the engine lacks stay at the user's value.
     #[must_use]
     pub fn for_engine(self, engine: &EngineDescription) -> Self {
         let &EngineDescription { has_max_depth, has_light_samples, is_profiled, .. } = engine;
         self.for_knobs(has_max_depth, has_light_samples, is_profiled)
     }
 
-    /// The Expert for an engine with these capabilities.
+    /// Returns the Expert for an engine with these capabilities.
     pub(crate) fn for_knobs(self, has_max_depth: bool, has_light_samples: bool, is_profiled: bool) -> Self {
         Self { has_max_depth, has_light_samples, is_profiled, ..self }
     }
 
-    /// The Expert with rules that choose between two engines.
+    /// Returns the Expert with rules that choose between two engines.
     #[must_use]
     pub fn choosing(self, engine_choice: Option<EngineChoice>) -> Self {
         Self { engine_choice, ..self }
     }
 
-    /// The Expert with the user's choice of bands.
+    /// Returns the Expert with the user's choice of bands.
     #[must_use]
     pub fn with_bands(self, bands: BandWidth) -> Self {
         Self { bands, ..self }
     }
 
-    /// The preferred one of two engines for a zone. Independent of quality, so it is used with optimization off too.
+    /// Returns the preferred one of two engines for a zone. Independent of quality, so it is used with optimization
+    /// off too.
     pub fn preference(&self, work: &WorkRow, zone: &ZoneRow) -> EnginePreference {
         self.engine_choice.as_ref().map_or_else(EnginePreference::default, |choice| choice.preference(work, zone))
     }
 
-    /// The settings for a zone, never above the user's. With optimization off, or if the rules cannot be evaluated,
-    /// exactly the user's settings. Bands follow [`Self::with_bands`].
+    /// Returns the settings for a zone, never above the user's. With optimization off, or if the rules cannot be
+    /// evaluated, exactly the user's settings. Bands follow [`Self::with_bands`].
     pub fn decide(&self, work: &WorkRow, zone: &ZoneRow) -> Choice {
         self.try_decide(work, zone).unwrap_or_else(|error| {
             tracing::warn!(zone = zone.zone.0, %error, "the rules are of no use here");
@@ -152,7 +156,7 @@ impl Expert {
         self.by_rules(work, zone, level).map(|choice| self.banded(choice))
     }
 
-    /// The choice with the bands that the user wants.
+    /// Returns the choice with the bands that the user wants.
     fn banded(&self, choice: Choice) -> Choice {
         match self.bands {
             BandWidth::Off => Choice { bands: Sides::all(0), ..choice },
@@ -195,8 +199,8 @@ impl Expert {
         Ok(self.scaled(settings, shares, bands))
     }
 
-    /// The rules that fired, the strongest first, with their degrees: `path_tracing: 12 0.83, 22 0.40`. `None` with
-    /// optimization off, and if the rules cannot be evaluated.
+    /// Returns the rules that fired, the strongest first, with their degrees: `path_tracing: 12 0.83, 22 0.40`.
+    /// `None` with optimization off, and if the rules cannot be evaluated.
     pub fn reasons(&self, work: &WorkRow, zone: &ZoneRow) -> Option<Arc<str>> {
         let level = work.settings.optimization.rule_input()?;
         let rules = laid_out(&self.rules, &work.ranges).ok()?;
@@ -208,14 +212,14 @@ impl Expert {
         Some(format!("{}: {}", rules.name(), reasons.collect::<Vec<_>>().join(", ")).into())
     }
 
-    /// The number of samples of a zone's first painting: those of profiling, or all of them if the engine is not
-    /// profiled; then the zone's time is known only at its end.
+    /// Returns the number of samples of a zone's first painting: those of profiling, or all of them if the engine is
+    /// not profiled; then the zone's time is known only at its end.
     pub fn first_samples(&self, choice: &Choice, goal: &Goal) -> u32 {
         if self.is_profiled || *goal != Goal::Samples { choice.profile_samples(goal) } else { choice.samples }
     }
 
-    /// The number of samples per pixel to reach next. Not more than `samples`: the zone is finished, or the Master
-    /// decides.
+    /// Returns the number of samples per pixel to reach next. Not more than `samples`: the zone is finished, or the
+    /// Master decides.
     ///
     /// - `unfinished`: share of its pixels whose error is too large.
     pub fn next_samples(&self, settings: &WorkSettings, samples: u32, choice: &Choice, unfinished: f64) -> u32 {
@@ -444,7 +448,7 @@ mod tests {
         };
         assert_eq!(first(true, Goal::Samples), 13);
         assert_eq!(first(false, Goal::Samples), 256);
-        // Until an error is met nobody knows how many samples that will be.
+        // The number of samples is unknown until the error is met.
         assert_eq!(first(false, Goal::Error(0.1)), 8);
     }
 

@@ -16,11 +16,11 @@ const TRUSTED_DEVIATION: f64 = 0.25;
 pub struct Foreknowledge {
     /// The machine's experience from earlier works.
     pub experience: Arc<Experience>,
-    /// That of all machines of its farm together, in reference time.
+    /// The experience of all machines of the farm together, in reference time.
     pub of_farm: Arc<Experience>,
     /// The technique, as in [`JobLesson::technique`](crate::JobLesson::technique).
     pub technique: Arc<str>,
-    /// The picture.
+    /// The picture to predict: its scene and its view.
     pub subject: Subject,
     /// V_cp from the benchmark.
     pub benchmark: RelativePower,
@@ -36,7 +36,7 @@ pub struct ZoneForecast {
 }
 
 impl ZoneForecast {
-    /// True if profiling the zone would say little more.
+    /// Returns true if profiling the zone adds little information.
     pub fn is_trusted(&self) -> bool {
         self.deviation.is_some_and(|deviation| deviation <= TRUSTED_DEVIATION)
     }
@@ -55,13 +55,13 @@ impl Default for Foreknowledge {
 }
 
 impl Foreknowledge {
-    /// V_cp to start with: the learned one, or that of the benchmark.
+    /// Returns V_cp to start with: the learned one, or that of the benchmark.
     pub fn power(&self, picture: &TaskFeatures) -> RelativePower {
         self.experience.power(&self.technique, picture).unwrap_or(self.benchmark)
     }
 
-    /// T_est of an unpainted zone: by the picture as the farm or this machine knows it, else by the technique, else by the
-    /// survey.
+    /// Returns T_est of an unpainted zone: by the picture as the farm or this machine knows it, else by the technique,
+    /// else by the survey.
     ///
     /// - `picture`: the survey's features of the whole picture.
     /// - `samples`: samples per pixel.

@@ -47,7 +47,7 @@ impl GoalRules {
         value.is_finite().then_some(value)
     }
 
-    /// The number of samples per pixel that a zone should reach next; `samples` if it is finished.
+    /// Returns the number of samples per pixel that a zone should reach next; `samples` if it is finished.
     ///
     /// - `error`: the estimated error; `None`: not known yet.
     pub fn next_samples(&self, samples: u32, samples_max: u32, error: Option<f64>, error_wanted: f64) -> u32 {
@@ -62,7 +62,7 @@ impl GoalRules {
         samples.saturating_add(more.max(1)).min(samples_max)
     }
 
-    /// Share of the remaining time for the next pass, 0.05..=1.
+    /// Returns the share of the remaining time for the next pass, 0.05..=1.
     ///
     /// - `time_left`: remaining share of the requested time.
     pub fn time_share(&self, time_left: f64) -> f64 {

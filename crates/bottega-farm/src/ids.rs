@@ -11,12 +11,12 @@ pub struct WorkId(pub u64);
 pub struct ZoneId(pub u32);
 
 impl ZoneId {
-    /// The id as an index into the zones of a partition.
+    /// Returns the id as an index into the zones of a partition.
     pub fn index(self) -> usize {
         self.0 as usize
     }
 
-    /// The id of the zone at this index.
+    /// Makes the id of the zone at this index.
     pub fn of_index(index: usize) -> Self {
         Self(u32::try_from(index).expect("a partition has fewer than 2³² zones"))
     }

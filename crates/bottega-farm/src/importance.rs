@@ -32,7 +32,7 @@ pub enum ImportanceFunction {
     /// One plus the levels of recursion in mirror and transparent surfaces. Source: MAGarRO, section 3.3. (The paper
     /// gives no value for places without such surfaces; they get 1.)
     Paper,
-    /// Time per sample, predicted from these channels: see `docs/decisions.md` for the accuracy.
+    /// Time per sample, predicted from these channels: `bench/attempts/farm.md` has the accuracy.
     PredictedCost(ChannelSet),
     /// Visibility of an error, from these channels. Zones then have equal visual importance instead of equal time.
     Visual(ChannelSet),
@@ -42,7 +42,7 @@ impl ImportanceFunction {
     /// Names of all functions in the command line and JSON.
     const NAMES: [&str; 3] = ["paper", "predicted", "visual"];
 
-    /// The function with other channels; the paper's has a single fixed one.
+    /// Returns the function with other channels; the paper's has a single fixed one.
     #[must_use]
     pub fn of_channels(self, channels: ChannelSet) -> Self {
         match self {
@@ -52,7 +52,7 @@ impl ImportanceFunction {
         }
     }
 
-    /// The channels given to the function, including those that it does not use.
+    /// Returns the channels given to the function, including those that it does not use.
     pub fn channels(self) -> ChannelSet {
         match self {
             Self::Paper => ChannelSet::NONE.with(Channel::Recursion),
@@ -136,6 +136,9 @@ impl ImportanceMap {
     /// - `frame`: the pixels to paint, within `surveyed`. Their mean cost becomes 1.
     ///
     /// Values that are not finite or not positive count as 0. A survey without any cost gives a uniform map.
+    ///
+    /// # Errors
+    /// The survey has no cells, too many cells, or another number of pixels than cells.
     pub fn new(
         survey: &Survey,
         surveyed: Rect,
@@ -164,7 +167,7 @@ impl ImportanceMap {
         Ok(Self { cost, importance: Sums::new(surveyed, size, importance) })
     }
 
-    /// A uniform map, for a picture about which nothing is known: every pixel costs 1.
+    /// Makes a uniform map, for a picture about which nothing is known: every pixel costs 1.
     pub fn uniform(frame: Rect) -> Self {
         let even = |value: f32| Sums::new(frame, (1, 1), vec![value]);
         Self { cost: even(1.0), importance: even(0.5) }
@@ -175,17 +178,17 @@ impl ImportanceMap {
         self.cost.size()
     }
 
-    /// Predicted cost per pixel of each cell, row-major; the mean over the frame is 1.
+    /// Returns the predicted cost per pixel of each cell, row-major; the mean over the frame is 1.
     pub fn cost(&self) -> &[f32] {
         self.cost.values()
     }
 
-    /// Visual importance of each cell, row-major, 0..=1.
+    /// Returns the visual importance of each cell, row-major, 0..=1.
     pub fn importance(&self) -> &[f32] {
         self.importance.values()
     }
 
-    /// The map as a grayscale picture: cost per cell, scaled from 0 (least, black) to 1 (greatest, white).
+    /// Returns the map as a grayscale picture, row-major, one value per cell: the cost from 0 (least, black) to 1 (greatest, white).
     pub fn grey(&self) -> Vec<f32> {
         let cost = self.cost();
         let least = cost.iter().copied().fold(f32::INFINITY, f32::min);
@@ -194,8 +197,8 @@ impl ImportanceMap {
         cost.iter().map(|cost| (cost - least) / range).collect()
     }
 
-    /// Predicted cost of all pixels of `rect`, in average pixels of the frame. Positive unless `rect` is empty.
-    /// Constant time. Panics if `rect` reaches beyond the survey.
+    /// Returns the predicted cost of all pixels of `rect`, in average pixels of the frame. Positive unless `rect` is
+    /// empty. Constant time. Panics if `rect` reaches beyond the survey.
     pub fn complexity(&self, rect: &Rect) -> f64 {
         if rect.is_empty() {
             return 0.0;
@@ -204,13 +207,13 @@ impl ImportanceMap {
         self.cost.integral(rect).max(rect.area() as f64 * COST_FLOOR * 1e-3)
     }
 
-    /// Predicted cost per pixel of `rect`: the paper's complexity/size ratio.
+    /// Returns the predicted cost per pixel of `rect`: the paper's complexity/size ratio.
     pub fn complexity_density(&self, rect: &Rect) -> f64 {
         if rect.is_empty() { 0.0 } else { self.complexity(rect) / rect.area() as f64 }
     }
 
-    /// Mean visual importance of the pixels of `rect`, 0..=1; 0 if it is empty. Constant time. Panics if `rect` reaches
-    /// beyond the survey.
+    /// Returns the mean visual importance of the pixels of `rect`, 0..=1; 0 if it is empty. Constant time. Panics if
+    /// `rect` reaches beyond the survey.
     pub fn importance_of(&self, rect: &Rect) -> f64 {
         if rect.is_empty() { 0.0 } else { (self.importance.integral(rect) / rect.area() as f64).clamp(0.0, 1.0) }
     }

@@ -28,13 +28,13 @@ pub trait ZoneStore: Send {
     /// Stores the row of the work.
     ///
     /// # Errors
-    /// It cannot be written. The work continues, but cannot be resumed from here.
+    /// The row cannot be written. The work continues, but cannot be resumed from here.
     fn put_work(&mut self, work: &WorkRow) -> io::Result<()>;
 
     /// Stores the current row of a zone, with its tile if the row's result is new.
     ///
     /// # Errors
-    /// It cannot be written, as for [`Self::put_work`].
+    /// The row cannot be written, as for [`Self::put_work`].
     fn put_zone(&mut self, row: &ZoneRow, tile: Option<&Tile>) -> io::Result<()>;
 }
 
@@ -112,7 +112,7 @@ pub struct Journal {
 pub struct JournalContents {
     /// The row of the work.
     pub work: WorkRow,
-    /// The rows of all its zones, by id.
+    /// The rows of all zones of the work, by id.
     pub rows: Vec<ZoneRow>,
     /// The samples referenced by the rows.
     pub tiles: BTreeMap<ZoneId, Tile>,
@@ -121,10 +121,10 @@ pub struct JournalContents {
 /// An error in reading a journal.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// Reading failed.
+    /// The journal cannot be read.
     #[error("cannot read the journal")]
     Read(#[from] io::Error),
-    /// It is not a journal, or of another version.
+    /// The file is not a journal, or of another version.
     #[error("this is no journal of a work, or one of another version")]
     Magic,
     /// The first record is not the name.
@@ -187,8 +187,8 @@ fn keep_zone(payload: &[u8], zones: &mut BTreeMap<ZoneId, (ZoneRow, Option<Tile>
     true
 }
 
-/// The resumable state; `None` if zones are missing. A row whose tile is missing or does not match its digest is
-/// painted again from the start.
+/// Returns the resumable state; `None` if zones are missing. A row whose tile is missing or does not match its digest
+/// is painted again from the start.
 fn keep(work: WorkRow, zones: BTreeMap<ZoneId, (ZoneRow, Option<Tile>)>) -> Option<JournalContents> {
     let roots = zones.values().filter(|(row, _)| row.root.is_none()).count();
     let in_order = zones.keys().take(roots).enumerate().all(|(i, zone)| zone.index() == i);

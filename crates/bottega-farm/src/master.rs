@@ -82,12 +82,12 @@ struct Phase {
 }
 
 impl Phase {
-    /// True if zones are given out.
+    /// Returns true if zones are given out.
     fn gives_out(self) -> bool {
         self.has_begun && !self.is_stopping
     }
 
-    /// True if zones are given out, and not all are finished.
+    /// Returns true if zones are given out, and not all are finished.
     fn is_at_work(self) -> bool {
         self.gives_out() && !self.is_finished
     }
@@ -117,7 +117,7 @@ pub struct Master {
 }
 
 impl Master {
-    /// A new Master, which continues from what it finds on the Blackboard.
+    /// Makes a new Master, which continues from what it finds on the Blackboard.
     pub fn new(config: MasterConfig) -> Self {
         let place = config.registration.clone();
         let registrant = place.map(|place| Box::new(Registrant::new(config.id.clone(), place, &MASTER_SERVICES)));
@@ -125,7 +125,7 @@ impl Master {
         Self { registrant, ..Self::with_rows(Arc::new(config), rows) }
     }
 
-    /// A Master that resumes a work from stored rows, on an empty Blackboard.
+    /// Makes a Master that resumes a work from stored rows, on an empty Blackboard.
     ///
     /// Zones in hand are open again; finished zones stay finished.
     pub fn recover(config: MasterConfig, work: WorkRow, rows: impl IntoIterator<Item = ZoneRow>) -> Self {
@@ -137,7 +137,7 @@ impl Master {
         master
     }
 
-    /// A Master that knows nothing but `rows`, and is not registered.
+    /// Makes a Master that knows nothing but `rows`, and is not registered.
     fn with_rows(config: Arc<MasterConfig>, rows: Rows) -> Self {
         Self {
             phase: Phase::default(),
@@ -158,17 +158,17 @@ impl Master {
         }
     }
 
-    /// Its view of the Blackboard.
+    /// Returns the Master's view of the Blackboard.
     pub fn board(&self) -> &Blackboard {
         self.assignments.rows.board()
     }
 
-    /// True if all zones are in the film or given up.
+    /// Returns true if all zones are in the film or given up.
     pub fn is_finished(&self) -> bool {
         self.phase.is_finished
     }
 
-    /// Number of zones that wait for an agent.
+    /// Returns the number of zones that wait for an agent.
     pub(crate) fn waiting_count(&self) -> usize {
         if self.phase.gives_out() { self.assignments.ledger.waiting_count() } else { 0 }
     }

@@ -26,7 +26,7 @@ pub struct Painting {
     pub result: ResultRef,
     /// T: the time it took, in reference-machine time.
     pub time_measured: Duration,
-    /// The same time in the agent's own time.
+    /// The painting time by the agent's own clock, before conversion to reference time.
     pub busy: Duration,
     /// `true`: these times measure painting alone; as far as the agent knows nothing was loaded, compiled or started
     /// meanwhile.
@@ -44,14 +44,14 @@ pub struct Painting {
 }
 
 impl Painting {
-    /// True if both paintings agree in everything that does not depend on the agent.
+    /// Returns true if both paintings agree in everything that does not depend on the agent.
     pub fn is_same(&self, other: &Self) -> bool {
         let made = |it: &Self| (it.choice, it.result.samples, it.result.digest, it.goal, it.error.map(f64::to_bits));
         made(self) == made(other)
     }
 
-    /// True if both may be paintings of the same zone by engines that are not bit-identical, judged without the pixels.
-    /// Estimated errors and goals vary by chance, so they may differ by about a factor of 2.
+    /// Returns true if both may be paintings of the same zone by engines that are not bit-identical, judged without the
+    /// pixels. Estimated errors and goals vary by chance, so they may differ by about a factor of 2.
     pub(crate) fn may_look_like(&self, other: &Self) -> bool {
         let close = |a: f64, b: f64| a.max(b) <= 2.0 * a.min(b);
         let errors = match (self.error, other.error) {

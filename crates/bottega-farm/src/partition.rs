@@ -54,8 +54,8 @@ impl Partition {
         Self::of_zones(frame, zones)
     }
 
-    /// The partition with all inner edges moved to multiples of `side` pixels of the picture. Zones that become empty
-    /// are dropped; their pixels go to neighbors.
+    /// Returns the partition with all inner edges moved to multiples of `side` pixels of the picture. Zones that
+    /// become empty are dropped; their pixels go to neighbors.
     #[must_use]
     pub fn along_grid(self, side: u32) -> Self {
         // Equal coordinates move to the same place, so zones neither overlap nor leave holes.
@@ -72,15 +72,15 @@ impl Partition {
         Self::of_zones(self.frame, zones.filter(|zone| !zone.is_empty()).collect())
     }
 
-    /// A partition of given zones. Panics if they do not cover the frame exactly once: check rectangles of unknown
-    /// origin with [`Partition::covers`] first.
+    /// Makes a partition of given zones. Panics if they do not cover the frame exactly once: check rectangles of
+    /// unknown origin with [`Partition::covers`] first.
     pub fn of_zones(frame: Rect, mut zones: Vec<Rect>) -> Self {
         zones.sort_unstable_by_key(|zone| (zone.y0, zone.x0));
         assert!(Self::covers(frame, &zones), "zones do not cover {frame} exactly once");
         Self { frame, zones }
     }
 
-    /// True if rectangles cover each pixel of a frame exactly once and nothing else.
+    /// Returns true if rectangles cover each pixel of a frame exactly once and nothing else.
     pub fn covers(frame: Rect, zones: &[Rect]) -> bool {
         let area: u64 = zones.iter().map(Rect::area).sum();
         if area != frame.area() || zones.iter().any(|zone| zone.is_empty() || !frame.encloses(zone)) {
@@ -91,37 +91,37 @@ impl Partition {
         zones.iter().enumerate().all(|(i, zone)| index.touching(zone).all(|j| j == i))
     }
 
-    /// The frame that the zones cover.
+    /// Returns the frame that the zones cover.
     pub fn frame(&self) -> Rect {
         self.frame
     }
 
-    /// The zones, indexed by [`ZoneId`].
+    /// Returns the zones, indexed by [`ZoneId`].
     pub fn zones(&self) -> &[Rect] {
         &self.zones
     }
 
-    /// The zones with their ids.
+    /// Returns the zones with their ids.
     pub fn iter(&self) -> impl Iterator<Item = (ZoneId, Rect)> {
         self.zones.iter().enumerate().map(|(i, &rect)| (ZoneId::of_index(i), rect))
     }
 
-    /// The greatest complexity per pixel of a zone over the least: 1 if all zones have the same complexity/size ratio,
-    /// or there are none.
+    /// Returns the greatest complexity per pixel of a zone over the least: 1 if all zones have the same
+    /// complexity/size ratio, or there are none.
     pub fn ratio_spread(&self, map: &ImportanceMap) -> f64 {
         let ratios = || self.zones.iter().map(|zone| map.complexity_density(zone));
         let (least, greatest) = (ratios().fold(f64::INFINITY, f64::min), ratios().fold(0.0, f64::max));
         if self.zones.is_empty() { 1.0 } else { greatest / least }
     }
 
-    /// The expected time of the longest zone over the mean: 1 is perfect balance. At level 3 at most 1.1, unless the
-    /// longest zone is too small to cut or its costs are concentrated in too few pixels. 1 without zones.
+    /// Returns the expected time of the longest zone over the mean: 1 is perfect balance. At level 3 at most 1.1,
+    /// unless the longest zone is too small to cut or its costs are concentrated in too few pixels. 1 without zones.
     pub fn imbalance(&self, map: &ImportanceMap) -> f64 {
         let longest = self.zones.iter().map(|zone| map.complexity(zone)).fold(0.0, f64::max);
         if self.zones.is_empty() { 1.0 } else { longest * self.zones.len() as f64 / map.complexity(&self.frame) }
     }
 
-    /// The [`NeighborDifference`] of each zone, by id.
+    /// Returns the [`NeighborDifference`] of each zone, by id.
     pub fn neighbor_differences(&self, map: &ImportanceMap) -> Vec<NeighborDifference> {
         let density: Vec<f64> = self.zones.iter().map(|zone| map.complexity_density(zone)).collect();
         let index = ZoneIndex::new(self.frame, &self.zones);
@@ -146,20 +146,21 @@ impl Partition {
 /// an edge with it, averaged by the length of the edges. 0 without neighbors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NeighborDifference {
-    /// The average over all its edges.
+    /// The average over all edges of the zone.
     pub mean: f64,
     /// The average over the edges of each side.
     pub sides: Sides<f64>,
 }
 
 impl NeighborDifference {
-    /// The same difference on all sides.
+    /// Returns a difference that is the same on all sides.
     pub fn all(difference: f64) -> Self {
         Self { mean: difference, sides: Sides::all(difference) }
     }
 }
 
-/// The side of `a` at which the disjoint rectangle `b` touches it, and the length of the shared edge in pixels.
+/// Returns the side of `a` at which the disjoint rectangle `b` touches it, and the length of the shared edge in
+/// pixels.
 fn shared_edge<'a, T>(a: &Rect, b: &Rect, sides: &'a mut Sides<T>) -> Option<(&'a mut T, u32)> {
     let overlap = |a0: u32, a1: u32, b0: u32, b1: u32| a1.min(b1).saturating_sub(a0.max(b0));
     let (high, wide) = (overlap(a.y0, a.y1, b.y0, b.y1), overlap(a.x0, a.x1, b.x0, b.x1));
@@ -173,7 +174,7 @@ fn shared_edge<'a, T>(a: &Rect, b: &Rect, sides: &'a mut Sides<T>) -> Option<(&'
     Some((side, high.max(wide)))
 }
 
-/// Level 1: halves the longer side of each zone that is too complex, while both halves are large enough.
+/// Runs level 1: halves the longer side of each zone that is too complex, while both halves are large enough.
 fn divide(map: &ImportanceMap, frame: Rect, side_min: u32, complexity_max: f64) -> Vec<Rect> {
     let mut open = vec![frame];
     let mut zones = Vec::new();
@@ -270,7 +271,7 @@ mod tests {
         assert_eq!(zones(8, 0.03), 64);
         assert_eq!(zones(32, 0.001), 32);
         assert_eq!(zones(100, 0.001), 2);
-        // The third level makes so many that none has to exceed it; a number of zones wins.
+        // The third level makes enough zones that none has to exceed it; a number of zones wins.
         let limits = ZoneLimits { complexity_max: Some(0.01), ..ZoneLimits::default() };
         let usual = PartitionSettings::for_agents(Level::Balanced, 1, frame);
         assert_eq!(usual.within(None, limits).zone_count, 100);

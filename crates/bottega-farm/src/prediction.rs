@@ -29,7 +29,7 @@ impl Prediction {
     }
 }
 
-/// The rank of each number, from 1; equal numbers share the mean of their ranks.
+/// Returns the rank of each number, from 1; equal numbers share the mean of their ranks.
 fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
@@ -45,7 +45,7 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     ranks
 }
 
-/// Pearson's correlation; `None` if one side is constant.
+/// Returns Pearson's correlation; `None` if one side is constant.
 fn correlation(a: &[f64], b: &[f64]) -> Option<f64> {
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let (mean_a, mean_b) = (mean(a), mean(b));

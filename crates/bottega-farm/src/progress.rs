@@ -53,7 +53,7 @@ struct Share {
     expected: f64,
     /// T_est of all its samples, in seconds, if profiled.
     time: Option<f64>,
-    /// Share of its samples that are painted, 0..=1.
+    /// Share of the zone's samples that are painted, 0..=1.
     done: f64,
     samples: u64,
     samples_done: u64,
@@ -80,6 +80,8 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
+    /// Makes the tally of a work without zones.
+    ///
     /// - `is_experienced`: true if this machine has experience from earlier works.
     /// - `at_once`: number of zones that an agent works on at once, of those it holds.
     pub(crate) fn new(is_experienced: bool, at_once: usize) -> Self {
@@ -146,8 +148,8 @@ impl Tally {
         }
     }
 
-    /// Remaining time of all agents for this much reference-machine time; `None` unless predictions come from
-    /// experience or enough zones are profiled.
+    /// Returns the remaining time of all agents for this much reference-machine time; `None` unless predictions come
+    /// from experience or enough zones are profiled.
     fn left_by_estimates(&self, left: f64, all: f64) -> Option<f64> {
         let is_learnt = self.is_experienced && !self.expectations.is_empty();
         let is_profiled = self.timed_expected > SHARE_PROFILED * self.expected;
@@ -155,7 +157,7 @@ impl Tally {
         (is_learnt || is_profiled).then(|| self.throughput.time_for(self.now.unwrap_or_default(), left, zone))?
     }
 
-    /// The current progress.
+    /// Returns the current progress.
     pub(crate) fn progress(&self) -> Progress {
         // Scale the expected cost of unprofiled zones as measured on the profiled ones
         let rate = if self.timed_expected > 1e-9 { self.timed / self.timed_expected } else { 1.0 };
@@ -192,7 +194,7 @@ mod tests {
         (0..10).map(row).collect()
     }
 
-    /// The same after five samples; what is left takes the reference machine 1.9 s each.
+    /// A zone after five samples, whose rest takes the reference machine 1.9 s.
     fn profiled(row: &ZoneRow) -> ZoneRow {
         let tunables = Tunables { max_depth: 8, light_samples: 1 };
         let result = ResultRef { fence: Revision(1), samples: 5, digest: BlobId([0; 32]) };
@@ -219,7 +221,7 @@ mod tests {
         let at = |seconds: u32| Time::ZERO + seconds * SECOND;
         rows.iter().for_each(|row| tally.see(at(0), row, 100, 0));
         assert_eq!(seconds_left(&tally), None, "nobody knows anything yet");
-        // Profiling took far longer than so many samples of whole zones do.
+        // Profiling took far longer than that number of samples of whole zones.
         rows.iter().for_each(|row| tally.see(at(10), &profiled(row), 100, 0));
         let left = seconds_left(&tally).unwrap();
         assert!((left - 19.0 / 4.0).abs() < 1.0, "{left} s: two agents, each twice as fast as the reference machine");

@@ -39,7 +39,7 @@ pub enum MasterSource {
 }
 
 impl MasterSource {
-    /// The Master if it is given, else a registrant that searches for it.
+    /// Returns the Master if it is given, else a registrant that searches for it.
     pub(crate) fn of(&self, agent: &AgentId) -> (Option<AgentId>, Option<Box<Registrant>>) {
         match self {
             Self::Known(master) => (Some(master.clone()), None),
@@ -102,6 +102,8 @@ pub(crate) struct Registrant {
 }
 
 impl Registrant {
+    /// Makes a registrant that has not registered yet.
+    ///
     /// - `services`: the types of the agent's services, with the protocols of each.
     pub(crate) fn new(me: AgentId, config: RegistrationConfig, services: &[(&str, &[&str])]) -> Self {
         let (mut white, mut yellow) = (Page::absent(), Page::absent());
@@ -259,7 +261,7 @@ impl Registrant {
         self.ask(&df, Function::Deregister(self.named()), actions);
     }
 
-    /// The time at which [`Self::tick`] must be called next.
+    /// Returns the time at which [`Self::tick`] must be called next.
     pub(crate) fn next_deadline(&self) -> Option<Time> {
         if self.directories.is_none() {
             return Some(self.root_at);

@@ -40,7 +40,7 @@ use crate::{
 pub struct RenderAgentConfig {
     /// The agent's own id.
     pub id: AgentId,
-    /// The way to find its Master.
+    /// The way in which the agent finds its Master.
     pub master: MasterSource,
     /// The rule that adapts V_cp.
     pub adaptation: AdaptationRule,
@@ -54,7 +54,7 @@ pub struct RenderAgentConfig {
     pub heartbeat: Duration,
     /// The rules that choose the settings of zones.
     pub expert: Expert,
-    /// V_cp learned by its machine in earlier works.
+    /// The experience of the agent's machine from earlier works.
     pub knowledge: Foreknowledge,
 }
 
@@ -66,7 +66,7 @@ pub struct RenderAgent {
     speed: Speed,
     orders: Orders,
     thief: Thief,
-    /// The work that it paints.
+    /// The work that the agent paints.
     work: Option<WorkRow>,
     /// True if the scene of the work is fetched.
     is_fetched: bool,
@@ -76,7 +76,7 @@ pub struct RenderAgent {
 }
 
 impl RenderAgent {
-    /// A new agent.
+    /// Makes a new agent.
     pub fn new(config: RenderAgentConfig) -> Self {
         Self {
             membership: FarmMembership::new(config.id.clone(), &config.master),
@@ -91,23 +91,23 @@ impl RenderAgent {
         }
     }
 
-    /// The current V_cp.
+    /// Returns the current V_cp.
     pub fn power(&self) -> RelativePower {
         self.speed.power()
     }
 
-    /// True if it is subscribed and willing, and holds nothing.
+    /// Returns true if the agent is subscribed and willing, and holds nothing.
     pub(crate) fn is_free(&self) -> bool {
         let membership = &self.membership;
         membership.is_subscribed() && !membership.is_excluded() && self.orders.is_empty() && self.room() > 0
     }
 
-    /// The zones that it holds, with the fencing tokens of their orders.
+    /// Returns the zones that the agent holds, with the fencing tokens of their orders.
     pub fn held_zones(&self) -> impl Iterator<Item = (ZoneId, Revision)> {
         self.orders.held()
     }
 
-    /// The number of zones that it has room for.
+    /// Returns the number of zones that it has room for.
     pub(crate) fn room(&self) -> u32 {
         if self.takes_nothing || !self.speed.is_known() {
             return 0;
@@ -117,7 +117,7 @@ impl RenderAgent {
         hand.saturating_sub(self.orders.held_count() as u32)
     }
 
-    /// True if zones are dealt to it and it takes zones from its neighbors.
+    /// Returns true if zones are dealt to it and it takes zones from its neighbors.
     fn steals(&self) -> bool {
         self.config.auction == AuctionRule::Stealing
     }
@@ -265,7 +265,7 @@ impl RenderAgent {
         }
     }
 
-    /// Time from now until it has painted what it holds.
+    /// Returns the time from now until it has painted what it holds.
     fn load(&self, now: Time) -> Duration {
         self.orders.load(now, &self.speed, &self.config.expert)
     }
@@ -354,7 +354,8 @@ impl RenderAgent {
         self.orders.await_answer(zone, unanswered);
     }
 
-    /// The painting of an order, for its report. Adapts V_cp if its time is a measurement under the estimated settings.
+    /// Returns the painting of an order, for its report. Adapts V_cp if its time is a measurement under the estimated
+    /// settings.
     fn painting(&mut self, held: &HeldOrder, painted: PaintResult) -> Painting {
         let power = self.speed.power();
         let row = &held.order.row;

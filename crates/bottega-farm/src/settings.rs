@@ -33,7 +33,7 @@ impl Optimization {
     /// All levels, weakest first.
     pub const ALL: [Self; 6] = [Self::Off, Self::VerySmall, Self::Small, Self::Normal, Self::Big, Self::VeryBig];
 
-    /// The value of the rules' input `optimization_level`: 1 (very small) to 5 (very big). `None` if off.
+    /// Returns the value of the rules' input `optimization_level`: 1 (very small) to 5 (very big). `None` if off.
     pub fn rule_input(self) -> Option<f64> {
         match self {
             Self::Off => None,
@@ -91,7 +91,7 @@ pub enum ErrorUse {
 /// The condition under which a zone has enough samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Goal {
-    /// It has the number of samples requested.
+    /// The zone has the number of samples requested.
     #[default]
     Samples,
     /// The estimated relative error of each of its cells is at most this: the root of the mean over the pixels of
@@ -107,7 +107,7 @@ impl Goal {
     /// Number of first samples of a zone with a goal of error or time.
     pub(crate) const FIRST_SAMPLES: u32 = 8;
 
-    /// The use of the error of zones with this goal.
+    /// Returns the use of the error of zones with this goal.
     pub fn error_use(&self) -> ErrorUse {
         match *self {
             Self::Samples => ErrorUse::None,
@@ -152,17 +152,17 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The user's settings.
+    /// Makes the choice that keeps the user's settings, without bands.
     pub fn unchanged(settings: &WorkSettings) -> Self {
         Self { tunables: settings.tunables, samples: settings.samples, bands: Sides::all(0) }
     }
 
-    /// The number of samples per pixel that profiling takes.
+    /// Returns the number of samples per pixel that profiling takes.
     pub fn profile_samples(&self, goal: &Goal) -> u32 {
         let wanted = match goal {
             Goal::Samples => (f64::from(self.samples) * PROFILE_SHARE).round() as u32,
             Goal::Error(_) => Goal::FIRST_SAMPLES,
-            // The whole picture is there as early as can be: nobody knows how many more the time allows.
+            // The whole picture is done as early as possible: how many more goals the time allows is unknown.
             Goal::Time(_) => 1,
         };
         wanted.clamp(1, self.samples.max(1))

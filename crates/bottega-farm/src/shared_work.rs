@@ -10,7 +10,7 @@ use std::time::Duration;
 /// The state of a part of shared work.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SharedPart {
-    /// The machine that claimed it last.
+    /// The machine that last claimed the part.
     pub taken_by: Option<String>,
     /// Time since that claim.
     pub since: Duration,
@@ -60,9 +60,9 @@ mod tests {
         name: String,
         /// Parts done per thousand steps.
         speed: u32,
-        /// The step at which it leaves silently, and true if others still take it for present.
+        /// The step at which the machine leaves silently, and true if others still take it for present.
         gone: Option<(u32, bool)>,
-        /// The part that it works on, and the step at which it is done.
+        /// The part that the machine works on, and the step at which it is done.
         busy: Option<(usize, u32)>,
     }
 
@@ -134,7 +134,7 @@ mod tests {
             }
             let alone = 1_000_000 / all[0].speed;
             let end = simulate(count, all).expect("an end");
-            // No later than the first alone, who may wait for each part of another one.
+            // No later than the first machine alone, which may wait for each part of another one.
             assert!(end <= alone * (3 * count as u32 + 1), "{seed}: {end}");
         }
     }

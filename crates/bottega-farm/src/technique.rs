@@ -16,9 +16,9 @@ pub enum Technique {
 /// An output of rules and its meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OutputMeaning {
-    /// Its name in the rules; compared without case.
+    /// The name of the output in the rules; compared without case.
     pub name: &'static str,
-    /// Its meaning, for users.
+    /// The meaning of the output, for users.
     pub meaning: &'static str,
 }
 
@@ -78,10 +78,10 @@ const PHOTON_MAPPING: [OutputMeaning; 6] = [
 ];
 
 impl Technique {
-    /// All techniques.
+    /// All techniques, in the order of their declaration.
     pub const ALL: [Self; 2] = [Self::PathTracing, Self::PhotonMapping];
 
-    /// The name for texts.
+    /// Returns the name for texts.
     pub fn name(self) -> &'static str {
         match self {
             Self::PathTracing => "path tracing",
@@ -89,7 +89,7 @@ impl Technique {
         }
     }
 
-    /// The name of its rule file, without the extension.
+    /// Returns the name of its rule file, without the extension.
     pub fn rules_name(self) -> &'static str {
         match self {
             Self::PathTracing => "path-tracing",
@@ -97,7 +97,7 @@ impl Technique {
         }
     }
 
-    /// The built-in rules as FCL text: our own, and for path tracing the two that the paper prints.
+    /// Returns the built-in rules as FCL text: our own, and for path tracing the two that the paper prints.
     pub fn rules(self) -> &'static str {
         match self {
             Self::PathTracing => include_str!("../../../rules/path-tracing.fcl"),
@@ -105,7 +105,7 @@ impl Technique {
         }
     }
 
-    /// The outputs that its rules may have.
+    /// Returns the outputs that the technique's rules may have.
     pub fn outputs(self) -> &'static [OutputMeaning] {
         match self {
             Self::PathTracing => &PATH_TRACING,
@@ -113,7 +113,7 @@ impl Technique {
         }
     }
 
-    /// The known outputs of some rules, and the names of unknown ones.
+    /// Returns the known outputs of some rules, and the names of unknown ones.
     pub fn sort_outputs(self, rules: &FunctionBlock) -> (Vec<OutputMeaning>, Vec<String>) {
         let (mut known, mut unknown) = (Vec::new(), Vec::new());
         for output in rules.outputs() {

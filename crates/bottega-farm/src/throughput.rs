@@ -51,9 +51,9 @@ struct AgentPace {
 /// A zone held by an agent.
 #[derive(Clone, Copy, Debug)]
 struct HeldZone {
-    /// Its position in the order in which the agent received zones.
+    /// The position of the zone in the order in which the agent received zones.
     turn: u64,
-    /// T_est of its samples, in seconds; `None`: a profile.
+    /// T_est of the zone's samples, in seconds; `None`: a profile.
     estimated: Option<f64>,
     /// Reported output assigned to it so far, in reference-machine seconds.
     given: f64,
@@ -65,7 +65,7 @@ impl Painted {
         self.given = REMEMBERED * self.given + other.given;
     }
 
-    /// Actual over reported speed, with `prior` as the ratio of the first `weight` seconds.
+    /// Returns the actual over the reported speed, with `prior` as the ratio of the first `weight` seconds.
     fn ratio(&self, prior: f64, weight: f64) -> f64 {
         (self.estimated + prior * weight) / (self.given + weight).max(1e-9)
     }
@@ -74,13 +74,13 @@ impl Painted {
 /// The zones that an agent works on.
 #[derive(Clone, Copy, Debug)]
 struct BegunZones {
-    /// The turn of the last one that is no profile.
+    /// The turn of the last held zone that is painted, not profiled.
     until: Option<u64>,
     count: usize,
 }
 
 impl BegunZones {
-    /// The share of the agent's output that a zone gets.
+    /// Returns the share of the agent's output that a zone gets.
     fn share(self, zone: &HeldZone) -> f64 {
         let is_begun = zone.estimated.is_none() || self.until.is_some_and(|until| zone.turn <= until);
         if is_begun { (self.count.max(1) as f64).recip() } else { 0.0 }
@@ -99,7 +99,7 @@ impl AgentPace {
         self.held.values_mut().for_each(|zone| zone.given += given * begun.share(zone));
     }
 
-    /// The zones that it works on: all profiles, and `at_once` others.
+    /// Returns the zones that it works on: all profiles, and `at_once` others.
     fn begun(&self, at_once: usize) -> BegunZones {
         let mut turns: Vec<u64> =
             self.held.values().filter(|zone| zone.estimated.is_some()).map(|zone| zone.turn).collect();
@@ -111,6 +111,8 @@ impl AgentPace {
 }
 
 impl Throughput {
+    /// Makes a throughput without agents.
+    ///
     /// - `at_once`: number of zones that an agent works on at once.
     pub(crate) fn new(at_once: usize) -> Self {
         Self { at_once, ..Self::default() }
@@ -161,7 +163,7 @@ impl Throughput {
         }
     }
 
-    /// Expected time of all present agents for an amount of work; `None` without known agents.
+    /// Returns the expected time of all present agents for an amount of work; `None` without known agents.
     ///
     /// - `seconds`: reference-machine time of everything unfinished, including what is held.
     /// - `zone_seconds`: that of an average zone: so much must be painted before measured speeds outweigh reported

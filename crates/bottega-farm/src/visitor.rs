@@ -17,7 +17,7 @@ use crate::{
     protocol,
 };
 
-/// Number of zones that a visitor paints at once: the next one is there when it has delivered. Others wait here.
+/// Number of zones that a visitor paints at once, so that the next one has arrived when one is delivered. Others wait here.
 const PREFETCH: u32 = 2;
 /// Maximum number of unanswered calls for proposals; older ones are refused in its name.
 const CALLS_MAX: usize = 16;
@@ -31,7 +31,7 @@ pub enum VisitorEffect {
     Offers {
         /// The id of the call.
         call: u64,
-        /// The zones.
+        /// The offered zones.
         offers: Arc<[Offer]>,
         /// The number of zones that it may win.
         room: u32,
@@ -45,9 +45,9 @@ pub enum VisitorEffect {
     },
     /// An order to paint, answered by [`VisitorReport::Painted`].
     Paint {
-        /// The order.
+        /// The order to pass to the visitor.
         order: Box<PaintOrder>,
-        /// The call in which it was won; `None`: first samples of a zone.
+        /// The call in which the zone was won; `None`: first samples of a zone.
         call: Option<u64>,
     },
     /// The order is cancelled.
@@ -73,7 +73,7 @@ pub enum VisitorReport {
         call: u64,
         /// The maximum number of zones it wants.
         room: u32,
-        /// The bids.
+        /// The bids of the visitor: one per zone that it wants.
         bids: Vec<Bid>,
     },
     /// The visitor wants none of the zones of a call.
@@ -99,13 +99,13 @@ pub enum VisitorReport {
 /// The configuration of a visitor.
 #[derive(Clone, Debug)]
 pub struct VisitorConfig {
-    /// Its id in the farm.
+    /// The visitor's id in the farm.
     pub id: AgentId,
-    /// The Master.
+    /// The id of the Master.
     pub master: AgentId,
-    /// Its V_cp as it claims; corrected by measured times.
+    /// The V_cp that the visitor claims; corrected by measured times.
     pub power: RelativePower,
-    /// Number of zones that it paints at once.
+    /// Number of zones that the visitor paints at once.
     pub lanes: f64,
     /// The rule that adapts V_cp.
     pub adaptation: AdaptationRule,
@@ -125,7 +125,7 @@ pub struct Visitor {
     calls: Vec<FarmMessage>,
     /// The number of samples per pixel to which each of its orders goes. A hash map for speed; never iterated.
     orders: FxHashMap<ZoneId, (Revision, u32)>,
-    /// `true`: it has painted something since it came. The first zone's time may include reading the scene or
+    /// `true`: the visitor has painted something since it came. The first zone's time may include reading the scene or
     /// compiling.
     is_warm: bool,
     /// The call in which each of its zones was won. A hash map for speed; never iterated.
@@ -136,7 +136,7 @@ pub struct Visitor {
 type VisitorActions = Vec<ActionOf<Visitor>>;
 
 impl Visitor {
-    /// A visitor that has just come.
+    /// Makes a visitor that has just come.
     pub fn new(config: VisitorConfig) -> Self {
         let VisitorConfig { id, master, power, lanes, adaptation, expert, timing } = config;
         let agent = RenderAgent::new(RenderAgentConfig {

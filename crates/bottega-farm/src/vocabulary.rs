@@ -22,7 +22,7 @@ pub struct PaintOrder {
     pub rect: Rect,
     /// The range of samples of each pixel.
     pub samples: Range<u32>,
-    /// The settings.
+    /// The settings to paint with: samples, bounces, light samples.
     pub tunables: Tunables,
     /// The preferred one of two engines.
     pub preference: EnginePreference,
@@ -56,7 +56,7 @@ pub enum FarmEffect {
     Analyzed {
         /// The importance map.
         map: Arc<ImportanceMap>,
-        /// The zones.
+        /// The zones of the picture.
         partition: Arc<Partition>,
         /// The survey's predictions.
         outlook: Arc<PictureOutlook>,
@@ -126,9 +126,9 @@ pub enum FarmEffect {
     Compose {
         /// The id of the zone.
         zone: ZoneId,
-        /// Its samples.
+        /// The samples of the zone, by reference.
         result: ResultRef,
-        /// The weights of its pixels.
+        /// The weights of the zone's pixels.
         mask: Mask,
     },
     /// The work is finished: all zones are composed or given up.
@@ -177,7 +177,7 @@ pub enum FarmCompletion {
         zone: ZoneId,
         /// The two paintings.
         results: [ResultRef; 2],
-        /// True if they look alike; or the painting that could not be fetched.
+        /// True if the paintings look alike; or the painting that could not be fetched.
         outcome: Result<bool, ResultRef>,
     },
     /// The answer to [`FarmEffect::Compose`].
@@ -203,7 +203,7 @@ pub enum FarmCompletion {
 pub struct PaintResult {
     /// The reference to the samples.
     pub result: ResultRef,
-    /// Processor time that it took.
+    /// Processor time of the painting.
     pub busy: Duration,
     /// `true`: `busy` is a measurement; nothing was loaded, compiled or started meanwhile.
     pub is_measured: bool,

@@ -15,33 +15,33 @@ pub struct WorkKeys {
 }
 
 impl WorkKeys {
-    /// The keys of this work.
+    /// Makes the keys of this work.
     pub fn new(work: WorkId) -> Self {
         let folder = |rest: &str| Arc::from(format!("work/{}/{rest}", work.0));
         Self { folder: folder(""), zones: folder("zone/"), agents: folder("agent/") }
     }
 
-    /// The common prefix of all keys.
+    /// Returns the common prefix of all keys.
     pub fn prefix(&self) -> Key {
         Key::from(&*self.folder)
     }
 
-    /// The key of a zone's row.
+    /// Returns the key of a zone's row.
     pub fn zone(&self, zone: ZoneId) -> Key {
         Key::numbered(&self.zones, u64::from(zone.0))
     }
 
-    /// The key of the work's row.
+    /// Returns the key of the work's row.
     pub fn work(&self) -> Key {
         Key::from(format!("{}settings", self.folder))
     }
 
-    /// The key of an agent's row.
+    /// Returns the key of an agent's row.
     pub fn agent(&self, agent: &AgentId) -> Key {
         Key::named(&self.agents, &agent.name)
     }
 
-    /// The key of any row. Panics for a page of the directories.
+    /// Returns the key of any row. Panics for a page of the directories.
     pub fn of(&self, value: &FarmValue) -> Key {
         match value {
             FarmValue::Zone(row) => self.zone(row.zone),
@@ -52,7 +52,7 @@ impl WorkKeys {
     }
 }
 
-/// The request to write a row only if it still has this revision.
+/// Returns the request to write a row only if it still has this revision.
 pub fn compare_and_set(keys: &WorkKeys, expected_revision: Revision, value: FarmValue) -> StoreRequest<FarmValue> {
     StoreRequest::CompareAndSet { key: keys.of(&value), expected_revision, value }
 }

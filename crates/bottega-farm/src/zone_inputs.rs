@@ -28,7 +28,7 @@ pub enum ExpertError {
     /// The rules have no output `leaning`, which chooses the engine.
     #[error("the rules do not decide `leaning`, which engine suits a zone, but {}", .found.join(", "))]
     NoLeaning {
-        /// Their outputs.
+        /// The outputs that the rules have.
         found: Vec<String>,
     },
     /// The rules have no output that the technique knows.
@@ -37,9 +37,9 @@ pub enum ExpertError {
         .technique.name(), .found.join(", "), .technique.outputs().iter().map(|one| one.name).collect::<Vec<_>>().join(", ")
     )]
     NoOutput {
-        /// The technique.
+        /// The technique for which the rules should decide.
         technique: Technique,
-        /// Their outputs.
+        /// The outputs that the rules have.
         found: Vec<String>,
     },
     /// The fuzzy sets cannot be laid out over the ranges of the scene.
@@ -50,7 +50,7 @@ pub enum ExpertError {
     Evaluate(#[from] EvaluateError),
 }
 
-/// The rules with the sets of their inputs laid out over the ranges of a work.
+/// Returns the rules with the sets of their inputs laid out over the ranges of a work.
 pub(crate) fn laid_out(rules: &FunctionBlock, ranges: &InputRanges) -> Result<FunctionBlock, LayoutError> {
     let mut rules = rules.clone();
     let &InputRanges { complexity_density, neighbor_difference, size } = ranges;
@@ -63,7 +63,7 @@ pub(crate) fn laid_out(rules: &FunctionBlock, ranges: &InputRanges) -> Result<Fu
     Ok(rules)
 }
 
-/// The inputs of a zone, by name.
+/// Returns the inputs of a zone, by name.
 pub(crate) fn zone_values(zone: &ZoneRow, difference: f64) -> [(&'static str, f64); 3] {
     let size = zone.size() as f64;
     [(COMPLEXITY, zone.complexity_density()), (NEIGHBOR_DIFFERENCE, difference), (SIZE, size)]

@@ -69,7 +69,7 @@ fn optimization_saves_samples_and_gives_the_same_picture_to_any_agents() {
     let settings = JobSettings { optimization: Optimization::VeryBig, ..settings() };
     let engine = Arc::new(FakeEngine::new(2, 0));
     let one = JobSettings { agents: 1, ..settings.clone() };
-    // One agent has other zones than three, unless they are told how many.
+    // One agent has other zones than three, unless the number of zones is given.
     let report = run(&one, engine.clone(), Arc::new(()), &StopSwitch::new(), None, None).unwrap();
     assert!(engine.samples_painted() < 97 * 61 * 24 * 9 / 10, "{}", engine.samples_painted());
     assert!(
@@ -109,13 +109,13 @@ fn with_an_error_each_cell_stops_when_its_estimate_is_below_it_and_the_picture_i
         let other = paint(&JobSettings { agents, level, zones, ..settings.clone() });
         assert_eq!(bits(&other.film), bits(&reference.film), "{agents} agents, {level:?}, {zones:?} zones");
     }
-    // What nobody can reach ends at the most that is allowed.
+    // An unreachable error ends at the maximum of samples.
     let capped = paint(&JobSettings { goal: Goal::Error(1e-6), samples: 50, ..settings });
     assert!(sample_counts(&capped.film).iter().all(|count| *count == 50));
     assert!(capped.rows.iter().all(|row| row.error > Some(1e-6) && row.state == ZoneState::Done));
 }
 
-/// Presses the switch when so many samples are taken.
+/// Stops the job after this many samples.
 struct StopAtSamples(u64, StopSwitch);
 
 impl Observer for StopAtSamples {
@@ -159,7 +159,7 @@ fn a_time_is_filled_with_passes_over_all_zones() {
 fn a_picture_is_whole_when_its_time_is_up_amid_a_pass_and_stopped_when_the_user_says_so() {
     let goal = Goal::Time(std::time::Duration::from_millis(100));
     let settings = JobSettings { goal, samples: 1 << 20, zones: Some(6), ..settings() };
-    // Half of the first pass is painted, and nothing more until somebody ends it.
+    // Half of the first pass is painted, and nothing more until the job is stopped.
     let half = || Arc::new(FakeEngine::new(2, 0).hold_from(97 * 61 / 2));
     let report = run(&settings, half(), Arc::new(()), &StopSwitch::new(), None, None).unwrap();
     assert!(!report.stopped && report.failed.is_empty());
@@ -207,7 +207,7 @@ fn a_zone_that_fails_is_painted_by_the_next_agent() {
         assert_eq!(bits(&report.film), plain);
         report.rows.iter().map(|row| row.attempt).sum::<u32>()
     };
-    // Two failures leave nobody out. Those of one who is left out do not count against its zones.
+    // Two failures exclude no agent. Failures of an excluded agent do not count against its zones.
     assert_eq!(failing(2), 2);
     assert!(failing(7) <= 7);
 }
@@ -259,7 +259,7 @@ impl Paper {
     }
 }
 
-/// Presses the switch when so many zones are done.
+/// Stops the job after this many zones.
 struct StopAfter(usize, StopSwitch);
 
 impl Observer for StopAfter {
@@ -275,7 +275,7 @@ fn a_stopped_job_goes_on_to_the_same_bits() {
     let settings = settings();
     let whole = run(&settings, Arc::new(FakeEngine::new(2, 40)), Arc::new(()), &StopSwitch::new(), None, None);
     let whole = bits(&whole.unwrap().film);
-    // What is under way when the stop comes may be all that was left.
+    // The tasks under way at the stop may be all that was left.
     let mut has_left_some = false;
     for after in [0, 1, 3] {
         let paper = Paper::default();
@@ -297,7 +297,7 @@ fn a_stopped_job_goes_on_to_the_same_bits() {
         assert!(!resumed.stopped);
         assert!(after == 0 || engine.samples_painted() < all, "what was done is not done again");
         assert_eq!(bits(&resumed.film), whole);
-        // The journal of the whole gives the whole back without painting.
+        // The journal of a complete picture restores it without painting.
         let engine = Arc::new(FakeEngine::new(1, 40));
         let again = run(&settings, engine.clone(), Arc::new(()), &StopSwitch::new(), None, paper.kept()).unwrap();
         assert_eq!(engine.samples_painted(), 0);
@@ -317,7 +317,7 @@ fn what_was_kept_of_other_settings_is_refused() {
     assert!(matches!(refused, Err(JobError::OtherWork)));
 }
 
-/// Writes down what it is told.
+/// An observer that records all events.
 #[derive(Default)]
 struct Witness {
     analyzed: Mutex<Option<(Arc<ImportanceMap>, usize)>>,
@@ -427,7 +427,7 @@ fn what_was_learnt_changes_what_is_expected_and_no_pixel() {
     let settings = JobSettings { optimization: Optimization::VeryBig, agents: 1, ..settings() };
     let first = paint(&settings);
     let mut experience = Experience::default();
-    // A job of a millisecond teaches next to nothing: it is taken to have lasted a thousand times as long.
+    // A job of a millisecond teaches almost nothing, so its time is multiplied by a thousand.
     for mut lesson in first.lessons.into_values() {
         lesson.zones.iter_mut().for_each(|zone| zone.time *= 1000);
         experience.learn(&lesson, None);
@@ -462,7 +462,7 @@ fn zones_of_a_picture_that_was_painted_before_need_no_profile_and_have_the_same_
     let settings = JobSettings { subject, agents: 1, ..settings() };
     let (first, profiled) = paint(&settings);
     assert_eq!(profiled as usize, first.rows.len());
-    // The times of a fake engine are too short to teach: they are taken to be what the survey says, in thousands
+    // The times of a fake engine are too short to teach: they are replaced by the survey's prediction, in thousands
     let mut experience = Experience::default();
     for mut lesson in first.lessons.into_values() {
         for zone in &mut lesson.zones {

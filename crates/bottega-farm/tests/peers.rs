@@ -17,7 +17,7 @@ use proptest::prelude::*;
 
 use crate::common::survey::{survey, tunables};
 
-/// A Master over a store of its own. What it sends and begins is written down.
+/// A Master over a store of its own. Its messages and effects are recorded.
 struct Stage {
     master: Master,
     store: MemoryStore<FarmValue>,
@@ -260,7 +260,7 @@ fn who_fails_three_times_is_left_out_unless_nobody_else_is_here() {
     stage.rebirth();
     stage.subscribe("a");
     assert!(matches!(stage.sent.last().expect("an answer").content, FarmContent::LeftOut { .. }));
-    // When all others are gone it may try again: the zone that fails is then what is told.
+    // When all others are gone it may try again: then the failing zone is reported.
     stage.tell("b", Performative::Cancel, FarmContent::Unsubscription);
     let before = stage.sent.len();
     stage.subscribe("a");
@@ -278,7 +278,7 @@ fn an_order_that_stands_still_is_taken_back_and_one_that_goes_on_slowly_is_not()
         let orders = vec![Holding { zone, fence, progress }];
         FarmContent::Alive { power: RelativePower::REFERENCE, orders }
     };
-    // A step a minute for an hour.
+    // One step per minute for an hour.
     for minute in 0..60 {
         stage.now = Time::since_start(Duration::from_secs(60 * minute));
         stage.tell("a", Performative::Inform, alive(minute + 1));
@@ -323,13 +323,13 @@ fn a_message_out_of_place_is_not_understood() {
     let mut stage = Stage::new();
     stage.tell("a", Performative::Request, FarmContent::LifeCycle(LifeCycle::Terminate));
     assert_eq!(stage.last_word(), Performative::NotUnderstood);
-    // Nobody answers that one, or two agents would go on for ever.
+    // This message is not answered; otherwise two agents would exchange answers for ever.
     let before = stage.sent.len();
     stage.tell("a", Performative::NotUnderstood, FarmContent::Nothing);
     assert_eq!(stage.sent.len(), before);
 }
 
-/// An agent that knows what it can do.
+/// An agent whose benchmark is done.
 fn agent() -> RenderAgent {
     let mut agent = RenderAgent::new(RenderAgentConfig {
         id: AgentId::new("agent"),

@@ -23,7 +23,7 @@ fn run(piece: &Arc<Workpiece>, plan: &Plan) -> SimulationOutcome {
     simulate(piece, plan).unwrap_or_else(|error| panic!("seed {}: {error}", plan.seed))
 }
 
-/// Late, lost and doubled messages; agents, the Master too, that die and come back; cuts; orders that fail.
+/// Late, lost and doubled messages; agents, including the Master, that die and come back; cuts; orders that fail.
 fn troubled(seed: u64) -> Plan {
     let mut random = Random::new(seed ^ 0x5eed);
     let mut farm: FarmSpec = "2x1.0,1x0.5,1x2.0,1x0.33".parse().expect("a farm");
@@ -48,7 +48,7 @@ fn troubled(seed: u64) -> Plan {
     Plan { benchmark_error: 0.25, fetch: Duration::from_millis(50), ..trouble }
 }
 
-/// What goes wrong with agents that come back, over a thousand seeds, is in `sim`; here are those who do not.
+/// Faults of agents that come back are tested in `sim`, over a thousand seeds; here are agents that do not.
 #[test]
 fn who_goes_for_good_takes_nothing_along() {
     let mut films = 0;
@@ -67,8 +67,8 @@ fn the_same_seed_gives_the_same_run() {
     assert_eq!((first.trace, first.spans), (second.trace, second.spans));
 }
 
-/// Agents that hang while they say that they live, and such whose orders fail more often than not, among honest ones that
-/// fail now and then.
+/// Agents that hang while they send heartbeats, and agents of which most orders fail, among honest ones that
+/// fail sometimes.
 #[test]
 fn who_hangs_or_breaks_is_left_out_and_nobody_else() {
     let (mut hung, mut broken) = (0, 0);
@@ -79,7 +79,7 @@ fn who_hangs_or_breaks_is_left_out_and_nobody_else() {
         farm.incidents.push(Incident { at, agent: 5, kind: IncidentKind::Break(1.0) });
         let faults = Faults { loss: 0.05, latency_extra_mean: Duration::from_millis(20), ..Faults::NONE };
         let calm = Plan::calm(farm, seed);
-        // Where nobody takes over what a slow agent has, only its failure to go on gives it away.
+        // Without takeovers, only missing progress detects the agent.
         let plan = Plan { faults, failures: 0.002, shares_tail: seed % 2 == 0, ..calm };
         let outcome = run(&piece(400, 2.0, seed), &plan);
         assert_eq!(outcome.failed, 0, "seed {seed}");
@@ -143,7 +143,7 @@ fn where_agents_are_compared_liars_are_left_out_and_what_they_painted_is_not_in_
     eprintln!("{wrong} of {zones} zones are wrong; caught {caught:?} of 200");
     assert_eq!(caught[0], 200);
     assert!(caught[1] >= 199 && caught[2] >= 190, "{caught:?}");
-    // What is wrong was believed of one that was not caught: `simulate` has made sure of that.
+    // Wrong zones came from a believed agent that was not found: `simulate` has checked this.
     assert!(f64::from(wrong as u32) < 1e-3 * zones as f64, "{wrong} of {zones}");
 }
 
@@ -164,7 +164,7 @@ fn who_cannot_be_compared_with_anybody_is_told() {
     let plan = Plan { verify: 3, ..Plan::calm(FarmSpec::equal(2), 1) };
     let error = simulate(&piece(4, 1.0, 1), &plan).expect_err("two are not three");
     assert!(matches!(error, SimulationError::Unfinished { painted: 0, .. }), "{error}");
-    // When the third comes, they go on.
+    // When the third agent joins, the work continues.
     let mut farm = FarmSpec::equal(3);
     farm.agents[2].joins = Duration::from_secs(30);
     let outcome = run(&piece(4, 1.0, 1), &Plan { verify: 3, ..Plan::calm(farm, 1) });
@@ -193,7 +193,7 @@ fn who_cannot_finish_is_told() {
     assert!(matches!(error, SimulationError::Unfinished { zones: 16, .. }), "{error}");
 }
 
-/// Who bids for the last zone while another is expected to have it sooner is asked again when that one has ended, not at the next
+/// A bidder for the last zone that another agent is expected to finish sooner is asked again when that one has ended, not at the next
 /// heartbeat, which comes each second.
 #[test]
 fn a_short_work_does_not_wait_for_a_heartbeat() {
@@ -210,7 +210,7 @@ fn a_short_work_does_not_wait_for_a_heartbeat() {
     }
 }
 
-/// Where messages take long nobody waits for a round.
+/// With slow messages no agent waits for a round.
 #[test]
 fn who_steals_is_done_sooner_than_who_bids_where_the_way_is_long() {
     let took = |auction: AuctionRule| -> f64 {
@@ -229,7 +229,7 @@ fn who_steals_is_done_sooner_than_who_bids_where_the_way_is_long() {
     assert!(stealing < 0.75 * bidding, "{stealing} {bidding}");
 }
 
-/// A third of the agents promise to be twice as fast as they are: their clocks go too slow. It is their second work, so their
+/// A third of the agents promise twice their speed: their clocks are too slow. It is their second work, so their
 /// credit is known.
 #[test]
 fn credit_finds_out_who_promises_more_than_it_holds() {
@@ -277,7 +277,7 @@ fn rounds_have_several_bidders_and_little_time_is_lost_by_them() {
     }
 }
 
-/// Two to four unequal machines: a round is called to those with full hands, too, who bid for a zone to come after those.
+/// Two to four unequal machines: agents with full hands are called, too, and bid for a zone to paint later.
 #[test]
 fn in_a_small_society_most_rounds_have_several_bidders_and_zones_are_outbid() {
     for spec in ["1x1.0,1x0.5", "1x1.0,1x0.25", "1x1.0,1x0.5,1x0.25", "1x4.0,2x1.0", "2x1.0,1x0.5,1x0.25"] {
@@ -306,7 +306,7 @@ fn a_single_agent_has_no_auction() {
     assert!(outcome.rounds.is_empty(), "{:?}", outcome.rounds);
 }
 
-/// An agent that reads the scene while it profiles its first zone, and takes that for painting: seen with a stranger's Mitsuba, which
+/// An agent that reads the scene while it profiles its first zone, and reports that as painting: seen with a stranger's Mitsuba, which
 /// gained 128 s of credit in a picture of 25 s.
 #[test]
 fn who_takes_loading_for_painting_gains_no_more_than_its_zones_are_worth() {
@@ -316,7 +316,7 @@ fn who_takes_loading_for_painting_gains_no_more_than_its_zones_are_worth() {
         let outcome = run(&piece, &Plan::calm(farm, seed));
         let all: f64 = piece.zone_seconds().sum();
         let gained = outcome.agents[3].credit.sum;
-        // T_est of the zone was some 130 s more than it takes: what is earned is one zone at most.
+        // T_est of the zone was some 130 s too long: the credit is one zone at most.
         assert!(gained < 3.0 * all / 24.0, "seed {seed}: {gained} s");
     }
 }

@@ -59,7 +59,7 @@ pub(crate) fn aggregate(accumulation: Accumulation, range: (f64, f64), activated
     Aggregate::Linear(corners)
 }
 
-/// True if a corner lies on the line between its neighbors, and can be dropped.
+/// Returns true if a corner lies on the line between its neighbors, and can be dropped.
 fn lies_between((x, y): (f64, f64), (x0, y0): (f64, f64), (x1, y1): (f64, f64)) -> bool {
     /// Far below any visible difference, far above rounding errors.
     const TOLERANCE: f64 = 1e-12;
@@ -127,7 +127,7 @@ fn of_singletons(method: Method, accumulation: Accumulation, mut heights: Vec<(f
     })
 }
 
-/// The aggregate as linear pieces that cover the range from left to right.
+/// Returns the aggregate as linear pieces that cover the range from left to right.
 fn pieces(accumulation: Accumulation, range: (f64, f64), activated: &[ActiveOutput<'_>]) -> Vec<AggregatePiece> {
     // Cut the range wherever one of the functions bends
     let mut cuts = vec![range.0, range.1];
@@ -164,7 +164,7 @@ fn pieces(accumulation: Accumulation, range: (f64, f64), activated: &[ActiveOutp
     pieces
 }
 
-/// The values of an activated term right of `x0` and left of `x1`, between which it is linear.
+/// Returns the values of an activated term right of `x0` and left of `x1`, between which it is linear.
 fn line(one: &ActiveOutput<'_>, x0: f64, x1: f64) -> Option<(f64, f64)> {
     let Membership::Linear(points) = one.term else { return None };
     let (y0, y1) = (right_limit(points, x0), left_limit(points, x1));
@@ -174,7 +174,7 @@ fn line(one: &ActiveOutput<'_>, x0: f64, x1: f64) -> Option<(f64, f64)> {
     })
 }
 
-/// The x where the line between two points crosses a height, strictly between them.
+/// Returns the x where the line between two points crosses a height, strictly between them.
 fn crossing((x0, y0): (f64, f64), (x1, y1): (f64, f64), height: f64) -> Option<f64> {
     let crosses = (y0 < height && height < y1) || (y1 < height && height < y0);
     let x = x0 + (x1 - x0) * ((height - y0) / (y1 - y0));
@@ -255,7 +255,7 @@ fn center_of_area(pieces: &[AggregatePiece]) -> Option<f64> {
     None
 }
 
-/// The leftmost and the rightmost point of the aggregate's maximum.
+/// Returns the leftmost and the rightmost point of the aggregate's maximum.
 fn maximum(pieces: &[AggregatePiece]) -> Option<(f64, f64)> {
     /// Heights that differ by less are equal: a truncated plateau is computed from several pieces.
     const TOLERANCE: f64 = 1e-12;

@@ -8,18 +8,18 @@ use crate::{
 /// A linguistic value of a variable, such as `big`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
-    /// Its name, as written; compared without case.
+    /// The name of the term, as written; compared without case.
     pub name: String,
     /// The degree to which numbers belong to it.
     pub membership: Membership,
 }
 
-/// An input variable.
+/// An input variable of a block, with its linguistic values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InputVariable {
-    /// Its name, as written; compared without case.
+    /// The name of the variable, as written; compared without case.
     pub name: String,
-    /// Its linguistic values.
+    /// The linguistic values of the variable.
     pub terms: Vec<Term>,
     /// The declared interval. `None`: from the least to the greatest point of the terms.
     pub range: Option<(f64, f64)>,
@@ -27,12 +27,12 @@ pub struct InputVariable {
     pub(crate) found: Option<(f64, f64)>,
 }
 
-/// An output variable.
+/// An output variable of a block, with its linguistic values and its method of defuzzification.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutputVariable {
-    /// Its name, as written; compared without case.
+    /// The name of the variable, as written; compared without case.
     pub name: String,
-    /// Its linguistic values: all singletons, or none.
+    /// The linguistic values of the variable: all singletons, or none.
     pub terms: Vec<Term>,
     /// The declared interval. `None`: from the least to the greatest point of the terms.
     pub range: Option<(f64, f64)>,
@@ -40,7 +40,7 @@ pub struct OutputVariable {
     pub method: Method,
     /// The accumulation, if declared at the output and not at the rules.
     pub accumulation: Option<Accumulation>,
-    /// Its value if no rule fires. `None`: no change.
+    /// The value of the variable if no rule fires. `None`: no change.
     pub default: Option<f64>,
 }
 
@@ -74,20 +74,20 @@ pub struct Conclusion {
 /// A rule: IF condition THEN conclusions WITH weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rule {
-    /// Its number or name, as written.
+    /// The number or name of the rule, as written.
     pub label: String,
-    /// The condition.
+    /// The condition after `IF`.
     pub condition: Condition,
-    /// The conclusions.
+    /// The conclusions after `THEN`.
     pub conclusions: Vec<Conclusion>,
-    /// The factor on its degree, 0..=1.
+    /// The factor on the rule's degree, 0..=1.
     pub weight: f64,
 }
 
 /// A block of rules with common operators.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RuleBlock {
-    /// Its name, as written.
+    /// The name of the block, as written.
     pub name: String,
     /// The operator for AND.
     pub and: And,
@@ -97,7 +97,7 @@ pub struct RuleBlock {
     pub activation: Activation,
     /// The accumulation, for outputs that declare none.
     pub accumulation: Accumulation,
-    /// The rules.
+    /// The rules, in the order of the file.
     pub rules: Vec<Rule>,
 }
 
@@ -134,37 +134,37 @@ pub enum LayoutError {
 }
 
 impl FunctionBlock {
-    /// The name of the block; may be empty.
+    /// Returns the name of the block; may be empty.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The inputs in order of declaration.
+    /// Returns the inputs in order of declaration.
     pub fn inputs(&self) -> &[InputVariable] {
         &self.inputs
     }
 
-    /// The outputs in order of declaration.
+    /// Returns the outputs in order of declaration.
     pub fn outputs(&self) -> &[OutputVariable] {
         &self.outputs
     }
 
-    /// The blocks of rules, in order of declaration.
+    /// Returns the blocks of rules, in order of declaration.
     pub fn rule_blocks(&self) -> &[RuleBlock] {
         &self.rule_blocks
     }
 
-    /// All rules of all blocks, in order.
+    /// Returns all rules of all blocks, in order.
     pub fn rules(&self) -> impl Iterator<Item = &Rule> {
         self.rule_blocks.iter().flat_map(|block| &block.rules)
     }
 
-    /// The index of an input in [`Self::inputs`], by its name without case.
+    /// Returns the index of an input in [`Self::inputs`], by its name without case.
     pub fn input_index(&self, name: &str) -> Option<usize> {
         self.inputs.iter().position(|input| input.name.eq_ignore_ascii_case(name))
     }
 
-    /// The index of an output in [`Self::outputs`], by its name without case.
+    /// Returns the index of an output in [`Self::outputs`], by its name without case.
     pub fn output_index(&self, name: &str) -> Option<usize> {
         self.outputs.iter().position(|output| output.name.eq_ignore_ascii_case(name))
     }
@@ -186,7 +186,7 @@ impl FunctionBlock {
     }
 }
 
-/// The interval from the least to the greatest point of the terms.
+/// Returns the interval from the least to the greatest point of the terms.
 fn extent(terms: &[Term]) -> (f64, f64) {
     terms
         .iter()
@@ -196,17 +196,17 @@ fn extent(terms: &[Term]) -> (f64, f64) {
 }
 
 impl InputVariable {
-    /// The interval in which the terms are declared.
+    /// Returns the interval in which the terms are declared.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }
 
-    /// The interval over which the terms lie: the one found at run time, or else the declared one.
+    /// Returns the interval over which the terms lie: the one found at run time, or else the declared one.
     pub fn interval(&self) -> (f64, f64) {
         self.found.unwrap_or_else(|| self.declared_range())
     }
 
-    /// The degree of each of its terms at a value, 0..=1, in order.
+    /// Returns the degree of each of its terms at a value, 0..=1, in order.
     pub fn grades(&self, value: f64) -> Vec<f64> {
         let x = self.to_declared(value);
         self.terms.iter().map(|term| term.membership.degree(x)).collect()
@@ -232,7 +232,7 @@ impl InputVariable {
 }
 
 impl OutputVariable {
-    /// The interval of defuzzification.
+    /// Returns the interval of defuzzification.
     pub fn declared_range(&self) -> (f64, f64) {
         self.range.unwrap_or_else(|| extent(&self.terms))
     }

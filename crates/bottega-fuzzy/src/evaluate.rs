@@ -38,13 +38,13 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// The value of an output, by its name without case. `None`: there is no such output, or no rule on it fired and it
-    /// has no default.
+    /// Returns the value of an output, by its name without case. `None`: there is no such output, or no rule on it
+    /// fired and it has no default.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.values[self.names.iter().position(|output| output.eq_ignore_ascii_case(name))?]
     }
 
-    /// The values in the order of [`FunctionBlock::outputs`].
+    /// Returns the values in the order of [`FunctionBlock::outputs`].
     pub fn values(&self) -> &[Option<f64>] {
         &self.values
     }
@@ -64,9 +64,9 @@ impl Outputs {
 pub struct FiredRule {
     /// The rule's label.
     pub label: String,
-    /// The degree of its condition times its weight; above 0.
+    /// The degree of the rule's condition times its weight; above 0.
     pub degree: f64,
-    /// Its conclusions, as `output IS term`.
+    /// The conclusions of the rule, as `output IS term`.
     pub conclusions: Vec<String>,
 }
 
@@ -145,7 +145,7 @@ impl FunctionBlock {
         values.into_iter().enumerate().map(|(index, value)| value.ok_or_else(|| missing(index))).collect()
     }
 
-    /// Fuzzification: the degree of each term of each input.
+    /// Fuzzifies: returns the degree of each term of each input.
     fn grades(&self, values: &[f64]) -> Result<Vec<Vec<f64>>, EvaluateError> {
         if values.len() != self.inputs.len() {
             return Err(EvaluateError::WrongCount { given: values.len(), wanted: self.inputs.len() });
@@ -160,7 +160,7 @@ impl FunctionBlock {
         Ok(grades)
     }
 
-    /// The weighted degree of each rule.
+    /// Returns the weighted degree of each rule.
     fn degrees(&self, grades: &[Vec<f64>]) -> Vec<f64> {
         let grade = |input: usize, term: usize| grades[input][term];
         let of = |block: &RuleBlock, condition: &Condition| degree(block, condition, &grade);
@@ -181,7 +181,7 @@ impl FunctionBlock {
         defuzzify(output.method, accumulation, output.declared_range(), &activated).or(output.default)
     }
 
-    /// The activated terms of an output, with their accumulation.
+    /// Returns the activated terms of an output, with their accumulation.
     fn activated(&self, index: usize, degrees: &[f64]) -> (Accumulation, Vec<ActiveOutput<'_>>) {
         let output = &self.outputs[index];
         let accumulation = self.accumulation_of(index);
@@ -196,7 +196,7 @@ impl FunctionBlock {
         (accumulation, activated)
     }
 
-    /// The accumulation of an output: its own, or else that of the first block with rules on it.
+    /// Returns the accumulation of an output: its own, or else that of the first block with rules on it.
     pub(crate) fn accumulation_of(&self, index: usize) -> Accumulation {
         let speaks = |block: &&RuleBlock| {
             block.rules.iter().any(|rule| rule.conclusions.iter().any(|conclusion| conclusion.output == index))
@@ -221,7 +221,7 @@ fn add<'a>(accumulation: Accumulation, one: ActiveOutput<'a>, activated: &mut Ve
     }
 }
 
-/// The degree to which a condition holds.
+/// Returns the degree to which a condition holds.
 ///
 /// - `grade`: the degree of a term of an input, by their indices.
 pub(crate) fn degree(block: &RuleBlock, condition: &Condition, grade: &impl Fn(usize, usize) -> f64) -> f64 {

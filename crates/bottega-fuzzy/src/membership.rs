@@ -11,7 +11,7 @@ pub enum Membership {
 }
 
 impl Membership {
-    /// The degree at `x`, 0..=1.
+    /// Returns the degree at `x`, 0..=1.
     pub fn degree(&self, x: f64) -> f64 {
         match self {
             Self::Singleton(at) => f64::from(u8::from(x == *at)),
@@ -19,7 +19,7 @@ impl Membership {
         }
     }
 
-    /// The least and the greatest x of its points.
+    /// Returns the least and the greatest x of its points.
     pub(crate) fn extent(&self) -> (f64, f64) {
         match self {
             Self::Singleton(at) => (*at, *at),
@@ -28,17 +28,17 @@ impl Membership {
     }
 }
 
-/// The limit from the right at `x`, which is also the value there.
+/// Returns the limit from the right at `x`, which is also the value there.
 pub(crate) fn right_limit(points: &[(f64, f64)], x: f64) -> f64 {
     between(points, points.partition_point(|point| point.0 <= x), x)
 }
 
-/// The limit from the left at `x`.
+/// Returns the limit from the left at `x`.
 pub(crate) fn left_limit(points: &[(f64, f64)], x: f64) -> f64 {
     between(points, points.partition_point(|point| point.0 < x), x)
 }
 
-/// The value at `x`, between the point before `next` and the point `next`.
+/// Returns the value at `x`, between the point before `next` and the point `next`.
 fn between(points: &[(f64, f64)], next: usize, x: f64) -> f64 {
     if next == 0 {
         return points[0].1;

@@ -64,7 +64,7 @@ pub enum Method {
 }
 
 impl And {
-    /// Combines two degrees.
+    /// Combines two degrees, each 0..=1, by the conjunction.
     pub fn join(self, a: f64, b: f64) -> f64 {
         match self {
             Self::Min => a.min(b),
@@ -73,7 +73,7 @@ impl And {
         }
     }
 
-    /// The dual conorm, with which De Morgan's laws hold.
+    /// Returns the dual conorm, with which De Morgan's laws hold.
     pub fn dual(self) -> Or {
         match self {
             Self::Min => Or::Max,
@@ -84,7 +84,7 @@ impl And {
 }
 
 impl Or {
-    /// Combines two degrees.
+    /// Combines two degrees, each 0..=1, by the disjunction.
     pub fn join(self, a: f64, b: f64) -> f64 {
         match self {
             Self::Max => a.max(b),
@@ -94,7 +94,7 @@ impl Or {
         }
     }
 
-    /// The dual norm, with which De Morgan's laws hold.
+    /// Returns the dual norm, with which De Morgan's laws hold.
     pub fn dual(self) -> And {
         match self {
             Self::Max => And::Min,
@@ -107,10 +107,10 @@ impl Or {
 macro_rules! words {
     ($type:ident { $($variant:ident = $word:literal),+ }) => {
         impl $type {
-            /// All variants.
+            /// All variants, in the order of their declaration.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// Its keyword in FCL.
+            /// Returns the keyword of the operator in FCL.
             pub fn word(self) -> &'static str {
                 match self { $(Self::$variant => $word),+ }
             }

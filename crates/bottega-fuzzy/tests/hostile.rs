@@ -1,4 +1,4 @@
-//! No text makes the reader panic, run on, or point outside of what it read.
+//! No text makes the reader panic, run for ever, or report a position outside of the text.
 
 use bottega_fuzzy::{FclError, Limits, parse_document};
 use proptest::prelude::*;
@@ -90,7 +90,7 @@ fn the_largest_texts_end_soon() {
     ] {
         survives(&unit.repeat(Limits::TEXT_BYTES_MAX / unit.len()));
     }
-    // As many inputs with as many points as there may be, and a rule on each two of them.
+    // The maximum numbers of inputs and points, and a rule on each pair.
     let points: String = (0..Limits::POINTS_MAX).map(|i| format!("({i},{})", i % 2)).collect();
     let inputs: String = (0..Limits::VARIABLES_MAX).map(|i| format!("v{i} : REAL; ")).collect();
     let terms: String = (0..4).map(|k| format!("TERM t{k} := {points}; ")).collect();

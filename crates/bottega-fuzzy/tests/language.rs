@@ -88,8 +88,8 @@ fn norms_given_by_half_imply_their_partner_and_strangers_are_refused() {
     assert!(error.to_string().contains("AND : PROD goes with OR : ASUM"), "{error}");
 }
 
-/// Every mistake worth a message, as a change of the example: what is put for what, where in that (or behind it) the
-/// mistake is seen, and what is said of it.
+/// Every error with a message of its own, as a change of the example: the replacement, the position in it (or behind it) of the
+/// error, and the message.
 #[test]
 fn mistakes_are_told_with_line_and_column() {
     for (from, to, seen_at, expected) in [
@@ -138,7 +138,7 @@ fn mistakes_are_told_with_line_and_column() {
     let early =
         FunctionBlock::parse(&LAMP.replacen("DEFUZZIFY ls", "RULEBLOCK r RULE 1 : IF c IS S THEN ls IS few;", 1));
     assert!(early.unwrap_err().to_string().ends_with("the output `ls` is used in a rule before it is defuzzified"));
-    // Without METHOD, and with terms of two kinds, the mistake is in no one place.
+    // Without METHOD, and with terms of two kinds, the error has no single position.
     let no_method = FunctionBlock::parse(&LAMP.replace("METHOD : COG;", "")).unwrap_err();
     assert_eq!(no_method.to_string(), "line 12, column 11: the output `ls` has no METHOD");
     let mixed = FunctionBlock::parse(&LAMP.replace("(16, 1) (64, 1) (192, 0)", "16")).unwrap_err();

@@ -1,6 +1,6 @@
 //! Inference beside an independent library's: every operator, every method, and the rules that come with the program.
-//! `data/reference.py` says which library, and where its definitions are others. `cargo xtask fuzzy-reference` makes
-//! the numbers anew.
+//! `data/reference.py` names the library, and the differences in its definitions. `cargo xtask fuzzy-reference` makes
+//! the numbers again.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -28,7 +28,7 @@ fn rows(value: &Value) -> Vec<Vec<f64>> {
     value.as_array().unwrap().iter().map(numbers).collect()
 }
 
-/// Puts other words for those of the text: `ACT : PROD;` for `ACT : MIN;`.
+/// Replaces words of the text: `ACT : PROD;` for `ACT : MIN;`.
 fn exchanged(text: &str, put: &Value) -> String {
     put.as_object().unwrap().iter().fold(text.to_owned(), |text, (name, word)| {
         let start = text.find(&format!("{name} : ")).unwrap() + name.len() + 3;

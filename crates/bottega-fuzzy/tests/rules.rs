@@ -26,7 +26,7 @@ fn photon_mapping() -> FunctionBlock {
     read("photon-mapping.fcl")
 }
 
-/// What the outputs for the width of a band begin with.
+/// Beginning of the names of outputs for the width of a band.
 const BAND: &str = "interpolation_band";
 const INPUTS: [&str; 4] = ["complexity", "neighbor_difference", "size", "optimization_level"];
 

@@ -1,4 +1,4 @@
-//! Verification of rule bases: what it tells, and what it does not.
+//! Verification of rule bases: its warnings, and cases without a warning.
 
 use bottega_fuzzy::{Limits, parse_document};
 
@@ -7,18 +7,18 @@ fn lamp() -> String {
     include_str!("lamp_choice.fcl").replace("op IS NOT N", "op IS VB")
 }
 
-/// The warnings of a text, as they are shown.
+/// Returns the warnings of a text, as displayed.
 fn told(text: &str) -> Vec<String> {
     parse_document(text).unwrap().verify().iter().map(ToString::to_string).collect()
 }
 
-/// The warnings of the example when something is put for something else in it.
+/// Returns the warnings of the example after a replacement in it.
 fn told_after(from: &str, to: &str) -> Vec<String> {
     assert!(lamp().contains(from), "{from} is not in the example");
     told(&lamp().replacen(from, to, 1))
 }
 
-/// The example with these rules and without a default.
+/// Returns the example with these rules and without a default.
 fn with_rules(rules: &str) -> String {
     let lamp = lamp();
     let start = lamp.find("RULE 1").unwrap();

@@ -183,6 +183,8 @@ impl Context {
 pub(crate) struct MemoryScope(wgpu::ErrorScopeGuard);
 
 impl MemoryScope {
+    /// Ends the scope.
+    ///
     /// # Errors
     /// The device ran out of memory since the scope began.
     pub(crate) fn end(self) -> Result<(), GpuError> {
@@ -193,7 +195,7 @@ impl MemoryScope {
     }
 }
 
-/// The binding type of a storage array.
+/// Returns the binding type of a storage array.
 pub(crate) fn storage(read_only: bool) -> wgpu::BufferBindingType {
     wgpu::BufferBindingType::Storage { read_only }
 }

@@ -17,7 +17,8 @@ impl Shape {
         }
     }
 
-    /// True if the shader can intersect the shape without computing infinities or NaN. Other shapes are never hit.
+    /// Returns true if the shader can intersect the shape without computing infinities or NaN. Other shapes are never
+    /// hit.
     fn is_bounded(&self) -> bool {
         let (min, max) = match self.outline() {
             Outline::Within(Aabb { min, max }) => (min, max),

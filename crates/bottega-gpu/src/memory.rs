@@ -10,9 +10,9 @@ use wgpu::Adapter;
 /// The memory of an adapter, in bytes: the largest of its device-local heaps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AdapterMemory {
-    /// The size of the heap.
+    /// The size of the heap, in bytes.
     pub total: u64,
-    /// The part that this process can still use without evicting others; `None`: the driver does not report it.
+    /// The bytes that this process can still use without evicting other data; `None`: the driver does not report them.
     pub free: Option<u64>,
 }
 

@@ -52,6 +52,9 @@ pub struct GpuRays {
 
 impl GpuRays {
     /// Puts the shapes of `scene` on a GPU. `Hit::instance` indexes [`Scene::instances`].
+    ///
+    /// # Errors
+    /// [`GpuError::AlphaTested`]: a material is cut out by a texture; or those of [`Self::from_geometry`].
     pub fn new(scene: &Scene, options: &GpuOptions) -> Result<Self, GpuError> {
         if let Some(material) = cut_out(scene).filter(|_| !options.ignore_alpha) {
             return Err(GpuError::AlphaTested(material));
@@ -61,6 +64,9 @@ impl GpuRays {
     }
 
     /// Puts shapes on a GPU, with the arguments and the numbering of [`bottega_kernels::Accel::build`].
+    ///
+    /// # Errors
+    /// There is no such adapter, the shapes do not fit into its memory, or the device is lost.
     pub fn from_geometry(
         meshes: &[MeshGeometry<'_>],
         instances: &[InstanceGeometry],
@@ -106,6 +112,9 @@ impl GpuRays {
     ///
     /// - `any`: `true` measures occlusion, `false` closest hits.
     /// - `passes`: the number of timed passes over the rays.
+    ///
+    /// # Errors
+    /// The device is lost.
     pub fn rate(&mut self, rays: &[Ray], any: bool, passes: u32) -> Result<f64, GpuError> {
         let rays = &rays[..rays.len().min(self.tile_rays)];
         let time = self.device()?.time(rays, any, passes)?;

@@ -1,4 +1,4 @@
-//! Rays on a real device, or on Mesa's llvmpipe where there is none. Skipped, loudly, where there is neither.
+//! Rays on a real device, or on Mesa's llvmpipe. Skipped with a message if there is neither.
 
 use std::process::Command;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use bottega_hra::{Hra, HraConfig, Primitive, PrimitiveSet, RayQuery, RayWork, Re
 use bottega_kernels::{Accel, BuildOptions, Hit, InstanceGeometry, MeshGeometry, Ray, SphereGeometry};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 
-/// Options that name what `BOTTEGA_GPU` names, or llvmpipe, or any adapter that is there; none where there is none.
+/// Returns options for the adapter that `BOTTEGA_GPU` names, or llvmpipe, or any; `None` if there is no adapter.
 fn options() -> Option<GpuOptions> {
     if let Ok(name) = std::env::var("BOTTEGA_GPU") {
         return Some(GpuOptions { adapter: Some(name), ..GpuOptions::default() });
@@ -154,7 +154,7 @@ fn brute_force(ray: &Ray, mesh: &MeshGeometry<'_>) -> Option<f64> {
     found
 }
 
-/// Compares with what is right: at most one ray in ten thousand may hit where the other misses or lies elsewhere.
+/// Compares with the correct hits: at most one ray in ten thousand may hit where the other misses or lies elsewhere.
 fn check_hits(hits: &[Hit], right: impl Fn(usize) -> Option<f64>) {
     let differs = |hit: &Hit, right: Option<f64>| match (hit.is_some(), right) {
         (true, Some(t)) => (f64::from(hit.t) - t).abs() > 1e-4 * t.abs(),

@@ -15,7 +15,7 @@ use bottega_render::{BlockWork, PathSettings, PrepareOptions, PreparedScene, Ren
 use bottega_scene::{Camera, Environment, Material, Medium, Mesh, Scene};
 use glam::{Affine3A, Vec3};
 
-/// Options that name what `BOTTEGA_GPU` names, or llvmpipe, or any adapter that is there; none where there is none.
+/// Returns options for the adapter that `BOTTEGA_GPU` names, or llvmpipe, or any; `None` if there is no adapter.
 fn options() -> Option<PathOptions> {
     if let Ok(name) = std::env::var("BOTTEGA_GPU") {
         return Some(PathOptions { adapter: Some(name), ..PathOptions::default() });
@@ -55,7 +55,7 @@ fn a_processor_and_a_device_paint_one_picture() {
     let settings = Arc::new(PathSettings { guiding: false, max_depth: 4, ..PathSettings::default() });
     let gpu = GpuPaths::new(&scene, &options).unwrap();
     let window = Window { packets: 2, units_per_packet: 8, ..Window::default() };
-    // However slow the device is, it has done something before the processor goes on.
+    // The device has done a unit before the processor continues, however slow it is.
     let (tell, device_is_through) = mpsc::channel::<()>();
     let device_is_through = Arc::new(Mutex::new(device_is_through));
     let cpu = VirtualCpu::lanes(1, move |work: RenderWork| {
@@ -127,7 +127,7 @@ fn compiled_kernels_are_kept_for_the_next_time() {
         eprintln!("skipped: this driver keeps no kernels");
         return;
     }
-    // What was kept is taken, or overwritten where the driver says that it is not its own.
+    // The stored kernels are used, or overwritten if the driver does not accept them.
     drop(GpuPaths::new(&scene, &options).unwrap());
     assert_eq!(kept(), first);
     for file in files() {

@@ -1,5 +1,5 @@
-//! Scene files on a device against the processor: the same samples, so nearly the same picture. Those in the repository, and
-//! with `BOTTEGA_SCENES` those that lie there; `BOTTEGA_PICTURES` names a folder for the pictures of both.
+//! Scene files on a device against the processor: the same samples, so nearly the same picture. The files of the repository, and
+//! with `BOTTEGA_SCENES` those of that folder; `BOTTEGA_PICTURES` names a folder for the pictures of both.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,15 +15,15 @@ use bottega_scene::LoadOptions;
 const WIDTH: u32 = 64;
 const HEIGHT: u32 = 48;
 const SAMPLES: u32 = 16;
-/// Share of pixels that may differ by more than a hundredth of what is there: paths that graze an edge or meet a facet of glass
+/// Share of pixels that may differ by more than a hundredth of their value: paths that graze an edge or meet a facet of glass
 /// at its rim go another way.
 const DIFFERING_MAX: f64 = 0.05;
 /// Share of pixels that the z-test may reject; Mitsuba's tests have the same.
 const REJECTED_MAX: f64 = 0.0025;
-/// How much more than two seeds of the processor, seen by the eye, its picture and the device's may differ where a last bit decides
+/// Largest perceived difference of the processor's and the device's picture, beyond that of two seeds, where a last bit decides
 /// on the way of many paths: which triangle of a lamp is drawn, say.
 const NOISE_RATIO_MAX: f64 = 1.15;
-/// Greatest mean difference as it is seen.
+/// Greatest mean perceived difference (FLIP).
 const FLIP_MAX: f64 = 0.02;
 
 fn options() -> Option<PathOptions> {
@@ -37,7 +37,7 @@ fn options() -> Option<PathOptions> {
     chosen.map(|adapter| PathOptions { adapter: Some(adapter), timeout, ..PathOptions::default() })
 }
 
-/// A picture by both.
+/// A picture by the processor and by the device.
 struct Pair {
     device: Tile,
     processor: Tile,
@@ -85,7 +85,7 @@ impl Pair {
         [&self.device, &self.processor].map(film)
     }
 
-    /// How much two pictures of the processor differ, as it is seen.
+    /// The perceived difference of two pictures of the processor.
     fn noise(self) -> f64 {
         let other = self.again.perform().expect("a picture").tile;
         seen(&film(&self.processor), &film(&other))
@@ -101,7 +101,7 @@ impl Pair {
         let mean = pairs.iter().map(|(a, b)| a - b).sum::<f64>() / count;
         let variance = pairs.iter().map(|(a, b)| (a - b - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let whole = pairs.iter().map(|(_, b)| b).sum::<f64>() / count;
-        // Differences that nobody could ever see do not count, however sure it is that they are there.
+        // Invisible differences do not count, even if they are significant.
         let error = (variance / count).sqrt().max(1e-4 * whole);
         (differing as f64 / count, if error > 0.0 { mean / error } else { 0.0 })
     }
@@ -117,7 +117,7 @@ fn seen(reference: &Film, film: &Film) -> f64 {
     flip(&reference.to_picture(), &film.to_picture(), &FlipOptions::default()).expect("pictures of one size").mean
 }
 
-/// Paints a scene by both; tells what is wrong.
+/// Renders a scene by both. Returns a description of the fault, if there is one.
 fn compare(path: &Path, options: &PathOptions) -> Option<String> {
     let parts: Vec<_> = path.iter().rev().take(3).map(|part| part.to_string_lossy()).collect();
     let name = parts.into_iter().rev().collect::<Vec<_>>().join("-");

@@ -11,7 +11,7 @@ use glam::{Affine3A, Vec3};
 
 const SIDE: u32 = 32;
 
-/// What `BOTTEGA_GPU` names, or llvmpipe, or any adapter that is there; none where there is none.
+/// The adapter that `BOTTEGA_GPU` names, or llvmpipe, or any; `None` if there is no adapter.
 fn adapter() -> Option<GpuAdapter> {
     let there = adapters();
     let software = there.iter().find(|adapter| adapter.name.contains("llvmpipe"));
@@ -56,7 +56,7 @@ fn work(scene: &Arc<PreparedScene>, rect: Rect) -> RenderWork {
     })
 }
 
-/// A device with so much memory for scenes, beside as many processors.
+/// Makes a device with this much memory for scenes, beside this many processors.
 struct Bench {
     hra: Hra<RenderWork>,
     scenes: GpuScenes,
@@ -82,7 +82,7 @@ impl Bench {
         }
     }
 
-    /// Paints a scene; the picture must be right. How many blocks the device painted.
+    /// Renders a scene and checks the picture. Returns the number of blocks that the device rendered.
     fn paint(&self, scene: &Arc<PreparedScene>) -> usize {
         let whole = Rect::new(0, 0, SIDE, SIDE);
         let client = self.hra.client();
@@ -121,7 +121,7 @@ fn nothing_is_sent_twice_that_fits() {
         assert_eq!(bench.paint(scene), 16);
     }
     let both = bench.bytes(0) + bench.bytes(1);
-    // What two scenes have in common is there once.
+    // Arrays that two scenes share are stored once.
     assert!(bench.scenes.sent_bytes() <= both, "{} of {both}", bench.scenes.sent_bytes());
     assert!(bench.scenes.sent_bytes() > bench.bytes(0));
     assert_eq!(bench.hra.report().resources[0].resident_bytes, both);
@@ -178,7 +178,7 @@ fn what_did_not_change_from_frame_to_frame_is_sent_once() {
 fn a_device_whose_memory_is_short_of_what_was_promised_gives_the_work_back() {
     let Some(adapter) = adapter() else { return };
     let [a, b] = scenes();
-    // The allocator is told of more than there is: as where another program takes memory meanwhile.
+    // The allocator gets a larger size than there is, as if another program had taken memory meanwhile.
     let options = PathOptions { memory: Some(1000), paths: 1 << 12, ..PathOptions::default() };
     let gpu = GpuPaths::open(adapter.clone(), &options).unwrap();
     gpu.scenes().admit(&adapter.encode(&b).unwrap()).unwrap();
@@ -199,7 +199,7 @@ fn a_device_whose_memory_is_short_of_what_was_promised_gives_the_work_back() {
     assert!(told, "{:?}", bench.hra.report().incidents);
 }
 
-/// Says that it has any amount of memory.
+/// A device that reports unlimited memory.
 struct Boaster(GpuPaths);
 
 impl bottega_hra::WindowedResource<RenderWork> for Boaster {

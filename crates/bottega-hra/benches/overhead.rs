@@ -58,7 +58,7 @@ fn processor_time() -> Option<Duration> {
     Some(Duration::from_secs_f64(ticks / TICKS_A_SECOND))
 }
 
-/// How a thread submits and takes.
+/// The way in which a thread submits units and takes answers.
 #[derive(Clone, Copy)]
 enum Way {
     /// A unit and an answer at a time, some thousand under way.

@@ -16,7 +16,7 @@ use crate::{Completed, SubmitError, TrySubmit, Work, WorkUnit};
 /// answers, but not submit units.
 pub struct HraClient<W: Work> {
     handle: Arc<ClientHandle<W>>,
-    /// The inlet of its units; different for each clone, to avoid lock contention.
+    /// The inlet of the client's units; different for each clone, to avoid lock contention.
     inlet: usize,
 }
 
@@ -38,7 +38,7 @@ impl<W: Work> LifeTime<W> {
         }
     }
 
-    /// True if the client is gone.
+    /// Returns true if the client is gone.
     pub fn is_over(&self) -> bool {
         self.0.strong_count() == 0
     }
@@ -76,12 +76,15 @@ impl<W: Work> HraClient<W> {
         self.handle.expire();
     }
 
-    /// A handle to end the life time of this client's units.
+    /// Returns a handle to end the life time of this client's units.
     pub fn life_time(&self) -> LifeTime<W> {
         LifeTime(Arc::downgrade(&self.handle))
     }
 
     /// Puts a unit into the work bin; blocks while the bin is full.
+    ///
+    /// # Errors
+    /// No resource supports the primitive or has room for the data of the unit, or the allocator is closed.
     pub fn submit(&self, unit: WorkUnit<W>) -> Result<(), SubmitError> {
         self.handle.shared.submit(&self.as_submitter(), unit)
     }
@@ -90,11 +93,17 @@ impl<W: Work> HraClient<W> {
     ///
     /// If any of them is supported by no resource, none is accepted. If the allocator is shut down while the call
     /// blocks, units accepted so far are answered, the others are dropped.
+    ///
+    /// # Errors
+    /// As for [`Self::submit`].
     pub fn submit_group(&self, units: Vec<WorkUnit<W>>) -> Result<(), SubmitError> {
         self.handle.shared.submit_group(&self.as_submitter(), units)
     }
 
     /// Puts a unit into the work bin if there is room.
+    ///
+    /// # Errors
+    /// As for [`Self::submit`]; or the bin is full. Both give the unit back.
     pub fn try_submit(&self, unit: WorkUnit<W>) -> Result<(), TrySubmit<W>> {
         self.handle.shared.try_submit(&self.as_submitter(), unit)
     }
@@ -114,7 +123,7 @@ impl<W: Work> HraClient<W> {
         self.handle.results.take_many(max, None)
     }
 
-    /// Number of units submitted, or being submitted, without an answer taken.
+    /// Returns the number of units submitted, or being submitted, without an answer taken.
     pub fn outstanding(&self) -> usize {
         self.handle.results.outstanding()
     }

@@ -186,7 +186,7 @@ fn colour(activity: Activity) -> &'static str {
     }
 }
 
-/// A name as XML text, without illegal characters.
+/// Returns a name as XML text, without illegal characters.
 fn escaped(name: &str, length_max: usize) -> String {
     let mut out = String::new();
     for c in name.chars().take(length_max) {

@@ -39,12 +39,12 @@ impl Primitive {
         Self::SensorBatch,
     ];
 
-    /// The index in [`Primitive::ALL`], for tables with an entry per primitive.
+    /// Returns the index in [`Primitive::ALL`], for tables with an entry per primitive.
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// The name for users.
+    /// Returns the name for users.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Intersect => "intersect",
@@ -71,26 +71,26 @@ pub struct PrimitiveSet(u8);
 impl PrimitiveSet {
     /// The empty set.
     pub const NONE: Self = Self(0);
-    /// All primitives.
+    /// The set of all primitives.
     pub const ALL: Self = Self((1 << Primitive::COUNT) - 1);
 
-    /// The set with `primitive` added.
+    /// Returns the set with `primitive` added.
     #[must_use]
     pub const fn with(self, primitive: Primitive) -> Self {
         Self(self.0 | 1 << primitive.index())
     }
 
-    /// True if `primitive` is in the set.
+    /// Returns true if `primitive` is in the set.
     pub const fn contains(self, primitive: Primitive) -> bool {
         self.0 & 1 << primitive.index() != 0
     }
 
-    /// True if the set is empty.
+    /// Returns true if the set is empty.
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// The members, in the order of [`Primitive::ALL`].
+    /// Returns the members, in the order of [`Primitive::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Primitive> {
         Primitive::ALL.into_iter().filter(move |&primitive| self.contains(primitive))
     }

@@ -14,7 +14,7 @@ pub enum RayQuery<'a> {
 }
 
 impl<'a> RayQuery<'a> {
-    /// The rays.
+    /// Returns the rays of the query.
     pub fn rays(&self) -> &'a [Ray] {
         match self {
             Self::Intersect(rays) | Self::Occluded(rays) => rays,
@@ -24,7 +24,8 @@ impl<'a> RayQuery<'a> {
 
 /// Work that may be a batch of rays.
 pub trait RayWork: Work {
-    /// The rays, if this work consists of rays only; [`Work::primitive`] is then `Intersect` or `Occluded` to match.
+    /// Returns the rays, if this work consists of rays only; [`Work::primitive`] is then `Intersect` or `Occluded` to
+    /// match.
     fn query(&self) -> Option<RayQuery<'_>>;
 
     /// Makes the output from the hits, one per ray in order. Called only after [`RayQuery::Intersect`].

@@ -24,18 +24,18 @@ pub struct HraReport {
     pub resources: Vec<ResourceReport>,
     /// Incidents with resources, for the user.
     pub incidents: Vec<Incident>,
-    /// Expired units.
+    /// Numbers of units that expired before their answer was delivered, by cause.
     pub expiries: Expiries,
 }
 
 /// A resource since the allocator was made.
 #[derive(Clone, Debug)]
 pub struct ResourceReport {
-    /// Its id.
+    /// The id of the resource.
     pub id: ResourceId,
-    /// Its description.
+    /// The description that the resource gave of itself.
     pub descriptor: ResourceDescriptor,
-    /// Its current activity.
+    /// The current activity of the resource.
     pub activity: Activity,
     /// Number of units done.
     pub units: u64,
@@ -47,13 +47,14 @@ pub struct ResourceReport {
     pub idle: Duration,
     /// Time suspended after failures.
     pub suspended: Duration,
-    /// Size of the data that it holds, in bytes.
+    /// Size of the data that the resource holds, in bytes.
     pub resident_bytes: u64,
-    /// The traffic on its cable, if it has one.
+    /// The traffic on the resource's cable, if it has one.
     pub cable: Option<CableUse>,
     /// Learned costs of the primitives that it has done.
     pub costs: Vec<(Primitive, CostModel)>,
-    /// Its activity over time; empty unless [`HraConfig::spans_kept`](crate::HraConfig::spans_kept) is set.
+    /// The activity of the resource over time; empty unless [`HraConfig::spans_kept`](crate::HraConfig::spans_kept)
+    /// is set.
     pub spans: Vec<Span>,
 }
 
@@ -77,7 +78,7 @@ impl ResourceReport {
         }
     }
 
-    /// The share of its time in which it had work, 0..=1.
+    /// Returns the share of its time in which it had work, 0..=1.
     pub fn occupation(&self) -> f64 {
         let all = (self.busy + self.idle + self.suspended).as_secs_f64();
         if all > 0.0 { self.busy.as_secs_f64() / all } else { 0.0 }
@@ -85,7 +86,7 @@ impl ResourceReport {
 }
 
 impl HraReport {
-    /// All learned costs, for the next run.
+    /// Returns all learned costs, for the next run.
     pub fn costs(&self, version: impl Into<String>) -> CostBook {
         let mut book = CostBook::new(version);
         for resource in &self.resources {
@@ -96,7 +97,7 @@ impl HraReport {
         book
     }
 
-    /// The difference from an earlier report of the same allocator; all times count from there.
+    /// Returns the difference from an earlier report of the same allocator; all times count from there.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         let start = Time::at(before.uptime);
@@ -119,7 +120,7 @@ impl HraReport {
         }
     }
 
-    /// The report of `core`.
+    /// Makes the report of `core`.
     pub(crate) fn of<T>(core: &mut Core<T>, now: Time, pending: usize) -> Self {
         let bin = core.bin_report(now);
         let resources = core.lanes().iter().zip(0..).map(|(lane, index)| {

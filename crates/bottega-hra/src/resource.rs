@@ -18,7 +18,7 @@ impl Link {
     /// No link: the resource uses this process's memory.
     pub const LOCAL: Self = Self { latency: Duration::ZERO, bandwidth: f64::INFINITY };
 
-    /// Time to send `bytes` one way, including latency.
+    /// Returns the time to send `bytes` one way, including latency.
     pub fn transfer(&self, bytes: u64) -> Duration {
         let seconds = bytes as f64 / self.bandwidth;
         self.latency.saturating_add(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::ZERO))
@@ -32,9 +32,9 @@ pub struct ResourceDescriptor {
     pub name: String,
     /// The supported primitives.
     pub primitives: PrimitiveSet,
-    /// Its own memory for data, in bytes; `None`: it uses this process's memory, or the size is unknown.
+    /// The resource's own memory for data, in bytes; `None`: it uses this process's memory, or the size is unknown.
     pub memory_bytes: Option<u64>,
-    /// The link to it.
+    /// The link to the resource.
     pub link: Link,
 }
 
@@ -43,7 +43,7 @@ pub struct ResourceDescriptor {
 /// A panic in `perform` counts as a failure of the resource (see [`Work::backup`]). After a failure the resource is
 /// suspended for a time that doubles with each one, then [`Resource::recover`] is called, and then it gets work again.
 pub trait Resource<W: Work>: Send {
-    /// The description. Called once, before the first unit.
+    /// Returns the description. Called once, before the first unit.
     fn descriptor(&self) -> ResourceDescriptor;
 
     /// Does the work; only called with supported primitives. Must end in bounded time, and must not submit to the
@@ -61,12 +61,12 @@ pub trait Resource<W: Work>: Send {
         let _ = data;
     }
 
-    /// True if the last failure of `perform` was for lack of memory.
+    /// Returns true if the last failure of `perform` was for lack of memory.
     fn is_out_of_memory(&self) -> bool {
         false
     }
 
-    /// Bytes of memory free for data, if known; called from time to time.
+    /// Returns the bytes of memory free for data, if known; called from time to time.
     fn memory_free(&self) -> Option<u64> {
         None
     }
@@ -107,12 +107,12 @@ where
     W: Work,
     F: Fn(W) -> W::Output + Send,
 {
-    /// A lane that supports `primitives` by calling `perform`.
+    /// Makes a lane that supports `primitives` by calling `perform`.
     pub fn new(name: impl Into<String>, primitives: PrimitiveSet, perform: F) -> Self {
         Self { name: name.into(), primitives, perform, work: PhantomData }
     }
 
-    /// A number of lanes, each of which supports all primitives.
+    /// Returns a number of lanes, each of which supports all primitives.
     pub fn lanes(threads: usize, perform: F) -> Vec<Box<dyn Resource<W>>>
     where
         F: Clone + 'static,

@@ -38,7 +38,7 @@ struct CableLine {
 #[derive(Serialize)]
 struct ResourceLine<'a> {
     name: &'a str,
-    /// Share of its time with work, 0..=1.
+    /// Share of the resource's time with work, 0..=1.
     occupation: f64,
     busy: f64,
     idle: f64,
@@ -84,8 +84,8 @@ const fn word(activity: Activity) -> &'static str {
     }
 }
 
-/// The content of [`timeline_svg`](crate::timeline_svg) as a JSON object: activity of each resource, fill level of the
-/// bin, and incidents. All times are seconds.
+/// Returns the content of [`timeline_svg`](crate::timeline_svg) as a JSON object: activity of each resource, fill
+/// level of the bin, and incidents. All times are seconds.
 pub fn timeline_json(report: &HraReport) -> String {
     let resource = |resource: &ResourceReport| resource.descriptor.name.clone();
     let timeline = Timeline {

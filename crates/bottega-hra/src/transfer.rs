@@ -7,7 +7,7 @@ use std::time::Duration;
 pub struct Transfer {
     /// Number of bytes.
     pub bytes: u64,
-    /// Number of those that followed others without a gap: only they measure the bandwidth. 0: not measured.
+    /// Number of bytes that followed others without a gap: only they measure the bandwidth. 0: not measured.
     pub timed_bytes: u64,
     /// The time that these took.
     pub time: Duration,
@@ -22,7 +22,7 @@ pub struct CableUse {
     pub received_bytes: u64,
     /// Last measured bandwidth to the resource, in bytes per second; `None` unless it is known to limit.
     pub bandwidth_there: Option<f64>,
-    /// The same for answers.
+    /// Last measured bandwidth from the resource, in bytes per second; `None` unless it is known to limit.
     pub bandwidth_back: Option<f64>,
     /// Number of packets answered.
     pub packets: u64,
@@ -31,12 +31,12 @@ pub struct CableUse {
 }
 
 impl CableUse {
-    /// Mean time between the sending of a packet and its answer.
+    /// Returns the mean time between the sending of a packet and its answer; `None`: no packets.
     pub fn packet_time(&self) -> Option<Duration> {
         (self.packets > 0).then(|| self.away.div_f64(self.packets as f64))
     }
 
-    /// The traffic since an earlier moment.
+    /// Returns the traffic since an earlier moment.
     pub(crate) fn since(&self, before: &Self) -> Self {
         Self {
             sent_bytes: self.sent_bytes.saturating_sub(before.sent_bytes),

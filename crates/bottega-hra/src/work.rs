@@ -9,37 +9,38 @@ use crate::{DataId, Primitive, ResourceId};
 /// A value refers to its data (for example an `Arc` of a scene) and contains neither scene nor code. It is used by one
 /// resource at a time: the value is moved in, and its output is moved out.
 pub trait Work: Send + Sized + 'static {
-    /// The result.
+    /// The result of a unit.
     type Output: Send + 'static;
 
-    /// The primitive.
+    /// Returns the primitive that a resource must support to do the unit.
     fn primitive(&self) -> Primitive;
 
-    /// Amount of work, in the primitive's items: rays, samples or photons. The cost model is per item.
+    /// Returns the amount of work, in the primitive's items: rays, samples or photons. The cost model is per item.
     fn size(&self) -> u64;
 
-    /// The read-only data that the work needs, if it is worth keeping resident.
+    /// Returns the read-only data that the work needs, if it is worth keeping resident.
     fn data(&self) -> Option<DataId> {
         None
     }
 
-    /// Size of [`Work::data`] in the memory of a resource, in bytes. A resource with less memory never gets the unit.
+    /// Returns the size of [`Work::data`] in the memory of a resource, in bytes. A resource with less memory never
+    /// gets the unit.
     fn data_bytes(&self) -> u64 {
         0
     }
 
-    /// Bytes to send to a resource that already holds [`Work::data`].
+    /// Returns the bytes to send to a resource that already holds [`Work::data`].
     fn payload_bytes(&self) -> u64 {
         0
     }
 
-    /// Bytes of its answer.
+    /// Returns the bytes of its answer.
     fn answer_bytes(&self) -> u64 {
         0
     }
 
-    /// A copy for another attempt if a resource dies during the work (a panic, a lost link). Made before each attempt,
-    /// so it must be cheap compared with the work. `None`: the unit is not attempted again, but answered by
+    /// Returns a copy for another attempt if a resource dies during the work (a panic, a lost link). Made before each
+    /// attempt, so it must be cheap compared with the work. `None`: the unit is not attempted again, but answered by
     /// [`UnitError::Lost`].
     fn backup(&self) -> Option<Self> {
         None
@@ -57,7 +58,7 @@ pub trait Work: Send + Sized + 'static {
 /// A work unit: work with all that the allocator needs to schedule it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorkUnit<W> {
-    /// The work.
+    /// The work to do.
     pub work: W,
     /// The caller's own number, returned with the answer. Need not be unique.
     pub ticket: u64,
@@ -73,7 +74,7 @@ pub struct WorkUnit<W> {
 }
 
 impl<W> WorkUnit<W> {
-    /// A unit of priority 0 with the maximum delay, which does not expire.
+    /// Makes a unit of priority 0 with the maximum delay, which does not expire.
     pub fn new(work: W, ticket: u64) -> Self {
         Self { work, ticket, max_delay: Duration::MAX, priority: 0, validity: Duration::MAX }
     }
@@ -97,7 +98,7 @@ pub struct Completed<O> {
 /// The reason why a unit has no output.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnitError {
-    /// It failed as often as the configuration allows.
+    /// The unit failed as often as the configuration allows.
     #[error("failed {attempts} times, at last because: {reason}")]
     Failed {
         /// Number of attempts.
@@ -114,7 +115,7 @@ pub enum UnitError {
     /// Every resource that could do it was given up.
     #[error("no resource is left that can do `{0}`")]
     NoResource(Primitive),
-    /// It was not done within its [`WorkUnit::validity`].
+    /// The unit was not done within its [`WorkUnit::validity`].
     #[error("not done within its life time")]
     Expired,
     /// The allocator was shut down before.
@@ -164,9 +165,9 @@ pub enum TrySubmit<W> {
     /// The unit will never be accepted.
     #[error("{reason}")]
     Refused {
-        /// The unit.
+        /// The refused unit, given back.
         unit: WorkUnit<W>,
-        /// The reason.
+        /// The reason of the refusal.
         reason: SubmitError,
     },
 }

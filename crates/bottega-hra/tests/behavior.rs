@@ -1,4 +1,4 @@
-//! The promises of the allocator, one a test.
+//! The promises of the allocator, one per test.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -13,7 +13,7 @@ use bottega_hra::{
 
 use Primitive::{Intersect, Occluded, PixelBlock};
 
-/// One lane that waits at a gate before each unit, and writes down what it does.
+/// One lane that waits at a gate before each unit, and records its units.
 fn gated(capacity: usize) -> (Hra<Job>, Gate, Arc<Mutex<Vec<u64>>>) {
     let (gate, log) = (Gate::default(), Arc::new(Mutex::new(Vec::new())));
     let (lane_gate, lane_log) = (gate.clone(), Arc::clone(&log));
@@ -429,7 +429,7 @@ fn a_window_hides_the_latency_of_a_far_resource() {
     });
 }
 
-/// Swallows every other packet.
+/// A resource that loses every other packet.
 struct Leaky {
     swallowed: Vec<Packet<Job>>,
 }

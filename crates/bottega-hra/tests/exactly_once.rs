@@ -11,15 +11,15 @@ use bottega_hra::{
 };
 use proptest::prelude::*;
 
-/// What a resource is like.
+/// The properties of a resource.
 #[derive(Clone, Debug)]
 enum Character {
     Sound(PrimitiveSet),
-    /// Gives back every so many units.
+    /// Gives back one unit in this many.
     Refusing(u64),
-    /// Panics every so many units.
+    /// Panics once in this many units.
     Panicking(u64),
-    /// Far away; gives back every so many units.
+    /// Far away; gives back one unit in this many.
     Far {
         packets: usize,
         units_per_packet: usize,
@@ -66,14 +66,14 @@ fn lane(character: &Character) -> Lane<Job> {
     }
 }
 
-/// What a client does.
+/// The actions of a client.
 #[derive(Clone, Debug)]
 struct Script {
     /// Sizes of the groups that it submits.
     groups: Vec<usize>,
-    /// Takes one answer after each so many groups.
+    /// Takes one answer after this many groups.
     take_every: usize,
-    /// Cancels after each so many groups.
+    /// Cancels after this many groups.
     cancel_every: usize,
     /// Leaves without taking the rest.
     leaves: bool,

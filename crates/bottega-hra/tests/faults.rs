@@ -63,12 +63,12 @@ fn an_allocator_with_a_resource_that_hangs_can_be_dropped() {
     });
 }
 
-/// A far device that answers so many units, and nothing at all after them: no packet, no wish to recover, no end.
+/// A far device that answers this many units, and then nothing: no packet, no call to recover, no end.
 struct DeadResource {
     answers: usize,
     gate: Gate,
     kept: Vec<Packet<crate::support::Job>>,
-    /// Packets that nobody waited for any more when it was asked to recover.
+    /// Packets that were given up when it was asked to recover.
     given_up: Arc<AtomicU64>,
 }
 
@@ -133,7 +133,7 @@ fn nobody_waits_for_a_device_that_hangs_for_ever_neither_for_the_last_units_nor_
     }
 }
 
-/// A far device that has to make itself ready before its first packet.
+/// A far device that needs preparation before its first packet.
 struct UnreadyResource {
     is_ready: bool,
     gate: Gate,
@@ -204,7 +204,7 @@ fn a_device_that_hangs_when_it_is_torn_down_is_waited_for_a_moment_only() {
     });
 }
 
-/// Work that can be looked at for garbage, and needs data.
+/// Work that can be checked for garbage, and needs data.
 #[derive(Clone)]
 struct Checked {
     number: u64,
@@ -254,7 +254,7 @@ fn garbage_is_noticed_and_done_again() {
     });
 }
 
-/// A board with little memory, that writes down what it was told to throw out.
+/// A board with little memory, which records the data that it was told to evict.
 struct Board {
     memory_bytes: u64,
     held: Vec<u64>,
@@ -307,7 +307,7 @@ fn data_goes_when_its_place_is_needed_and_what_never_fits_is_done_elsewhere() {
     });
 }
 
-/// Has memory for so many units at once.
+/// A device with memory for this many units at once.
 struct CrampedResource {
     units_max: usize,
     largest: Arc<AtomicU64>,
@@ -361,7 +361,7 @@ fn a_unit_that_waits_too_long_is_answered_as_expired_at_its_time() {
         }
         client.submit(WorkUnit { validity: Duration::from_millis(5), ..unit(1, PixelBlock) }).unwrap();
         client.submit(unit(2, PixelBlock)).unwrap();
-        // The only resource is busy, so it is the watch who sees it.
+        // The only resource is busy, so the watch notices it.
         let answer = client.take().unwrap();
         assert_eq!((answer.ticket, answer.output), (1, Err(UnitError::Expired)));
         assert!(answer.waited >= Duration::from_millis(5));

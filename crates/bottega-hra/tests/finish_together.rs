@@ -7,7 +7,7 @@ use bottega_hra::{CostBook, HraConfig, Link, Primitive, Time};
 
 /// Items of a unit.
 const SIZE: u64 = 100;
-/// How long a batch should take: some hundred units of the slowest resource.
+/// Target time of a batch: some hundred units of the slowest resource.
 const SECONDS: f64 = 10.0;
 
 fn run(models: &[Model], load: &Load, seed: u64) -> DayOutcome {
@@ -31,7 +31,7 @@ fn mix(random: &mut LoadRandom) -> Vec<Model> {
     let count = 2 + random.below(7);
     (0..count)
         .map(|index| {
-            // 2 ms to 200 ms a unit.
+            // 2 ms to 200 ms per unit.
             let ns_per_item = random.by_magnitude(20e3, 2e6);
             let noise = random.between(0.0, 0.2);
             let latency = Duration::from_secs_f64(random.by_magnitude(20e-6, 50e-3));
@@ -51,12 +51,12 @@ fn mix(random: &mut LoadRandom) -> Vec<Model> {
         .collect()
 }
 
-/// Units a second of a resource that never waits and is sent no packets: nobody can do more.
+/// Units per second of a resource that never waits and gets no packets: the upper bound.
 fn ideal_rate(model: &Model) -> f64 {
     1e9 / (model.time_per_item[0].unwrap_or(f64::INFINITY) * SIZE as f64)
 }
 
-/// Units a second of a resource that has the allocator to itself, for as long as the batch takes.
+/// Units per second of a resource that has the allocator to itself, for as long as the batch takes.
 fn rate_alone(model: &Model, seed: u64) -> f64 {
     let units = (SECONDS * ideal_rate(model)).ceil() as usize;
     let outcome = run(std::slice::from_ref(model), &Load::batch(units, SIZE, &[Primitive::Intersect]), seed);
@@ -89,8 +89,8 @@ fn any_mix_reaches_95_percent_of_the_sum() {
     assert!(worst.0 >= 0.95, "seed {} reaches {:.4} of the sum", worst.1, worst.0);
 }
 
-/// The best that anybody could do with rates `t` and work `b`: by weak duality, for all prices w,
-/// T ≥ Σ w(p) b(p) / Σᵣ maxₚ w(p) / t(r, p). Tried are the prices that a search by coordinates finds.
+/// A lower bound on the time with rates `t` and work `b`: by weak duality, for all prices w,
+/// T ≥ Σ w(p) b(p) / Σᵣ maxₚ w(p) / t(r, p). The prices come from a search by coordinates.
 fn least_time(models: &[Model], units: &[f64]) -> f64 {
     let bound = |prices: &[f64]| {
         let worth: f64 = prices.iter().zip(units).map(|(price, units)| price * units * SIZE as f64).sum();
@@ -144,7 +144,7 @@ fn partial_resources_take_their_part_of_mixed_work() {
         for (primitive, share) in PRIMITIVES.into_iter().zip(&shape) {
             load.arrivals.extend(Load::batch((share * scale) as usize, SIZE, &[primitive]).arrivals);
         }
-        // In an order that tells nothing.
+        // In random order.
         for index in (1..load.arrivals.len()).rev() {
             load.arrivals.swap(index, random.below(index as u64 + 1) as usize);
         }
@@ -165,7 +165,7 @@ fn partial_resources_take_their_part_of_mixed_work() {
 
 #[test]
 fn nothing_that_ends_late_is_given_to_a_slow_resource() {
-    // Two units: the fast one does both in 2 ms; the slow one would need 100 ms.
+    // Two units: the fast one does both in 2 ms; the slow one needs 100 ms.
     let models = [Model::near("fast", 1e4), Model::near("slow", 1e6)];
     let mut load = Load::batch(40, SIZE, &[Primitive::Intersect]);
     for index in 0..2 {

@@ -11,7 +11,7 @@ fn seconds(random: &mut LoadRandom, from: f64, to: f64) -> Duration {
     Duration::from_secs_f64(random.by_magnitude(from, to))
 }
 
-/// Resources of which all but the first fail in every way that there is.
+/// Resources of which all but the first have all kinds of faults.
 fn models(random: &mut LoadRandom) -> Vec<Model> {
     let mut models = vec![Model::near("sound", random.by_magnitude(1e8, 1e9))];
     for index in 0..1 + random.below(5) {
@@ -43,7 +43,7 @@ fn models(random: &mut LoadRandom) -> Vec<Model> {
     models
 }
 
-/// Work that comes in waves all day, some of it urgent, some of it soon of no use.
+/// Work that comes in waves all day, some of it urgent, some of it with a short life time.
 fn load(random: &mut LoadRandom, units: usize) -> Load {
     let mut load = Load::default();
     let mut at = 0.0;
@@ -125,13 +125,13 @@ fn no_unit_waits_longer_than_its_maximum_delay() {
             .map(|index| Model { noise: 0.1, ..Model::near(format!("{index}"), random.by_magnitude(1e5, 1e6)) })
             .collect();
         let rate: f64 = models.iter().map(|model| 1e9 / (model.time_per_item[0].unwrap_or(1.0) * 10.0)).sum();
-        // As much as can be done and a half more: the bin is full all the time, and the client waits for it.
+        // One and a half times what can be done: the bin is always full, and the client waits for room.
         let mut load = Load::default();
         let mut at = 0.0;
         while load.arrivals.len() < 5_000 {
             at += random.exponential(1.0 / (1.5 * rate));
             let mut arrival = Arrival::new(Time::at(Duration::from_secs_f64(at)), Primitive::Intersect, 10);
-            // Urgent ones all the time, so that the others would starve.
+            // Urgent units all the time, behind which others starve without maximum delays.
             arrival.priority = if random.chance(0.8) { 5 } else { random.below(5) as i32 };
             arrival.max_delay = Duration::from_secs_f64(random.by_magnitude(0.2, 2.0));
             load.arrivals.push(arrival);

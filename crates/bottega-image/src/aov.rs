@@ -87,7 +87,7 @@ impl AovSet {
         (bits >> Aov::ALL.len() == 0).then_some(Self(bits))
     }
 
-    /// Iterates over its members, in the order of [`Aov::ALL`].
+    /// Iterates over the members of the set, in the order of [`Aov::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Aov> {
         Aov::ALL.into_iter().filter(move |&aov| self.contains(aov))
     }

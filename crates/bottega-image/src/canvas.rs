@@ -104,7 +104,7 @@ impl Canvas {
     ///
     /// # Errors
     ///
-    /// It has no pixels, or more than a PNG file can have.
+    /// The canvas has no pixels, or more than a PNG file can have.
     pub fn to_png(&self) -> Result<Vec<u8>, ImageError> {
         let width = self.width as usize;
         png_bytes_rgb8((self.width, self.height), |row, out| {
@@ -113,7 +113,10 @@ impl Canvas {
         })
     }
 
-    /// Writes it as PNG, atomically: the file is complete or unchanged.
+    /// Writes the canvas as PNG, atomically: the file is complete or unchanged.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), ImageError> {
         write_png_rgb8(path, self.width, self.height, self.pixels.as_flattened())
     }

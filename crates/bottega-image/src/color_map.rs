@@ -1,6 +1,6 @@
 //! False colors: numbers as colors in which equal steps look equal.
 
-/// A color map.
+/// A color map: colors for the numbers from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorMap {
     /// Black, purple, orange, pale yellow: for errors and cost.

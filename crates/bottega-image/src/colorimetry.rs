@@ -85,7 +85,7 @@ impl Conversion {
         Self(Some(Chromaticities::REC709.xyz_from_rgb().inverse().as_mat3()))
     }
 
-    /// Returns true if it is the identity.
+    /// Returns true if the conversion is the identity.
     pub fn is_none(&self) -> bool {
         self.0.is_none()
     }

@@ -74,7 +74,7 @@ pub enum ImageError {
     NoColor {
         /// The EXR file without color.
         path: PathBuf,
-        /// Names of its channels.
+        /// Names of the file's channels.
         found: String,
     },
     /// The picture to write has no pixels.

@@ -70,6 +70,9 @@ pub struct ExrOptions {
 /// The channels are `R G B A`, for kept AOVs `albedo.R/G/B`, `normal.X/Y/Z`, `depth.Z`, `samples` and `cost`, and those
 /// of the layers by their full names. The data window is the film's [`rect`](Film::rect), the display window the whole
 /// picture. Metadata becomes text attributes. Equal films and metadata give equal bytes.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write_exr(
     path: impl AsRef<Path>,
     film: &Film,
@@ -84,6 +87,9 @@ pub fn write_exr(
 }
 
 /// Writes the RGB of a picture to `path`, atomically.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write_picture_exr(
     path: impl AsRef<Path>,
     picture: &Picture,

@@ -33,7 +33,7 @@ pub enum LayerKind {
 pub struct FileLayer {
     /// Name, such as `albedo`.
     pub name: String,
-    /// Kind of its values.
+    /// Kind of the layer's values.
     pub kind: LayerKind,
     /// Full names of its channels, at most three.
     channels: Vec<String>,
@@ -44,7 +44,7 @@ pub struct FileLayer {
 pub struct LayerPicture {
     /// The layer and its channels.
     pub layer: FileLayer,
-    /// Its values; a single number is in all three channels.
+    /// The values of the layer; a single channel is repeated in all three.
     pub picture: Picture,
 }
 
@@ -146,7 +146,7 @@ impl LayerPicture {
     ///
     /// # Errors
     ///
-    /// It has no pixels.
+    /// The layer has no pixels.
     pub fn to_exr(&self) -> Result<Vec<u8>, ImageError> {
         picture_exr_bytes(&self.picture, &Metadata::new(), ExrOptions::default())
     }

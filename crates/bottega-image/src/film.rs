@@ -4,7 +4,7 @@ use crate::{Aov, Combine, Layer, LayersError, Layout, Picture, Rect, Tile, pictu
 
 /// The picture, or its crop window, composed of tiles by weighted means.
 ///
-/// It holds only the current mean and the sum of weights of every pixel: `4 × (stride + 1)` bytes per pixel, however
+/// The film holds only the current mean and the sum of weights of every pixel: `4 × (stride + 1)` bytes per pixel, however
 /// many tiles were added.
 ///
 /// **Invariant:** if all tiles added to a pixel agree on its mean, bit for bit, the film has that mean bit for bit,

@@ -24,7 +24,7 @@ pub enum Combine {
 pub struct Layer {
     /// Name of the layer.
     pub name: String,
-    /// Names of its channels, in their order within a pixel.
+    /// Names of the layer's channels, in their order within a pixel.
     pub channels: Vec<String>,
     /// Combination of several values.
     pub combine: Combine,
@@ -36,7 +36,7 @@ impl Layer {
         self.channels.iter().map(|channel| format!("{}.{channel}", self.name))
     }
 
-    /// Returns the AOV with the same name, channels and combination.
+    /// Returns the AOV with the same name, channels and combination; `None`: there is no such AOV.
     pub fn as_aov(&self) -> Option<Aov> {
         let alike = |aov: &Aov| {
             aov.name() == self.name && !aov.channels().is_empty() && self.channels.iter().eq(aov.channels().iter())

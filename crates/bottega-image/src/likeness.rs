@@ -6,9 +6,9 @@ use crate::{Layout, Tile};
 const SIGMAS: f64 = 6.0;
 /// Accepted difference of a tile's mean between engines, as a share of light: rounding, filters, approximations.
 const LEVEL_SLACK: f64 = 0.01;
-/// The same for a block.
+/// Accepted difference of a block's mean between engines, as a share of light.
 const BLOCK_SLACK: f64 = 0.03;
-/// The same for a pixel's noise.
+/// Accepted variance of a pixel beyond the estimated noise, as a squared share of light.
 const NOISE_SLACK: f64 = 0.01;
 /// Side of the compared blocks, in pixels.
 const BLOCK: usize = 8;

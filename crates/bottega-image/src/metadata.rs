@@ -28,7 +28,7 @@ impl Metadata {
         self.0.insert(key.to_owned(), value.into().replace('\0', " "));
     }
 
-    /// Returns the value of `key`.
+    /// Returns the value of `key`; `None`: there is none.
     pub fn get(&self, key: &str) -> Option<&str> {
         self.0.get(key).map(String::as_str)
     }

@@ -31,18 +31,27 @@ fn mean(values: impl Iterator<Item = f64>, picture: &Picture) -> f64 {
 }
 
 /// Computes the root mean squared difference, over all pixels and channels. NaN if a picture contains NaN.
+///
+/// # Errors
+/// The pictures differ in size.
 pub fn rmse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
     check_sizes(reference, test)?;
     Ok(mean(pairs(reference, test).map(|(x, r)| (x - r) * (x - r)), reference).sqrt())
 }
 
 /// Computes the mean absolute difference, over all pixels and channels.
+///
+/// # Errors
+/// The pictures differ in size.
 pub fn mae(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
     check_sizes(reference, test)?;
     Ok(mean(pairs(reference, test).map(|(x, r)| (x - r).abs()), reference))
 }
 
 /// Computes the relative mean squared error: the mean of (x − r)² / (r² + 0.01) over all pixels and channels.
+///
+/// # Errors
+/// The pictures differ in size.
 pub fn rel_mse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
     rel_mse_trimmed(reference, test, 0.0)
 }
@@ -50,6 +59,9 @@ pub fn rel_mse(reference: &Picture, test: &Picture) -> Result<f64, ImageError> {
 /// Computes [`rel_mse`] without the worst pixels, so that a few fireflies do not dominate.
 ///
 /// - `trim`: share of the pixels to leave out, in [0, 1]; see [`USUAL_TRIM`].
+///
+/// # Errors
+/// The pictures differ in size.
 pub fn rel_mse_trimmed(reference: &Picture, test: &Picture, trim: f64) -> Result<f64, ImageError> {
     let mut errors = rel_mse_map(reference, test)?;
     let left_out = (errors.len() as f64 * trim.clamp(0.0, 1.0)).round() as usize;

@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 
 use crate::ImageError;
 
-/// An output format.
+/// A file format for pictures to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutputFormat {
     /// OpenEXR: linear, with all AOVs.
@@ -23,6 +23,9 @@ pub enum OutputFormat {
 
 impl OutputFormat {
     /// Returns the format named by the extension of `path`.
+    ///
+    /// # Errors
+    /// Another extension, or none.
     pub fn of(path: &Path) -> Result<Self, ImageError> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         match extension.as_deref() {
@@ -40,6 +43,9 @@ fn not_writable(path: &Path, reason: impl Into<String>) -> ImageError {
 
 /// Checks before rendering that a picture can be written to `path`: the extension, the folder, what exists there.
 /// Leaves nothing behind.
+///
+/// # Errors
+/// The path names a directory, an unknown format, or a place where nothing can be written.
 pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError> {
     let path = path.as_ref();
     let format = OutputFormat::of(path)?;
@@ -68,11 +74,17 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError
 
 /// Writes `bytes` to `path` atomically: a concurrent reader sees the old file or the new one. Symbolic links are
 /// followed; FIFOs and devices are written to.
+///
+/// # Errors
+/// The file cannot be written; then the old file is unchanged.
 pub fn write_whole(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), ImageError> {
     write_whole_with(path, |out| out.write_all(bytes))
 }
 
 /// Like [`write_whole`], with a function that writes the bytes piece by piece.
+///
+/// # Errors
+/// The file cannot be written, or `write` fails; then the old file is unchanged.
 pub fn write_whole_with(
     path: impl AsRef<Path>,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,

@@ -35,6 +35,9 @@ pub enum PngBits {
 }
 
 /// Writes a film to `path`, atomically: exposure, tone mapping and encoding, row by row. Metadata becomes text chunks.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write_png(
     path: impl AsRef<Path>,
     film: &Film,
@@ -45,6 +48,9 @@ pub fn write_png(
 }
 
 /// Encodes a film as [`write_png`] does.
+///
+/// # Errors
+/// The encoder refuses the picture.
 pub fn png_bytes(film: &Film, options: &PngOptions, metadata: &Metadata) -> Result<Vec<u8>, ImageError> {
     frame_of(film, options, metadata).to_bytes(|row, out| encode_row(film, row, options, out))
 }
@@ -64,6 +70,9 @@ fn encode_row(film: &Film, row: u32, options: &PngOptions, out: &mut Vec<u8>) {
 }
 
 /// Writes rows of 8-bit sRGB, `[height × width × 3]`, to `path`, atomically. Panics if the length differs.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write_png_rgb8(path: impl AsRef<Path>, width: u32, height: u32, rgb: &[u8]) -> Result<(), ImageError> {
     let row_bytes = 3 * width as usize;
     assert_eq!(rgb.len(), row_bytes * height as usize, "bytes of a picture of {width} × {height}");

@@ -20,11 +20,17 @@ use crate::{
 ///
 /// Of an EXR file, the color is what a viewer shows first: the channels R, G, B of no layer, else those of a layer,
 /// else X, Y and Z, or the gray of Y or of the only channel. Accepts what [`ReadLimits::default`] allows.
+///
+/// # Errors
+/// The file cannot be read, is not such a picture, is damaged, or exceeds the limits.
 pub fn read_picture(path: impl AsRef<Path>) -> Result<Picture, ImageError> {
     read_image(path, ReadLimits::default()).map(|file| file.picture)
 }
 
 /// Reads a picture as [`read_picture`] does, with its position, its metadata, and the caller's limits.
+///
+/// # Errors
+/// As for [`read_picture`].
 pub fn read_image(path: impl AsRef<Path>, limits: ReadLimits) -> Result<ImageFile, ImageError> {
     let path = path.as_ref();
     let file = File::open(path).map_err(|error| ImageError::read(path, error))?;
@@ -36,6 +42,9 @@ pub fn read_image(path: impl AsRef<Path>, limits: ReadLimits) -> Result<ImageFil
 
 /// Reads a picture as [`read_image`] does, with further channels of an OpenEXR file by their full names, such as
 /// `depth.Z`: a plane each, row by row from the top, in the order of `names`; `None` if the file has no such channel.
+///
+/// # Errors
+/// As for [`read_picture`].
 pub fn read_channels(
     path: impl AsRef<Path>,
     limits: ReadLimits,

@@ -28,7 +28,7 @@ pub struct Sides<T> {
 }
 
 impl<T> Sides<T> {
-    /// Returns the same value on all sides.
+    /// Returns sides that all have one value.
     pub fn all(value: T) -> Self
     where
         T: Copy,
@@ -74,7 +74,7 @@ impl Rect {
         u64::from(self.width()) * u64::from(self.height())
     }
 
-    /// Returns true if it contains no pixel.
+    /// Returns true if the rectangle contains no pixel.
     pub fn is_empty(&self) -> bool {
         self.x0 >= self.x1 || self.y0 >= self.y1
     }
@@ -100,12 +100,12 @@ impl Rect {
         (r.x0 < r.x1 && r.y0 < r.y1).then_some(r)
     }
 
-    /// Grows it by `margin` pixels on every side, within `limit`.
+    /// Grows the rectangle by `margin` pixels on every side, within `limit`.
     pub fn grown(&self, margin: u32, limit: &Self) -> Self {
         self.grown_by(Sides::all(margin), limit)
     }
 
-    /// Grows it by a margin for each side, within `limit`.
+    /// Grows the rectangle by a margin for each side, within `limit`.
     pub fn grown_by(&self, margins: Sides<u32>, limit: &Self) -> Self {
         Self {
             x0: self.x0.saturating_sub(margins.left).max(limit.x0),
@@ -127,7 +127,8 @@ impl Rect {
         (r.y0..r.y1).flat_map(move |y| (r.x0..r.x1).map(move |x| (x, y)))
     }
 
-    /// Splits it into blocks of at most `side` × `side` pixels, aligned to multiples of `side`, row by row.
+    /// Splits the rectangle into blocks of at most `side` × `side` pixels, aligned to multiples of `side`, row by
+    /// row.
     pub fn blocks(&self, side: u32) -> impl Iterator<Item = Self> + use<> {
         assert!(side > 0);
         let r = *self;

@@ -31,7 +31,7 @@ impl Svg {
         self.put(format_args!("<text x=\"{x:.1}\" y=\"{y:.1}\"{space}{attributes}>{text}</text>"));
     }
 
-    /// Finishes the drawing.
+    /// Finishes the drawing. Returns its SVG text.
     pub fn finish(mut self) -> String {
         self.0.push_str("</svg>\n");
         self.0

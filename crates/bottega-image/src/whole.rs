@@ -29,7 +29,7 @@ pub struct WholeHeader {
     pub width: u32,
     /// Height of the picture, in pixels.
     pub height: u32,
-    /// `true`: it has alpha beside the color.
+    /// `true`: the picture has alpha beside the color.
     pub has_alpha: bool,
 }
 
@@ -79,6 +79,9 @@ impl WholeHeader {
 }
 
 /// Reads the picture of a file; see [`WholeHeader::read`].
+///
+/// # Errors
+/// The bytes are not such a picture, are damaged, or exceed the limits.
 pub fn read_whole(
     name: impl AsRef<Path>,
     bytes: &[u8],

@@ -1,4 +1,4 @@
-//! Files: what is written is read back; what other programs wrote is read; what is broken is refused.
+//! Files: our own are read back, those of other programs are read, broken ones are refused.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use bottega_image::{
     write_png_rgb8,
 };
 
-/// A film with every AOV, whose values tell the pixel that they belong to.
+/// Makes a film with every AOV, whose values identify their pixel.
 fn film(rect: Rect, picture: (u32, u32)) -> Film {
     let layout = Layout::new(Aov::ALL.into_iter().collect());
     let mut tile = Tile::new(rect, layout.clone());
@@ -88,7 +88,7 @@ fn layers_of_a_film_are_read_back_from_a_file() {
     let stride = layout.stride();
     for (index, pixel) in tile.sums_mut().chunks_exact_mut(stride).enumerate() {
         pixel[Layout::SAMPLE_COUNT] = 2.0;
-        // Of sums the mean is half; an identity is what it is.
+        // The mean of sums is half; an identity stays.
         pixel[Layout::SAMPLE_COUNT + 1..].iter_mut().enumerate().for_each(|(i, sum)| *sum = (2 * (index + i)) as f32);
     }
     let mut film = Film::new(rect, layout.clone());
@@ -343,7 +343,7 @@ fn a_file_with_any_byte_changed_is_read_or_refused() {
                 2 => bytes[at].wrapping_add(1),
                 _ => (state >> 8) as u8,
             };
-            // Whatever comes of it, it comes without a panic and within the limits.
+            // Any result is fine without a panic and within the limits.
             if let Ok(read) = read_image_bytes(&name, &bytes, limits) {
                 assert!(read.picture.data.len() as u64 <= limits.max_pixels);
             }
@@ -426,7 +426,7 @@ fn a_whole_picture_is_black_where_its_file_holds_nothing() {
     // The file itself holds two pixels.
     let file = read_image_bytes("a.exr", &bytes, ReadLimits::default()).unwrap();
     assert_eq!((file.picture.size(), file.offset, file.full_size), ((2, 1), (1, 1), (4, 3)));
-    // A frame that is all but empty is no reason for gigabytes.
+    // An almost empty frame must not take gigabytes.
     let bytes = exr_of(None, Rect::of_size(1, 1), (11_000, 11_000));
     let refused = WholeHeader::read("a.exr", &bytes, ReadLimits::default());
     assert!(matches!(refused, Err(ImageError::Malformed { .. })), "{refused:?}");
@@ -440,7 +440,7 @@ fn small_files_that_announce_much_are_refused_at_once() {
         let window = exr.windows(16).position(|w| w == b"dataWindow\0box2i").unwrap() + 17 + 4;
         exr[window + 8..window + 12].copy_from_slice(&(width - 1).to_le_bytes());
         exr[window + 12..window + 16].copy_from_slice(&(height - 1).to_le_bytes());
-        // Files of one part need not tell how many blocks they have; a count that contradicts the size is refused for that.
+        // Files of one part need no count of blocks; a count that contradicts the size is refused.
         let count = exr.windows(11).position(|w| w == b"chunkCount\0").unwrap();
         exr[count..count + 10].copy_from_slice(b"chunkOther");
         let radiance = format!("#?RADIANCE\n\n-Y {height} +X {width}\n\x02\x02").into_bytes();
@@ -474,7 +474,7 @@ fn the_references_of_other_programs_are_read() {
             } else if ["exr", "hdr", "png"].contains(&extension.as_str()) {
                 let picture = match read_picture(&path) {
                     Ok(picture) => picture,
-                    // Several values a pixel are no picture yet.
+                    // Several values per pixel are not yet a picture.
                     Err(ImageError::Unsupported { detail, .. }) if detail.contains("deep data") => continue,
                     Err(error) => panic!("{}: {error}", path.display()),
                 };

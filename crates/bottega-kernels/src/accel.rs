@@ -44,6 +44,9 @@ pub struct Accel {
 impl Accel {
     /// Builds the structure over all instances and spheres. Triangles without area and spheres of radius 0 are never
     /// hit; an empty scene is valid.
+    ///
+    /// # Errors
+    /// A coordinate is not finite, an index is out of range, or the scene is too large; see [`BuildError`].
     pub fn build(
         meshes: &[MeshGeometry<'_>],
         instances: &[InstanceGeometry],
@@ -122,7 +125,7 @@ impl Accel {
         self.bounds
     }
 
-    /// Returns its memory, in bytes.
+    /// Returns the memory of the structure, in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of::<Self>() + self.tree.memory_bytes() + size_of_val(&*self.topology)
     }

@@ -32,7 +32,7 @@ use world::BuildWorld;
 /// leave too little choice when filling blocks.)
 const BINARY_LEAF: usize = 6;
 
-/// Ratio of triangles to splits: at most one in so many is split before the build; see [`presplit`].
+/// Ratio of triangles to splits: at most one in this many is split before the build; see [`presplit`].
 const SPLIT_BUDGET: usize = 4;
 
 /// A finished tree, its bounds and its number of triangles.

@@ -16,7 +16,7 @@ pub struct MeshGeometry<'a> {
 pub struct SphereGeometry {
     /// Center, in world space.
     pub center: Vec3,
-    /// Radius; a sphere of radius 0 is allowed and never hit.
+    /// Radius, in world units; a sphere of radius 0 is allowed and never hit.
     pub radius: f32,
 }
 

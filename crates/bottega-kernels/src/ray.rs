@@ -79,7 +79,7 @@ impl Default for Hit {
     }
 }
 
-/// An axis-aligned box.
+/// An axis-aligned box, given by two corners; empty if a coordinate of `min` exceeds that of `max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
     /// Least coordinates of the box.
@@ -92,19 +92,19 @@ impl Aabb {
     /// The empty box; its union with a box is that box.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// Returns true if it contains no point.
+    /// Returns true if the box contains no point.
     #[inline]
     pub fn is_empty(&self) -> bool {
         !(self.min.x <= self.max.x && self.min.y <= self.max.y && self.min.z <= self.max.z)
     }
 
-    /// Returns the smallest box around both.
+    /// Returns the smallest box around both boxes.
     #[inline]
     pub fn union(&self, other: &Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Returns the smallest box around it and a point.
+    /// Returns the smallest box around the box and a point.
     #[inline]
     pub fn with(&self, p: Vec3) -> Self {
         Self { min: self.min.min(p), max: self.max.max(p) }
@@ -117,7 +117,7 @@ impl Aabb {
         d.x * d.y + d.y * d.z + d.z * d.x
     }
 
-    /// Returns its center.
+    /// Returns the center of the box.
     #[inline]
     pub fn center(&self) -> Vec3 {
         (self.min + self.max) * 0.5

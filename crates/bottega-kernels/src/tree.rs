@@ -86,7 +86,7 @@ impl WideNode {
         Self { planes: [low, high, low, high, low, high], children: [Child::EMPTY; WIDTH], order: [0o76543210; 8] }
     };
 
-    /// Sets a slot.
+    /// Sets the bounds and the child of a slot, 0 to 7.
     pub(crate) fn set(&mut self, slot: usize, bounds: &Aabb, child: Child) {
         for axis in 0..3 {
             self.planes[2 * axis][slot] = bounds.min[axis];
@@ -218,7 +218,7 @@ impl SceneTrees {
         self.arena.at(child.index())
     }
 
-    /// Returns its memory, in bytes.
+    /// Returns the memory of the trees, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.arena.bytes()
             + self.spheres.capacity() * size_of::<Sphere>()

@@ -1,4 +1,4 @@
-//! The tree against brute force, and the properties that a renderer leans on.
+//! The tree against brute force, and the properties that a renderer relies on.
 
 mod support;
 
@@ -22,7 +22,7 @@ impl Soup {
     }
 
     /// All hits in double precision, closest first, without those so near an edge that either answer is right.
-    /// The flag tells whether there were such.
+    /// The flag is true if there were such hits.
     fn hits(&self, ray: &Ray) -> (Vec<Hit>, bool) {
         let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
         let (mut hits, mut doubtful) = (Vec::new(), false);

@@ -5,9 +5,9 @@ use std::path::Path;
 /// The space of a disk, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiskSpace {
-    /// Free space available to this user.
+    /// Free space available to this user, in bytes.
     pub free: u64,
-    /// Total space.
+    /// Total space, in bytes.
     pub total: u64,
 }
 

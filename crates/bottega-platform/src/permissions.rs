@@ -28,7 +28,7 @@ pub fn by_mask() -> Option<fs::Permissions> {
     None
 }
 
-/// True if everybody may read a file. Always true on Windows.
+/// Returns true if everybody may read a file. Always true on Windows.
 pub fn is_for_all(path: &Path) -> bool {
     let Ok(found) = fs::metadata(path) else { return false };
     #[cfg(unix)]

@@ -15,7 +15,7 @@ const VARIABLES: &str = "BOTTEGA_";
 pub struct RunHead {
     /// The commit of the measured program, with `-dirty` if its sources differ from it; or `unknown`.
     pub commit: String,
-    /// The build of that program.
+    /// The build of the measured program.
     pub build: String,
     /// The command line of this process, preceded by the environment variables that this project reads.
     pub command: String,

@@ -6,7 +6,7 @@ pub enum RenderError {
     /// The scene has no such camera.
     #[error("there is no camera {index}: the scene has {count}")]
     NoCamera {
-        /// Requested index.
+        /// The requested index of a camera, from 0.
         index: usize,
         /// Number of cameras.
         count: usize,

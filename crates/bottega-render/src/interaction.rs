@@ -461,7 +461,7 @@ pub const ASKS_AS_SHADOW: u32 = 1 << 31;
 pub(crate) enum SurfaceQuery {
     /// A camera ray, up to the path's first vertex.
     Camera,
-    /// A later ray of a path, where nothing is there for one kind of event and not for another.
+    /// A later ray of a path, if no surface exists for one kind of event and not for another.
     Path,
     /// A later ray of a path, by the kind of event that it leaves.
     Bounce(Visibility),
@@ -510,7 +510,7 @@ pub(crate) fn shines(surfaces: &Surfaces, hit: &Hit) -> bool {
     surfaces.material(material_of(surfaces, hit)).1.shines
 }
 
-/// Returns the kinds of ray for which the surface that was hit is there.
+/// Returns the kinds of ray for which the surface that was hit exists.
 fn visibility_of(scene: &Scene, hit: &Hit) -> Visibility {
     match hit.sphere() {
         Some(sphere) => scene.spheres[sphere as usize].visibility,
@@ -518,7 +518,7 @@ fn visibility_of(scene: &Scene, hit: &Hit) -> Visibility {
     }
 }
 
-/// Returns true if the surface of a candidate hit is there for this kind of ray and opaque. `chance` returns a random number in [0, 1) for the key
+/// Returns true if the surface of a candidate hit exists for this kind of ray and opaque. `chance` returns a random number in [0, 1) for the key
 /// of a half-transparent surface; equal keys must get equal numbers.
 pub(crate) fn is_there(
     surfaces: &Surfaces,

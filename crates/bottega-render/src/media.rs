@@ -38,7 +38,7 @@ pub(crate) struct Homogeneous {
 }
 
 impl Homogeneous {
-    /// Prepares a medium.
+    /// Prepares a homogeneous medium for evaluation.
     pub(crate) fn new(medium: &Medium) -> Self {
         Self {
             extinction: medium.absorption + medium.scattering,

@@ -63,6 +63,9 @@ pub struct PreparedScene {
 
 impl PreparedScene {
     /// Prepares a scene: validates it, builds the acceleration structure and everything else.
+    ///
+    /// # Errors
+    /// As for [`build_accel`].
     pub fn new(scene: Arc<Scene>, options: &PrepareOptions) -> Result<Self, RenderError> {
         let accel = build_accel(&scene, options)?;
         Ok(Self::with_accel(scene, accel, options))
@@ -153,7 +156,7 @@ impl PreparedScene {
         Arc::clone(&self.accel)
     }
 
-    /// Returns the scene as it was imported, to be kept beside this one. Scenes that share it differ in their added cameras alone.
+    /// Returns the scene as it was imported, shared. Prepared scenes that share it differ only in their added cameras.
     pub fn shared_scene(&self) -> Arc<Scene> {
         Arc::clone(self.surfaces.scene())
     }
@@ -186,7 +189,7 @@ impl PreparedScene {
         self.needs_volume
     }
 
-    /// Returns true if some surface or light is there for rays after one kind of event and not after another, so that
+    /// Returns true if some surface or light exists for rays after one kind of event and not after another, so that
     /// paths must know the kind of their last event.
     #[inline(always)]
     pub(crate) fn tells_bounces_apart(&self) -> bool {
@@ -276,7 +279,7 @@ pub struct SceneGeometry<'a> {
 }
 
 impl<'a> SceneGeometry<'a> {
-    /// Returns all shapes of `scene`.
+    /// Returns the shapes of `scene` in the form of the BVH builder: meshes, instances and spheres.
     pub fn of(scene: &'a Scene) -> Self {
         let mesh = |mesh: &'a Mesh| MeshGeometry { positions: &mesh.positions, triangles: &mesh.triangles };
         let instance = |it: &Instance| InstanceGeometry { mesh: it.mesh, world_from_object: it.world_from_object };
@@ -290,6 +293,9 @@ impl<'a> SceneGeometry<'a> {
 }
 
 /// Validates a scene and builds its acceleration structure, which takes most of the preparation of large scenes.
+///
+/// # Errors
+/// [`Scene::validate`] finds a fault, or the geometry cannot be built.
 pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, RenderError> {
     scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
     let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(scene);

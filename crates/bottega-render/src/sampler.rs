@@ -22,19 +22,20 @@ impl DimensionSet {
     /// The camera: position in the pixel (2), position on the lens (2).
     pub const CAMERA: Self = Self(0);
 
-    /// Light sampling at a path's vertex, counted from the camera: choice of the light (1), position on it (2), spare
-    /// (1).
+    /// Returns the dimensions of light sampling at a path's vertex, counted from the camera: choice of the light (1),
+    /// position on it (2), spare (1).
     pub fn light(vertex: u32) -> Self {
         Self(1 + 2 * vertex)
     }
 
-    /// Distance sampling on a path's segment through a medium: choice of the channel (1), distance (1), spare (2).
+    /// Returns the dimensions of distance sampling on a path's segment through a medium: choice of the channel (1),
+    /// distance (1), spare (2).
     pub fn distance(segment: u32) -> Self {
         Self(Self::MEDIA + 2 * segment)
     }
 
-    /// Light sampling along a path's segment through a medium: choice of the light (1), distance (1), position on the
-    /// light (2).
+    /// Returns the dimensions of light sampling along a path's segment through a medium: choice of the light (1),
+    /// distance (1), position on the light (2).
     pub fn along(segment: u32) -> Self {
         Self(Self::MEDIA + 1 + 2 * segment)
     }
@@ -42,7 +43,8 @@ impl DimensionSet {
     /// Start of the sets of segments through media, beyond those of vertices.
     const MEDIA: u32 = 1 << 30;
 
-    /// Scattering at a path's vertex: choice of the lobe (1), direction (2), Russian roulette (1).
+    /// Returns the dimensions of scattering at a path's vertex: choice of the lobe (1), direction (2), Russian
+    /// roulette (1).
     pub fn scattering(vertex: u32) -> Self {
         Self(2 + 2 * vertex)
     }

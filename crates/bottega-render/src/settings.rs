@@ -28,16 +28,16 @@ pub enum DirectLight {
 /// The uses of lighting agents in path tracing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct AgentUse {
-    /// `true`: their knowledge of visibility saves shadow rays.
+    /// `true`: the agents' knowledge of visibility saves shadow rays.
     pub shadows: bool,
-    /// `true`: they guide the choice of lights.
+    /// `true`: the agents guide the choice of lights.
     pub lights: bool,
-    /// `true`: they estimate a path's contribution for Russian roulette and splitting.
+    /// `true`: the agents estimate a path's contribution for Russian roulette and splitting.
     pub roulette: bool,
 }
 
 impl AgentUse {
-    /// All uses.
+    /// All uses of agents' knowledge.
     pub const ALL: Self = Self { shadows: true, lights: true, roulette: true };
 
     /// Returns true if any use is enabled.

@@ -94,30 +94,30 @@ pub(crate) struct PreparedInstance {
     pub(crate) world_from_normal: Mat3,
     /// Upper bound of the factor by which the instance lengthens vectors.
     pub(crate) scale: f32,
-    /// Index of its first triangle among the emitting ones; [`NO_LIGHT`] if it does not emit.
+    /// Index of the instance's first triangle among the emitting ones; [`NO_LIGHT`] if it does not emit.
     pub(crate) first_light: u32,
 }
 
 /// Precomputed data of a material.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PreparedMaterial {
-    /// `true`: it has textures, so that lookups depend on the footprint.
+    /// `true`: the material has textures, so that lookups depend on the footprint.
     pub(crate) is_textured: bool,
-    /// Number of textures looked up for it.
+    /// Number of textures looked up for the material.
     pub(crate) texture_count: u8,
-    /// `true`: it depends on the directions of the texture coordinates.
+    /// `true`: the material depends on the directions of the texture coordinates.
     pub(crate) needs_tangents: bool,
     /// `true`: rays may pass it as if it were absent.
     pub(crate) has_opacity: bool,
-    /// `true`: it is only a boundary of media, without a surface.
+    /// `true`: the material is only a boundary of media, without a surface.
     pub(crate) is_null: bool,
     /// `true`: light that crosses it straight is not deflected and counts no bounce.
     pub(crate) is_pane: bool,
-    /// `true`: it separates two media, so transmitted light changes the medium.
+    /// `true`: the material separates two media, so transmitted light changes the medium.
     pub(crate) parts_media: bool,
-    /// `true`: it emits light, other than as an unlit surface.
+    /// `true`: the material emits light, other than as an unlit surface.
     pub(crate) shines: bool,
-    /// Directions into which it emits.
+    /// Directions into which the material emits.
     pub(crate) profile: Profile,
     /// `true`: light may be transmitted to the other side.
     pub(crate) transmits: bool,

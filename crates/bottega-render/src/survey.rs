@@ -56,7 +56,7 @@ pub struct Survey {
     pub height: u32,
     /// Pixels `[width × height]`, row-major.
     pub pixels: Vec<SurveyPixel>,
-    /// Largest number of zones that pays for its overhead; `None`: no limit.
+    /// Largest number of zones that pays for the overhead of a zone; `None`: no limit.
     pub zones_max: Option<u32>,
 }
 
@@ -66,6 +66,9 @@ pub struct Survey {
 ///
 /// All heavy work goes through `client`, which must not be used by others meanwhile. The result depends on the scene, the
 /// view and the depth alone.
+///
+/// # Errors
+/// The scene has no such camera, the view has no pixels, or the allocator does not do the work.
 pub fn survey(
     scene: &Arc<PreparedScene>,
     view: View,

@@ -17,7 +17,7 @@ use crate::{
 pub(crate) struct SurfaceVertex<'a> {
     /// The interaction at the vertex.
     pub(crate) point: &'a Interaction,
-    /// Its BSDF, for `wo` and the light that the path carries.
+    /// The BSDF at the vertex, for `wo` and the light that the path carries.
     pub(crate) bsdf: &'a BsdfAt<'a>,
     /// The point as light sampling sees it.
     pub(crate) receiver: Receiver,
@@ -66,7 +66,7 @@ impl SurfaceVertex<'_> {
 pub(crate) struct LeavingDirection {
     /// The direction in world space; unit length.
     pub(crate) wi: Vec3,
-    /// `true`: it is on the side of the surface that the path came from.
+    /// `true`: the direction is on the side of the surface that the path came from.
     pub(crate) is_reflection: bool,
 }
 

@@ -44,11 +44,11 @@ pub enum RenderWork {
     Wave(Box<WaveWork>),
     /// Probes a block of pixels.
     Probe(ProbeWork),
-    /// Traces photons.
+    /// Traces a batch of photons from the lights.
     Photons(Box<PhotonWork>),
     /// Estimates irradiance from photons at a batch of points.
     Irradiance(IrradianceWork),
-    /// Traces agents.
+    /// Traces a batch of lighting agents from the lights.
     Agents(AgentWork),
     /// Lets agents sense their surroundings.
     Sensors(Box<SensorWork>),
@@ -173,6 +173,9 @@ impl RenderWork {
 impl BlockWork {
     /// Adds the samples on the calling thread. Each pixel is a left fold over its samples in the order of their indices,
     /// so any division into ranges gives the same bits.
+    ///
+    /// # Errors
+    /// The scene has no such camera, the view has no pixels, or the integrator does not support the scene.
     pub fn perform(self) -> Result<BlockOutput, RenderError> {
         let Self { scene, prepass, view, settings, mut tile, samples } = self;
         let layout = tile.layout();

@@ -37,7 +37,7 @@ pub enum EmissionProfile {
 const SPREAD_MIN: f32 = 0.1 * std::f32::consts::PI / 180.0;
 
 impl EmissionProfile {
-    /// Returns true if its numbers are sound.
+    /// Returns true if the profile's numbers are sound.
     pub(crate) fn is_sound(&self) -> bool {
         match *self {
             Self::Diffuse => true,

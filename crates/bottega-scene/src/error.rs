@@ -64,7 +64,7 @@ pub enum SceneError {
     OtherVersion {
         /// The scene file.
         path: PathBuf,
-        /// Its version.
+        /// The version of the file.
         found: u32,
         /// The version that can be read.
         known: u32,
@@ -246,7 +246,7 @@ impl fmt::Display for Warning {
 pub(crate) struct Warnings {
     list: Vec<Warning>,
     left_out: usize,
-    /// Those that report an unsupported feature.
+    /// The warnings that report an unsupported feature.
     unsupported: Vec<Warning>,
 }
 

@@ -32,7 +32,7 @@ pub struct CurvePoint {
     pub position: Vec3,
     /// Direction of the curve, unit length.
     pub tangent: Vec3,
-    /// Half the width of the curve.
+    /// Half the width of the curve, in units of its space.
     pub radius: f32,
     /// Texture coordinate along the curve.
     pub along: f32,
@@ -43,7 +43,7 @@ pub struct CurvePoint {
 /// Curves whose hull is a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FacingCurves {
-    /// The shape of all of them.
+    /// The shape of all curves.
     pub look: CurveLook,
     /// Points of all curves, one curve after another.
     pub points: Vec<CurvePoint>,
@@ -58,7 +58,7 @@ pub struct CurveMeeting {
     pub t: f32,
     /// Direction of the curve, object space, unit length.
     pub tangent: Vec3,
-    /// Half the width of the curve.
+    /// Half the width of the curve, in units of its space.
     pub radius: f32,
     /// Position across the curve, in [−1, 1].
     pub across: f32,
@@ -152,12 +152,12 @@ impl FacingCurves {
         }
     }
 
-    /// Returns its memory, in bytes.
+    /// Returns the memory of the curves, in bytes.
     pub(crate) fn memory_bytes(&self) -> usize {
         size_of_val(&*self.points) + size_of_val(&*self.pieces)
     }
 
-    /// Checks its invariants for a mesh of `triangles` triangles.
+    /// Checks the invariants of the curves for a mesh of `triangles` triangles.
     pub(crate) fn check(&self, triangles: usize) -> Result<(), Violation> {
         let is_sound = |point: &CurvePoint| {
             let is_finite = point.position.is_finite() && point.along.is_finite() && point.radius.is_finite();

@@ -52,6 +52,9 @@ impl Grid {
     ///
     /// - `size`: cells along x, y and z, at most 65536 each.
     /// - `values`: one or three per cell; x runs fastest.
+    ///
+    /// # Errors
+    /// The size is 0 or too large, or the number of values does not match it.
     pub fn new(size: [u32; 3], mut values: Vec<f32>, blend: Blend) -> Result<Self, GridError> {
         let cells = size.iter().try_fold(1usize, |product, &side| product.checked_mul(side as usize));
         let Some(cells) = cells.filter(|&cells| cells > 0 && size.iter().all(|&side| side <= 1 << 16)) else {
@@ -78,12 +81,12 @@ impl Grid {
         self.size
     }
 
-    /// Returns its values: those of a cell adjacent; cells along x first, then y, then z.
+    /// Returns the grid's values: those of a cell adjacent; cells along x first, then y, then z.
     pub(crate) fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// Returns the interpolation between its cells.
+    /// Returns the interpolation between the grid's cells.
     pub(crate) fn blend(&self) -> Blend {
         self.blend
     }

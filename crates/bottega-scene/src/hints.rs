@@ -42,34 +42,34 @@ pub enum FilmFilter {
     },
     /// A tent: falls off linearly.
     Tent {
-        /// Radius at which it reaches 0.
+        /// Radius at which the filter reaches 0.
         radius: f32,
     },
     /// A Gaussian, shifted down so that it ends at 0.
     Gaussian {
-        /// Radius at which it is cut off.
+        /// Radius at which the filter is cut off.
         radius: f32,
         /// Standard deviation, in pixels.
         sigma: f32,
     },
     /// The filter of Mitchell and Netravali 1988.
     Mitchell {
-        /// Radius at which it ends.
+        /// Radius at which the filter ends.
         radius: f32,
-        /// Their parameter B.
+        /// Parameter B of Mitchell and Netravali (1988).
         b: f32,
-        /// Their parameter C.
+        /// Parameter C of Mitchell and Netravali (1988).
         c: f32,
     },
     /// The four-term Blackman-Harris window, close to a Gaussian.
     BlackmanHarris {
-        /// Radius at which it ends.
+        /// Radius at which the filter ends.
         radius: f32,
     },
 }
 
 impl FilmFilter {
-    /// Returns true if its parameters are valid and its radius is at most 64 pixels.
+    /// Returns true if the filter's parameters are valid and its radius is at most 64 pixels.
     pub fn is_sound(&self) -> bool {
         let is_length = |value: f32| value > 0.0 && value <= 64.0;
         match *self {

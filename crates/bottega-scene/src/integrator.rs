@@ -9,7 +9,7 @@ pub struct IntegratorHint {
     pub name: String,
     /// Location in the file, such as `scene.pbrt:3:1`; may be empty.
     pub place: String,
-    /// Transport paths that it finds.
+    /// Transport paths that the integrator finds.
     pub follows: Follows,
 }
 
@@ -19,7 +19,7 @@ pub struct IntegratorHint {
 pub enum Follows {
     /// Paths from the camera.
     Paths {
-        /// `true`: it equals our path tracer, so nothing is replaced.
+        /// `true`: the integrator equals our path tracer, so nothing is replaced.
         is_ours: bool,
     },
     /// Paths from the lights, alone or connected to camera paths. They find point lights seen in mirrors and through

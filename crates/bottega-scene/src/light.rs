@@ -12,9 +12,10 @@ use crate::visibility::Visibility;
 pub struct Light {
     /// The name in the file; may be empty.
     pub name: String,
-    /// Its kind, position and strength.
+    /// The kind, position and strength of the light.
     pub kind: LightKind,
-    /// Kinds of ray that it reaches: those of the camera see the disc of a sun. [`Visibility::SHADOW`] has no effect.
+    /// Kinds of ray that the light reaches: those of the camera see the disc of a sun. [`Visibility::SHADOW`] has no
+    /// effect.
     #[serde(default)]
     pub visibility: Visibility,
 }

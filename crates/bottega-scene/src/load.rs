@@ -54,6 +54,10 @@ impl From<Scene> for Loaded {
 ///
 /// A scene without a camera gets one that frames it; a scene without any light gets a neutral sky. Other guesses and
 /// omissions are reported as warnings.
+///
+/// # Errors
+/// A file cannot be read, is damaged or needs too much memory; with [`LoadOptions::strict`], also unsupported
+/// features.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
     let mut budget = MemoryBudget::new(options.max_memory_bytes);
     let file = read_file(path, &budget)?;

@@ -43,7 +43,7 @@ pub enum Sides {
 }
 
 impl Sides {
-    /// Returns true if it includes the front (`front`) or the back (`!front`).
+    /// Returns true if the front (`front`) or the back (`!front`) is among the sides.
     pub fn has(self, front: bool) -> bool {
         match self {
             Self::Front => front,
@@ -158,7 +158,7 @@ pub struct Material {
     pub emission: ColorParam,
     /// Sides that emit.
     pub emission_sides: Sides,
-    /// Directions into which they emit.
+    /// Directions into which the sides emit.
     #[serde(default)]
     pub emission_profile: EmissionProfile,
     /// Perturbation of the shading normal; `None`: smooth.
@@ -213,7 +213,7 @@ impl Material {
         !matches!(self.alpha_mode, AlphaMode::Opaque | AlphaMode::Absent)
     }
 
-    /// Returns true if it emits light: its emission is not black, or it is unlit.
+    /// Returns true if the material emits light: its emission is not black, or it is unlit.
     pub fn is_emissive(&self) -> bool {
         matches!(self.surface, Surface::Unlit(_)) || self.emission.factor.max_element() > 0.0
     }

@@ -39,7 +39,7 @@ pub struct Medium {
 pub struct Variation {
     /// Factors of absorption and scattering.
     pub density: Density,
-    /// Additional factor of emission, which the factor of absorption also multiplies.
+    /// Factor of emission, in addition to the factor of absorption; `None`: 1.
     pub emission: Option<Grid>,
     /// World space to the unit cube of the grids. Outside, the medium is empty.
     pub grid_from_world: Affine3A,
@@ -90,7 +90,7 @@ impl Medium {
         }
     }
 
-    /// Returns true if it only absorbs, and homogeneously.
+    /// Returns true if the medium only absorbs, and homogeneously.
     pub fn is_clear(&self) -> bool {
         self.scattering == Spectrum::ZERO && self.emission == Spectrum::ZERO && self.variation.is_none()
     }
@@ -135,7 +135,7 @@ impl Medium {
 }
 
 impl Variation {
-    /// Returns its grids.
+    /// Returns the grids of the variation.
     pub fn grids(&self) -> impl Iterator<Item = &Grid> {
         let (first, second) = match &self.density {
             Density::Both(grid) => (grid, None),

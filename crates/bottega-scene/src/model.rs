@@ -51,7 +51,7 @@ pub struct Instance {
     /// Object space to world space. Never singular, and never mirroring: its determinant is above 0, so
     /// counter-clockwise triangles stay counter-clockwise. ([`Mesh::mirrored`] makes the mesh for a mirrored instance.)
     pub world_from_object: Affine3A,
-    /// Kinds of ray for which it is there.
+    /// Kinds of ray for which the instance exists.
     pub visibility: Visibility,
 }
 
@@ -70,12 +70,12 @@ pub struct Sphere {
     pub center: Vec3,
     /// Radius, above 0, in scene units.
     pub radius: f32,
-    /// Rotation of its texture coordinates: object space, where +y is the pole, to world space.
+    /// Rotation of the sphere's texture coordinates: object space, where +y is the pole, to world space.
     #[serde(with = "crate::numbers")]
     pub world_from_object: Quat,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// Kinds of ray for which it is there.
+    /// Kinds of ray for which the sphere exists.
     #[serde(default)]
     pub visibility: Visibility,
 }

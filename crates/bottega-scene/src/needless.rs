@@ -7,13 +7,13 @@
 /// The reason for which a parameter has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Reason {
-    /// It controls how the file's renderer estimates the picture: random numbers, path termination, caches.
+    /// The parameter controls how the file's renderer estimates the picture: random numbers, path termination, caches.
     Estimate,
-    /// It controls how the file's renderer stores the picture or reads files; command options do that here.
+    /// The parameter controls how the file's renderer stores the picture or reads files; command options do that here.
     Storage,
-    /// It has no meaning with the other parameters given: the aperture of a pinhole, the time of a static scene.
+    /// The parameter has no meaning with the other parameters given: the aperture of a pinhole, the time of a static scene.
     Meaningless,
-    /// It affects only spectral or polarized rendering.
+    /// The parameter affects only spectral or polarized rendering.
     Spectra,
 }
 
@@ -32,7 +32,7 @@ pub(crate) struct Needless<Kind> {
 }
 
 impl<Kind: PartialEq> Needless<Kind> {
-    /// Returns true if it lists the parameter of a plugin.
+    /// Returns true if the list has the parameter of a plugin.
     pub(crate) fn covers(&self, kind: &Kind, plugin: &str, name: &str) -> bool {
         let is_of = |list: &[&str], name: &str| list.is_empty() || list.contains(&name);
         self.kind == *kind && is_of(self.of, plugin) && is_of(self.names, name)

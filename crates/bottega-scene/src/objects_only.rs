@@ -16,6 +16,9 @@ use serde::de::{
 pub struct ObjectsOnly<D>(pub D);
 
 /// Reads a whole JSON text in which structs are objects.
+///
+/// # Errors
+/// The text is not JSON of this type, or has more behind it.
 pub fn from_json<'de, T: Deserialize<'de>>(json: &'de [u8]) -> serde_json::Result<T> {
     let mut deserializer = serde_json::Deserializer::from_slice(json);
     let value = T::deserialize(ObjectsOnly(&mut deserializer))?;

@@ -66,7 +66,7 @@ pub struct AreaLamp {
 }
 
 impl SphereLamp {
-    /// Returns its material, or the reason why there is none.
+    /// Returns the lamp's material, or the reason why there is none.
     pub(crate) fn material(&self) -> Result<Material, &'static str> {
         let is_in_reach = self.position.is_finite() && self.position.abs().max_element() <= COORDINATE_MAX;
         if !is_in_reach {
@@ -103,7 +103,7 @@ impl AreaLamp {
         ([x, y], shape * x.cross(y).length())
     }
 
-    /// Returns its material, or the reason why there is none.
+    /// Returns the lamp's material, or the reason why there is none.
     pub(crate) fn material(&self) -> Result<Material, &'static str> {
         let ([x, y], area) = self.extents();
         let is_in_reach = self.world_from_light.is_finite()

@@ -43,7 +43,7 @@ pub struct SceneSummary {
 }
 
 impl SceneSummary {
-    /// Summarizes a scene.
+    /// Counts the contents of a scene: triangles, lights, materials and more.
     pub fn new(scene: &Scene, metadata: &Metadata) -> Self {
         let environment = scene.environment.as_ref().map(|environment| {
             environment.image.map(|image| scene.images[image.0 as usize].name.clone()).unwrap_or_default()
@@ -86,7 +86,7 @@ impl SceneSummary {
 }
 
 impl Loaded {
-    /// Summarizes the scene.
+    /// Returns the summary of the loaded scene.
     pub fn summary(&self) -> SceneSummary {
         SceneSummary::new(&self.scene, &self.metadata)
     }

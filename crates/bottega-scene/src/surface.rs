@@ -135,7 +135,7 @@ pub struct Dielectric {
 }
 
 impl Dielectric {
-    /// Returns true if it is a smooth thin sheet.
+    /// Returns true if the dielectric is a smooth thin sheet.
     fn is_clear_sheet(&self) -> bool {
         self.thin && self.facets.is_smooth()
     }
@@ -145,12 +145,12 @@ impl Dielectric {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InnerReflection {
-    /// It comes back white at each reflection.
+    /// The light comes back white at each reflection.
     #[default]
     Linear,
-    /// It is multiplied by the colour of the base at each reflection.
+    /// The light is multiplied by the colour of the base at each reflection.
     Nonlinear,
-    /// It is lost, and the base is seen as through a smooth boundary, however rough the facets (Mitsuba's `pplastic`,
+    /// The light is lost, and the base is seen as through a smooth boundary, however rough the facets (Mitsuba's `pplastic`,
     /// after Baek and others 2018, Simultaneous Acquisition of Polarimetric SVBRDF and Normals).
     Lost,
 }
@@ -413,7 +413,7 @@ impl Surface {
         }
     }
 
-    /// Returns true if it is a thin sheet: transmitted light does not enter a solid.
+    /// Returns true if the surface is a thin sheet: transmitted light does not enter a solid.
     pub fn is_thin(&self) -> bool {
         match self {
             Self::Dielectric(dielectric) => dielectric.thin,
@@ -425,7 +425,7 @@ impl Surface {
         }
     }
 
-    /// Returns true if it reflects or refracts specularly, at least in part: smooth metal, glass and coats.
+    /// Returns true if the surface reflects or refracts specularly, at least in part: smooth metal, glass and coats.
     pub fn has_mirror(&self) -> bool {
         match self {
             Self::Conductor(conductor) => conductor.facets.is_smooth(),
@@ -449,7 +449,7 @@ impl Surface {
         }
     }
 
-    /// Returns true if it is a sum of surfaces, or blends one in.
+    /// Returns true if the surface is a sum of surfaces, or blends one in.
     pub fn has_sum(&self) -> bool {
         match self {
             Self::Sum(_) => true,
@@ -458,7 +458,7 @@ impl Surface {
         }
     }
 
-    /// Returns true if it is, or blends in, a smooth sheet of glass.
+    /// Returns true if the surface is, or blends in, a smooth sheet of glass.
     pub fn has_clear_sheet(&self) -> bool {
         match self {
             Self::Dielectric(dielectric) => dielectric.is_clear_sheet(),
@@ -488,7 +488,7 @@ impl Surface {
         }
     }
 
-    /// Returns all its colour and number parameters, including those with textures.
+    /// Returns all colour and number parameters of the surface, including those with textures.
     pub fn params(&self) -> (Vec<&ColorParam>, Vec<&ScalarParam>) {
         let (mut colors, mut scalars) = (Vec::new(), Vec::new());
         self.add_params(&mut colors, &mut scalars);
@@ -558,7 +558,7 @@ impl Surface {
         }
     }
 
-    /// Appends every texture that it refers to.
+    /// Appends every texture that the surface refers to.
     pub(crate) fn add_textures<'a>(&'a self, maps: &mut Vec<&'a TextureMap>) {
         let (colors, scalars) = self.params();
         maps.extend(colors.into_iter().filter_map(|color| color.texture.as_ref()));

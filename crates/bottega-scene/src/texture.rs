@@ -42,7 +42,7 @@ pub const SURFACE_UV_SETS: u8 = 2;
 pub struct Mapping {
     /// The formula from the mapping's own space to texture coordinates.
     pub kind: MappingKind,
-    /// World space to that space; may be singular.
+    /// Transformation from world space to the space of the formula; may be singular.
     #[serde(with = "crate::numbers")]
     pub mapping_from_world: Affine3A,
 }

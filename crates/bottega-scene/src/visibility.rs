@@ -4,13 +4,13 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// The kinds of ray for which a surface or light is there, as a set. The kind of a ray is that of the event that it leaves.
+/// The kinds of ray for which a surface or light exists, as a set. The kind of a ray is that of the event that it leaves.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
 pub struct Visibility(u8);
 
 impl Visibility {
-    /// No ray.
+    /// Visible to no ray.
     pub const NONE: Self = Self(0);
     /// Rays of the camera.
     pub const CAMERA: Self = Self(1);
@@ -24,7 +24,7 @@ impl Visibility {
     pub const VOLUME: Self = Self(16);
     /// Rays from a point towards a light that was sampled for it: a surface that is not there for them casts no shadow.
     pub const SHADOW: Self = Self(32);
-    /// All rays.
+    /// Visible to all rays.
     pub const ALL: Self = Self(63);
     /// Rays after a scattering event.
     pub const BOUNCES: Self = Self(Self::DIFFUSE.0 | Self::GLOSSY.0 | Self::TRANSMISSION.0 | Self::VOLUME.0);

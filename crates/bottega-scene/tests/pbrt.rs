@@ -23,7 +23,7 @@ fn load_with(text: &str, options: &LoadOptions) -> Result<Loaded, SceneError> {
     load(&path, options)
 }
 
-/// What follows `WorldBegin`, loaded without warnings.
+/// Loads the text that follows `WorldBegin`, without warnings.
 fn world(text: &str) -> Scene {
     let loaded = load_text(&format!("WorldBegin\n{text}")).unwrap();
     let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
@@ -96,12 +96,12 @@ fn a_sphere_that_is_turned_over_shines_inwards() {
         panic!("no dielectric")
     };
     assert!((dielectric.eta - 1.0 / 1.5).abs() < 1e-6);
-    // Where it is no sphere, triangles stand for it.
+    // A shape that is not a sphere is replaced by triangles.
     let scene = world(r#"Scale 1 2 1 Shape "sphere" Shape "sphere" "float zmin" 0"#);
     assert!(scene.spheres.is_empty() && scene.instances.len() == 2);
 }
 
-/// Where a point appears: from −1 at the left and lower edge to 1 at the right and upper one.
+/// The position of a point in the picture: from −1 at the left and lower edge to 1 at the right and upper one.
 fn project(scene: &Scene, aspect: f32, point: Vec3) -> Vec2 {
     let camera = &scene.cameras[0];
     let local = camera.world_from_camera.inverse().transform_point3(point);
@@ -611,7 +611,7 @@ fn survive_mutations_of(name: &str) {
     let included = std::fs::read(Path::new(CORPUS).join("more.pbrt")).unwrap();
     std::fs::write(folder.path().join("more.pbrt"), &included).unwrap();
     let original = std::fs::read_to_string(Path::new(CORPUS).join(name)).unwrap();
-    // On one line, a comment would hide what follows.
+    // On one line, a comment hides the rest.
     let original: String =
         original.lines().filter(|line| !line.starts_with('#')).flat_map(|line| [line, "\n"]).collect();
     let original = original.as_bytes();

@@ -15,7 +15,7 @@ fn world(text: &str) -> Result<Loaded, SceneError> {
     load(&path, &LoadOptions::default())
 }
 
-/// What is told of what is not supported.
+/// The warnings about unsupported features.
 fn told(loaded: &Loaded) -> Vec<String> {
     let warnings = loaded.warnings.iter().map(ToString::to_string);
     warnings.filter(|warning| !warning.contains("no light")).collect()
@@ -126,7 +126,7 @@ fn what_is_built_of_textures_is_laid_as_they_are() {
     // Two cells of a checkerboard are one period of its picture.
     let Surface::Diffuse(checkerboard) = &scene.materials[1].surface else { panic!() };
     assert_eq!(checkerboard.reflectance.texture.unwrap().picture_from_uv.matrix2.x_axis.x, 0.5);
-    // Both parts of a mixture lie on one picture, so one is laid as the other, which is told.
+    // Both parts of a mixture lie on one picture, so one is laid as the other, with a warning.
     let loaded = world(&text(r#""string mapping" "planar""#)).unwrap();
     let told = told(&loaded);
     assert!(told.len() == 1 && told[0].contains("different mappings") && told[0].contains(":7:"), "{told:?}");

@@ -19,7 +19,7 @@ use crate::{
 /// The pictures that clients have sent, and the last comparison.
 pub(crate) struct Comparisons {
     state: Mutex<ComparedState>,
-    /// Allows one comparison at a time, since comparing takes much memory.
+    /// The permit of the one comparison that may run: comparing takes much memory.
     pub(crate) alone: Arc<Semaphore>,
 }
 

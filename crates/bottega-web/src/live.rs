@@ -117,7 +117,7 @@ impl LiveJob {
         self.state().rows.is_empty()
     }
 
-    /// Returns what has changed since the last update of a client; `None`: nothing.
+    /// Returns the changes since the last update of a client; `None`: none.
     ///
     /// - `cursor`: cursor of that update; `None` for a new client, which gets the whole state.
     pub(crate) fn since(&self, cursor: Option<Cursor>) -> Option<News> {

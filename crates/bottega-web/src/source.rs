@@ -77,7 +77,7 @@ pub struct MachineStatus {
     pub name: String,
     /// The state: `active`, `suspended` or `terminated`.
     pub state: &'static str,
-    /// The state that it was ordered to take.
+    /// The state that the machine was ordered to take.
     pub ordered: &'static str,
     /// `busy`: working for its job; `waiting`: without a job, or without work in it at present.
     pub activity: &'static str,
@@ -85,23 +85,24 @@ pub struct MachineStatus {
     pub threads: usize,
     /// Devices other than the processors, used if a job allows it: names of GPUs, addresses of boards.
     pub devices: Vec<String>,
-    /// Number of the job that it works on; `null`: none.
+    /// Number of the job that the machine works on; `null`: none.
     pub job: Option<u32>,
-    /// The identity of its build.
+    /// The identity of the machine's build.
     pub version: String,
-    /// True if it can be suspended, resumed and terminated; false for the process that submitted a job.
+    /// True if the machine can be suspended, resumed and terminated; false for the process that submitted a job.
     pub takes_orders: bool,
-    /// True if it may only paint zones.
+    /// True if the machine may only paint zones.
     pub is_guest: bool,
-    /// Its tags, which jobs can require.
+    /// The machine's tags, which jobs can require.
     pub tags: Vec<String>,
-    /// Its reliability in the jobs so far: estimated over measured time, 1 if zones took as long as promised. `null`: unknown.
+    /// The machine's reliability in the jobs so far: estimated over measured time, 1 if zones took as long as promised.
+    /// `null`: unknown.
     pub reliability: Option<f64>,
     /// V_cp, credit and failures of its agents in its current job.
     pub agents: Vec<AgentEvent>,
-    /// The last jobs that it has refused, with reasons.
+    /// The last jobs that the machine has refused, with reasons.
     pub refusals: Vec<MachineRefusal>,
-    /// The energy it has used for its current job, as reported by the job's leader.
+    /// The energy the machine has used for its current job, as reported by the job's leader.
     pub energy: Option<MachineEnergy>,
 }
 

@@ -28,10 +28,10 @@ pub(crate) struct DoorState {
     pub(crate) deeds: Option<DeedLog>,
     pub(crate) hosts: HostNames,
     pub(crate) tempo: Tempo,
-    /// Limits the number of event streams.
+    /// The permits of event streams.
     pub(crate) streams: Arc<Semaphore>,
     questions: Arc<Semaphore>,
-    /// Limits the number of submissions examined at the same time.
+    /// The permits of submissions that are examined at the same time.
     pub(crate) submissions: Arc<Semaphore>,
     /// The viewports that are open at this door.
     pub(crate) viewports: Arc<Viewports>,

@@ -1,4 +1,4 @@
-//! The scripts of the page, without a browser: by the tests of `tests/scripts`, which Node.js runs.
+//! The scripts of the page, without a browser: runs the tests of `tests/scripts`, which Node.js runs.
 
 use std::{
     path::{Path, PathBuf},

@@ -39,7 +39,7 @@ pub struct ZoneAnalysis {
     pub rect: [u32; 4],
     /// Size of the zone: number of pixels.
     pub size: u64,
-    /// Predicted cost of all its pixels; unit: one average pixel of the picture.
+    /// Predicted cost of all the zone's pixels; unit: one average pixel of the picture.
     pub complexity: f64,
     /// `complexity` as a share of the sum over all zones, 0 to 1.
     pub share_of_cost: f64,
@@ -47,7 +47,7 @@ pub struct ZoneAnalysis {
     pub neighbor_difference: f64,
     /// The same average per side: left, top, right, bottom.
     pub edge_differences: [f64; 4],
-    /// Mean visual importance of its pixels, 0 to 1.
+    /// Mean visual importance of the zone's pixels, 0 to 1.
     pub visual_importance: f64,
 }
 
@@ -108,7 +108,7 @@ impl AnalyzedScene {
 
     /// Surveys a loaded scene.
     ///
-    /// - `painters`: number of CPU threads for the survey.
+    /// - `painters`: number of CPU threads of the survey.
     ///
     /// # Errors
     /// The survey fails.

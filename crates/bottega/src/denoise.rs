@@ -16,6 +16,9 @@ use crate::{devices::threads, error::Error, events::Event, request::Request, ses
 pub const KEY: &str = "denoised";
 
 /// Loads the denoiser if the request asks for one. Called before rendering, so that a missing library is found early.
+///
+/// # Errors
+/// Open Image Denoise is not installed, or too old.
 pub fn ready(request: &Request) -> Result<Option<Denoiser>, Error> {
     Ok(request.film.denoise.then(Denoiser::load).transpose()?)
 }
@@ -71,6 +74,9 @@ pub fn denoise(
 }
 
 /// Denoises a complete picture whose job this machine has led for others, if the request asks for it.
+///
+/// # Errors
+/// As for [`ready`]; or the denoiser fails.
 pub fn here(request: &Request, report: &mut JobReport, metadata: &mut Metadata) -> Result<(), Error> {
     let Some(denoiser) = ready(request)?.filter(|_| !report.stopped && report.failed.is_empty()) else { return Ok(()) };
     denoise(&denoiser, request, report, metadata, &mut |_| ControlFlow::Continue(()))?;

@@ -285,8 +285,8 @@ pub struct LightingAgents {
     pub answers: [u64; 3],
     /// Mean distance between objects, in scene units.
     pub object_distance: f32,
-    /// Of the photons that reach mirrors and glass, the share whose light the camera sees: of those sent without lookouts, and
-    /// of those sent by them. Missing if lookouts were not used or no photon reaches such surfaces.
+    /// The share, 0 to 1, of the photons that reach mirrors and glass whose light the camera sees: those sent without lookouts,
+    /// then those that lookouts send. Missing if lookouts were not used or no photon reaches such surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub caustics_seen: Option<[f64; 2]>,
     /// Memory of the agent maps, in bytes.

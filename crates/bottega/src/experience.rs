@@ -66,7 +66,7 @@ pub enum ExperienceFileError {
     Earlier {
         /// The path of the file.
         path: PathBuf,
-        /// The problem.
+        /// The error of reading the earlier version.
         source: Box<Self>,
     },
     /// The folder cannot be used.

@@ -43,6 +43,9 @@ impl PictureJournal {
     }
 
     /// Creates the journal of `output`, or with `resume` opens the existing one.
+    ///
+    /// # Errors
+    /// The journal cannot be written; with `resume`, also if there is none, or it is of another picture.
     pub fn begin(output: &Path, name: &str, resume: bool) -> Result<Self, Error> {
         let path = journal_of(output);
         if resume { Self::resume(path, name) } else { Self::create(path, name) }

@@ -10,7 +10,7 @@ use bottega_scene::objects_only::ObjectsOnly;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// The reason why a JSON text is not what is needed.
+/// The reason why a JSON text is refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum JsonError {
     /// The text is not JSON.

@@ -53,7 +53,7 @@ pub struct TermView {
 pub struct VariableView {
     /// Name of the variable.
     pub name: String,
-    /// The interval over which its terms lie: minimum, maximum.
+    /// The interval over which the variable's terms lie: minimum, maximum.
     pub range: [f64; 2],
     /// The terms of the variable.
     pub terms: Vec<TermView>,

@@ -28,6 +28,9 @@ pub struct Source {
 
 impl Source {
     /// Reads a rule file. If there is no such file, the name of built-in rules stands for those.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is not valid FCL.
     pub fn read(path: &Path) -> Result<Self, Error> {
         Self::of(RulesText::read(path)?)
     }
@@ -40,6 +43,9 @@ impl Source {
     }
 
     /// Returns the function block with this name (letter case ignored); `None`: the only block.
+    ///
+    /// # Errors
+    /// There is no such block; with `None`, also if there are several.
     pub fn block(&self, name: Option<&str>) -> Result<&FunctionBlock, Error> {
         let blocks = &self.document.blocks;
         let names: Vec<&str> = blocks.iter().map(FunctionBlock::name).collect();
@@ -91,6 +97,9 @@ impl RulesText {
     }
 
     /// Returns the rules of an external engine; `None`: it has none.
+    ///
+    /// # Errors
+    /// The engine's file of rules cannot be read.
     pub fn of_engine(entry: &ShelfEntry) -> Result<Option<Self>, Error> {
         match entry.rules() {
             None => Ok(None),
@@ -100,6 +109,9 @@ impl RulesText {
     }
 
     /// Returns the rules that choose the engine of a zone: those of `source`, else the built-in ones.
+    ///
+    /// # Errors
+    /// The rules cannot be read.
     pub fn of_choice(source: Option<&RulesSource>) -> Result<Self, Error> {
         match source {
             Some(source) => source.read(),
@@ -130,6 +142,9 @@ pub fn rule_texts(sources: &[RulesSource]) -> Result<Vec<RulesText>, Error> {
 }
 
 /// Returns the experts of these rule texts, and warnings about them; without texts the built-in expert for path tracing.
+///
+/// # Errors
+/// A text is not valid FCL, or its rules do not fit zones: see [`Expert::new`].
 pub fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>), Error> {
     if texts.is_empty() {
         return Ok((vec![Expert::path_tracing()], Vec::new()));
@@ -150,6 +165,9 @@ pub fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>), Erro
 }
 
 /// Returns the rules that choose the engine of a zone.
+///
+/// # Errors
+/// The text is not valid FCL, or its rules do not choose an engine.
 pub fn engine_choice(text: RulesText) -> Result<EngineChoice, Error> {
     Source::of(text)?.understood(EngineChoice::new)
 }

@@ -1,4 +1,4 @@
-//! A board behind a cable: what it does for a picture, and what becomes of one that is slow, gone or wrong.
+//! A board behind a cable: its gain for a picture, and boards that are slow, gone or wrong.
 
 use std::{
     io::{Read, Write},
@@ -27,7 +27,7 @@ impl Watcher for Notes {
     }
 }
 
-/// Starts a board; its name as a device.
+/// Starts a board. Returns its name as a device.
 fn board(bandwidth: Option<f64>, build: &str) -> String {
     let options = BoardOptions { threads: 1, bandwidth, memory: 64 << 20, build: build.to_owned() };
     let board = BoardServer::listen("127.0.0.1:0".parse().unwrap(), options).unwrap();
@@ -42,24 +42,24 @@ fn request(devices: &[&str]) -> Request {
     request.goal.samples = Some(16);
     request.devices.threads = Some(1);
     request.devices.names = devices.iter().map(|&name| name.to_owned()).collect();
-    // Also where a board would be left alone, as on a busy machine, which takes its cable for slow.
+    // Use the board even if its cable seems slow, as on a busy machine.
     request.integrator.wavefront = true;
     request
 }
 
-/// The picture, and how many units the board has done.
+/// Returns the picture, and the number of units of the board.
 fn paint(request: &Request) -> (Picture, u64) {
     let (picture, used) = paint_with(request);
     (picture, used.map_or(0, |used| used.units))
 }
 
-/// The picture, and what the board did.
+/// Returns the picture, and the report of the board.
 fn paint_with(request: &Request) -> (Picture, Option<ResourceUse>) {
     let (picture, used, _) = paint_and_listen(request);
     (picture, used)
 }
 
-/// And what the user was warned of.
+/// The same, with the warnings to the user.
 fn paint_and_listen(request: &Request) -> (Picture, Option<ResourceUse>, Vec<String>) {
     let notes = Arc::new(Notes::default());
     let session = Session::open_with(request, SessionOptions::default()).unwrap();
@@ -106,14 +106,14 @@ fn what_passed_on_the_cable_is_told_with_its_bandwidth() {
 fn a_board_behind_a_slow_cable_is_left_alone() {
     let _processors = processors();
     let (_, fast) = paint(&request(&["cpu", &board(None, identity())]));
-    // Rays of a wave take half a minute there: it is tried, and then it is known.
+    // Rays of a wave take half a minute there: the board is tried, and then its cost is known.
     let (alone, _) = paint(&request(&["cpu"]));
     let (both, slow) = paint(&request(&["cpu", &board(Some(20e3), identity())]));
     assert!(bits(&alone) == bits(&both));
     assert!(slow * 4 < fast.max(4), "{slow} units where one with a fast cable has {fast}");
 }
 
-/// Waves take processors longer than blocks: they are painted where boards save more than that, or where they are asked for.
+/// Waves cost processors more than blocks: they are used where boards save more than that, or on request.
 #[test]
 fn where_a_board_saves_nothing_the_picture_is_painted_in_blocks() {
     let _processors = processors();
@@ -147,7 +147,7 @@ fn a_board_of_another_build_or_none_at_all_is_refused() {
     thread::spawn(move || {
         let (mut stream, _) = stranger.accept().unwrap();
         _ = stream.write_all(&[0; 100]);
-        // Closing while the other side writes would break its connection before it has read this.
+        // Closing while the other side writes breaks its connection before it has read this.
         _ = stream.read_to_end(&mut Vec::new());
     });
     let refused = open(&format!("tcp://{address}"));
@@ -187,16 +187,16 @@ fn what_a_board_is_told_that_cannot_be_ends_the_connection_and_nothing_else() {
     assert!(units > 0, "the board serves others as before");
 }
 
-/// What befalls a cable.
+/// The faults of a cable.
 #[derive(Clone, Copy, PartialEq)]
 enum Fault {
-    /// It is cut after so many bytes to the board.
+    /// The cable is cut after this many bytes to the board.
     Cut(u64),
-    /// It stays, and can be plugged in anew, but answers do not come any more after so many bytes.
+    /// The cable stays and can be plugged in again, but carries no answers after this many bytes.
     Silence(u64),
 }
 
-/// A cable to a board with a fault; its name as a device.
+/// Makes a cable to a board with a fault. Returns its name as a device.
 fn cable(board: &str, fault: Fault) -> String {
     let far = board.strip_prefix("tcp://").unwrap().to_owned();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -234,7 +234,7 @@ fn a_board_that_goes_while_it_paints_costs_no_pixel() {
     assert!(bits(&alone) == bits(&both));
 }
 
-/// Its first packets are doubted after two seconds; what it has is done elsewhere, and nobody waits for it when the picture is whole.
+/// Its first packets are doubted after two seconds; other resources do its work, and the complete picture does not wait for it.
 #[test]
 fn a_board_that_does_not_answer_any_more_is_not_waited_for() {
     let _processors = processors();

@@ -53,7 +53,7 @@ impl std::fmt::Debug for Apply {
     }
 }
 
-/// A change of a request that may be made by itself.
+/// A change of a request that is valid alone.
 fn change() -> impl Strategy<Value = Apply> {
     fn of<T: Clone + std::fmt::Debug + 'static>(
         values: impl Strategy<Value = T> + 'static,

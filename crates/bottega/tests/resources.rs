@@ -1,4 +1,4 @@
-//! Processors and devices at work for pictures: rays as units, scenes that stay on a device, what the user is told of it.
+//! Processors and devices at work for pictures: rays as units, scenes that stay on a device, reports to the user.
 
 use std::{
     path::{Path, PathBuf},
@@ -9,7 +9,7 @@ use bottega::{Picture, Request, Session, SessionOptions, StopSwitch, Watcher, ev
 
 use crate::support::processors;
 
-/// Keeps all that it is told.
+/// An observer that keeps all events.
 #[derive(Default)]
 struct Notes(Mutex<Vec<Event>>);
 
@@ -133,7 +133,7 @@ fn the_next_picture_finds_its_scene_on_the_device() {
     let (first, notes) = paint(&request, SessionOptions::default());
     let once = sent(&notes);
     assert!(once > 0);
-    // Another seed, the same scene: it is loaded anew, and nothing of it is sent.
+    // Another seed, the same scene: it is loaded again, and nothing of it is sent.
     request.seed += 1;
     let (second, notes) = paint(&request, SessionOptions::default());
     assert_eq!(sent(&notes), once);

@@ -1,4 +1,4 @@
-//! Functions that the tests which paint share.
+//! Functions that the tests of rendering share.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -53,7 +53,7 @@ impl Fields<'_> {
 }
 
 impl ShownImage {
-    /// Does as a packet says: the protocol of tev, as its README describes it.
+    /// Executes a packet: the protocol of tev, as its README describes it.
     fn take(&mut self, packet: &[u8]) {
         let mut fields = Fields(packet);
         let [kind, _focus] = fields.bytes();

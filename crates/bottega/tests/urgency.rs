@@ -1,4 +1,4 @@
-//! Two pictures in one process, one of which is a part that somebody waits for.
+//! Two pictures in one process, one of which is an urgent part.
 
 use std::{
     path::Path,
@@ -21,7 +21,7 @@ fn request(samples: u32) -> Request {
     request
 }
 
-/// How long a picture takes in the middle of a longer one that has the same thread.
+/// The time of a picture that is rendered amid a longer one on the same thread.
 fn time_beside_another(request: &Request) -> Duration {
     let long = Session::open(&self::request(800)).expect("it is opened");
     let stop = StopSwitch::new();
@@ -43,7 +43,7 @@ fn time_beside_another(request: &Request) -> Duration {
 fn a_part_of_a_picture_goes_before_a_whole_one() {
     let _processors = processors();
     let whole = request(256);
-    // As many pixels: what differs is that they are asked for as a part.
+    // The same number of pixels, requested as a part.
     let mut part = whole.clone();
     part.film.crop = Some([0, 0, SIZE[0], SIZE[1]]);
     let (part, whole) = (time_beside_another(&part), time_beside_another(&whole));

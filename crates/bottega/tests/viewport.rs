@@ -74,7 +74,7 @@ fn a_pose_that_looks_nowhere_is_refused_by_its_field() {
     assert!(there.validate().is_ok() && there.view.pose.is_some_and(|pose| pose.up == [0.0, 1.0, 0.0]));
 }
 
-/// The first frame that is as wanted, and how long it took.
+/// Returns the first frame that meets a condition, and the time until it.
 fn frame(viewport: &Viewport, wanted: impl Fn(&ViewportFrame) -> bool) -> (ViewportFrame, Duration) {
     let begun = Instant::now();
     let mut after = 0;
@@ -118,14 +118,14 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
     assert!(other.number > last.number && told.load(Ordering::Relaxed) > told_before, "it is told of");
     let (there, _) = frame(&viewport, |frame| frame.look == look && frame.samples == 8);
     assert_ne!(read(&there).data, read(&last).data);
-    // The camera as the file has it, said as a pose, is the camera.
+    // The pose of the file's camera gives the file's camera.
     let own = ViewOptions { pose: Some(viewport.cameras()[0].pose), ..ViewOptions::default() };
     let look = viewport.look(&own).expect("it looks");
     let (back, _) = frame(&viewport, |frame| frame.look == look && frame.samples == 8);
     let differ = read(&back).data.iter().zip(&read(&last).data).filter(|(a, b)| a != b).count();
     assert!(differ < 48 * 32 / 20, "{differ} pixels differ by the rounding of a pose");
 
-    // What cannot be leaves what is.
+    // An impossible request changes nothing.
     let error = viewport.look(&ViewOptions { camera: Some("9".to_owned()), ..from_above() }).unwrap_err();
     assert!(error.to_string().contains("no camera `9`"), "{error}");
     let (still, _) = frame(&viewport, |frame| frame.look == look);
@@ -207,7 +207,7 @@ fn a_viewport_beside_a_picture_goes_first_and_what_was_looked_away_from_is_told(
         thread::spawn(move || session.render(notes, &stop))
     };
     thread::sleep(Duration::from_millis(300));
-    // It asks for other threads, and joins those that paint all the same: else nobody could go first.
+    // It asks for other threads, but shares those that render; otherwise priorities have no effect.
     let wanted = request().with("goal.samples", "1024").unwrap().with("devices.threads", "2").unwrap();
     let viewport = Viewport::open(&wanted).expect("it is opened");
     // At some of these moments work of the view waits until the picture's block ends; at others noise is being removed, or its

@@ -51,7 +51,7 @@ pub(crate) struct BlenderArgs {
     wheel: Option<PathBuf>,
 }
 
-/// Packs the add-on, installs it into a fresh profile, and paints with it; or runs the checks that the options name.
+/// Packs the add-on, installs it into a fresh profile, and renders with it; or runs the checks that the options name.
 ///
 /// # Errors
 /// No Blender can be had, an archive cannot be made, or a check failed.
@@ -174,7 +174,7 @@ fn pack([wheel, server]: &[PathBuf; 2], folder: &Path) -> Result<Archives> {
     Ok(Archives { extension: made("linux-x64.zip")?, legacy: made("before-4.2.zip")? })
 }
 
-/// Validates the archive, installs it into a fresh profile, and paints an F12 there.
+/// Validates the archive, installs it into a fresh profile, and renders by F12 there.
 fn install(blender: &Blender, archives: &Archives, folder: &Path) -> Result<()> {
     let archive = if blender.is_extended() { &archives.extension } else { &archives.legacy };
     if let Some(mut validate) = blender.validator(&archives.extension) {

@@ -21,7 +21,7 @@ pub(crate) struct PackageArgs {
     /// Pack this program; without it the one of the profile `dist` is built first.
     #[arg(long, value_name = "PATH")]
     program: Option<PathBuf>,
-    /// Where the packages go.
+    /// Folder of the packages.
     #[arg(long, value_name = "FOLDER", default_value = "target/packages")]
     out: PathBuf,
     /// Try the .deb in a bare Debian: install it, paint, read the man page, remove it. Only as root; installs mmdebstrap.

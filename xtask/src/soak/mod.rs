@@ -50,10 +50,10 @@ const AWAY: [&str; 4] = ["cannot reach a NATS server", "does not answer", ": 503
 /// Options of `cargo xtask soak`.
 #[derive(Args)]
 pub(crate) struct SoakArgs {
-    /// Things that happen.
+    /// Number of events.
     #[arg(long, default_value_t = 500)]
     steps: u32,
-    /// Decides what happens, and to whom.
+    /// Seed of the random events and their targets.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// The program, with the library of the Python module beside it or in `deps` there; default: those of the `dev` profile, which

@@ -143,12 +143,12 @@ impl<M: StateMachine> Network<M> {
         Some(what)
     }
 
-    /// The time of the next event.
+    /// Returns the time of the next event.
     pub(super) fn next_time(&self) -> Option<Time> {
         self.plan.next_time()
     }
 
-    /// The index of an agent; a new one at its first use.
+    /// Returns the index of an agent; a new one at its first use.
     pub(super) fn node(&mut self, agent: &AgentId) -> NodeId {
         self.known(agent).unwrap_or_else(|| {
             let node = NodeId(u32::try_from(self.names.len()).expect("fewer than 2³² agents"));
@@ -160,7 +160,7 @@ impl<M: StateMachine> Network<M> {
         })
     }
 
-    /// The index of an agent, if it has one.
+    /// Returns the index of an agent, if it has one.
     pub(super) fn known(&self, agent: &AgentId) -> Option<NodeId> {
         self.nodes.get(agent).copied()
     }
@@ -212,12 +212,12 @@ impl<M: StateMachine> Network<M> {
         self.faults.latency_min + self.faults.latency_extra_mean.mul_f64(5.0 * u * u * u * u)
     }
 
-    /// A random time with the given mean.
+    /// Returns a random time with the given mean.
     pub(super) fn around(&mut self, mean: Duration) -> Duration {
         mean.mul_f64(2.0 * self.random.unit())
     }
 
-    /// True if a partition separates sender and receiver.
+    /// Returns true if a partition separates sender and receiver.
     pub(super) fn cut_between(&self, from: NodeId, to: NodeId) -> bool {
         !self.cut_off.is_empty() && self.cut_off.contains(&from) != self.cut_off.contains(&to)
     }
@@ -275,7 +275,7 @@ impl<M: StateMachine> Network<M> {
         self.replies = replies;
     }
 
-    /// The next report for an agent, if due.
+    /// Returns the next report for an agent, if due.
     pub(super) fn next_report(&mut self, node: NodeId) -> Option<(Ticket, StoreReply<M::Value>)> {
         let reports = &mut self.reports[node.index()];
         let next = reports.pop_front();

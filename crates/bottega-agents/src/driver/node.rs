@@ -170,27 +170,27 @@ impl Node {
         Ok(Self { platform, address, local, ids, is_federated, trace, end: Some(end), network: Some(network) })
     }
 
-    /// The public address of this node.
+    /// Returns the public address of this node.
     pub fn address(&self) -> &str {
         &self.address
     }
 
-    /// The address that it listens on.
+    /// Returns the address on which the node listens.
     pub fn local_address(&self) -> SocketAddr {
         self.local
     }
 
-    /// The AMS, with its address.
+    /// Returns the AMS, with its address.
     pub fn ams(&self) -> &AgentId {
         &self.ids.ams
     }
 
-    /// The DF, with its address.
+    /// Returns the DF, with its address.
     pub fn df(&self) -> &AgentId {
         &self.ids.df
     }
 
-    /// The Start Service, with its address.
+    /// Returns the Start Service, with its address.
     pub fn start_service(&self) -> &AgentId {
         &self.ids.start
     }
@@ -276,7 +276,7 @@ impl Node {
         self.platform.bus().ask_store(&self.ids.ams, Ticket(u64::MAX), farewell);
     }
 
-    /// True if another process serves the platform. A killed one may still be listed.
+    /// Returns true if another process serves the platform. A killed one may still be listed.
     fn is_served_elsewhere(&self) -> bool {
         let content = ManagementContent::Action(Function::GetDescription);
         let answer = self.ask(&self.ids.leavers[1], &self.ids.ams, content, FAREWELL_WAIT);
@@ -305,7 +305,7 @@ impl Drop for Node {
     }
 }
 
-/// The response to a GET: the name of the platform and the address of its AMS.
+/// Returns the response to a GET: the name of the platform and the address of its AMS.
 fn about(name: &str, address: &str) -> String {
     format!(
         "(ap-description :name {name} :ap-services (set (ap-service :name fipa.mts.mtp.http.std :type fipa.mts.mtp.http.std :addresses (sequence {address}))))\n"
@@ -476,7 +476,7 @@ async fn carry(mut queue: lanes::Receiver<Outbound>, gateway: GatewayReports) {
     }
 }
 
-/// An error with its causes, as text.
+/// Returns an error with its causes, as text.
 fn error_chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
@@ -487,7 +487,7 @@ fn error_chain(error: &dyn std::error::Error) -> String {
     text
 }
 
-/// A secret random number from the operating system.
+/// Returns a secret random number from the operating system.
 fn random() -> u64 {
     RandomState::new().build_hasher().finish()
 }

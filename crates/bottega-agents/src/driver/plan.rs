@@ -109,7 +109,7 @@ impl Ord for PlannedEvent {
 
 /// A store request that may be open.
 struct OpenRequest {
-    /// The time of its timeout.
+    /// The time of the request's timeout.
     at: Time,
     sequence: u64,
     of: Life,
@@ -224,7 +224,7 @@ impl<M: StateMachine> EventPlan<M> {
         next.map(|((at, _), source)| (at, source))
     }
 
-    /// The time of the next event.
+    /// Returns the time of the next event.
     pub(super) fn next_time(&self) -> Option<Time> {
         self.next().map(|(at, _)| at)
     }

@@ -33,7 +33,7 @@ pub trait World<M: StateMachine> {
         reports: &mut Vec<(Duration, M::Completion)>,
     );
 
-    /// The time of the world's next own event, for effects of unknown duration. `None`: there is none.
+    /// Returns the time of the world's next own event, for effects of unknown duration. `None`: there is none.
     fn next_change(&self) -> Option<Time> {
         None
     }
@@ -66,9 +66,9 @@ struct SimulatedAgent<M> {
     machine: Option<M>,
     make: Box<dyn FnMut() -> M>,
     may_crash: bool,
-    /// The deadline that it has set.
+    /// The deadline that the agent has set.
     deadline: Option<Time>,
-    /// The time of its next timer, not later than the deadline. An early timer is set again, because most deadlines are
+    /// The time of the agent's next timer, not later than the deadline. An early timer is set again, because most deadlines are
     /// postponed before they arrive.
     timer: Option<Time>,
 }
@@ -92,7 +92,7 @@ where
     M::Content: Clone,
     M::Value: Clone,
 {
-    /// An empty platform with a world that executes effects.
+    /// Makes an empty platform with a world that executes effects.
     pub fn new(seed: u64, faults: Faults, world: W) -> Self {
         let network = Network::new(seed, faults);
         Self {
@@ -114,7 +114,7 @@ where
         self.nodes.get_mut(node.index())?.as_mut()
     }
 
-    /// All agents that are not retired.
+    /// Returns all agents that are not retired.
     fn all(&self) -> impl Iterator<Item = (NodeId, &SimulatedAgent<M>)> {
         let numbered = self.nodes.iter().enumerate();
         numbered.filter_map(|(index, node)| Some((NodeId(index as u32), node.as_ref()?)))
@@ -135,37 +135,37 @@ where
         self.network.trace = Some(Vec::new());
     }
 
-    /// The recorded trace: a line per message, crash, partition and similar; times in milliseconds.
+    /// Returns the recorded trace: a line per message, crash, partition and similar; times in milliseconds.
     pub fn trace(&self) -> String {
         self.network.trace.as_ref().map_or_else(String::new, |lines| lines.join("\n"))
     }
 
-    /// The current time.
+    /// Returns the current time.
     pub fn now(&self) -> Time {
         self.network.now
     }
 
-    /// The machine of an agent; `None` while it is down.
+    /// Returns the machine of an agent; `None` while it is down.
     pub fn machine(&self, id: &AgentId) -> Option<&M> {
         self.node(self.network.known(id)?)?.machine.as_ref()
     }
 
-    /// The store.
+    /// Returns the store of the simulated platform.
     pub fn store(&self) -> &MemoryStore<M::Value, NodeId> {
         &self.network.store
     }
 
-    /// The world.
+    /// Returns the world in which the agents act.
     pub fn world(&self) -> &W {
         &self.world
     }
 
-    /// The world, mutable. Its next event must not become earlier than announced.
+    /// Returns the world, mutable. Its next event must not become earlier than announced.
     pub fn world_mut(&mut self) -> &mut W {
         &mut self.world
     }
 
-    /// Number of messages sent, per receiver, including lost ones.
+    /// Returns the number of messages sent, per receiver, including lost ones.
     pub fn message_count(&self) -> u64 {
         self.network.message_count
     }
@@ -175,7 +175,7 @@ where
         self.network.put(key, value);
     }
 
-    /// The bus, for messages from outside.
+    /// Returns the bus, for messages from outside.
     pub fn bus(&mut self) -> &mut impl Bus<Content = M::Content, Value = M::Value> {
         &mut self.network
     }
@@ -238,7 +238,7 @@ where
         }
     }
 
-    /// Ends the partition.
+    /// Ends the partition of the network, if there is one.
     pub fn heal(&mut self) {
         self.network.note(|_| "healed".to_owned());
         for node in std::mem::take(&mut self.network.cut_off) {
@@ -277,7 +277,7 @@ where
         assert!(self.world.next_change().is_none_or(|next| next > at), "the world names a change again that has come");
     }
 
-    /// Runs until `end`.
+    /// Runs all events up to `end`.
     pub fn run_until(&mut self, end: Time) {
         self.run_while(end, |_| true);
         self.network.now = self.network.now.max(end);

@@ -55,12 +55,12 @@ where
         Ok(store)
     }
 
-    /// Returns an entry, as last read by this process.
+    /// Returns an entry, as last read by this process; `None`: there is none.
     pub fn get(&self, key: &Key) -> Option<&Entry<V>> {
         self.entries.get(key)
     }
 
-    /// Length of the log, in bytes.
+    /// Returns the length of the log, in bytes.
     pub fn log_bytes(&self) -> u64 {
         self.log.bytes()
     }

@@ -45,7 +45,7 @@ impl Forms {
         }
     }
 
-    /// The representation for a message that is not an answer.
+    /// Returns the representation for a message that is not an answer.
     pub(super) fn of(&self, receiver: &AgentId) -> Form {
         let known = |platform: String| self.set.get(&platform).or_else(|| self.heard.get(&platform)).copied();
         platform(receiver).and_then(known).unwrap_or(self.default)

@@ -20,7 +20,7 @@ enum Read<C> {
     Content(C),
     /// Answer with this performative and content.
     Answer(Performative, ManagementContent),
-    /// Ignore it.
+    /// Ignore the message.
     Nothing,
 }
 
@@ -42,7 +42,7 @@ where
         actions: &mut GatewayActions<C, V>,
     ) {
         let Some(sender) = message.sender.clone() else {
-            // Without a sender nobody can be answered
+            // Without a sender there is no receiver for an answer
             self.passed(now, Way::Dropped, to, &message, actions);
             return;
         };
@@ -68,9 +68,9 @@ where
         }
     }
 
-    /// True if a foreign message claims to be from an agent of this process, or, to a service, from any agent of this
-    /// platform: each process has these services, so none needs to ask from outside. Other processes of the platform
-    /// report failures, and their agents write to those here.
+    /// Returns true if a foreign message claims to be from an agent of this process, or, to a service, from any agent
+    /// of this platform: each process has these services, so none needs to ask from outside. Other processes of the
+    /// platform report failures, and their agents write to those here.
     fn is_forged(&self, to: &AgentId, sender: &AgentId, message: &WireMessage) -> bool {
         let same = |other: &AgentId| other.name.eq_ignore_ascii_case(&sender.name);
         let asks_service = self.is_service(to) && !is_answer(message.performative);
@@ -96,7 +96,7 @@ where
         }
         let read = match expressions.0 {
             Ok(terms) => read_content(self.config.calendar, now, message.performative, &terms),
-            // The conversation tells what is cancelled
+            // The conversation identifies the cancelled act
             Err(_) if message.performative == Performative::Cancel => Ok(ManagementContent::Cancel),
             Err(reason) => return not_understood(reason),
         };
@@ -146,7 +146,7 @@ where
         }
     }
 
-    /// The message in the types of this platform.
+    /// Returns the message in the types of this platform.
     fn typed(
         &mut self,
         now: Time,
@@ -190,7 +190,7 @@ fn refuse<C>(reason: RefuseReason) -> Read<C> {
     Read::Answer(Performative::Refuse, ManagementContent::Refused(crate::platform::Function::GetDescription, reason))
 }
 
-/// True for performatives that the platform's services handle.
+/// Returns true for performatives that the platform's services handle.
 fn is_expected(act: Performative) -> bool {
     matches!(act, Performative::Request | Performative::Subscribe | Performative::Cancel) || is_answer(act)
 }
@@ -204,7 +204,7 @@ fn read_sl(message: &WireMessage) -> Expressions {
     Expressions(sl::parse(content).map_err(|_| NotUnderstoodReason::UnrecognisedValue("content".into())))
 }
 
-/// The protocol's name as known within the platform.
+/// Returns the protocol's name as known within the platform.
 fn known_protocol(name: Option<&str>) -> &'static str {
     const KNOWN: [&str; 8] = [
         "fipa-request",

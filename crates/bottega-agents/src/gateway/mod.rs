@@ -34,8 +34,8 @@ pub trait CarriesForeign: CarriesManagement {
     /// not-understood.
     fn from_foreign(message: WireMessage) -> Option<Self>;
 
-    /// The text for a foreign agent: content, language, ontology, encoding and user-defined parameters are taken from
-    /// it; the rest from the message around it.
+    /// Returns the text for a foreign agent: content, language, ontology, encoding and user-defined parameters are
+    /// taken from it; the rest from the message around it.
     fn foreign(&self) -> Option<&WireMessage>;
 }
 
@@ -43,7 +43,7 @@ pub trait CarriesForeign: CarriesManagement {
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "most of what is said between agents is of management")]
 pub enum PlainContent {
-    /// Agent management.
+    /// A message of agent management (FIPA00023).
     Management(ManagementContent),
     /// Any other content, as text.
     Foreign(Arc<WireMessage>),
@@ -93,7 +93,7 @@ pub enum ChannelReport {
     Arrived(Box<Letter>),
     /// A message could not be delivered to any of its addresses.
     Failed {
-        /// The message.
+        /// The message that could not be sent.
         outbound: Box<Outbound>,
         /// The error at the last address.
         reason: String,
@@ -114,10 +114,10 @@ pub enum Way {
 }
 
 impl Way {
-    /// All ways.
+    /// All ways, in the order of their declaration.
     pub const ALL: [Self; 4] = [Self::In, Self::Out, Self::Dropped, Self::Lost];
 
-    /// A name for display.
+    /// Returns a name for display.
     pub fn word(self) -> &'static str {
         match self {
             Self::In => "in",
@@ -131,9 +131,9 @@ impl Way {
 /// A message that passed the gateway.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {
-    /// The time.
+    /// The time at which the message passed.
     pub time: Time,
-    /// The way.
+    /// The way that the message took.
     pub way: Way,
     /// The name of the receiver.
     pub to: AgentId,
@@ -156,7 +156,7 @@ pub struct GatewayConfig {
     pub services: Vec<AgentId>,
     /// Names that messages from outside must not use as sender.
     pub administrators: Vec<AgentId>,
-    /// Makes the names of its conversations differ from those of other processes.
+    /// Number that makes the names of the gateway's conversations differ from those of other processes.
     pub salt: u64,
     /// The representation of first messages to other platforms.
     pub first_forms: FirstForms,
@@ -212,7 +212,7 @@ where
     C: CarriesForeign,
     V: From<String> + AsRef<str>,
 {
-    /// The gateway of a platform, before its start.
+    /// Makes the gateway of a platform, before its start.
     pub fn new(config: GatewayConfig) -> Self {
         let acc = Acc::new(config.platform.clone(), config.addresses.clone(), config.calendar, config.salt);
         Self {
@@ -234,7 +234,7 @@ where
         self.config.services.contains(agent)
     }
 
-    /// The identifier of an agent for other platforms: services have the addresses of every process.
+    /// Returns the identifier of an agent for other platforms: services have the addresses of every process.
     fn with_addresses(&self, agent: &AgentId) -> AgentId {
         let addresses = if self.is_service(agent) { self.nodes.clone() } else { self.config.addresses.clone() };
         AgentId { name: agent.name.clone(), addresses: addresses.into() }
@@ -386,7 +386,7 @@ where
     }
 }
 
-/// True for performatives that are answers: they never get a not-understood.
+/// Returns true for performatives that are answers: they never get a not-understood.
 fn is_answer(act: Performative) -> bool {
     use Performative as P;
     matches!(act, P::Inform | P::Agree | P::Refuse | P::Failure | P::NotUnderstood | P::Confirm | P::Disconfirm)

@@ -50,7 +50,7 @@ where
         }
     }
 
-    /// The message as text. `None`: its content cannot be expressed.
+    /// Returns the message as text. `None`: its content cannot be expressed.
     fn wire(&self, message: &AclMessage<C>, thread: Option<&Thread>) -> Option<WireMessage> {
         let from = self.with_addresses(&message.sender);
         let content = self.content(message, &from, thread);
@@ -94,7 +94,7 @@ where
         Some(wire)
     }
 
-    /// Agent-management content, in SL.
+    /// Returns agent-management content, in SL.
     fn content(&self, message: &AclMessage<C>, from: &AgentId, thread: Option<&Thread>) -> Option<String> {
         let content = message.content.management()?;
         // The actor is the receiver of a request, and the sender of an answer
@@ -110,7 +110,7 @@ where
         (number != 0).then(|| print_number(self.config.salt, number))
     }
 
-    /// The entry of a subscription's thread, if this message ends it.
+    /// Returns the entry of a subscription's thread, if this message ends it.
     fn ended_subscription(&mut self, message: &AclMessage<C>) -> Option<String> {
         use Performative as P;
         let refused = matches!(message.performative, P::Refuse | P::Failure | P::NotUnderstood)

@@ -31,7 +31,7 @@ const FORM: &str = "X-form";
 pub(super) struct Thread {
     /// The message, without its content.
     pub(super) message: WireMessage,
-    /// The first expression of its content, which answers repeat.
+    /// The first expression of the message's content, which answers repeat.
     pub(super) asked: Option<Term>,
     /// The representation that the foreign agent uses.
     pub(super) form: String,
@@ -129,7 +129,7 @@ fn parse(text: &str) -> Option<Thread> {
     Some(Thread { message, asked, form })
 }
 
-/// The number of a foreign conversation: the same in every process and after a restart. (FNV-1a.)
+/// Returns the number of a foreign conversation: the same in every process and after a restart. (FNV-1a.)
 pub(super) fn strange_number(sender: &AgentId, conversation: &str) -> u64 {
     let name = sender.name.to_lowercase();
     let bytes = name.bytes().chain([0]).chain(conversation.bytes());
@@ -139,7 +139,7 @@ pub(super) fn strange_number(sender: &AgentId, conversation: &str) -> u64 {
     if conversation.is_empty() { hash | NAMELESS } else { hash }
 }
 
-/// A number of this platform, as text for foreign agents.
+/// Returns a number of this platform, as text for foreign agents.
 pub(super) fn print_number(salt: u64, number: u64) -> String {
     format!("b{salt:x}-{number}")
 }

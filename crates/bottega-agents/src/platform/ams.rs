@@ -65,7 +65,7 @@ pub struct Ams {
     is_ready: bool,
     /// Entries that this process has to write, by key.
     errands: BTreeMap<String, AmsTask>,
-    /// Those being written, by mark.
+    /// The names of entries that are being written, by mark.
     written: BTreeMap<u64, String>,
     next_mark: u64,
     /// The next time to check them.
@@ -86,7 +86,7 @@ enum AmsTask {
 }
 
 impl Ams {
-    /// An AMS that does not know the pages yet.
+    /// Makes an AMS that does not know the pages yet.
     pub fn new(config: AmsConfig) -> Self {
         Self {
             config,
@@ -101,7 +101,7 @@ impl Ams {
         }
     }
 
-    /// The life-cycle state of an agent, if known.
+    /// Returns the life-cycle state of an agent, if known.
     pub fn state(&self, agent: &AgentId) -> Option<LifeCycleState> {
         self.agents.get(&index(agent)).filter(|entry| !entry.is_gone()).map(AmsEntry::state)
     }
@@ -110,7 +110,7 @@ impl Ams {
         format!("{AGENT}{}", index(agent))
     }
 
-    /// The entry of an agent that has not ended.
+    /// Returns the entry of an agent that has not ended.
     fn entry(&self, agent: &AgentId) -> Option<&AmsEntry> {
         self.agents.get(&index(agent)).filter(|entry| !entry.is_gone())
     }
@@ -123,13 +123,13 @@ impl Ams {
         self.config.administrators.iter().any(|other| other.name.eq_ignore_ascii_case(&agent.name))
     }
 
-    /// True if the agent is registered and deregistered automatically in this process.
+    /// Returns true if the agent is registered and deregistered automatically in this process.
     fn is_entered(&self, agent: &AgentId) -> bool {
         let is_unlisted = self.config.unlisted.iter().any(|other| other.name.eq_ignore_ascii_case(&agent.name));
         self.config.enters_residents && !self.is_service(agent) && !is_unlisted
     }
 
-    /// The name in a description, if `asker` may change its entry.
+    /// Returns the name in a description, if `asker` may change its entry.
     fn authorised(&self, asker: &AgentId, description: &AmsAgentDescription) -> Result<AgentId, NoResult> {
         let Some(name) = &description.name else {
             return Err(RefuseReason::missing(AMS_DESCRIPTION, "name").into());
@@ -208,13 +208,13 @@ impl Ams {
         services.chain(agents).filter(|agent| template.matches(agent)).take(most).collect()
     }
 
-    /// The addresses of all processes that serve the platform, including this one before it is entered.
+    /// Returns the addresses of all processes that serve the platform, including this one before it is entered.
     fn addresses(&self) -> Vec<String> {
         let all: BTreeSet<&String> = self.nodes.iter().chain(&self.config.addresses).collect();
         all.into_iter().cloned().collect()
     }
 
-    /// The description of the platform, with all processes that serve it.
+    /// Returns the description of the platform, with all processes that serve it.
     pub fn platform(&self) -> PlatformDescription {
         let transport = ServiceEntry {
             id: HTTP_TRANSPORT.to_owned(),
@@ -274,13 +274,13 @@ impl Ams {
         self.look_at = (!self.errands.is_empty()).then(|| now + LOOK_AGAIN_AFTER);
     }
 
-    /// True if an entry's agent is in this process, or its process is not given.
+    /// Returns true if an entry's agent is in this process, or its process is not given.
     fn is_here(&self, entry: &AmsEntry) -> bool {
         let addresses = entry.description.name.as_ref().map_or(&[][..], |name| &name.addresses);
         addresses.is_empty() || addresses.iter().any(|address| self.config.addresses.contains(address))
     }
 
-    /// The text to write for a task. `None`: done already, or no longer applicable.
+    /// Returns the text to write for a task. `None`: done already, or no longer applicable.
     fn wanted(&self, key: &str, errand: &AmsTask) -> Option<String> {
         let entry = key.strip_prefix(AGENT).and_then(|name| self.agents.get(name));
         match errand {
@@ -322,7 +322,7 @@ impl Ams {
     }
 }
 
-/// The key of an agent: names are compared without case.
+/// Returns the key of an agent: names are compared without case.
 fn index(agent: &AgentId) -> String {
     agent.name.to_lowercase()
 }
@@ -443,7 +443,7 @@ impl Ams {
         }
     }
 
-    /// The key of a process's entry; without the entry no agents are created there.
+    /// Returns the key of a process's entry; without the entry no agents are created there.
     pub fn node_key(address: &str) -> String {
         format!("{NODE}{address}")
     }

@@ -56,7 +56,7 @@ impl AmsEntry {
     }
 }
 
-/// The agent in an entry of the white pages; `None`: there is none, or it is gone.
+/// Returns the agent in an entry of the white pages; `None`: there is none, or it is gone.
 pub fn read_white_page(text: &str) -> Option<AmsAgentDescription> {
     AmsEntry::parse(text).filter(|entry| !entry.is_gone()).map(|entry| entry.description)
 }
@@ -64,18 +64,18 @@ pub fn read_white_page(text: &str) -> Option<AmsAgentDescription> {
 /// The content of an entry of the white pages, for routing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AmsPages<'a> {
-    /// An agent.
+    /// The entry of an agent.
     Agent {
-        /// Its name in lower case.
+        /// The agent's name in lower case.
         name: &'a str,
-        /// Its identifier with addresses; `None`: it is gone.
+        /// The agent's identifier with addresses; `None`: the agent is gone.
         agent: Option<AgentId>,
     },
     /// A process that serves the platform.
     Node {
-        /// Its address.
+        /// The address of the process.
         address: &'a str,
-        /// True if it serves.
+        /// True if the process serves.
         present: bool,
     },
 }

@@ -25,10 +25,10 @@ pub enum Transition {
 }
 
 impl LifeCycleState {
-    /// All states.
+    /// All states, in the order of their declaration.
     pub const ALL: [Self; 5] = [Self::Initiated, Self::Active, Self::Suspended, Self::Waiting, Self::Transit];
 
-    /// The standard's name.
+    /// Returns the standard's name.
     pub fn word(self) -> &'static str {
         match self {
             Self::Initiated => "initiated",
@@ -44,7 +44,7 @@ impl LifeCycleState {
         Self::ALL.into_iter().find(|state| state.word().eq_ignore_ascii_case(word))
     }
 
-    /// The transition from this state to `next`, if there is one.
+    /// Returns the transition from this state to `next`, if there is one.
     pub fn transition_to(self, next: Self) -> Option<Transition> {
         match (self, next) {
             (Self::Initiated, Self::Active) => Some(Transition::Invoke),
@@ -60,12 +60,13 @@ impl LifeCycleState {
 }
 
 impl Transition {
-    /// True if the agent itself may start it; the platform may start all except [`Self::Wait`] and [`Self::Move`].
+    /// Returns true if the agent itself may start it; the platform may start all except [`Self::Wait`] and
+    /// [`Self::Move`].
     pub fn by_agent(self) -> bool {
         matches!(self, Self::Suspend | Self::Wait | Self::Move)
     }
 
-    /// True if the platform may start it.
+    /// Returns true if the platform may start it.
     pub fn by_platform(self) -> bool {
         !matches!(self, Self::Wait | Self::Move)
     }

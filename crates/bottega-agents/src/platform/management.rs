@@ -12,7 +12,7 @@ pub const ONTOLOGY: &str = "fipa-agent-management";
 ///
 /// A platform whose agents also talk about other things has its own content type, of which this is a part.
 pub trait CarriesManagement: Clone + From<ManagementContent> {
-    /// The management content, if it is of that kind.
+    /// Returns the management content, if it is of that kind.
     fn management(&self) -> Option<&ManagementContent>;
 }
 
@@ -71,7 +71,7 @@ pub enum Function {
     TerminateAgent {
         /// The name of the agent.
         agent: AgentId,
-        /// True if it may finish its work, or ignore the request.
+        /// True if the agent may finish its work, or ignore the request.
         graceful: bool,
     },
     /// AMS: return the description of the platform.
@@ -108,7 +108,7 @@ pub enum Outcome {
 }
 
 impl Function {
-    /// The function's name in the ontology.
+    /// Returns the function's name in the ontology.
     pub fn word(&self) -> &'static str {
         match self {
             Self::RegisterAgent(_) | Self::Register(_) => "register",
@@ -125,10 +125,10 @@ impl Function {
 }
 
 impl LifeCycleRequest {
-    /// All requests.
+    /// All requests, in the order of their declaration.
     pub const ALL: [Self; 4] = [Self::Suspend, Self::Resume, Self::Quit, Self::Destroy];
 
-    /// The request's name in the ontology.
+    /// Returns the request's name in the ontology.
     pub fn word(self) -> &'static str {
         match self {
             Self::Suspend => "suspend",
@@ -155,9 +155,9 @@ pub enum LifeCycleRequest {
 /// The white-pages description of an agent. In a template, absent fields match anything.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AmsAgentDescription {
-    /// The agent.
+    /// The described agent, with its addresses.
     pub name: Option<AgentId>,
-    /// The owner.
+    /// The owner of the agent.
     pub ownership: Option<String>,
     /// The life-cycle state.
     pub state: Option<LifeCycleState>,
@@ -166,15 +166,15 @@ pub struct AmsAgentDescription {
 /// The yellow-pages description of an agent. In a template, absent and empty fields match anything.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DfAgentDescription {
-    /// The agent.
+    /// The described agent, with its addresses.
     pub name: Option<AgentId>,
-    /// Its services.
+    /// The services that the agent offers.
     pub services: Vec<ServiceDescription>,
-    /// Its interaction protocols.
+    /// The names of the interaction protocols that the agent speaks.
     pub protocols: Vec<String>,
-    /// Its ontologies.
+    /// The names of the ontologies that the agent understands.
     pub ontologies: Vec<String>,
-    /// Its content languages.
+    /// The names of the content languages that the agent understands.
     pub languages: Vec<String>,
     /// The time at which the entry expires. `None`: never.
     pub lease_time: Option<Time>,
@@ -185,28 +185,28 @@ pub struct DfAgentDescription {
 /// A service of an agent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ServiceDescription {
-    /// Its name.
+    /// The name of the service.
     pub name: Option<String>,
-    /// Its type.
+    /// The type of the service, by which agents search for it.
     pub service_type: Option<String>,
-    /// Its interaction protocols.
+    /// The names of the interaction protocols of the service.
     pub protocols: Vec<String>,
-    /// Its ontologies.
+    /// The names of the ontologies of the service.
     pub ontologies: Vec<String>,
-    /// Its content languages.
+    /// The names of the content languages of the service.
     pub languages: Vec<String>,
-    /// Its owner.
+    /// The owner of the service.
     pub ownership: Option<String>,
-    /// Its properties.
+    /// Further properties of the service, by name.
     pub properties: Vec<Property>,
 }
 
-/// A named value.
+/// A named value of a service's description (FIPA `property`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Property {
-    /// Its name.
+    /// The name of the property.
     pub name: String,
-    /// Its value; any term.
+    /// The value of the property: any SL term.
     pub value: Term,
 }
 
@@ -224,20 +224,20 @@ pub struct SearchConstraints {
 /// The description of a platform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlatformDescription {
-    /// Its name: the part after `@` in the names of its agents.
+    /// The name of the platform: the part after `@` in the names of its agents.
     pub name: String,
-    /// Its transports and services.
+    /// The transports and services of the platform.
     pub services: Vec<ServiceEntry>,
 }
 
 /// An entry of the service root (FIPA00001): a basic service.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServiceEntry {
-    /// Its unique name.
+    /// The unique name of the service.
     pub id: String,
-    /// Its type, such as `fipa-ams`.
+    /// The type of the service, such as `fipa-ams`.
     pub service_type: String,
-    /// Its addresses, at least one. Within a platform: the agent's name.
+    /// The addresses of the service, at least one. Within a platform: the agent's name.
     pub addresses: Vec<String>,
 }
 
@@ -292,7 +292,7 @@ impl RefuseReason {
     }
 }
 
-/// The refusal of an object that is too large; names its largest parameter.
+/// Returns the refusal of an object that is too large; names its largest parameter.
 pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> RefuseReason {
     let largest = sizes.iter().max_by_key(|(_, bytes)| *bytes);
     RefuseReason::bad_value(object, largest.map_or("name", |(parameter, _)| parameter))
@@ -301,16 +301,16 @@ pub(super) fn largest(object: &'static str, sizes: &[(&'static str, usize)]) -> 
 /// The reason of a failure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FailureReason {
-    /// It is registered already.
+    /// The agent is already registered.
     AlreadyRegistered,
-    /// It is not registered.
+    /// The agent is not registered.
     NotRegistered,
-    /// Another error.
+    /// Any other failure, with its description.
     InternalError(String),
 }
 
 impl SearchConstraints {
-    /// The maximum number of results, at most `most`.
+    /// Returns the maximum number of results, at most `most`.
     pub(crate) fn results_max(&self, most: usize) -> usize {
         match self.max_results {
             None => 1.min(most),
@@ -323,25 +323,25 @@ fn same<T: PartialEq>(template: &Option<T>, object: &Option<T>) -> bool {
     template.is_none() || template == object
 }
 
-/// True if each element of the template matches some element.
+/// Returns true if each element of the template matches some element.
 fn within<T>(template: &[T], object: &[T], matches: impl Fn(&T, &T) -> bool) -> bool {
     template.iter().all(|wanted| object.iter().any(|found| matches(wanted, found)))
 }
 
 impl AmsAgentDescription {
-    /// True if `object` matches this template.
+    /// Returns true if `object` matches this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name) && same(&self.ownership, &object.ownership) && same(&self.state, &object.state)
     }
 }
 
 impl ServiceDescription {
-    /// The value of a property.
+    /// Returns the value of a property; `None`: there is none of this name.
     pub fn property(&self, name: &str) -> Option<&Term> {
         self.properties.iter().find(|property| property.name == name).map(|property| &property.value)
     }
 
-    /// True if `object` matches this template.
+    /// Returns true if `object` matches this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name)
             && same(&self.service_type, &object.service_type)
@@ -354,7 +354,7 @@ impl ServiceDescription {
 }
 
 impl DfAgentDescription {
-    /// True if `object` matches this template.
+    /// Returns true if `object` matches this template.
     pub fn matches(&self, object: &Self) -> bool {
         same(&self.name, &object.name)
             && same(&self.lease_time, &object.lease_time)

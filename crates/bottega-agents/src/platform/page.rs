@@ -23,7 +23,7 @@ pub enum PageAsk<T> {
 #[derive(Clone, Debug, PartialEq)]
 enum Known<T> {
     Absent,
-    /// It exists, with unknown content.
+    /// The entry exists, with unknown content.
     There,
     Says(T),
 }
@@ -42,12 +42,12 @@ pub struct Page<T> {
 }
 
 impl<T: Clone + PartialEq> Page<T> {
-    /// An entry that does not exist yet.
+    /// Makes an entry that does not exist yet.
     pub fn absent() -> Self {
         Self { wanted: None, known: Known::Absent, asked: None, again: Time::ZERO, renew: None }
     }
 
-    /// An entry that another agent has created.
+    /// Makes an entry that another agent has created.
     pub fn there() -> Self {
         Self { known: Known::There, ..Self::absent() }
     }
@@ -57,7 +57,7 @@ impl<T: Clone + PartialEq> Page<T> {
         self.wanted = wanted;
     }
 
-    /// The wanted content.
+    /// Returns the wanted content; `None`: no entry is wanted.
     pub fn wanted(&self) -> Option<&T> {
         self.wanted.as_ref()
     }
@@ -76,7 +76,7 @@ impl<T: Clone + PartialEq> Page<T> {
         }
     }
 
-    /// The request to send now, under this number, if any.
+    /// Returns the request to send now, under this number, if any.
     pub fn next(&mut self, now: Time, number: u64) -> Option<PageAsk<T>> {
         let renews = self.renew.is_some_and(|at| at <= now) && self.wanted.is_some();
         if now < self.again || !(self.is_due() || renews) {
@@ -115,7 +115,7 @@ impl<T: Clone + PartialEq> Page<T> {
         None
     }
 
-    /// The time at which [`Self::next`] has a request.
+    /// Returns the time at which [`Self::next`] has a request; `None`: only after a change.
     pub fn next_deadline(&self) -> Option<Time> {
         if self.is_due() { Some(self.again) } else { self.renew.filter(|_| self.wanted.is_some()) }
     }

@@ -34,9 +34,9 @@ pub type Said = AclMessage<ManagementContent>;
 /// The reason why a function has no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NoResult {
-    /// It was refused.
+    /// The function was refused.
     Refuse(RefuseReason),
-    /// It failed.
+    /// The function failed.
     Failure(FailureReason),
 }
 
@@ -64,7 +64,7 @@ pub struct Change {
 /// The next step of a function.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// It is finished, without a change.
+    /// The function is finished, without a change.
     Done(Outcome),
     /// Write this change; then it is finished with this outcome.
     Write(Change, Outcome),
@@ -75,7 +75,7 @@ pub enum Step {
 /// Messages and changes that a service issues in addition to its answers.
 #[derive(Debug, Default)]
 pub struct ServiceOutbox {
-    /// The messages.
+    /// The messages to send.
     pub send: Vec<Said>,
     /// The changes, each with a mark for [`Functions::settled`].
     pub writes: Vec<(u64, Change)>,
@@ -104,10 +104,10 @@ pub trait Functions {
         todo: &mut ServiceOutbox,
     ) -> Result<Step, NoResult>;
 
-    /// The refusal of a function whose entry is longer than [`Self::ENTRY_BYTES_MAX`].
+    /// Returns the refusal of a function whose entry is longer than [`Self::ENTRY_BYTES_MAX`].
     fn too_large(&self, function: &Function) -> RefuseReason;
 
-    /// The entry on which the function's outcome depends, if there is a single one.
+    /// Returns the entry on which the function's outcome depends, if there is a single one.
     fn entry_of(&self, _function: &Function) -> Option<Key> {
         None
     }
@@ -126,7 +126,7 @@ pub trait Functions {
     /// Does what is due. Called only when all pages are known.
     fn tick(&mut self, _now: Time, _todo: &mut ServiceOutbox) {}
 
-    /// The time at which [`Self::tick`] must be called; `None`: never.
+    /// Returns the time at which [`Self::tick`] must be called; `None`: never.
     fn next_deadline(&self) -> Option<Time> {
         None
     }
@@ -182,7 +182,7 @@ where
     C: CarriesManagement,
     V: From<String> + AsRef<str>,
 {
-    /// The service, as agent `id`.
+    /// Makes the service, as agent `id`.
     pub fn new(id: AgentId, functions: F) -> Self {
         Self {
             id,
@@ -198,12 +198,12 @@ where
         }
     }
 
-    /// The functions, for inspection.
+    /// Returns the functions, for inspection.
     pub fn functions(&self) -> &F {
         &self.functions
     }
 
-    /// True when all pages are known.
+    /// Returns true when all pages are known.
     pub fn is_ready(&self) -> bool {
         self.caught_up >= F::PREFIXES.len()
     }
@@ -392,7 +392,7 @@ where
         }
     }
 
-    /// The not-understood reply; none in reply to an answer, to avoid endless replies.
+    /// Returns the not-understood reply; none in reply to an answer, to avoid endless replies.
     fn not_understood(&self, message: &Said) -> Option<Said> {
         use Performative as P;
         let reason = match message.performative {

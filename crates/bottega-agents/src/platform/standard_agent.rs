@@ -28,12 +28,12 @@ where
         Self { id, ams, machine, suspended: false, kept: VecDeque::new() }
     }
 
-    /// The wrapped machine.
+    /// Returns the wrapped machine.
     pub fn machine(&self) -> &M {
         &self.machine
     }
 
-    /// True if it is suspended.
+    /// Returns true if the agent is suspended.
     pub fn is_suspended(&self) -> bool {
         self.suspended
     }

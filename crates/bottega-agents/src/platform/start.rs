@@ -26,7 +26,7 @@ pub struct StartService {
 }
 
 impl StartService {
-    /// A Start Service with these initial services.
+    /// Makes a Start Service with these initial services.
     pub fn new(own: Vec<ServiceEntry>) -> Self {
         Self { own, supplied: BTreeMap::new() }
     }

@@ -14,11 +14,11 @@ pub const RESPONSES_MAX: usize = 1024;
 /// A call for proposals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call<C> {
-    /// The initiator.
+    /// The agent that calls for proposals.
     pub initiator: AgentId,
     /// The agents called.
     pub participants: Vec<AgentId>,
-    /// The task.
+    /// The task to give away.
     pub content: C,
     /// The language of the content.
     pub language: &'static str,
@@ -30,21 +30,21 @@ pub struct Call<C> {
     pub reply_by: Time,
 }
 
-/// A proposal.
+/// A proposal to carry out a called task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal<C> {
-    /// The proposer.
+    /// The agent that proposes.
     pub from: AgentId,
-    /// The terms.
+    /// The terms on which the bidder offers to do the task.
     pub content: C,
 }
 
 /// The outcome of an awarded task.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TaskOutcome<C> {
-    /// It is done, with this result.
+    /// The task is done, with this result.
     Done(C),
-    /// It failed, for this reason.
+    /// The task failed, for this reason.
     Failed(C),
     /// There was no result by the deadline, or the contractor does not know the task (any more).
     Lost,
@@ -57,9 +57,9 @@ pub enum InitiatorNews<C> {
     Collected(Vec<Proposal<C>>),
     /// An awarded task ended.
     Ended {
-        /// The contractor.
+        /// The agent that had the task.
         contractor: AgentId,
-        /// The outcome.
+        /// The result of the task, or the reason why there is none.
         outcome: TaskOutcome<C>,
     },
 }
@@ -121,7 +121,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         Self { call, participants, proposals: Vec::new(), collecting: true, results_by: None }
     }
 
-    /// The call.
+    /// Returns the call of this negotiation.
     pub fn the_call(&self) -> &Call<C> {
         &self.call
     }
@@ -193,7 +193,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         news
     }
 
-    /// The time at which [`Self::handle_time`] must be called; `None`: never.
+    /// Returns the time at which [`Self::handle_time`] must be called; `None`: never.
     pub fn next_deadline(&self) -> Option<Time> {
         if self.collecting { Some(self.call.reply_by) } else { self.results_by }
     }
@@ -223,7 +223,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         }
     }
 
-    /// True if no more messages are expected.
+    /// Returns true if no more messages are expected.
     pub fn is_finished(&self) -> bool {
         !self.collecting
             && self.proposals.is_empty()
@@ -294,7 +294,7 @@ pub struct ContractNetResponder<C> {
 }
 
 impl<C: Clone> ContractNetResponder<C> {
-    /// A responder without open calls.
+    /// Makes a responder without open calls.
     pub fn new(me: AgentId) -> Self {
         Self { me, open: BTreeMap::new() }
     }
@@ -414,17 +414,17 @@ impl<C: Clone> ContractNetResponder<C> {
         news
     }
 
-    /// The time at which [`Self::handle_time`] must be called; `None`: never.
+    /// Returns the time at which [`Self::handle_time`] must be called; `None`: never.
     pub fn next_deadline(&self) -> Option<Time> {
         self.open.values().filter_map(Response::ends_at).min()
     }
 
-    /// Number of accepted tasks in progress.
+    /// Returns the number of accepted tasks in progress.
     pub fn working_count(&self) -> usize {
         self.open.values().filter(|response| matches!(response, Response::Working(_))).count()
     }
 
-    /// Number of valid proposals.
+    /// Returns the number of valid proposals.
     pub fn proposed_count(&self) -> usize {
         self.open.values().filter(|response| matches!(response, Response::Proposed(..))).count()
     }
@@ -497,7 +497,7 @@ mod tests {
         for message in std::mem::take(&mut wire) {
             news.extend(initiator.handle_message(at(2), &message, &mut wire).unwrap());
         }
-        // All have answered: nobody waits for the deadline.
+        // All have answered: the deadline is not waited for.
         let proposals = vec![Proposal { from: a.clone(), content: 4 }, Proposal { from: b.clone(), content: 3 }];
         assert_eq!(news, [InitiatorNews::Collected(proposals)]);
         initiator.award(&[(b.clone(), 7)], at(30), &mut wire);

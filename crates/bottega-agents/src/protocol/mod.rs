@@ -25,6 +25,6 @@ pub struct OutOfSequence {
     pub from: AgentId,
     /// The performative received.
     pub got: Performative,
-    /// The state of the conversation.
+    /// The state of the conversation, as text for the error.
     pub state: &'static str,
 }

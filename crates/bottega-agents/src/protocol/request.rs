@@ -6,13 +6,13 @@ use crate::{AclMessage, AgentId, Performative, Time};
 /// The answer to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer<C> {
-    /// It was done, or this is the result.
+    /// The requested action was done, or this is its result.
     Inform(C),
-    /// It was refused and not begun.
+    /// The request was refused and not begun.
     Refuse(C),
-    /// It failed.
+    /// The request failed.
     Failure(C),
-    /// It was not understood.
+    /// The request was not understood.
     NotUnderstood(C),
     /// There was no answer by the deadline.
     Silence,
@@ -49,7 +49,7 @@ impl RequestInitiator {
     /// Handles a message of this conversation.
     ///
     /// # Errors
-    /// It is from another sender, or the conversation is over, or it is out of sequence.
+    /// The message is from another sender, or the conversation is over, or the message is out of sequence.
     pub fn handle_message<C: Clone>(&mut self, message: &AclMessage<C>) -> Result<Option<Answer<C>>, OutOfSequence> {
         let wrong = |state| OutOfSequence { from: message.sender.clone(), got: message.performative, state };
         if message.sender != self.participant || message.conversation_id != self.conversation_id {
@@ -75,12 +75,12 @@ impl RequestInitiator {
         Ok(Some(answer))
     }
 
-    /// Checks the deadline.
+    /// Returns [`Answer::Silence`] if the deadline has passed without an answer.
     pub fn handle_time<C>(&mut self, now: Time) -> Option<Answer<C>> {
         self.deadline.take_if(|by| *by <= now).map(|_| Answer::Silence)
     }
 
-    /// The time at which [`Self::handle_time`] must be called. `None`: the conversation is over.
+    /// Returns the time at which [`Self::handle_time`] must be called. `None`: the conversation is over.
     pub fn next_deadline(&self) -> Option<Time> {
         self.deadline
     }

@@ -30,7 +30,7 @@ pub struct Subscriptions<C> {
 }
 
 impl<C: Clone> Subscriptions<C> {
-    /// A publisher without subscribers.
+    /// Makes a publisher without subscribers.
     pub fn new(me: AgentId) -> Self {
         Self { me, subscribers: BTreeMap::new() }
     }
@@ -38,7 +38,7 @@ impl<C: Clone> Subscriptions<C> {
     /// Handles a message of the protocol.
     ///
     /// # Errors
-    /// It is neither subscribe nor cancel, or cancels an unknown subscription.
+    /// The message is neither subscribe nor cancel, or cancels an unknown subscription.
     pub fn handle_message(
         &mut self,
         message: AclMessage<C>,

@@ -84,7 +84,7 @@ impl<'a> NamedAgents<'a> {
     }
 }
 
-/// The text of an element, or of its reference.
+/// Returns the text of an element, or of its reference.
 fn text_of(element: &XmlElement) -> String {
     match element.attribute("href") {
         Some(reference) if element.text.is_empty() => reference.to_owned(),
@@ -119,7 +119,7 @@ fn parse_agent(element: &XmlElement, known: &NamedAgents<'_>) -> Result<AgentId,
     Ok(identifier(name.to_owned(), addresses))
 }
 
-/// The addresses of an agent; a `url` without an address, which the document type allows, is ignored.
+/// Returns the addresses of an agent; a `url` without an address, which the document type allows, is ignored.
 fn addresses_of(agent: &XmlElement) -> Result<Vec<String>, WireError> {
     let mut addresses = Vec::new();
     for url in agent.children("addresses").flat_map(|addresses| addresses.children("url")) {

@@ -39,7 +39,7 @@ impl DateTime {
         if in_bounds && is_suffix && matches!(fields[8], b'T' | b'Z') { Ok(Self(text.to_owned())) } else { Err(bad()) }
     }
 
-    /// The date-time as written.
+    /// Returns the date-time as written.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -60,12 +60,12 @@ pub struct Calendar {
 }
 
 impl Calendar {
-    /// The calendar of a platform that started this long after the beginning of 1970 (UTC).
+    /// Makes the calendar of a platform that started this long after the beginning of 1970 (UTC).
     pub fn new(unix_at_start: Duration) -> Self {
         Self { unix_at_start }
     }
 
-    /// A moment as a date in UTC, truncated to milliseconds.
+    /// Returns a moment as a date in UTC, truncated to milliseconds.
     pub fn date(self, time: Time) -> DateTime {
         let unix = self.unix_at_start.saturating_add(time.elapsed());
         let (days, seconds) = (unix.as_secs() / SECONDS_A_DAY, unix.as_secs() % SECONDS_A_DAY);
@@ -76,8 +76,8 @@ impl Calendar {
         DateTime(format!("{year:04}{month:02}{day:02}T{hour:02}{minute:02}{second:02}{millis:03}Z"))
     }
 
-    /// The moment of a date; a relative date counts from `now`. Dates without a zone are read as UTC, since the
-    /// writer's zone is unknown. Dates before the start of the platform give [`Time::ZERO`].
+    /// Returns the moment of a date; a relative date counts from `now`. Dates without a zone are read as UTC, since
+    /// the writer's zone is unknown. Dates before the start of the platform give [`Time::ZERO`].
     pub fn time(self, now: Time, date: &DateTime) -> Time {
         let (relative, text) = match date.0.strip_prefix('+') {
             Some(text) => (true, text),

@@ -18,7 +18,7 @@ pub struct Envelope {
     pub to: Vec<AgentId>,
     /// The name of the sender.
     pub from: Option<AgentId>,
-    /// A comment.
+    /// A comment, which no platform interprets.
     pub comments: Option<String>,
     /// The representation of the message: [`STRING_FORM`](super::STRING_FORM) or [`XML_FORM`](super::XML_FORM).
     pub acl_representation: String,
@@ -32,7 +32,7 @@ pub struct Envelope {
     pub intended_receivers: Vec<AgentId>,
     /// The stamps of the channels that it passed, in order.
     pub received: Vec<Received>,
-    /// User-defined parameters.
+    /// User-defined parameters, by name.
     pub user: BTreeMap<String, String>,
 }
 
@@ -47,7 +47,7 @@ pub struct Received {
     pub from: Option<String>,
     /// The message's id.
     pub id: Option<String>,
-    /// The transport used.
+    /// The name of the message transport that delivered the message.
     pub via: Option<String>,
 }
 

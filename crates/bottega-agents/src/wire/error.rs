@@ -24,13 +24,13 @@ pub enum WireError {
     Xml {
         /// The position, as an offset in bytes.
         at: u64,
-        /// The error.
+        /// The error of the XML reader, for display.
         reason: String,
     },
     /// A required part is missing.
     #[error("`{object}` has no `{part}`")]
     Missing {
-        /// The object.
+        /// The name of the object that lacks a part.
         object: &'static str,
         /// The missing part.
         part: &'static str,

@@ -38,7 +38,7 @@ pub enum Form {
 }
 
 impl Form {
-    /// Its name in envelopes.
+    /// Returns the name of the representation in envelopes.
     pub fn name(self) -> &'static str {
         match self {
             Self::String => STRING_FORM,
@@ -46,7 +46,7 @@ impl Form {
         }
     }
 
-    /// The representation with this name, if supported.
+    /// Returns the representation with this name, if supported.
     pub fn of_name(name: &str) -> Option<Self> {
         [Self::String, Self::Xml].into_iter().find(|form| form.name().eq_ignore_ascii_case(name))
     }
@@ -68,11 +68,11 @@ pub struct WireMessage {
     pub performative: Performative,
     /// The name of the sender.
     pub sender: Option<AgentId>,
-    /// The receivers.
+    /// The names and addresses of the receivers.
     pub receivers: Vec<AgentId>,
     /// The receivers of replies, if not the sender.
     pub reply_to: Vec<AgentId>,
-    /// The content.
+    /// The content, as text in its language.
     pub content: Option<String>,
     /// The language of the content.
     pub language: Option<String>,
@@ -95,7 +95,7 @@ pub struct WireMessage {
 }
 
 impl WireMessage {
-    /// An empty message.
+    /// Makes an empty message.
     pub fn new(performative: Performative) -> Self {
         Self {
             performative,
@@ -115,7 +115,7 @@ impl WireMessage {
         }
     }
 
-    /// A reply of `from`, threaded according to the standard: to `reply_to` if given, else to the sender.
+    /// Returns a reply of `from`, threaded according to the standard: to `reply_to` if given, else to the sender.
     pub fn reply(&self, performative: Performative, from: AgentId, content: String) -> Self {
         let receivers =
             if self.reply_to.is_empty() { self.sender.iter().cloned().collect() } else { self.reply_to.clone() };
@@ -144,7 +144,7 @@ fn set_once<T>(slot: &mut Option<T>, value: T, name: &str) -> Result<(), WireErr
     if slot.replace(value).is_some() { Err(WireError::Twice(name.to_owned())) } else { Ok(()) }
 }
 
-/// An identifier from its parsed parts.
+/// Returns an identifier from its parsed parts.
 fn identifier(name: String, addresses: Vec<String>) -> AgentId {
     AgentId { name: name.into(), addresses: addresses.into() }
 }

@@ -53,7 +53,7 @@ pub(crate) struct TextReader<'a> {
     at: usize,
 }
 
-/// True for bytes that end a word.
+/// Returns true for bytes that end a word.
 fn ends_word(byte: u8) -> bool {
     byte <= b' ' || matches!(byte, b'(' | b')' | b'"')
 }
@@ -95,7 +95,7 @@ impl<'a> TextReader<'a> {
         if self.peek().is_some() { Err(self.expected("the end of the message")) } else { Ok(()) }
     }
 
-    /// The name of the next parameter; `None` after the closing bracket.
+    /// Returns the name of the next parameter; `None` after the closing bracket.
     fn parameter(&mut self) -> Result<Option<&'a str>, WireError> {
         if self.eat_close() {
             return Ok(None);
@@ -116,7 +116,7 @@ impl<'a> TextReader<'a> {
         &self.text[start..self.at]
     }
 
-    /// A word, a number, a date-time or a string of either kind.
+    /// Returns a word, a number, a date-time or a string of either kind.
     pub(crate) fn text(&mut self, expected: &'static str) -> Result<String, WireError> {
         match self.peek() {
             Some(b'"') => self.quoted(),
@@ -292,7 +292,7 @@ pub fn print_string(message: &WireMessage) -> Result<String, WireError> {
     Ok(out)
 }
 
-/// The text parameters, by name.
+/// Returns the text parameters, by name.
 pub(super) fn texts(message: &WireMessage) -> [(&'static str, Option<&str>); 8] {
     [
         ("content", message.content.as_deref()),
@@ -341,13 +341,13 @@ fn push_counted(out: &mut String, text: &str) {
     _ = write!(out, "#{count}\"{text}");
 }
 
-/// The text of this many bytes; `None` if [`counted_units`] applies instead.
+/// Returns the text of this many bytes; `None` if [`counted_units`] applies instead.
 fn counted_bytes(text: &str, count: usize) -> Option<&str> {
     let read = text.get(..count)?;
     (read.ends_with('\\') || counted_units(text, count).is_none()).then_some(read)
 }
 
-/// The text of this many UTF-16 units, if it ends in a backslash.
+/// Returns the text of this many UTF-16 units, if it ends in a backslash.
 fn counted_units(text: &str, count: usize) -> Option<&str> {
     let mut left = count;
     let end = text.char_indices().find_map(|(at, character)| {
@@ -361,14 +361,14 @@ fn counted_units(text: &str, count: usize) -> Option<&str> {
     (read.ends_with('\\') && read.encode_utf16().count() == count).then_some(read)
 }
 
-/// True if all known parsers read the text without quotes.
+/// Returns true if all known parsers read the text without quotes.
 pub(crate) fn is_word(text: &str) -> bool {
     let Some(first) = text.bytes().next() else { return false };
     !matches!(first, b'#' | b'0'..=b'9' | b'-' | b'@' | b':' | b'+')
         && text.bytes().all(|byte| byte.is_ascii_graphic() && !ends_word(byte) && byte != b'\\')
 }
 
-/// True for valid names of user-defined parameters. Others are ignored.
+/// Returns true for valid names of user-defined parameters. Others are ignored.
 fn is_user_name(name: &str) -> bool {
     let prefix = name.get(..2).is_some_and(|prefix| prefix.eq_ignore_ascii_case("x-"));
     prefix && name.len() > 2 && is_word(name)

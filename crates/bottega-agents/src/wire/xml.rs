@@ -139,7 +139,7 @@ fn element(start: &BytesStart<'_>) -> Result<XmlElement, String> {
     Ok(XmlElement { name: start.name().into_inner().to_owned(), attributes, ..XmlElement::default() })
 }
 
-/// True for characters of XML 1.0, production 2.
+/// Returns true for characters of XML 1.0, production 2.
 fn is_legal(character: char) -> bool {
     matches!(character, '\t' | '\n' | '\r' | ' '..='\u{d7ff}' | '\u{e000}'..='\u{fffd}' | '\u{10000}'..)
 }

@@ -1,4 +1,4 @@
-//! Platforms of ours among each other: federation, replicas, the life cycle, and what strangers may say to agents.
+//! Several of our platforms: federation, replicas, the life cycle, and messages that strangers may send to agents.
 #![allow(clippy::disallowed_methods, reason = "what goes over real sockets takes real time")]
 
 use std::{
@@ -51,7 +51,7 @@ fn template() -> DfAgentDescription {
     DfAgentDescription { services: vec![service], ..Default::default() }
 }
 
-/// The names of those who render, as a directory knows them.
+/// The names of rendering agents, as a directory knows them.
 fn renderers(node: &Node, asker: &str, depth: i64) -> Vec<String> {
     let constraints = SearchConstraints { max_results: Some(-1), max_depth: Some(depth), search_id: None };
     match done(node, asker, node.df(), Function::Search(template(), constraints)) {
@@ -60,7 +60,7 @@ fn renderers(node: &Node, asker: &str, depth: i64) -> Vec<String> {
     }
 }
 
-/// Asks again and again, each time in another name, until it is so.
+/// Repeats a request, each time in another name, until the condition holds.
 fn until(what: &str, mut so: impl FnMut(u32) -> bool) {
     let begun = Instant::now();
     for number in 0.. {
@@ -89,12 +89,12 @@ fn directories_search_together_and_not_in_circles() {
     let begun = Instant::now();
     assert_eq!(renderers(&b, "z@b", -1).len(), 3);
     assert!(begun.elapsed() < Duration::from_secs(2));
-    // What is local is for the platform's own.
+    // Local entries are for the platform's own agents.
     let local = DfAgentDescription { scope: vec!["local".into()], ..offer("shy@b") };
     done(&b, "shy@b", b.df(), Function::Register(local));
     assert_eq!(renderers(&b, "w@b", 0).len(), 3);
     assert_eq!(renderers(&a, "w@a", 1), ["painter@a", "guest@a", "painter@b"]);
-    // Who cannot be reached is not waited for.
+    // An unreachable platform does not delay the answer.
     drop(b);
     let begun = Instant::now();
     assert_eq!(renderers(&a, "x2@a", 3), ["painter@a"]);
@@ -114,7 +114,7 @@ fn what_is_said_first_is_in_the_form_that_was_set_or_that_the_other_has_shown() 
         Form::of_name(&jade.hear().envelope.acl_representation)
     };
     assert_eq!([form_to("x@a", "ams@old"), form_to("x@a", "ams@jade")], [Some(Form::String), Some(Form::Xml)]);
-    // JADE asks in the string form, and is written to so from then on.
+    // JADE asks in the string form, and gets this form from then on.
     assert_eq!(Line::to(&a).ask(&jade.says_else(1, &a, |text| text.replace("@bottega", "@a"))), TAKEN);
     jade.hear();
     assert_eq!(form_to("x@a", "ams@jade"), Some(Form::String));
@@ -127,7 +127,7 @@ fn a_directory_that_ends_is_taken_out_of_others_unless_another_process_needs_it_
     let federated = || {
         let store = FileStore::<String, usize>::open(&folder.path().join("state")).unwrap();
         let mut config = config("a", Box::new(store));
-        // One that is not there does not hold up the end.
+        // A missing platform does not delay the end.
         let nowhere =
             AgentId { name: "df@nowhere".into(), addresses: vec!["http://127.0.0.1:9/acc".to_owned()].into() };
         config.federates = vec![b.df().clone(), nowhere];
@@ -143,7 +143,7 @@ fn a_directory_that_ends_is_taken_out_of_others_unless_another_process_needs_it_
     };
     let (one, two) = (federated(), federated());
     until("B knows A", |number| directories(&format!("x{number}@b")).len() == 1);
-    // One whose process is killed does not stay for ever.
+    // The entry of a killed process does not stay for ever.
     assert!(directories("lease@b")[0].lease_time.is_some());
     until("they know each other", |number| {
         match done(&one, &format!("x{number}@a"), one.ams(), Function::GetDescription) {
@@ -157,7 +157,7 @@ fn a_directory_that_ends_is_taken_out_of_others_unless_another_process_needs_it_
     two.stop();
     assert!(begun.elapsed() < Duration::from_secs(6));
     assert_eq!(directories("second@b").len(), 0);
-    // Nor is anything left of those who saw to it.
+    // Nor do the entries of the processes that removed it.
     let three = node_over("a", Box::new(FileStore::<String, usize>::open(&folder.path().join("state")).unwrap()));
     let all = SearchConstraints { max_results: Some(-1), ..Default::default() };
     match done(&three, "look@a", three.ams(), Function::SearchAgents(Default::default(), all)) {
@@ -181,7 +181,7 @@ fn two_over(stores: [Box<dyn EntryStore<String, usize> + Send>; 3]) {
     let mut both = [one.address().to_owned(), two.address().to_owned()];
     both.sort();
     assert_eq!(platform(), both);
-    // A name is given once, whoever is asked.
+    // A name is given only once, by any process of the platform.
     let again = ask(&two, "a@p", two.df(), Function::Register(offer("a@p")));
     assert!(matches!(again, (P::Failure, M::Failed(..))), "{again:?}");
     drop(one);
@@ -232,7 +232,7 @@ fn a_subscriber_is_told_once_by_whoever_lives() {
     assert!(jade.hears_nothing());
 }
 
-/// Says what it hears, to strangers.
+/// Repeats each message to strangers.
 struct Echo(AgentId);
 
 impl StateMachine for Echo {
@@ -280,7 +280,7 @@ fn an_agent_hears_strangers_and_a_suspended_one_takes_no_work() {
     let root = "root@bottega";
     let state = |state| AmsAgentDescription { name: Some(echo.clone()), ownership: None, state: Some(state) };
     let change = |state_wanted| Function::ModifyAgent(state(state_wanted));
-    // Only who may: the platform's own.
+    // Only agents with the right: the platform's own.
     let (act, _) = ask(&bottega, "other@bottega", bottega.ams(), change(LifeCycleState::Suspended));
     assert_eq!(act, P::Refuse);
     done(&bottega, root, bottega.ams(), change(LifeCycleState::Suspended));
@@ -312,7 +312,7 @@ fn an_agent_hears_strangers_and_a_suspended_one_takes_no_work() {
     assert!(is(&jade.hear().message, P::Failure).contains("(MTS-error (agent-identifier :name echo@bottega"));
 }
 
-/// In the name of the administrator, which is given once in each process: so this is asked as a message.
+/// Sends a request in the name of the administrator, which exists once per process, so it is sent as a message.
 fn command(node: &Node, function: Function) {
     node.say(&id("root@bottega"), node.ams(), M::Action(function));
 }
@@ -371,7 +371,7 @@ fn the_service_root_names_the_basic_services_and_takes_more() {
     let start = bottega.start_service().clone();
     done(&bottega, "a@bottega", &start, Function::SupplyBasicService(entry.clone()));
     let other = node("other");
-    // Asked from outside.
+    // A request from outside.
     match done(&other, "b@other", &start, Function::GetServiceRoot) {
         Outcome::ServiceRoot(entries) => {
             let types: Vec<&str> = entries.iter().map(|entry| entry.service_type.as_str()).collect();

@@ -1,4 +1,4 @@
-//! The border of a platform while its store is slow, or does not hear.
+//! The border of a platform while its store is slow, or loses requests.
 
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ fn stranger() -> AgentId {
     AgentId { name: "s@there".into(), addresses: vec!["http://there/acc".to_owned()].into() }
 }
 
-/// The gateway of a platform with a directory, when it has been asked for its pages.
+/// The gateway of a platform with a directory, after it has requested its pages.
 fn border() -> Border {
     let df = AgentId::new("df@here");
     let mut gateway = Border::new(GatewayConfig {
@@ -56,7 +56,7 @@ fn sent(actions: &[ActionOf<Border>]) -> usize {
     actions.iter().filter(|action| matches!(action, Action::Effect(ChannelEffect::Send(_)))).count()
 }
 
-/// The threads that are written, with their tickets.
+/// The threads that are being written, with their tickets.
 fn written(actions: &[ActionOf<Border>]) -> Vec<(Ticket, Key)> {
     let write = |action: &ActionOf<Border>| match action {
         Action::Store { ticket, request: StoreRequest::Put { key, .. } } => Some((*ticket, key.clone())),
@@ -75,7 +75,7 @@ fn nothing_passes_before_the_pages_are_known_and_then_all_that_waited() {
     assert_eq!(sent(&after(&mut gateway, 1, Event::Message(message.clone()))), 0);
     assert_eq!(sent(&caught_up(&mut gateway, 2)), 1);
     assert_eq!(sent(&after(&mut gateway, 3, Event::Message(message))), 1);
-    // A store that says nothing is asked again.
+    // A request without an answer is repeated.
     let mut gateway = border();
     assert_eq!(gateway.next_deadline(), Some(at(10)));
     let asked = after(&mut gateway, 10, Event::Deadline);
@@ -107,7 +107,7 @@ fn the_thread_of_a_subscription_is_written_until_the_store_has_it() {
     assert_eq!(gateway.next_deadline(), Some(at(3)));
     let again = written(&after(&mut gateway, 3, Event::Deadline));
     assert!(matches!(&again[..], [(other, same)] if other != ticket && same == key), "{again:?}");
-    // The store has heard one of them.
+    // The store has got one of them.
     let confirmed = StoreReply::Written { key: key.clone(), revision: Revision(1) };
     after(&mut gateway, 3, Event::Store { ticket: again[0].0, reply: confirmed });
     assert_eq!(gateway.next_deadline(), None);

@@ -1,4 +1,4 @@
-//! A JADE platform talks to ours over a real socket: its recorded bytes in, answers that it can read out.
+//! A JADE platform talks to ours over a real socket: recorded bytes go in, answers that it can read come out.
 
 use std::thread;
 
@@ -146,7 +146,7 @@ fn what_is_wrong_is_answered_as_the_standard_wants_it() {
         let said = is(&heard, answer);
         assert!(said.ends_with(end), "{content}: {said}");
     }
-    // A language, an ontology that the DF does not know.
+    // An unknown language, and an unknown ontology.
     for (from, to, answer) in [
         ("fipa-sl0", "KIF", "((unsupported-value language))"),
         ("FIPA-Agent-Management", "weather", "(unsupported-value ontology))"),
@@ -155,7 +155,7 @@ fn what_is_wrong_is_answered_as_the_standard_wants_it() {
         let heard = jade.hear().message;
         assert!(is(&heard, P::NotUnderstood).ends_with(answer), "{heard:?}");
     }
-    // Nobody answers an answer.
+    // An answer is not answered.
     for act in ["NOT-UNDERSTOOD", "FAILURE", "INFORM", "REFUSE", "AGREE"] {
         line.ask(&says(&jade, &bottega, act, "((what))", 99));
     }
@@ -204,7 +204,7 @@ fn what_is_no_message_is_turned_away_at_the_door() {
         let answer = Line::to(&bottega).ask(&text);
         assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{status}: {answer}\n{text}");
     }
-    // Old platforms write so, and are taken.
+    // Old platforms write this form, which is accepted.
     let boundary = "boundary=\"46b5fe9d1933f67e3c2d44c03abe5ba\"";
     let folded = good.replace(
         &format!("multipart/mixed ; {boundary}"),
@@ -228,7 +228,7 @@ fn nobody_outside_speaks_in_the_name_of_those_within_and_nothing_runs_in_circles
     );
     line.ask(&jade.says_else(1, &bottega, |text| text.replace("</params>", &stamp)));
     assert!(jade.hears_nothing());
-    // Who is not there: the AMS says so.
+    // The AMS reports an agent that does not exist.
     line.ask(&jade.says_else(1, &bottega, |text| text.replace("ams@bottega", "ghost@bottega")));
     let failed = jade.hear().message;
     let content = is(&failed, P::Failure);
@@ -245,7 +245,7 @@ fn it_subscribes_to_the_df_and_is_told_of_each_change_until_it_cancels() {
     let (jade, bottega) = (Jade::start(), node("bottega"));
     let mut line = Line::to(&bottega);
     line.ask(&says(&jade, &bottega, "SUBSCRIBE", SUBSCRIBE, 1));
-    // Nothing matches yet, so nothing is said, and nobody agrees.
+    // Nothing matches yet, so there is neither a notification nor an agree.
     assert!(jade.hears_nothing());
     let offer = |kind: &str, number| {
         let content = format!(
@@ -261,7 +261,7 @@ fn it_subscribes_to_the_df_and_is_told_of_each_change_until_it_cancels() {
     assert_eq!(heard[0].conversation_id.as_deref(), Some("conv-probe@jade1"));
     assert!(news.starts_with("((= (iota ?x (result (action (agent-identifier :name df@bottega)"), "{news}");
     assert!(news.contains(" ?x)) (sequence (df-agent-description :name (agent-identifier :name probe@jade)"), "{news}");
-    // Gone: the name alone is left.
+    // The agent is gone: only its name is left.
     let gone = "((action DF (deregister (df-agent-description :name (agent-identifier :name probe@jade)))))";
     line.ask(&says(&jade, &bottega, "REQUEST", gone, 3));
     let mut heard = [jade.hear().message, jade.hear().message];
@@ -277,7 +277,7 @@ fn it_subscribes_to_the_df_and_is_told_of_each_change_until_it_cancels() {
     assert!(jade.hears_nothing());
 }
 
-/// Our platform asks; JADE answers in its recorded words.
+/// Our platform asks; JADE answers with recorded messages.
 fn asked(number: u32, to: &str, content: ManagementContent) -> (P, PlainContent) {
     let (jade, bottega) = (Jade::start(), node("bottega"));
     let to = jade.agent(to);
@@ -347,7 +347,7 @@ fn we_ask_its_services_and_read_its_answers() {
         };
         assert!(fits, "{number}");
     }
-    // Its AMS tells that nobody of that name is there.
+    // Its AMS reports that no agent has that name.
     let (act, content) = asked(30, "ghost", ManagementContent::Action(Function::GetDescription));
     assert_eq!(act, P::Failure);
     assert!(matches!(content, PlainContent::Management(ManagementContent::Undelivered { receiver, .. })

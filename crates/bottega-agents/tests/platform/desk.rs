@@ -1,4 +1,4 @@
-//! A service over a store, spoken to.
+//! A service over a store, for tests that talk to it.
 
 use std::collections::VecDeque;
 
@@ -20,9 +20,9 @@ pub(crate) struct Desk<F> {
     pub(crate) store: MemoryStore<String, ()>,
     /// The last conversation.
     pub(crate) conversation: u64,
-    /// So many of the next writes the store does not hear.
+    /// Number of the next writes that do not reach the store.
     pub(crate) deaf: u32,
-    /// What it said when it started.
+    /// The lines that it printed at its start.
     pub(crate) first: Vec<AclMessage<M>>,
 }
 
@@ -39,7 +39,7 @@ impl<F: Functions> Desk<F> {
         desk
     }
 
-    /// Lets the service take an event and the store answer until it has nothing to ask any more.
+    /// Passes an event to the service, and lets the store answer until the service has no more requests.
     pub(crate) fn handle(&mut self, now: Time, event: Event<M, String, ()>) -> Vec<AclMessage<M>> {
         let (mut said, mut events) = (Vec::new(), VecDeque::from([event]));
         while let Some(event) = events.pop_front() {
@@ -77,7 +77,7 @@ impl<F: Functions> Desk<F> {
     }
 }
 
-/// Says something to a service and returns all that it says.
+/// Sends a message to a service. Returns all messages that it sends.
 pub(crate) fn say<F: Functions>(
     service: &mut Desk<F>,
     now: Time,

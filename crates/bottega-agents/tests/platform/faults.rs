@@ -1,4 +1,4 @@
-//! Faults that bad weather once uncovered.
+//! Faults that simulations once found.
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ fn at(seconds: u64) -> Time {
     Time::since_start(Duration::from_secs(seconds))
 }
 
-/// An AMS that enters those who live with it, at an address.
+/// An AMS that enters the agents of its process, at an address.
 fn ams() -> Desk<Ams> {
     Desk::new(
         "ams@here",
@@ -78,7 +78,7 @@ fn a_request_outside_of_conversations_is_a_new_one_each_time() {
     }
 }
 
-/// What is found of an agent in the white pages.
+/// The entry of an agent in the white pages.
 fn found(ams: &mut Desk<Ams>, now: Time, name: &str) -> Option<AmsAgentDescription> {
     let template = AmsAgentDescription { name: Some(id(name)), ..Default::default() };
     match outcome(ams, now, "x", Function::SearchAgents(template, SearchConstraints::default())) {
@@ -97,7 +97,7 @@ fn what_an_ams_writes_by_itself_it_writes_until_the_store_has_it() {
         ams.handle(at(second), Event::Deadline);
     }
     assert!(found(&mut ams, at(30), "a@here").is_some(), "two writes were lost, the third was not");
-    // Gone, and ended by the platform: likewise.
+    // The same for agents that are gone, or were ended by the platform.
     ams.deaf = 1;
     ams.handle(at(40), Event::Presence { agent: id("a@here"), present: false });
     assert!(found(&mut ams, at(41), "a@here").is_some());
@@ -120,7 +120,7 @@ fn who_changes_an_entry_and_names_no_addresses_leaves_them_as_they_are() {
     assert_eq!(&*entry.name.unwrap().addresses, ["http://here/acc"]);
 }
 
-/// What a subscriber is told in these messages: of each agent, whether it is there.
+/// The news of a subscriber in these messages: whether each agent is there.
 fn told(messages: &[AclMessage<M>]) -> Vec<(String, bool)> {
     let news = messages.iter().filter_map(|message| match &message.content {
         M::News(_, _, offers) => Some(offers),
@@ -148,10 +148,10 @@ fn a_directory_that_starts_again_tells_what_was_not_sure_and_what_is_gone() {
     df.handle(at(31), Event::Deadline);
     let sure = df.store.clone();
     let started = |store: &MemoryStore<String, ()>| told(&Desk::over("df@here", offers(None), store.clone()).first);
-    // One that died at once cannot know whether it arrived.
+    // A service that died at once does not know whether its write arrived.
     assert_eq!(started(&unsure), [there("a")]);
     assert_eq!(started(&sure), []);
-    // While it was dead somebody took the offer out.
+    // While it was dead the offer was removed.
     let mut store = sure;
     let gone = StoreRequest::Put { key: "df/agent/a".into(), value: String::new() };
     store.handle((), Ticket(9), gone, &mut Vec::new());

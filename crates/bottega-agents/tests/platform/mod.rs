@@ -1,4 +1,4 @@
-//! The platform's services, spoken to by messages as agents do.
+//! The platform's services, by messages as agents send them.
 
 mod desk;
 mod faults;
@@ -97,12 +97,12 @@ fn transitions_of_life_are_begun_by_whom_the_standard_allows() {
     let mut ams = ams();
     outcome(&mut ams, Time::ZERO, "a", Function::RegisterAgent(agent("a", None)));
     let change = |state| Function::ModifyAgent(agent("a", Some(state)));
-    // The agent goes to sleep by itself, and only the platform wakes it.
+    // The agent suspends itself, and only the platform resumes it.
     outcome(&mut ams, Time::ZERO, "a", change(Suspended));
     assert_eq!(refusal(&mut ams, "a", change(Active)), RefuseReason::Unauthorised);
     let forbidden = RefuseReason::UnrecognisedParameterValue("ams-agent-description".into(), "state".into());
     assert_eq!(refusal(&mut ams, "root@here", change(Transit)), forbidden);
-    // The agent lives here, so it is told.
+    // The agent lives in this process, so it is notified.
     ams.handle(Time::ZERO, Event::Presence { agent: id("a"), present: true });
     let sent = say(&mut ams, Time::ZERO, "root@here", Performative::Request, M::Action(change(Active)));
     assert_eq!(sent[0].content, M::LifeCycle(LifeCycleRequest::Resume));
@@ -110,7 +110,7 @@ fn transitions_of_life_are_begun_by_whom_the_standard_allows() {
     assert_eq!(ams.functions().state(&id("a")), Some(Active));
     assert_eq!(refusal(&mut ams, "root@here", change(Waiting)), RefuseReason::Unauthorised);
     outcome(&mut ams, Time::ZERO, "a", change(Waiting));
-    // To destroy is not for the agent to ask.
+    // An agent may not request its destruction.
     let end = |graceful| Function::TerminateAgent { agent: id("a"), graceful };
     assert_eq!(refusal(&mut ams, "a", end(false)), RefuseReason::Unauthorised);
     outcome(&mut ams, Time::ZERO, "root@here", end(false));
@@ -172,7 +172,7 @@ fn yellow_pages_match_templates_and_leases_end() {
     assert_eq!(find(&mut df, at(9), None, "x"), "abc");
     assert_eq!(df.next_deadline(), Some(at(10)));
     assert_eq!(find(&mut df, at(10), None, "x"), "bc");
-    // A lease is renewed by modify; nobody does it for another.
+    // Only the agent itself renews its lease, by `modify`.
     outcome(&mut df, at(50), "c", Function::Modify(offer("c", "smith")));
     assert_eq!(find(&mut df, at(61), None, "x"), "c");
     assert_eq!(refusal(&mut df, "b", Function::Modify(offer("c", "smith"))), RefuseReason::Unauthorised);
@@ -182,7 +182,7 @@ fn yellow_pages_match_templates_and_leases_end() {
         RefuseReason::MissingParameter("service-description".into(), "name".into())
     );
     df.handle(at(200), Event::Deadline);
-    // Once more it looks whether that is really gone.
+    // It checks once more that the entry is gone.
     df.handle(at(202), Event::Deadline);
     assert_eq!(df.next_deadline(), None);
 }
@@ -202,7 +202,7 @@ fn what_is_too_large_for_an_entry_is_refused_by_the_parameter_that_is() {
     let service = ServiceDescription { name: Some("n".into()), service_type: Some("t".into()), ..service };
     let offered = DfAgentDescription { services: vec![service], ..offer("b", "smith") };
     assert_eq!(refusal(&mut df, "b", Function::Register(offered)), bad("df-agent-description", "services"));
-    // No more is found than fits into a message.
+    // A search returns only as much as fits into a message.
     outcome(&mut df, Time::ZERO, "b", Function::Register(large_of("b", 600_000)));
     outcome(&mut df, Time::ZERO, "c", Function::Register(offer("c", "smith")));
     let all = SearchConstraints { max_results: Some(-1), ..Default::default() };
@@ -239,7 +239,7 @@ fn the_start_service_knows_every_basic_service_once() {
     assert_eq!(root, Outcome::ServiceRoot(vec![entry("ams"), entry("df")]));
 }
 
-/// Counts the seconds, and what it is told.
+/// An agent that counts seconds and the messages that it gets.
 struct Clock {
     ticks: u32,
     told: u32,
@@ -311,7 +311,7 @@ fn a_suspended_agent_keeps_its_messages_and_goes_on_when_resumed() {
     world.bus().publish(request("root@here", "ams@here", enter));
     world.run_until(at(3500));
     world.bus().publish(request("root@here", "ams@here", modify(LifeCycleState::Suspended)));
-    // Who is not the AMS cannot stop an agent.
+    // Only the AMS can stop an agent.
     world.bus().publish(request("rogue", "clock", M::LifeCycle(LifeCycleRequest::Destroy)));
     world.run_until(at(9000));
     world.bus().publish(request("x", "clock", M::Action(Function::GetDescription)));
@@ -323,7 +323,7 @@ fn a_suspended_agent_keeps_its_messages_and_goes_on_when_resumed() {
     assert_eq!(look(&world), Some((true, 3, 0)));
     world.bus().publish(request("root@here", "ams@here", modify(LifeCycleState::Active)));
     world.run_until(at(11000));
-    // The deadline that passed meanwhile is answered at once, and the message kept is heard.
+    // The deadline that passed meanwhile fires at once, and the kept message is delivered.
     assert_eq!(look(&world), Some((false, 4, 1)));
     let end = M::Action(Function::TerminateAgent { agent: id("clock"), graceful: true });
     world.bus().publish(request("root@here", "ams@here", end));
@@ -337,7 +337,7 @@ fn a_directory_that_has_not_heard_of_the_last_writes_does_not_answer_from_memory
     outcome(&mut df, Time::ZERO, "a", Function::Register(offer("a", "smith")));
     let key = bottega_agents::Key::from("df/agent/a");
     let text = df.store.get(&key).unwrap().value.clone();
-    // Somebody else writes, and the news is on its way still.
+    // Another process writes, and the change has not arrived yet.
     let write = |df: &mut Desk<Df>, value: String| {
         let request = StoreRequest::Put { key: key.clone(), value };
         df.store.handle((), Ticket(u64::MAX), request, &mut Vec::new());

@@ -47,14 +47,14 @@ fn send_all(messages: Vec<AclMessage<Say>>, actions: &mut Actions) {
     actions.extend(messages.into_iter().map(Action::Send));
 }
 
-/// Awards what is open, and what was awarded to somebody whose lease has run out.
+/// A manager that awards open tasks, and tasks of contractors whose lease is over.
 struct Manager {
     id: AgentId,
     contractors: Vec<AgentId>,
     tasks: BTreeMap<u32, (TaskState, Revision)>,
-    /// The auction, its task, and the revision that the task had when it was called: what the award rests on.
+    /// The auction, its task, and the revision of the task at the call, on which the award depends.
     auction: Option<(ContractNetInitiator<Say>, u32, Revision)>,
-    /// Whom to award the task of the auction, once the store has said yes.
+    /// The agent that gets the task of the auction once the store has confirmed.
     winner: Option<AgentId>,
     tick: Time,
 }
@@ -77,7 +77,7 @@ impl Manager {
             content: Say::Task(task),
             language: "test",
             ontology: "test",
-            // Never that of an earlier life.
+            // Never a ticket of an earlier life.
             conversation_id: u64::try_from(now.elapsed().as_micros()).unwrap(),
             reply_by: now + Duration::from_millis(300),
         };
@@ -115,14 +115,14 @@ impl Manager {
         }
     }
 
-    /// The store has spoken on an award.
+    /// Takes in the store's answer to an award.
     fn award(&mut self, now: Time, token: Option<Revision>, actions: &mut Actions) {
         let (Some(winner), Some((auction, task, _))) = (self.winner.take(), &mut self.auction) else { return };
         let mut send = Vec::new();
         let accepted: Vec<_> = token.map(|token| (winner, Say::Award { task: *task, token })).into_iter().collect();
         auction.award(&accepted, now + LEASE, &mut send);
         send_all(send, actions);
-        // One task after the other may be awarded; what becomes of them stands in the store.
+        // One task after the other may be awarded; their state is in the store.
         self.auction = None;
     }
 }
@@ -185,7 +185,7 @@ impl StateMachine for Manager {
     }
 }
 
-/// Bids when it is idle.
+/// A contractor that bids when it is idle.
 struct Contractor {
     id: AgentId,
     speed: u32,
@@ -276,7 +276,7 @@ impl StateMachine for Contractor {
     }
 }
 
-/// Writes the tasks, and then down all that becomes of them.
+/// An observer that writes the tasks, and then records their changes.
 struct Observer {
     seen: Rc<RefCell<Vec<Step>>>,
 }
@@ -301,7 +301,7 @@ impl StateMachine for Observer {
                 actions
                     .push(Action::Store { ticket: Ticket(0), request: StoreRequest::Watch { prefix: "task/".into() } });
             }
-            // Only now: of what is written before the watch begins, it tells the end alone.
+            // Only now: of writes before its start, a watch reports only the last state.
             Event::Store { reply: StoreReply::CaughtUp, .. } => actions.extend((0..TASKS).map(create)),
             Event::Store { reply: StoreReply::Changed(entry), .. } => {
                 self.seen.borrow_mut().push((task_of(&entry.key), entry.revision, entry.value));
@@ -318,11 +318,11 @@ impl StateMachine for Observer {
     }
 }
 
-/// What became of which task by which write.
+/// The result of each task, with the write that decided it.
 type Step = (u32, Revision, TaskState);
 type World = fn(Time, &AgentId, Effect, &mut Random, &mut Vec<(Duration, u32)>);
 
-/// All that became of the tasks, and the simulation.
+/// The history of the tasks, and the simulation.
 fn run(seed: u64, faults: Faults, trace: bool) -> (Vec<Step>, Simulator<Box<dyn Role>, World>) {
     let work: World = |_, _, task, random, reports| {
         let takes = Duration::from_millis(500).mul_f64(1.0 + 6.0 * random.unit());
@@ -414,7 +414,7 @@ fn in_a_thousand_bad_worlds_no_task_is_lost_and_none_is_done_or_awarded_twice() 
         check(seed, &seen);
         awards += seen.iter().filter(|(_, _, state)| matches!(state, TaskState::Awarded { .. })).count();
     }
-    // The faults did something: many awards had to be made anew.
+    // The faults did something: many awards had to be repeated.
     assert!(awards > 1000 * TASKS as usize * 11 / 10, "{awards} awards");
 }
 

@@ -1,4 +1,4 @@
-//! A store in a file: what was written is there, whatever happens to the file's end and whoever else writes.
+//! A store in a file: written entries survive damage at the file's end and other writers.
 
 use std::{fs, io::Write, path::Path, thread};
 
@@ -54,7 +54,7 @@ fn any_request() -> impl Strategy<Value = StoreRequest<String>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// It says what a store in memory says, also after it was opened again.
+    /// The store answers like a store in memory, also after it was opened again.
     #[test]
     fn it_behaves_as_a_store_in_memory(requests in prop::collection::vec(any_request(), 1..30), reopen in 0..30_usize) {
         let folder = tempfile::tempdir().unwrap();
@@ -69,7 +69,7 @@ proptest! {
         }
     }
 
-    /// Cut anywhere, it holds what was written before the cut, and takes more.
+    /// A file cut anywhere keeps the writes before the cut, and accepts more.
     #[test]
     fn a_torn_end_costs_what_was_torn_and_no_more(cut in any::<prop::sample::Index>(), junk in prop::collection::vec(any::<u8>(), 0..40)) {
         let folder = tempfile::tempdir().unwrap();
@@ -86,7 +86,7 @@ proptest! {
         fs::write(&path, [&bytes[..length], &junk[..]].concat()).unwrap();
         let whole = ends.iter().filter(|end| **end <= length as u64).count();
         if length < 16 && length + junk.len() >= 16 {
-            // Something else than a store, or an odd generation.
+            // A file that is not a store, or an unknown generation.
             return Ok(());
         }
         let mut store = open(&path);
@@ -114,7 +114,7 @@ fn two_who_have_it_open_see_each_other_and_one_of_two_wins() {
     };
     assert!(matches!(&handle(&mut one, cas("p"))[..], [StoreReply::Written { .. }]));
     match &handle(&mut two, cas("q"))[..] {
-        // First what the other wrote, then that it was faster.
+        // First the other's write is reported, then the conflict.
         [StoreReply::Changed(_), StoreReply::Conflict { entry: Some(entry), .. }] => assert_eq!(entry.value, "p"),
         other => panic!("{other:?}"),
     }
@@ -175,7 +175,7 @@ fn a_log_that_grew_long_is_written_anew_and_those_who_watch_lose_nothing() {
     };
     assert_eq!(last("gone").as_deref(), Some(""));
     assert!(last("k1").unwrap().starts_with("39v"));
-    // Both go on in the new file, and revisions go on, too.
+    // Both continue in the new file, and so do revisions.
     let before = one.get(&"k1".into()).unwrap().revision;
     handle(&mut two, put("k1", "two"));
     assert!(two.get(&"k1".into()).unwrap().revision > before);

@@ -48,7 +48,7 @@ fn any_blows() -> impl Strategy<Value = Vec<(prop::sample::Index, u8, u8)>> {
     prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), byte), 1..6)
 }
 
-/// What a server does with the bytes of a request, up to the mailbox.
+/// Handles the bytes of a request as a server does, up to the mailbox.
 fn take(bytes: &[u8]) -> Option<(Performative, Vec<Term>)> {
     let (head, taken) = parse_head(bytes).ok()??;
     let body = &bytes[taken..];
@@ -82,7 +82,7 @@ proptest! {
             let me = bottega_agents::AgentId::new("me@here");
             let text = print_content(Calendar::default(), &me, &said);
             let again = sl::parse(&text).ok().and_then(|terms| read_content(Calendar::default(), Time::ZERO, act, &terms).ok());
-            // What is cancelled is not repeated; everything else reads back.
+            // Cancelled parts are not written again; everything else reads back.
             if said != ManagementContent::Cancel {
                 prop_assert_eq!(again, Some(said), "{}", text);
             }

@@ -74,7 +74,7 @@ fn play(threads: usize) {
     let (a, b) = (AgentId::new("a@here"), AgentId::new("b@here"));
     for (id, other, serve) in [(&a, &b, Some(1001)), (&b, &a, None)] {
         let player = Player { id: id.clone(), other: other.clone(), serve, wake: None };
-        // The effect takes its time on a thread of its own, as an engine does.
+        // The effect runs for a while on its own thread, as an engine does.
         let performer: Performer<Player> = Box::new(|effect, mailbox| {
             let mailbox = mailbox.clone();
             thread::spawn(move || mailbox.complete(effect));

@@ -1,4 +1,4 @@
-//! Two directories over one store, in many bad worlds: what is entered is entered once, and in the end both know it.
+//! Two directories over one store, with many faults: an entry is made once, and in the end both know it.
 
 use std::{collections::BTreeSet, time::Duration};
 
@@ -18,12 +18,12 @@ fn directory(number: usize) -> AgentId {
     AgentId::new(format!("df{number}@p"))
 }
 
-/// Enters itself with both directories at once, takes itself out, and so on; in the end it stays.
+/// A client that registers with both directories at once, deregisters, and so on; in the end it stays registered.
 struct Client {
     me: AgentId,
     round: u32,
     leaving: bool,
-    /// Who said that it was entered, in this round. Answers may arrive twice.
+    /// The replicas that confirmed an entry in this round. Answers may arrive twice.
     entered: BTreeSet<AgentId>,
     known: bool,
     until: Time,
@@ -35,12 +35,12 @@ impl Client {
         let offer = DfAgentDescription { name: Some(self.me.clone()), ..Default::default() };
         let function = if self.leaving { Function::Deregister(offer) } else { Function::Register(offer) };
         let message = AclMessage::new(P::Request, self.me.clone(), directory(directory_number), M::Action(function));
-        // The same request to both would count as one that was taken twice.
+        // The same request to both counts as one that was taken twice.
         let conversation_id = self.conversation() + 1 + directory_number as u64;
         actions.push(Action::Send(AclMessage { conversation_id, reply_with: conversation_id, ..message }));
     }
 
-    /// The one before those of this round.
+    /// The last request before those of this round.
     fn conversation(&self) -> u64 {
         u64::from(self.round) * 4 + u64::from(self.leaving) * 2
     }
@@ -51,7 +51,7 @@ impl Client {
         self.ask(1, actions);
     }
 
-    /// Nothing of this round is on its way any more.
+    /// Returns true if no message of this round is under way.
     fn go_on(&mut self, now: Time, actions: &mut Vec<ActionOf<Self>>) {
         if self.known {
             self.known = false;
@@ -81,7 +81,7 @@ impl StateMachine for Client {
             Event::Message(message) => {
                 let of_now = self.conversation() + 1..=self.conversation() + 2;
                 match &message.content {
-                    // A directory whose answer from the store was lost does not know; others do.
+                    // A directory that lost the store's answer does not know; others do.
                     M::Failed(_, FailureReason::InternalError(_)) => {}
                     M::Done(..) | M::Failed(..) if of_now.contains(&message.conversation_id) => {
                         self.known = true;

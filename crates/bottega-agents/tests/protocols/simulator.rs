@@ -8,7 +8,7 @@ use bottega_agents::{
 };
 use expect_test::expect;
 
-/// Counts up an entry of the store until it stands at `goal`, telling a friend about each step.
+/// Counts an entry of the store up to `goal`, and notifies another agent of each step.
 struct Counter {
     id: AgentId,
     friend: AgentId,
@@ -155,7 +155,7 @@ fn ten_thousand_agents_are_no_burden() {
     assert_eq!(simulator.store().get(&"count".into()).unwrap().value, 3);
 }
 
-/// Writes down who is here, takes its turn at a queue, and asks others to count in it.
+/// Records who is present, takes its turn in a queue, and asks others to count in it.
 struct Watcher {
     id: AgentId,
     seen: Vec<(String, bool)>,

@@ -1,4 +1,4 @@
-//! Strangers who use a platform, and hold it to what it has told them.
+//! Clients of a platform that check that it keeps what it has confirmed.
 
 use std::{
     collections::BTreeMap,
@@ -16,27 +16,27 @@ use bottega_agents::{
     protocol::{Answer, RequestInitiator},
 };
 
-/// How long an answer is waited for.
+/// Time to wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(40);
-/// Between two requests; whatever was on its way of the one before has come by then.
+/// Time between two requests: all messages of the first have arrived by then.
 const PAUSE: Duration = Duration::from_secs(20);
-/// The service type of those who offer something.
+/// The type of the offered services.
 pub(crate) const KIND: &str = "smithy";
 
-/// What clients found, for the test to look at when all is over.
+/// The findings of the clients, for the test to check at the end.
 #[derive(Debug, Default)]
 pub(crate) struct Notes {
-    /// What must not be.
+    /// Violations that clients have seen.
     pub(crate) wrong: Vec<String>,
-    /// How often requests came to an end, by what it was.
+    /// Number of finished requests, by outcome.
     pub(crate) ends: BTreeMap<&'static str, u32>,
-    /// Requests that nobody answered, by when they were made.
+    /// Unanswered requests, by their times.
     pub(crate) unanswered: Vec<(Time, AgentId)>,
-    /// What each registrar knows to be entered of it. Absent: it is not sure.
+    /// The entry that each registrar knows to exist. Absent: it is not sure.
     pub(crate) entered: BTreeMap<AgentId, Option<DfAgentDescription>>,
-    /// The state that each agent was given last; absent: it is not sure.
+    /// The last state set for each agent; absent: unknown.
     pub(crate) states: BTreeMap<AgentId, LifeCycleState>,
-    /// What each subscriber knows: by agent, its service's name.
+    /// The knowledge of each subscriber: the service's name by agent.
     pub(crate) views: BTreeMap<AgentId, BTreeMap<String, String>>,
     /// Basic services that were taken.
     pub(crate) supplied: Vec<ServiceEntry>,
@@ -44,15 +44,15 @@ pub(crate) struct Notes {
 
 pub(crate) type Shared = Arc<Mutex<Notes>>;
 
-/// The wish of a client, and what it makes of the answer.
+/// The next step of a client, and its reaction to the answer.
 pub(crate) trait Plan {
-    /// What to ask next, and whom.
+    /// The next request, and its receiver.
     fn next(&mut self, now: Time, random: &mut Random) -> (AgentId, Function);
-    /// It has ended so.
+    /// The conversation has ended with this outcome.
     fn ended(&mut self, asked: Time, now: Time, function: &Function, answer: &Answer<PlainContent>, notes: &mut Notes);
 }
 
-/// Asks one thing after the other.
+/// A client that sends one request after the other.
 pub(crate) struct Client<W> {
     pub(crate) me: AgentId,
     wish: W,
@@ -60,10 +60,10 @@ pub(crate) struct Client<W> {
     random: Random,
     conversation: u64,
     open: Option<(RequestInitiator, Function, Time)>,
-    /// How conversations ended.
+    /// The outcomes of conversations.
     ends: BTreeMap<u64, &'static str>,
     next: Time,
-    /// From here on nothing is asked.
+    /// The time after which no request is sent.
     until: Time,
 }
 
@@ -95,7 +95,7 @@ impl<W: Plan> Client<W> {
         }
     }
 
-    /// A second answer must say what the first one said: both come from a request that was taken twice.
+    /// A second answer must equal the first: both come from a request that was taken twice.
     fn hear_again(&mut self, message: &AclMessage<PlainContent>) {
         let Some(first) = self.ends.get(&message.conversation_id) else { return };
         let again = match (&message.performative, &message.content) {
@@ -110,7 +110,7 @@ impl<W: Plan> Client<W> {
     }
 }
 
-/// An answer in a word.
+/// The kind of an answer.
 fn word(answer: &Answer<PlainContent>) -> &'static str {
     use FailureReason as F;
     match answer {
@@ -167,17 +167,17 @@ impl<W: Plan> StateMachine for Client<W> {
     }
 }
 
-/// Enters itself with a directory, changes what it offers, takes itself out, looks for itself.
+/// A client that registers with a directory, modifies its entry, deregisters and searches for itself.
 pub(crate) struct Registrar {
     pub(crate) me: AgentId,
     pub(crate) df: AgentId,
     pub(crate) known: Known,
     pub(crate) version: u32,
-    /// Searches go so far.
+    /// Number of hops of a search.
     pub(crate) depth: i64,
 }
 
-/// What a client knows of its entry.
+/// The knowledge that a client has of its entry.
 #[derive(Clone, Debug)]
 pub(crate) enum Known {
     Unsure,
@@ -198,7 +198,7 @@ impl Registrar {
         DfAgentDescription { name: Some(self.me.clone()), services: vec![service], lease_time, ..Default::default() }
     }
 
-    /// Whether it must be there, or must not; `None`: it may be either.
+    /// `true`: the entry must exist; `false`: it must not; `None`: either.
     fn must_be(&self, from: Time, to: Time) -> Option<bool> {
         match &self.known {
             Known::Unsure => None,
@@ -275,7 +275,7 @@ impl Plan for Registrar {
                 }
                 Known::Absent
             }
-            // Taken out twice, it was not there the second time.
+            // The request was taken twice, and the entry was gone the second time.
             (Function::Deregister(_), "done" | "not there") => Known::Absent,
             (Function::Search(..), "done") => {
                 if let Answer::Inform(PlainContent::Management(M::Done(_, Outcome::Offers(found)))) = answer {
@@ -296,7 +296,7 @@ impl Plan for Registrar {
     }
 }
 
-/// Has agents of the platform suspended and resumed.
+/// A client that suspends and resumes agents of the platform.
 pub(crate) struct Boss {
     pub(crate) ams: AgentId,
     pub(crate) agents: Vec<AgentId>,
@@ -317,14 +317,14 @@ impl Plan for Boss {
         match word(answer) {
             "done" => _ = notes.states.insert(agent.clone(), *state),
             "silence" | "failed" => _ = notes.states.remove(agent),
-            // Its process has not yet come to life for the first time.
+            // Its process has not started yet.
             "not there" => {}
             other => notes.wrong.push(format!("the boss is told: {other}, {answer:?}")),
         }
     }
 }
 
-/// Supplies basic services, and looks whether they are there.
+/// A client that supplies basic services, and checks that they are listed.
 pub(crate) struct Supplier {
     pub(crate) start: AgentId,
     pub(crate) number: u32,
@@ -356,13 +356,13 @@ impl Plan for Supplier {
     }
 }
 
-/// Wants to be told of all offers of a kind.
+/// Subscribes to all offers of a kind.
 pub(crate) struct Subscriber {
     pub(crate) me: AgentId,
     pub(crate) df: AgentId,
     pub(crate) notes: Shared,
     pub(crate) conversation: u64,
-    /// When to subscribe, if nothing is heard before.
+    /// The time to subscribe again without news.
     pub(crate) again: Option<Time>,
 }
 
@@ -413,7 +413,7 @@ impl StateMachine for Subscriber {
                         self.learn(offers);
                     }
                     (_, P::Failure | P::Refuse | P::NotUnderstood) => {
-                        // It is over: another one begins from nothing.
+                        // The subscription is over: the next one begins without knowledge.
                         self.conversation += 1;
                         self.notes.lock().unwrap().views.remove(&self.me);
                         self.again = Some(now + Duration::from_secs(5));

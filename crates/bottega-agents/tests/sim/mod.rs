@@ -1,6 +1,6 @@
-//! A platform of two processes, of which either may die, among strangers on a bad network: in virtual time, over many seeds.
+//! A platform of two processes that may die, with clients on a faulty network: in virtual time, over many seeds.
 //!
-//! The processes are whole: gateway, AMS, DF, Start Service and agents, as on a node; only threads and sockets are made up.
+//! The processes are whole: gateway, AMS, DF, Start Service and agents, as on a node; only threads and sockets are simulated.
 
 mod clients;
 mod process;
@@ -45,7 +45,7 @@ fn calendar() -> Calendar {
     Calendar::new(Duration::from_secs(1_795_000_000))
 }
 
-/// An agent that does nothing but be suspended.
+/// An agent that can only be suspended.
 struct Idle {
     agent: StandardAgent<Nothing>,
     is_suspended: Arc<AtomicBool>,
@@ -90,17 +90,17 @@ fn service<F: Functions + Send + 'static>(id: &AgentId, functions: F) -> (AgentI
     (id.clone(), Box::new(service))
 }
 
-/// How a process serves a platform.
+/// The part that a process serves of a platform.
 #[derive(Clone)]
 struct Serves {
     platform: &'static str,
     process: &'static str,
     federates: Vec<AgentId>,
-    /// Agents that live there, and where they say whether they are suspended.
+    /// The agents of the process, and where they report whether they are suspended.
     residents: Vec<(AgentId, Arc<AtomicBool>)>,
 }
 
-/// A process with all that a node has.
+/// Makes a process with all parts of a node.
 fn node(serves: &Serves, salt: u64) -> Process {
     let Serves { platform, process, federates, residents } = serves;
     let id = |local: &str| agent(&format!("{local}@{platform}"), &[process]);
@@ -168,7 +168,7 @@ fn strangers(platform: &str, clients: Vec<(AgentId, Inner)>) -> Process {
 const REGISTRARS: usize = 4;
 const SUBSCRIBERS: usize = 2;
 
-/// What becomes of the second process when nothing goes wrong any more.
+/// The state of the second process after the last fault.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Second {
     Lives,
@@ -179,11 +179,11 @@ struct Play {
     simulator: Simulator<Process, Wires>,
     notes: Shared,
     suspended: BTreeMap<AgentId, Arc<AtomicBool>>,
-    /// When the bad times end.
+    /// The time at which the faults end.
     until: Time,
 }
 
-/// Brings everybody to life.
+/// Starts all processes.
 fn stage(seed: u64, weather: Weather, faults: Faults) -> Play {
     let notes: Shared = Arc::new(Mutex::new(Notes::default()));
     let (until, calm) = (weather.until, weather.until + Duration::from_secs(150));
@@ -225,7 +225,7 @@ fn clients(seed: u64, until: Time, notes: &Shared) -> Vec<(AgentId, Inner)> {
         let me = agent(name, &["j"]);
         (me.clone(), Box::new(Client::new(me, wish, Arc::clone(notes), seed, until)))
     }
-    // Some know one way first, some the other.
+    // Some clients know one address first, some the other.
     let service = |local: &str, number: usize| {
         let ways = if number.is_multiple_of(2) { ["b1", "b2"] } else { ["b2", "b1"] };
         agent(&format!("{local}@b"), &ways)
@@ -234,7 +234,7 @@ fn clients(seed: u64, until: Time, notes: &Shared) -> Vec<(AgentId, Inner)> {
     for number in 0..REGISTRARS {
         let name = format!("reg{number}@j");
         let me = agent(&name, &["j"]);
-        // The last searches far and wide.
+        // The last one searches with many hops.
         let depth = if number + 1 == REGISTRARS { 2 } else { 0 };
         let wish = Registrar { me, df: service("df", number), known: Known::Absent, version: 0, depth };
         all.push(client(&name, wish, notes, seed * 31 + number as u64, until));
@@ -250,7 +250,7 @@ fn clients(seed: u64, until: Time, notes: &Shared) -> Vec<(AgentId, Inner)> {
     all
 }
 
-/// Plays until all is calm.
+/// Runs until no faults and no messages are left.
 fn play(seed: u64, weather: Weather, faults: Faults, dies_every: Option<Duration>, second: Second) -> Play {
     let mut play = stage(seed, weather, faults);
     let mut random = Random::new(seed ^ 0xdead);
@@ -263,7 +263,7 @@ fn play(seed: u64, weather: Weather, faults: Faults, dies_every: Option<Duration
                 break;
             }
             play.simulator.run_until(now);
-            // Now and then both.
+            // Sometimes both.
             let who = random.below(7);
             let dead: Vec<&AgentId> =
                 ids.iter().enumerate().filter(|(number, _)| who == 6 || who % 2 == *number).map(|(_, id)| id).collect();
@@ -281,7 +281,7 @@ fn play(seed: u64, weather: Weather, faults: Faults, dies_every: Option<Duration
     play
 }
 
-/// What stands in the store of platform b under this folder, by name.
+/// The entries of platform b's store under this folder, by name.
 fn pages(play: &Play, folder: &str) -> BTreeMap<String, String> {
     let prefix = bottega_agents::Key::from(format!("b:{folder}"));
     let all = play.simulator.store().with_prefix(&prefix).filter(|entry| !entry.value.is_empty());
@@ -352,7 +352,7 @@ fn weather(seed: u64) -> Weather {
     }
 }
 
-/// Only the way to the store: agents of a process hear each other.
+/// Faults only on the way to the store: agents of a process always hear each other.
 fn faults(seed: u64, until: Time) -> Faults {
     Faults {
         latency_min: Duration::from_millis(1),
@@ -387,7 +387,7 @@ fn whatever_goes_wrong_what_a_platform_has_said_is_so() {
         }
     }
     assert!(wrong.is_empty(), "{} of {ends:?}:\n{}", wrong.len(), wrong[..wrong.len().min(40)].join("\n"));
-    // The bad weather was bad.
+    // There were faults.
     for end in ["done", "already", "not there", "failed", "silence"] {
         assert!(ends.get(end).is_some_and(|count| *count > 10), "{ends:?}");
     }

@@ -15,11 +15,11 @@ use bottega_agents::{
 /// An agent of a process.
 pub(crate) type Inner = BoxedMachine<PlainContent, String, ChannelEffect, ChannelReport>;
 
-/// What a process has done in the world.
+/// The effects of a process on the world.
 pub(crate) enum Deed {
-    /// It listens.
+    /// The process listens for connections.
     Up,
-    /// Its gateway sends something.
+    /// The gateway sends a message.
     Channel(ChannelEffect),
 }
 
@@ -36,12 +36,12 @@ pub(crate) struct Process {
     members: Vec<Member>,
     index: BTreeMap<AgentId, usize>,
     mail: VecDeque<(usize, InnerEvent)>,
-    /// Whose question of the store it was, and under which ticket.
+    /// The agent that asked the store, and its ticket.
     asked: BTreeMap<Ticket, (usize, Ticket)>,
-    /// Greater than all of the life before.
+    /// The next ticket, greater than all of the previous life.
     first_ticket: u64,
     watchers: BTreeSet<usize>,
-    /// All platforms of a simulation have one store; how the keys of this one begin.
+    /// The prefix of this platform's keys: all platforms of a simulation share one store.
     folder: String,
 }
 
@@ -168,7 +168,7 @@ impl StateMachine for Process {
             }
             Event::Completed(report) => self.mail.push_back((GATEWAY, Event::Completed(report))),
             Event::Store { ticket, reply } => {
-                // An answer to the life before is none of its business.
+                // Ignore answers to requests of the previous life.
                 let Some(&(agent, ticket)) = self.asked.get(&ticket) else { return };
                 self.mail.push_back((agent, Event::Store { ticket, reply: self.without(reply) }));
             }

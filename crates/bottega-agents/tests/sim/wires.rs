@@ -14,25 +14,25 @@ use bottega_agents::{
 
 use super::process::{Deed, Process};
 
-/// How often what goes wrong.
+/// The probability of each fault.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weather {
     /// Share of messages that are not taken: the next address is tried.
     pub(crate) lost: f64,
-    /// Share of messages that are taken while their sender is told nothing: the next address is tried.
+    /// Share of messages that are taken without an answer to the sender, which then tries the next address.
     pub(crate) unanswered: f64,
-    /// Share of messages that come once more later.
+    /// Share of messages that arrive twice.
     pub(crate) twice: f64,
     /// The longest time a message takes.
     pub(crate) late: Duration,
-    /// When all of this ends.
+    /// The time at which all faults end.
     pub(crate) until: Time,
 }
 
-/// After so long without an answer a message counts as not taken.
+/// Time without an answer after which a message counts as not taken.
 const GIVES_UP_AFTER: Duration = Duration::from_secs(3);
 
-/// Messages from one process to one first address go one after the other.
+/// A lane: messages from one process to one first address, sent one after the other.
 type Lane = (AgentId, String);
 
 struct Flight {
@@ -40,25 +40,25 @@ struct Flight {
     /// The life of the sender.
     life: u32,
     outbound: Box<Outbound>,
-    /// How many addresses were tried.
+    /// Number of addresses tried.
     tried: usize,
 }
 
 enum Event {
     /// A message arrives at an address, or does not.
     Arrive { lane: Lane, flight: u64, to: Option<AgentId>, answered: bool },
-    /// One that was taken comes once more.
+    /// A message that was taken arrives again.
     Again { to: AgentId, letter: Box<Letter> },
-    /// Its sender has waited long enough.
+    /// The sender's time to wait is over.
     Next { lane: Lane, flight: u64 },
 }
 
 pub(crate) struct Wires {
     weather: Weather,
     random: Random,
-    /// Who listens at which address.
+    /// The listening process at each address.
     at: BTreeMap<String, AgentId>,
-    /// How often each process has begun to listen, and whether it does.
+    /// Number of times that each process began to listen, and whether it listens now.
     lives: BTreeMap<AgentId, (u32, bool)>,
     lanes: BTreeMap<Lane, VecDeque<Flight>>,
     events: BTreeMap<(Time, u64), Event>,
@@ -87,7 +87,7 @@ impl Wires {
         self.random.unit() < share && now < self.weather.until
     }
 
-    /// Begins to bring the first message of a lane to its next address.
+    /// Begins to send the first message of a lane to its next address.
     fn try_next(&mut self, now: Time, lane: Lane, reports: &mut Vec<(AgentId, ChannelReport)>) {
         let life = self.life(&lane.0);
         let Some(queue) = self.lanes.get_mut(&lane) else { return };
@@ -174,7 +174,7 @@ impl World<Process> for Wires {
             Deed::Up => {
                 let life = self.lives.entry(agent.clone()).or_default();
                 *life = (life.0 + 1, true);
-                // What waited in it died with it.
+                // Its waiting messages are lost with it.
                 self.lanes.retain(|(process, _), _| process != agent);
             }
             Deed::Channel(ChannelEffect::Send(outbound)) => {
@@ -185,7 +185,7 @@ impl World<Process> for Wires {
                 let queue = self.lanes.entry(lane.clone()).or_default();
                 queue.push_back(Flight { number, life, outbound, tried: 0 });
                 if queue.len() == 1 {
-                    // Begins at once, but not before what is said now has been said.
+                    // Begins at once, after the messages of this step.
                     self.plan(now + Duration::from_micros(1), Event::Next { lane, flight: number });
                 }
             }

@@ -1,4 +1,4 @@
-//! Another platform on a real socket: it takes what JADE takes, as JADE does, and says what JADE has said.
+//! Another platform on a real socket: it accepts messages as JADE does, and answers with recorded messages of JADE.
 #![allow(dead_code, reason = "each test file uses a part")]
 
 use std::{
@@ -18,12 +18,12 @@ use bottega_agents::{
     wire::{Envelope, WireMessage, XML_FORM, parse_envelope, parse_string, parse_xml},
 };
 
-/// How long a test waits for something that must come.
+/// Time that a test waits for something that must come.
 pub(crate) const WAIT: Duration = Duration::from_secs(10);
 
-/// What JADE put on the wire.
+/// A message as JADE put it on the wire.
 pub(crate) fn recorded(number: u32) -> String {
-    // Tests of other crates talk as JADE, too.
+    // Tests of other crates use these messages, too.
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../bottega-agents/tests/jade_data");
     std::fs::read_to_string(folder.join(format!("{number:02}.http"))).unwrap()
 }
@@ -34,7 +34,7 @@ pub(crate) struct Heard {
     pub(crate) head: String,
     pub(crate) envelope: Envelope,
     pub(crate) message: WireMessage,
-    /// The same as it came.
+    /// The same message as received.
     pub(crate) payload: String,
 }
 
@@ -68,27 +68,27 @@ impl Jade {
         AgentId { name: format!("{local}@jade").into(), addresses: vec![self.address()].into() }
     }
 
-    /// The next message.
+    /// Returns the next message.
     pub(crate) fn hear(&self) -> Heard {
         self.heard.recv_timeout(WAIT).expect("a message in time")
     }
 
-    /// Whether nothing comes for a while.
+    /// Returns true if no message arrives for a while.
     pub(crate) fn hears_nothing(&self) -> bool {
         self.heard.recv_timeout(Duration::from_millis(300)).is_err()
     }
 
-    /// A recorded message, as it would be between these two.
+    /// A recorded message with other sender and receiver.
     pub(crate) fn says(&self, number: u32, node: &Node) -> String {
         self.says_else(number, node, |text| text)
     }
 
-    /// The same with something else in its body.
+    /// Returns the same message with another body.
     pub(crate) fn says_else(&self, number: u32, node: &Node, change: impl FnOnce(String) -> String) -> String {
         self.says_to(number, node.local_address(), change)
     }
 
-    /// The same to a platform in another process.
+    /// Sends the same message to a platform in another process.
     pub(crate) fn says_to(&self, number: u32, at: SocketAddr, change: impl FnOnce(String) -> String) -> String {
         let (ours, its) = (at.to_string(), format!("127.0.0.1:{}", self.port));
         let text = recorded(number)
@@ -187,7 +187,7 @@ impl Line {
         self.0.write_all(text.as_bytes()).unwrap();
     }
 
-    /// Head and body of the next answer.
+    /// Returns head and body of the next answer.
     pub(crate) fn read(&mut self) -> String {
         let mut bytes = Vec::new();
         let mut byte = [0];
@@ -210,7 +210,7 @@ impl Line {
     }
 }
 
-/// What JADE is told for a message that was taken.
+/// The answer to JADE for a message that was taken.
 pub(crate) const TAKEN: &str = "HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\nCache-Control: no-cache\r\nContent-Length: \
                          0\r\nConnection: Keep-Alive\r\n\r\n";
 

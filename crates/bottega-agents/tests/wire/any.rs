@@ -6,7 +6,7 @@ use bottega_agents::{
 };
 use proptest::prelude::*;
 
-/// Text as XML can hold it, with all that needs care.
+/// Text that XML can hold, with all special characters.
 pub(crate) fn any_text() -> impl Strategy<Value = String> {
     prop_oneof![
         "[a-z0-9:@#.+/-]{0,12}",

@@ -1,5 +1,5 @@
-//! Envelopes and messages in XML against their document types: what is written is valid by a judge that is not ours, and
-//! what is valid is read.
+//! Envelopes and messages in XML against their document types: our output is valid by an independent validator, and
+//! valid input is read.
 
 use std::{
     fs,
@@ -25,7 +25,7 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/wire_data").join(name)
 }
 
-/// Those of the documents that xmllint does not find valid by the document type, with what it says. `None`: it is not here.
+/// Returns the documents that xmllint finds invalid, with its messages. `None`: xmllint is not installed.
 fn invalid(document_type: &str, documents: &[String]) -> Option<Vec<String>> {
     let folder = tempfile::tempdir().unwrap();
     let name = |number: usize| folder.path().join(format!("{number}.xml"));
@@ -161,7 +161,7 @@ fn any_valid_message() -> impl Strategy<Value = (String, Vec<String>)> {
                 let name = element_of(&parameter);
                 let again = taken.iter().any(|other| match name {
                     "receiver" => false,
-                    // Two of one name would be one parameter twice.
+                    // Two with one name are one parameter given twice.
                     "user-defined" => *other == parameter || element_of(other) == name && other.contains("href"),
                     _ => element_of(other) == name,
                 });
@@ -197,7 +197,7 @@ fn every_valid_message_is_read() {
         }
         let by_attribute = document.contains("conversation-id=\"c\"");
         assert_eq!(message.conversation_id.is_some(), by_attribute || has("conversation-id"), "{document}");
-        // And said again it is the same, and valid.
+        // Written again it is the same, and valid.
         assert_same(&parse_xml(&print_xml(&message).unwrap()).unwrap(), &message);
     }
 }

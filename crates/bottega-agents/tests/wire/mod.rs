@@ -1,4 +1,4 @@
-//! Messages and envelopes in text: what is written reads back, what strangers write is read or refused.
+//! Messages and envelopes in text: our output reads back; foreign input is read or refused.
 
 mod any;
 mod document_type;
@@ -48,7 +48,7 @@ proptest! {
         }
     }
 
-    /// What was damaged on its way reads as a message that can be written again, or not at all.
+    /// A damaged message can be read and written again, or is refused.
     #[test]
     fn damage_is_found_or_harmless(message in any_message(), at in any::<prop::sample::Index>(), cut in 0..9_usize, put in r#"[()"\\#: <>&;0-9é]{0,3}"#) {
         let damage = |text: &str| {
@@ -144,7 +144,7 @@ fn text_with_quotes_is_written_as_jade_writes_it() {
     assert!(content.contains(r#":name "“🎨” \"Bóttega\" 中文" :type text"#), "{content}");
     assert_eq!(read_by_jade(&payload[begin..]).as_deref(), Some(content.as_str()));
     assert!(written_for_jade(&content).starts_with(&payload[begin..end]));
-    // The same through the types of SL, and with another writing of the blanks that JADE puts.
+    // The same through the types of SL, and with blanks in other places than JADE's.
     let again = sl::print(&sl::parse(&content).unwrap());
     assert_eq!(again, content.replace("( a", "(a").replace("  :", " :").replace(" )", ")"));
 }
@@ -208,7 +208,7 @@ fn hostile_texts_are_refused_by_name() {
     assert!(parse_envelope("<envelope><params index=\"1\"/></envelope>").is_err());
 }
 
-/// A document that would have its reader fetch, or grow, something; what it asks for is `&a;`.
+/// A document with an entity `&a;` that makes a reader fetch or grow something.
 const TRAPS: [&str; 7] = [
     "<!DOCTYPE ROOT [<!ENTITY a \"aaaa\">]>",
     // A billion laughs.
@@ -252,7 +252,7 @@ fn no_document_type_is_fetched_and_no_entity_expanded() {
         message_says(&message.replace("TEXT", "&lt;&gt;&amp;&quot;&apos;&#65;&#x42;")),
         Ok(Some("<>&\"'AB".into()))
     );
-    // What another vocabulary would have included is passed over.
+    // Inclusions of other vocabularies are skipped.
     let include =
         "<xi:include xmlns:xi=\"http://www.w3.org/2001/XInclude\" href=\"file:///etc/passwd\" parse=\"text\"/>";
     assert_eq!(message_says(&message.replace("TEXT", include)), Ok(Some(String::new())));
@@ -282,7 +282,7 @@ fn channel() -> Acc {
     acc
 }
 
-/// What a channel does with a message that comes for the first time.
+/// The channel's step for a message that arrives for the first time.
 fn receive(envelope: &Envelope, payload: &str) -> Result<Vec<Routed>, AccError> {
     let letter = Letter::open(envelope.clone(), payload.as_bytes())?;
     channel().receive(Time::ZERO, &letter)
@@ -339,7 +339,7 @@ fn what_is_for_another_platform_goes_on_with_a_stamp_and_does_not_come_round_aga
     assert_eq!((routed.len(), addresses.as_slice()), (2, &["http://there/acc".to_owned()][..]));
     assert_eq!(onward.intended_receivers, [there]);
     assert_eq!(receive(onward, &payload), Err(AccError::Loop));
-    // The same once more is dropped, too; without a date nobody can tell.
+    // A repeated message is dropped, too; without a date it cannot be recognized.
     let mut letter = Letter::open(envelope.clone(), payload.as_bytes()).unwrap();
     let mut acc = channel();
     assert!(acc.receive(Time::ZERO, &letter).is_ok());

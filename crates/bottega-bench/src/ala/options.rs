@@ -33,13 +33,13 @@ pub(crate) struct AlaOptions {
     #[command(flatten)]
     folder: SceneFolder,
     /// A converged picture of the scene, of which the pictures take their size. Default: ala/reference/Mitsuba3.exr in the folder of
-    /// scenes for its scene; else one is painted first.
+    /// scenes for its scene; else one is rendered first.
     #[arg(long, value_name = "FILE.exr")]
     reference: Option<PathBuf>,
-    /// Sides of the picture, as a share of the paper's 1600 × 1200; a reference of that size is painted first.
+    /// Sides of the picture, as a share of the paper's 1600 × 1200; a reference of that size is rendered first.
     #[arg(long, value_name = "S", value_parser = number(0.02, 2.0), conflicts_with = "reference")]
     scale: Option<f64>,
-    /// Samples per pixel of a reference that is painted.
+    /// Samples per pixel of a reference that is rendered.
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..=1 << 16))]
     pub(super) reference_spp: u32,
     /// Most samples per pixel; errors are measured at 1, 2, 4 and so on.

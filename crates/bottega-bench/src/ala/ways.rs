@@ -95,6 +95,8 @@ impl LightMethod {
         Self { name: format!("{}, no indirect light", self.name), photons: self.photons.map(without) }
     }
 
+    /// Makes the method that uses lighting agents.
+    ///
     /// - `is_asked_for_shadows`: `false` traces all shadow rays.
     pub(super) fn agents(oracle: Oracle, cast: u32, is_asked_for_shadows: bool) -> Self {
         let agents = AgentSettings { cast, oracle, decides_shadows: is_asked_for_shadows, ..AgentSettings::default() };

@@ -23,6 +23,8 @@ pub(super) struct IdleEngine {
 }
 
 impl IdleEngine {
+    /// Makes an engine that waits instead of rendering.
+    ///
     /// - `zone_time`: mean time of all samples of a zone, over all agents.
     /// - `agent`: the number of the agent.
     ///

@@ -36,7 +36,7 @@ use crate::{
     report::{Measurement, Report},
 };
 
-/// Awards a second, and how long an agent waits for one, in a farm of many agents on a real NATS server.
+/// Awards per second, and the time that an agent waits for one, in a farm of many agents on a real NATS server.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Each agent has a connection of its own, and everything that a machine of a farm has but an engine: instead of \
@@ -52,7 +52,7 @@ use crate::{
     For example:\n  bottega-bench farm\n  bottega-bench farm --agents 500 --zone-time 100ms    # the most that it can give"
 )]
 pub(crate) struct FarmOptions {
-    /// How many agents.
+    /// Number of agents.
     #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..=1 << 13))]
     agents: u32,
     #[command(flatten)]

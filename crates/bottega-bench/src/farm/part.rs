@@ -26,7 +26,7 @@ const FARM: &str = "BOTTEGA_FARM";
 /// Some of the agents, as the process with the Master asks for them.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PartOptions {
-    /// Which agents: `WORK:FIRST:COUNT`.
+    /// The agents of this process: `WORK:FIRST:COUNT`.
     #[arg(long)]
     share: AgentShare,
     #[command(flatten)]
@@ -34,7 +34,7 @@ pub(crate) struct PartOptions {
     /// The address of the server that the process with the Master has started; default: the farm that BOTTEGA_FARM names.
     #[arg(long, requires = "state")]
     at: Option<SocketAddr>,
-    /// Its folder.
+    /// The folder of the server's state.
     #[arg(long, requires = "at")]
     state: Option<PathBuf>,
     /// Credentials for the servers of the farm.

@@ -28,9 +28,9 @@ pub(super) struct AgentWatch(Mutex<WaitTimes>);
 
 #[derive(Default)]
 struct WaitTimes {
-    /// The times at which it could take another zone.
+    /// The times at which the agent could take another zone.
     rooms: VecDeque<Time>,
-    /// The orders that it has reported as finished.
+    /// The orders that the agent has reported as finished.
     reported: BTreeSet<Revision>,
     waits: Vec<Wait>,
     /// Its last bids: conversation and time.

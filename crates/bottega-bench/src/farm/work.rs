@@ -21,7 +21,7 @@ pub(super) struct FarmWork {
     /// Mean time of a zone over all agents; zones differ by half of it, agents in speed from 0.6 to 1.4.
     #[arg(long, value_name = "TIME", default_value = "450ms", value_parser = parse_time)]
     pub(super) zone_time: Duration,
-    /// How zones find their agents.
+    /// The rule that gives zones to agents.
     #[arg(long, value_name = "RULE", value_parser = choice::<AuctionChoice>(), default_value = "finishing-time")]
     auction: AuctionChoice,
 }

@@ -43,7 +43,7 @@ const SCENES: [&str; 5] = [
 /// The seeds of a reference's halves, different from those of all images.
 const REFERENCE_SEEDS: [u64; 2] = [0x7265_6665, 0x7265_6666];
 
-/// What the guide of paths is worth: error × time of --guide ala over --guide none, learning included.
+/// The gain of the guide of paths: error × time of --guide ala over --guide none, learning included.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "A ratio below 1 says that the guide pays. Errors are to a picture of many samples without a guide. \
@@ -73,7 +73,7 @@ pub(crate) struct GuideOptions {
     /// Samples per pixel of the reference.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..=1 << 20))]
     reference_spp: u32,
-    /// Threads that paint what is measured. References take all processors.
+    /// Threads of the measured renders. References use all processors.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: u16,
     /// Folder for the references, which are taken from there the next time, and for the pictures of the first seed.

@@ -71,7 +71,7 @@ impl TimedEngine {
     }
 }
 
-/// Processor time of the fixed picture now, in seconds.
+/// Returns the processor time of the fixed picture now, in seconds.
 fn probe() -> Option<f64> {
     let probe = SpeedProbe::new().ok()?;
     let begun = own_seconds()?;

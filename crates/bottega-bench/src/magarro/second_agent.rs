@@ -70,7 +70,7 @@ pub(crate) struct SecondAgentOptions {
     /// The address of the server that the first process has started.
     #[arg(long)]
     at: SocketAddr,
-    /// Its folder.
+    /// The folder of the server's state.
     #[arg(long)]
     state: PathBuf,
 }

@@ -33,7 +33,7 @@ const UINT3: c_int = 0x5003;
 const FLOAT3: c_int = 0x9003;
 const ROBUST: c_int = 1 << 2;
 
-/// `RTCRay`.
+/// `RTCRay` of Embree 4: a ray, with its layout in C.
 #[repr(C, align(16))]
 #[derive(Clone, Copy)]
 struct RtcRay {
@@ -146,7 +146,7 @@ pub(crate) enum EmbreeSetting {
 }
 
 impl EmbreeSetting {
-    /// All settings.
+    /// All settings, in the order of their declaration.
     pub(crate) const ALL: [Self; 3] = [Self::Medium, Self::High, Self::Robust];
 
     fn name(self) -> &'static str {

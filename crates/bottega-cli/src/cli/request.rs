@@ -14,11 +14,11 @@ use crate::error::CliError;
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Request")]
 pub(crate) struct RequestArgs {
-    /// Paint what this file asks for: a request as JSON, as --dry-run prints it; `-` is standard input. Options given beside it
-    /// take the place of what it says.
+    /// Paint a request: a JSON file as --dry-run prints it; `-` is standard input. Options given beside it override its
+    /// fields.
     #[arg(long = "request", id = "request", value_name = "FILE|-", value_hint = ValueHint::FilePath, conflicts_with = "from")]
     file: Option<PathBuf>,
-    /// Paint what this picture is of, once more: it holds its request.
+    /// Paint the request that this picture holds.
     #[arg(long, value_name = "PICTURE", value_hint = ValueHint::FilePath)]
     from: Option<PathBuf>,
     /// Print the request that the options make, and paint nothing.
@@ -27,7 +27,7 @@ pub(crate) struct RequestArgs {
 }
 
 impl RequestArgs {
-    /// True if a request is given.
+    /// Returns true if a request is given.
     pub(super) fn is_given(&self) -> bool {
         self.file.is_some() || self.from.is_some()
     }
@@ -68,7 +68,7 @@ pub(crate) struct RequestCommandArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum RequestCommand {
-    /// Print the JSON Schema of requests: every field, what it means, and what is allowed.
+    /// Print the JSON Schema of requests: every field with its meaning and its range.
     Schema,
     /// Check a request, and print it with every default written out.
     Check {

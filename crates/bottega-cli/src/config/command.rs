@@ -21,12 +21,14 @@ pub(crate) struct ConfigArgs {
 
 #[derive(Debug, Subcommand)]
 enum ConfigCommand {
-    /// Print where the file is, or would be: BOTTEGA_CONFIG says so, else the folder of the user's configuration.
+    /// Print the path of the file: that of BOTTEGA_CONFIG, else one in the folder of the user's configuration.
     Path,
-    /// Print the file, and what is wrong in it.
+    /// Print the file and its errors.
     Show,
 }
 
+/// Runs `bottega config`.
+///
 /// - `program`: the options of the program.
 pub(crate) fn run(args: &ConfigArgs, program: &Command) -> Result<ExitCode, CliError> {
     match args.command {

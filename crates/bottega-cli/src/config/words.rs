@@ -114,7 +114,7 @@ impl<'a> Typed<'a> {
         named.filter(|name| !name.is_empty())
     }
 
-    /// True if the profile is set on the command line.
+    /// Returns true if the profile is set on the command line.
     fn names_profile(&self) -> bool {
         [&self.matches, &self.program].into_iter().any(|matches| {
             matches.try_contains_id("profile").is_ok()
@@ -122,7 +122,7 @@ impl<'a> Typed<'a> {
         })
     }
 
-    /// True if an option is set on the command line or in the environment.
+    /// Returns true if an option is set on the command line or in the environment.
     fn is_said(&self, option: &str) -> bool {
         let known = self.command.get_arguments().any(|known| known.get_id() == option);
         let source = known.then(|| self.matches.value_source(option)).flatten();
@@ -168,7 +168,7 @@ impl<'a> Typed<'a> {
         Ok(words)
     }
 
-    /// True if two options conflict.
+    /// Returns true if two options conflict.
     fn exclude(&self, one: &Arg, other: &Arg) -> bool {
         let excludes = |a: &Arg, b: &Arg| self.command.get_arg_conflicts_with(a).contains(&b);
         excludes(one, other) || excludes(other, one)

@@ -17,13 +17,13 @@ pub(crate) struct EnginesArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum EnginesCommand {
-    /// List the engines that there are manifests for, and whether they are installed here.
+    /// List the engines that have a manifest, and whether they are installed here.
     List(ListArgs),
     /// Check a manifest, and whether its engine is found and answers.
     Check(EngineCheckArgs),
-    /// Have an engine paint a small picture of a scene, whole and in windows, and compare the two.
+    /// Render a small picture of a scene with an engine, whole and in windows, and compare the two.
     Try(TryArgs),
-    /// Let an engine paint again that failed so often on this machine that it is not used any more.
+    /// Use an engine again that was excluded on this machine because it failed too often.
     Release(ReleaseArgs),
 }
 
@@ -32,10 +32,10 @@ pub(crate) struct ListArgs {
     /// More manifests of engines: the files NAME.toml of this folder.
     #[arg(long = "engines", value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) folders: Vec<PathBuf>,
-    /// How long engines may take to answer. One that takes longer is listed as starting.
+    /// Time that engines have to answer. One that takes longer is listed as starting.
     #[arg(long, value_name = "TIME", default_value = "2s", value_parser = parse_duration)]
     pub(crate) wait: Duration,
-    /// Print one JSON object an engine instead of text for people.
+    /// Print one JSON object per engine instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -71,7 +71,7 @@ pub(crate) struct TryArgs {
     /// Size of the picture; default: a quarter of what the scene says.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(crate) size: Option<Size>,
-    /// Samples a pixel.
+    /// Samples per pixel.
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1 << 16))]
     pub(crate) spp: u32,
     /// Processors to use; default: all.

@@ -31,11 +31,11 @@ const SAY_AFTER: Duration = Duration::from_millis(500);
 
 /// The answer of an engine.
 enum EngineAnswer {
-    /// It is installed; its worker has not answered yet.
+    /// The engine is installed; its worker has not answered yet.
     Found(Arc<LocatedEngine>),
-    /// It can be used.
+    /// The engine can be used.
     Usable(Arc<LocatedEngine>),
-    /// It is not installed, or fails.
+    /// The engine is not installed, or fails.
     Unusable(EngineFault),
 }
 

@@ -19,7 +19,7 @@ use crate::{error::CliError, farm_args::FarmArgs, signals};
     after_help = "For example:\n  bottega blackboard\n  bottega blackboard 3 --json\n  bottega blackboard 3 --watch"
 )]
 pub(crate) struct BlackboardArgs {
-    /// The job; default: the newest that is painted, or the newest.
+    /// The job; default: the newest active one, or the newest.
     job: Option<u32>,
     /// Print every change from now on, until the job is over.
     #[arg(long)]

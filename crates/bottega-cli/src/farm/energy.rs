@@ -16,14 +16,14 @@ const ZONES_SHOWN: usize = 5;
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Energy and cost")]
 pub(crate) struct TariffArgs {
-    /// What machines draw with all processors at work, in watts, that have no counters (RAPL) and were not told by `join
-    /// --watts`. Without it nothing is said of their energy.
+    /// Power of a machine with all processors at work, in watts, for machines without counters (RAPL) and without `join
+    /// --watts`. Without it their energy is unknown.
     #[arg(long, value_name = "WATTS", value_parser = parse_watts)]
     watts: Option<f64>,
-    /// What a kilowatt hour costs.
+    /// Price of a kilowatt hour.
     #[arg(long, value_name = "PRICE", value_parser = parse_price, requires = "currency")]
     price_per_kwh: Option<f64>,
-    /// In which currency, such as EUR.
+    /// Currency of the price, such as EUR.
     #[arg(long, value_name = "CODE", value_parser = parse_currency, requires = "price_per_kwh")]
     currency: Option<String>,
 }

@@ -35,32 +35,32 @@ pub(crate) struct JobsArgs {
 
 #[derive(Debug, Subcommand)]
 enum JobsCommand {
-    /// All jobs and how far they are.
+    /// List all jobs with their progress.
     List,
-    /// One job: who paints it, and how far it is.
+    /// Show a job: its agents and its progress.
     Show { number: u32 },
-    /// Have nobody paint a job until it is resumed. What is painted is kept.
+    /// Pause a job until it is resumed. Painted zones are kept.
     Pause { number: u32 },
-    /// Go on with a job that was paused.
+    /// Resume a paused job.
     Resume { number: u32 },
-    /// Call a job off.
+    /// Cancel a job.
     Cancel { number: u32 },
-    /// Say how urgent a job is: jobs have machines in proportion to their priorities.
+    /// Set the priority of a job: jobs get machines in proportion to their priorities.
     Priority {
         number: u32,
         #[arg(value_parser = clap::value_parser!(u32).range(1..=i64::from(PRIORITY_MAX)))]
         priority: u32,
     },
-    /// What has happened to a job.
+    /// Print the log of a job.
     Log { number: u32 },
-    /// Write the picture of a job that the farm has finished.
+    /// Write the picture of a finished job to a file.
     Fetch {
         number: u32,
-        /// Default: as it was asked for.
+        /// The file to write; default: the output file of the request.
         #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
         output: Option<PathBuf>,
     },
-    /// Forget a job that is over, its picture, and its scene if no other job needs it.
+    /// Delete a job that is over, with its picture, and its scene if no other job needs it.
     Remove { number: u32 },
 }
 

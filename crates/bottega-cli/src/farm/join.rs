@@ -33,58 +33,58 @@ use crate::{
     what it has in hand. `bottega machines` may suspend, resume and end it."
 )]
 pub(crate) struct JoinArgs {
-    /// Where the farm is; default: the one that `bottega up` runs on this machine.
+    /// Address of the farm; default: the one that `bottega up` runs on this machine.
     #[arg(env = "BOTTEGA_FARM", hide_env_values = true)]
     farm: Option<FarmAddress>,
     /// Processors to use; default: all.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Who paints on this machine: `auto` (the processors, and the best GPU if there is one), or a list of `cpu` and parts of
-    /// GPUs' names. Jobs that ask for `--exact` have processors alone.
+    /// Devices that paint on this machine: `auto` (the processors, and the best GPU if there is one), or a list of `cpu` and
+    /// parts of GPUs' names. Jobs with `--exact` use processors only.
     #[arg(long, value_name = "LIST", default_value = "auto")]
     devices: DeviceChoice,
     /// Memory that scenes may take on each GPU, in MiB. Default: nearly all that it has.
     #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..))]
     gpu_memory: Option<u32>,
-    /// What the agents of this machine know of rendering, as FCL text: they decide by it what the zones that they win are painted
-    /// with, where a job lets rules decide (`--optimize`). May be said again: agents have the sets in turn. Default: what the
-    /// job says.
+    /// Expert rules of this machine's agents, an FCL file: they choose the settings of the zones that the agents win, in jobs
+    /// with `--optimize`. May be repeated: agents carry them in turn. Default: the rules of the job.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     rules: Vec<PathBuf>,
-    /// Where scenes are kept; default: a folder of the user's state.
+    /// Folder that keeps scenes; default: a folder of the user's state.
     #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     cache: Option<PathBuf>,
-    /// How much of them, in gigabytes; what was used longest ago goes first. [default: 20]
+    /// Size limit of --cache, in gigabytes; the least recently used files go first. [default: 20]
     #[arg(long, value_name = "GB", value_parser = parse_gigabytes)]
     cache_size: Option<u64>,
-    /// What the farm calls this machine: letters, digits and hyphens; letters of its key follow. Default: as the farm knows it, or
-    /// else the name of the host. Processes of different names are different machines.
+    /// Name of this machine in the farm: letters, digits and hyphens; letters of its key follow. Default: the name that the
+    /// farm knows, or the host's. Processes with different names are different machines.
     #[arg(long, value_name = "NAME", value_parser = parse_name)]
     name: Option<String>,
-    /// A word for what this machine is, such as `gpu` or `studio-a`: jobs may ask for it (`render --require`). May be said again.
+    /// A tag of this machine, such as `gpu` or `studio-a`, that jobs may require (`render --require`). May be given several
+    /// times.
     #[arg(long = "tag", value_name = "TAG", value_parser = parse_tag)]
     tags: Vec<String>,
-    /// What this machine draws with all processors at work, in watts: energy and cost of jobs are told by it where its own
-    /// counters (RAPL) cannot be read.
+    /// Power of this machine with all processors at work, in watts. Energy and cost of jobs follow from it if its counters
+    /// (RAPL) cannot be read.
     #[arg(long, value_name = "WATTS", value_parser = parse_watts)]
     watts: Option<f64>,
     /// Paint until one job is over, and leave.
     #[arg(long)]
     once: bool,
-    /// Paint when nobody has touched this machine for so long, such as 10m: by logind and `xprintidle`; where neither can say, by
-    /// the work of others; and by its terminals.
+    /// Paint only when nobody has touched this machine for this time, such as 10m. Known from logind, `xprintidle` and
+    /// terminals; if neither of the first two can tell, from the work of other programs.
     #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "The machine's owner")]
     when_idle: Option<Duration>,
-    /// Paint in these hours of the day alone, local time, such as 20:00-08:00; several by commas.
+    /// Paint only in these hours of the day, local time, such as 20:00-08:00; separate several by commas.
     #[arg(long, value_name = "FROM-TO", value_delimiter = ',', value_parser = parse_hours, help_heading = "The machine's owner")]
     hours: Vec<DailyHours>,
-    /// Paint while other programs keep no more processors at work than these, such as 0.5.
+    /// Paint only while other programs keep at most this many processors at work, such as 0.5.
     #[arg(long, value_name = "PROCESSORS", value_parser = parse_load, help_heading = "The machine's owner")]
     max_load: Option<f32>,
-    /// Leave a job to others that takes more memory here than so many megabytes, with the engines that paint it.
+    /// Leave a job to other machines if it takes more memory than this here, in megabytes, including its engines.
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1 << 30), help_heading = "The machine's owner")]
     max_memory: Option<u64>,
-    /// Go behind other programs by so many steps, 1 to 19.
+    /// Lower the priority of this process by this many steps, 1 to 19.
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u8).range(1..=19), help_heading = "The machine's owner")]
     nice: Option<u8>,
     #[command(flatten)]

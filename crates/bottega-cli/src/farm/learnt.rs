@@ -51,7 +51,7 @@ fn own() -> Result<Experience, CliError> {
     }
 }
 
-/// True if the user of this board may see a machine. All machines together are no one's.
+/// Returns true if the user of this board may see a machine. The summary of all machines has no owner.
 fn is_shown(board: &JobBoard, name: &str) -> bool {
     name == ALL_MACHINES || board.shows_machine(name)
 }

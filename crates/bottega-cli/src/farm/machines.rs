@@ -28,20 +28,20 @@ pub(crate) struct MachinesArgs {
 
 #[derive(Debug, Subcommand)]
 enum MachinesCommand {
-    /// All machines that are there, and what they paint.
+    /// List the machines that are there, with their jobs.
     List,
-    /// Have a machine hand back what it paints, and leave its processors to others until it is resumed.
+    /// Suspend a machine: it hands its zones back and leaves its processors to others until it is resumed.
     Suspend { name: String },
-    /// Have a machine paint again that was suspended.
+    /// Resume a suspended machine.
     Resume { name: String },
-    /// Have a machine leave the farm: `bottega join` ends there.
+    /// Remove a machine from the farm: its `bottega join` ends.
     Terminate { name: String },
-    /// What a machine has learnt of how long zones take it: at the farm, there or not; without a name this machine by itself, which
-    /// needs no farm. `all-machines` is what the machines of the farm have taught together.
+    /// Show the times of zones that a machine of the farm has learnt; the machine need not be there. Without a name: this
+    /// machine alone, without a farm. `all-machines`: all machines of the farm together.
     Show { name: Option<String> },
-    /// Print all of what a machine has learnt as JSON, to look at or to keep.
+    /// Print all that a machine has learnt, as JSON.
     Export { name: Option<String> },
-    /// Forget what a machine has learnt, and how far its promises held.
+    /// Forget all that a machine has learnt, and its reliability.
     Forget { name: Option<String> },
 }
 

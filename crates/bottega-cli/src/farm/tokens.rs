@@ -31,24 +31,24 @@ pub(crate) struct TokensArgs {
 
 #[derive(Debug, Subcommand)]
 enum TokensCommand {
-    /// All tokens: what each is called and lets one do, who made it and when. The tokens themselves are not told.
+    /// List all tokens: name, rights, maker and date. The tokens themselves are not shown.
     List,
-    /// Make a token for one person or program. It is told this once.
+    /// Make a token for one person or program. It is shown only once.
     Make {
-        /// What it is called, in lists and logs: letters, digits, `-`, `_` and `.`.
+        /// Name of the token, in lists and logs: letters, digits, `-`, `_` and `.`.
         name: String,
-        /// What it lets its holder do.
+        /// Rights that the token gives.
         #[arg(long, value_enum, default_value_t = RoleChoice::See)]
         role: RoleChoice,
     },
-    /// Revoke a token: no page and no program is let in by it any more. In place of `see` or `steer` there is another one at once.
+    /// Revoke a token: it admits no page and no program any more. A revoked `see` or `steer` is replaced at once.
     Revoke {
-        /// As `bottega tokens list` shows it.
+        /// Name of the token, as `bottega tokens list` shows it.
         name: String,
     },
-    /// Tell `see` or `steer` again, as `bottega up` did, or as it is since it was revoked.
+    /// Show the token `see` or `steer` again, as `bottega up` printed it, or its replacement.
     Show {
-        /// Which of them.
+        /// The role whose token to show.
         role: RoleChoice,
     },
 }
@@ -56,7 +56,7 @@ enum TokensCommand {
 /// The rights that a token grants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum RoleChoice {
-    /// Look on.
+    /// See jobs and machines.
     See,
     /// May look and steer.
     Steer,

@@ -39,24 +39,24 @@ use crate::{
     everything; with the other paint, and no more: neither ask for pictures nor lead a job, nor speak as anybody else."
 )]
 pub(crate) struct UpArgs {
-    /// Where to listen. [default: 0.0.0.0:4222]
+    /// Address to listen at. [default: 0.0.0.0:4222]
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<SocketAddr>,
-    /// Where works and pixels are kept; default: a folder of the user's state.
+    /// Folder that keeps jobs and pixels; default: a folder of the user's state.
     #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     state: Option<PathBuf>,
-    /// How much is kept there at most, in gigabytes; default: what its disk has, but for a twentieth. Jobs wait while it is full.
+    /// Size limit of --state, in gigabytes; default: the space of its disk, less a twentieth. Jobs wait while it is full.
     #[arg(long, value_name = "GB", value_parser = parse_gigabytes)]
     store_size: Option<u64>,
     /// The program of the NATS server; default: `nats-server`, where systems put it.
     #[arg(long, value_name = "PROGRAM", value_hint = ValueHint::ExecutablePath)]
     server: Option<PathBuf>,
-    /// Where its FIPA platform listens: agents of other platforms such as JADE find the farm, its jobs and its machines there,
-    /// and may take part. [default: 127.0.0.1:7779, or any free port]
+    /// Address of the farm's FIPA platform, where agents of other platforms such as JADE find jobs and machines, and may take
+    /// part. [default: 127.0.0.1:7779, or any free port]
     #[arg(long, value_name = "ADDRESS:PORT")]
     fipa: Option<SocketAddr>,
-    /// An agent of another platform that may steer the farm by FIPA: NAME@PLATFORM. May be given several times. Nothing proves
-    /// that it is the one who speaks.
+    /// An agent of another platform that may steer the farm by FIPA: NAME@PLATFORM. May be given several times. Its identity
+    /// is not proved.
     #[arg(long, value_name = "AGENT", value_parser = parse_agent)]
     trust: Vec<String>,
     #[command(flatten)]
@@ -64,7 +64,7 @@ pub(crate) struct UpArgs {
     /// Serve no page.
     #[arg(long, conflicts_with_all = ["web", "web_name"])]
     no_web: bool,
-    /// Do not tell the local network where the farm is (mDNS): those who join must name this machine.
+    /// Do not announce the farm on the local network (mDNS): machines that join must name this one.
     #[arg(long)]
     hidden: bool,
     #[command(flatten)]

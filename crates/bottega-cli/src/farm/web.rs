@@ -31,11 +31,12 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// Options for serving the page.
 #[derive(Debug, Args)]
 pub(super) struct WebArgs {
-    /// Where the page and the HTTP API are; beyond this machine by TLS alone, with the farm's certificate.
-    /// [default: 127.0.0.1:8080, or the next port that is free]
+    /// Address of the page and the HTTP API; beyond this machine only by TLS, with the farm's certificate. [default:
+    /// 127.0.0.1:8080, or the next free port]
     #[arg(long, value_name = "ADDRESS:PORT")]
     web: Option<SocketAddr>,
-    /// A name that browsers know it by beside its address, such as that of a proxy: HOST or HOST:PORT. May be given several times.
+    /// A further name by which browsers reach the page, such as that of a proxy: HOST or HOST:PORT. May be given several
+    /// times.
     #[arg(long, value_name = "NAME")]
     web_name: Vec<String>,
 }

@@ -62,7 +62,7 @@ fn write_section(page: &mut String, command: &Command, depth: usize) {
     }
 }
 
-/// True if every command has the option.
+/// Returns true if every command has the option.
 fn is_everywhere(option: &Arg) -> bool {
     ["help", "version", "profile"].contains(&option.get_id().as_str())
 }

@@ -23,7 +23,7 @@ pub(crate) struct ManualArgs {
 enum ManualPart {
     /// Write the man pages: `bottega.1`, and one for each command.
     Pages {
-        /// The folder; it is made where there is none.
+        /// The folder; it is created if it does not exist.
         #[arg(value_hint = ValueHint::DirPath)]
         folder: PathBuf,
     },
@@ -33,6 +33,8 @@ enum ManualPart {
     Request,
 }
 
+/// Runs `bottega manual`.
+///
 /// - `program`: the program with all its options.
 pub(crate) fn run(args: &ManualArgs, program: Command) -> Result<ExitCode, CliError> {
     match &args.part {

@@ -18,21 +18,21 @@ const STALLED_AFTER: Duration = Duration::from_secs(600);
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Notifications")]
 pub(crate) struct NotificationArgs {
-    /// Tell a URL (POST of JSON), a command (JSON on its standard input) or the `desktop` of some of the events done, failed and
-    /// stalled. May be given several times. docs/farm.md has the fields.
+    /// Report some of the events done, failed and stalled to a URL (POST of JSON), a command (JSON on its standard input) or
+    /// the `desktop`. May be given several times. docs/farm.md has the fields.
     #[arg(long = "on", value_name = "EVENTS=URL|COMMAND|desktop")]
     on: Vec<EventSubscription>,
-    /// A file with the secret by which URLs are told that it is this program that speaks: header `Bottega-Signature`
-    /// (HMAC-SHA256 of the body). Or the variable BOTTEGA_ON_SECRET.
+    /// File with the secret that signs what is sent to URLs: header `Bottega-Signature` (HMAC-SHA256 of the body). Or the
+    /// variable BOTTEGA_ON_SECRET.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "on")]
     on_secret_file: Option<PathBuf>,
-    /// A job is stalled when it is active and no zone was finished for so long. [default: 10m]
+    /// Time without a finished zone after which an active job is stalled. [default: 10m]
     #[arg(long, value_name = "TIME", value_parser = parse_duration, requires = "on")]
     stalled_after: Option<Duration>,
 }
 
 impl NotificationArgs {
-    /// True if there are no subscriptions.
+    /// Returns true if there are no subscriptions.
     pub(crate) fn is_empty(&self) -> bool {
         self.on.is_empty()
     }

@@ -66,6 +66,8 @@ pub(super) struct FarmWatch {
 }
 
 impl FarmWatch {
+    /// Makes a watch that has seen no job.
+    ///
     /// - `after`: the time without a finished zone after which a job counts as stalled.
     pub(super) fn new(after: Duration) -> Self {
         Self { after, seen: None }

@@ -33,7 +33,7 @@ pub(super) struct JobFacts {
     pub(super) reason: Option<String>,
 }
 
-/// A notification.
+/// A notification of a job's end or stall, as it is sent to a target.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Notification {
     version: u32,
@@ -49,6 +49,8 @@ pub(super) struct Notification {
 }
 
 impl Notification {
+    /// Makes the notification of an event.
+    ///
     /// - `at`: seconds since 1970.
     pub(super) fn new(kind: WorkEvent, facts: JobFacts, at: u64) -> Self {
         let event = kind.word();

@@ -29,6 +29,8 @@ pub(super) struct Notifier {
 }
 
 impl Notifier {
+    /// Starts the thread that sends notifications.
+    ///
     /// - `tell_loss`: called for each notification that was not sent.
     pub(super) fn start(
         subscriptions: Vec<EventSubscription>,

@@ -78,6 +78,8 @@ impl PaintingState {
 }
 
 impl PictureWatch {
+    /// Starts to watch a picture.
+    ///
     /// - `inner`: the watcher that gets the events.
     /// - `board`: the farm that paints the job, if any.
     /// - `names`: scene and output file, as the user named them.

@@ -43,13 +43,13 @@ pub(crate) enum PlatformCommand {
     Agents(AskArgs),
     /// List the services that a platform's DF knows.
     Services(ServicesArgs),
-    /// Watch what passes the message transport of a platform on this machine.
+    /// Watch the messages that pass the transport of a platform on this machine.
     Trace(TraceArgs),
-    /// Have the AMS of a farm suspend an agent: a render agent hands back what it paints, and others go on.
+    /// Suspend an agent by the AMS of a farm: a Render Agent hands its zones back to others.
     Suspend(SteerArgs),
-    /// Have the AMS of a farm resume an agent that was suspended.
+    /// Resume a suspended agent by the AMS of a farm.
     Resume(SteerArgs),
-    /// Have the AMS of a farm ask an agent to quit.
+    /// Ask an agent to quit, by the AMS of a farm.
     Terminate(SteerArgs),
 }
 
@@ -63,24 +63,24 @@ pub(crate) struct SteerArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct ServeArgs {
-    /// The name of the platform: what stands behind @ in the names of its agents.
+    /// The name of the platform: the part after @ in the names of its agents.
     #[arg(long, value_name = "NAME", default_value = "bottega")]
     pub(crate) name: String,
-    /// Where to listen. [default: 127.0.0.1:7779]
+    /// Address to listen at. [default: 127.0.0.1:7779]
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub(crate) listen: Option<SocketAddr>,
-    /// What others shall connect to, where that is not where it listens.
+    /// Address that others connect to, if it differs from the one to listen at.
     #[arg(long, value_name = "HOST:PORT", value_parser = parse_public)]
     pub(crate) public: Option<String>,
-    /// Keep all that the platform knows in this file. Several processes over one file serve one platform, and any of
-    /// them may die. Default: in memory.
+    /// Keep the state of the platform in this file. Several processes over one file serve one platform, and any of them may
+    /// die. Default: in memory.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) state: Option<PathBuf>,
     /// Search together with the DF of another platform, such as http://host:7779/acc, or NAME=URL where that cannot be
     /// asked for its name (JADE). May be given several times.
     #[arg(long, value_name = "URL", value_parser = parse_peer)]
     pub(crate) federate: Vec<Peer>,
-    /// The longest time for which the DF keeps what is not renewed, such as 1h. Default: for ever.
+    /// The longest time for which the DF keeps an entry that is not renewed, such as 1h. Default: for ever.
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub(crate) lease_max: Option<Duration>,
     /// Serve the platform of a farm, whose pages the farm keeps: that of `bottega up` on this machine, or the one named. `up`
@@ -90,7 +90,7 @@ pub(crate) struct ServeArgs {
     #[command(flatten)]
     pub(crate) login: LoginArgs,
     /// An agent of another platform that may suspend and end agents of this one, and steer the farm: NAME@PLATFORM. May be
-    /// given several times. Nothing proves that it is the one who speaks: for networks whose members trust each other.
+    /// given several times. Its identity is not proved: only for networks whose members trust each other.
     #[arg(long, value_name = "AGENT", value_parser = parse_agent)]
     pub(crate) trust: Vec<String>,
     /// The representation of messages, string or xml, in which a platform is written to that has not written itself; or
@@ -98,7 +98,7 @@ pub(crate) struct ServeArgs {
     /// representation of the question, and a platform that has written is written to likewise.
     #[arg(long, value_name = "FORM", value_parser = parse_first_form)]
     pub(crate) first_representation: Vec<FirstForm>,
-    /// Print one JSON object a line instead of text for people.
+    /// Print one JSON object per line instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -120,10 +120,10 @@ pub(crate) struct AskArgs {
     /// The representation of the message that asks: string, or xml. Platforms answer in the same.
     #[arg(long, value_name = "FORM", value_parser = parse_form, default_value = "string")]
     pub(crate) first_representation: Form,
-    /// How long to wait for an answer.
+    /// Time to wait for an answer.
     #[arg(long, value_name = "TIME", value_parser = parse_duration, default_value = "10s")]
     pub(crate) wait: Duration,
-    /// Print one JSON object a line instead of text for people.
+    /// Print one JSON object per line instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -135,7 +135,7 @@ pub(crate) struct ServicesArgs {
     /// Only services of this type.
     #[arg(long = "type", value_name = "TYPE")]
     pub(crate) service_type: Option<String>,
-    /// How many hops to other platforms' directories.
+    /// Number of hops to the directories of other platforms.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) depth: u32,
 }
@@ -146,16 +146,16 @@ pub(crate) struct TraceArgs {
     /// http://127.0.0.1:7779/acc.
     #[arg(long, value_name = "URL", value_parser = parse_peer)]
     pub(crate) at: Option<Peer>,
-    /// Draw a message-sequence diagram, too; it is kept up to date while the trace goes on.
+    /// Also draw a message-sequence diagram, updated while the trace runs.
     #[arg(short, long, value_name = "FILE.svg", value_hint = ValueHint::FilePath)]
     pub(crate) output: Option<PathBuf>,
     /// Only conversations whose name contains this.
     #[arg(long, value_name = "TEXT")]
     pub(crate) conversation: Option<String>,
-    /// End after so many messages. Default: at Ctrl-C, or when the platform ends.
+    /// End after this many messages. Default: at Ctrl-C, or when the platform ends.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) count: Option<u64>,
-    /// Print one JSON object a line instead of text for people.
+    /// Print one JSON object per line instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,
 }

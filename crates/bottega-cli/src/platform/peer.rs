@@ -20,9 +20,9 @@ const NAME_BYTES_MAX: u64 = 1 << 16;
 /// A platform as given by the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Peer {
-    /// Its name, if given.
+    /// The name of the platform, if given.
     name: Option<String>,
-    /// Its URL: `http://host:port/path`.
+    /// The URL of the platform: `http://host:port/path`.
     pub(crate) url: String,
 }
 

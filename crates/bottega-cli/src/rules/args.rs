@@ -16,9 +16,9 @@ pub(crate) struct RulesArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum RulesCommand {
-    /// Look for mistakes, and for what is most likely not meant: contradictions, dead rules, cases without a rule.
+    /// Find errors and likely mistakes: contradictions, dead rules, cases without a rule.
     Check(RulesCheckArgs),
-    /// Say what the rules decide for some values of their inputs, and why.
+    /// Evaluate the rules for given values of their inputs, and explain the result.
     #[command(
         after_help = "For example: bottega rules eval path-tracing complexity=4.2 neighbor_difference=0.3 size=900 \
         optimization_level=3 --range complexity=0.1..7 --range size=256..4096 --explain"
@@ -38,10 +38,10 @@ pub(crate) struct RulesCheckArgs {
     /// FCL texts, or rules that come with the program: path-tracing, paper, photon-mapping, engine-choice, or the name of an engine.
     #[arg(value_name = "FILE", required = true, value_hint = ValueHint::FilePath)]
     pub(crate) files: Vec<PathBuf>,
-    /// End with 1 where there are warnings, too.
+    /// Exit with 1 also if there are warnings.
     #[arg(long)]
     pub(crate) strict: bool,
-    /// Print a JSON object for each file, one a line.
+    /// Print one JSON object per line, one per file.
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -52,10 +52,10 @@ pub(crate) struct LaidOutArgs {
     /// An FCL text, or rules that come with the program: path-tracing, paper, photon-mapping, engine-choice, or the name of an engine.
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) file: PathBuf,
-    /// Which function block, where the file has several.
+    /// The function block, if the file has several.
     #[arg(long, value_name = "NAME")]
     pub(crate) block: Option<String>,
-    /// Lay an input's terms out over the interval that a scene was found to have, instead of the declared RANGE.
+    /// Lay an input's terms out over the interval found in a scene, instead of the declared RANGE.
     #[arg(long = "range", value_name = "INPUT=MIN..MAX", value_parser = parse_range)]
     pub(crate) ranges: Vec<(String, f64, f64)>,
     /// Values of inputs.
@@ -77,7 +77,7 @@ impl LaidOutArgs {
 pub(crate) struct EvalArgs {
     #[command(flatten)]
     pub(crate) rules: LaidOutArgs,
-    /// Say how much each term of the inputs holds, which rules fire, and what they say together of each output.
+    /// Print the degree of each input's terms, the rules that fire, and the value of each output.
     #[arg(long)]
     pub(crate) explain: bool,
     /// Print a JSON object.

@@ -14,48 +14,48 @@ use crate::{cli::choice, option_value::InvalidValue};
     bottega simulate run.json --agents 8,agent-3@fail=12s,agent-7@join=5s\n  \
     bottega simulate --synthetic 10000 --agents 1000 --fail 5%")]
 pub(crate) struct SimulateArgs {
-    /// What a run measured: written by `bottega render … --record FILE`.
+    /// The record of a run, written by `bottega render … --record FILE`.
     #[arg(value_hint = ValueHint::FilePath, required_unless_present = "synthetic", conflicts_with = "synthetic")]
     pub(crate) record: Option<PathBuf>,
-    /// No record, but so many zones whose costs have a log-normal distribution.
+    /// Number of synthetic zones, instead of a record; their costs have a log-normal distribution.
     #[arg(long, value_name = "ZONES", help_heading = "Work")]
     pub(crate) synthetic: Option<usize>,
     /// Mean cost of a synthetic zone on a processor of speed 1, in seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = parse_positive, help_heading = "Work")]
     pub(crate) zone_seconds: f64,
-    /// How much synthetic zones differ: standard deviation of the logarithm of their costs.
+    /// Standard deviation of the logarithm of the costs of synthetic zones.
     #[arg(long, value_name = "SIGMA", default_value_t = 0.5, value_parser = parse_spread, help_heading = "Work")]
     pub(crate) zone_spread: f64,
-    /// Cut each recorded zone into so many.
+    /// Cut each recorded zone into this many.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1 << 20), help_heading = "Work")]
     pub(crate) zones_scale: u32,
 
-    /// Who paints: `8`, `4x1.0,4x0.25` (how many x how fast), `2x1:8` (with eight processors each), `agent-3@join=5s`,
-    /// `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (four times slower from then on), `agent-3@hang=8s` (says
-    /// that it lives, and paints no more), `agent-3@break=5s:0.5` (half of its orders fail), `agent-3@lie=5s:0.1` (a tenth of
-    /// what it paints is wrong), `agent-3@boast=0s:2` (promises to be twice as fast as it is),
-    /// `agent-3@load=0s:60` (with its next zone it loads something for 60 s, and takes that for painting); or a file with such words. Default: as in the record.
+    /// The agents: `8`, `4x1.0,4x0.25` (number x speed), `2x1:8` (with eight processors each), `agent-3@join=5s`,
+    /// `agent-3@leave=20s`, `agent-3@fail=12s`, `agent-3@slow=10s:4` (four times slower from then on), `agent-3@hang=8s`
+    /// (sends heartbeats, but paints nothing), `agent-3@break=5s:0.5` (half of its orders fail), `agent-3@lie=5s:0.1` (a
+    /// tenth of its paintings is wrong), `agent-3@boast=0s:2` (promises twice its speed), `agent-3@load=0s:60` (spends 60 s
+    /// of its next zone on loading, and reports that as painting); or a file with such words. Default: as in the record.
     #[arg(long, value_name = "SPEC", num_args = 1.., help_heading = "Agents")]
     pub(crate) agents: Vec<String>,
-    /// All agents share one machine of so many processors, as those of one process do. Default: each has its own.
+    /// All agents share one machine with this many processors, as those of one process do. Default: each has its own.
     #[arg(long, value_name = "PROCESSORS", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "Agents")]
     pub(crate) shared: Option<u32>,
-    /// This share of the agents fails, each at some time before the end, and does not come back.
+    /// Share of the agents that fail, each at some time before the end, and do not come back.
     #[arg(long, value_name = "SHARE", default_value = "0", value_parser = parse_share, help_heading = "Agents")]
     pub(crate) fail: f64,
-    /// Have each zone painted by so many agents and compare, until they have earned trust: as `bottega render --verify`.
+    /// Number of agents that paint each zone and are compared, until they have earned trust: as `bottega render --verify`.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(bottega_farm::VERIFY_MAX)), help_heading = "Agents")]
     pub(crate) verify: u32,
-    /// No two agents give the same bits, as engines that are not exact: what they paint is compared by its look.
+    /// Agents do not give the same bits, like engines that are not exact: their pixels are compared by their look.
     #[arg(long, requires = "verify", help_heading = "Agents")]
     pub(crate) inexact: bool,
-    /// How winners of an auction are found.
+    /// The rule that finds the winner of an auction.
     #[arg(long, value_name = "RULE", value_parser = choice::<AuctionChoice>(), default_value = "finishing-time", help_heading = "Agents")]
     pub(crate) auction: AuctionChoice,
-    /// How agents learn their speed.
+    /// The rule by which agents learn their speed.
     #[arg(long, value_name = "RULE", value_parser = choice::<AdaptationChoice>(), default_value = "ratio", help_heading = "Agents")]
     pub(crate) adaptation: AdaptationChoice,
-    /// The expert rules of all agents, as `bottega render --rules`. Default: those by which the recorded work was painted.
+    /// The expert rules of all agents, as `bottega render --rules`. Default: those of the recorded work.
     #[arg(long, value_name = "FILE", value_hint = clap::ValueHint::FilePath, help_heading = "Agents")]
     pub(crate) rules: Option<PathBuf>,
     /// Zones that an agent works on at once; in most auctions one more may wait in its hand.
@@ -65,27 +65,27 @@ pub(crate) struct SimulateArgs {
     /// time, none cut or taken over.
     #[arg(long, conflicts_with_all = ["auction", "adaptation", "prefetch"], help_heading = "Agents")]
     pub(crate) as_in_paper: bool,
-    /// By how much of itself an agent's first measure of its speed may be wrong.
+    /// Largest relative error of an agent's first measure of its speed.
     #[arg(long, value_name = "SHARE", default_value = "0", value_parser = parse_share, help_heading = "Agents")]
     pub(crate) benchmark_error: f64,
 
-    /// How long a message takes at least, such as 1ms. Default: 0.1ms.
+    /// Least time that a message takes, such as 1ms.
     #[arg(long, value_name = "TIME", default_value = "0.1ms", value_parser = parse_time, help_heading = "Network")]
     pub(crate) latency: Duration,
-    /// What is added to it on the average; a few messages take five times as long and overtake others.
+    /// Mean of a random time added to the latency; a few messages take five times as long, and others overtake them.
     #[arg(long, value_name = "TIME", default_value = "0ms", value_parser = parse_time, help_heading = "Network")]
     pub(crate) jitter: Duration,
     /// Share of messages that are lost.
     #[arg(long, value_name = "SHARE", default_value = "0", value_parser = parse_share, help_heading = "Network")]
     pub(crate) loss: f64,
-    /// Decides all chance: the same seed gives the same run.
+    /// Seed of all random numbers: the same seed gives the same run.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Network")]
     pub(crate) seed: u64,
 
-    /// Draw who painted what when.
+    /// Draw which agent painted which zone when.
     #[arg(short, long, value_name = "FILE.svg", value_hint = ValueHint::FilePath, help_heading = "Output")]
     pub(crate) output: Option<PathBuf>,
-    /// Write every message and what else happens to this file.
+    /// Write every message and every other event to this file.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Output")]
     pub(crate) trace: Option<PathBuf>,
     /// Replay the record as it was, agents and all, and say how far the time is from the one that was measured.

@@ -1,4 +1,4 @@
-//! Other people's engines, well and badly behaved: workers and command lines that exist only here.
+//! External engines, correct and faulty: workers and command lines made for these tests.
 
 mod real;
 
@@ -21,7 +21,7 @@ struct Stage {
     folder: TempDir,
 }
 
-/// Where the worker writes what it was told.
+/// The file in which the worker writes its requests.
 const TRACE: &str = "traces/trace";
 
 const MANIFEST: &str = r#"
@@ -67,7 +67,7 @@ impl Stage {
         fs::write(stage.path("hostile.py"), include_str!("hostile.py")).expect("written");
         fs::write(stage.path("hostile.toml"), MANIFEST).expect("written");
         fs::write(stage.path("scene.toy"), scene).expect("written");
-        // Of the scene's folder it may write this alone.
+        // In the scene's folder it may write only this file.
         fs::create_dir(stage.path("traces")).expect("a folder");
         stage
     }
@@ -108,7 +108,7 @@ impl Stage {
 }
 
 fn told(output: &Output) -> String {
-    // Lines are broken where a terminal would end.
+    // Lines are wrapped at the width of a terminal.
     let text = String::from_utf8_lossy(&output.stderr).replace('│', " ");
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -148,7 +148,7 @@ fn an_engine_that_can_end_early_is_told_what_time_is_left_and_believed() {
     let times: Vec<u64> = zones.iter().filter_map(|order| order["time"].as_u64()).collect();
     assert!(times.first() == Some(&3) && times.is_sorted_by(|a, b| a >= b) && times.len() >= 8, "{times:?}");
     assert!(times.iter().all(|time| (1..=3).contains(time)) && times.last() < times.first(), "{times:?}");
-    // Many samples were ordered after the first ones, and one was taken each time: it weighs as much as one does.
+    // Many samples were ordered after the first ones, and one was taken each time: it has the weight of one sample.
     let of = |is_first: bool| zones.iter().filter(move |order| (order["first_sample"] == 0) == is_first);
     let ordered = |is_first: bool| of(is_first).filter_map(|order| order["samples"].as_u64()).sum::<u64>() as f64 / 4.0;
     let (first, later) = (ordered(true), ordered(false));
@@ -156,7 +156,7 @@ fn an_engine_that_can_end_early_is_told_what_time_is_left_and_believed() {
     let picture = stage.picture();
     let mean = picture.data.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / picture.data.len() as f64;
     let (expected, if_believed) = (fair(of(false).count() as f64 / 4.0), fair(later));
-    // How far apart the two are depends on how many orders the machine had time for; of few, not at all.
+    // The difference depends on the number of orders that the machine had time for; it is 0 for few orders.
     let apart = (if_believed - expected).abs();
     assert!((mean - expected).abs() <= 0.25 * apart + 1e-6, "{mean}, {expected}, {if_believed}");
     // A picture without a time limit gives the engine none.
@@ -167,7 +167,7 @@ fn an_engine_that_can_end_early_is_told_what_time_is_left_and_believed() {
 
 #[test]
 fn windows_that_are_dear_are_not_tried_out() {
-    // One to look at the scene, one for the only zone: each more would cost five seconds, if that were true.
+    // One process for the survey, one for the only zone: each further one costs five seconds.
     for (seconds, windows) in [("5", 2..3), ("-1", 4..1000)] {
         let stage = Stage::new(&format!("dear windows {seconds}"));
         let (scene, output) = (stage.path("scene.toy"), stage.path("out.exr"));
@@ -215,7 +215,7 @@ fn an_engine_that_fails_again_and_again_is_left_alone_until_somebody_lets_it_in(
     let run = |arguments: &[&str]| stage.command(arguments).output().expect("the program starts");
     let says = |output: &Output| String::from_utf8_lossy(&output.stdout).into_owned() + &told(output);
     assert_eq!(stage.render(&[]).status.code(), Some(1));
-    // Whatever the next process wants of it.
+    // For any command of the next process.
     fs::write(stage.path("scene.toy"), "sound").expect("written");
     let refused = stage.render(&[]);
     assert_eq!(refused.status.code(), Some(1));
@@ -463,11 +463,11 @@ fn an_engine_opens_no_files_but_its_own_and_its_scenes() {
         eprintln!("SKIPPED: this kernel has no Landlock, and engines see all files");
         return;
     }
-    // Red, green and blue: it could read the secret, write beside it, or change its scene.
+    // Red, green and blue say whether it could read the secret, write beside it, or change its scene.
     let output = stage.render(&["--spp", "1"]);
     assert!(output.status.success(), "{}", told(&output));
     assert_eq!(stage.picture(), Picture::from_fn(96, 64, |_, _| [0.25; 3]));
-    // Unless the user says that it may read it all; it writes nothing even so.
+    // With `--allow-outside` it reads everything, but still writes nothing.
     let output = stage.render(&["--spp", "1", "--allow-outside"]);
     assert!(output.status.success(), "{}", told(&output));
     assert_eq!(stage.picture(), Picture::from_fn(96, 64, |_, _| [1.0, 0.25, 0.25]));

@@ -1,4 +1,4 @@
-//! Engines that are installed: a picture in zones is what the engine itself makes of the whole frame.
+//! Engines that are installed: a picture in zones equals the whole frame that the engine renders itself.
 
 use std::{fs, path::Path, process::Command};
 
@@ -28,7 +28,7 @@ plane { y, 0 pigment { checker rgb 0.7 rgb <0.5, 0.2, 0.1> } }
 sphere { <0, 0.7, 0>, 0.7 pigment { rgb <0.6, 0.5, 0.4> } finish { reflection 0.2 } }
 ";
 
-/// Whether the engine is here; says so where it is not.
+/// Returns true if the engine is installed; prints that the test is skipped if not.
 fn is_here(name: &str) -> bool {
     let check = bottega(&["engines", "check", name]).output().expect("the program starts");
     if !check.status.success() {
@@ -50,7 +50,7 @@ fn mean(picture: &Picture) -> f64 {
     picture.data.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * picture.data.len()) as f64
 }
 
-/// The engine's windows agree with its whole frame, and a picture in zones with one in a piece.
+/// The engine's windows agree with its whole frame, and a picture in zones with one in a single window.
 fn check(name: &str, scene: &Path, spp: &str) {
     let tried = bottega(&["engines", "try", name, text(scene), "--size", "96x72", "--spp", spp]).output();
     let tried = tried.expect("the program starts");
@@ -87,7 +87,7 @@ fn mitsuba_paints_in_zones() {
     check_text("mitsuba", "xml", MITSUBA, "32");
 }
 
-/// NumPy makes it faster, and changes nothing.
+/// NumPy makes the worker faster, and changes no pixel.
 #[test]
 fn mitsuba_paints_the_same_without_numpy() {
     if !is_here("mitsuba") {
@@ -134,7 +134,7 @@ fn cycles_paints_in_zones() {
     }
 }
 
-/// Has Mitsuba itself paint the whole frame, without a worker: two pictures of different seeds, all channels.
+/// Renders the whole frame by Mitsuba itself, without a worker: two pictures of different seeds, all channels.
 const WHOLE_FRAMES: &str = "
 import sys, numpy, mitsuba
 mitsuba.set_variant('scalar_rgb')
@@ -249,7 +249,7 @@ fn two_engines_paint_one_picture() {
         std::iter::once(Some(colors)).chain(planes).collect::<Vec<Option<Vec<f32>>>>()
     };
     let (own, other, both) = (read(&own), read(&other), read(&both));
-    // Those layers by which both mean the same.
+    // Only layers that mean the same in both engines.
     assert!(both[5..].iter().all(Option::is_none) && other[5..].iter().all(Option::is_some));
     for (channel, ((own, other), both)) in own.iter().zip(&other).zip(&both).take(5).enumerate() {
         let [own, other, both] = [own, other, both].map(|plane| plane.as_deref().expect("a plane"));
@@ -262,7 +262,7 @@ fn two_engines_paint_one_picture() {
     }
 }
 
-/// What is refused of two engines in one picture.
+/// Requests for two engines in one picture that are refused.
 #[test]
 fn two_engines_that_would_not_agree_are_refused() {
     if !is_here("mitsuba") {
@@ -303,7 +303,7 @@ fn a_gltf_without_a_camera_is_seen_alike_by_cycles_and_by_our_own_engine() {
         read_picture(output).expect("a picture")
     };
     let (own, other, both) = (paint("builtin"), paint("cycles"), paint("builtin,cycles"));
-    // Blocks of pixels, so that noise counts less than a shift of the view by a pixel would.
+    // Blocks of pixels, so that noise counts less than a shift of the view by a pixel.
     let blocks = |picture: &Picture| -> Vec<f64> {
         let mut sums = vec![0.0; 256];
         for (index, pixel) in picture.data.iter().enumerate() {

@@ -11,7 +11,7 @@ use super::{
 
 const JOB: u32 = 1;
 
-/// What stands in the directories of the job: name, state, services.
+/// The entries in the directories of the job: name, state, services.
 fn listed(farm: &Farm) -> Vec<(String, String, Vec<String>)> {
     let job = farm.job(JOB);
     let words = |value: &Value| value.as_array().into_iter().flatten().map(word).collect();
@@ -32,7 +32,7 @@ fn offers(farm: &Farm, kind: &str) -> Vec<String> {
     listed(farm).into_iter().filter(|(.., services)| services.contains(&kind)).map(|(name, ..)| name).collect()
 }
 
-/// Zones that the Blackboard says an agent has in hand.
+/// Returns the zones that an agent holds by the Blackboard.
 fn in_hand(farm: &Farm, agent: &str) -> usize {
     let rows = farm.succeed(&["blackboard", &JOB.to_string(), "--json"]);
     let rows = rows.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
@@ -40,7 +40,7 @@ fn in_hand(farm: &Farm, agent: &str) -> usize {
     rows.filter(is_its).count()
 }
 
-/// The platform of `bottega up`, as strangers ask it.
+/// The platform of `bottega up`, as strangers query it.
 fn services_of_platform(farm: &Farm, kind: &str) -> Vec<Value> {
     let said = farm.said("up.log");
     let url = said.split("platform at ").nth(1).and_then(|rest| rest.split(": ").next()).expect("an address");
@@ -55,12 +55,12 @@ fn agents_of_a_job_are_in_the_directories_and_one_of_them_is_suspended_for_real(
     let first = farm.join("one");
     let one = name_of(&farm, &[]);
     let [_, guest] = farm.lines();
-    // Who may only paint enters its own agents, and finds the Master as the others do.
+    // A guest enters its own agents, and finds the Master like the others.
     let second = farm.join_by("two", Some(&guest));
     let two = name_of(&farm, std::slice::from_ref(&one));
     let third = farm.join("three");
     let three = name_of(&farm, &[one.clone(), two.clone()]);
-    // More than anybody paints before it is cancelled below, however fast the processors are.
+    // More work than any processor does before the job is cancelled below.
     assert!(farm.render_by("a.exr", "--spp=200000", &["--detach"]).wait(), "{}", farm.logs());
     let render = |process: &str| format!("render-1@{process}");
     farm.until("all are in the directories", || {
@@ -77,7 +77,7 @@ fn agents_of_a_job_are_in_the_directories_and_one_of_them_is_suspended_for_real(
     assert_eq!((&masters[0]["properties"]["job"], &masters[0]["ontologies"][0]), (&"1".into(), &"bottega-farm".into()));
     assert_eq!(services_of_platform(&farm, "bottega-job-render-agent").len(), 3);
 
-    // One is suspended by the AMS: what it has goes to others, and its machine is as it was.
+    // The AMS suspends one agent: others get its zones, and its machine stays as it was.
     let its = render(&two);
     farm.until("it paints", || in_hand(&farm, &its) > 0);
     farm.succeed(&["platform", "suspend", &its]);

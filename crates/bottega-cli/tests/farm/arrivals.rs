@@ -9,7 +9,7 @@ use super::{
     support::{servers, text},
 };
 
-/// Machines that join at once, and processes of one machine that look at once.
+/// Machines that join at the same moment, and processes of one machine that connect at the same moment.
 const MACHINES: usize = 6;
 const LOOKS: usize = 6;
 
@@ -26,7 +26,7 @@ fn machines_that_join_at_the_same_moment_are_all_let_in() {
             farm.spawn_in(&format!("state-{number}"), &arguments, &log)
         };
         let mut machines: Vec<Process> = (0..MACHINES).map(join).collect();
-        // These are one machine, which nobody knows yet.
+        // These are one machine, which the farm does not know yet.
         let look = |_| {
             let mut command = farm.command(&["machines", "list", "--json", "--farm", &line]);
             command.env("XDG_STATE_HOME", farm.path("state-new")).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -60,7 +60,7 @@ fn a_second_up_says_the_lines_and_leaves_the_farm_alone() {
     assert!(other.status.code() == Some(1) && told.contains("end that one first"), "{told}");
     assert!(farm.succeed(&["machines", "list", "--json"]).is_empty(), "the server is there");
     assert!(farm.up.take().expect("a server").end());
-    // Nobody has it any more.
+    // No process holds it any more.
     farm.up();
 }
 
@@ -87,7 +87,7 @@ fn whoever_ends_the_asker_at_once_is_told_how_to_go_on() {
     let farm = Farm::start(&server);
     let mut asker = farm.render_by("a.exr", MANY, &[]);
     farm.until_painted(1, 0.01);
-    // It cannot call the job off.
+    // It cannot cancel the job.
     farm.signal_server("-STOP");
     asker.signal("-INT");
     std::thread::sleep(std::time::Duration::from_millis(300));
@@ -112,7 +112,7 @@ fn a_picture_that_cannot_be_written_here_can_be_fetched() {
     assert!(!asker.wait());
     let said = farm.said("away-a.exr.log").replace("\n  │ ", " ").replace("\n        ", " ");
     assert!(said.contains("bottega jobs fetch 1"), "{said}");
-    // It lies with the farm.
+    // The farm keeps it.
     let _one = farm.join("one");
     farm.until_state(1, "done");
     let path = farm.path("b.exr");

@@ -1,4 +1,4 @@
-//! Builds of one number that are not the same: none of them paints what the other asks for.
+//! Different builds with one version number: neither paints jobs of the other.
 
 use std::{
     fs,
@@ -20,7 +20,7 @@ fn identity() -> [String; 2] {
     [identity, sources]
 }
 
-/// The same program as if it were built from other sources: the digest of its sources is another one.
+/// Makes a copy of the program with another digest of its sources.
 fn other_build(farm: &Farm) -> (PathBuf, String) {
     let [identity, sources] = identity();
     let other: String = sources.chars().rev().collect();

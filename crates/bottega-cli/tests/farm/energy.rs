@@ -1,4 +1,4 @@
-//! Energy and cost of a job; notifications of the process that has the farm.
+//! Energy and cost of a job; notifications of `bottega up`.
 
 use std::{
     fs,
@@ -19,7 +19,7 @@ use super::{
     support::{servers, text},
 };
 
-/// A machine whose energy counters lie in a folder.
+/// Starts a machine whose energy counters are in a folder.
 fn join(farm: &Farm, name: &str, counters: &Path, more: &[&str]) -> Process {
     let cache = farm.path(&format!("cache-{name}"));
     let words = ["join", "--threads", "1", "--cache", text(&cache)];
@@ -86,7 +86,7 @@ fn energy_and_cost_are_told_as_far_as_they_are_known() {
     is_over.store(true, Ordering::Relaxed);
     counting.join().expect("it counts");
 
-    // Watts that its owner says; and a machine of which nothing is known.
+    // A machine with watts from its owner, and one without any figures.
     let mut machine = join(&farm, "two", Path::new("nowhere"), &["--watts", "120"]);
     detach(&farm, "b.exr", "--spp=64");
     farm.until_state(2, "done");
@@ -104,7 +104,7 @@ fn energy_and_cost_are_told_as_far_as_they_are_known() {
     let said = farm.succeed(&["jobs", "show", "3"]);
     assert!(said.contains("processor time") && !said.contains("Wh") && !said.contains("EUR"), "{said}");
 
-    // The process that has the farm tells of each job once.
+    // The process of `bottega up` reports each job once.
     farm.until("all three are told of", || {
         fs::read_to_string(&told).unwrap_or_default().matches("\"done\"").count() >= 3
     });
@@ -129,7 +129,7 @@ fn a_job_that_nobody_paints_is_told_as_stalled_to_the_one_who_asked_and_to_the_k
     let event: Value = serde_json::from_str(&fs::read_to_string(&told).expect("it was told")).expect("JSON");
     assert_eq!((&event["event"], &event["job"]), (&"stalled".into(), &1.into()));
     assert!(event["reason"].as_str().is_some_and(|why| why.contains("no machine paints it")), "{event}");
-    // The one who asks hears of its own job alone.
+    // The process that asked reports only its own job.
     let own = folder.path().join("own");
     let on = format!("stalled,done=cat >> {}", text(&own));
     let mut asker = farm.render("b.exr", &["--on", &on, "--stalled-after", "0.1"]);

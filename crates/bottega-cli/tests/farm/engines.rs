@@ -1,4 +1,4 @@
-//! Farms that paint with other people's engines.
+//! Farms that paint with external engines.
 
 use std::{fs, path::Path};
 
@@ -71,7 +71,7 @@ fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
         picture.data.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * picture.data.len()) as f64
     };
     assert!((mean(&farmed) / mean(&alone) - 1.0).abs() < 0.02, "{} and {}", mean(&farmed), mean(&alone));
-    // Layers came along, and lie where the colour does.
+    // Layers arrived, at the place of the colour.
     let names = ["depth.Z", "uv.U"].map(str::to_owned);
     let layers = |path: &Path| read_channels(path, ReadLimits::default(), &names).expect("a picture").1;
     for (name, (farmed, alone)) in names.iter().zip(layers(&output).into_iter().zip(layers(&farm.path("alone.exr")))) {
@@ -80,7 +80,7 @@ fn a_machine_paints_with_mitsuba_and_one_without_it_says_so() {
         let size = alone.iter().map(|value| f64::from(*value)).sum::<f64>() / alone.len() as f64;
         assert!(size > 0.05 && apart < 0.05 * size, "{name}: {apart} apart, {size} on average");
     }
-    // The square is there: its file came along.
+    // The square is visible: its file was sent, too.
     assert!(farmed.pixel(48, 36) != farmed.pixel(2, 2));
 }
 
@@ -113,7 +113,7 @@ fn a_picture_of_a_farm_is_denoised_as_a_whole() {
     let ((farmed, its_layers), (alone, layers)) = (read(&farmed), read(&alone));
     assert!(farmed.metadata.get("denoised").is_some(), "{:?}", farmed.metadata);
     assert_eq!(its_layers, layers);
-    // Zone by zone it would be another picture: the denoiser would not see over their edges.
+    // Denoised zone by zone the picture differs, because the denoiser does not see beyond their edges.
     assert_eq!(farmed.picture, alone.picture);
 }
 

@@ -1,4 +1,4 @@
-//! A farm on this machine, and what is asked of it.
+//! A farm on this machine, and requests to it.
 
 use std::{
     collections::BTreeMap,
@@ -20,7 +20,7 @@ use super::support::{bottega, signal, text};
 
 pub(super) const WAIT: Duration = Duration::from_secs(180);
 pub(super) const PICTURE: [&str; 6] = ["--size", "96x72", "--seed", "5", "--quiet", "--set=work.zones=24"];
-/// Samples a pixel of a picture that takes some seconds, and of one that takes much longer.
+/// Samples per pixel of a picture that takes some seconds, and of one that takes much longer.
 pub(super) const FEW: &str = "--spp=384";
 pub(super) const MANY: &str = "--spp=1200";
 
@@ -29,7 +29,7 @@ pub(super) struct Place {
     is_alone: bool,
 }
 
-/// Farms that run, and whether one waits to be alone.
+/// The number of running farms, and whether one waits to be alone.
 static PLACES: (Mutex<(usize, bool)>, Condvar) = (Mutex::new((0, false)), Condvar::new());
 
 impl Place {
@@ -75,7 +75,7 @@ impl Process {
         _ = self.0.wait();
     }
 
-    /// Asks it to end, and waits for that.
+    /// Asks the process to end, and waits for its end.
     pub(super) fn end(&mut self) -> bool {
         self.signal("-TERM");
         self.wait()
@@ -110,7 +110,7 @@ pub(super) struct Farm {
     pub(super) port: u16,
     server: PathBuf,
     pub(super) up: Option<Process>,
-    /// More words of `bottega up`.
+    /// Further arguments of `bottega up`.
     more: Vec<String>,
     _place: Place,
 }
@@ -120,12 +120,12 @@ impl Farm {
         Self::start_with(server, &[])
     }
 
-    /// - `more`: what else `bottega up` is told.
+    /// - `more`: further arguments of `bottega up`.
     pub(super) fn start_with(server: &Path, more: &[&str]) -> Self {
         Self::start_at(Place::beside_another(), server, more)
     }
 
-    /// One that has the processors for itself, because its time is measured.
+    /// Starts a farm that has the processors for itself, because its time is measured.
     pub(super) fn start_alone(server: &Path) -> Self {
         Self::start_at(Place::alone(), server, &[])
     }
@@ -153,7 +153,7 @@ impl Farm {
         words.iter().chain(more).map(|word| (*word).to_owned()).collect()
     }
 
-    /// The server itself, as if its machine had lost power.
+    /// Kills the server itself, as a power failure does.
     pub(super) fn kill_server(&self) {
         self.signal_server("-KILL");
     }
@@ -199,7 +199,7 @@ impl Farm {
         String::from_utf8(output.stdout).expect("text")
     }
 
-    /// The lines that let one in: into everything, and to paint.
+    /// The lines that let machines in: with all rights, and as guests.
     pub(super) fn lines(&self) -> [String; 2] {
         let said = self.said("up.log");
         let mut lines = said.lines().filter_map(|line| line.trim().strip_prefix("bottega join "));
@@ -229,12 +229,12 @@ impl Farm {
         self.spawn(&[&arguments, &PICTURE[..], more].concat(), &format!("{}.log", output.replace('/', "-")))
     }
 
-    /// The picture of one machine alone.
+    /// Returns the picture of a single machine.
     pub(super) fn plain(&self) -> Vec<[u32; 3]> {
         self.plain_by(FEW)
     }
 
-    /// It is painted once for all tests, which have the same scene.
+    /// It is rendered once for all tests, which use the same scene.
     pub(super) fn plain_by(&self, samples: &'static str) -> Vec<[u32; 3]> {
         static PAINTED: Mutex<BTreeMap<&str, Vec<[u32; 3]>>> = Mutex::new(BTreeMap::new());
         let mut painted = PAINTED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -258,7 +258,7 @@ impl Farm {
         }
     }
 
-    /// The name of a machine that has joined, as its log says it.
+    /// Returns the name of a machine that has joined, from its log.
     pub(super) fn name_of(&self, log: &str) -> String {
         let said = self.said(log);
         let name = said.split_once(" as ").and_then(|(_, rest)| rest.split(';').next());
@@ -279,7 +279,7 @@ impl Farm {
         serde_json::from_str(&self.succeed(&["jobs", "show", &number.to_string(), "--json"])).expect("JSON")
     }
 
-    /// Waits until so much of a job is painted, and not all.
+    /// Waits until this much of a job is painted, but not all.
     pub(super) fn until_painted(&self, number: u32, share: f64) {
         self.until("some of it is painted", || {
             let shown = self.run(&["jobs", "show", &number.to_string(), "--json"]);
@@ -310,7 +310,7 @@ pub(super) fn bits(path: &Path) -> Vec<[u32; 3]> {
     picture.data.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
-/// Millions of samples that a machine says it has painted.
+/// Returns the millions of samples that a machine reports as painted.
 pub(super) fn painted(log: &str) -> f64 {
     let words = log.split(", ").filter_map(|part| part.split(" M samples").next()?.parse::<f64>().ok());
     words.sum()

@@ -21,7 +21,7 @@ fn a_guest_paints_and_can_do_nothing_else() {
         farm.until_says("guest", "as a guest");
         assert!(farm.render("a.exr", &[]).wait(), "{}", farm.logs());
         assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
-        // Guests read what is asked for: no word that lets one in is there.
+        // Guests can read requests, which hold no word that lets machines in.
         let [line, _] = farm.lines();
         let path = farm.path("b.exr");
         let words = ["render", "goblets.glb", "--detach", "-o", text(&path), "--priority", "7"];
@@ -39,7 +39,7 @@ fn a_guest_paints_and_can_do_nothing_else() {
     }
 }
 
-/// The guest has painted a part of job 1, and another machine is there. Job 2 nobody has painted.
+/// The guest has painted a part of job 1, and another machine is there. Job 2 is not painted at all.
 fn sees_its_own_work_alone(farm: &Farm, guest_line: &str) {
     let [line, _] = farm.lines();
     let words = ["join", "--threads", "1", "--name", "elsewhere", &line];
@@ -91,7 +91,7 @@ fn order_as_guests_read_it(farm: &Farm, number: u32) -> String {
     String::from_utf8(order).expect("text")
 }
 
-/// What a guest tries that takes its own key, and no program of ours: all of it comes to nothing.
+/// Attempts of a guest with its own key and a foreign program: all of them fail.
 fn hostile(farm: &Farm) {
     let [seed, member] = guest_of(farm);
     let link = link(farm);
@@ -99,12 +99,12 @@ fn hostile(farm: &Farm) {
     let evil = link_of_guest(farm);
     // Jobs, leads, and the seats of others.
     let pages = ["page/bottega/df/agent/work-7/master@work-7", "page/bottega/ams/agent/bottega/jobs@bottega"];
-    // A server that refuses to store says nothing: each is waited for until its time is over.
+    // A server that refuses to store does not answer, so each attempt waits until its timeout.
     let link_of_evil = &evil;
     thread::scope(|scope| {
         for name in ["job/1", "job/77", "lead/1", "seat/other/other.1"].into_iter().chain(pages) {
             scope.spawn(move || assert!(link_of_evil.notices().put(name, b"{}").is_err(), "{name}"));
-            // Of a notice that is there it may be told so.
+            // It may learn that a notice exists.
             scope.spawn(move || {
                 assert!(!matches!(link_of_evil.notices().update(name, b"{}", 0), Ok(Some(_))), "{name}");
             });
@@ -116,7 +116,7 @@ fn hostile(farm: &Farm) {
     // Its own seat, and pixels, which are believed only with their digest.
     assert!(evil.notices().put(&format!("seat/{member}/{member}.1"), b"{}").is_ok());
     assert!(evil.payloads().put("work-1/tile-x", b"pixels").is_ok());
-    // It writes over nobody's pixels; who wrote them may say so twice.
+    // It cannot overwrite pixels of others; the writer may repeat its own.
     let large = vec![7; 700_000];
     for own in [&b"own"[..], &large] {
         let name = format!("work-1/tile-{}", own.len());
@@ -133,8 +133,8 @@ fn hostile(farm: &Farm) {
     assert!(refused >= 10, "only {refused} were refused");
 }
 
-/// Speaks as others, writes rows, touches streams and listens to others. Returns what was heard of it by somebody who may
-/// hear everything, and how often the server refused.
+/// Speaks as others, writes rows, touches streams and listens to others. Returns the effects that a member with all rights
+/// saw, and the number of refusals of the server.
 fn forbidden_subjects(farm: &Farm, seed: &str, member: &str) -> (Vec<String>, usize) {
     use std::sync::{
         Arc,

@@ -1,4 +1,4 @@
-//! Jobs that are steered, and whatever cannot be.
+//! Jobs that are steered, and requests that are refused.
 
 use std::fs;
 
@@ -29,26 +29,26 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
     let path = farm.path("b.exr");
     farm.succeed(&["jobs", "fetch", "2"]);
     assert!(bits(&path) == plain, "{}", farm.logs());
-    // What its rows said last, and what came of its auction.
+    // Its last rows, and the result of its auction.
     let zones = zones(&farm, "2");
     assert!(!zones.is_empty() && zones.iter().all(|zone| zone["state"] == "done" && zone["reasons"].is_null()));
     let society = &farm.job(2)["society"];
-    // A single agent has nobody to compete with, so there is no auction.
+    // A single agent has no competitor, so there is no auction.
     let agents = society["agents"].as_array().map_or(0, Vec::len);
     let awards = society["auction"]["awards"].as_u64().unwrap_or_default();
     assert!(if agents > 1 { awards >= zones.len() as u64 / 2 } else { awards == 0 }, "{society}");
     assert!(society["agents"].as_array().is_some_and(|agents| !agents.is_empty()), "{society}");
-    // What its machine has learnt stays with the farm, until it is to begin anew.
+    // What its machine has learnt stays with the farm, until it is forgotten.
     let agent = society["agents"][0]["agent"].as_str().expect("a name");
     let machine = agent.rsplit('@').next().and_then(|process| process.split('.').next()).expect("a machine");
     let learnt =
         || -> Value { serde_json::from_str(&farm.succeed(&["machines", "show", machine, "--json"])).expect("JSON") };
-    // Its credit is written when it has laid the lead down.
+    // Its credit is written when it has given up the lead.
     farm.until("its credit is kept", || learnt()["reliability"].is_number());
     let learnt = learnt();
     let shown = farm.succeed(&["machines", "show", agent]);
     assert!(shown.starts_with(&format!("{machine}: ")), "an agent's name says which machine: {shown}");
-    // The job was paused: each part in which whole zones were painted teaches.
+    // The job was paused: each part with whole zones adds experience.
     assert!(
         learnt["jobs"].as_u64() >= Some(1) && learnt["factors"].as_array().is_some_and(|all| all.len() > 3),
         "{learnt}"
@@ -70,7 +70,7 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
         let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
         assert!(output.status.code() == Some(1) && told.contains(words), "{arguments:?}: {told}");
     }
-    // Whoever leads it in the end, the one who asked tells of the whole picture.
+    // The process that asked reports the whole picture, even if another one leads in the end.
     let told = farm.path("told.json");
     let mut asker = farm.render("c.exr", &["--on", &format!("done=cat > {}", text(&told))]);
     farm.until_painted(3, 0.2);
@@ -105,7 +105,7 @@ fn a_machine_that_brings_its_own_rules_paints_by_them() {
         let reasons = zone["reasons"].as_str().unwrap_or_default();
         assert!(reasons.starts_with("of_this_machine: "), "{zone}");
     }
-    // The one who asked is told that nothing can be seen of it.
+    // The process that asked is informed that nothing can be seen of it.
     assert!(farm.log_of(1).contains("the picture is nearly black"), "{}", farm.log_of(1));
 }
 
@@ -114,7 +114,7 @@ fn the_rules_of_the_one_who_asks_are_those_of_all() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let rules = include_str!("../../../../rules/path-tracing.fcl");
-    // Everything at its worst: whoever took other rules would paint another picture.
+    // The strongest settings, so that other rules give another picture.
     let low = farm.path("low.fcl");
     fs::write(&low, rules.replace("samples IS VB", "samples IS VS").replace("samples IS B", "samples IS S")).unwrap();
     let more = ["--optimize", "b", "--rules", text(&low)];
@@ -158,7 +158,7 @@ fn what_cannot_be_is_told() {
         let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
         assert!(output.status.code() == Some(code) && told.contains(words), "{arguments:?}: {told}");
     }
-    // One who asks for what nobody has does not wait to see that nobody comes.
+    // A requirement that no machine meets is reported at once.
     let path = farm.path("tagged.exr");
     let words = ["render", "goblets.glb", "-o", text(&path), "--size", "32x24", "--farm", "--detach"];
     let asked = farm.run(&[&words[..], &["--require", "mars", "--require", "gpu"]].concat());
@@ -169,14 +169,14 @@ fn what_cannot_be_is_told() {
     farm.succeed(&["jobs", "cancel", "1"]);
     assert!(farm.log_of(1).contains("called off by `bottega jobs` on "), "{}", farm.log_of(1));
     farm.succeed(&["jobs", "remove", "1"]);
-    // A job of another version is left to others, who are told.
+    // A job of another version is left to other machines, with a message.
     let job = r#"{"version":"0.0.1","work":9,"scene":"s","output":"o.exr","from":"f","submitted":1,"priority":10,
         "state":"active","log":[]}"#;
     assert!(link(&farm).notices().update("job/9", job.as_bytes(), 0).expect("a notice").is_some());
     let _one = farm.join("one");
     farm.until_says("one", "install bottega 0.0.1 here");
     farm.until("it is in the log", || farm.log_of(9).contains("is left out: the job is for version 0.0.1"));
-    // What is no job at all disturbs nobody.
+    // An entry that is not a job has no effect.
     assert!(link(&farm).notices().update("job/10", b"{", 0).expect("a notice").is_some());
     assert_eq!(farm.succeed(&["jobs", "list", "--json"]).lines().count(), 1);
 }

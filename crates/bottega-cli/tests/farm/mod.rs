@@ -1,4 +1,4 @@
-//! A farm of real processes on real NATS servers: the same bits, whoever paints and whoever dies.
+//! A farm of real processes on real NATS servers: the same bits, whichever machines paint and die.
 //!
 //! The servers are those that `BOTTEGA_NATS_SERVERS` names, or the system's. Without one the tests say that they are
 //! skipped.
@@ -79,7 +79,7 @@ fn machines_that_are_compared_give_the_same_bits_and_one_alone_waits_for_another
 
 #[test]
 fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_of_one() {
-    /// What is cast is the same however few there are.
+    /// Photons and agents are the same for any number of machines.
     const SAMPLES: &str = "--spp=64";
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
@@ -119,7 +119,7 @@ fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_o
     assert!(one.end(), "{}", farm.logs());
 }
 
-/// The parts of work before a picture that somebody has taken, and who.
+/// The parts of work before a picture that were taken, with their machines.
 fn parts_taken(uplink: &NatsUplink<FarmCodec>) -> BTreeMap<String, String> {
     let parts = uplink.notices().all("cast/").into_iter();
     parts
@@ -130,10 +130,10 @@ fn parts_taken(uplink: &NatsUplink<FarmCodec>) -> BTreeMap<String, String> {
         .collect()
 }
 
-/// Stops each process at its first part until all have one, so that nobody does all of them, however fast it is.
+/// Stops each process at its first part until all have one, so that no process does all of them, however fast it is.
 ///
 /// - `before`: parts of pictures that are painted.
-/// - `processes`: each with the log in which it says its name; the one who asks says none.
+/// - `processes`: each with the log that has its name; that of the process that asks has none.
 fn hold_until_all_cast(
     farm: &Farm,
     uplink: &NatsUplink<FarmCodec>,
@@ -186,7 +186,7 @@ fn when_the_one_who_leads_is_killed_another_goes_on_with_what_is_painted() {
     let path = farm.path("b.exr");
     farm.succeed(&["jobs", "fetch", "1", "-o", text(&path)]);
     assert!(bits(&path) == plain, "{}", farm.logs());
-    // The journal of the one who asked is of no more use beside the picture; one of another picture stays.
+    // The journal is removed when the picture is complete; that of another picture stays.
     let journals = ["a.exr.bottega-journal", "b.exr.bottega-journal"].map(|name| farm.path(name));
     std::fs::write(&journals[1], "another").expect("a journal");
     assert!(journals[0].exists(), "it was killed");
@@ -217,8 +217,8 @@ fn when_the_server_goes_all_wait_and_go_on_when_it_is_back() {
 
 #[test]
 fn whoever_is_killed_every_few_seconds_the_picture_has_the_same_bits() {
-    /// Each machine once, the server and `bottega up` as often as all: where a machine takes longer to come back than the next
-    /// is left in peace, nothing would ever be painted.
+    /// Kills each machine once, and the server and `bottega up` as often as all of them: if a machine takes longer to restart than the next
+    /// one keeps running, nothing is ever painted.
     const KILLED_MAX: usize = 9;
     let Some(server) = servers().pop() else { return };
     let mut farm = Farm::start(&server);
@@ -227,8 +227,8 @@ fn whoever_is_killed_every_few_seconds_the_picture_has_the_same_bits() {
     assert!(farm.render_by("a.exr", MANY, &["--detach"]).wait(), "{}", farm.logs());
     let mut killed = Vec::new();
     for turn in 0..KILLED_MAX {
-        // By what is painted and not by the clock: however fast the machine is, there is something left to be disturbed. Nobody
-        // paints for ever what is lost each time, so after some seconds it is somebody else's turn.
+        // Wait for progress, not for time: so some work is left to disturb on any machine. But after some seconds
+        // kill the next one, because a process may lose the same work each time.
         let (begun, share) = (Instant::now(), 0.15 * (turn + 1) as f64);
         let mut job = Value::Null;
         while begun.elapsed() < Duration::from_secs(3) && job["state"] != "done" && job["done"].as_f64() < Some(share) {
@@ -273,8 +273,8 @@ fn what_a_machine_that_was_stopped_for_a_while_brings_is_refused_and_painted_by_
     let one = farm.join("one");
     let trace = farm.path("trace");
     let mut render = farm.render_by("a.exr", MANY, &["--trace", text(&trace)]);
-    // At first it has several short orders in hand: some of them it has carried out before it can be told that they are not
-    // its any more.
+    // At first it holds several short orders: some of them are done before it learns that they are not
+    // valid any more.
     let confirmed = format!("@{} Confirm", farm.name_of("one"));
     farm.until("it has carried out an order", || farm.said("trace").contains(&confirmed));
     one.signal("-STOP");

@@ -1,4 +1,4 @@
-//! Servers that somebody else runs.
+//! Servers that others run.
 
 use std::{
     fs,
@@ -70,7 +70,7 @@ impl Other {
         command
     }
 
-    /// Whether one who logs in so gets the picture of one machine alone, with another one that helps.
+    /// Returns true if a client with this login gets the picture of a single machine, with another machine that helps.
     fn paints(&self, scheme: &str, login: &[&str]) {
         let address = format!("{scheme}://127.0.0.1:{}", self.port);
         let [plain, farm] = ["plain.exr", "farm.exr"].map(|name| self.path(name));
@@ -90,7 +90,7 @@ impl Other {
         assert!(said.contains("joined") && said.contains("left the farm"), "{login:?}: {said}");
     }
 
-    /// One who logs in so is turned away.
+    /// Checks that a client with this login is refused.
     fn turns_away(&self, scheme: &str, login: &[&str]) {
         let address = format!("{scheme}://127.0.0.1:{}", self.port);
         let output = self.command(&[&["jobs", "list", "--farm", &address], login].concat()).output();
@@ -197,7 +197,7 @@ fn one_is_known_by_credentials() {
     }
 }
 
-/// What `issuer` says of somebody, signed.
+/// A signed statement of `issuer` about another key.
 fn token(of: &KeyPair, issuer: &KeyPair, says: &Value) -> String {
     let claims =
         json!({"jti": "1", "iat": 1, "iss": issuer.public_key(), "sub": of.public_key(), "name": "n", "nats": says});

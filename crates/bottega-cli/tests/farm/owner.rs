@@ -12,10 +12,10 @@ use super::{
     support::{servers, text},
 };
 
-/// How fast the owner has the machine back.
+/// Time within which the owner has the machine back.
 const BACK_IN: Duration = Duration::from_secs(2);
 
-/// A program that says the first line of a file.
+/// Makes a program that prints the first line of a file.
 fn speaker(farm: &Farm, name: &str, says: &str) {
     let folder = farm.path("programs");
     fs::create_dir_all(&folder).expect("a folder");
@@ -24,10 +24,10 @@ fn speaker(farm: &Farm, name: &str, says: &str) {
     fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("a program");
 }
 
-/// A machine whose screen was touched so many milliseconds ago as `farm.path("touched")` says.
+/// Starts a machine whose screen was touched the number of milliseconds ago that is in `farm.path("touched")`.
 fn desk(farm: &Farm) -> Process {
     speaker(farm, "xprintidle", &format!("read ms < {}; echo $ms", text(&farm.path("touched"))));
-    // Whoever sits at the machine of the test does not count.
+    // The user of the test machine does not count.
     speaker(farm, "busctl", "echo 'b true'; echo 't 1'");
     let log = fs::File::create(farm.path("desk")).expect("a log");
     let cache = farm.path("cache-desk");
@@ -112,7 +112,7 @@ fn a_job_that_asks_for_a_tag_is_painted_by_machines_that_have_it_and_one_that_is
     assert!(!farm.log_of(1).contains("is tagged") && farm.log_of(2).contains("is tagged `mars`"), "{}", farm.log_of(2));
     let asked = farm.run(&["render", "goblets.glb", "-o", "d.exr", "--farm", "--require", "not a tag"]);
     assert!(!asked.status.success() && String::from_utf8_lossy(&asked.stderr).contains("a tag is of letters"));
-    // Nobody paints with so little.
+    // No machine paints with so little memory.
     assert!(tagged.end(), "{}", farm.logs());
     let _small = joined("small", &["--tag", "small", "--max-memory", "16"]);
     assert!(farm.render_by("e.exr", MANY, &["--detach", "--require", "small"]).wait(), "{}", farm.logs());

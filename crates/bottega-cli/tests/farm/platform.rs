@@ -1,4 +1,4 @@
-//! A farm and a platform that shows it: JADE's words over a real socket, and machines that do what they are told.
+//! A farm and a platform that shows it: JADE's messages over a real socket, and machines that follow orders.
 
 use std::{cell::Cell, net::SocketAddr};
 
@@ -17,7 +17,7 @@ struct ShownPage<'a> {
     _process: Process,
     at: SocketAddr,
     jade: Jade,
-    /// Of the last conversation.
+    /// The number of the last conversation.
     number: Cell<u32>,
 }
 
@@ -38,7 +38,7 @@ impl<'a> ShownPage<'a> {
         format!("http://{}/acc", self.at)
     }
 
-    /// What the white or the yellow pages say.
+    /// The answer of the white or the yellow pages.
     fn pages(&self, which: &str) -> Vec<Value> {
         let told = self.farm.succeed(&["platform", which, "--at", &self.url(), "--json"]);
         told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
@@ -62,7 +62,7 @@ impl<'a> ShownPage<'a> {
         self.number.get()
     }
 
-    /// Says something as `from@jade`. `AID` in the content stands for whom it is said to.
+    /// Sends a message as `from@jade`. `AID` in the content stands for the receiver.
     fn says(&self, number: u32, from: &str, to: &str, act: &str, ontology: &str, content: &str) {
         let text = self.jade.says_to(9, self.at, |text| {
             let begin = text.find(":content  \"").expect("a content") + 11;
@@ -78,7 +78,7 @@ impl<'a> ShownPage<'a> {
         assert_eq!(Line::to_address(self.at).ask(&text), TAKEN);
     }
 
-    /// Asks, and takes the answer.
+    /// Sends a request. Returns the answer.
     fn asks(&self, from: &str, to: &str, function: &str) -> WireMessage {
         let number = self.next();
         self.says(number, from, to, "REQUEST", "bottega-farm", &format!("((action AID {function}))"));
@@ -87,7 +87,7 @@ impl<'a> ShownPage<'a> {
         heard
     }
 
-    /// Has the AMS change an agent, as JADE's tools do.
+    /// Changes an agent through the AMS, as JADE's tools do.
     fn tells_ams(&self, function: &str) {
         self.says(
             self.next(),
@@ -101,7 +101,7 @@ impl<'a> ShownPage<'a> {
     }
 }
 
-/// The name of the machine whose log this is.
+/// Returns the name of the machine from its log.
 pub(super) fn name_of(farm: &Farm, known: &[String]) -> String {
     let mut name = None;
     let mut look = || {
@@ -155,7 +155,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
     assert_eq!(shown.state(&one).as_deref(), Some("suspended"));
     farm.until("one paints", || farm.job(1)["machines"] == 1);
     farm.until_says("one", "suspended by ams@shop of the platform");
-    // Resumed by the farm, and the white pages know.
+    // The farm resumes it, and the white pages show it.
     farm.succeed(&["machines", "resume", &one]);
     farm.until_says("one", "resumed by");
     farm.until("the AMS knows", || shown.state(&one).as_deref() == Some("active"));

@@ -1,4 +1,4 @@
-//! The ports on which a farm listens: those that are taken, and how other processes find them.
+//! The ports on which a farm listens: ports that are taken, and how other processes find the farm.
 
 use std::{fs, net::TcpListener, path::Path};
 
@@ -33,7 +33,7 @@ fn a_port_that_is_taken_is_told_before_anything_is_started_and_nothing_is_left()
     }
 }
 
-/// Whether the process of a file's number runs.
+/// Returns true if the process whose number is in the file runs.
 fn runs(file: &Path) -> bool {
     let number = fs::read_to_string(file).ok().and_then(|text| text.trim().parse().ok());
     number.is_some_and(|number| signal("-0", number))
@@ -49,7 +49,7 @@ fn the_page_is_told_first_and_the_platform_is_found_at_any_port() {
     let agents = agents.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
     assert!(agents.into_iter().any(|agent| agent["agent"] == "jobs@bottega"), "{said}");
     assert!(farm.succeed(&["platform", "services"]).contains("bottega-jobs"));
-    // Another one that is asked for the same says where it is.
+    // A second `up` for the same farm prints its address.
     let again = farm.up_words(&["--web", "127.0.0.1:0"]);
     let again = farm.succeed(&again.iter().map(String::as_str).collect::<Vec<_>>());
     assert!(again.starts_with("the farm is up already") && again.contains("bottega join"), "{again}");
@@ -75,7 +75,7 @@ fn a_machine_has_the_name_that_it_is_given_and_is_told_that_its_word_was_not_che
     );
     let machines = farm.succeed(&["machines", "list"]);
     assert!(machines.contains("studio-a-") && machines.contains("studio-b-"), "{machines}");
-    // It is the same one when it comes again.
+    // It keeps its port after a restart.
     let member = |log: &str| farm.name_of(log).split('.').next().map(str::to_owned);
     let before = member("a");
     let _again = named("studio-a", "a-again");
@@ -84,7 +84,7 @@ fn a_machine_has_the_name_that_it_is_given_and_is_told_that_its_word_was_not_che
     let told = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(refused.status.code() == Some(2) && told.contains("letters, digits and hyphens"), "{told}");
 
-    // A word that was altered on its way: the key is what counts.
+    // With another word in the line the key counts.
     let at = "bottega://t".len();
     let other = if line[at..].starts_with('0') { "1" } else { "0" };
     let altered = format!("{}{other}{}", &line[..at], &line[at + 1..]);

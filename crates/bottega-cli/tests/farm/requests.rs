@@ -1,4 +1,4 @@
-//! A request that no command line has made, painted by two processes.
+//! A request that was not made by a command line, painted by two processes.
 
 use super::{
     fixture::{Farm, bits},

@@ -1,4 +1,4 @@
-//! Servers whose room comes to an end: nothing is lost, nothing is left behind, and jobs go on when there is room again.
+//! Servers that run out of space: nothing is lost, nothing is left behind, and jobs continue when there is space again.
 
 use std::{
     fmt::Write,
@@ -14,23 +14,23 @@ use super::{
     support::{self, servers, text},
 };
 
-/// What a small picture takes.
+/// Space of a small picture.
 const SMALL: [&str; 8] = ["render", "goblets.glb", "--size", "64x64", "--spp", "4", "--quiet", "-o"];
 
-/// A scene of a triangle, with so many megabytes of comments.
+/// Makes a scene of a triangle, with this many megabytes of comments.
 fn large_scene(path: &Path, megabytes: usize) {
     let mut words = String::new();
     let mut number = 0_u64;
     while words.len() < megabytes << 20 {
         number += 1;
-        // No two pieces of it are the same.
+        // All its pieces differ.
         _ = writeln!(words, "# {number:060}");
     }
     words += "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     fs::write(path, words).expect("written");
 }
 
-/// Bytes of what the server keeps. What an old one counts is more: it counts what it has let go of.
+/// Returns the bytes that the server stores. The count of an old server is larger: it includes deleted data.
 fn used(farm: &Farm) -> u64 {
     let link = link(farm);
     let blobs: u64 = link.blobs().list().iter().map(|blob| blob.bytes).sum();
@@ -52,14 +52,14 @@ fn a_scene_for_which_there_is_no_room_is_refused_and_leaves_nothing() {
         farm.succeed(&[&SMALL[..], &[text(&plain)]].concat());
         farm.succeed(&[&SMALL[..], &[text(&small), "--farm"]].concat());
         assert!(bits(&small) == bits(&plain), "{}", farm.logs());
-        // A job that is over gives its scene back when it is removed.
+        // Removing a finished job removes its scene.
         let (scene, output) = (farm.path("fits.obj"), farm.path("fits.exr"));
         large_scene(&scene, 12);
         let render = ["render", text(&scene), "-o", text(&output), "--size", "8x8", "--spp", "1", "--quiet", "--farm"];
         farm.succeed(&[&render[..], &["--detach"]].concat());
         let list = farm.succeed(&["jobs", "list"]);
         assert!(list.lines().any(|line| line.contains("fits.obj") && line.contains("13 MB")), "{list}");
-        // With what is known of the job before.
+        // Including the notices of the previous job.
         let keeps = ["13", "14"].map(|size| format!("the farm's server keeps {size} MB of at most 20 MB"));
         assert!(keeps.iter().any(|words| list.contains(words)), "{list}");
         farm.succeed(&["jobs", "cancel", "2"]);
@@ -125,7 +125,7 @@ fn a_job_waits_while_the_store_is_full_and_goes_on_when_something_is_let_go() {
 /// A farm whose folder lies on a disk that only its own processes see.
 struct SmallDisk {
     _up: Process,
-    /// Where others see the folder.
+    /// The path at which other processes see the folder.
     seen: PathBuf,
 }
 
@@ -137,7 +137,7 @@ impl Drop for SmallDisk {
     }
 }
 
-/// A disk of so many megabytes for a farm; `None`: this system gives none.
+/// Makes a disk of this many megabytes for a farm; `None`: the system does not allow it.
 fn farm_on_small_disk(farm: &mut Farm, megabytes: u32) -> Option<SmallDisk> {
     let state = farm.path("disk");
     fs::create_dir(&state).expect("a folder");

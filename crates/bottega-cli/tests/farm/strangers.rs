@@ -1,4 +1,4 @@
-//! Agents of other platforms that paint: one in the words of JADE over a real socket, and the one in Python, with Mitsuba.
+//! Agents of other platforms that paint: one with JADE's messages over a real socket, and the one in Python, with Mitsuba.
 
 use std::{
     cell::Cell,
@@ -42,7 +42,7 @@ fn room(farm: &Farm) -> PathBuf {
     path
 }
 
-/// Where the farm's platform is.
+/// The address of the farm's platform.
 fn platform(farm: &Farm) -> SocketAddr {
     farm.until_says("up.log", "FIPA platform at ");
     let said = farm.said("up.log");
@@ -174,7 +174,7 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
     farm.until("the Master is in the yellow pages", || {
         farm.succeed(&["platform", "services", "--at", &format!("http://{at}/acc")]).contains(master)
     });
-    // Nobody is heard who has not subscribed.
+    // Messages of agents that have not subscribed are ignored.
     stranger.say("INFORM", master, "c-0", "((done (action S (paint :zone 1 :order 2))))");
     assert!(is(&stranger.jade.hear().message, P::Refuse).contains("(not-subscribed)"));
     let wish = "((iota ?w (paints :agent (agent-identifier :name probe@jade) :power 0.1 :work ?w)))";
@@ -182,7 +182,7 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
     is(&stranger.jade.hear().message, P::Agree);
     let work = stranger.hears(&[P::Inform]);
     assert_eq!((value(&work, "scene"), value(&work, "samples")), ("room.xml".to_owned(), "3000".to_owned()));
-    // A call, answered wrongly, and another one that is answered well.
+    // A call with a wrong answer, and another one with a correct answer.
     let bid = |zone: &str, seconds: &str| {
         format!(
             "((action (agent-identifier :name probe@jade) (paint :zones (sequence (zone :number {zone} :seconds \
@@ -212,7 +212,7 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
     assert!(is_rejected);
     let (seen, conversation) = (ObservedZone::of(&award), award.conversation_id.clone().expect("a conversation"));
     let (width, height) = seen.size;
-    // Wrong sizes, what is no picture, another key, too much, and to say that it is done before it is.
+    // Wrong sizes, bytes that are not a picture, another key, too much, and a report before the work is done.
     assert_eq!(put(&seen.deliver, &plain(&farm.path("."), width + 1, height, 0.5)), "422");
     assert_eq!(put(&seen.deliver, &plain(&farm.path("."), width, height, f32::NAN)), "422");
     assert_eq!(put(&seen.deliver, b"no picture"), "422");
@@ -226,10 +226,10 @@ fn a_stranger_in_the_words_of_jade_is_called_promises_and_paints_and_what_is_wro
         let rows = farm.succeed(&["blackboard", "1", "--json"]);
         rows.lines().any(|row| row.contains("probe@stranger-jade") && row.contains("\"done\""))
     });
-    // Its word for a zone of another, or for one that is done, is none.
+    // Its reports for zones of others, or for finished zones, do not count.
     stranger.say("INFORM", master, &conversation, &seen.done());
     assert!(is(&stranger.hears(&[P::Disconfirm]), P::Disconfirm).contains("(not-your-order)"));
-    // It goes, and the picture is painted all the same.
+    // It leaves, and the picture is completed all the same.
     stranger.say("CANCEL", master, "c-1", wish);
     assert!(is(&stranger.hears(&[P::Inform]), P::Inform).starts_with("((done (iota"));
     assert!(render.wait(), "{}", farm.logs());

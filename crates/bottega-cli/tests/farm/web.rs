@@ -1,4 +1,4 @@
-//! A farm over HTTP, as a browser or a script has it.
+//! A farm over HTTP, as a browser or a script uses it.
 
 use std::{
     fs,
@@ -69,7 +69,7 @@ impl Web {
         serde_json::from_slice(&self.get(&format!("/api/jobs/{number}")).1).expect("JSON")
     }
 
-    /// Sends a file, as far as it is not there. Returns its digest, and how many pieces were sent.
+    /// Sends the missing pieces of a file. Returns its digest, and the number of pieces sent.
     fn upload(&self, name: &str, bytes: &[u8]) -> (String, usize) {
         let hash = |bytes: &[u8]| blake3::hash(bytes).to_hex().to_string();
         let chunks: Vec<String> = bytes.chunks(PIECE).map(hash).collect();
@@ -114,14 +114,14 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     assert!(sent > 0);
     assert_eq!(steer.upload("goblets.glb", &scene).1, 0, "it is there");
     let asked = json!({ "request": request("scenes/goblets.glb", 384), "files": { "scenes/goblets.glb": digest } });
-    // What cannot be painted is refused before it is a job.
+    // A request that cannot be rendered is refused before it becomes a job.
     for (change, word) in [
         (json!({ "goal": { "samples": 0 } }), "goal.samples"),
         (json!({ "scene": { "file": "/etc/passwd" } }), "scene.file"),
         (json!({ "scene": { "file": "scenes/../../x.glb" } }), "scene.file"),
         (json!({ "output": { "file": "/root/.bashrc.png" } }), "output.file"),
         (json!({ "output": { "file": "../x.png" } }), "output.file"),
-        // The farm keeps the picture: no folder is meant, whether `bottega up` runs in one that has it or not.
+        // The farm keeps the picture: the output names no folder, wherever `bottega up` runs.
         (json!({ "output": { "file": "out/x.png" } }), "output.file"),
         (json!({ "goal": { "samples": -1 } }), "`goal.samples` is -1: from 1 to"),
         (json!({ "environment": { "light": { "file": "/etc/passwd" } } }), "environment.light"),
@@ -157,7 +157,7 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     // There is something to see before a zone is done.
     farm.until("a first look", || steer.job(1)["seen"] == true);
     assert!(see.get("/api/jobs/1/preview.png").1.starts_with(b"\x89PNG"), "{}", farm.logs());
-    // The stream tells of each zone and of the end.
+    // The stream reports each zone and the end.
     let (mut line, mut done) = (String::new(), std::collections::BTreeSet::new());
     let mut has_ended = false;
     let mut preview = None;
@@ -192,7 +192,7 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
         assert!(!told.contains(text(&farm.path(""))) && !told.contains("/root") && !told.contains("/home"), "{told}");
     }
 
-    // Tokens have names, are taken at all doors, and can be revoked.
+    // Tokens have names, are accepted at all doors, and can be revoked.
     let made: Value =
         serde_json::from_str(&farm.succeed(&["tokens", "make", "anna", "--role", "steer", "--json"])).expect("JSON");
     let token = made["token"].as_str().expect("a token").to_owned();
@@ -217,7 +217,7 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     let (status, told) =
         steer_there.post("/api/jobs", &json!({ "request": request("goblets.glb", 2000), "files_of_job": 1 }));
     assert_eq!((status, &told["job"]), (201, &json!(2)), "{told}");
-    // What one door was told the other hears over the farm.
+    // A change at one door arrives at the other over the farm.
     farm.until("the first door knows it", || steer.job(2)["state"].is_string());
     assert_eq!(anna.post("/api/jobs/2/pause", &json!({})).1["state"], "paused");
     let log = farm.log_of(2);
@@ -249,8 +249,8 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     assert_eq!(steer.get("/api/jobs/1").0, 200, "one door closes, the other stays");
 }
 
-/// The processes that have painted the picture first are gone, so that what comes before the first zone is done once more, by two machines
-/// together: it was waited for for ever.
+/// The processes that have painted the picture first are gone, so that the work before the first zone is done once more, by two machines
+/// together. Once this waited for ever.
 #[test]
 fn a_job_that_is_painted_again_keeps_its_picture_until_the_new_one_is_there() {
     const PHOTONS: [&str; 4] = ["--integrator", "photon", "--set", "photons.count=400000"];
@@ -271,7 +271,7 @@ fn a_job_that_is_painted_again_keeps_its_picture_until_the_new_one_is_there() {
     let again = || {
         let (status, view) = steer.post("/api/jobs/1/zones/3/requeue", &json!({}));
         assert!(status == 200 && view["state"] == "active" && view["kept"] == true, "{view}");
-        // Nothing of the painting before is taken for progress.
+        // Progress of the previous painting does not count.
         assert_eq!((&view["done"], &view["zones_done"], &view["seconds_left"]), (&json!(0.0), &json!(0), &json!(null)));
     };
     again();

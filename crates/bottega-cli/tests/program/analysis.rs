@@ -34,7 +34,7 @@ fn rendered(folder: &Path, name: &str, more: &[&str]) -> Picture {
     read_picture(&output).expect("a picture")
 }
 
-/// What `bottega diff --seams` says: z and p.
+/// The output of `bottega diff --seams`: z and p.
 fn seams(folder: &Path, name: &str, reference: Option<&str>) -> (f64, f64) {
     let (picture, index) = (folder.join(name), folder.join("index.json"));
     let reference = reference.map(|name| folder.join(name));
@@ -67,7 +67,7 @@ fn level_3_keeps_the_expected_times_of_real_scenes_within_a_tenth() {
 fn a_map_without_channels_is_even() {
     let folder = tempfile::tempdir().expect("a folder");
     let index = analyzed("goblets.glb", folder.path(), &["--set", "work.channels=depth"]);
-    // Depth says nothing of time, so all zones of the first level are alike.
+    // Depth has no relation to time, so all zones of the first level are alike.
     let zones = zones(&index, 1);
     assert!(zones.iter().all(|(_, complexity)| (complexity / zones[0].1 - 1.0).abs() < 1e-3), "{zones:?}");
 }
@@ -95,7 +95,7 @@ fn zones_of_equal_quality_have_no_seams_and_those_that_are_put_in_are_found() {
 
 #[test]
 fn bands_between_zones_of_different_quality_are_not_seen() {
-    /// How far from an edge of a zone a pixel counts as near it.
+    /// Largest distance of a pixel that counts as near an edge of a zone, in pixels.
     const NEAR: u32 = 4;
     let folder = tempfile::tempdir().expect("a folder");
     let zones = zones(&analyzed("goblets.glb", folder.path(), &[]), 3);
@@ -116,13 +116,13 @@ fn bands_between_zones_of_different_quality_are_not_seen() {
         }
         sums.map(|(sum, count)| sum / count)
     };
-    // What is less than another seed makes cannot be told from noise; and what is lost is not lost at the edges, of which
+    // A difference below that of another seed is noise. The difference is not at the edges of zones, of which
     // there are more where the scene is complex: there another seed differs more too.
     let ([near, inside], [noise_near, noise_inside]) = (errors(&optimized), errors(&other));
     assert!(near < noise_near, "FLIP near edges {near:.4}, of another seed {noise_near:.4}");
     let (at_edges, noise_at_edges) = (near / inside, noise_near / noise_inside);
     assert!(at_edges < 1.15 * noise_at_edges, "near over inside {at_edges:.3}, of another seed {noise_at_edges:.3}");
-    // Beside a picture of the same samples a step of a tenth between zones would have z above 8.
+    // Beside a picture of the same samples a step of a tenth between zones has z above 8.
     let (z, p) = seams(folder.path(), "n.exr", Some("off.exr"));
     assert!(p > 1e-3, "z = {z}, p = {p}");
 }

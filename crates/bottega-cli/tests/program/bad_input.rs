@@ -1,5 +1,5 @@
-//! Bad input gets a clear error that names the file, the place and the remedy, and an exit code: 2 for what was asked
-//! wrongly, 1 for what failed. Never a panic.
+//! Bad input gets a clear error that names the file, the place and the remedy, and an exit code: 2 for a usage error,
+//! 1 for a failure. Never a panic.
 
 use std::{fs, process::Output};
 
@@ -9,7 +9,7 @@ fn told(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The program must end with `code` and tell all of `words`.
+/// Runs the program, which must end with `code` and print all of `words`.
 fn fails(arguments: &[&str], code: i32, words: &[&str]) {
     let output = run(arguments);
     let told = told(&output);
@@ -131,7 +131,7 @@ fn resume_without_anything_to_resume_says_so() {
     fails(&["render", "cornell-box.glb", "-o", text(&picture), "--resume"], 1, &["nothing to go on with", "--resume"]);
 }
 
-/// Commands whose result is what they print.
+/// Commands whose result is their output.
 #[cfg(target_os = "linux")]
 const PRINTING: [&[&str]; 9] = [
     &["info", "cornell-box.glb"],
@@ -172,7 +172,7 @@ fn a_result_that_cannot_be_written_is_a_failure_and_is_said() {
         assert!(told.contains("standard output cannot be written"), "{arguments:?}: {told}");
         assert!(!told.contains("panicked"), "{arguments:?}: {told}");
     }
-    // What cannot be said changes no exit code.
+    // Output that cannot be written changes no exit code.
     for (arguments, code) in [(&["info", "missing.glb"][..], 1), (&["render"], 2), (&["info", "cornell-box.glb"], 0)] {
         let output = support::bottega(arguments).stderr(full()).output().expect("an end");
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");
@@ -192,7 +192,7 @@ fn a_record_or_trace_that_cannot_be_written_costs_no_picture_and_is_told() {
         assert!(output.status.success() && told.contains(words) && picture.exists(), "{option}: {told}");
         fs::remove_file(&picture).expect("a picture");
     }
-    // Where there is no folder nothing is painted.
+    // Without the folder nothing is rendered.
     let missing = folder.path().join("missing/record.json");
     let output = support::bottega(&[&small[..], &["--record", text(&missing)]].concat()).output().expect("an end");
     assert!(!output.status.success() && !picture.exists(), "{}", told(&output));

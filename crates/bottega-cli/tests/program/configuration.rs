@@ -1,4 +1,4 @@
-//! The configuration file and variables of the environment: what they say is asked for as if it were typed.
+//! The configuration file and variables of the environment: their options count as if they were typed.
 
 use std::{fs, process::Command};
 
@@ -100,7 +100,7 @@ fn what_is_wrong_is_told_with_its_place_and_nothing_is_painted() {
     fs::write(&file, [0xff, 0xfe]).unwrap();
     let output = render(file.to_str().unwrap(), &[]).output().unwrap();
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
-    // One finds it however wrong it is.
+    // The path of the file is printed even if the file is wrong.
     let output = bottega(&["config", "path"]).env("BOTTEGA_CONFIG", &file).output().unwrap();
     assert_eq!(text(&output.stdout).trim(), file.to_str().unwrap());
 }

@@ -1,4 +1,4 @@
-//! `render --denoise`, with the real library where there is one.
+//! `render --denoise`, with the real library if it is installed.
 
 use std::{fs, process::Command};
 
@@ -6,7 +6,7 @@ use crate::program::support::{self, bottega, text};
 use bottega_denoise::{DenoiseError, Denoiser};
 use bottega_image::{ReadLimits, read_channels, read_image};
 
-/// Whether there is a library; says so where there is none.
+/// Returns true if the library is installed; prints that the test is skipped if not.
 fn is_here() -> bool {
     match Denoiser::load() {
         Ok(_) => true,

@@ -1,4 +1,4 @@
-//! The learning of a machine: how well it knows the time of zones from one run to the next.
+//! The learning of a machine: its predictions of zone times from one run to the next.
 
 use std::{fs, path::Path, process::Output, thread};
 
@@ -16,7 +16,7 @@ fn succeed_in(state: &Path, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// Paints a small picture, and returns all events.
+/// Renders a small picture. Returns all events.
 fn paint(state: &Path, picture: &Path) -> Vec<Value> {
     let arguments = [
         "goblets.glb",
@@ -59,7 +59,7 @@ fn a_second_run_expects_what_the_first_took_and_paints_the_same() {
     );
     let after = paint(&state, &second);
     assert_eq!(forecast(&after)["jobs_learnt"], 1);
-    // What is expected before anybody has seen a zone is another time, and no pixel depends on it.
+    // The expected times before profiling differ, and no pixel depends on them.
     let expected = |events: &[Value]| -> Vec<f64> {
         let open = events.iter().filter(|it| it["event"] == "zone" && it["state"] == "open");
         open.map(|zone| zone["seconds_estimated"].as_f64().expect("T_est")).collect()

@@ -1,4 +1,4 @@
-//! Names that others chose do nothing to a terminal: whatever they hold, a line stays a line, and nothing is coloured.
+//! Foreign names do not affect a terminal: whatever they contain, a line stays a line, and nothing is coloured.
 #![cfg(unix)]
 
 use std::{fs, path::Path, process::Output};
@@ -11,7 +11,7 @@ use crate::program::support::{run, scenes, text};
 const NAME: &str = "a\u{1b}[2J\u{9b}31mALERT\rb\nc\u{202e}d";
 const SHOWN: &str = "a\\u001b[2J\\u009b31mALERT\\rb\\nc\\u202ed";
 
-/// Checks what a command said, and returns all of it.
+/// Checks the output of a command. Returns all of it.
 fn said(output: &Output) -> String {
     let all =
         [&output.stdout[..], &output.stderr].map(|bytes| String::from_utf8(bytes.to_vec()).expect("text")).concat();
@@ -91,7 +91,7 @@ fn names_within_scenes_are_escaped() {
             assert!(!is_told || all.contains("31m"), "{arguments:?}: {all}");
         }
     }
-    // What programs read stays JSON, and says the name.
+    // Output for programs stays JSON, with the name.
     let output = run(&["info", text(&folder.path().join("a.gltf")), "--json"]);
     let summary: Value = serde_json::from_str(&said(&output)).expect("JSON");
     assert_eq!(summary["generator"], NAME);

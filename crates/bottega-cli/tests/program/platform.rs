@@ -1,4 +1,4 @@
-//! `bottega platform`: two processes over one file, one of which is killed; questions; the trace.
+//! `bottega platform`: two processes over one file, one of which is killed; queries; the trace.
 
 use std::{
     fs,
@@ -47,7 +47,7 @@ fn lines(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
 }
 
-/// The agents that a platform knows, but for those who ask, who come and go.
+/// Returns the agents that a platform knows, except for the clients that ask, which come and go.
 fn agents(url: &str) -> Vec<String> {
     let told = succeed(&["platform", "agents", "--at", url, "--json"]);
     lines(&told).iter().map(|agent| agent["agent"].as_str().expect("a name").to_owned()).collect()
@@ -81,14 +81,14 @@ fn a_platform_is_served_by_two_processes_of_which_one_is_killed() {
     let found = services(&two.url);
     assert_eq!((found[0]["agent"].as_str(), found[0]["type"].as_str()), (Some("df@guest"), Some("fipa-df")));
     assert_eq!(found[0]["addresses"][0].as_str(), Some(guest.url.as_str()));
-    // Started again it knows what it knew.
+    // After a restart it knows what it knew before.
     let one = Serving::start(&state);
     assert_eq!(services(&one.url).len(), 1);
     let said = succeed(&["platform", "services", "--at", &format!("workshop={}", one.url)]);
     assert!(said.contains("df@guest") && said.contains("fipa-df"), "{said}");
     #[cfg(unix)]
     {
-        // A guest takes itself out when it ends.
+        // A guest deregisters when it ends.
         let mut late = Serving::start(&["--name", "late", "--federate", &two.url]);
         let begun = Instant::now();
         while services(&two.url).len() != 2 {

@@ -1,4 +1,4 @@
-//! Previews while a picture is painted, and where and how they are written.
+//! Previews while a picture is rendered: their files, and how these are written.
 
 use std::{
     fs,
@@ -159,7 +159,7 @@ fn ball_on_table(integrator: &str, more: &str) -> String {
 fn the_integrator_of_the_file_chooses_ours() {
     let folder = tempfile::tempdir().expect("a folder");
     let (scene, output) = (folder.path().join("scene.pbrt"), folder.path().join("picture.exr"));
-    // What is chosen, whether the user is told of it, and the mean of the picture.
+    // The choice, whether it is reported, and the mean of the picture.
     let painted = |integrator: &str, more: &str, options: &[&str]| {
         fs::write(&scene, ball_on_table(integrator, more)).expect("a scene");
         let arguments = [&["render", text(&scene), "-o", text(&output), "--json", "--exact"], options].concat();
@@ -184,13 +184,13 @@ fn the_integrator_of_the_file_chooses_ours() {
     let (chosen, told, by_paths) = painted("volpath", "", &[]);
     assert_eq!((chosen.as_str(), told.as_str()), ("\"path\"/false", ""));
     assert!(with_caustic > 1.05 * by_paths, "{with_caustic} and {by_paths}");
-    // One that finds the same from both ends.
+    // An integrator that finds the same light from both ends.
     let (chosen, told, from_both_ends) =
         painted("bdpt", "", &["--set", "photons.count=40000", "--set", "photons.radius=0.05"]);
     assert_eq!(chosen, photons);
     assert!(told.contains("`bdpt` is replaced"), "{told}");
     assert!((from_both_ends / with_caustic - 1.0).abs() < 0.05, "{from_both_ends} and {with_caustic}");
-    // What the user asks for goes first.
+    // The user's option wins.
     let (chosen, told, asked) = painted("sppm", "", &["--integrator", "path"]);
     assert_eq!(chosen, "\"path\"/false");
     assert!(told.contains("as it was asked for"), "{told}");

@@ -8,7 +8,7 @@ use bottega_image::Picture;
 /// Side of the blocks of pixels whose means are compared.
 const BLOCK: u32 = 32;
 
-/// How far the mean of a whole channel may be off beyond what noise explains: the rounding of the reference's values,
+/// Tolerance of a channel's mean beyond noise: the rounding of the reference's values,
 /// and its own noise.
 const MEAN_MARGIN: f64 = 0.002;
 

@@ -1,4 +1,4 @@
-//! A picture asked for is a value: the same bits through every door.
+//! A request is a value: every door gives the same bits.
 
 use std::{
     fs,
@@ -12,7 +12,7 @@ use crate::program::support::{bottega, example, run, scenes, succeed, text};
 use bottega::{Request, Session, SessionOptions, StopSwitch, picture::request_of};
 use bottega_farm::simulate::{FarmSpec, Plan, Record, Workpiece, simulate};
 
-/// What is asked for, in options.
+/// The options of the picture.
 const OPTIONS: [&str; 9] = [
     "goblets.glb",
     "--size=40x30",
@@ -30,12 +30,12 @@ fn bits(path: &Path) -> Vec<[u32; 3]> {
     picture.data.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
-/// The program with a text as its standard input.
+/// Runs the program with a text as its standard input.
 fn fed(arguments: &[&str], input: &[u8]) -> Output {
     let mut command = bottega(arguments);
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program starts");
-    // Who refuses it may do so before all of it is read.
+    // The program may refuse the text before it has read all of it.
     _ = child.stdin.take().expect("piped").write_all(input);
     child.wait_with_output().expect("the program ends")
 }
@@ -58,7 +58,7 @@ fn every_door_gives_the_same_bits() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(bits(&at("piped.exr")), reference);
 
-    // From a picture that is painted, and from a PNG of it.
+    // From a finished picture, and from a PNG of it.
     render(&["--from", text(&by_options), "-o", text(&at("again.exr"))]);
     assert_eq!(bits(&at("again.exr")), reference);
     render(&["--from", text(&by_options), "-o", text(&at("again.png"))]);
@@ -134,7 +134,7 @@ fn a_picture_without_a_sound_request_says_so() {
         assert!(!output.status.success(), "{name}");
         String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ")
     };
-    // Another program's picture, a damaged one, and what is no picture.
+    // Another program's picture, a damaged one, and a file that is not a picture.
     bottega_image::write_png_rgb8(at("foreign.png"), 2, 2, &[9; 12]).expect("written");
     assert!(from("foreign.png").contains("does not say what it is a picture of"));
     let film = bottega_image::Film::new(

@@ -28,7 +28,7 @@ fn file(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> String {
     text(&path).to_owned()
 }
 
-/// The program must end with `code` and tell all of `words`.
+/// Runs the program, which must end with `code` and print all of `words`.
 fn fails(arguments: &[&str], code: i32, words: &[&str]) {
     let output = run(arguments);
     // Long lines are broken, with a border.
@@ -162,7 +162,7 @@ fn rules_are_evaluated_and_explained() {
     assert_eq!(why["inputs"]["heat"]["hot"], 0.75);
     assert_eq!(why["rules"][0]["degree"], 0.5);
     assert_eq!(why["aggregates"]["speed"]["points"][0], serde_json::json!([0.0, 0.5]));
-    // Laid out over 100 .. 300 as a scene would, 250 stands where 25 did.
+    // Laid out over 100 .. 300, 250 takes the place of 25.
     let laid_out = json(&["rules", "eval", &fan, "heat=250", "noise=0.5", "--range", "heat=100..300", "--json"]);
     assert_eq!(laid_out["outputs"], why["outputs"]);
     let said = succeed(&["rules", "eval", &fan, "heat=25", "noise=0.5", "--explain"]);

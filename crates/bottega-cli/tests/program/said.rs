@@ -1,4 +1,4 @@
-//! The lines that the program prints while it paints, and its end by a signal.
+//! The lines that the program prints while it renders, and its end by a signal.
 
 use std::{fs, process::Output};
 #[cfg(unix)]
@@ -34,7 +34,7 @@ fn a_goal_is_said_in_place_of_the_most_samples() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("a.png");
     for (goal, words) in [(["--error", "0.5"], "an estimated error of 0.5"), (["--time", "20s"], "the best in 20 s")] {
-        // One sample is the most that a pixel gets, so nothing takes as long.
+        // A pixel gets at most one sample, so no part takes longer.
         let small = ["render", "cornell-box.glb", "-o", text(&picture), "--size", "32x32", "--spp", "1"];
         let output = run(&[&small[..], &goal].concat());
         let told = told(&output);

@@ -1,4 +1,4 @@
-//! A picture depends on scene, settings and seed; not on who paints it.
+//! A picture depends on scene, settings and seed, not on the agents and machines that paint it.
 
 use std::{fs, path::Path};
 
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 const SIZE: &str = "48x36";
 
-/// The pixels of an EXR file, bit by bit: the metadata tells how long it took.
+/// The pixels of an EXR file, bit by bit, without the metadata, which has the time taken.
 fn bits(path: &Path) -> Vec<[u32; 3]> {
     let picture = bottega_image::read_picture(path).expect("a picture");
     picture.data.iter().map(|pixel| pixel.map(f32::to_bits)).collect()

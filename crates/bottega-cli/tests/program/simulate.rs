@@ -36,7 +36,7 @@ fn a_recorded_run_is_replayed_with_other_agents() {
     let finer = simulate(&[text(&record), "--agents", "4", "--zones-scale", "3"]);
     assert_eq!(number(&finer, "zones"), 3.0 * zones);
 
-    // Whoever fails is done without; whoever is alone and fails is not.
+    // A failing agent is left out, unless it is the only one.
     let lame = simulate(&[text(&record), "--agents", "3,agent-1@fail=100ms"]);
     assert_eq!(number(&lame, "zones_failed"), 0.0);
     let alone = run(&["simulate", text(&record), "--agents", "1,agent-0@fail=10ms"]);
@@ -44,7 +44,7 @@ fn a_recorded_run_is_replayed_with_other_agents() {
     assert!(String::from_utf8_lossy(&alone.stderr).contains("anybody left"));
 }
 
-/// Agents choose by the rules of those who painted, or they would paint something else.
+/// Agents choose by the rules of the recorded agents; otherwise they paint with other settings.
 #[test]
 fn a_work_with_rules_of_its_own_is_replayed_by_them() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -14,7 +14,7 @@ pub(crate) use self::servers::servers;
 /// The program, in the folder of the scenes.
 pub(crate) fn bottega(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bottega"));
-    // What is learnt here is no part of what this machine knows.
+    // Experience learnt here does not mix with that of this machine.
     let state = Path::new(env!("CARGO_TARGET_TMPDIR")).join("state");
     command.args(arguments).current_dir(scenes()).env("XDG_STATE_HOME", state);
     command
@@ -33,7 +33,7 @@ pub(crate) fn succeed(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// Starts a long picture, stops it when some of it is painted, and returns how it ended.
+/// Starts a long picture, stops it when some of it is painted, and returns its exit status.
 #[cfg(unix)]
 pub(crate) fn interrupt(arguments: &[&str]) -> ExitStatus {
     let mut child = bottega(arguments).arg("--json").stdout(Stdio::piped()).spawn().expect("the program starts");
@@ -48,7 +48,7 @@ pub(crate) fn interrupt(arguments: &[&str]) -> ExitStatus {
     child.wait().expect("the program ends")
 }
 
-/// Sends a signal to a process, by the shell's own `kill`: not every system has a program of that name. Whether it arrived.
+/// Sends a signal to a process, by the shell's own `kill`: not every system has a program of that name. Returns true if it arrived.
 ///
 /// - `what`: such as `-INT`.
 #[cfg(unix)]

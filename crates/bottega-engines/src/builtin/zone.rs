@@ -26,13 +26,14 @@ const BLOCK_SIDE: u32 = 16;
 /// together.
 const UNIT_TIME: Duration = Duration::from_millis(8);
 
-/// The same with devices, which finish a unit quickly and have a higher overhead per unit.
+/// The target time of a work unit where devices take part, which finish a unit quickly and have a higher overhead per
+/// unit.
 const UNIT_TIME_WITH_DEVICES: Duration = Duration::from_millis(60);
 
 /// The most units of a zone per processor, waiting or running: enough to keep it busy, few enough that blocks finish in order.
 const UNITS_PER_LANE: usize = 3;
 
-/// The same per device, which takes many units at once; and in waves of paths, which use host memory.
+/// The most units of a zone per device, which takes many at once; and the most waves of paths, which use host memory.
 const UNITS_PER_DEVICE: usize = 1024;
 const WAVES_PER_DEVICE: usize = 128;
 
@@ -90,7 +91,7 @@ fn blocks(rect: Rect, parts: Option<&[Rect]>) -> VecDeque<Rect> {
 }
 
 impl<'a> ZonePainter<'a> {
-    /// Returns a painter for a zone, with the settings of its task.
+    /// Returns the renderer of a zone, with the settings of its task.
     pub(super) fn new(shared: &'a Shared, client: HraClient<RenderWork>, task: ZoneTask) -> Self {
         let mut settings = shared.options.settings;
         settings.max_depth = task.tunables.max_depth;

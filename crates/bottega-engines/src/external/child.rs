@@ -100,7 +100,7 @@ pub(super) enum ChildOutput {
     Line(String),
     /// No output for a moment.
     Silence,
-    /// Its standard output is closed.
+    /// The child has closed its standard output.
     End,
 }
 
@@ -140,12 +140,12 @@ impl GuardedChild {
         Ok(Self { child, _keeper: keeper, stdin, lines, log, limits: program.limits, tree, weighed: Instant::now() })
     }
 
-    /// Returns its standard input, for requests.
+    /// Returns the child's standard input, for requests.
     pub(super) fn stdin(&mut self) -> Option<&mut ChildStdin> {
         self.stdin.as_mut()
     }
 
-    /// Closes its standard input.
+    /// Closes the child's standard input.
     pub(super) fn close_stdin(&mut self) {
         self.stdin = None;
     }
@@ -155,7 +155,7 @@ impl GuardedChild {
         &self.log
     }
 
-    /// Waits a moment for its next output, and checks its limits.
+    /// Waits a moment for the child's next output, and checks its limits.
     pub(super) fn listen(&mut self) -> Result<ChildOutput, EngineFault> {
         let word = match self.lines.recv_timeout(LOOK_EVERY) {
             Ok(Some(line)) => ChildOutput::Line(line),
@@ -186,7 +186,7 @@ impl GuardedChild {
         Ok(())
     }
 
-    /// Returns its exit status, if it has ended; waits a moment for a child that is about to.
+    /// Returns the child's exit status, if it has ended; waits a moment for a child that is about to.
     pub(super) fn ended(&mut self) -> Option<String> {
         let until = Instant::now() + GRACE;
         loop {
@@ -202,7 +202,7 @@ impl GuardedChild {
         }
     }
 
-    /// Returns `true` if it has ended successfully; `None`: it is running.
+    /// Returns `true` if the child has ended successfully; `None`: it is running.
     pub(super) fn outcome(&mut self) -> Option<bool> {
         self.child.try_wait().ok().flatten().map(|status| status.success())
     }
@@ -219,7 +219,7 @@ impl GuardedChild {
         self.kill();
     }
 
-    /// Kills it and all that it has started.
+    /// Kills the child and all that it has started.
     pub(super) fn kill(&mut self) {
         self.stdin = None;
         self.tree.kill();

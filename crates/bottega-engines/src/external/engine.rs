@@ -174,7 +174,7 @@ impl ExternalEngine {
         self.shared.lanes
     }
 
-    /// True if zones are profiled: always with a time limit, or else if samples add up and windows are cheap.
+    /// Returns true if zones are profiled: always with a time limit, or else if samples add up and windows are cheap.
     fn is_profiled(&self) -> bool {
         let manifest = self.shared.located.manifest();
         self.shared.options.time.is_some() || manifest.adds_up() && manifest.cost.window_seconds < WINDOW_DEAR
@@ -313,7 +313,7 @@ impl EngineState {
         }
     }
 
-    /// True if the survey shows light in the window.
+    /// Returns true if the survey shows light in the window.
     fn expects_light(&self, window: Rect) -> bool {
         let (Some(survey), Some((width, height))) = (self.surveyed.get(), self.options.request.size) else {
             return false;

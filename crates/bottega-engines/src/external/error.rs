@@ -34,7 +34,7 @@ pub enum EngineFault {
     Files {
         /// The path of the file.
         path: PathBuf,
-        /// The cause.
+        /// The error of the file system.
         source: io::Error,
     },
     /// The scratch folder could not be created.
@@ -45,7 +45,7 @@ pub enum EngineFault {
     Start {
         /// The program, as on the command line.
         program: String,
-        /// The cause.
+        /// The error of the system.
         source: io::Error,
     },
     /// The engine refuses the scene or a zone, with its own message.
@@ -59,9 +59,9 @@ pub enum EngineFault {
     /// The engine exited by itself.
     #[error("it ended by itself: {status}{}", last_words(.log))]
     Ended {
-        /// Its exit status.
+        /// The exit status of the process, for display.
         status: String,
-        /// The end of its log.
+        /// The end of the worker's log.
         log: String,
     },
     /// The engine exceeded a time limit.
@@ -71,7 +71,7 @@ pub enum EngineFault {
         seconds: f64,
         /// The missing answer.
         what: &'static str,
-        /// The end of its log.
+        /// The end of the worker's log.
         log: String,
     },
     /// The engine wrote too much output.
@@ -94,7 +94,7 @@ pub enum EngineFault {
         /// The most processes.
         most: usize,
     },
-    /// Its worker violates the protocol.
+    /// The engine's worker violates the protocol.
     #[error("its worker does not keep to the protocol: {problem}")]
     Protocol {
         /// A description of the violation.
@@ -103,13 +103,13 @@ pub enum EngineFault {
     /// The engine wrote no picture.
     #[error("it wrote no picture{}", last_words(.log))]
     NoPicture {
-        /// The end of its log.
+        /// The end of the worker's log.
         log: String,
     },
-    /// Its picture cannot be read.
+    /// The engine's picture cannot be read.
     #[error("the picture that it wrote cannot be read")]
     Picture(#[source] ImageError),
-    /// Its picture has the wrong size.
+    /// The engine's picture has the wrong size.
     #[error("its picture has {found:?} pixels where {wanted:?} are needed for the window {window}")]
     Size {
         /// Width and height of the picture.
@@ -119,7 +119,7 @@ pub enum EngineFault {
         /// The window that was requested.
         window: Rect,
     },
-    /// Its picture holds non-finite values.
+    /// The engine's picture holds non-finite values.
     #[error("{count} values of its picture are no finite numbers")]
     NotFinite {
         /// The number of non-finite values.
@@ -134,7 +134,7 @@ pub enum EngineFault {
     /// The layers that it announced are invalid.
     #[error("the layers that it announces cannot be kept")]
     Layers(#[source] bottega_image::LayersError),
-    /// Its picture is all black, unexpectedly.
+    /// The engine's picture is all black, unexpectedly.
     #[error("its picture of the window {window} is all black, and the whole picture is not there")]
     Black {
         /// The window that was requested.
@@ -150,13 +150,13 @@ pub enum EngineFault {
         failures: u32,
         /// The last failure.
         last: String,
-        /// Its name, if the quarantine is stored for later processes.
+        /// The name of the engine, if the quarantine is stored for later processes.
         name: Option<String>,
     },
 }
 
 impl EngineFault {
-    /// True if the process must be restarted.
+    /// Returns true if the process must be restarted.
     pub(super) fn ends_process(&self) -> bool {
         match self {
             Self::Refused { fatal, .. } => *fatal,

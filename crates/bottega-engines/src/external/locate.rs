@@ -38,7 +38,7 @@ impl LocatedEngine {
     /// Searches for the engine by all steps of its manifest.
     ///
     /// # Errors
-    /// It is not installed, or only in unsupported versions: with the places searched, and how to install it.
+    /// The engine is not installed, or only in unsupported versions: with the places searched, and how to install it.
     pub fn find(entry: &ShelfEntry) -> Result<Self, EngineFault> {
         let manifest = &entry.manifest;
         let scratch = Scratch::new()?;

@@ -109,7 +109,7 @@ pub struct SceneFiles {
     /// Patterns for references; group 1 is a path.
     #[serde(default)]
     pub scan: Vec<Pattern>,
-    /// Extensions of referenced files that are scanned, too.
+    /// Extensions of referenced files that are searched for further references.
     #[serde(default)]
     pub scan_in: Vec<String>,
     /// The source of the survey.
@@ -176,7 +176,7 @@ pub struct Pixels {
     /// The position of the first row.
     #[serde(default)]
     pub first_row: FirstRow,
-    /// The pixel filter that it uses, for display.
+    /// The pixel filter that the engine uses, for display.
     pub filter: Option<String>,
 }
 
@@ -196,19 +196,19 @@ pub struct Cost {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
-    /// Seconds until it is ready.
+    /// Seconds until the worker is ready.
     pub start_seconds: f64,
     /// Seconds until the scene is open.
     pub open_seconds: f64,
-    /// Seconds without output while it renders.
+    /// Seconds without output while the worker renders.
     pub silence_seconds: f64,
     /// Seconds per window.
     pub zone_seconds: f64,
-    /// Memory of all its processes, in MiB.
+    /// Memory of all processes of the engine, in MiB.
     pub memory_mib: u64,
-    /// Size of its log, in KiB.
+    /// Size of the engine's log, in KiB.
     pub log_kib: u64,
-    /// Size of a file that it writes, in MiB.
+    /// Size of a file that the worker writes, in MiB.
     pub output_mib: u64,
 }
 
@@ -265,7 +265,7 @@ pub struct ErrorText {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Animation {
-    /// True if it accepts a frame number.
+    /// True if the engine accepts a frame number.
     pub frames: bool,
 }
 
@@ -279,7 +279,7 @@ pub struct Manifest {
     pub name: String,
     /// The display name of the engine.
     pub title: String,
-    /// The way it is driven.
+    /// The way in which the engine is driven.
     pub kind: EngineKind,
     /// A one-line description.
     pub about: Option<String>,
@@ -293,7 +293,7 @@ pub struct Manifest {
     pub determinism: Determinism,
     /// True if another seed gives other noise, so that passes can be added up.
     pub seeds: bool,
-    /// The steps to find it.
+    /// The steps to find the engine.
     pub find: Vec<SearchStep>,
     /// The supported versions.
     #[serde(default)]
@@ -305,22 +305,22 @@ pub struct Manifest {
     /// The supported tunables.
     #[serde(default)]
     pub tunables: TunableRanges,
-    /// The form of its output.
+    /// The form of the engine's output.
     pub pixels: Pixels,
     /// The overhead of windows.
     #[serde(default)]
     pub cost: Cost,
-    /// The limits of its processes.
+    /// The limits of the engine's processes.
     #[serde(default)]
     pub limits: Limits,
-    /// The form of its progress messages.
+    /// The form of the engine's progress messages.
     pub progress: Option<ProgressText>,
-    /// The form of its error messages.
+    /// The form of the engine's error messages.
     #[serde(default)]
     pub errors: ErrorText,
     /// The command line (`kind = "command"`).
     pub command: Option<Invocation>,
-    /// Its animation features.
+    /// The animation features of the engine.
     #[serde(default)]
     pub animation: Animation,
     /// Parameters passed to a worker unchanged.
@@ -433,13 +433,13 @@ impl Manifest {
         }
     }
 
-    /// True if it supports files of this extension.
+    /// Returns true if the engine supports files of this extension.
     pub fn takes(&self, scene: &std::path::Path) -> bool {
         let extension = scene.extension().map(|it| it.to_string_lossy().to_lowercase()).unwrap_or_default();
         self.scene.extensions.contains(&extension)
     }
 
-    /// True if passes with different seeds add up to one picture.
+    /// Returns true if passes with different seeds add up to one picture.
     pub fn adds_up(&self) -> bool {
         self.seeds && self.determinism != Determinism::Frame
     }

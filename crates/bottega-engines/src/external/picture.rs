@@ -114,7 +114,7 @@ fn load(written: &Written, window: Rect, names: &[String]) -> Result<(Picture, P
 }
 
 impl PaintedWindow {
-    /// True if every pixel is black.
+    /// Returns true if every pixel is black.
     pub(super) fn is_black(&self) -> bool {
         self.picture.data.iter().all(|pixel| *pixel == [0.0; 3])
     }

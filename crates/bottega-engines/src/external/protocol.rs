@@ -81,7 +81,7 @@ pub struct Opened {
     /// The pixel filter; `None`: unknown or unsupported.
     #[serde(default)]
     pub filter: Option<FilmFilter>,
-    /// The layers that it renders in addition to the color.
+    /// The layers that the worker renders in addition to the color.
     #[serde(default)]
     pub layers: Vec<OpenedLayer>,
 }
@@ -123,12 +123,12 @@ impl Opened {
 pub struct OpenedLayer {
     /// The name of the layer.
     pub name: String,
-    /// The names of its channels; in the file they are prefixed with the layer's name and a period.
+    /// The names of the layer's channels; in the file they are prefixed with the layer's name and a period.
     pub channels: Vec<String>,
     /// The combination of several passes.
     #[serde(default)]
     pub combine: CombineWord,
-    /// True if it has the same meaning as the built-in engine's layer of this name.
+    /// True if the layer has the same meaning as the built-in engine's layer of this name.
     #[serde(default)]
     pub shared: bool,
 }

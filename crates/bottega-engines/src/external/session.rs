@@ -53,7 +53,7 @@ impl Session {
     /// Opens the scene again with another request, for example in another size.
     ///
     /// # Errors
-    /// The engine refuses it.
+    /// The engine refuses the request.
     pub fn reopen(&mut self, engine: &Arc<LocatedEngine>, request: &SceneRequest) -> Result<(), EngineFault> {
         match &mut self.driver {
             // A worker can only read the files of the scene for which it was started.
@@ -100,7 +100,7 @@ impl Probe {
     /// Starts a worker and stops it again.
     ///
     /// # Errors
-    /// It does not start, or violates the protocol.
+    /// The worker does not start, or violates the protocol.
     pub fn start(engine: &Arc<LocatedEngine>) -> Result<Self, EngineFault> {
         let begun = std::time::Instant::now();
         WorkerSession::start(engine, Vec::new())?;

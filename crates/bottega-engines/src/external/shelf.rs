@@ -71,7 +71,7 @@ impl Shelf {
         }
     }
 
-    /// Returns the manifest of this name.
+    /// Returns the manifest of the engine with this name; `None`: there is none.
     pub fn get(&self, name: &str) -> Option<&ShelfEntry> {
         self.entries.get(name)
     }
@@ -81,7 +81,8 @@ impl Shelf {
         self.entries.values()
     }
 
-    /// Returns the error of a broken manifest, by the stem of its file name.
+    /// Returns the error of a broken manifest, by the stem of its file name; `None`: there is no broken one of this
+    /// name.
     pub fn broken(&self, name: &str) -> Option<&ManifestError> {
         self.broken.iter().find(|error| error.path.file_stem().is_some_and(|stem| stem == name))
     }
@@ -124,7 +125,7 @@ impl ShelfEntry {
         Ok(())
     }
 
-    /// Returns what determines its pictures: the bytes of the manifest and the scripts.
+    /// Returns what determines the engine's pictures: the bytes of the manifest and the scripts.
     pub fn identity(&self) -> Vec<u8> {
         let mut bytes = self.text.as_bytes().to_vec();
         for name in &self.manifest.files {

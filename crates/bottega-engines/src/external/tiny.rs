@@ -156,7 +156,7 @@ impl WindowCost {
         }
     }
 
-    /// Returns how long the regions of a picture with so many samples may be timed.
+    /// Returns how long the regions of a picture with this many samples may be timed.
     fn probe_time(self, samples: u64) -> Duration {
         let all = self.sample * samples as f64;
         Duration::try_from_secs_f64(all * PROBE_SHARE).unwrap_or(PROBE_TIME).min(PROBE_TIME)

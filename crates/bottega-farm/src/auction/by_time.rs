@@ -38,6 +38,7 @@ enum AwardShare {
 
 impl<'a> ByTime<'a> {
     pub(super) fn new(offers: &[Offer], mut bidders: Vec<Candidate>, standing: &'a BidderStanding<'a>) -> Self {
+        // Leave out bidders without room, and compute the expected end of the work
         bidders.retain(|bidder| bidder.room > 0);
         let end = standing.field.end(standing.now, standing.open) * (1.0 + SLACK);
         Self { open: Lot::all(offers), bidders, standing, end }
@@ -72,8 +73,8 @@ impl<'a> ByTime<'a> {
         decision
     }
 
-    /// The next bidder to choose, of those that lack zones: the one that is idle first; of several the most reliable,
-    /// then the one with the lowest id.
+    /// Returns the next bidder to choose, of those that lack zones: the one that is idle first; of several the most
+    /// reliable, then the one with the lowest id.
     fn first(&self) -> Option<usize> {
         (0..self.bidders.len()).filter(|&index| self.bidders[index].needs > 0).min_by(|&a, &b| {
             let (a, b) = (&self.bidders[a], &self.bidders[b]);
@@ -85,8 +86,10 @@ impl<'a> ByTime<'a> {
         })
     }
 
-    /// The bidder that finishes a zone soonest: `first`, which chose it, or another that would choose the same one.
+    /// Returns the bidder that finishes a zone soonest: `first`, which chose it, or another that would choose the
+    /// same one.
     fn soonest(&self, first: usize, place: usize) -> usize {
+        // Compare with the other bidders that choose the same zone
         let lot = &self.open[place];
         let finish = |index: usize| self.bidders[index].finish(lot).unwrap_or(f64::INFINITY);
         let mut best = first;
@@ -99,15 +102,15 @@ impl<'a> ByTime<'a> {
         best
     }
 
-    /// The time that one more zone may take a bidder, in its own seconds: the time from its load until the expected end,
-    /// or a share of it where zones can be cut.
+    /// Returns the time that one more zone may take a bidder, in its own seconds: the time from its load until the
+    /// expected end, or a share of it where zones can be cut.
     fn wanted(&self, bidder: &Candidate) -> f64 {
         let left = self.end - bidder.ready(&self.open);
         let takes_all = self.standing.can_cut.is_none() || left < 4.0 * PIECE_TIME_MIN;
         if takes_all { left } else { left * SHARE_OF_REST }
     }
 
-    /// The largest zone, or piece of one, that a bidder should choose now. `None`: none is worth giving it.
+    /// Returns the largest zone, or piece of one, that a bidder should choose now. `None`: none is worth giving it.
     fn best_for(&self, index: usize) -> Option<AwardShare> {
         let bidder = &self.bidders[index];
         let wanted = self.wanted(bidder);
@@ -134,8 +137,8 @@ impl<'a> ByTime<'a> {
         (0..self.open.len().min(LEFT_MAX)).find(|&place| self.nobody_sooner(index, place)).map(AwardShare::All)
     }
 
-    /// True if no agent finishes this zone sooner than the bidder, counting what each has in hand and has won. Computed
-    /// from the Master's own estimates for all agents alike, so exactly one agent is the soonest.
+    /// Returns true if no agent finishes this zone sooner than the bidder, counting what each has in hand and has won.
+    /// Computed from the Master's own estimates for all agents alike, so exactly one agent is the soonest.
     fn nobody_sooner(&self, index: usize, place: usize) -> bool {
         let (lot, now, field) = (&self.open[place], self.standing.now, self.standing.field);
         let time = lot.time;
@@ -144,6 +147,7 @@ impl<'a> ByTime<'a> {
         if !own.bids_for(lot) {
             return false;
         }
+        // Compare with the other bidders, then with agents that were not called
         let limit = finish(own);
         let mut bids = self.bidders.iter().filter(|bidder| bidder.bids_for(lot));
         let bids_now = |agent: MemberId| self.bidders.iter().any(|it| it.bidder.agent == agent);

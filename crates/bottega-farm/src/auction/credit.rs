@@ -23,21 +23,21 @@ pub struct Credit {
 }
 
 impl Credit {
-    /// Promised over measured time: 1 if zones took as long as promised, 0.5 if twice as long. In 1/16..=2; 1 for an
-    /// agent without zones.
+    /// Returns the ratio of promised to measured time: 1 if zones took as long as promised, 0.5 if twice as long. In
+    /// 1/16..=2; 1 for an agent without zones.
     pub fn reliability(&self) -> f64 {
         let held = self.promised / self.taken;
         if held.is_finite() { held.clamp(RELIABILITY_RANGE.0, RELIABILITY_RANGE.1) } else { 1.0 }
     }
 
-    /// The factor on the agent's promises in an auction: 1, or the reliability where that is below the usual error of
-    /// estimates.
+    /// Returns the factor on the agent's promises in an auction: 1, or the reliability where that is below the usual
+    /// error of estimates.
     pub fn worth(&self) -> f64 {
         let reliability = self.reliability();
         if reliability < BELIEVED { reliability } else { 1.0 }
     }
 
-    /// The credit for the agent's next work: reliability is kept, [`Credit::sum`] starts at 0.
+    /// Returns the credit for the agent's next work: reliability is kept, [`Credit::sum`] starts at 0.
     #[must_use]
     pub fn carried_over(&self) -> Self {
         Self { sum: 0.0, ..*self }

@@ -17,7 +17,7 @@ pub struct Field {
     members: Vec<MemberId>,
     /// Dense, because all of them are read now and then.
     paces: Vec<Pace>,
-    /// The same agents by speed; built on demand, see [`Field::rest`].
+    /// The same agents as classes of equal speed; built on demand, see [`Field::rest`].
     classes: RefCell<Classes>,
     /// The last computed end.
     known: Cell<ExpectedEnd>,
@@ -28,7 +28,7 @@ pub struct Field {
 struct ExpectedEnd {
     /// `now` when it was computed, in seconds.
     at: f64,
-    /// Reference-machine seconds of the zones that nobody held.
+    /// Reference-machine seconds of the zones that no agent held.
     open: f64,
     /// The end, in seconds from `at`.
     end: f64,
@@ -46,22 +46,25 @@ const USES_TIME: f64 = 0.01;
 struct Pace {
     /// Own seconds per second of the reference machine, with all its processors together.
     own: f64,
-    /// The time at which it will have painted what it holds, in seconds; `None`: it holds nothing.
+    /// The time at which the agent will have painted what it holds, in seconds; `None`: it holds nothing.
     ready: Option<f64>,
 }
 
 impl Pace {
-    /// Remaining busy time, in seconds. An agent that is late is expected to need as long again as it is late.
+    /// Returns the remaining busy time, in seconds. An agent that is late is expected to need as long again as it is
+    /// late.
     fn busy(&self, now: f64) -> f64 {
         self.ready.map_or(0.0, |ready| (ready - now).abs())
     }
 
-    /// Time until it has painted one more zone that takes `time` reference-machine seconds, in seconds from now.
+    /// Returns the time until it has painted one more zone that takes `time` reference-machine seconds, in seconds
+    /// from now.
     fn finish(&self, now: f64, time: f64) -> f64 {
         self.busy(now) + self.own * time
     }
 
-    /// The speed class: speeds within a class differ by a sixteenth at most. Positive floats order as their bits do.
+    /// Returns the speed class: speeds within a class differ by a sixteenth at most. Positive floats order as their
+    /// bits do.
     fn class(&self) -> u64 {
         self.own.to_bits() >> 48
     }
@@ -121,6 +124,7 @@ impl Field {
     ///   holds, if it holds anything.
     pub fn set(&mut self, member: MemberId, pace: Option<(f64, Option<Time>)>) {
         let Some((own, ready)) = pace else { return self.remove(member) };
+        // Update the agent's entry, or add one
         let pace = Pace { own: own.max(1e-12), ready: ready.map(|ready| ready.elapsed().as_secs_f64()) };
         if self.slots.len() <= member.index() {
             self.slots.resize(member.index() + 1, None);
@@ -142,7 +146,7 @@ impl Field {
         self.classes.get_mut().insert(member, &pace);
     }
 
-    /// Removes an agent.
+    /// Removes an agent that has left.
     pub fn remove(&mut self, member: MemberId) {
         let Some(slot) = self.slots.get_mut(member.index()).and_then(Option::take) else { return };
         self.members.swap_remove(slot);
@@ -165,18 +169,18 @@ impl Field {
         self.slots.get(member.index()).copied().flatten().map(|slot| &self.paces[slot])
     }
 
-    /// Reference-machine seconds that all agents together paint per second.
+    /// Returns the reference-machine seconds that all agents together paint per second.
     pub fn speed(&self) -> f64 {
         self.paces.iter().map(|pace| pace.own.recip()).sum()
     }
 
-    /// Expected end of all work if it is divided without loss, in seconds from now; infinite without agents. Reuses the
-    /// last value while little has changed.
+    /// Returns the expected end of all work if it is divided without loss, in seconds from now; infinite without
+    /// agents. Reuses the last value while little has changed.
     ///
     /// Agents that are busy beyond that time cannot help before it and are left out.
     ///
     /// - `now`: in seconds.
-    /// - `open`: reference-machine seconds of all zones that nobody holds.
+    /// - `open`: reference-machine seconds of all zones that no agent holds.
     pub fn end(&self, now: f64, open: f64) -> f64 {
         // Reuse the last value while time and open work are close to its inputs
         let ExpectedEnd { at, open: open_then, end, uses } = self.known.get();
@@ -215,14 +219,15 @@ impl Field {
         end
     }
 
-    /// The time until an agent finishes one more zone, in seconds from now; infinite if it is not in the field.
+    /// Returns the time until an agent finishes one more zone, in seconds from now; infinite if it is not in the
+    /// field.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
     pub fn finish(&self, now: f64, time: f64, member: MemberId) -> f64 {
         self.pace(member).map_or(f64::INFINITY, |pace| pace.finish(now, time))
     }
 
-    /// The agent that finishes one more zone soonest, and when, in seconds from now. `None` without agents.
+    /// Returns the agent that finishes one more zone soonest, and when, in seconds from now. `None` without agents.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
     pub fn soonest(&self, now: f64, time: f64) -> Option<(f64, MemberId)> {
@@ -234,7 +239,7 @@ impl Field {
         soonest
     }
 
-    /// True if another agent finishes a zone before `limit`, in seconds from now.
+    /// Returns true if another agent finishes a zone before `limit`, in seconds from now.
     ///
     /// - `time`: the zone's, in reference-machine seconds.
     /// - `except`: true for agents to leave out.

@@ -8,7 +8,7 @@ impl MemberId {
     /// The lowest id.
     pub(super) const FIRST: Self = Self(0);
 
-    /// The id as an index into the list.
+    /// Returns the id as an index into the list.
     pub fn index(self) -> usize {
         self.0 as usize
     }

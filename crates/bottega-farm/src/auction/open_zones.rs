@@ -26,7 +26,8 @@ pub struct OpenZones {
 }
 
 impl OpenZones {
-    /// The sort key: T_est by default, complexity under the paper's rule. Positive floats order as their bits do.
+    /// Returns the sort key: T_est by default, complexity under the paper's rule. Positive floats order as their bits
+    /// do.
     fn rank(rule: AuctionRule, offer: &Offer) -> Rank {
         let rank = match rule {
             AuctionRule::Paper => offer.complexity.max(0.0).to_bits(),
@@ -37,7 +38,7 @@ impl OpenZones {
         (rank, Reverse(offer.zone))
     }
 
-    /// Adds a zone.
+    /// Adds a zone that is open for auction.
     pub fn insert(&mut self, rule: AuctionRule, offer: Offer) {
         if self.waiting.insert(Self::rank(rule, &offer), offer).is_none() {
             self.time += offer.time_estimated;
@@ -51,38 +52,38 @@ impl OpenZones {
         }
     }
 
-    /// The number of zones, including those on offer.
+    /// Returns the number of zones, including those on offer.
     pub fn len(&self) -> usize {
         self.waiting.len() + self.offered.len()
     }
 
-    /// True if there are no zones.
+    /// Returns true if there are no zones.
     pub fn is_empty(&self) -> bool {
         self.waiting.is_empty() && self.offered.is_empty()
     }
 
-    /// True if a zone is waiting that is not on offer.
+    /// Returns true if a zone is waiting that is not on offer.
     pub fn has_waiting(&self) -> bool {
         !self.waiting.is_empty()
     }
 
-    /// T_est of the largest zone that is not on offer, in reference-machine time.
+    /// Returns T_est of the largest zone that is not on offer, in reference-machine time; `None`: there is none.
     pub fn largest_waiting(&self) -> Option<Duration> {
         self.largest().map(|offer| offer.time_estimated)
     }
 
-    /// The largest zone that is not on offer.
+    /// Returns the largest zone that is not on offer; `None`: there is none.
     pub fn largest(&self) -> Option<Offer> {
         self.waiting.last_key_value().map(|(_, offer)| *offer)
     }
 
-    /// The sum of T_est of all zones, in reference-machine time.
+    /// Returns the sum of T_est of all zones, in reference-machine time.
     pub fn time_estimated(&self) -> Duration {
         self.time
     }
 
     /// Takes the zones for one call for proposals, largest first: all of them, or the largest and some of the smallest.
-    /// They are in no other call until they are given back or removed.
+    /// The zones are in no other call until they are given back or removed.
     ///
     /// - `round`: the number of the round.
     /// - `bidders`: the number of agents called.
@@ -101,7 +102,7 @@ impl OpenZones {
         offers
     }
 
-    /// Puts back a zone that nobody won, unless it was removed meanwhile.
+    /// Puts back a zone that no agent won, unless it was removed meanwhile.
     pub fn give_back(&mut self, rule: AuctionRule, round: u64, offer: Offer) {
         // Ignore a zone that was removed, inserted and offered again in another round
         if self.offered.get(&offer.zone) == Some(&round) {

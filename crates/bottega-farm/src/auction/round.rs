@@ -19,6 +19,8 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
+    /// Makes a candidate of a bidder for these offers.
+    ///
     /// - `worth`: the bidder's reliability: 1 if it kept its promises, 0.5 if zones took twice as long.
     pub(super) fn new(bidder: Bidder, offers: &[Offer], worth: f64) -> Self {
         let bids = &bidder.proposal.bids;
@@ -28,6 +30,7 @@ impl Candidate {
             let bid = likely.or_else(|| bids.iter().find(|bid| bid.zone == offer.zone));
             bid.map(|bid| bid.finish.as_secs_f64() / worth)
         };
+        // Sort the bids by offer
         let finish = offers.iter().enumerate().map(bid_for).collect();
         Self {
             finish,
@@ -39,12 +42,13 @@ impl Candidate {
         }
     }
 
-    /// Time of a zone on this bidder, in its own seconds.
+    /// Returns the time of a zone on this bidder, in its own seconds.
     pub(super) fn own(&self, lot: &Lot) -> f64 {
         self.own * lot.time
     }
 
-    /// Finishing time of a zone after those it has won, in seconds from now. `None`: it does not bid for it.
+    /// Returns the finishing time of a zone after those it has won, in seconds from now. `None`: it does not bid for
+    /// it.
     pub(super) fn finish(&self, lot: &Lot) -> Option<f64> {
         self.finish[lot.place].map(|finish| finish + self.won)
     }
@@ -53,13 +57,13 @@ impl Candidate {
         self.finish[lot.place].is_some()
     }
 
-    /// The time at which it can start its next zone, in seconds from now: computed from its first bid.
+    /// Returns the time at which it can start its next zone, in seconds from now: computed from its first bid.
     pub(super) fn ready(&self, open: &[Lot]) -> f64 {
         let begin = |lot: &Lot| Some((self.finish(lot)? - self.own(lot)).max(self.won));
         open.iter().find_map(begin).unwrap_or(self.won)
     }
 
-    /// Time of the zones it has won so far, in its own seconds.
+    /// Returns the time of the zones it has won so far, in its own seconds.
     pub(super) fn won(&self) -> f64 {
         self.won
     }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The figures of one round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RoundSummary {
-    /// The id of its conversation.
+    /// The id of the round's conversation.
     pub round: u64,
     /// Number of zones on offer.
     pub offers: u32,
@@ -25,7 +25,7 @@ pub struct RoundSummary {
 }
 
 impl RoundSummary {
-    /// True if several agents bid.
+    /// Returns true if several agents bid.
     pub fn is_contested(&self) -> bool {
         self.bidders >= 2
     }
@@ -34,9 +34,9 @@ impl RoundSummary {
 /// A transfer of waiting zones from one agent to another by stealing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Theft {
-    /// The agent that held them.
+    /// The agent that held the zones.
     pub from: AgentId,
-    /// The agent that took them.
+    /// The agent that took the zones.
     pub to: AgentId,
     /// Number of zones, including pieces.
     pub zones: u32,
@@ -66,14 +66,14 @@ pub struct AuctionTally {
 }
 
 impl AuctionTally {
-    /// The totals of rounds that have ended.
+    /// Makes the totals of rounds that have ended.
     pub fn of(rounds: &[RoundSummary]) -> Self {
         let mut tally = Self::default();
         rounds.iter().for_each(|round| tally.add(round));
         tally
     }
 
-    /// The share of contested rounds among the first half of the rounds, 0..=1.
+    /// Returns the share of contested rounds among the first half of the rounds, 0..=1.
     pub fn contested_of_first_half(rounds: &[RoundSummary]) -> f64 {
         let half = &rounds[..rounds.len().div_ceil(2)];
         let contested = half.iter().filter(|round| round.is_contested()).count();

@@ -28,12 +28,12 @@ pub enum AuctionRule {
 }
 
 impl AuctionRule {
-    /// True if promises are weighted by reliability.
+    /// Returns true if promises are weighted by reliability.
     pub(crate) fn weighs_promises(self) -> bool {
         matches!(self, Self::FinishingTime | Self::Stealing)
     }
 
-    /// Number of zones that an agent of this rule works on at once, for a prediction of the time left.
+    /// Returns the number of zones that an agent of this rule works on at once, for a prediction of the time left.
     ///
     /// - `prefetch`: the number that it begins.
     pub(crate) fn at_once(self, prefetch: u32) -> usize {
@@ -41,7 +41,7 @@ impl AuctionRule {
         if self == Self::Stealing { 1 } else { prefetch as usize }
     }
 
-    /// Maximum number of zones that the Master lets an agent hold.
+    /// Returns the maximum number of zones that the Master lets an agent hold.
     ///
     /// - `prefetch`: the number of zones that an agent works on at once.
     pub(crate) fn window(self, prefetch: u32) -> u32 {
@@ -58,7 +58,7 @@ impl AuctionRule {
 pub struct Proposal {
     /// The number of zones that it has room for.
     pub room: u32,
-    /// Its bids: one per zone that it wants.
+    /// The bids of the agent: one per zone that it wants.
     pub bids: Vec<Bid>,
 }
 
@@ -67,15 +67,15 @@ pub struct Proposal {
 pub struct Bidder {
     /// The agent's id.
     pub agent: MemberId,
-    /// Its credit by the paper: the sum of T_est − T, in seconds.
+    /// The bidder's credit by the paper: the sum of T_est − T, in seconds.
     pub credit: f64,
-    /// The factor on its promises, from its reliability: 1 if it kept them, 0.5 if zones took twice as long.
+    /// The factor on the bidder's promises, from its reliability: 1 if it kept them, 0.5 if zones took twice as long.
     pub worth: f64,
     /// Own seconds per second of the reference machine, with all its processors together, as it reports them.
     pub own: f64,
     /// The number of zones that it lacks to have as many as it works on at once.
     pub needs: u32,
-    /// Its proposal.
+    /// The bidder's proposal in this round.
     pub proposal: Proposal,
 }
 
@@ -84,7 +84,7 @@ pub struct Bidder {
 pub struct Award {
     /// The id of the zone.
     pub zone: ZoneId,
-    /// The agent that wins it.
+    /// The agent that wins the zone.
     pub agent: MemberId,
     /// The share of the zone to cut off for the winner, 0..1; `None`: all of it.
     pub share: Option<f64>,
@@ -96,9 +96,9 @@ pub struct BidderStanding<'a> {
     pub field: &'a Field,
     /// The end of the round, in seconds.
     pub now: f64,
-    /// T_est of all zones that nobody holds, in seconds of reference-machine time.
+    /// T_est of all zones that no agent holds, in seconds of reference-machine time.
     pub open: f64,
-    /// True for zones that can be cut; `None`: cutting is off.
+    /// A function that returns true if a zone can be cut; `None`: cutting is off.
     pub can_cut: Option<&'a dyn Fn(ZoneId) -> bool>,
 }
 

@@ -16,34 +16,34 @@ pub const ATTEMPTS_MAX: u32 = 5;
 /// The row of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZoneRow {
-    /// IdWork: the work that it belongs to.
+    /// The paper's IdWork: the work to which the zone belongs.
     pub work: WorkId,
-    /// IdZone: its index in the partition, or a new number for a piece.
+    /// The paper's IdZone: the index in the partition, or a new number for a piece.
     pub zone: ZoneId,
-    /// Its pixels, without the band. The paper's Size is their number: [`ZoneRow::size`].
+    /// The pixels of the zone, without the band. The paper's Size is their number: [`ZoneRow::size`].
     pub rect: Rect,
-    /// Complexity: predicted cost of its pixels, in average pixels of the frame.
+    /// The paper's Complexity: predicted cost of the zone's pixels, in average pixels of the frame.
     pub complexity: f64,
     /// Neighbor Difference, in average pixels per pixel.
     pub neighbor_difference: NeighborDifference,
     /// T_est: expected time of the remaining samples. Before profiling a prediction for all samples, from the survey
     /// and earlier works; afterwards from the measured first samples.
     pub time_estimated: Option<Duration>,
-    /// T_real: measured time.
+    /// The paper's T_real: the measured time of the painted samples; `None`: nothing but the profile is painted.
     pub time_measured: Option<Duration>,
-    /// Agent: the one that is, or was last, responsible for it.
+    /// The agent that is, or was last, responsible for the zone; `None`: none was yet.
     pub agent: Option<AgentId>,
-    /// The state.
+    /// The state of the zone, from unprofiled to done.
     pub state: ZoneState,
-    /// Number of times that it was taken from an agent that failed or fell silent.
+    /// Number of times that the zone was taken from an agent that failed or fell silent.
     pub attempt: u32,
-    /// The settings; chosen at profiling, and again by the winner of the auction where its rules decide.
+    /// The settings: chosen at profiling, and again by the winner of the auction if its rules decide. `None`: not yet chosen.
     pub choice: Option<Choice>,
     /// The agent and the rules that chose the settings.
     pub reasons: Option<Arc<str>>,
     /// The samples painted so far.
     pub result: Option<ResultRef>,
-    /// Samples per pixel that its next painting reaches; `None`: all samples of its choice.
+    /// Samples per pixel that the zone's next painting reaches; `None`: all samples of its choice.
     pub goal: Option<u32>,
     /// Estimated relative error of the samples so far, if requested.
     pub error: Option<f64>,
@@ -52,8 +52,8 @@ pub struct ZoneRow {
     /// If this row is a piece: the zone of the Analyst that it was cut from, whose mask composes it. `None`: a zone of
     /// the Analyst.
     pub root: Option<ZoneId>,
-    /// The last piece cut off it. The row that is cut records this first; an agent that finds the piece's row missing
-    /// writes it.
+    /// The last piece that was cut off this zone. This entry is written before the row of the piece; an agent that finds that row
+    /// missing writes it.
     pub cut: Option<Cut>,
     /// A second valid order, of the agent that held the zone before another took it over: the first report counts.
     pub rival: Option<Rival>,
@@ -69,7 +69,7 @@ pub struct ZoneRow {
 pub struct Cut {
     /// The id of the piece's row.
     pub zone: ZoneId,
-    /// Its pixels, including the zone's band.
+    /// The pixels of the piece, including the zone's band.
     pub piece: Rect,
 }
 
@@ -78,7 +78,7 @@ pub struct Cut {
 pub struct Rival {
     /// The agent that held the zone before.
     pub agent: AgentId,
-    /// The fencing token of its order.
+    /// The fencing token of the rival's order.
     pub fence: Revision,
 }
 
@@ -88,15 +88,15 @@ const PIECE_SIDE_MIN: u32 = 8;
 /// The state of a zone. It only advances, except for zones taken back from an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ZoneState {
-    /// No agent has had it.
+    /// No agent has had the zone yet.
     Open,
-    /// An agent paints its first samples.
+    /// An agent paints the first samples.
     Profiling,
-    /// It has first samples and T_est, and waits for the auction.
+    /// The zone has first samples and T_est, and waits for the auction.
     Profiled,
-    /// An agent paints it. The fencing token is the revision of the row with this state.
+    /// An agent paints the zone. The fencing token is the revision of the row with this state.
     Awarded,
-    /// All its samples are painted.
+    /// All samples are painted.
     Done,
     /// Given up after [`ATTEMPTS_MAX`] attempts.
     Failed,
@@ -107,12 +107,12 @@ pub enum ZoneState {
 pub struct Vote {
     /// The name of the agent.
     pub agent: AgentId,
-    /// The painting.
+    /// The painting for which the agent stands.
     pub painting: Painting,
 }
 
 impl ZoneRow {
-    /// The row of a new zone.
+    /// Makes the row of a new zone.
     pub fn open(
         work: WorkId,
         zone: ZoneId,
@@ -145,8 +145,8 @@ impl ZoneRow {
         }
     }
 
-    /// The row of a new zone with a predicted time. If the prediction is trusted, and no rules have to choose settings, the zone
-    /// is not profiled: it waits for the auction at once.
+    /// Returns the row of a new zone with a predicted time. If the prediction is trusted, and no rules have to choose settings,
+    /// the zone is not profiled: it waits for the auction at once.
     #[must_use]
     pub(crate) fn with_forecast(self, settings: &WorkSettings, forecast: &ZoneForecast) -> Self {
         let row = Self { time_estimated: Some(forecast.time), ..self };
@@ -157,7 +157,7 @@ impl ZoneRow {
         Self { state: ZoneState::Profiled, choice: Some(Choice::unchanged(settings)), ..row }
     }
 
-    /// The paper's Size: the number of its own pixels, without the band.
+    /// Returns the paper's Size: the number of the zone's pixels, without the band.
     pub fn size(&self) -> u64 {
         match self.piece {
             None => self.rect.area(),
@@ -165,24 +165,24 @@ impl ZoneRow {
         }
     }
 
-    /// The paper's complexity/size ratio: its mean complexity per pixel.
+    /// Returns the paper's complexity/size ratio: the zone's mean complexity per pixel.
     pub fn complexity_density(&self) -> f64 {
         self.complexity / self.size().max(1) as f64
     }
 
-    /// The rectangle to paint with this choice: the zone and its band, or the piece.
+    /// Returns the rectangle to paint with this choice: the zone and its band, or the piece.
     pub fn painted(&self, choice: &Choice, frame: &Rect) -> Rect {
         self.piece.unwrap_or_else(|| self.rect.grown_by(choice.bands, frame))
     }
 
-    /// The Analyst's zone that this row is, or is a piece of.
+    /// Returns the Analyst's zone that this row is, or is a piece of.
     pub fn root(&self) -> ZoneId {
         self.root.unwrap_or(self.zone)
     }
 
-    /// The row with a part cut off; [`Self::offcut`] gives the row of that part. Complexity and T_est scale with the
-    /// number of pixels. `None` if a piece is smaller than the minimum, or the settings and with them the band are not
-    /// chosen yet.
+    /// Returns the row with a part cut off; [`Self::offcut`] gives the row of that part. Complexity and T_est scale
+    /// with the number of pixels. `None` if a piece is smaller than the minimum, or the settings and with them the
+    /// band are not chosen yet.
     ///
     /// - `share`: the share of the zone that the row keeps, 0..1.
     /// - `offcut`: the id for the part that is cut off.
@@ -213,7 +213,8 @@ impl ZoneRow {
         )
     }
 
-    /// The row of the part that was cut off last: it waits for an auction, whatever this row's state is now.
+    /// Returns the row of the part that was cut off last: it waits for an auction, whatever this row's state is now.
+    /// `None`: nothing was cut off.
     pub fn offcut(&self) -> Option<Self> {
         let (Cut { zone, piece }, kept) = (self.cut?, self.piece?);
         let root = Some(self.root());
@@ -231,7 +232,7 @@ impl ZoneRow {
         Self { complexity: self.complexity * share, time_estimated, ..self }
     }
 
-    /// The fencing token under which `agent` may report this zone, if the row has `revision`.
+    /// Returns the fencing token under which `agent` may report this zone, if the row has `revision`.
     pub fn fence_of(&self, agent: &AgentId, revision: Revision) -> Option<Revision> {
         if !self.is_in_hand() {
             None
@@ -242,8 +243,8 @@ impl ZoneRow {
         }
     }
 
-    /// True if the rules of the agent that wins it choose its settings: only profiling samples are painted, and no part
-    /// of it was given to another agent.
+    /// Returns true if the rules of the agent that wins the zone choose its settings: only profiling samples are painted, and
+    /// no part of it was given to another agent.
     pub fn is_undecided(&self, settings: &WorkSettings) -> bool {
         let is_whole = self.piece.is_none() && self.cut.is_none() && self.votes.is_empty();
         let is_profiled = |choice: Choice| self.samples_done() <= choice.profile_samples(&settings.goal);
@@ -253,8 +254,8 @@ impl ZoneRow {
         has_rules && has_samples && is_whole && self.choice.is_some_and(is_profiled)
     }
 
-    /// The row with other settings than those of the agent that profiled it. The first samples are discarded, and T_est
-    /// scales with the number of samples.
+    /// Returns the row with other settings than those of the agent that profiled it. The first samples are discarded,
+    /// and T_est scales with the number of samples.
     #[must_use]
     pub fn decided_anew(&self, choice: Choice) -> Self {
         let before = self.choice.map_or(0, |before| self.goal_samples(&before)).saturating_sub(self.samples_done());
@@ -263,24 +264,24 @@ impl ZoneRow {
         Self { choice: Some(choice), result: None, goal: None, time_estimated, ..self.clone() }
     }
 
-    /// The agents that hold it: its agent and the rival.
+    /// Returns the agents that hold the zone: its agent and the rival.
     pub fn holders(&self) -> impl Iterator<Item = &AgentId> {
         let holders = [self.agent.as_ref(), self.rival.as_ref().map(|rival| &rival.agent)];
         holders.into_iter().flatten().filter(|_| self.is_in_hand())
     }
 
-    /// The number of painted samples per pixel.
+    /// Returns the number of painted samples per pixel.
     pub fn samples_done(&self) -> u32 {
         self.result.map_or(0, |result| result.samples)
     }
 
-    /// Samples per pixel that its next painting reaches with this choice.
+    /// Samples per pixel that the zone's next painting reaches with this choice.
     pub fn goal_samples(&self, choice: &Choice) -> u32 {
         self.goal.map_or(choice.samples, |goal| goal.min(choice.samples))
     }
 
-    /// T_est of its next order: of the first samples with the user's settings before and during profiling, else of all
-    /// the remaining ones.
+    /// Returns T_est of the zone's next order: of the first samples with the user's settings before and during profiling,
+    /// else of all the remaining ones. `None`: no prediction.
     pub fn order_time(&self, settings: &WorkSettings) -> Option<Duration> {
         match self.state {
             ZoneState::Open | ZoneState::Profiling => {
@@ -292,28 +293,28 @@ impl ZoneRow {
         }
     }
 
-    /// True if it has all samples of its goal and waits for the next goal.
+    /// Returns true if the zone has all samples of its goal and waits for the next goal.
     pub fn is_waiting(&self) -> bool {
         self.state == ZoneState::Profiled && self.goal.is_some_and(|goal| goal <= self.samples_done())
     }
 
-    /// True if it is done or given up.
+    /// Returns true if the zone is done or given up.
     pub fn is_settled(&self) -> bool {
         matches!(self.state, ZoneState::Done | ZoneState::Failed)
     }
 
-    /// True if an agent holds it.
+    /// Returns true if an agent holds the zone.
     pub fn is_in_hand(&self) -> bool {
         matches!(self.state, ZoneState::Profiling | ZoneState::Awarded)
     }
 
-    /// The row after its agent failed or fell silent: open for the next agent, with one more attempt.
+    /// Returns the row after the zone's agent failed or fell silent: open for the next agent, with one more attempt.
     #[must_use]
     pub fn taken_back(&self) -> Self {
         self.reopened(self.attempt + 1)
     }
 
-    /// The same, with the total number of attempts given.
+    /// Returns the row of the zone as it is opened again, with the total number of attempts given.
     #[must_use]
     pub fn reopened(&self, attempt: u32) -> Self {
         let state = match self.state {
@@ -325,8 +326,8 @@ impl ZoneRow {
         Self { state, attempt, rival: None, ..self.clone() }
     }
 
-    /// The row of a zone that is painted again from its first sample. It keeps its settings, because the neighbors'
-    /// bands were made for them. `None`: the zone is neither done nor given up.
+    /// Returns the row of a zone that is painted again from its first sample. It keeps its settings, because the
+    /// neighbors' bands were made for them. `None`: the zone is neither done nor given up.
     pub fn requeued(&self) -> Option<Self> {
         matches!(self.state, ZoneState::Done | ZoneState::Failed).then(|| Self {
             state: ZoneState::Open,
@@ -343,7 +344,7 @@ impl ZoneRow {
         })
     }
 
-    /// The row after a restart of the whole farm: no agent holds it, and no failed attempts count.
+    /// Returns the row after a restart of the whole farm: no agent holds it, and no failed attempts count.
     #[must_use]
     pub fn resumed(&self) -> Self {
         let state = match self.state {

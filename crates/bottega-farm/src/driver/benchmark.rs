@@ -18,7 +18,7 @@ const TIME_MAX: Duration = Duration::from_millis(1500);
 const LOAD_TURNS: u32 = 2;
 /// A machine with at most this load is quiet.
 const QUIET: f64 = 1.1;
-/// Maximum load.
+/// Maximum load: clock time over processor time of the benchmark.
 const LOAD_MAX: f64 = 64.0;
 
 /// The speed of this machine by its benchmark.
@@ -35,12 +35,12 @@ impl MachineSpeed {
     /// The reference machine, quiet.
     pub const REFERENCE: Self = Self { power: RelativePower::REFERENCE, load: 1.0 };
 
-    /// True if other programs took next to nothing while it was measured.
+    /// Returns true if other programs took next to nothing while it was measured.
     pub fn is_quiet(&self) -> bool {
         self.load <= QUIET
     }
 
-    /// The quieter one of two measurements of a machine: there caches and clock rates were disturbed least.
+    /// Returns the quieter one of two measurements of a machine: there caches and clock rates were disturbed least.
     #[must_use]
     pub fn quieter(self, other: Self) -> Self {
         if other.load < self.load { other } else { self }
@@ -66,7 +66,7 @@ struct ProbeTimes {
 }
 
 impl ProbeTimes {
-    /// Clock time per processor time, 1..=[`LOAD_MAX`].
+    /// Returns the clock time per processor time, 1..=[`LOAD_MAX`].
     fn load(&self) -> f64 {
         let load = self.clock.as_secs_f64() / self.processor.as_secs_f64();
         if load.is_finite() { load.clamp(1.0, LOAD_MAX) } else { 1.0 }
@@ -81,7 +81,7 @@ impl<N: Fn() -> Duration, P: Fn() -> Option<Duration>> BenchmarkClocks<N, P> {
         measured.unwrap_or(MachineSpeed::REFERENCE)
     }
 
-    /// The load of the machine now, by two runs of the same picture: some 30 ms.
+    /// Returns the load of the machine now, by two runs of the same picture: some 30 ms.
     pub fn present_load(&self) -> f64 {
         let probe = SpeedProbe::new().ok();
         let paint = |probe: SpeedProbe| {

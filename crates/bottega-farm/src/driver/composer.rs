@@ -76,7 +76,7 @@ impl Composer {
         Ok(())
     }
 
-    /// True if the tile of a result is here.
+    /// Returns true if the tile of a result is here.
     pub(super) fn has(&self, zone: ZoneId, result: &ResultRef) -> bool {
         self.tiles.get(&zone).is_some_and(|(id, _)| *id == result.digest)
     }
@@ -156,7 +156,7 @@ impl Composer {
         }
     }
 
-    /// True if each zone has samples.
+    /// Returns true if each zone has samples.
     pub(super) fn has_all(&self) -> bool {
         !self.rows.is_empty() && self.rows.values().all(|row| row.samples_done() > 0)
     }

@@ -56,7 +56,7 @@ impl Fetchers {
     /// Runs a job on a thread of the pool, as soon as one is free.
     ///
     /// # Errors
-    /// There is no thread, and none can be started. Then the job is dropped.
+    /// No thread is free, and none can be started. Then the job is dropped.
     pub(super) fn begin(&self, job: impl FnOnce() + Send + 'static) -> io::Result<()> {
         let mut state = self.0.lock();
         state.jobs.push_back(Box::new(job));

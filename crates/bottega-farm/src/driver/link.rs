@@ -32,7 +32,7 @@ pub struct Link {
     pub transport: Arc<dyn JobTransport>,
     /// The identifier of the work.
     pub work: WorkId,
-    /// The number of its job. `None`: no job; its agents know their Master's name and are not registered.
+    /// The number of the work's job. `None`: no job; its agents know their Master's name and are not registered.
     pub job: Option<u32>,
     /// The unique name of this process, which its agents' names end with.
     pub name: String,
@@ -71,7 +71,7 @@ impl Link {
     /// Stores a tile for the other machines.
     ///
     /// # Errors
-    /// It cannot be stored, with the reason.
+    /// The tile cannot be stored, with the reason.
     pub fn put(&self, id: BlobId, tile: &Tile, stop: &StopSwitch) -> Result<(), String> {
         let mut bytes = Vec::new();
         wire::put_tile(tile, &mut bytes);
@@ -83,7 +83,7 @@ impl Link {
     /// Fetches a tile from another machine, and verifies its digest.
     ///
     /// # Errors
-    /// It is missing, or has another digest, with the reason.
+    /// The tile is missing, or has another digest, with the reason.
     pub fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
         let name = self.blob(result.digest);
         let packed = self.patiently(stop, || self.transport.get_tile(&name, TILE_BYTES_MAX))?;

@@ -62,7 +62,7 @@ pub struct JobSettings {
     pub credits: Arc<BTreeMap<String, Credit>>,
     /// The measured zone times of this machine from earlier works.
     pub experience: Arc<Experience>,
-    /// Those of all machines of the farm together, in reference time.
+    /// The measured zone times of all machines of the farm together, in reference time.
     pub experience_of_farm: Arc<Experience>,
     /// The identifier of engine, integrator and other settings that affect zone times: experience is kept per technique.
     pub technique: Arc<str>,
@@ -82,8 +82,8 @@ pub struct JobSettings {
 }
 
 impl JobSettings {
-    /// True if zones whose time is known well from earlier works need no profile: not by the paper's rules, and not where
-    /// agents are compared, because a profile compares them early.
+    /// Returns true if zones whose time is known well from earlier works need no profile: not by the paper's rules, and
+    /// not where agents are compared, because a profile compares them early.
     pub(crate) fn trusts_forecasts(&self) -> bool {
         let is_paper = self.auction == AuctionRule::Paper || self.adaptation == AdaptationRule::Paper;
         !is_paper && self.verify <= 1 && !self.strangers
@@ -190,13 +190,13 @@ pub enum JobError {
     /// Results cannot be compared.
     #[error("what agents paint cannot be compared: {reason}")]
     Verify {
-        /// The reason.
+        /// The reason why they cannot, for display.
         reason: &'static str,
     },
     /// The Master has excluded all agents of this process.
     #[error("its agents are left out of the job: {reason}")]
     LeftOut {
-        /// The reason.
+        /// The Master's reason, for display.
         reason: String,
     },
     /// A thread could not be started.

@@ -34,7 +34,7 @@ impl StopSwitch {
         }
     }
 
-    /// True if a stop was requested.
+    /// Returns true if a stop was requested.
     pub fn is_requested(&self) -> bool {
         self.lock().requested
     }

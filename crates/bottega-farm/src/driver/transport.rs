@@ -33,7 +33,7 @@ pub trait JobTransport: Send + Sync {
     /// The network cannot return it.
     fn get_tile(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, TransportError>;
 
-    /// True if the network is connected.
+    /// Returns true if the network is connected.
     fn is_connected(&self) -> bool;
 
     /// Sends all waiting messages, for at most some seconds.

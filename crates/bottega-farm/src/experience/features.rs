@@ -10,7 +10,7 @@ pub(super) type FeatureVector = [f64; FEATURES];
 
 /// A feature, for display.
 pub(super) struct FeatureKind {
-    /// Its name.
+    /// The name of the feature, for display.
     pub(super) name: &'static str,
     /// The step of the feature for which a learned factor is shown.
     pub(super) step: f64,
@@ -38,12 +38,13 @@ pub(super) const KINDS: [FeatureKind; FEATURES] = [
 /// Bound on each feature.
 const FEATURE_MAX: f64 = 8.0;
 
-/// The expected distance of each weight from 0 before anything is learned.
+/// Returns the expected distance of each weight from 0 before anything is learned.
 pub(super) fn deviations() -> FeatureVector {
     std::array::from_fn(|place| KINDS[place].deviation)
 }
 
-/// The features of a zone. Each is about 0 for a usual zone, so that the first weight is the factor of usual zones.
+/// Returns the features of a zone. Each is about 0 for a usual zone, so that the first weight is the factor of usual
+/// zones.
 ///
 /// - `mean_density`: predicted seconds per sample and pixel of the whole picture.
 /// - `samples`: samples per pixel.

@@ -16,7 +16,7 @@ pub(super) struct TaskKind {
 }
 
 impl TaskKind {
-    /// The kinds of a whole picture: its technique, and technique with features.
+    /// Makes the kinds of a whole picture: its technique, and technique with features.
     pub(super) fn of_picture(technique: &str, features: &TaskFeatures) -> Self {
         let technique = plain(technique);
         let picture = format!("{technique}, picture: {}", in_words(features));
@@ -28,7 +28,7 @@ impl TaskKind {
     }
 }
 
-/// The technique's name reduced to printable ASCII and [`TECHNIQUE_MAX`] characters.
+/// Returns the technique's name reduced to printable ASCII and [`TECHNIQUE_MAX`] characters.
 pub(crate) fn plain(technique: &str) -> String {
     technique.chars().filter(|c| c.is_ascii_graphic() || *c == ' ').take(TECHNIQUE_MAX).collect()
 }

@@ -23,7 +23,7 @@ const LOG_MAX: f64 = 20.0;
 pub(super) struct Lesson {
     /// Weighted mean of the logarithm that this kind adds to the wider ones.
     log: f64,
-    /// Number of zones behind it; older jobs count less.
+    /// Number of zones behind the value; older jobs count less.
     count: f64,
     /// The number of the last job that updated it.
     job: u64,
@@ -42,23 +42,23 @@ impl Lesson {
         self.job = job;
     }
 
-    /// The logarithm to add, reduced by the doubt about few zones.
+    /// Returns the logarithm to add, reduced by the doubt about few zones.
     fn believed(&self, is_widest: bool) -> f64 {
         let doubt = if is_widest { DOUBT_OF_ALL } else { DOUBT };
         self.log * self.count / (self.count + doubt)
     }
 
-    /// The factor, without that reduction.
+    /// Returns the factor, without that reduction.
     pub(super) fn factor(&self) -> f64 {
         self.log.exp()
     }
 
-    /// Number of zones behind it; older jobs count less.
+    /// Returns the number of zones behind it; older jobs count less.
     pub(super) fn count(&self) -> f64 {
         self.count
     }
 
-    /// The number of the last job that updated it.
+    /// Returns the number of the last job that updated it.
     pub(super) fn job(&self) -> u64 {
         self.job
     }
@@ -97,7 +97,7 @@ impl Lessons {
         self.forget_oldest();
     }
 
-    /// The expected logarithm of a task. `None`: the widest kind is unknown.
+    /// Returns the expected logarithm of a task. `None`: the widest kind is unknown.
     ///
     /// - `kinds`: the kinds of the task, from the widest to the narrowest.
     pub(super) fn expected(&self, kinds: &[String]) -> Option<f64> {
@@ -110,7 +110,7 @@ impl Lessons {
         self.0.iter().map(|(kind, lesson)| (kind.as_str(), lesson))
     }
 
-    /// A kind with an implausible value, if any.
+    /// Returns a kind with an implausible value, if any.
     pub(super) fn nonsense(&self) -> Option<&str> {
         self.iter().find(|(_, lesson)| !lesson.is_sound()).map(|(kind, _)| kind)
     }

@@ -29,7 +29,7 @@ pub(super) struct LearntPicture {
     pub(super) offset: f64,
     /// Standard deviation of the logarithm of measured over predicted time.
     pub(super) deviation: f64,
-    /// Number of zones behind it; older jobs count less.
+    /// Number of zones behind the picture; older jobs count less.
     pub(super) count: f64,
     /// The number of the last job that taught something.
     pub(super) job: u64,
@@ -43,7 +43,7 @@ pub(super) struct MeasuredZone<'a> {
     pub(super) outlook: &'a TaskOutlook,
     /// ln of measured time over the survey's prediction.
     pub(super) log: f64,
-    /// The same, as the technique's model expects it.
+    /// ln(measured ∕ predicted time) as the technique's model expects it.
     pub(super) expected: f64,
 }
 
@@ -63,12 +63,12 @@ impl LearntPicture {
         }
     }
 
-    /// True if it is of this scene, seen in this way and painted by this technique.
+    /// Returns true if the picture is of this scene, seen in this way and painted by this technique.
     pub(super) fn is(&self, technique: &str, subject: &Subject) -> bool {
         self.technique == technique && *self.scene == *subject.scene && *self.view == *subject.view
     }
 
-    /// The expected ln of measured time over the survey's prediction of a zone.
+    /// Returns the expected ln of measured time over the survey's prediction of a zone.
     ///
     /// - `expected`: the same by the technique's model alone.
     pub(super) fn expected(&self, outlook: &PictureOutlook, zone: &TaskOutlook, expected: f64) -> f64 {
@@ -77,8 +77,8 @@ impl LearntPicture {
             .map_or(by_model, |log| MEASURED_WEIGHT * log + (1.0 - MEASURED_WEIGHT) * by_model)
     }
 
-    /// ln of the time measured at the place of a zone over the survey's present prediction. `None`: less than half of the
-    /// zone was painted before.
+    /// Returns ln of the time measured at the place of a zone over the survey's present prediction. `None`: less than
+    /// half of the zone was painted before.
     fn measured(&self, frame: &Rect, zone: &TaskOutlook) -> Option<f64> {
         let (mut seconds, mut known) = (0.0, 0.0);
         for_cells(frame, &zone.rect, |cell, share| {
@@ -133,13 +133,13 @@ impl LearntPicture {
         self.job = job;
     }
 
-    /// The picture in words: technique, and the first digits of scene and view.
+    /// Returns the picture in words: technique, and the first digits of scene and view.
     pub(super) fn title(&self) -> String {
         let start = |text: &str| text.chars().take(8).collect::<String>();
         format!("{}, scene {}, view {}", self.technique, start(&self.scene), start(&self.view))
     }
 
-    /// True if all numbers are plausible.
+    /// Returns true if all numbers are plausible.
     pub(super) fn is_sound(&self) -> bool {
         self.offset.abs() <= 20.0
             && (0.0..=20.0).contains(&self.deviation)
@@ -168,7 +168,7 @@ fn for_cells(frame: &Rect, zone: &Rect, mut take: impl FnMut(usize, f64)) {
     }
 }
 
-/// The median; 0 without values.
+/// Returns the median; 0 without values.
 pub(super) fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return 0.0;

@@ -27,7 +27,7 @@ pub(super) struct Regression {
 }
 
 impl Regression {
-    /// A model without observations.
+    /// Makes a model without observations.
     ///
     /// - `weights`: the expected weights.
     /// - `deviations`: how far each weight may be from the expected one (standard deviation).
@@ -36,19 +36,19 @@ impl Regression {
         Self { weights, root: std::array::from_fn(row), count: 0.0 }
     }
 
-    /// The same model of y + `shift`.
+    /// Returns the model of y + `shift` instead of y.
     pub(super) fn shifted(&self, shift: f64) -> Self {
         let mut shifted = self.clone();
         shifted.weights[0] += shift;
         shifted
     }
 
-    /// The expected value of y.
+    /// Returns the expected value of y.
     pub(super) fn expected(&self, x: &FeatureVector) -> f64 {
         dot(&self.weights, x)
     }
 
-    /// The variance of the expected value, from what is not known of the weights.
+    /// Returns the variance of the expected value, from the uncertainty of the weights.
     pub(super) fn variance(&self, x: &FeatureVector) -> f64 {
         let shares = self.shares(x);
         dot(&shares, &shares)
@@ -87,17 +87,17 @@ impl Regression {
         self.count *= kept;
     }
 
-    /// The weight of all observations; older ones count less.
+    /// Returns the weight of all observations; older ones count less.
     pub(super) fn count(&self) -> f64 {
         self.count
     }
 
-    /// The weight of each feature.
+    /// Returns the weight of each feature.
     pub(super) fn weights(&self) -> &FeatureVector {
         &self.weights
     }
 
-    /// True if all numbers are plausible.
+    /// Returns true if all numbers are plausible.
     pub(super) fn is_sound(&self) -> bool {
         let is_plausible = |value: &f64| value.abs() <= VALUE_MAX;
         self.weights.iter().chain(self.root.iter().flatten()).all(is_plausible)
@@ -105,7 +105,7 @@ impl Regression {
             && self.count >= 0.0
     }
 
-    /// The transposed root times `x`: the variance of x · weights is the sum of their squares.
+    /// Returns the transposed root times `x`: the variance of x · weights is the sum of their squares.
     fn shares(&self, x: &FeatureVector) -> FeatureVector {
         std::array::from_fn(|column| self.root.iter().zip(x).map(|(row, value)| row[column] * value).sum())
     }

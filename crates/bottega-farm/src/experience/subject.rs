@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-/// The identity of what a job paints, for recognizing it in a later job. An empty scene: unknown.
+/// The identity of a job's picture, which recognizes it in a later job. An empty scene: unknown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Subject {
     /// The scene: equal for equal files and options of reading them.
     pub scene: Arc<str>,
-    /// What of it is seen: camera, pose, and the painted part of the picture.
+    /// The view of the scene: camera, pose, and the painted part of the picture.
     pub view: Arc<str>,
 }
 

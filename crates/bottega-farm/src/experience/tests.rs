@@ -27,7 +27,7 @@ fn outlook() -> PictureOutlook {
     }
 }
 
-/// A job in which zones take so many times what the survey predicts, by place.
+/// A job in which the times of zones are multiples of the survey's prediction, by place.
 fn job(technique: &str, scene: &str, ratio: impl Fn(u32, &TaskOutlook) -> f64) -> JobLesson {
     let outlook = outlook();
     let painted = |(place, outlook): (u32, &TaskOutlook)| {

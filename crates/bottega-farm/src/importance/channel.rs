@@ -35,7 +35,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// All channels.
+    /// All channels, in the order of their declaration.
     pub const ALL: [Self; 10] = [
         Self::Steps,
         Self::Path,
@@ -49,7 +49,7 @@ impl Channel {
         Self::Saliency,
     ];
 
-    /// The name in the command line, JSON and file names.
+    /// Returns the name in the command line, JSON and file names.
     pub fn name(self) -> &'static str {
         match self {
             Self::Steps => "steps",
@@ -65,7 +65,7 @@ impl Channel {
         }
     }
 
-    /// A short description of its values, for users.
+    /// Returns a short description of its values, for users.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Steps => "traversal steps of a path",
@@ -81,7 +81,7 @@ impl Channel {
         }
     }
 
-    /// The value of every cell, row-major, `[width × height]`: finite and not negative for any survey.
+    /// Returns the value of every cell, row-major, `[width × height]`: finite and not negative for any survey.
     pub fn values(self, survey: &Survey) -> Vec<f32> {
         let of_pixel = |value: fn(&SurveyPixel) -> f32| survey.pixels.iter().map(|pixel| sane(value(pixel))).collect();
         match self {
@@ -117,7 +117,7 @@ impl FromStr for Channel {
     }
 }
 
-/// An unknown channel.
+/// The error of parsing a name that no channel has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown channel `{found}`: there are {}", Channel::ALL.map(Channel::name).join(", "))]
 pub struct UnknownChannel {
@@ -131,23 +131,23 @@ pub struct UnknownChannel {
 pub struct ChannelSet(u16);
 
 impl ChannelSet {
-    /// All channels.
+    /// The set of all channels.
     pub const ALL: Self = Self((1 << Channel::ALL.len()) - 1);
     /// No channel: a uniform map.
     pub const NONE: Self = Self(0);
 
-    /// The set with `channel` added.
+    /// Returns the set with `channel` added.
     #[must_use]
     pub fn with(self, channel: Channel) -> Self {
         Self(self.0 | 1 << channel as u16)
     }
 
-    /// True if `channel` is in the set.
+    /// Returns true if `channel` is in the set.
     pub fn contains(self, channel: Channel) -> bool {
         self.0 & (1 << channel as u16) != 0
     }
 
-    /// The channels in the set, in the order of [`Channel::ALL`].
+    /// Returns the channels in the set, in the order of [`Channel::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Channel> {
         Channel::ALL.into_iter().filter(move |&channel| self.contains(channel))
     }
@@ -170,8 +170,8 @@ pub(super) fn sane(value: f32) -> f32 {
     if value.is_finite() && value > 0.0 { value.min(1e9) } else { 0.0 }
 }
 
-/// Near distance over each cell's distance, at most 1. The near distance is the 5 % quantile, so that a single very
-/// near cell does not make everything else far.
+/// Returns the near distance over each cell's distance, at most 1. The near distance is the 5 % quantile, so that a
+/// single very near cell does not make everything else far.
 fn nearness(survey: &Survey) -> Vec<f32> {
     const NEAREST_SHARE: usize = 20;
     let mut distances: Vec<f32> = survey.pixels.iter().map(|pixel| sane(pixel.depth)).filter(|&d| d > 0.0).collect();
@@ -187,8 +187,8 @@ fn nearness(survey: &Survey) -> Vec<f32> {
     survey.pixels.iter().map(of_pixel).collect()
 }
 
-/// Noise over the luminance of the surroundings. Darker surroundings than a tenth of the picture's mean count as that
-/// tenth, below which noise is not visible.
+/// Returns the noise over the luminance of the surroundings. Darker surroundings than a tenth of the picture's mean
+/// count as that tenth, below which noise is not visible.
 fn relative_noise(survey: &Survey) -> Vec<f32> {
     const DARK: f64 = 0.1;
     let surround = smoothed(survey, |pixel| luminance(pixel.color.map(sane)));
@@ -197,8 +197,8 @@ fn relative_noise(survey: &Survey) -> Vec<f32> {
     survey.pixels.iter().zip(&surround).map(|(pixel, &around)| sane(sane(pixel.noise) / around.max(dark))).collect()
 }
 
-/// A value per cell, smoothed with its neighbors by the weights 1 2 1 in both directions: surveys have few samples per
-/// cell and are noisy, while costs of neighboring pixels are similar.
+/// Returns a value per cell, smoothed with its neighbors by the weights 1 2 1 in both directions: surveys have few
+/// samples per cell and are noisy, while costs of neighboring pixels are similar.
 pub(super) fn smoothed(survey: &Survey, value: impl Fn(&SurveyPixel) -> f32) -> Vec<f32> {
     let (width, height) = (survey.width as usize, survey.height as usize);
     let values: Vec<f32> = survey.pixels.iter().map(value).collect();

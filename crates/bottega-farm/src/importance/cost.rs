@@ -11,13 +11,13 @@ use super::{
 struct CostTerm {
     /// The channel of the term.
     channel: Channel,
-    /// The count.
+    /// Returns the count of a pixel, per path.
     count: fn(&SurveyPixel) -> f32,
     /// Time per count, in nanoseconds of the machine on which the weights were fitted. Only ratios matter.
     weight: f32,
 }
 
-/// The terms, fitted by least squares; `docs/decisions.md` has the fit and its accuracy on scenes that were left out.
+/// The terms, fitted by least squares; `bench/attempts/farm.md` has the fit and its accuracy on scenes that were left out.
 /// Counts whose fitted weight was negligible (a constant per sample, vertices in addition to rays) are left out.
 const TERMS: [CostTerm; 4] = [
     CostTerm { channel: Channel::Steps, count: |pixel| pixel.steps, weight: 50.0 },
@@ -26,8 +26,8 @@ const TERMS: [CostTerm; 4] = [
     CostTerm { channel: Channel::Material, count: |pixel| pixel.lookups, weight: 711.0 },
 ];
 
-/// Predicted time per sample of each cell, row-major, smoothed over 3 × 3 cells. A channel that is off counts
-/// everywhere as its mean.
+/// Returns the predicted time per sample of each cell, row-major, smoothed over 3 × 3 cells. A channel that is off
+/// counts everywhere as its mean.
 pub(super) fn predicted(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     let cells = survey.pixels.len();
     let mean = |term: &CostTerm| {
@@ -43,7 +43,7 @@ pub(super) fn predicted(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     })
 }
 
-/// The part of the predicted time per sample that the counts of one channel take, like [`predicted`].
+/// Returns the part of the predicted time per sample that the counts of one channel take, like [`predicted`].
 pub(super) fn predicted_of(survey: &Survey, channel: Channel) -> Vec<f32> {
     smoothed(survey, |pixel| {
         let terms = TERMS.iter().filter(|term| term.channel == channel);

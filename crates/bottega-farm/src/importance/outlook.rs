@@ -13,9 +13,9 @@ use super::{
 /// Seconds per nanosecond.
 const NANOSECOND: f64 = 1e-9;
 
-/// Size of the grid of a [`PictureOutlook`], in cells.
+/// Width of the grid of a [`PictureOutlook`], in cells.
 pub const OUTLOOK_COLUMNS: u32 = 32;
-/// See [`OUTLOOK_COLUMNS`].
+/// Height of the grid of a [`PictureOutlook`], in cells.
 pub const OUTLOOK_ROWS: u32 = 24;
 /// Maximum of [`TaskFeatures::bounces`].
 const BOUNCES_MAX: f64 = 1e3;
@@ -40,11 +40,11 @@ pub struct TaskFeatures {
 /// The survey's prediction for a part of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskOutlook {
-    /// Its pixels.
+    /// The pixels of the part.
     pub rect: Rect,
     /// Predicted time of one sample for each of its pixels, in seconds of the reference machine.
     pub sample_time: f64,
-    /// Its features.
+    /// The features of the part, for the model of its technique.
     pub features: TaskFeatures,
 }
 
@@ -60,7 +60,7 @@ pub struct PictureOutlook {
 }
 
 impl PictureOutlook {
-    /// Predicted seconds per sample and pixel of the whole picture.
+    /// Returns the predicted seconds per sample and pixel of the whole picture.
     pub fn mean_density(&self) -> f64 {
         self.grid.iter().sum::<f64>() / self.grid.len().max(1) as f64
     }
@@ -71,7 +71,7 @@ impl PictureOutlook {
 pub(crate) struct Outlook {
     /// Predicted time per sample, in nanoseconds of the reference machine.
     time: Sums,
-    /// The parts of it for rays towards lights, and for materials.
+    /// The parts of the time for rays towards lights, and for materials.
     shadow: Sums,
     material: Sums,
     glass: Sums,
@@ -81,6 +81,8 @@ pub(crate) struct Outlook {
 }
 
 impl Outlook {
+    /// Predicts the time of a sample for each cell of a survey.
+    ///
     /// - `survey`: valid, as for an [`ImportanceMap`](super::ImportanceMap); covers the pixels of `surveyed` evenly.
     pub(crate) fn new(survey: &Survey, surveyed: Rect) -> Self {
         let sums = |values: Vec<f32>| Sums::new(surveyed, (survey.width, survey.height), values);
@@ -98,7 +100,8 @@ impl Outlook {
         }
     }
 
-    /// The predictions for zones, and for the grid over `frame`. Panics if a zone or `frame` reaches beyond the survey.
+    /// Returns the predictions for zones, and for the grid over `frame`. Panics if a zone or `frame` reaches beyond the
+    /// survey.
     pub(crate) fn of_picture(&self, frame: &Rect, zones: impl Iterator<Item = Rect>) -> PictureOutlook {
         let cells = (0..OUTLOOK_ROWS).flat_map(|row| (0..OUTLOOK_COLUMNS).map(move |column| (column, row)));
         let grid = cells.map(|(column, row)| {
@@ -108,7 +111,7 @@ impl Outlook {
         PictureOutlook { frame: *frame, zones: zones.map(|rect| self.of(&rect)).collect(), grid: grid.collect() }
     }
 
-    /// The prediction for the pixels of `rect`. Constant time. Panics if `rect` reaches beyond the survey.
+    /// Returns the prediction for the pixels of `rect`. Constant time. Panics if `rect` reaches beyond the survey.
     pub(crate) fn of(&self, rect: &Rect) -> TaskOutlook {
         let mean = |sums: &Sums| sums.integral(rect) / rect.area().max(1) as f64;
         let share = |sums: &Sums| mean(sums).clamp(0.0, 1.0);
@@ -129,7 +132,7 @@ impl Outlook {
     }
 }
 
-/// The pixels of a cell of the grid: at least one.
+/// Returns the pixels of a cell of the grid: at least one.
 fn grid_cell(frame: &Rect, column: u32, row: u32) -> Rect {
     let part = |start: u32, end: u32, place: u32, count: u32| {
         let side = u64::from(end - start);

@@ -93,7 +93,7 @@ fn opponents(colors: &[[f32; 3]]) -> [Vec<f32>; 4] {
     [0, 1, 2, 3].map(|i| all.iter().map(|values| values[i]).collect())
 }
 
-/// A Gaussian pyramid down to the coarsest surround, or as far as the plane can be halved.
+/// Returns a Gaussian pyramid down to the coarsest surround, or as far as the plane can be halved.
 fn pyramid(base: Plane) -> Vec<Plane> {
     let coarsest = CENTERS[CENTERS.len() - 1] + SURROUNDS[SURROUNDS.len() - 1] - SURVEY_SCALE;
     let mut levels = vec![base];
@@ -111,7 +111,7 @@ fn differences(a: &[Plane], b: &[Plane]) -> Vec<Plane> {
     a.iter().zip(b).map(|(a, b)| a.minus(b)).collect()
 }
 
-/// The normalized differences of all centers and surrounds, added up at the size `map`.
+/// Returns the normalized differences of all centers and surrounds, added up at the size `map`.
 fn across_scales(pyramid: &[Plane], map: (u32, u32)) -> Plane {
     let mut sum = Plane::zero(map);
     for center in CENTERS.map(|scale| scale - SURVEY_SCALE) {
@@ -125,8 +125,8 @@ fn across_scales(pyramid: &[Plane], map: (u32, u32)) -> Plane {
     sum
 }
 
-/// The paper's N(·): scales a map to 0..=1 and multiplies it by (1 − m̄)², with m̄ the mean of all local maxima except
-/// the greatest. A map with one peak is kept, one with many equal peaks vanishes.
+/// Returns the paper's N(·): scales a map to 0..=1 and multiplies it by (1 − m̄)², with m̄ the mean of all local
+/// maxima except the greatest. A map with one peak is kept, one with many equal peaks vanishes.
 fn normalized(mut map: Plane) -> Plane {
     /// Maximum of a map that is only rounding error.
     const NOTHING: f32 = 1e-5;

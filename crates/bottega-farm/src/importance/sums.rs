@@ -17,6 +17,8 @@ pub(super) struct Sums {
 }
 
 impl Sums {
+    /// Sums values over cells, for queries in constant time.
+    ///
     /// - `surveyed`: the pixels that the cells cover.
     /// - `values`: `[width × height]`, row-major; panics if the length differs.
     pub(super) fn new(surveyed: Rect, (width, height): (u32, u32), values: Vec<f32>) -> Self {
@@ -25,7 +27,7 @@ impl Sums {
         Self { surveyed, width, height, values, sums }
     }
 
-    /// The same cells with each value mapped.
+    /// Returns the same grid of cells with each value mapped.
     pub(super) fn map(&self, value: impl Fn(f32) -> f32) -> Self {
         Self::new(self.surveyed, self.size(), self.values.iter().map(|&old| value(old)).collect())
     }
@@ -35,13 +37,13 @@ impl Sums {
         (self.width, self.height)
     }
 
-    /// The value of each cell, row-major.
+    /// Returns the value of each cell, row-major.
     pub(super) fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// The sum over the pixels of `rect` of the values of their cells. Panics if `rect` reaches beyond the surveyed
-    /// picture.
+    /// Returns the sum over the pixels of `rect` of the values of their cells. Panics if `rect` reaches beyond the
+    /// surveyed picture.
     pub(super) fn integral(&self, rect: &Rect) -> f64 {
         assert!(self.surveyed.encloses(rect), "{rect} is not in the surveyed picture {}", self.surveyed);
         let pixels_per_cell = self.surveyed.area() as f64 / (f64::from(self.width) * f64::from(self.height));
@@ -51,8 +53,8 @@ impl Sums {
         cells * pixels_per_cell
     }
 
-    /// The sum of everything above and left of a pixel's corner, in cells. The integral of a function that is constant
-    /// per cell is bilinear in each cell, so bilinear interpolation is exact.
+    /// Returns the sum of everything above and left of a pixel's corner, in cells. The integral of a function that is
+    /// constant per cell is bilinear in each cell, so bilinear interpolation is exact.
     fn sum_before(&self, x: u32, y: u32) -> f64 {
         let (column, u) = cell_of(x - self.surveyed.x0, self.surveyed.width(), self.width);
         let (row, v) = cell_of(y - self.surveyed.y0, self.surveyed.height(), self.height);
@@ -65,7 +67,7 @@ impl Sums {
     }
 }
 
-/// The cell that contains a pixel's edge, and the position in it, 0..1.
+/// Returns the cell that contains a pixel's edge, and the position in it, 0..1.
 fn cell_of(offset: u32, pixels: u32, cells: u32) -> (usize, f64) {
     // Integer arithmetic, so that rounding never misses a cell's edge.
     let scaled = u64::from(offset) * u64::from(cells);

@@ -8,7 +8,8 @@ use bottega_engines::Survey;
 
 use super::{Channel, ChannelSet};
 
-/// Visual importance of every cell, row-major, 0..=1: the mean over the active channels; ½ everywhere without any.
+/// Returns the visual importance of every cell, row-major, 0..=1: the mean over the active channels; ½ everywhere
+/// without any.
 pub(super) fn importance(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     let parts: Vec<Vec<f32>> = channels
         .iter()
@@ -22,7 +23,8 @@ pub(super) fn importance(survey: &Survey, channels: ChannelSet) -> Vec<f32> {
     (0..survey.pixels.len()).map(|i| of_cell(i).clamp(0.0, 1.0)).collect()
 }
 
-/// The function from a channel's value to the visibility of an error, 0..=1; `None`: the channel has no effect on it.
+/// Returns the function from a channel's value to the visibility of an error, 0..=1; `None`: the channel has no
+/// effect on it.
 fn says(channel: Channel) -> Option<fn(f32) -> f32> {
     match channel {
         // Expensive places do not attract the eye for that reason.

@@ -21,9 +21,9 @@ use crate::{
 /// The reason why an agent leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Departure {
-    /// It says goodbye, or is excluded: its zones are not to blame.
+    /// The agent says goodbye, or is excluded: its zones are not to blame.
     Goodbye,
-    /// Its lease is over: one of its zones may have crashed it.
+    /// The lease of the agent is over: one of its zones may have crashed it.
     Silence,
 }
 
@@ -98,6 +98,7 @@ impl Assignments {
     /// Orders profiles, the most complex zone first, from the agents that finish one soonest.
     pub(super) fn order_profiles(&mut self, now: Time, actions: &mut Vec<FarmAction>) {
         while let Some(zone) = self.ledger.next_unseen() {
+            // Give the most complex zone without samples to the agent that profiles it soonest
             let Some(agent) = self.roster.freest() else { return };
             let Some(row) = self.rows.settled_zone(zone) else { return };
             let agent = Some(self.roster.name(agent).clone());
@@ -117,10 +118,12 @@ impl Assignments {
 
     /// Updates the counts and the loads with a row.
     pub(super) fn count(&mut self, now: Time, row: &ZoneRow) {
+        // Number the agents that hold the zone
         let mut holders: Holders = [None; 2];
         for (place, agent) in holders.iter_mut().zip(row.holders()) {
             *place = Some(self.roster.number(agent));
         }
+        // Count the row, and update the loads of the agents concerned
         let mut changed = std::mem::take(&mut self.changed);
         let order_time = self.rows.board().work().and_then(|work| row.order_time(&work.settings));
         self.ledger.count(row, holders, order_time, &mut changed);
@@ -145,7 +148,7 @@ impl Assignments {
         }
     }
 
-    /// A zone's row after it is taken back from an agent; `None`: unchanged.
+    /// Returns a zone's row after it is taken back from an agent; `None`: unchanged.
     fn taken_back(&self, zone: ZoneId, agent: &AgentId, how: Departure) -> Option<ZoneRow> {
         let row = self.rows.settled_zone(zone).filter(|row| row.is_in_hand())?;
         let is_here = |other: &AgentId| other != agent && self.roster.get_by_name(other).is_some();
@@ -175,6 +178,7 @@ impl Assignments {
                 !is_known && !self.rows.is_being_written(*zone) && !is_on_its_way
             })
         };
+        // Send each missing order again, or take the zone back
         let zones: Vec<ZoneId> = self.ledger.held_by(agent).filter(is_missing).collect();
         for zone in zones {
             let Some((revision, row)) = self.rows.board().shared(zone) else { continue };
@@ -221,8 +225,8 @@ impl Assignments {
         self.orders_sent += 1;
     }
 
-    /// True if the rules of the agent that paints a zone choose its settings: MAGarRO, section 3.4, "when a task is
-    /// assigned to an agent". Never if paintings are compared, because all must use the same settings.
+    /// Returns true if the rules of the agent that paints a zone choose its settings: MAGarRO, section 3.4, "when a
+    /// task is assigned to an agent". Never if paintings are compared, because all must use the same settings.
     pub(super) fn decides(&self, row: &ZoneRow) -> bool {
         let settings = self.rows.board().work().map(|work| &work.settings);
         !self.config.verifies() && settings.is_some_and(|settings| row.is_undecided(settings))
@@ -237,7 +241,7 @@ impl Assignments {
         }
     }
 
-    /// The orders of an agent on the Blackboard, with the progress that it reports.
+    /// Returns the orders of an agent on the Blackboard, with the progress that it reports.
     pub(super) fn orders_of(&self, agent: MemberId, reported: &[Holding]) -> Vec<Holding> {
         let name = self.roster.name(agent);
         let order = |zone: ZoneId| {
@@ -249,12 +253,12 @@ impl Assignments {
         self.ledger.held_by(agent).filter_map(order).collect()
     }
 
-    /// Time at which the current order of a zone was sent.
+    /// Returns the time at which the current order of a zone was sent.
     pub(super) fn sent_at(&self, zone: ZoneId) -> Option<Time> {
         self.sent.get(&zone).copied()
     }
 
-    /// Time since the current order of a zone was sent.
+    /// Returns the time since the current order of a zone was sent.
     pub(super) fn time_since_order(&self, now: Time, zone: ZoneId) -> Option<Duration> {
         self.sent_at(zone).map(|sent| now - sent)
     }
@@ -264,12 +268,12 @@ impl Assignments {
         self.sent.remove(&zone);
     }
 
-    /// Number of orders sent so far.
+    /// Returns the number of orders sent so far.
     pub(super) fn orders_sent(&self) -> u64 {
         self.orders_sent
     }
 
-    /// The names of agents.
+    /// Returns the names of agents.
     pub(super) fn names(&self, agents: &[MemberId]) -> Vec<AgentId> {
         agents.iter().map(|&agent| self.roster.name(agent).clone()).collect()
     }

@@ -21,7 +21,7 @@ pub(super) struct Comparisons {
 }
 
 impl Comparisons {
-    /// True if two tiles may be the same picture; `None`: not compared yet.
+    /// Returns true if two tiles may be the same picture; `None`: not compared yet.
     pub(super) fn result(&self, pair: &Pair) -> Option<bool> {
         self.seen.get(pair).copied()
     }
@@ -31,7 +31,7 @@ impl Comparisons {
         self.seen.insert(pair, same);
     }
 
-    /// True if a tile could not be fetched.
+    /// Returns true if a tile could not be fetched.
     pub(super) fn is_missing(&self, zone: ZoneId, tile: BlobId) -> bool {
         self.missing.contains(&(zone, tile))
     }
@@ -41,12 +41,12 @@ impl Comparisons {
         self.missing.insert((zone, tile));
     }
 
-    /// True if a tile could not be fetched; removes the mark, so that it is tried again.
+    /// Returns true if a tile could not be fetched; removes the mark, so that it is tried again.
     pub(super) fn take_missing(&mut self, zone: ZoneId, tile: BlobId) -> bool {
         self.missing.remove(&(zone, tile))
     }
 
-    /// True if a report of the zone waits for a comparison.
+    /// Returns true if a report of the zone waits for a comparison.
     pub(super) fn is_awaited(&self, zone: ZoneId) -> bool {
         self.postponed.contains_key(&zone)
     }

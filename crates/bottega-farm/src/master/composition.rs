@@ -36,8 +36,8 @@ pub(super) struct Composition {
 }
 
 impl Composition {
-    /// True if the masks were made for another band than the zone has now. That happens if its samples were lost or it
-    /// was given up, and the next agent chose other settings.
+    /// Returns true if the masks were made for another band than the zone has now. That happens if its samples were
+    /// lost or it was given up, and the next agent chose other settings.
     fn is_outdated(&self, row: &ZoneRow) -> bool {
         let made_for =
             self.bands.get(row.zone.index()).filter(|_| row.root.is_none() && row.state != ZoneState::Failed);
@@ -90,7 +90,7 @@ impl Composition {
         actions.push(FarmAction::Effect(FarmEffect::BeginFilm(work)));
     }
 
-    /// The next zone to hand to the film, with its mask. `None`: none is ready, or not all bands are known.
+    /// Returns the next zone to hand to the film, with its mask. `None`: none is ready, or not all bands are known.
     fn next(&mut self, board: &Blackboard, all_chosen: bool) -> Option<(ZoneId, Mask)> {
         let work = board.work()?;
         let plain = work.settings.optimization.rule_input().is_none();
@@ -129,8 +129,9 @@ impl Composition {
         was_expected
     }
 
-    /// The first zone that is neither composed nor given up, with all its pieces.
+    /// Returns the first zone that is neither composed nor given up, with all its pieces.
     fn next_in_order(&mut self, board: &Blackboard) -> ZoneId {
+        // A zone is passed when it and all its pieces are in the film, on the way there, or given up
         let passed = |zone: ZoneId| {
             let failed = board.zone(zone).is_some_and(|(_, row)| row.state == ZoneState::Failed);
             failed || self.composing.contains(&zone) || self.composed.contains(&zone)
@@ -145,22 +146,22 @@ impl Composition {
         ZoneId(self.cursor)
     }
 
-    /// True if a zone is in the film or handed to it.
+    /// Returns true if a zone is in the film or handed to it.
     fn has(&self, zone: ZoneId) -> bool {
         self.composing.contains(&zone) || self.composed.contains(&zone)
     }
 
-    /// True if the film contains a zone that is painted again.
+    /// Returns true if the film contains a zone that is painted again.
     pub(super) fn is_stale(&self) -> bool {
         self.is_stale
     }
 
-    /// Number of zones handed to the film without an answer.
+    /// Returns the number of zones handed to the film without an answer.
     pub(super) fn composing_count(&self) -> usize {
         self.composing.len()
     }
 
-    /// Number of zones in the film.
+    /// Returns the number of zones in the film.
     pub(super) fn composed_count(&self) -> usize {
         self.composed.len()
     }
@@ -177,7 +178,7 @@ impl Composition {
     }
 }
 
-/// The widths of a zone's bands; 0 without a choice.
+/// Returns the widths of a zone's bands; 0 without a choice.
 fn bands(row: &ZoneRow) -> Sides<u32> {
     row.choice.map_or(Sides::all(0), |choice| choice.bands)
 }

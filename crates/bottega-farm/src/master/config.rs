@@ -56,19 +56,19 @@ pub struct MasterConfig {
     pub credits: Arc<BTreeMap<String, Credit>>,
     /// The rules for goals of error and time.
     pub goals: GoalRules,
-    /// The timeouts.
+    /// The timeouts of rounds, leases and retries.
     pub timing: Timing,
-    /// The platform at which it registers; `None`: it does not.
+    /// The platform at which the Master registers; `None`: it does not.
     pub registration: Option<RegistrationConfig>,
 }
 
 impl MasterConfig {
-    /// True if paintings are compared.
+    /// Returns true if paintings are compared.
     pub(super) fn verifies(&self) -> bool {
         self.verify > 1
     }
 
-    /// True if zones are dealt out and agents take them from one another, instead of auctions.
+    /// Returns true if zones are dealt out and agents take them from one another, instead of auctions.
     pub(super) fn deals(&self) -> bool {
         self.auction == AuctionRule::Stealing
     }

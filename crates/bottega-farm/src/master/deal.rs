@@ -18,6 +18,7 @@ const NEIGHBORS_MAX: usize = 8;
 /// Deals waiting zones, the largest first, until the agent that finishes the next one soonest has no room for it.
 pub(super) fn deal(now: Time, assignments: &mut Assignments, actions: &mut Vec<FarmAction>) {
     while let Some(offer) = assignments.ledger.open.largest() {
+        // Find the agent that finishes the largest zone soonest
         let (at, time) = (now.elapsed().as_secs_f64(), offer.time_estimated.as_secs_f64());
         let roster = &assignments.roster;
         let soonest = roster.field().soonest(at, time).map(|(_, agent)| agent);
@@ -25,6 +26,7 @@ pub(super) fn deal(now: Time, assignments: &mut Assignments, actions: &mut Vec<F
         if assignments.rows.is_being_written(offer.zone) {
             return;
         }
+        // Award the zone to it
         let conversation = assignments.rows.number();
         assignments.award(now, &Award { zone: offer.zone, agent, share: None }, conversation, actions);
     }
@@ -53,11 +55,12 @@ pub(super) fn hand_over(
     }
 }
 
-/// A zone's row after the transfer of its order; `None`: it cannot be transferred.
+/// Returns a zone's row after the transfer of its order; `None`: it cannot be transferred.
 fn handed_over(from: &AgentId, to: &AgentId, order: &PassedOrder, assignments: &Assignments) -> Option<ZoneRow> {
     let &PassedOrder { zone, fence, kept } = order;
     let Assignments { config, rows, .. } = assignments;
     let (revision, row) = rows.zone(zone)?;
+    // Check that the giver holds the zone under this token, and that no other agent works on it
     let is_its = row.state == ZoneState::Awarded && row.agent.as_ref() == Some(from) && revision == fence;
     if !is_its || row.rival.is_some() || !row.is_new_to(to) || rows.is_being_written(zone) {
         return None;

@@ -42,7 +42,7 @@ struct CountedZone {
     waiting: bool,
     complexity: f64,
     time_estimated: Duration,
-    /// T_est of its current order.
+    /// T_est of the zone's current order.
     order_time: Duration,
     chosen: bool,
     voted: bool,
@@ -139,29 +139,29 @@ impl Ledger {
         held.insert(place, (zone, time));
     }
 
-    /// Number of zones that an agent holds, and the sum of their T_est.
+    /// Returns the number of zones that an agent holds, and the sum of their T_est.
     pub(super) fn load(&self, agent: MemberId) -> (usize, Duration) {
         let held = self.held.get(agent.index()).map_or(&[][..], Vec::as_slice);
         (held.len(), held.iter().map(|(_, time)| *time).sum())
     }
 
-    /// The zones that an agent holds.
+    /// Returns the zones that an agent holds.
     pub(super) fn held_by(&self, agent: MemberId) -> impl DoubleEndedIterator<Item = ZoneId> {
         self.held.get(agent.index()).into_iter().flatten().map(|(zone, _)| *zone)
     }
 
-    /// All agents that hold zones.
+    /// Returns all agents that hold zones.
     pub(super) fn holders(&self) -> impl Iterator<Item = MemberId> {
         let holders = self.held.iter().enumerate().filter(|(_, zones)| !zones.is_empty());
         holders.map(|(index, _)| MemberId(index as u32))
     }
 
-    /// The sum of T_est of all zones without an agent, including those without samples.
+    /// Returns the sum of T_est of all zones without an agent, including those without samples.
     pub(super) fn waiting_time(&self) -> Duration {
         self.open.time_estimated() + self.unseen_time
     }
 
-    /// The most complex zone without samples.
+    /// Returns the most complex zone without samples.
     pub(super) fn next_unseen(&self) -> Option<ZoneId> {
         self.unseen.first().map(|(_, zone)| *zone)
     }
@@ -179,32 +179,32 @@ impl Ledger {
         zones
     }
 
-    /// Number of zones that need further votes.
+    /// Returns the number of zones that need further votes.
     pub(super) fn comparison_count(&self) -> usize {
         self.comparisons.len()
     }
 
-    /// Number of zones without an agent: those without samples and those open for auction.
+    /// Returns the number of zones without an agent: those without samples and those open for auction.
     pub(super) fn waiting_count(&self) -> usize {
         self.unseen.len() + self.open.len()
     }
 
-    /// Number of zones that agents hold.
+    /// Returns the number of zones that agents hold.
     pub(super) fn in_hand_count(&self) -> usize {
         self.in_hand
     }
 
-    /// True if all unsettled zones wait for the next pass, and there are any.
+    /// Returns true if all unsettled zones wait for the next pass, and there are any.
     pub(super) fn all_wait(&self) -> bool {
         self.waiting > 0 && self.waiting + self.settled == self.zones.len()
     }
 
-    /// Number of zones done or given up.
+    /// Returns the number of zones done or given up.
     pub(super) fn settled_count(&self) -> usize {
         self.settled
     }
 
-    /// Number of zones whose band is known.
+    /// Returns the number of zones whose band is known.
     pub(super) fn chosen_count(&self) -> usize {
         self.chosen
     }

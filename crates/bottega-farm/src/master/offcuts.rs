@@ -13,7 +13,7 @@ use crate::{Blackboard, FarmAction, ZoneId, ZoneRow};
 pub(super) struct Offcuts {
     /// Pieces without a row, with the zones they were cut from.
     missing: BTreeMap<ZoneId, ZoneId>,
-    /// Those of `missing` whose row must be written, again if a write failed.
+    /// The zones of `missing` whose row must be written, again if a write failed.
     due: Vec<ZoneId>,
 }
 
@@ -47,7 +47,7 @@ impl Offcuts {
         }
     }
 
-    /// True if all pieces have rows.
+    /// Returns true if all pieces have rows.
     pub(super) fn is_empty(&self) -> bool {
         self.missing.is_empty()
     }

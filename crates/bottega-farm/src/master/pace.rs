@@ -34,8 +34,8 @@ pub(super) struct HangingOrder {
     pub(super) reason: String,
 }
 
-/// The agent's longest-held order if it has made no progress for too long. Taking longer than expected is no reason,
-/// except far beyond all bounds.
+/// Returns the agent's longest-held order if it has made no progress for too long. Taking longer than expected is no
+/// reason, except far beyond all bounds.
 ///
 /// - `reported`: the orders in the agent's heartbeat. Orders of the Blackboard that are missing there count as without
 ///   progress; others are ignored.
@@ -65,8 +65,8 @@ pub(super) fn hanging_order(
     Some(HangingOrder { order, reason })
 }
 
-/// The allowed time without progress, and the allowed total time, of an agent's order. An agent with `order_count` orders may
-/// divide its processors among them.
+/// Returns the allowed time without progress, and the allowed total time, of an agent's order. An agent with `order_count`
+/// orders may divide its processors among them.
 fn patience(member: &Member, row: &ZoneRow, order: &Holding, order_count: usize) -> [Duration; 2] {
     // Agents that share a machine slow each other down.
     let sharing = member.row.lanes.min(1.0).recip().min(SHARING_MAX);
@@ -74,8 +74,10 @@ fn patience(member: &Member, row: &ZoneRow, order: &Holding, order_count: usize)
     if order.progress == 0 {
         return [READY_WITHIN.mul_f64(sharing), LASTS_MAX];
     }
+    // Without an estimate, use the least bounds
     let Some(estimated) = row.time_estimated else { return [least.mul_f64(order_count as f64), LASTS_MIN] };
     let samples = row.choice.map_or(1, |choice| row.goal_samples(&choice).saturating_sub(row.samples_done()));
+    // Compute the expected time of the whole order and of one step of progress
     let whole = estimated.as_secs_f64() * member.own();
     let step = whole.min(STEP_MAX.as_secs_f64() * sharing).max(whole / f64::from(samples.max(1)));
     let of_all = |seconds: f64| Duration::try_from_secs_f64(seconds * order_count as f64).unwrap_or(Duration::MAX);

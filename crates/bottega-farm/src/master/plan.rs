@@ -25,7 +25,7 @@ struct Waiting {
 /// The pass over the picture in progress.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pass {
-    /// Its start.
+    /// The time at which the pass began.
     begun: Time,
     /// Reference-machine time painted in it.
     painted: Duration,
@@ -73,7 +73,8 @@ impl Pass {
         }
     }
 
-    /// Reference-machine seconds painted per second during the pass, including all losses; `None`: nothing was painted.
+    /// Returns the reference-machine seconds painted per second during the pass, including all losses; `None`: nothing
+    /// was painted.
     fn speed(&self, now: Time) -> Option<f64> {
         let painted = self.painted.as_secs_f64();
         let took = (now - self.begun).as_secs_f64();
@@ -89,9 +90,9 @@ impl Waiting {
     }
 }
 
-/// The number of samples each zone should reach, for a total cost of `budget` reference-machine seconds. Noisy zones
-/// get more: the least error of the whole picture for a given time needs additional samples in proportion to error ×
-/// √(samples / cost). Unchanged if the budget is too small for one more sample.
+/// Returns the number of samples each zone should reach, for a total cost of `budget` reference-machine seconds.
+/// Noisy zones get more: the least error of the whole picture for a given time needs additional samples in proportion
+/// to error × √(samples / cost). Unchanged if the budget is too small for one more sample.
 fn next_samples(waiting: &[Waiting], budget: f64) -> Vec<u32> {
     // Compute the weight of each zone from its error
     let known = |zone: &Waiting| zone.error.map(|error| error * (f64::from(zone.samples) / zone.cost).sqrt());

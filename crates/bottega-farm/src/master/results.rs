@@ -17,13 +17,13 @@ const TIME_MAX: Duration = Duration::from_secs(1 << 30);
 /// The answer to a report by its fencing token alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fencing {
-    /// Its order is valid.
+    /// The order of the report is valid.
     Valid,
     /// None now: the row is being written, and the agent repeats its report.
     Pending,
     /// The report is on the Blackboard already; its confirmation was lost.
     Known,
-    /// Its order is not valid, for this reason.
+    /// The order of the report is not valid, for this reason.
     Refused(&'static str),
 }
 
@@ -31,9 +31,11 @@ pub(super) enum Fencing {
 pub(super) fn check_fence(report: &Report, sender: &AgentId, trust: &Trust, assignments: &Assignments) -> Fencing {
     let &Report { zone, fence, .. } = report;
     let Some((revision, row)) = assignments.rows.zone(zone) else { return Fencing::Refused("there is no such zone") };
+    // Wait while the row is being written: its revision is unknown
     if assignments.rows.is_being_written(zone) {
         return Fencing::Pending;
     }
+    // Compare the token with that of the current order, and with results that are already known
     let is_valid = row.fence_of(sender, revision) == Some(fence);
     let is_counted = |vote: &Vote| vote.painting.result.fence == fence;
     let is_known = row.result.is_some_and(|result| result.fence == fence) || row.votes.iter().any(is_counted);
@@ -69,7 +71,7 @@ pub(super) fn kept_promise(
     Some(KeptPromise { taken, worth: worth.of(Some(id), row, samples) })
 }
 
-/// The zone's row after a valid report, or the reason to refuse it.
+/// Returns the zone's row after a valid report, or the reason to refuse it.
 pub(super) fn accepted(
     zone: ZoneId,
     fence: Revision,
@@ -80,6 +82,7 @@ pub(super) fn accepted(
     let Some((_, row)) = assignments.rows.zone(zone) else { return Err("there is no such zone") };
     let Some(work) = assignments.rows.board().work() else { return Err("there is no work") };
     let Painting { choice, result, time_measured, busy, is_measured, goal, time_left, error, .. } = *painting;
+    // Check that the settings are within what the user allows
     let unchanged = Choice::unchanged(&work.settings);
     let within = choice.samples >= 1
         && choice.samples <= unchanged.samples
@@ -92,11 +95,13 @@ pub(super) fn accepted(
     if work.settings.optimization.rule_input().is_none() && choice != unchanged || !within {
         return Err("the settings are not what the user allows");
     }
+    // Accept other settings only from an agent that may choose them
     let is_chosen = row.choice.is_none_or(|chosen| chosen == choice);
     if !is_chosen && !assignments.decides(row) {
         return Err("the settings are not what was chosen for the zone");
     }
     let row = &if is_chosen { row.clone() } else { row.decided_anew(choice) };
+    // Check the numbers of samples, the times and the error
     let complete = result.samples == row.goal_samples(&choice);
     if result.samples > choice.samples || row.state == ZoneState::Awarded && !complete || result.samples == 0 {
         return Err("the number of samples is wrong");
@@ -107,6 +112,7 @@ pub(super) fn accepted(
     if error.is_some_and(|error| error.is_nan() || error < 0.0) {
         return Err("the error is no number");
     }
+    // Compute the samples that the zone needs, by the goal of the work
     let wanted = match work.settings.goal {
         Goal::Samples => choice.samples,
         Goal::Error(_) => goal.clamp(result.samples, choice.samples),
@@ -114,6 +120,7 @@ pub(super) fn accepted(
         Goal::Time(_) => result.samples,
     };
     let is_timed = matches!(work.settings.goal, Goal::Time(_)) && result.samples < choice.samples;
+    // Open the zone for the samples that are left, or close it
     let after = ZoneRow { choice: Some(choice), result: Some(result), error, ..row.clone() };
     let profiling = row.state == ZoneState::Profiling;
     Ok(if wanted > result.samples || is_timed {
@@ -130,7 +137,7 @@ pub(super) fn accepted(
     })
 }
 
-/// The row of a finished zone whose samples were lost: open again, or given up.
+/// Returns the row of a finished zone whose samples were lost: open again, or given up.
 pub(super) fn without_samples(row: &ZoneRow) -> ZoneRow {
     // Keep the settings, for which its neighbors' bands were made
     let attempt = row.attempt + 1;

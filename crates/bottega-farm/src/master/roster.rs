@@ -19,7 +19,7 @@ const AHEAD_SHARE: f64 = 0.25;
 /// Minimum time before the end of its load at which it needs another zone.
 const AHEAD_MIN: Duration = Duration::from_millis(20);
 
-/// A time later than all others.
+/// Returns a time later than all others.
 fn never() -> Time {
     Time::since_start(Duration::MAX)
 }
@@ -34,15 +34,15 @@ const FAILED_KEPT: usize = 16;
 pub(super) struct Member {
     pub(super) id: MemberId,
     pub(super) row: AgentRow,
-    /// True if its reported speed is weighted by its reliability.
+    /// True if the agent's reported speed is weighted by its reliability.
     weighs_promises: bool,
-    /// Time of its last message.
+    /// Time of the agent's last message.
     pub(super) heard: Time,
-    /// It refused or did not answer: not called before this time.
+    /// The agent refused or did not answer: not called before this time.
     rests_until: Option<Time>,
-    /// It refused, or did not answer, when it was last called.
+    /// The agent refused, or did not answer, when it was last called.
     is_unwilling: bool,
-    /// It bid and won nothing: not called again until something changes.
+    /// The agent bid and won nothing: not called again until something changes.
     passed_over: bool,
     /// The round that waits for its bid.
     pub(super) round: Option<u64>,
@@ -50,17 +50,17 @@ pub(super) struct Member {
     held: usize,
     /// The sum of their T_est.
     load: Duration,
-    /// The expected time at which it will have painted them.
+    /// The expected time at which the agent will have painted them.
     pub(super) ready: Time,
-    /// Time of its last report.
+    /// Time of the agent's last report.
     reported: Time,
-    /// Progress of its orders, from its heartbeats.
+    /// Progress of the agent's orders, from its heartbeats.
     watched: WatchedZones,
-    /// Its failed orders since its last success.
+    /// The orders of the agent that failed since its last success.
     pub(super) failed: Vec<(ZoneId, Revision)>,
     /// The value of [`Roster::changes`] when its neighbors were last sent.
     neighbors_sent: u64,
-    /// Its keys in the roster's orders.
+    /// The agent's keys in the sorted sets of the roster.
     places: Places,
 }
 
@@ -141,7 +141,7 @@ pub(super) struct Roster {
 }
 
 impl Roster {
-    /// An empty roster.
+    /// Makes an empty roster.
     ///
     /// - `window`: maximum number of zones that an agent may hold.
     /// - `prefetch`: number of zones that an agent works on at once.
@@ -150,12 +150,12 @@ impl Roster {
         Self { window, prefetch, weighs_promises, ..Self::default() }
     }
 
-    /// The number of an agent that is here, has been here, or is named in a row.
+    /// Returns the number of an agent that is here, has been here, or is named in a row.
     pub(super) fn find(&self, agent: &AgentId) -> Option<MemberId> {
         self.numbers.get(agent).copied()
     }
 
-    /// The number of an agent; a new one if it has none.
+    /// Returns the number of an agent; a new one if it has none.
     pub(super) fn number(&mut self, agent: &AgentId) -> MemberId {
         self.find(agent).unwrap_or_else(|| {
             let id = MemberId(u32::try_from(self.names.len()).expect("fewer than 2³² agents"));
@@ -166,7 +166,7 @@ impl Roster {
         })
     }
 
-    /// The name of a numbered agent.
+    /// Returns the name of a numbered agent.
     pub(super) fn name(&self, id: MemberId) -> &AgentId {
         &self.names[id.index()]
     }
@@ -193,7 +193,7 @@ impl Roster {
         Some(id)
     }
 
-    /// Removes an agent.
+    /// Removes an agent that has left or was excluded. Returns its entry.
     pub(super) fn leave(&mut self, id: MemberId) -> Option<Member> {
         let member = self.members[id.index()].take()?;
         self.count -= 1;
@@ -211,6 +211,7 @@ impl Roster {
     fn place(&mut self, id: MemberId) {
         let Some(member) = self.members[id.index()].as_mut() else { return };
         let own = member.own();
+        // Compute the agent's keys: whether it may bid, whether it lacks zones, and when it is ready
         let willing = member.rests_until.is_none();
         let may_bid = willing && !member.passed_over && member.round.is_none();
         let is_supplied = may_bid && (self.prefetch..self.window).contains(&member.held);
@@ -220,6 +221,7 @@ impl Roster {
             profiling: (member.held < PROFILE_WINDOW).then(|| ((member.held as f64 + 1.0) * own).to_bits()),
             laden: (member.held > 0).then_some(member.ready),
         };
+        // Move it from its old places to the new ones
         let before = std::mem::replace(&mut member.places, places);
         self.field.set(id, willing.then_some((own, (!member.load.is_zero()).then_some(member.ready))));
         self.alter(id, before, places);
@@ -247,12 +249,12 @@ impl Roster {
         self.field.rest();
     }
 
-    /// A present agent.
+    /// Returns a present agent.
     pub(super) fn get(&self, id: MemberId) -> Option<&Member> {
         self.members[id.index()].as_ref()
     }
 
-    /// A present agent, by name.
+    /// Returns a present agent, by name.
     pub(super) fn get_by_name(&self, agent: &AgentId) -> Option<&Member> {
         self.find(agent).and_then(|id| self.get(id))
     }
@@ -281,6 +283,7 @@ impl Roster {
         }
         let own = member.own();
         let scale = |time: Duration| crate::adaptation::scaled(time, own);
+        // New zones start after those in hand; a finished one sets the clock again
         member.ready = if load > member.load {
             member.ready.max(now) + scale(load - member.load)
         } else if held < member.held {
@@ -398,14 +401,14 @@ impl Roster {
         }
     }
 
-    /// True if an agent may be given another zone.
+    /// Returns true if an agent may be given another zone.
     pub(super) fn has_room(&self, id: MemberId) -> bool {
         self.get(id).is_some_and(|member| member.held < self.window)
     }
 
-    /// The neighbors of an agent, if they have changed since they were last sent: all other agents if they are few,
-    /// else those at distances of powers of two around the ring of numbers, so that work reaches every agent in few
-    /// steps.
+    /// Returns the neighbors of an agent, if they have changed since they were last sent: all other agents if they
+    /// are few, else those at distances of powers of two around the ring of numbers, so that work reaches every agent
+    /// in few steps.
     pub(super) fn new_neighbors(&mut self, id: MemberId, count_max: usize) -> Option<Vec<MemberId>> {
         let changes = self.changes;
         let member = self.members[id.index()].as_mut().filter(|member| member.neighbors_sent != changes)?;
@@ -418,23 +421,24 @@ impl Roster {
         if is_small {
             return Some(self.iter().map(|member| member.id).filter(|&other| other != id).collect());
         }
+        // Take those at distances of powers of two around the ring
         let distances = (0..count_max).map(|k| (ring >> (k + 1)).max(1)).rev();
         let mut neighbors: Vec<MemberId> = distances.filter_map(|distance| next(id.index() + distance)).collect();
         neighbors.dedup();
         Some(neighbors)
     }
 
-    /// Number of agents.
+    /// Returns the number of agents.
     pub(super) fn count(&self) -> usize {
         self.count
     }
 
-    /// All agents.
+    /// Iterates over all agents, in the order of their numbers.
     pub(super) fn iter(&self) -> impl Iterator<Item = &Member> {
         self.members.iter().flatten()
     }
 
-    /// The names of all agents.
+    /// Returns the names of all agents.
     pub(super) fn present(&self) -> Vec<AgentId> {
         self.iter().map(|member| member.row.agent.clone()).collect()
     }
@@ -444,7 +448,7 @@ impl Roster {
         self.iter().filter(|member| member.heard < since).map(|member| member.id).collect()
     }
 
-    /// The agent that can profile another zone soonest.
+    /// Returns the agent that can profile another zone soonest.
     pub(super) fn freest(&mut self) -> Option<MemberId> {
         let all = self.members.iter().flatten();
         self.profiling.keep(all.filter_map(|member| Some((member.places.profiling?, member.id))));
@@ -460,38 +464,38 @@ impl Roster {
         bidders
     }
 
-    /// The number of zones that an agent may still win.
+    /// Returns the number of zones that an agent may still win.
     pub(super) fn room(&self, id: MemberId) -> u32 {
         self.get(id).map_or(0, |member| self.window.saturating_sub(member.held) as u32)
     }
 
-    /// The number of zones that an agent lacks to have as many as it works on at once.
+    /// Returns the number of zones that an agent lacks to have as many as it works on at once.
     pub(super) fn lacks(&self, id: MemberId) -> u32 {
         self.get(id).map_or(0, |member| self.prefetch.saturating_sub(member.held) as u32)
     }
 
-    /// The first free agent for which `is_wanted` holds, among the first [`FREE_LOOKED_AT`].
+    /// Returns the first free agent for which `is_wanted` holds, among the first [`FREE_LOOKED_AT`].
     pub(super) fn first_free(&self, is_wanted: impl Fn(&AgentId) -> bool) -> Option<MemberId> {
         let free = self.free.iter().take(FREE_LOOKED_AT).map(|(_, id)| *id);
         free.into_iter().find(|id| is_wanted(self.name(*id)))
     }
 
-    /// True if an agent is passed over.
+    /// Returns true if an agent is passed over.
     pub(super) fn has_passed_over(&self) -> bool {
         !self.passed_over.is_empty()
     }
 
-    /// True if an agent may bid.
+    /// Returns true if an agent may bid.
     pub(super) fn has_free(&self) -> bool {
         !self.free.is_empty()
     }
 
-    /// The time at which the next agent that may bid needs a zone.
+    /// Returns the time at which the next agent that may bid needs a zone.
     pub(super) fn next_due(&self) -> Option<Time> {
         self.free.first().map(|(due, _)| *due).filter(|due| *due < never())
     }
 
-    /// True if an agent that may bid needs a zone now.
+    /// Returns true if an agent that may bid needs a zone now.
     pub(super) fn is_due(&self, now: Time) -> bool {
         self.next_due().is_some_and(|due| due <= now)
     }
@@ -505,7 +509,7 @@ impl Roster {
         Some(now - sent.map_or(before, |sent| sent.max(before)))
     }
 
-    /// Up to `count_max` idle agents.
+    /// Returns Up to `count_max` idle agents.
     pub(super) fn idle(&self, count_max: usize) -> Vec<MemberId> {
         let free = self.free.iter().filter_map(|(_, id)| self.get(*id));
         free.filter(|member| member.is_idle()).take(count_max).map(|member| member.id).collect()
@@ -517,7 +521,7 @@ impl Roster {
         self.laden.keep(all.filter_map(|member| Some((member.places.laden?, member.id))));
     }
 
-    /// The agents that are late, and those that will finish last.
+    /// Returns the agents that are late, and those that will finish last.
     pub(super) fn laggards(&self, now: Time, count_max: usize) -> impl Iterator<Item = &Member> {
         let late = self.laden.agents.iter().take_while(move |(ready, _)| *ready < now).take(count_max);
         let last = self.laden.agents.iter().rev().take_while(move |(ready, _)| *ready >= now).take(count_max);
@@ -552,38 +556,39 @@ impl Member {
         }
     }
 
-    /// True if it holds nothing, is in no round and is not resting.
+    /// Returns true if the agent holds nothing, is in no round and is not resting.
     pub(super) fn is_idle(&self) -> bool {
         self.held == 0 && self.rests_until.is_none() && self.round.is_none()
     }
 
-    /// True if it did not refuse when it was last called.
+    /// Returns true if the agent did not refuse when it was last called.
     pub(super) fn is_willing(&self) -> bool {
         !self.is_unwilling
     }
 
-    /// True if it bid and won nothing, and nothing has changed since.
+    /// Returns true if the agent bid and won nothing, and nothing has changed since.
     pub(super) fn is_passed_over(&self) -> bool {
         self.passed_over
     }
 
-    /// Own seconds per second of the reference machine, with all its processors together, as it reports them.
+    /// Returns the agent's own seconds per second of the reference machine, with all its processors together, as it reports
+    /// them.
     pub(super) fn promised_own(&self) -> f64 {
         self.row.power.get() / self.row.lanes.max(1e-6)
     }
 
-    /// Own seconds per second of the reference machine, weighted by its reliability.
+    /// Returns the agent's own seconds per second of the reference machine, weighted by its reliability.
     pub(super) fn own(&self) -> f64 {
         self.promised_own() / self.worth()
     }
 
-    /// The factor on its promises: see [`Credit::worth`](crate::Credit::worth).
+    /// Returns the factor on the agent's promises: see [`Credit::worth`](crate::Credit::worth).
     pub(super) fn worth(&self) -> f64 {
         if self.weighs_promises { self.row.credit.worth() } else { 1.0 }
     }
 
-    /// The time at which it needs another zone: some time before it finishes what it holds, because it may be faster
-    /// than expected and an award takes time.
+    /// Returns the time at which it needs another zone: some time before it finishes what it holds, because it may be
+    /// faster than expected and an award takes time.
     fn due(&self) -> Time {
         if self.held == 0 {
             return self.ready;

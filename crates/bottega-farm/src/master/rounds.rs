@@ -65,8 +65,8 @@ impl Rounds {
         true
     }
 
-    /// True if a proposal bids for a zone on offer. A proposal without such a bid is a refusal, so that it does not
-    /// count as competition.
+    /// Returns true if a proposal bids for a zone on offer. A proposal without such a bid is a refusal, so that it
+    /// does not count as competition.
     pub(super) fn is_bid(&self, conversation: u64, proposal: &Proposal) -> bool {
         let offers = self.running.get(&conversation).map_or(&[][..], |round| &round.offers);
         let is_offered = |bid: &Bid| offers.iter().any(|offer| offer.zone == bid.zone);
@@ -158,7 +158,7 @@ impl Rounds {
             outbid,
             credit_decided,
         };
-        // A single agent has nobody to compete with: what it gets is no auction
+        // A single agent has no competitor, so its awards do not count as an auction
         if assignments.roster.count() > 1 {
             actions.push(FarmAction::Effect(FarmEffect::RoundClosed(summary)));
         }
@@ -229,7 +229,7 @@ impl Rounds {
         self.running.clear();
     }
 
-    /// The deadline of the next round to end. Rounds end in the order in which they began.
+    /// Returns the deadline of the next round to end. Rounds end in the order in which they began.
     pub(super) fn next_deadline(&self) -> Option<Time> {
         self.running.values().next().map(|round| round.deadline)
     }
@@ -243,11 +243,13 @@ fn decide_round(
     assignments: &Assignments,
 ) -> Decision {
     let Assignments { config, rows, ledger, roster, .. } = assignments;
+    // Leave out zones that were taken or changed since the call
     let is_still_open = |offer: &&Offer| {
         let is_open = |row: &ZoneRow| row.state == ZoneState::Profiled && !row.is_waiting();
         rows.settled_zone(offer.zone).is_some_and(is_open)
     };
     let offers: Vec<Offer> = offers.iter().filter(is_still_open).copied().collect();
+    // Add credit, reliability, speed and room to each proposal
     let bidder = |(agent, proposal): (MemberId, Proposal)| {
         let member = roster.get(agent)?;
         let (credit, worth, own) = (member.row.credit.sum, member.worth(), member.promised_own());
@@ -255,6 +257,7 @@ fn decide_round(
         Some(Bidder { agent, credit, worth, own, needs: roster.lacks(agent), proposal })
     };
     let bidders = proposals.into_iter().filter_map(bidder).collect();
+    // Run the rule
     let can_cut: &dyn Fn(ZoneId) -> bool = &|zone| rows.cut(zone, 0.5).is_some();
     let standing = BidderStanding {
         field: roster.field(),

@@ -175,7 +175,7 @@ impl Master {
                 }
             }
         };
-        // Measure how well the agent kept its promise, and what the zone was worth
+        // Measure how well the agent kept its promise, and the worth of the zone
         let promise = kept_promise(now, report, sender, &self.worth, &mut self.assignments);
         if let (Ok(painting), Ok(_)) = (&report.outcome, &after)
             && let Some((_, row)) = self.assignments.rows.zone(zone)
@@ -229,8 +229,8 @@ impl Master {
         self.count_failure(now, sender, (zone, fence), reason, actions);
     }
 
-    /// The zone's row after a valid report of a painting, with the verdict on compared agents; or the reason to refuse
-    /// it.
+    /// Returns the zone's row after a valid report of a painting, with the verdict on compared agents; or the reason
+    /// to refuse it.
     fn row_after(
         &self,
         report: &Report,
@@ -269,7 +269,7 @@ impl Master {
         actions.push(FarmAction::Send(answer(to, &self.assignments.config.id, performative, content)));
     }
 
-    /// The confirmation of a report.
+    /// Returns the confirmation of a report.
     fn confirmation(&self, message: &FarmMessage, report: &Report) -> FarmMessage {
         let &Report { zone, fence, .. } = report;
         let content = FarmContent::Received { zone, fence };

@@ -199,53 +199,53 @@ impl Rows {
         actions.push(FarmAction::Store { ticket, request });
     }
 
-    /// A new number for a conversation or ticket.
+    /// Returns a new number for a conversation or ticket.
     pub(super) fn number(&mut self) -> u64 {
         self.last_number += 1;
         self.last_number
     }
 
-    /// The rows on the Blackboard, without the pending writes.
+    /// Returns the rows on the Blackboard, without the pending writes.
     pub(super) fn board(&self) -> &Blackboard {
         &self.board
     }
 
-    /// A zone's row and its revision.
+    /// Returns a zone's row and its revision.
     pub(super) fn zone(&self, zone: ZoneId) -> Option<(Revision, &ZoneRow)> {
         self.board.zone(zone)
     }
 
-    /// A zone's row, if no write of it is pending.
+    /// Returns a zone's row, if no write of it is pending.
     pub(super) fn settled_zone(&self, zone: ZoneId) -> Option<&ZoneRow> {
         self.board.zone(zone).filter(|_| !self.is_being_written(zone)).map(|(_, row)| row)
     }
 
-    /// True if a write of a zone's row is pending.
+    /// Returns true if a write of a zone's row is pending.
     pub(super) fn is_being_written(&self, zone: ZoneId) -> bool {
         self.writes.contains_key(&zone)
     }
 
-    /// The pending write of a zone's row.
+    /// Returns the pending write of a zone's row.
     pub(super) fn pending_write(&self, zone: ZoneId) -> Option<&Write> {
         self.writes.get(&zone)
     }
 
-    /// True if writes are pending.
+    /// Returns true if writes are pending.
     pub(super) fn has_writes(&self) -> bool {
         !self.writes.is_empty()
     }
 
-    /// The pending writes that are followed by an order, in no order.
+    /// Returns the pending writes that are followed by an order, in no order.
     pub(super) fn pending_orders(&self) -> impl Iterator<Item = &ZoneRow> {
         self.writes.values().filter(|write| matches!(write.then, RowFollowUp::Order(_))).map(|write| &*write.row)
     }
 
-    /// True if the subscription has delivered all existing rows.
+    /// Returns true if the subscription has delivered all existing rows.
     pub(super) fn is_caught_up(&self) -> bool {
         self.caught_up
     }
 
-    /// The row of a zone after cutting it so that `share` of it is left; `None` if it cannot be cut.
+    /// Returns the row of a zone after cutting it so that `share` of it is left; `None` if it cannot be cut.
     pub(super) fn cut(&self, zone: ZoneId, share: f64) -> Option<ZoneRow> {
         let (work, (revision, row)) = (self.board.work()?, self.board.zone(zone)?);
         // The row of an earlier piece must exist, because it is derived from the current row.
@@ -257,7 +257,8 @@ impl Rows {
         row.cut_to(share, offcut, &work.settings.frame, work.settings.goal.grid()).filter(|_| is_free)
     }
 
-    /// The agents, with their fencing tokens, whose orders become void when a zone held by two agents gets `row`.
+    /// Returns the agents, with their fencing tokens, whose orders become void when a zone held by two agents gets
+    /// `row`.
     pub(super) fn voided_orders(&self, row: &ZoneRow) -> Option<Vec<(AgentId, Revision)>> {
         let (revision, before) = self.board.zone(row.zone)?;
         if before.rival.is_none() || row.is_in_hand() {

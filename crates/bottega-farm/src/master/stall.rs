@@ -25,7 +25,7 @@ pub(super) struct StallWatch {
 }
 
 impl StallWatch {
-    /// The stall if zones have waited for [`STALLED_AFTER`](crate::STALLED_AFTER) although an agent is free.
+    /// Returns the stall if zones have waited for [`STALLED_AFTER`](crate::STALLED_AFTER) although an agent is free.
     ///
     /// - `is_at_work`: true if the Master gives out zones.
     pub(super) fn check(&mut self, now: Time, is_at_work: bool, assignments: &Assignments) -> Option<Stall> {
@@ -36,8 +36,8 @@ impl StallWatch {
     }
 }
 
-/// The number of zones that wait for an agent and of agents that are free; `None` if either is zero. A zone whose order is
-/// not on the Blackboard yet counts as waiting, and an agent without other orders as free.
+/// Returns the number of zones that wait for an agent and of agents that are free; `None` if either is zero. A zone whose
+/// order is not on the Blackboard yet counts as waiting, and an agent without other orders as free.
 ///
 /// An agent that refuses zones is not free. While others paint, neither is one that was passed over because another
 /// agent finishes the zone sooner.
@@ -45,6 +45,7 @@ fn waits_in_vain(assignments: &Assignments) -> Option<(usize, usize)> {
     let Assignments { config, rows, ledger, roster, .. } = assignments;
     let mut ordered: BTreeMap<MemberId, usize> = BTreeMap::new();
     let mut being_given = 0;
+    // Count zones whose order is being written as waiting
     for row in rows.pending_orders() {
         being_given += 1;
         for agent in row.holders().filter_map(|agent| roster.find(agent)) {
@@ -56,6 +57,7 @@ fn waits_in_vain(assignments: &Assignments) -> Option<(usize, usize)> {
         return None;
     }
     let somebody_paints = ledger.in_hand_count() > being_given;
+    // Count agents that are free and willing to take a zone
     let is_free = |member: &&Member| {
         let in_hand = ledger.load(member.id).0 - ordered.get(&member.id).copied().unwrap_or_default();
         let is_wanted = !somebody_paints || !config.deals() && !member.is_passed_over();

@@ -39,7 +39,7 @@ pub(super) fn help_all(now: Time, assignments: &mut Assignments, actions: &mut V
     }
 }
 
-/// The row of the zone that an idle agent takes over: its holder becomes the rival.
+/// Returns the row of the zone that an idle agent takes over: its holder becomes the rival.
 fn takeover(now: Time, helper: MemberId, assignments: &Assignments) -> Option<ZoneRow> {
     let Assignments { rows, ledger, roster, .. } = assignments;
     // Require an idle helper

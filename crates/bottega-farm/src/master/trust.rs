@@ -39,17 +39,18 @@ impl Trust {
         Self { verifies, excluded: FxHashMap::default(), lost: BTreeMap::new(), dubious: Vec::new() }
     }
 
-    /// True if an agent is excluded.
+    /// Returns true if an agent is excluded.
     pub(super) fn is_excluded(&self, agent: &AgentId) -> bool {
         self.excluded.contains_key(agent)
     }
 
-    /// True if an agent is excluded for a wrong painting, not for failures.
+    /// Returns true if an agent is excluded for a wrong painting, not for failures.
     pub(super) fn is_wrong(&self, agent: &AgentId) -> bool {
         !self.excluded.is_empty() && self.excluded.get(agent).is_some_and(|row| !has_only_failed(row))
     }
 
-    /// The reason why an agent is excluded, if it is. An agent that only failed is accepted again if there is no other.
+    /// Returns the reason why an agent is excluded, if it is. An agent that only failed is accepted again if there is
+    /// no other.
     pub(super) fn refusal(&mut self, agent: &AgentId, roster: &Roster) -> Option<String> {
         let row = self.excluded.get(agent)?;
         if has_only_failed(row) && roster.count() == 0 {
@@ -160,10 +161,12 @@ impl Trust {
         if self.is_wrong(agent) {
             return None;
         }
+        // Find the last known row of the agent
         let known = assignments.roster.get_by_name(agent).map(|member| member.row.clone());
         let known = known.or_else(|| self.excluded.get(agent).map(|row| (**row).clone()));
         let known = known.or_else(|| assignments.rows.board().agent(agent).cloned());
         let row = known.unwrap_or_else(|| AgentRow::new(agent.clone(), RelativePower::REFERENCE, 1.0));
+        // Exclude it, and check all zones that may depend on it
         let id = assignments.roster.number(agent);
         let excluded = self.exclude(id, AgentRow { failures: 0, agreed: 0, ..row }, reason, assignments, actions);
         self.doubt_all(assignments.rows.board());
@@ -186,6 +189,7 @@ impl Trust {
         self.lost.remove(&agent);
         let row = Arc::new(AgentRow { left_out: Some(reason.clone()), ..row });
         self.excluded.insert(name.clone(), Arc::clone(&row));
+        // Tell the agent and the observers
         let content = FarmContent::LeftOut { reason: reason.clone() };
         let (me, to) = (&assignments.config.id, vec![name.clone()]);
         actions.push(FarmAction::Send(message(Performative::Refuse, protocol::SUBSCRIBE, me, to, content)));
@@ -194,7 +198,7 @@ impl Trust {
         Excluded(agent)
     }
 
-    /// True if a row depends on an agent found wrong, or counts its vote.
+    /// Returns true if a row depends on an agent found wrong, or counts its vote.
     fn is_dubious(&self, row: &ZoneRow) -> bool {
         let mut sources = row.votes.iter().map(|vote| &vote.agent).chain(&row.word_of);
         sources.any(|agent| self.is_wrong(agent))
@@ -221,6 +225,7 @@ impl Trust {
             // Zones that are held or being written are checked again afterwards
             let row = assignments.rows.settled_zone(zone);
             let Some(row) = row.filter(|row| !row.is_in_hand() && self.is_dubious(row)) else { continue };
+            // Paint the zone again if it rests on the agent's word alone; else drop the agent's vote
             let row = if row.word_of.as_ref().is_some_and(|agent| self.is_wrong(agent)) {
                 row.unpainted()
             } else {
@@ -232,8 +237,8 @@ impl Trust {
     }
 }
 
-/// The zone's row after a failure of `agent`. `None`: unchanged, because the agent that took it over continues. If this
-/// failure excludes the agent, its failures do not count against the zone.
+/// Returns the zone's row after a failure of `agent`. `None`: unchanged, because the agent that took it over continues.
+/// If this failure excludes the agent, its failures do not count against the zone.
 pub(super) fn row_after_failure(zone: ZoneId, agent: &AgentId, assignments: &Assignments) -> Option<ZoneRow> {
     let (_, row) = assignments.rows.zone(zone)?;
     let member = assignments.roster.get_by_name(agent);
@@ -251,7 +256,7 @@ pub(super) fn row_after_failure(zone: ZoneId, agent: &AgentId, assignments: &Ass
     }
 }
 
-/// The rows of zones on which an agent failed, without those attempts.
+/// Returns the rows of zones on which an agent failed, without those attempts.
 fn forgiven(agent: MemberId, assignments: &Assignments) -> Vec<ZoneRow> {
     let failed = assignments.roster.get(agent).map_or(&[][..], |member| &member.failed);
     let mut forgiven: Vec<ZoneRow> = Vec::new();
@@ -267,7 +272,7 @@ fn forgiven(agent: MemberId, assignments: &Assignments) -> Vec<ZoneRow> {
     forgiven
 }
 
-/// True if an excluded agent only failed, and was not found wrong.
+/// Returns true if an excluded agent only failed, and was not found wrong.
 fn has_only_failed(row: &AgentRow) -> bool {
     row.failures >= FAILURES_MAX
 }

@@ -45,7 +45,7 @@ impl Verification {
         Self { config, comparisons: Comparisons::default(), lacking: 0 }
     }
 
-    /// The row after a valid report: accepted, or waiting for further votes.
+    /// Returns the row after a valid report: accepted, or waiting for further votes.
     ///
     /// - `accepted`: the row if the report is accepted.
     pub(super) fn vote(
@@ -92,15 +92,18 @@ impl Verification {
         (ZoneRow { votes: Vec::new(), word_of, time_estimated, ..accepted }, verdict)
     }
 
-    /// True if an agent's painting is accepted without comparison: it was right often enough, and the painting is not
-    /// in the random share that is compared anyway. That share falls with the number of confirmed paintings.
+    /// Returns true if an agent's painting is accepted without comparison: it was right often enough, and the
+    /// painting is not in the random share that is compared anyway. That share falls with the number of confirmed
+    /// paintings.
     fn believes(&self, vote: &Vote, zone: ZoneId, assignments: &Assignments) -> bool {
         let member = assignments.roster.get_by_name(&vote.agent).map(|member| &member.row);
         let agreed = member.or_else(|| assignments.rows.board().agent(&vote.agent)).map_or(0, |row| row.agreed);
         if agreed < BELIEVED_FROM {
             return false;
         }
+        // Compare a share of the paintings that falls with the number of confirmed ones
         let share = (f64::from(BELIEVED_FROM) / f64::from(agreed)).sqrt().max(COMPARED_MIN);
+        // Select that share by a keyed hash of the painting, which no agent can predict
         let mut hasher = blake3::Hasher::new();
         hasher.update(&self.config.secret.to_le_bytes());
         hasher.update(&zone.0.to_le_bytes());
@@ -111,7 +114,7 @@ impl Verification {
         f64::from(u32::from_le_bytes(bits)) >= share * f64::from(u32::MAX)
     }
 
-    /// True if two paintings of a zone agree: bit for bit, or by their look.
+    /// Returns true if two paintings of a zone agree: bit for bit, or by their look.
     fn is_same(&self, zone: ZoneId, one: &Painting, other: &Painting) -> bool {
         if !self.config.compares_by_look {
             return one.is_same(other);
@@ -120,18 +123,19 @@ impl Verification {
         one.may_look_like(other) && (pair.1 == pair.2 || self.comparisons.result(&pair) == Some(true))
     }
 
-    /// True if the tile of a vote could not be fetched, so the vote does not count.
+    /// Returns true if the tile of a vote could not be fetched, so the vote does not count.
     fn is_missing(&self, zone: ZoneId, painting: &Painting) -> bool {
         self.comparisons.is_missing(zone, painting.result.digest)
     }
 
-    /// The same for a reported tile, whose mark is removed: the next report of it may be of a tile that exists.
+    /// Returns true if the tile of a report could not be fetched, and removes that mark: the next report of it may be of a tile that
+    /// exists.
     pub(super) fn take_missing(&mut self, zone: ZoneId, painting: &Painting) -> bool {
         self.comparisons.take_missing(zone, painting.result.digest)
     }
 
-    /// True if the votes of others can be compared with this report now. If not, a comparison of pixels is pending, and
-    /// the report is processed after it.
+    /// Returns true if the votes of others can be compared with this report now. If not, a comparison of pixels is
+    /// pending, and the report is processed after it.
     pub(super) fn can_compare(
         &mut self,
         before: &ZoneRow,
@@ -148,6 +152,7 @@ impl Verification {
             // The agent repeats its report later; so does another agent whose report is not the waiting one
             return false;
         }
+        // Find a vote whose pixels must be compared with the report's
         let is_open = |vote: &&Vote| {
             let pair = (zone, painting.result.digest, vote.painting.result.digest);
             vote.agent != report.sender
@@ -160,6 +165,7 @@ impl Verification {
         let Some(vote) = before.votes.iter().find(is_open).filter(|_| !self.is_missing(zone, painting)) else {
             return true;
         };
+        // Postpone the report, and have the two tiles compared
         let results = [painting.result, vote.painting.result];
         self.comparisons.postpone(zone, report.clone());
         actions.push(FarmAction::Effect(FarmEffect::Compare { zone, results }));
@@ -198,6 +204,7 @@ impl Verification {
         let zones: Vec<ZoneId> = assignments.ledger.comparisons(LARGEST_LOOKED_AT, NEXT_LOOKED_AT);
         for zone in zones {
             let Some(row) = assignments.rows.settled_zone(zone) else { continue };
+            // Give the zone to a free agent on a machine without a vote
             let Some(agent) = assignments.roster.first_free(|agent| row.is_new_to(agent)) else { continue };
             let agent = Some(assignments.roster.name(agent).clone());
             let state = if row.state == ZoneState::Open { ZoneState::Profiling } else { ZoneState::Awarded };
@@ -212,6 +219,7 @@ impl Verification {
             return;
         }
         let Assignments { roster, ledger, .. } = assignments;
+        // Count the machines, not the agents
         let mut machines: Vec<&str> = roster.iter().map(|member| member.row.agent.home()).collect();
         machines.sort_unstable();
         machines.dedup();

@@ -19,9 +19,9 @@ pub(super) struct WatchedZones {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LongestOrder {
     pub(super) order: Holding,
-    /// Time since its last progress.
+    /// Time since the order's last progress.
     pub(super) stands: Duration,
-    /// Time since it became the agent's oldest order.
+    /// Time since the order became the agent's oldest order.
     pub(super) lasts: Duration,
 }
 

@@ -40,7 +40,7 @@ impl Measured {
         Self { seconds: self.seconds - other.seconds, volume: self.volume - other.volume }
     }
 
-    /// Reference-machine seconds per sample and average pixel; `None`: too few measurements.
+    /// Returns the reference-machine seconds per sample and average pixel; `None`: too few measurements.
     fn rate(self) -> Option<f64> {
         (self.volume > 1e-6 && self.seconds > 0.0).then(|| self.seconds / self.volume)
     }
@@ -58,9 +58,10 @@ impl ZoneWorth {
         }
     }
 
-    /// The expected time of samples of a zone, in reference-machine time, from the measurements of agents other than
-    /// `agent`; from all, if there are no others. `None`: no measurements.
+    /// Returns the expected time of samples of a zone, in reference-machine time, from the measurements of agents
+    /// other than `agent`; from all, if there are no others. `None`: no measurements.
     pub(super) fn of(&self, agent: Option<MemberId>, row: &ZoneRow, samples: u32) -> Option<Duration> {
+        // Subtract the agent's own measurements from those of all
         let own = agent.and_then(|agent| self.by_agent.get(&agent)).copied().unwrap_or_default();
         let rate = self.all.but(own).rate().or_else(|| self.all.rate())?;
         let seconds = rate * row.complexity * f64::from(samples);

@@ -78,7 +78,7 @@ impl Balancer<'_> {
         Some(self.parts(region, halves(at)))
     }
 
-    /// The edge of level 2 nearest to `exact` that keeps the balance; `exact` if there is none.
+    /// Returns the edge of level 2 nearest to `exact` that keeps the balance; `exact` if there is none.
     fn snapped(&self, region: &Region, along_x: bool, exact: u32, allowed: std::ops::RangeInclusive<u32>) -> u32 {
         let edges = region.within.iter().map(|zone| if along_x { zone.x0 } else { zone.y0 });
         let first_count = (region.count / 2) as f64;
@@ -107,7 +107,7 @@ impl Balancer<'_> {
         [part(first, first_count), part(second, region.count - first_count)]
     }
 
-    /// The number of zones of minimum size that fit.
+    /// Returns the number of zones of minimum size that fit.
     fn capacity(&self, rect: &Rect) -> u64 {
         let along = |side: u32| u64::from((side / self.side_min).max(1));
         along(rect.width()) * along(rect.height())

@@ -12,6 +12,8 @@ pub(crate) struct ZoneIndex<'a> {
 }
 
 impl<'a> ZoneIndex<'a> {
+    /// Makes an index of zones by position.
+    ///
     /// - `zones`: rectangles within `frame`, which is not empty unless there are none.
     pub(crate) fn new(frame: Rect, zones: &'a [Rect]) -> Self {
         let area_per_zone = frame.area() / (zones.len() as u64).max(1);
@@ -54,7 +56,7 @@ impl<'a> ZoneIndex<'a> {
     }
 }
 
-/// The multiple of `grid` nearest to `at`.
+/// Returns the multiple of `grid` nearest to `at`.
 pub(crate) fn nearest_multiple(at: u32, grid: u32) -> u32 {
     at.saturating_add(grid / 2) / grid.max(1) * grid.max(1)
 }

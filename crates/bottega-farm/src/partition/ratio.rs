@@ -33,7 +33,7 @@ pub(super) fn even_out(map: &ImportanceMap, frame: Rect, zones: &[Rect], side_mi
     even
 }
 
-/// The two parts of a region at its best cut; `None` if the minimum size allows none.
+/// Returns the two parts of a region at its best cut; `None` if the minimum size allows none.
 fn best_cut(map: &ImportanceMap, rect: Rect, side_min: u32, within: &[Rect]) -> Option<[Rect; 2]> {
     let places = |low: u32, high: u32| {
         let part = ((f64::from(high - low) * PART_MIN) as u32).max(side_min);

@@ -97,8 +97,8 @@ impl PartitionSettings {
     /// Maximum number of zones.
     const ZONES_MAX: u32 = 1 << 20;
 
-    /// The target for this many agents: enough zones that no agent waits long at the end for another, but none so small
-    /// that its messages cost more than its pixels.
+    /// Makes the target for this many agents: enough zones that no agent waits long at the end for another, but none so
+    /// small that its messages cost more than its pixels.
     pub fn for_agents(level: Level, agents: usize, frame: Rect) -> Self {
         const ZONES_PER_AGENT: u64 = 8;
         const ZONES_MIN: u64 = 16;
@@ -111,7 +111,7 @@ impl PartitionSettings {
         Self { level, zone_count, zones_least, joined_max: 2.0, limits: ZoneLimits::default() }
     }
 
-    /// The settings with the user's limits.
+    /// Returns the settings with the user's limits.
     ///
     /// - `zones`: the number wanted; `None`: the least at which no zone exceeds the maximum complexity, or unchanged
     ///   if there is no maximum.
@@ -122,14 +122,14 @@ impl PartitionSettings {
         Self { zone_count, limits, ..self }
     }
 
-    /// The settings with at most this many zones, whatever the limits are.
+    /// Returns the settings with at most this many zones, whatever the limits are.
     #[must_use]
     pub(crate) fn at_most(self, zones: u32) -> Self {
         let complexity_max = self.limits.complexity_max.map(|share| share.max(1.0 / f64::from(zones.max(1))));
         Self { zone_count: self.zone_count.min(zones), limits: ZoneLimits { complexity_max, ..self.limits }, ..self }
     }
 
-    /// The complexity above which level 1 cuts a zone, given that of the frame.
+    /// Returns the complexity above which level 1 cuts a zone, given that of the frame.
     pub(super) fn complexity_max(&self, of_frame: f64) -> f64 {
         match self.limits.complexity_max {
             Some(share) => of_frame * share,

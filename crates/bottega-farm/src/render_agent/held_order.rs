@@ -28,7 +28,7 @@ pub(super) struct HeldOrder {
 }
 
 impl HeldOrder {
-    /// T_est of the order's samples; when profiling, of the first samples.
+    /// Returns T_est of the order's samples; when profiling, of the first samples.
     pub(super) fn time(&self, expert: &Expert) -> Option<Duration> {
         let (row, settings) = (&self.order.row, &self.order.work.settings);
         let time = row.time_estimated?;
@@ -65,12 +65,12 @@ impl HeldOrder {
 }
 
 impl Order {
-    /// The order with the settings that this agent's rules chose.
+    /// Returns the order with the settings that this agent's rules chose.
     pub(super) fn decided_anew(&self, choice: Choice) -> Self {
         Self { row: Arc::new(self.row.decided_anew(choice)), ..self.clone() }
     }
 
-    /// True if the order can be carried out; orders come from peers and are not trusted.
+    /// Returns true if the order can be carried out; orders come from peers and are not trusted.
     pub(super) fn is_sound(&self) -> bool {
         let (row, settings) = (&self.row, &self.work.settings);
         let in_work = row.work == self.work.work && row.root().0 < self.work.zone_count;

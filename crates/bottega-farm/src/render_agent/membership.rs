@@ -14,7 +14,7 @@ use crate::{
 #[derive(Clone, Debug)]
 pub(super) struct FarmMembership {
     id: AgentId,
-    /// Its Master; `None` until it is found.
+    /// The Master of the agent's work; `None` until it is found.
     master: Option<AgentId>,
     /// The registration at the directories, if there are any.
     registrant: Option<Box<Registrant>>,
@@ -32,27 +32,27 @@ impl FarmMembership {
         Self { id, master, registrant, is_subscribed: false, is_suspended: false, is_excluded: false }
     }
 
-    /// True if the Master has added the agent to its list.
+    /// Returns true if the Master has added the agent to its list.
     pub(super) fn is_subscribed(&self) -> bool {
         self.is_subscribed
     }
 
-    /// True if the AMS has suspended the agent.
+    /// Returns true if the AMS has suspended the agent.
     pub(super) fn is_suspended(&self) -> bool {
         self.is_suspended
     }
 
-    /// True if its Master has excluded it.
+    /// Returns true if the agent's Master has excluded it.
     pub(super) fn is_excluded(&self) -> bool {
         self.is_excluded
     }
 
-    /// True if it belongs to no Master and may subscribe.
+    /// Returns true if the agent belongs to no Master and may subscribe.
     pub(super) fn may_subscribe(&self) -> bool {
         !self.is_subscribed && !self.is_suspended
     }
 
-    /// The Master, if it is known.
+    /// Returns the Master, if it is known.
     pub(super) fn master(&self) -> Option<&AgentId> {
         self.master.as_ref()
     }
@@ -166,7 +166,7 @@ impl FarmMembership {
         self.registrant.as_ref().and_then(|registrant| registrant.next_deadline())
     }
 
-    /// A message to the Master; without a receiver if it is unknown.
+    /// Returns a message to the Master; without a receiver if it is unknown.
     pub(super) fn to_master(
         &self,
         performative: Performative,

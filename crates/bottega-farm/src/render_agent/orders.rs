@@ -16,7 +16,7 @@ const LOOK_AFTER: Duration = Duration::from_secs(5);
 pub(super) struct UnansweredReport {
     pub(super) report: Arc<Report>,
     pub(super) conversation: u64,
-    /// The time at which it was made.
+    /// The time at which the report was made.
     pub(super) since: Time,
 }
 
@@ -114,7 +114,7 @@ impl Orders {
         }
     }
 
-    /// The newest fencing token seen for a zone.
+    /// Returns the newest fencing token seen for a zone.
     pub(super) fn newest(&self, zone: ZoneId) -> Option<Revision> {
         let held = self.held.get(zone).map(|held| held.order.fence);
         let reported = || self.unanswered.get(zone).map(|it| it.report.fence);
@@ -134,18 +134,18 @@ impl Orders {
         }
     }
 
-    /// Number of awards that are begun.
+    /// Returns the number of awards that are begun.
     fn begun_count(&self) -> usize {
         self.held.values().filter(|held| held.begun && held.order.row.state == ZoneState::Awarded).count()
     }
 
-    /// Time from now until the agent has painted what it holds.
+    /// Returns the time from now until the agent has painted what it holds.
     pub(super) fn load(&self, now: Time, speed: &Speed, expert: &Expert) -> Duration {
         let times = self.held.values().map(|held| speed.own(held.time(expert).unwrap_or_default()));
         times.sum::<Duration>().saturating_sub(now - self.since)
     }
 
-    /// The dealt zones that are not begun, the last first.
+    /// Returns the dealt zones that are not begun, the last first.
     pub(super) fn waiting(&self) -> Vec<(ZoneId, &HeldOrder)> {
         let waiting = self.held.iter().filter(|(_, held)| !held.begun && held.order.row.state == ZoneState::Awarded);
         let mut waiting: Vec<(ZoneId, &HeldOrder)> = waiting.collect();
@@ -153,7 +153,7 @@ impl Orders {
         waiting
     }
 
-    /// All orders for the heartbeat: those held with their progress, and those reported.
+    /// Returns all orders for the heartbeat: those held with their progress, and those reported.
     pub(super) fn holdings(&self) -> Vec<Holding> {
         let held = self.held.iter().map(|(zone, held)| {
             let progress = if held.begun { held.painted.saturating_add(1) } else { 0 };
@@ -164,12 +164,12 @@ impl Orders {
         held.chain(reported).collect()
     }
 
-    /// The held zones, with the fencing tokens of their orders.
+    /// Returns the held zones, with the fencing tokens of their orders.
     pub(super) fn held(&self) -> impl Iterator<Item = (ZoneId, Revision)> {
         self.held.iter().map(|(zone, held)| (zone, held.order.fence))
     }
 
-    /// The orders that have been painted for long, whose progress must be queried.
+    /// Returns the orders that have been painted for long, whose progress must be queried.
     pub(super) fn long_running(&self, now: Time) -> Vec<(ZoneId, Revision)> {
         let long = self.held.iter().filter(|(_, held)| held.begun && held.since + LOOK_AFTER <= now);
         long.map(|(zone, held)| (zone, held.order.fence)).collect()
@@ -183,31 +183,33 @@ impl Orders {
         }
     }
 
-    /// The unanswered report of a zone.
+    /// Returns the unanswered report of a zone.
     pub(super) fn unanswered(&self, zone: ZoneId) -> Option<&UnansweredReport> {
         self.unanswered.get(zone)
     }
 
-    /// The unanswered reports that are at least this old.
+    /// Returns the unanswered reports that are at least this old.
     pub(super) fn unanswered_since(&self, now: Time, age: Duration) -> impl Iterator<Item = &UnansweredReport> {
         self.unanswered.values().filter(move |it| now - it.since >= age)
     }
 
-    /// Number of held zones.
+    /// Returns the number of held zones.
     pub(super) fn held_count(&self) -> usize {
         self.held.len()
     }
 
-    /// True if no zone is held.
+    /// Returns true if no zone is held.
     pub(super) fn holds_nothing(&self) -> bool {
         self.held.is_empty()
     }
 
-    /// True if no zone is held, and all reports are answered.
+    /// Returns true if no zone is held, and all reports are answered.
     pub(super) fn is_empty(&self) -> bool {
         self.held.is_empty() && self.unanswered.is_empty()
     }
 
+    /// Checks the invariants of the orders; panics if one is violated.
+    ///
     /// - `most`: number of awards that the agent works on at once.
     /// - `begins`: true if it can paint.
     pub(super) fn assert_invariants(&self, most: usize, begins: bool) {

@@ -10,12 +10,12 @@ pub(super) struct Speed {
     rule: AdaptationRule,
     /// V_cp; `None` until the benchmark is done.
     adaptation: Option<Adaptation>,
-    /// Number of processors that work on its zones at once.
+    /// Number of processors that work on the agent's zones at once.
     lanes: f64,
 }
 
 impl Speed {
-    /// A speed before the benchmark.
+    /// Makes a speed before the benchmark.
     pub(super) fn unknown(rule: AdaptationRule) -> Self {
         Self { rule, adaptation: None, lanes: 1.0 }
     }
@@ -40,22 +40,22 @@ impl Speed {
         }
     }
 
-    /// True if the benchmark is done.
+    /// Returns true if the benchmark is done.
     pub(super) fn is_known(&self) -> bool {
         self.adaptation.is_some()
     }
 
-    /// The current V_cp.
+    /// Returns the current V_cp.
     pub(super) fn power(&self) -> RelativePower {
         self.adaptation.as_ref().map_or(RelativePower::REFERENCE, Adaptation::power)
     }
 
-    /// Number of processors that work on its zones at once.
+    /// Returns the number of processors that work on its zones at once.
     pub(super) fn lanes(&self) -> f64 {
         self.lanes
     }
 
-    /// Own seconds per second of the reference machine, with all its processors together.
+    /// Returns the agent's own seconds per second of the reference machine, with all its processors together.
     pub(super) fn own_seconds(&self) -> f64 {
         self.power().get() / self.lanes
     }

@@ -20,20 +20,20 @@ const SHARE_MIN: f64 = 0.2;
 pub(super) struct Neighbor {
     /// Own seconds per second of the reference machine.
     own_seconds: f64,
-    /// Time until it has painted what it holds.
+    /// Time until the neighbor has painted what it holds.
     load: Duration,
 }
 
 impl Neighbor {
-    /// A neighbor as it describes itself.
+    /// Makes a neighbor as it describes itself.
     pub(super) fn new(own_seconds: f64, load: Duration) -> Self {
         let own_seconds = if own_seconds.is_finite() { own_seconds.clamp(1e-6, 1e6) } else { 1.0 };
         Self { own_seconds, load }
     }
 }
 
-/// The orders to give to a neighbor, the last of `waiting` first, while the neighbor finishes them before this agent
-/// finishes everything. Of the next zone such a part is given that both finish together.
+/// Returns the orders to give to a neighbor, the last of `waiting` first, while the neighbor finishes them before
+/// this agent finishes everything. Of the next zone such a part is given that both finish together.
 ///
 /// - `waiting`: the zones that are not begun, the last first.
 /// - `load`: time until this agent has painted all that it holds.
@@ -46,7 +46,7 @@ pub(super) fn orders_for(
 ) -> Vec<PassedOrder> {
     let (mut mine, mut theirs) = (load, neighbor.load);
     let mut orders = Vec::new();
-    // Give whole zones while the neighbor would finish first
+    // Give whole zones while the neighbor finishes first
     for (zone, held) in waiting.into_iter().take(YIELDED_MAX) {
         let time = held.time(expert).unwrap_or_default();
         let (fence, here, there) = (held.order.fence, speed.own(time), scaled(time, neighbor.own_seconds));
@@ -55,7 +55,7 @@ pub(super) fn orders_for(
             orders.push(PassedOrder { zone, fence, kept: 0.0 });
             continue;
         }
-        // Keep so much of the next zone that both finish together
+        // Keep the part of the next zone with which both finish together
         let begins = mine.saturating_sub(here).as_secs_f64();
         let kept = theirs.saturating_add(there).as_secs_f64() - begins;
         let kept = kept / here.saturating_add(there).as_secs_f64().max(1e-9);

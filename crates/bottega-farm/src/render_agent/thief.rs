@@ -41,7 +41,7 @@ impl Thief {
         self.refusals == self.neighbors.len()
     }
 
-    /// The neighbor to ask now; `None`: waiting, or all have refused.
+    /// Returns the neighbor to ask now; `None`: waiting, or all have refused.
     pub(super) fn next_neighbor(&mut self) -> Option<&AgentId> {
         if self.waits || self.refusals >= self.neighbors.len() {
             return None;

@@ -14,7 +14,7 @@ const SECONDS_MAX: f64 = 1e7;
 /// The agents of a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FarmSpec {
-    /// The machines.
+    /// The machines of the farm.
     pub machines: Vec<MachineSpec>,
     /// The agents; their names are `agent-0`, `agent-1` and so on.
     pub agents: Vec<AgentSpec>,
@@ -25,7 +25,7 @@ pub struct FarmSpec {
 /// A machine of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MachineSpec {
-    /// Number of processors, shared by all of its agents.
+    /// Number of processors, shared by all agents of the machine.
     pub processors: u32,
     /// Speed of each processor: 1 is the measured machine, 2 is twice as fast.
     pub speed: f64,
@@ -34,9 +34,9 @@ pub struct MachineSpec {
 /// An agent of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentSpec {
-    /// Index of its machine.
+    /// Index of the agent's machine.
     pub machine: usize,
-    /// The time at which it joins.
+    /// The time at which the agent joins.
     pub joins: Duration,
 }
 
@@ -78,7 +78,7 @@ pub enum FarmSpecError {
     /// A word is invalid.
     #[error("`{item}` says nothing of agents: {problem}")]
     Item {
-        /// The word.
+        /// The word that cannot be parsed.
         item: String,
         /// The problem, as text for the user.
         problem: &'static str,
@@ -103,14 +103,14 @@ pub enum FarmSpecError {
 }
 
 impl FarmSpec {
-    /// A number of agents with speed 1, each with a processor of its own.
+    /// Makes a number of agents with speed 1, each with a processor of its own.
     pub fn equal(count: usize) -> Self {
         let mut farm = Self::default();
         farm.add(count, MachineSpec { processors: 1, speed: 1.0 });
         farm
     }
 
-    /// A number of agents that share one machine of speed 1, like those of one process.
+    /// Makes a number of agents that share one machine of speed 1, like those of one process.
     pub fn sharing(count: usize, processors: u32) -> Self {
         let machines = vec![MachineSpec { processors, speed: 1.0 }];
         let agents = vec![AgentSpec { machine: 0, joins: Duration::ZERO }; count];
@@ -137,12 +137,12 @@ impl FarmSpec {
         }
     }
 
-    /// The sum of the speeds of all processors, without incidents.
+    /// Returns the sum of the speeds of all processors, without incidents.
     pub fn speed(&self) -> f64 {
         self.machines.iter().map(|machine| f64::from(machine.processors) * machine.speed).sum()
     }
 
-    /// Lower bound on the time to paint an amount of work from `start` on: without losses or waiting.
+    /// Returns a lower bound on the time to paint an amount of work from `start` on: without losses or waiting.
     ///
     /// - `work`: processor time at speed 1, in seconds.
     ///
@@ -168,7 +168,7 @@ impl FarmSpec {
         (speed > 1e-12).then(|| Duration::try_from_secs_f64(now + left / speed).ok()).flatten()
     }
 
-    /// The changes of each machine.
+    /// Returns the changes of each machine.
     fn marks(&self) -> Vec<Vec<MachineMark>> {
         let mut marks: Vec<Vec<MachineMark>> = vec![Vec::new(); self.machines.len()];
         let mut gone: Vec<Option<Duration>> = vec![None; self.agents.len()];
@@ -200,13 +200,13 @@ impl FarmSpec {
 struct MachineMark {
     /// Time, in seconds.
     at: f64,
-    /// Number of its agents that come, or negative: that leave.
+    /// Number of the machine's agents that come, or negative: that leave.
     come: i32,
     /// Factor on its speed.
     factor: f64,
 }
 
-/// Times and amounts of the changes in a machine's speed, which counts while any of its agents is there.
+/// Times and amounts of the changes in a machine's speed, which counts while any of its agents is present.
 fn speed_changes(machine: &MachineSpec, mut marks: Vec<MachineMark>) -> Vec<(f64, f64)> {
     marks.sort_by(|a, b| a.at.total_cmp(&b.at));
     let (mut present, mut speed, mut counted) = (0, f64::from(machine.processors) * machine.speed, 0.0);

@@ -16,7 +16,7 @@ pub(super) struct FilmLog {
     pub(super) films: u32,
     zone_count: usize,
     composed: NumberMap<()>,
-    /// Those of `composed` that were painted wrong.
+    /// The zones of `composed` that were painted wrong.
     wrong: BTreeSet<ZoneId>,
     /// The latest order begun for each zone, with the index of its agent.
     newest: NumberMap<(Revision, u32)>,
@@ -30,7 +30,7 @@ pub(super) struct FilmLog {
 }
 
 impl FilmLog {
-    /// The log of a work with this many zones, none of them begun.
+    /// Makes the log of a work with this many zones, none of them begun.
     pub(super) fn new(zone_count: usize) -> Self {
         Self {
             films: 0,
@@ -108,12 +108,12 @@ impl FilmLog {
         self.composed.contains(zone.0)
     }
 
-    /// True if a composed zone was painted wrong.
+    /// Returns true if a composed zone was painted wrong.
     pub(super) fn is_wrong(&self, zone: ZoneId) -> bool {
         self.wrong.contains(&zone)
     }
 
-    /// Number of composed zones that were painted wrong.
+    /// Returns the number of composed zones that were painted wrong.
     pub(super) fn wrong_count(&self) -> usize {
         self.wrong.len()
     }
@@ -122,25 +122,25 @@ impl FilmLog {
         self.composed.len()
     }
 
-    /// True if two agents held valid orders for the zone at the same time.
+    /// Returns true if two agents held valid orders for the zone at the same time.
     pub(super) fn is_taken_over(&self, zone: ZoneId) -> bool {
         self.rivals.range((zone, Revision(0))..=(zone, Revision(u64::MAX))).next().is_some()
     }
 
-    /// True if samples of this order may be used: it is the latest begun, or a valid rival.
+    /// Returns true if samples of this order may be used: it is the latest begun, or a valid rival.
     pub(super) fn is_valid(&self, zone: ZoneId, fence: Revision) -> bool {
         let newest = self.newest.get(zone.0).map(|(newest, _)| *newest);
         newest == Some(fence) || self.rivals.contains(&(zone, fence))
     }
 
-    /// The index of the agent that began a valid order.
+    /// Returns the index of the agent that began a valid order.
     pub(super) fn whose(&self, zone: ZoneId, fence: Revision) -> Option<usize> {
         let newest = self.newest.get(zone.0).filter(|(newest, _)| *newest == fence).map(|(_, agent)| agent);
         newest.or_else(|| self.older.get(&(zone, fence))).map(|&agent| agent as usize)
     }
 }
 
-/// A stand-in for the digest of a zone's samples, equal for all agents.
+/// Returns a stand-in for the digest of a zone's samples, equal for all agents.
 ///
 /// - `flaw`: identifies what is wrong with them; 0: correct.
 pub(super) fn digest(zone: ZoneId, samples: u32, flaw: u64) -> BlobId {
@@ -151,21 +151,21 @@ pub(super) fn digest(zone: ZoneId, samples: u32, flaw: u64) -> BlobId {
     BlobId(digest)
 }
 
-/// The flaw of the samples behind a digest; 0: correct.
+/// Returns the flaw of the samples behind a digest; 0: correct.
 pub(super) fn flaw(digest: &BlobId) -> u64 {
     let mut bytes = [0; 8];
     bytes.copy_from_slice(&digest.0[8..16]);
     u64::from_le_bytes(bytes)
 }
 
-/// The digest of the same samples from an agent that is not bit-identical to others.
+/// Returns the digest of the same samples from an agent that is not bit-identical to others.
 pub(super) fn signed(digest: BlobId, agent: usize) -> BlobId {
     let mut bytes = digest.0;
     bytes[16..20].copy_from_slice(&(1 + agent as u32).to_le_bytes());
     BlobId(bytes)
 }
 
-/// The part of a digest that is equal for all agents whose samples look alike.
+/// Returns the part of a digest that is equal for all agents whose samples look alike.
 pub(super) fn unsigned(digest: BlobId) -> BlobId {
     let mut bytes = digest.0;
     bytes[16..20].fill(0);

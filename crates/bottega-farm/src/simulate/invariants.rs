@@ -130,7 +130,7 @@ pub(super) fn check(simulator: &Simulator<FarmAgent, SimulatedFarm>, work: &Work
     broken
 }
 
-/// The zones whose pieces do not cover them and their bands exactly once.
+/// Returns the zones whose pieces do not cover them and their bands exactly once.
 fn torn(mut rows: Vec<&ZoneRow>, frame: &Rect) -> Vec<ZoneId> {
     // Skip zones that were never cut
     rows.retain(|row| row.root.is_some() || row.cut.is_some());

@@ -14,15 +14,15 @@ const SHORTEST: Duration = Duration::from_micros(1);
 /// A paint job.
 #[derive(Clone, Debug)]
 pub(super) struct PaintJob {
-    /// The index of its agent.
+    /// The index of the agent that paints.
     pub(super) agent: usize,
     pub(super) zone: ZoneId,
     pub(super) fence: Revision,
-    /// Samples per pixel at its end.
+    /// Samples per pixel at the end of the job.
     pub(super) samples: u32,
     /// The flaw of the samples it continues; 0: correct.
     pub(super) flaw: u64,
-    /// True if it begins with the first sample.
+    /// True if the job begins with the first sample.
     pub(super) first: bool,
     pub(super) begun: Time,
     /// Remaining processor time at speed 1, in seconds.
@@ -57,7 +57,7 @@ impl Machines {
         self.machines.push(Machine { processors, speed, jobs: Vec::new(), settled: Time::ZERO, next: None });
     }
 
-    /// The time at which the next job is done.
+    /// Returns the time at which the next job is done.
     pub(super) fn next(&self) -> Option<Time> {
         self.next.first().map(|(time, _)| *time)
     }
@@ -70,7 +70,7 @@ impl Machines {
         self.alter(now, machine, |machine| machine.speed *= factor);
     }
 
-    /// Speed of a machine's processors.
+    /// Returns the speed of a machine's processors.
     pub(super) fn speed(&self, machine: usize) -> f64 {
         self.machines[machine].speed
     }
@@ -89,7 +89,7 @@ impl Machines {
         dropped
     }
 
-    /// Remaining processor time of a job at speed 1, in seconds.
+    /// Returns the remaining processor time of a job at speed 1, in seconds.
     pub(super) fn left(&mut self, now: Time, machine: usize, zone: ZoneId, fence: Revision) -> Option<f64> {
         self.alter(now, machine, |_| {});
         let mut jobs = self.machines[machine].jobs.iter();

@@ -48,11 +48,11 @@ const AFTERWARDS: Duration = Duration::from_secs(20);
 /// The plan of a simulation: agents, network and rules.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The agents.
+    /// The machines of the farm, with their faults.
     pub farm: FarmSpec,
     /// Faults of the network. Agents that it kills come back; those of [`FarmSpec::incidents`] do not.
     pub faults: Faults,
-    /// `true`: it may kill the Master.
+    /// `true`: the faults may kill the Master.
     pub master_may_crash: bool,
     /// Share of orders that fail, 0..1.
     pub failures: f64,
@@ -80,7 +80,7 @@ pub struct Plan {
     pub verify: u32,
     /// `true`: agents are not bit-identical: see [`MasterConfig::compares_by_look`].
     pub inexact: bool,
-    /// The timeouts.
+    /// The timeouts of the Master.
     pub timing: Timing,
     /// The rules of the agents, assigned in rotation; empty: those of the recorded run.
     pub experts: Vec<Expert>,
@@ -93,8 +93,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// A plan with these agents on a fast network without faults. Zones are shared at the end if agents have machines
-    /// of their own.
+    /// Makes a plan with these agents on a fast network without faults. Zones are shared at the end if agents have
+    /// machines of their own.
     pub fn calm(farm: FarmSpec, seed: u64) -> Self {
         Self {
             shares_tail: farm.machines.len() >= farm.agents.len(),
@@ -120,8 +120,8 @@ impl Plan {
         }
     }
 
-    /// The plan with the paper's auction and adaptation, and without what the paper has not: agents hold one zone at a
-    /// time, and the end of the work is not shared.
+    /// Returns the plan with the paper's auction and adaptation, and without our additions: agents hold one
+    /// zone at a time, and the end of the work is not shared.
     #[must_use]
     pub fn as_in_paper(self) -> Self {
         let (auction, adaptation) = (AuctionRule::Paper, AdaptationRule::Paper);
@@ -135,7 +135,7 @@ pub enum SimulationError {
     /// There are no agents.
     #[error("nobody paints")]
     NoAgents,
-    /// It does not end, for example because no agent is left.
+    /// The run does not end, for example because no agent is left.
     #[error("after {} s of virtual time {painted} of {zones} zones were in the picture: is anybody left to paint?", .after.as_secs())]
     Unfinished {
         /// Virtual time at which it was stopped.
@@ -154,7 +154,7 @@ pub enum SimulationError {
     /// An invariant does not hold: an error in this program.
     #[error("what must hold after every run does not: {}", .broken.join("; "))]
     Broken {
-        /// The violations.
+        /// A description of each violation.
         broken: Vec<String>,
     },
 }
@@ -215,8 +215,8 @@ pub fn simulate(piece: &Arc<Workpiece>, plan: &Plan) -> Result<SimulationOutcome
     })
 }
 
-/// Processor time at speed 1 of the samples in the picture, in seconds; rules may have chosen other numbers of samples
-/// than in the record.
+/// Returns the processor time at speed 1 of the samples in the picture, in seconds; rules may have chosen other
+/// numbers of samples than in the record.
 fn painted_seconds(simulator: &Simulator<FarmAgent, SimulatedFarm>, piece: &Workpiece) -> f64 {
     let prefix = WorkKeys::new(piece.work.work).prefix();
     let seconds = |value: &FarmValue| match value {

@@ -10,7 +10,7 @@ use crate::{Credit, RelativePower, RoundSummary, Theft};
 pub struct SimulationOutcome {
     /// Time at which the picture was complete, from the start of the platform.
     pub makespan: Duration,
-    /// Lower bound on that time, for the painted samples and the agents present, including the survey; `None`: they
+    /// Lower bound on the time taken, for the painted samples and the agents present, including the survey; `None`: they
     /// cannot finish.
     pub least: Option<Duration>,
     /// Time of the most expensive zone on the fastest machine, in one piece, including the survey.
@@ -48,19 +48,19 @@ pub struct SimulationOutcome {
 /// The result of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentOutcome {
-    /// Its name.
+    /// The name of the agent.
     pub name: String,
-    /// Speed of its processors.
+    /// Speed of the agent's processors.
     pub speed: f64,
-    /// Its share of the processors of its machine.
+    /// The agent's share of the processors of its machine, in processors.
     pub lanes: f64,
-    /// Processor time spent, in time of its machine.
+    /// Processor time spent, in time of the agent's machine.
     pub busy: Duration,
     /// Number of orders finished.
     pub orders: u32,
-    /// The reason why it was excluded, if it was.
+    /// The reason why the agent was excluded; `None`: it was not.
     pub left_out: Option<String>,
-    /// Its credit at the end.
+    /// The agent's credit at the end.
     pub credit: Credit,
     /// V_cp at the end, as known to its Master.
     pub power: RelativePower,
@@ -69,13 +69,13 @@ pub struct AgentOutcome {
 }
 
 impl SimulationOutcome {
-    /// The credit of the agents, for [`Plan::credits`](super::Plan::credits) of the next work.
+    /// Returns the credit of the agents, for [`Plan::credits`](super::Plan::credits) of the next work.
     pub fn credits(&self) -> BTreeMap<String, Credit> {
         self.agents.iter().map(|agent| (agent.name.clone(), agent.credit)).collect()
     }
 
-    /// V_cp of the agents, for [`Plan::powers`](super::Plan::powers) of the next work. Agents learn it from estimates that they themselves have
-    /// made, so all may drift together: their mean is held to that at the start.
+    /// Returns V_cp of the agents, for [`Plan::powers`](super::Plan::powers) of the next work. Agents learn it from estimates
+    /// that they themselves have made, so all may drift together: their mean is scaled to that at the start.
     pub fn powers(&self) -> BTreeMap<String, RelativePower> {
         let drift = |agent: &AgentOutcome| (agent.power.get() / agent.first_power.get()).ln();
         let mean = self.agents.iter().map(drift).sum::<f64>() / self.agents.len().max(1) as f64;
@@ -83,13 +83,13 @@ impl SimulationOutcome {
         self.agents.iter().map(|agent| (agent.name.clone(), power(agent))).collect()
     }
 
-    /// The lower bound over the time taken, 0..=1.
+    /// Returns the lower bound over the time taken, 0..=1.
     pub fn efficiency(&self) -> f64 {
         self.least.map_or(0.0, |least| least.as_secs_f64() / self.makespan.as_secs_f64().max(1e-12))
     }
 
-    /// The worst ratio of predicted to actual remaining time, or its inverse, once a share of the work was done. Errors
-    /// below a second, or below a twentieth of the whole time, are ignored. `None`: no predictions.
+    /// Returns the worst ratio of predicted to actual remaining time, or its inverse, once a share of the work was
+    /// done. Errors below a second, or below a twentieth of the whole time, are ignored. `None`: no predictions.
     ///
     /// - `from`: share of the cost, 0..1.
     pub fn worst_time_left(&self, from: f64) -> Option<f64> {
@@ -103,7 +103,7 @@ impl SimulationOutcome {
         self.times_left.iter().filter(|predicted| predicted.done >= from).map(wrong).reduce(f64::max)
     }
 
-    /// Messages per zone.
+    /// Returns the number of messages sent, per zone.
     pub fn messages_per_zone(&self) -> f64 {
         self.messages as f64 / self.zones.max(1) as f64
     }

@@ -65,6 +65,8 @@ pub struct RecordedRules {
 }
 
 impl RecordedRules {
+    /// Records the rules and the bands of a work.
+    ///
     /// - `experts`: the rules of the agents, assigned in rotation.
     pub fn new(experts: &[Expert], bands: BandWidth, engine: &EngineDescription) -> Self {
         let &EngineDescription { has_max_depth, has_light_samples, is_profiled, .. } = engine;
@@ -77,7 +79,7 @@ impl RecordedRules {
         }
     }
 
-    /// The rules of the agents.
+    /// Returns the rules of the agents.
     ///
     /// # Errors
     /// A text cannot be parsed, or has no known output.
@@ -95,13 +97,13 @@ impl RecordedRules {
 /// The record of a zone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedZone {
-    /// Its own pixels.
+    /// The zone's own pixels, without the band.
     pub rect: Rect,
     /// Predicted cost, in average pixels.
     pub complexity: f64,
     /// The Neighbor Difference.
     pub neighbor_difference: NeighborDifference,
-    /// The settings that it was painted with.
+    /// The settings with which the zone was painted.
     pub choice: Choice,
     /// Processor time of the first [`Choice::profile_samples`] samples.
     pub profiling: Duration,
@@ -110,13 +112,13 @@ pub struct RecordedZone {
 }
 
 impl RecordedZone {
-    /// The painted pixels, including the band.
+    /// Returns the painted pixels, including the band.
     pub fn painted(&self, frame: &Rect) -> Rect {
         self.rect.grown_by(self.choice.bands, frame)
     }
 
-    /// Processor time of samples `start..end` of all its pixels, in seconds: the measured times, spread evenly over the
-    /// first samples and over the rest.
+    /// Returns the processor time of samples `start..end` of all its pixels, in seconds: the measured times, spread
+    /// evenly over the first samples and over the rest.
     pub fn seconds(&self, start: u32, end: u32) -> f64 {
         let profiled = self.choice.profile_samples(&Goal::Samples);
         let part = |from: u32, to: u32, time: Duration| {
@@ -131,7 +133,7 @@ impl RecordedZone {
         part(0, profiled, self.profiling) + part(profiled, self.choice.samples, self.painting) + beyond
     }
 
-    /// Processor time of all samples.
+    /// Returns the processor time of all samples.
     pub fn total(&self) -> Duration {
         self.profiling + self.painting
     }
@@ -149,7 +151,7 @@ pub struct CostGrid {
 }
 
 impl CostGrid {
-    /// The number of columns and rows that cover a frame.
+    /// Returns the number of columns and rows that cover a frame.
     pub(super) fn size(frame: &Rect) -> (u32, u32) {
         let cells = |from: u32, to: u32| to.div_ceil(CELL_SIDE) - from / CELL_SIDE;
         (cells(frame.x0, frame.x1), cells(frame.y0, frame.y1))
@@ -178,12 +180,12 @@ impl CostGrid {
         grid
     }
 
-    /// Seconds for one sample of all pixels of a rectangle within the grid.
+    /// Returns the seconds for one sample of all pixels of a rectangle within the grid.
     pub fn seconds(&self, rect: &Rect) -> f64 {
         self.cells(rect).map(|(cell, area)| self.density[cell] * area as f64).sum()
     }
 
-    /// The cells that a rectangle overlaps, with the number of its pixels in each.
+    /// Returns the cells that a rectangle overlaps, with the number of its pixels in each.
     fn cells(&self, rect: &Rect) -> impl Iterator<Item = (usize, u64)> + use<> {
         let (origin, columns, rect) = (self.origin, self.columns, *rect);
         rect.blocks(CELL_SIDE).map(move |block| {
@@ -199,7 +201,7 @@ pub(super) const VERSION: u64 = 2;
 /// An error in a record.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordError {
-    /// It is not JSON of this format.
+    /// The text is not JSON of this format.
     #[error("line {line}, column {column}: {problem}")]
     Syntax {
         /// The line, from 1.
@@ -209,7 +211,7 @@ pub enum RecordError {
         /// The problem, as text for the user.
         problem: String,
     },
-    /// It has another version.
+    /// The text has another version.
     #[error("it is a record of version {found}; this program reads version {}: record it again", VERSION)]
     Version {
         /// The version found.

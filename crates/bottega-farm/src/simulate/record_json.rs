@@ -106,7 +106,7 @@ struct ZoneJson {
 }
 
 impl Record {
-    /// The record as JSON.
+    /// Returns the record as JSON.
     pub fn to_json(&self) -> String {
         let WorkSettings { picture, frame, samples, goal: _, tunables, optimization } = self.work;
         let json = RecordJson {
@@ -266,7 +266,7 @@ fn time(field: &str, seconds: f64) -> Result<Duration, RecordError> {
 pub(super) mod tests {
     use super::*;
 
-    /// Two zones side by side; the right one is twice as expensive.
+    /// Returns two zones side by side; the right one is twice as expensive.
     pub(crate) fn example() -> Record {
         let frame = Rect::of_size(64, 32);
         let tunables = Tunables { max_depth: 8, light_samples: 1 };

@@ -57,7 +57,7 @@ impl Recorder {
         self.log.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The record of a job that has ended successfully.
+    /// Returns the record of a job that has ended successfully.
     ///
     /// # Errors
     /// There is nothing to record: the job was stopped, or was resumed and not observed from its beginning.
@@ -119,7 +119,7 @@ impl Recorder {
 }
 
 impl RecorderLog {
-    /// The measurements of a zone: of all tasks whose center lies in it. A zone may be painted in several.
+    /// Returns the measurements of a zone: of all tasks whose center lies in it. A zone may be painted in several.
     fn zone(&self, row: &ZoneRow, choice: Choice, frame: &Rect) -> RecordedZone {
         let painted = row.rect.grown_by(choice.bands, frame);
         let middle_within = |rect: &Rect| row.rect.contains(rect.x0.midpoint(rect.x1), rect.y0.midpoint(rect.y1));

@@ -47,13 +47,13 @@ pub const SPANS_MAX: usize = 1 << 22;
 pub struct Span {
     /// Index of the agent.
     pub agent: u32,
-    /// The zone that it painted.
+    /// The zone that the agent painted.
     pub zone: ZoneId,
     /// Time of the beginning.
     pub begin: Time,
     /// Time of the end.
     pub end: Time,
-    /// The kind.
+    /// The kind of work done in the span.
     pub kind: SpanKind,
 }
 
@@ -62,7 +62,7 @@ pub struct Span {
 pub enum SpanKind {
     /// First samples of a zone.
     Profiling,
-    /// Remaining samples.
+    /// Painting of the samples that the profile left.
     Painting,
     /// Lost work: an order that failed, was lost with the agent, or was cancelled.
     Lost,
@@ -72,26 +72,26 @@ pub enum SpanKind {
 #[derive(Clone, Debug)]
 pub(super) struct SimulatedPainter {
     pub(super) machine: usize,
-    /// The time at which it joins.
+    /// The time at which the agent joins.
     pub(super) joins: Duration,
-    /// V_cp from its benchmark.
+    /// V_cp from the agent's benchmark.
     pub(super) power: RelativePower,
     pub(super) lanes: f64,
     /// Processor time spent, in seconds of its machine.
     pub(super) busy: f64,
     /// Number of finished orders.
     pub(super) orders: u32,
-    /// Share of its orders that fails.
+    /// Share of the agent's orders that fails.
     pub(super) breaks: f64,
-    /// Share of its paintings that is wrong.
+    /// Share of the agent's paintings that is wrong.
     pub(super) lies: f64,
-    /// Factor by which its clock runs slow, so that it claims to be faster.
+    /// Factor by which the agent's clock runs slow, so that it claims to be faster.
     pub(super) boasts: f64,
     /// Additional seconds of its next order.
     pub(super) loads: f64,
-    /// The reason why its Master has excluded it, if it has.
+    /// The reason why the Master has excluded the agent; `None`: it has not.
     pub(super) left_out: Option<String>,
-    /// Its row, as its Master last wrote it.
+    /// The row of the agent, as its Master last wrote it.
     pub(super) known: Option<Arc<AgentRow>>,
 }
 
@@ -130,6 +130,8 @@ pub(super) struct SimulatedFarm {
 }
 
 impl SimulatedFarm {
+    /// Makes the environment of a simulation.
+    ///
     /// - `fetch`: time to fetch the scene; `latency`: minimum latency of a message.
     pub(super) fn new(
         piece: Arc<Workpiece>,
@@ -172,7 +174,8 @@ impl SimulatedFarm {
         self.agents.push(simulated);
     }
 
-    /// Time of preparation for an agent that joins now: its shared part is divided among the machines present.
+    /// Returns the time of preparation for an agent that joins now: its shared part is divided among the machines
+    /// present.
     fn preparation(&self, now: Time) -> Duration {
         let Workpiece { preparation, shared_preparation, shared_stages, .. } = *self.piece;
         let is_there = |simulated: &&SimulatedPainter| Time::ZERO + simulated.joins <= now;

@@ -72,11 +72,11 @@ struct SyntheticCost {
 /// The spread of costs in a synthetic work. All are standard deviations of logarithms, except the mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SyntheticSpread {
-    /// Of the costs of zones, whose mean is [`Self::mean_seconds`].
+    /// Spread of the costs of zones, whose mean is [`Self::mean_seconds`].
     pub zones: f64,
-    /// Of the importance map's predictions, relative to the cost.
+    /// Spread of the importance map's predictions, relative to the cost.
     pub prediction: f64,
-    /// Of profiling's estimates, relative to the cost.
+    /// Spread of profiling's estimates, relative to the cost.
     pub profiling: f64,
     /// Mean cost of a zone, in seconds.
     pub mean_seconds: f64,
@@ -103,10 +103,13 @@ pub enum WorkpieceError {
 }
 
 impl Workpiece {
-    /// The work of a record.
+    /// Makes the work of a record.
     ///
     /// - `scale`: each zone is cut into this many, of about equal size, with predicted costs in proportion to their
     ///   sizes.
+    ///
+    /// # Errors
+    /// The work has no zones, or too many.
     pub fn recorded(record: &Record, scale: u32) -> Result<Self, WorkpieceError> {
         let found = record.zones.len().saturating_mul(scale as usize);
         if found == 0 || found > ZONES_MAX {
@@ -134,7 +137,10 @@ impl Workpiece {
         })
     }
 
-    /// A work of a number of zones whose costs have a log-normal distribution.
+    /// Makes a work of a number of zones whose costs have a log-normal distribution.
+    ///
+    /// # Errors
+    /// The work has no zones, or too many.
     pub fn synthetic(zone_count: usize, spread: &SyntheticSpread, seed: u64) -> Result<Self, WorkpieceError> {
         const SAMPLES: u32 = 64;
         if zone_count == 0 || zone_count > ZONES_MAX {
@@ -193,17 +199,17 @@ impl Workpiece {
         }
     }
 
-    /// The user's settings.
+    /// Returns the user's settings.
     pub fn settings(&self) -> &WorkSettings {
         &self.work.settings
     }
 
-    /// The number of zones.
+    /// Returns the number of zones.
     pub fn zone_count(&self) -> usize {
         self.zones.len()
     }
 
-    /// The initial rows of all zones.
+    /// Returns the initial rows of all zones.
     ///
     /// - `forecasts`: the predicted times by id; zones without one have no T_est.
     pub(super) fn rows(&self, forecasts: &[ZoneForecast]) -> impl Iterator<Item = ZoneRow> {
@@ -217,12 +223,12 @@ impl Workpiece {
         self.zones.iter().enumerate().map(row)
     }
 
-    /// The pixels of a zone without its band; `None`: not a zone of the Analyst.
+    /// Returns the pixels of a zone without its band; `None`: not a zone of the Analyst.
     pub(super) fn rect(&self, zone: ZoneId) -> Option<Rect> {
         self.zones.get(zone.index()).map(|zone| zone.rect)
     }
 
-    /// Processor time of an order at speed 1, in seconds, and the number of processors it can use.
+    /// Returns the processor time of an order at speed 1, in seconds, and the number of processors it can use.
     pub(super) fn cost(&self, order: &PaintOrder) -> (f64, f64) {
         match &self.costs {
             Costs::Recorded(record) => {
@@ -245,7 +251,7 @@ impl Workpiece {
         }
     }
 
-    /// Processor time at speed 1 of the painted part of a zone, in seconds.
+    /// Returns the processor time at speed 1 of the painted part of a zone, in seconds.
     pub(super) fn painted_seconds(&self, row: &ZoneRow) -> f64 {
         let Some(choice) = row.choice else { return 0.0 };
         let order = PaintOrder {
@@ -267,7 +273,7 @@ impl Workpiece {
         crate::Choice::unchanged(&self.work.settings).profile_samples(&self.work.settings.goal)
     }
 
-    /// Processor time of each zone at speed 1, in seconds, with the recorded settings.
+    /// Returns the processor time of each zone at speed 1, in seconds, with the recorded settings.
     pub fn zone_seconds(&self) -> impl Iterator<Item = f64> {
         let samples = self.work.settings.samples;
         self.zones.iter().enumerate().map(move |(index, zone)| match &self.costs {
@@ -292,7 +298,7 @@ impl Workpiece {
     }
 }
 
-/// The cost of an order of a recorded work: its share of the measured zone that contains the center of `own`.
+/// Returns the cost of an order of a recorded work: its share of the measured zone that contains the center of `own`.
 fn recorded_cost(record: &Record, own: &Rect, order: &PaintOrder) -> (f64, f64) {
     let width = order.rect.blocks(CELL_SIDE).count() as f64;
     let count = order.samples.end.saturating_sub(order.samples.start);
@@ -303,8 +309,8 @@ fn recorded_cost(record: &Record, own: &Rect, order: &PaintOrder) -> (f64, f64) 
     (seconds, width)
 }
 
-/// The recorded zone that contains the center of `own`, and the share of its cost in `rect`. `None`: `rect` exceeds the
-/// painted pixels.
+/// Returns the recorded zone that contains the center of `own`, and the share of its cost in `rect`. `None`: `rect`
+/// exceeds the painted pixels.
 fn share_of_recorded<'a>(record: &'a Record, own: &Rect, rect: &Rect) -> Option<(&'a RecordedZone, f64)> {
     let middle = (own.x0.midpoint(own.x1), own.y0.midpoint(own.y1));
     // Zones are ordered by row, so the zone begins at or above the center
@@ -341,8 +347,8 @@ fn parts(rect: Rect, count: u32) -> Vec<Rect> {
     done
 }
 
-/// An approximately normal number with mean 0 and standard deviation 1: a sum of twelve uniform ones, which needs
-/// additions only.
+/// Returns an approximately normal number with mean 0 and standard deviation 1: a sum of twelve uniform ones, which
+/// needs additions only.
 fn normal(random: &mut Random) -> f64 {
     (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
 }
@@ -367,10 +373,10 @@ mod tests {
             simulate(&piece, &Plan::calm(farm, 1)).unwrap().makespan.as_secs_f64()
         };
         let saved = |agents| makespan(0, agents) - makespan(8, agents);
-        // Two stages of ten milliseconds for those who look at each other.
+        // Two stages of ten milliseconds, for agents that look at each other.
         assert!(saved("1").abs() < 0.025, "{}", saved("1"));
         assert!((saved("4") - 5.98).abs() < 0.025, "{}", saved("4"));
-        // One who comes later takes no part.
+        // An agent that joins later takes no part.
         let late = saved("4 agent-3@join=60s");
         assert!((late - (8.0 * 2.0 / 3.0 - 0.02)).abs() < 0.025, "{late}");
     }

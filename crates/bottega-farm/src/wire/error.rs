@@ -9,13 +9,13 @@ pub enum WireError {
     /// There are no bytes.
     #[error("nothing is there")]
     Empty,
-    /// They have another version of the layout.
+    /// The bytes have another version of the layout.
     #[error("it is of layout {found}, and this build reads layout {WIRE_VERSION}")]
     Version {
         /// The version found.
         found: u8,
     },
-    /// They are cut off, name an unknown variant, or have another layout.
+    /// The bytes are cut off, name an unknown variant, or have another layout.
     #[error("{what} is cut off or has another layout")]
     Layout {
         /// The kind of record expected.
@@ -36,7 +36,7 @@ pub enum WireError {
     NotFinite {
         /// The name of the number.
         what: &'static str,
-        /// The value.
+        /// The value that was read.
         value: f64,
     },
     /// A rectangle ends before it begins.
@@ -50,7 +50,7 @@ pub enum WireError {
     TooLong {
         /// The name of the text or list.
         what: &'static str,
-        /// Its length.
+        /// The length that was read, in bytes of a text or elements of a list.
         length: usize,
         /// The greatest length that is accepted.
         max: usize,
@@ -67,9 +67,9 @@ pub enum WireError {
     /// A tile has a wrong number of sums for its pixels.
     #[error("a tile has {found} bytes of sums, and its pixels need {needed}")]
     Sums {
-        /// Bytes found.
+        /// Number of bytes found.
         found: usize,
-        /// Bytes needed.
+        /// Number of bytes needed.
         needed: u64,
     },
 }

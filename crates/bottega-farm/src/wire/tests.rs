@@ -1,4 +1,4 @@
-//! Round trips: what is written is read again, and nothing else is.
+//! Round trips: every written value is read back, and other bytes are refused.
 
 use std::{sync::Arc, time::Duration};
 

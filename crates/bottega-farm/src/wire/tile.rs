@@ -10,7 +10,7 @@ use super::{
     values::{RectRecord, bounded, rect, rect_record},
 };
 
-/// Digest of a tile: over its rectangle, its layout and the bits of its sums.
+/// Returns the digest of a tile: over its rectangle, its layout and the bits of its sums.
 pub fn digest(tile: &Tile) -> BlobId {
     let mut hasher = blake3::Hasher::new();
     let mut head = Vec::new();

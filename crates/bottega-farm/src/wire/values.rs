@@ -31,7 +31,7 @@ pub(super) fn sides<T>([left, top, right, bottom]: [T; 4]) -> Sides<T> {
     Sides { left, top, right, bottom }
 }
 
-/// A duration in nanoseconds; about five centuries at most.
+/// Returns a duration in nanoseconds; about five centuries at most.
 pub(super) fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
@@ -41,7 +41,7 @@ pub(super) fn finite(what: &'static str, value: f64) -> Result<f64, WireError> {
     if value.is_finite() { Ok(value) } else { Err(WireError::NotFinite { what, value }) }
 }
 
-/// An agent's name, cut to its maximum length.
+/// Returns an agent's name, cut to its maximum length.
 pub(super) fn name(agent: &AgentId) -> &str {
     beginning(&agent.name, NAME_BYTES_MAX)
 }
@@ -50,7 +50,7 @@ pub(super) fn agent(name: &str) -> Result<AgentId, WireError> {
     bounded("the name of an agent", name.len(), NAME_BYTES_MAX).map(|()| AgentId::new(name))
 }
 
-/// A reason, cut to its maximum length.
+/// Returns a reason, cut to its maximum length.
 pub(super) fn short_reason(reason: &str) -> &str {
     beginning(reason, REASON_BYTES_MAX)
 }

@@ -1,4 +1,4 @@
-//! A fake engine: pixels are a function of pixel and sample alone, zones are painted by threads of its own.
+//! A fake engine: a value depends only on pixel and sample, and threads of its own render the zones.
 
 pub(crate) mod survey;
 
@@ -22,21 +22,22 @@ pub(crate) use survey::{survey, tunables};
 struct Shared {
     queue: Mutex<(VecDeque<(ZoneTask, ZoneCallback)>, bool)>,
     filled: Condvar,
-    /// Tasks that still shall fail.
+    /// Number of tasks that will still fail.
     failures: AtomicUsize,
     samples: AtomicU64,
-    /// Work a sample, to make painting take its time.
+    /// Amount of work per sample, which makes rendering take time.
     weight: u32,
-    /// Samples of the tasks that have begun; who comes to so many waits to be cancelled.
+    /// Samples of the tasks that have begun. The task that reaches the given number waits until it is cancelled.
     begun: AtomicU64,
     held_from: AtomicU64,
 }
 
-/// Looks for a stop, a millisecond apart: a test whose stop never comes fails, instead of waiting for ever.
+/// Number of checks for the stop, a millisecond apart. A test whose stop never comes fails instead of waiting for ever.
 const LOOKS: u32 = 60_000;
 
 impl Shared {
-    /// Waits until the task is called off, if enough has begun with it. (What is painted would tell too late: two threads may begin the last tasks.)
+    /// Waits until the task is called off, if enough has begun with it. (The number of painted samples is too late: two
+    /// threads may begin the last tasks.)
     fn hold(&self, task: &ZoneTask) {
         let count = task.rect.area() * u64::from(task.samples.end - task.samples.start);
         let begun = self.begun.fetch_add(count, Ordering::Relaxed) + count;
@@ -49,7 +50,7 @@ impl Shared {
     }
 }
 
-/// The fake.
+/// The fake engine.
 pub(crate) struct FakeEngine {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -59,7 +60,7 @@ pub(crate) fn layout() -> Layout {
     Layout::new(AovSet::NONE)
 }
 
-/// What a sample of a pixel is worth: any function of these alone.
+/// The value of a sample of a pixel: a function of these alone.
 fn radiance(x: u32, y: u32, sample: u32, tunables: Tunables, weight: u32) -> f32 {
     let mut bits = x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b) ^ sample.wrapping_mul(0xc2b2_ae35);
     for _ in 0..=weight + tunables.max_depth {
@@ -142,7 +143,7 @@ impl FakeEngine {
         self
     }
 
-    /// Whose task comes to so many samples, counted as tasks begin, waits to be stopped, however late that comes.
+    /// The task that reaches this many samples, counted as tasks begin, waits until it is stopped, however late that is.
     pub(crate) fn hold_from(self, samples: u64) -> Self {
         self.shared.held_from.store(samples, Ordering::Relaxed);
         self
@@ -158,7 +159,7 @@ impl Drop for FakeEngine {
         self.shared.queue.lock().unwrap().1 = true;
         self.shared.filled.notify_all();
         for thread in self.threads.drain(..) {
-            // The last reference may be let go by one of them.
+            // One of them may drop the last reference.
             if thread.thread().id() != thread::current().id() {
                 thread.join().unwrap();
             }

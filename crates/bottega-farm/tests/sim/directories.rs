@@ -7,7 +7,7 @@ use bottega_farm::{FarmAgent, FarmValue, service_type};
 
 use crate::sim::stage::{Play, SURVEY_SHRINK, Scene, assert_whole, bad_network, check, play, stage};
 
-/// What stands in the directories: the names of entries that hold text.
+/// The content of the directories: the names of entries that hold text.
 fn pages(play: &Play) -> BTreeSet<String> {
     let all = ["ams/agent/", "df/agent/"].map(Key::from);
     let held = all.iter().flat_map(|folder| play.simulator.store().with_prefix(folder));
@@ -33,7 +33,7 @@ fn run_for(play: &mut Play, seconds: f64) {
     });
 }
 
-/// Zones in the hand of an agent.
+/// Number of zones that an agent holds.
 fn hands(play: &Play, agent: &str) -> usize {
     match play.simulator.machine(&AgentId::new(agent)) {
         Some(FarmAgent::Render(agent)) => agent.held_zones().count(),
@@ -41,7 +41,7 @@ fn hands(play: &Play, agent: &str) -> usize {
     }
 }
 
-/// Another process of the platform has the AMS change the state of an agent.
+/// Changes the state of an agent through the AMS, as another process of the platform does.
 fn change_state(play: &mut Play, agent: &str, from: LifeCycleState, to: LifeCycleState) {
     let key = format!("ams/agent/{agent}");
     let text = page(play, &key);
@@ -107,7 +107,7 @@ fn who_only_says_that_it_is_the_master_is_not_believed() {
     let mut play = stage(4, &scene, true);
     run_for(&mut play, 0.005);
     let offer = page(&play, "df/agent/master");
-    // It stands before the true one.
+    // The false entry is listed before the true one.
     play.simulator.put("df/agent/a-liar".into(), FarmValue::Page(offer.replace(":name master", ":name a-liar").into()));
     run_for(&mut play, 3600.0);
     assert_whole(&play, 4);
@@ -163,7 +163,7 @@ fn a_work_waits_while_all_are_suspended_and_goes_on_in_any_weather() {
                 change_state(&mut play, agent, LifeCycleState::Active, LifeCycleState::Suspended);
             }
         }
-        // Until the network is well, and whoever is dead is back.
+        // Until the network works again, and all dead processes are back.
         run_for(&mut play, 60.0);
         for agent in ["agent-0", "agent-1"] {
             let key = format!("ams/agent/{agent}");

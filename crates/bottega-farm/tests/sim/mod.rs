@@ -25,7 +25,7 @@ fn every_zone_is_composed_once_whatever_goes_wrong() {
     assert!(films > 340, "Masters died and were followed by others: {films} films");
 }
 
-/// The same where zones are dealt out, and agents take from each other what waits.
+/// The same with stealing: zones are dealt out, and agents take waiting zones from each other.
 #[test]
 fn every_zone_is_composed_once_where_agents_steal_whatever_goes_wrong() {
     for seed in 0..400 {
@@ -34,7 +34,7 @@ fn every_zone_is_composed_once_where_agents_steal_whatever_goes_wrong() {
     }
 }
 
-/// Agents answer in microseconds, and a row takes milliseconds to be written: nobody is asked again who would say the same.
+/// Agents answer in microseconds, and a row takes milliseconds to be written: agents that would answer the same are not asked again.
 #[test]
 fn agents_are_not_called_again_and_again_while_rows_are_written() {
     let network = Faults { latency_min: Duration::from_micros(5), ..Faults::NONE };
@@ -56,7 +56,7 @@ fn agents_are_not_called_again_and_again_while_rows_are_written() {
     }
 }
 
-/// Zones that were painted again, of those that somebody wanted again.
+/// Number of zones that were painted again on request.
 fn painted_again(play: &Play) -> Vec<Rect> {
     let seen = play.seen.borrow();
     let requeued = play.simulator.world().requeued.iter();
@@ -74,7 +74,7 @@ fn a_zone_that_is_wanted_again_is_painted_once_more_and_the_film_is_whole() {
         again += painted_again(&play).len();
     }
     assert!(again > 200, "{again} zones were painted again");
-    // Where nothing goes wrong it costs what it must: who asks twice is heard once.
+    // Without faults the cost is minimal: a repeated request counts once.
     let scene = Scene { requeues: 0.3, zones: 16, samples: 512, shares_tail: false, ..Scene::calm(&[1.0, 2.0]) };
     let play = play(9, &scene, false);
     assert_whole(&play, 9);
@@ -133,7 +133,7 @@ fn what_an_agent_that_becomes_slow_has_in_hand_is_taken_over() {
     });
     eprintln!("{calm} {slow} {alone}");
     assert!(alone > 4.0 * calm, "without help all wait for the slow one: {alone} {calm}");
-    // Three agents do the rest, and one zone twice.
+    // Three agents paint the rest, and one zone twice.
     assert!(slow < 1.6 * calm, "{slow} {calm}");
 }
 
@@ -147,7 +147,7 @@ fn an_agent_that_becomes_four_times_slower_is_known_after_three_zones() {
         let Some(FarmAgent::Render(it)) = simulator.machine(&agent) else { return };
         let now = simulator.now();
         if known.is_none() && now > from && (it.power().get() / 4.0 - 1.0).abs() < 0.3 {
-            // Estimates are off by what benchmarks are. Counted are those that it began when it was slow.
+            // Estimates have the error of the benchmark. Only zones that it began while slow are counted.
             let sittings = simulator.world().sittings.iter();
             let begun = sittings.filter(|((who, ..), (begin, end))| *who == agent && *begin >= from && *end <= now);
             known = Some(begun.count());
@@ -162,7 +162,7 @@ fn a_work_with_an_error_stops_each_zone_when_it_has_it() {
     let play = play(4, &scene, false);
     assert_whole(&play, 4);
     for row in play.seen.borrow().zones.values() {
-        // An error of 0.5 a sample is 0.05 with a hundred.
+        // An error of 0.5 per sample is 0.05 with a hundred samples.
         let samples = row.result.unwrap().samples;
         assert!((100..160).contains(&samples) && row.error.unwrap() <= 0.05, "{samples}");
     }

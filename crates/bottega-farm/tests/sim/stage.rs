@@ -24,7 +24,7 @@ use bottega_image::Rect;
 
 use crate::sim::survey::{survey, tunables};
 
-/// What the film of the present Master holds.
+/// The content of the present Master's film.
 #[derive(Debug, Default)]
 pub(crate) struct ObservedAgent {
     pub(crate) zones: BTreeMap<ZoneId, ZoneRow>,
@@ -32,7 +32,7 @@ pub(crate) struct ObservedAgent {
     pub(crate) finished: Option<Vec<ZoneId>>,
     pub(crate) films: usize,
     pub(crate) surveyed: usize,
-    /// Rounds of the auction, and what they gave away.
+    /// Rounds of the auction, and their awards.
     pub(crate) rounds: usize,
     pub(crate) awards: usize,
 }
@@ -41,30 +41,30 @@ pub(crate) struct ObservedAgent {
 pub(crate) struct Studio {
     /// V_cp by agent.
     pub(crate) power: BTreeMap<AgentId, f64>,
-    /// When each machine is free.
+    /// The time at which each machine is free.
     pub(crate) free: BTreeMap<AgentId, Time>,
     /// Share of orders that fail.
     pub(crate) failures: f64,
-    /// From when on which agent is how many times slower.
+    /// A slowdown: its time, the agent, and the factor.
     pub(crate) slows: Option<(Time, AgentId, f64)>,
     pub(crate) seen: Rc<RefCell<ObservedAgent>>,
-    /// What is painted when, by order.
+    /// The paintings under way, by order, with their end.
     pub(crate) sittings: BTreeMap<(AgentId, ZoneId, Revision), (Time, Time)>,
-    /// Reference-machine time painted, whether it was of use or not.
+    /// Reference-machine time painted, including discarded work.
     pub(crate) painted: Duration,
-    /// Share of zones that somebody wants painted again when they are in the film, each once.
+    /// Share of zones that are requested again once they are in the film, each once.
     pub(crate) requeues: f64,
-    /// Those of them for which that was asked.
+    /// The zones that were requested again.
     pub(crate) requeued: BTreeMap<ZoneId, Revision>,
     pub(crate) survey_shrink: u32,
 }
 
-/// Pixels of a survey that make one, along each axis, where many seeds are played: what the Analyst makes of a survey is the same
+/// Survey pixels merged into one, along each axis, in tests with many seeds. The Analyst's result is the same
 /// in each of them, and took a third of the time.
 pub(crate) const SURVEY_SHRINK: u32 = 4;
 
 impl Studio {
-    /// What samples cost on the reference machine: a function of the pixels, which no estimate knows exactly.
+    /// The cost of samples on the reference machine: a function of the pixels that no estimate knows exactly.
     pub(crate) fn cost(rect: &Rect, samples: u32) -> Duration {
         let center = |a: u32, b: u32| f64::from(a + b) / 2.0;
         let (x, y) = (center(rect.x0, rect.x1), center(rect.y0, rect.y1));
@@ -114,7 +114,7 @@ impl World<FarmAgent> for Studio {
                     digest[..4].copy_from_slice(&zone.0.to_le_bytes());
                     digest[4..8].copy_from_slice(&order.samples.end.to_le_bytes());
                     let result = ResultRef { fence, samples: order.samples.end, digest: BlobId(digest) };
-                    // Halves that do not agree by what chance explains, from a sample error of a half.
+                    // Two halves that differ as by chance, from a sample error of a half.
                     let error = 0.5 / f64::from(order.samples.end).sqrt();
                     let goes_on = match order.error_use {
                         ErrorUse::Stops(wanted) => error > wanted && order.samples.end < order.samples_max,
@@ -154,7 +154,7 @@ impl World<FarmAgent> for Studio {
                 if self.requeues > 0.0 && !self.requeued.contains_key(&zone) && random.unit() < self.requeues {
                     self.requeued.insert(zone, result.fence);
                     let fence = Some(result.fence);
-                    // Who asks may do so twice.
+                    // A client may repeat its request.
                     let asked = [50, 250].map(Duration::from_millis);
                     reports.extend(asked.map(|later| (later, FarmCompletion::Requeue { zone, fence })));
                 }
@@ -179,7 +179,7 @@ pub(crate) struct Scene {
     pub(crate) auction: AuctionRule,
     pub(crate) faults: Faults,
     pub(crate) failures: f64,
-    /// From when on the first agent is how many times slower.
+    /// The time from which the first agent is slower, and the factor.
     pub(crate) slows: Option<(Duration, f64)>,
     pub(crate) zones: u32,
     pub(crate) samples: u32,
@@ -187,15 +187,15 @@ pub(crate) struct Scene {
     pub(crate) goal: Goal,
     pub(crate) master_may_crash: bool,
     pub(crate) shares_tail: bool,
-    /// Agents that must make the same of a zone.
+    /// Number of agents that must agree on a zone.
     pub(crate) verify: u32,
-    /// The last agent comes so late.
+    /// The time at which the last agent joins.
     pub(crate) late: Duration,
-    /// Agents find their Master in directories, which come so late; the longest time: never.
+    /// The time at which the directories start, in which agents find their Master; the longest time: never.
     pub(crate) directories: Option<Duration>,
-    /// Share of zones that are to be painted again.
+    /// Share of zones that are painted again on request.
     pub(crate) requeues: f64,
-    /// Pixels of the survey that make one, along each axis.
+    /// Survey pixels merged into one, along each axis.
     pub(crate) survey_shrink: u32,
 }
 
@@ -360,12 +360,12 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
     play
 }
 
-/// What holds after every step: a zone that is done stays done with the same samples, and the store agrees with the film.
+/// Checks the invariants of every step: a zone that is done stays done with the same samples, and the store agrees with the film.
 pub(crate) fn check(simulator: &Simulator<FarmAgent, Studio>) {
     let Some(FarmAgent::Master(master)) = simulator.machine(&AgentId::new("master")) else { return };
     let seen = simulator.world().seen.borrow();
     for zone in &seen.composed {
-        // One that is to be painted again leaves the film with the next one.
+        // A zone that is painted again leaves the film when the next film begins.
         if simulator.world().requeued.contains_key(zone) {
             continue;
         }

@@ -12,7 +12,7 @@ pub struct Position {
 }
 
 impl Position {
-    /// The byte range of the token at this position; empty at the end of a text.
+    /// Returns the byte range of the token at this position; empty at the end of a text.
     pub fn range_in(self, text: &str) -> std::ops::Range<usize> {
         let line_start = match self.line.checked_sub(2) {
             Some(before) => text.match_indices('\n').nth(before).map_or(text.len(), |(newline, _)| newline + 1),
@@ -39,7 +39,7 @@ impl fmt::Display for Position {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{at}: {kind}")]
 pub struct FclError {
-    /// The position.
+    /// The line and column of the error.
     pub at: Position,
     /// The kind of error.
     pub kind: FclErrorKind,
@@ -72,7 +72,7 @@ pub enum FclErrorKind {
     Unknown {
         /// The kind of thing expected.
         what: String,
-        /// The name.
+        /// The undeclared name.
         name: String,
         /// A similar declared name, if any.
         suggestion: Option<String>,
@@ -82,7 +82,7 @@ pub enum FclErrorKind {
     Twice {
         /// The kind of thing.
         what: &'static str,
-        /// The name.
+        /// The name that is declared twice.
         name: String,
     },
     /// A declared variable lacks a part.
@@ -90,7 +90,7 @@ pub enum FclErrorKind {
     Incomplete {
         /// The kind of thing.
         what: &'static str,
-        /// The name.
+        /// The name of the variable.
         name: String,
         /// The missing part.
         lacks: &'static str,
@@ -103,7 +103,7 @@ pub enum FclErrorKind {
     OutsideUnit {
         /// The name of the number.
         what: &'static str,
-        /// The value.
+        /// The value that was read.
         value: f64,
     },
     /// An empty range.
@@ -112,9 +112,9 @@ pub enum FclErrorKind {
     /// Singletons with a method that needs areas, areas with COGS, or both in one variable.
     #[error("METHOD {method} does not fit the terms: {reason}")]
     MethodDoesNotFit {
-        /// The method.
+        /// The name of the METHOD.
         method: &'static str,
-        /// The reason.
+        /// The reason why it does not fit, for display.
         reason: &'static str,
     },
     /// AND and OR are not dual.
@@ -132,7 +132,7 @@ pub enum FclErrorKind {
     TooMany {
         /// The kind of items.
         what: &'static str,
-        /// The maximum.
+        /// The maximum number of items.
         max: usize,
     },
     /// The text does not contain exactly one block.
@@ -144,13 +144,13 @@ fn did_you_mean(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or_else(String::new, |word| format!("; did you mean `{word}`?"))
 }
 
-/// The word most similar to `found`, if it is similar enough.
+/// Returns the word most similar to `found`, if it is similar enough.
 pub(super) fn nearest<'a>(found: &str, words: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let near = |word: &&str| distance(found, word) <= (found.len().max(word.len()) / 3).max(1);
     words.into_iter().filter(near).min_by_key(|word| distance(found, word)).map(str::to_owned)
 }
 
-/// The edit distance without case: insertions, deletions, substitutions and swaps of neighbors.
+/// Returns the edit distance without case: insertions, deletions, substitutions and swaps of neighbors.
 fn distance(a: &str, b: &str) -> usize {
     let (a, b) = (a.to_ascii_uppercase().into_bytes(), b.to_ascii_uppercase().into_bytes());
     let mut rows: Vec<Vec<usize>> = vec![(0..=b.len()).collect()];

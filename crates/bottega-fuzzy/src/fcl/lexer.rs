@@ -3,7 +3,7 @@
 use super::error::{FclError, FclErrorKind, Position};
 use crate::limits::Limits;
 
-/// A token.
+/// A token of FCL (IEC 61131-7).
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token<'a> {
     /// A name or keyword.
@@ -20,7 +20,7 @@ pub(super) enum Token<'a> {
 }
 
 impl Token<'_> {
-    /// The token's name in error messages.
+    /// Returns the token's name in error messages.
     pub(super) fn describe(&self) -> String {
         match self {
             Self::Word(word) => format!("`{word}`"),

@@ -22,7 +22,7 @@ pub struct Document {
 }
 
 impl Document {
-    /// The position of an input's declaration, by the index of the block and the input's name without case.
+    /// Returns the position of an input's declaration, by the index of the block and the input's name without case.
     pub fn input_position(&self, block: usize, name: &str) -> Option<Position> {
         let index = self.blocks.get(block)?.input_index(name)?;
         Some(self.places[block].inputs[index].at)

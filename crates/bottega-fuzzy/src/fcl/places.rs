@@ -16,8 +16,8 @@ pub(crate) struct Places {
 /// Positions of a variable's parts.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct VariablePlaces {
-    /// Its declaration.
+    /// The position of the variable's declaration.
     pub(crate) at: Position,
-    /// The names of its terms.
+    /// The names of the variable's terms.
     pub(crate) terms: Vec<Position>,
 }

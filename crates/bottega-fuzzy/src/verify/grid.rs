@@ -19,7 +19,7 @@ pub(super) const GRID_CELLS_MAX: u64 = 1 << 19;
 pub(super) struct AxisStretch {
     pub(super) low: f64,
     pub(super) high: f64,
-    /// True if it lies in the input's declared range, or none is declared.
+    /// True if the stretch lies in the input's declared range, or none is declared.
     pub(super) in_range: bool,
     /// The degree of each term.
     grades: Vec<f64>,
@@ -78,7 +78,8 @@ pub(super) struct AxisGrid<'a> {
 }
 
 impl<'a> AxisGrid<'a> {
-    /// The grid over all inputs in some conditions. `None`: one of them has no axis, or there are too many cells.
+    /// Makes the grid over all inputs in some conditions. `None`: one of them has no axis, or there are too many
+    /// cells.
     pub(super) fn over<'c>(axes: &'a [Option<Axis>], of: impl IntoIterator<Item = &'c Condition>) -> Option<Self> {
         let mut inputs = Vec::new();
         of.into_iter().for_each(|condition| mentioned(condition, &mut inputs));
@@ -89,7 +90,7 @@ impl<'a> AxisGrid<'a> {
         (len <= GRID_CELLS_MAX).then_some(Self { axes, len })
     }
 
-    /// The cells of the axes that meet at a grid position, with their inputs.
+    /// Returns the cells of the axes that meet at a grid position, with their inputs.
     pub(super) fn cells(&self, mut index: u64) -> impl Iterator<Item = (usize, &'a AxisStretch)> {
         self.axes.iter().map(move |(input, axis)| {
             let count = axis.cells.len() as u64;
@@ -99,7 +100,7 @@ impl<'a> AxisGrid<'a> {
         })
     }
 
-    /// All positions, in an order with neighbors far apart, so that counterexamples are found early.
+    /// Returns all positions, in an order with neighbors far apart, so that counterexamples are found early.
     pub(super) fn scattered(&self) -> impl Iterator<Item = u64> + use<'a> {
         let len = self.len;
         let near = (len as f64 * 0.618_033_988_749_895) as u64;
@@ -147,7 +148,7 @@ fn mentioned(condition: &Condition, inputs: &mut Vec<usize>) {
     }
 }
 
-/// Number of terms in a condition: the cost of evaluating it.
+/// Returns the number of terms in a condition: the cost of evaluating it.
 pub(super) fn leaves(condition: &Condition) -> u64 {
     match condition {
         Condition::Is { .. } | Condition::IsNot { .. } => 1,

@@ -44,7 +44,7 @@ impl Verifier<'_> {
         holes.into_iter().for_each(|hole| self.warn(at, WarningKind::Hole(hole)));
     }
 
-    /// For each cell, true if no rule fires there. `None`: too expensive.
+    /// Returns for each cell whether no rule fires there. `None`: too expensive.
     fn empty_cells(&mut self, grid: &AxisGrid<'_>, rules: &[Placed<'_>]) -> Option<Vec<bool>> {
         let mut place = ConditionDegree::new(self.block.inputs.len());
         let mut empty = vec![false; grid.len as usize];
@@ -102,7 +102,7 @@ impl Verifier<'_> {
     }
 }
 
-/// The cells of a box, given by its first and last cell along each axis.
+/// Returns the cells of a box, given by its first and last cell along each axis.
 fn cells_of(sides: &[(usize, usize)], counts: &[usize]) -> impl Iterator<Item = usize> {
     let total: usize = sides.iter().map(|(low, high)| high - low + 1).product();
     (0..total).map(move |mut k| {

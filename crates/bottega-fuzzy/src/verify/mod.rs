@@ -177,7 +177,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// True if a condition has a degree above 0 anywhere. `None`: too expensive.
+    /// Returns true if a condition has a degree above 0 anywhere. `None`: too expensive.
     fn fires(&mut self, block: &RuleBlock, rule: &Rule) -> Option<bool> {
         let cost = leaves(&rule.condition);
         let Some(grid) = AxisGrid::over(self.axes, [&rule.condition]) else {
@@ -212,7 +212,7 @@ fn mark_asked(condition: &crate::Condition, asked: &mut [Vec<bool>]) {
     }
 }
 
-/// True if a term has a degree above 0 somewhere in a range.
+/// Returns true if a term has a degree above 0 somewhere in a range.
 fn holds_within(membership: &Membership, (low, high): (f64, f64)) -> bool {
     match membership {
         Membership::Singleton(at) => (low..=high).contains(at),
@@ -224,7 +224,7 @@ fn holds_within(membership: &Membership, (low, high): (f64, f64)) -> bool {
     }
 }
 
-/// True if rules that conclude a term have an effect on the output.
+/// Returns true if rules that conclude a term have an effect on the output.
 fn has_area(membership: &Membership, output: &OutputVariable) -> bool {
     let one = ActiveOutput { term: membership, activation: Activation::Min, degree: 1.0 };
     match aggregate(Accumulation::Max, output.declared_range(), &[one]) {

@@ -82,7 +82,7 @@ impl Verifier<'_> {
         true
     }
 
-    /// True if for all outputs of a rule the strongest rule covers weaker ones with the same conclusions.
+    /// Returns true if for all outputs of a rule the strongest rule covers weaker ones with the same conclusions.
     fn covered(&self, placed: Placed<'_>) -> bool {
         placed.rule.conclusions.iter().all(|conclusion| {
             let output = &self.block.outputs[conclusion.output];
@@ -92,7 +92,7 @@ impl Verifier<'_> {
         })
     }
 
-    /// Different terms that two rules conclude for one output.
+    /// Returns different terms that two rules conclude for one output.
     fn at_odds(&self, a: &Rule, b: &Rule) -> Option<(Conclusion, Conclusion)> {
         let differ = |a: &Conclusion, b: &Conclusion| {
             let terms = &self.block.outputs[a.output].terms;
@@ -112,7 +112,7 @@ impl Verifier<'_> {
         }
     }
 
-    /// The order of two rules' degrees over all values of the inputs. `None`: too expensive.
+    /// Returns the order of two rules' degrees over all values of the inputs. `None`: too expensive.
     fn compare(&mut self, a: Placed<'_>, b: Placed<'_>, weight: impl Fn(&Rule) -> f64) -> Option<DegreeOrder> {
         let cost = leaves(&a.rule.condition) + leaves(&b.rule.condition);
         let Some(grid) = AxisGrid::over(self.axes, [&a.rule.condition, &b.rule.condition]) else {
@@ -158,7 +158,7 @@ struct DegreeOrder {
     above: bool,
 }
 
-/// True if two rules have the same conclusions, in any order.
+/// Returns true if two rules have the same conclusions, in any order.
 fn same_conclusions(a: &Rule, b: &Rule) -> bool {
     let all_in = |a: &Rule, b: &Rule| a.conclusions.iter().all(|one| b.conclusions.contains(one));
     all_in(a, b) && all_in(b, a)

@@ -7,9 +7,9 @@ use crate::Position;
 /// A warning: something allowed, but probably unintended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
-    /// The position.
+    /// The line and column of the rule or term.
     pub at: Position,
-    /// The kind.
+    /// The kind of warning.
     pub kind: WarningKind,
 }
 
@@ -61,9 +61,9 @@ pub enum WarningKind {
 /// The reason why a rule has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeadReason {
-    /// Its weight is 0.
+    /// The weight of the rule is 0.
     Weight,
-    /// Its condition has degree 0 for all input values.
+    /// The condition of the rule has degree 0 for all input values.
     Condition,
 }
 
@@ -79,7 +79,7 @@ pub struct Hole {
 }
 
 impl WarningKind {
-    /// A short identifier for programs, like that of a lint.
+    /// Returns a short identifier for programs, like that of a lint.
     pub fn code(&self) -> &'static str {
         match self {
             Self::LabelTwice { .. } => "label-twice",

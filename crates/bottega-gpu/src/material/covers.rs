@@ -48,12 +48,12 @@ fn constant_alpha(facets: &Facets) -> Option<f32> {
     Some((x * y).sqrt())
 }
 
-/// True if the roughness may vary over the surface.
+/// Returns true if the roughness may vary over the surface.
 pub(super) fn is_textured(facets: &Facets) -> bool {
     constant_alpha(facets).is_none()
 }
 
-/// True if the facets are smooth everywhere.
+/// Returns true if the facets are smooth everywhere.
 pub(super) fn is_smooth(facets: &Facets) -> bool {
     constant_alpha(facets) == Some(0.0)
 }

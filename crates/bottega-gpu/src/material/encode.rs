@@ -175,7 +175,7 @@ fn flags(material: &Material) -> u32 {
     flags.into_iter().fold(0, |all, (is_set, bit)| all | flag(is_set, bit))
 }
 
-/// True if any part of the material is the layered surface.
+/// Returns true if any part of the material is the layered surface.
 fn is_layered(material: &Material) -> bool {
     fn has(surface: &Surface) -> bool {
         match surface {

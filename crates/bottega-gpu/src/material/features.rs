@@ -33,7 +33,7 @@ impl Features {
     pub(super) const FILM: Self = Self(1 << 8);
     pub(super) const COAT: Self = Self(1 << 9);
     pub(super) const SHEEN: Self = Self(1 << 10);
-    /// All features.
+    /// The set of all features.
     #[cfg(test)]
     pub(crate) const ALL: Self = Self((1 << NAMES.len()) - 1);
 
@@ -46,7 +46,7 @@ impl Features {
         if condition { self.with(others) } else { self }
     }
 
-    /// True if any of `others` is in the set.
+    /// Returns true if any of `others` is in the set.
     pub(super) fn has_some_of(self, others: Self) -> bool {
         self.0 & others.0 != 0
     }

@@ -48,6 +48,8 @@ pub(super) struct ResidentScenes {
 }
 
 impl ResidentScenes {
+    /// Makes an empty set of scenes.
+    ///
     /// - `memory`: the maximum size of all scenes, in bytes.
     pub(super) fn new(memory: Option<u64>) -> Self {
         Self { memory, ..Self::default() }
@@ -97,7 +99,7 @@ impl ResidentScenes {
         Ok(())
     }
 
-    /// True if the kernels of a variant are compiled.
+    /// Returns true if the kernels of a variant are compiled.
     pub(super) fn has_kernels(&self, variant: Variant) -> bool {
         self.kernels.iter().any(|(known, _)| *known == variant)
     }

@@ -76,7 +76,7 @@ impl SceneShelf {
         self.uncompiled.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// True if the device has kernels to compile before it does other work.
+    /// Returns true if the device has kernels to compile before it does other work.
     pub(super) fn is_compiling(&self) -> bool {
         self.uncompiled.load(Ordering::SeqCst) > 0
     }

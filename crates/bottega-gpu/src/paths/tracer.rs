@@ -129,7 +129,7 @@ impl Tracer {
         self.scenes.kernels(&self.context, &self.layouts, &self.cache, variant).map(|_| ())
     }
 
-    /// True if the kernels of a variant are compiled.
+    /// Returns true if the kernels of a variant are compiled.
     pub(super) fn has_kernels(&self, variant: Variant) -> bool {
         self.scenes.has_kernels(variant)
     }
@@ -150,7 +150,7 @@ impl Tracer {
         self.scenes.admit(&self.context, &self.layouts, &self.cache, id, flat)
     }
 
-    /// Evicts a scene.
+    /// Removes a scene from the device's memory.
     pub(super) fn evict(&mut self, id: DataId) {
         for buffers in &mut self.buffers {
             // A bind group keeps its buffers alive.

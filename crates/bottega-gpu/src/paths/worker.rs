@@ -74,6 +74,8 @@ struct BatchFlight {
 }
 
 impl PathWorker {
+    /// Opens the device.
+    ///
     /// # Errors
     /// The device cannot be opened.
     pub(super) fn new(shelf: Arc<SceneShelf>, name: String, open: Open) -> Result<Self, GpuError> {

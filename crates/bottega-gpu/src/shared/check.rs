@@ -128,7 +128,7 @@ pub(super) fn number(token: &str) -> Option<Number> {
     }
 }
 
-/// True if a number is distinctive: three significant digits, or a large power.
+/// Returns true if a number is distinctive: three significant digits, or a large power.
 pub(super) fn is_particular(number: Number) -> bool {
     match number {
         Number::Whole(whole) => whole > 0xffff,

@@ -25,7 +25,7 @@ pub(crate) struct Constant {
 }
 
 impl Constant {
-    /// Returns its WGSL declaration, with its documentation as comments.
+    /// Returns the constant's WGSL declaration, with its documentation as comments.
     pub(crate) fn wgsl(&self) -> String {
         let docs = self.docs.iter().map(|line| format!("//{line}\n")).collect::<String>();
         let (name, value) = (&self.name, &self.value);

@@ -34,9 +34,9 @@ constants! {
     NODE_EACH: u32 = 0x0101_0101;
     /// Width of the field of a child's kind that holds its place, or the offset of its first shape from the node's.
     NODE_PLACE_WIDTH: u32 = 5;
-    /// That field in four children.
+    /// The mask of the field of [`NODE_PLACE_WIDTH`] bits in four children.
     NODE_PLACE_BITS: u32 = ((1 << NODE_PLACE_WIDTH) - 1) * NODE_EACH;
-    /// The bits above it in four children: one per shape.
+    /// The mask of the bits of shapes in four children: one bit per shape, after a shift by [`NODE_PLACE_WIDTH`].
     NODE_SHAPE_BITS: u32 = ((1 << LEAF_MAX) - 1) * NODE_EACH;
     /// Offset of the places of inner children: they use the upper eight of 32 bits.
     NODE_INNER: u32 = 24;
@@ -46,7 +46,7 @@ constants! {
     NODE_GROUP_ROOT: u32 = 1 << 31;
     /// The upper one of the two bits of [`NODE_INNER`]; no leaf has both.
     NODE_INNER_SHIFT: u32 = 4;
-    /// That bit in four children.
+    /// The mask of the bit [`NODE_INNER_SHIFT`] in four children.
     NODE_INNER_BITS: u32 = NODE_EACH << NODE_INNER_SHIFT;
     /// The maximum number of shapes per leaf; a leaf has one bit per shape.
     LEAF_MAX: u32 = 3;

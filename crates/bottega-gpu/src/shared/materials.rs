@@ -235,7 +235,7 @@ record! {
         pub(crate) eta: f32,
         /// The treatment of light that is reflected within: one of `PLASTIC_…`.
         pub(crate) inner: u32,
-        /// The place of its cover; 0: the boundary is smooth everywhere, or the base is shaded as if it were.
+        /// The place of the plastic's cover; 0: the boundary is smooth everywhere, or the base is shaded as if it were.
         pub(crate) cover: u32,
     }
 }
@@ -429,7 +429,7 @@ record! {
 record! {
     /// A mip level of an image.
     pub(crate) struct LevelRecord {
-        /// The place of its texels.
+        /// The place of the level's texels.
         pub(crate) texels: u32,
         pub(crate) width: u32,
         pub(crate) height: u32,

@@ -74,7 +74,7 @@ fn snake(name: &str) -> String {
     })
 }
 
-/// Ranks how well a shader's function matches a Rust function by name; lower is closer, `None` is no match.
+/// Ranks how well a shader's function matches a Rust function by name; lower is closer, `None`: not a match.
 fn likeness(name: &str, stem: &str, function: &Function) -> Option<u8> {
     let Function { of, name: own } = function;
     let is = |prefix: &str| name.strip_suffix(own.as_str()).and_then(|rest| rest.strip_suffix('_')) == Some(prefix);

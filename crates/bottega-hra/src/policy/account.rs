@@ -17,7 +17,7 @@ pub(crate) struct Account {
 }
 
 impl Account {
-    /// Idle from `now` on; keeps at most this number of spans.
+    /// Makes the account of a resource that is idle from `now` on; keeps at most this number of spans.
     pub(crate) fn new(now: Time, spans_kept: usize) -> Self {
         let spans = Spans::new(spans_kept);
         Self { activity: Activity::Idle, since: now, units: 0, failures: 0, spent: [Duration::ZERO; 4], spans }
@@ -27,7 +27,7 @@ impl Account {
         self.activity
     }
 
-    /// Changes the activity.
+    /// Changes the activity from `now` on.
     pub(crate) fn enter(&mut self, activity: Activity, now: Time) {
         if activity == self.activity {
             return;
@@ -37,13 +37,13 @@ impl Account {
         (self.activity, self.since) = (activity, now);
     }
 
-    /// Time spent so far, including the current activity.
+    /// Returns the time spent so far, including the current activity.
     pub(crate) fn spent(&self, activity: Activity, now: Time) -> Duration {
         let current = if self.activity == activity { now.since(self.since) } else { Duration::ZERO };
         self.spent[activity as usize] + current
     }
 
-    /// The spans kept, including the current one.
+    /// Returns the spans kept, including the current one.
     pub(crate) fn spans(&self, now: Time) -> Vec<Span> {
         self.spans.with(Span { activity: self.activity, from: self.since, to: now.max(self.since) })
     }

@@ -15,18 +15,18 @@ impl Backoff {
         self.failures = 0;
     }
 
-    /// True if it has failed since its last success.
+    /// Returns true if the resource has failed since its last success.
     pub(crate) fn has_failed(&self) -> bool {
         self.failures > 0
     }
 
-    /// The suspension after one more failure: twice the one before. `None`: too many failures.
+    /// Returns the suspension after one more failure: twice the one before. `None`: too many failures.
     pub(crate) fn failed(&mut self, config: &HraConfig) -> Option<Duration> {
         self.failures = self.failures.saturating_add(1);
         (self.failures < config.max_failures).then(|| self.pause(config))
     }
 
-    /// The suspension after one more doubt: as after a failure, but without a maximum number.
+    /// Returns the suspension after one more doubt: as after a failure, but without a maximum number.
     pub(crate) fn doubted(&mut self, config: &HraConfig) -> Duration {
         self.failures = self.failures.saturating_add(1).min(config.max_failures.saturating_sub(1)).max(self.failures);
         self.pause(config)

@@ -23,7 +23,7 @@ pub(crate) struct ChunkOrder {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BinHead {
     pub(crate) order: ChunkOrder,
-    /// The needs of its first unit.
+    /// The needs of the bin's first unit.
     pub(crate) needs: UnitNeeds,
     pub(crate) late: Time,
 }
@@ -87,7 +87,7 @@ impl<T> Shelf<T> {
         Some(BinHead { order, needs: front.needs(), late: front.late })
     }
 
-    /// The first chunk after `order` with other data or lower priority.
+    /// Returns the first chunk after `order` with other data or lower priority.
     fn beyond(&self, order: ChunkOrder) -> Option<ChunkOrder> {
         let last = ChunkOrder { sequence: u64::MAX, ..order };
         self.chunks.range(last..).next().map(|(&order, _)| order)
@@ -112,7 +112,7 @@ impl<T> Bin<T> {
         self.len
     }
 
-    /// Number of waiting items of a primitive, without units to retry.
+    /// Returns the number of waiting items of a primitive, without units to retry.
     pub(crate) fn items_of(&self, primitive: Primitive) -> u64 {
         self.shelves[primitive.index()].items
     }
@@ -140,7 +140,7 @@ impl<T> Bin<T> {
         Some(self.retries.remove(index))
     }
 
-    /// The unit that became late first, among those late at `until`.
+    /// Returns the unit that became late first, among those late at `until`.
     pub(crate) fn latest(
         &self,
         able: PrimitiveSet,
@@ -155,8 +155,8 @@ impl<T> Bin<T> {
         able.iter().filter_map(first).min_by_key(|head| (head.late, head.needs.primitive, head.order))
     }
 
-    /// The position to draw from for `primitive`: among the data of the highest priority that the resource `holds`, a
-    /// resident one, else the first come.
+    /// Returns the position to draw from for `primitive`: among the data of the highest priority that the resource
+    /// `holds`, a resident one, else the first come.
     pub(crate) fn head(
         &self,
         primitive: Primitive,
@@ -213,7 +213,7 @@ impl<T> Bin<T> {
         drawn
     }
 
-    /// Removes expired units.
+    /// Moves expired units from the bin to `out`.
     pub(crate) fn take_expired(&mut self, now: Time, out: &mut Vec<Unit<T>>) {
         let before = out.len();
         for shelf in &mut self.shelves {
@@ -231,7 +231,7 @@ impl<T> Bin<T> {
         self.len -= out.len() - before;
     }
 
-    /// The time at which the next unit expires.
+    /// Returns the time at which the next unit expires.
     pub(crate) fn next_expiry(&self) -> Option<Time> {
         let shelves = self.shelves.iter().filter_map(|shelf| shelf.expiring.first().map(|&(expires, _)| expires));
         let retries = self.retries.iter().map(|unit| unit.meta.expires).filter(|&expires| expires < Time::NEVER);

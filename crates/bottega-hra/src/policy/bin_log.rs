@@ -14,7 +14,7 @@ const STEP_MIN: Duration = Duration::from_millis(1);
 pub struct BinReport {
     /// Mean number of waiting units over time.
     pub mean_waiting: f64,
-    /// Time in which it was full, and submitters waited.
+    /// Time in which the bin was full, and submitters waited.
     pub full: Duration,
     /// Time in which no unit waited: resources took everything at once, or had nothing to do.
     pub empty: Duration,
@@ -36,7 +36,7 @@ pub struct BinStep {
 }
 
 impl BinReport {
-    /// The difference from an earlier report; times count from there.
+    /// Returns the difference from an earlier report; times count from there.
     pub(crate) fn since(&self, before: &Self, then: Duration, now: Duration) -> Self {
         let start = Time::at(then);
         let seconds = now.saturating_sub(then).as_secs_f64().max(f64::MIN_POSITIVE);
@@ -141,7 +141,7 @@ impl BinLog {
         self.step *= 2;
     }
 
-    /// The report until `now`.
+    /// Returns the report until `now`.
     pub(crate) fn report(&mut self, now: Time) -> BinReport {
         self.advance(now);
         let length = self.step.as_secs_f64();

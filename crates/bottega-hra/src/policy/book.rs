@@ -27,19 +27,19 @@ pub struct CostBook {
 /// An error in the text of a cost book.
 #[derive(Debug, thiserror::Error)]
 pub enum CostBookError {
-    /// It is longer than the maximum.
+    /// The text is longer than the maximum.
     #[error("the text has {0} bytes, which no book of costs has")]
     TooLong(usize),
-    /// It is not JSON, or has other fields.
+    /// The text is not JSON, or has other fields.
     #[error("not a book of costs")]
     Syntax(#[source] serde_json::Error),
-    /// It has another version of the format.
+    /// The text has another version of the format.
     #[error("the book of costs has form {found}, not {FORMAT}")]
     Format {
         /// The version found.
         found: u32,
     },
-    /// It was learned under another version.
+    /// The costs were learned under another version.
     #[error("the costs were learnt by version `{found}`, not `{wanted}`")]
     Version {
         /// The version in the text.
@@ -76,12 +76,15 @@ struct BookEntry {
 }
 
 impl CostBook {
-    /// An empty book for costs learned under `version`.
+    /// Makes an empty book for costs learned under `version`.
     pub fn new(version: impl Into<String>) -> Self {
         Self { version: version.into(), costs: BTreeMap::new() }
     }
 
     /// Parses the JSON of [`CostBook::to_json`].
+    ///
+    /// # Errors
+    /// The text is too long, is not such JSON, or has another format or version.
     pub fn from_json(text: &str, version: &str) -> Result<Self, CostBookError> {
         if text.len() > TEXT_MAX {
             return Err(CostBookError::TooLong(text.len()));
@@ -109,7 +112,7 @@ impl CostBook {
         Ok(book)
     }
 
-    /// The book as JSON.
+    /// Returns the book as JSON.
     pub fn to_json(&self) -> String {
         let entries = |costs: &[CostModel; Primitive::COUNT]| {
             let known = Primitive::ALL.into_iter().filter(|primitive| costs[primitive.index()].units() > 0);
@@ -120,7 +123,7 @@ impl CostBook {
         serde_json::to_string_pretty(&text).unwrap_or_default()
     }
 
-    /// The cost of a primitive on a resource, if known.
+    /// Returns the cost of a primitive on a resource, if known.
     pub fn get(&self, resource: &str, primitive: Primitive) -> Option<&CostModel> {
         let costs = self.costs.get(kind_of(resource))?;
         Some(&costs[primitive.index()]).filter(|cost| cost.units() > 0)
@@ -161,7 +164,7 @@ impl BookEntry {
     }
 }
 
-/// A name without a trailing number.
+/// Returns a name without a trailing number.
 fn kind_of(name: &str) -> &str {
     name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end()
 }

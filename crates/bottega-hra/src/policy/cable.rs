@@ -34,7 +34,7 @@ impl CableBytes {
         self.there <= bound.there && self.back <= bound.back
     }
 
-    /// The number of units of this size that fit; at least one.
+    /// Returns the number of units of this size that fit; at least one.
     pub(crate) fn units(self, unit: Self) -> usize {
         let [there, back] = [self.there / unit.there.max(1), self.back / unit.back.max(1)];
         usize::try_from(there.min(back)).unwrap_or(usize::MAX).max(1)
@@ -83,7 +83,7 @@ pub(crate) struct Cable {
 }
 
 impl Cable {
-    /// A cable without measurements.
+    /// Makes a cable without measurements.
     pub(crate) fn new(link: &Link) -> Self {
         let (there, back) = (CableWay::new(link.bandwidth), CableWay::new(link.bandwidth));
         Self { there, back, passed: CableUse::default() }
@@ -108,23 +108,23 @@ impl Cable {
         }
     }
 
-    /// Time for which bytes occupy the cable, in nanoseconds.
+    /// Returns the time for which bytes occupy the cable, in nanoseconds.
     pub(crate) fn ns(&self, bytes: CableBytes) -> f64 {
         self.there.ns(bytes.there).max(self.back.ns(bytes.back))
     }
 
-    /// Time of bytes to the resource plus that of the answer, in nanoseconds.
+    /// Returns the time of bytes to the resource plus that of the answer, in nanoseconds.
     pub(crate) fn way_ns(&self, bytes: CableBytes) -> f64 {
         self.there.ns(bytes.there) + self.back.ns(bytes.back)
     }
 
-    /// Time to send data, in nanoseconds.
+    /// Returns the time to send data, in nanoseconds.
     pub(crate) fn moving_ns(&self, bytes: u64) -> f64 {
         self.there.ns(bytes)
     }
 
-    /// Maximum number of bytes in a packet of such units, if each takes `unit_ns` in all; `None`: the cable sets no
-    /// limit.
+    /// Returns the maximum number of bytes in a packet of such units, if each takes `unit_ns` in all; `None`: the
+    /// cable sets no limit.
     pub(crate) fn most_bytes(&self, unit: CableBytes, unit_ns: f64) -> Option<CableBytes> {
         let cable_ns = self.ns(unit);
         let is_slow = cable_ns > 0.0 && cable_ns >= SLOW_FROM * unit_ns;

@@ -39,22 +39,22 @@ impl Capabilities {
         self.able[resource.index()]
     }
 
-    /// Number of resources that support it, regardless of data.
+    /// Returns the number of resources that support it, regardless of data.
     pub(crate) fn count_of(&self, primitive: Primitive) -> u32 {
         self.counts[primitive.index()]
     }
 
-    /// Maximum size of data for which it is supported; `None`: unsupported.
+    /// Returns the maximum size of data for which it is supported; `None`: unsupported.
     pub(crate) fn most_data(&self, primitive: Primitive) -> Option<u64> {
         (self.count_of(primitive) > 0).then_some(self.roomiest[primitive.index()])
     }
 
-    /// True if a resource supports `primitive` on this much data.
+    /// Returns true if a resource supports `primitive` on this much data.
     pub(crate) fn anybody_can(&self, primitive: Primitive, data_bytes: u64) -> bool {
         self.count_of(primitive) > 0 && data_bytes <= self.roomiest[primitive.index()]
     }
 
-    /// True if the data fits into the memory of `resource`.
+    /// Returns true if the data fits into the memory of `resource`.
     pub(crate) fn holds(&self, resource: ResourceId, data: Option<Data>) -> bool {
         data.is_none_or(|data| data.bytes <= self.memory[resource.index()])
     }
@@ -63,7 +63,8 @@ impl Capabilities {
         self.able[resource.index()].contains(primitive) && self.holds(resource, data)
     }
 
-    /// True if `resource` may try a unit that failed elsewhere: not if it failed here, unless it failed on all.
+    /// Returns true if `resource` may try a unit that failed elsewhere: not if it failed here, unless it failed on
+    /// all.
     pub(crate) fn may_try(&self, resource: ResourceId, meta: &Meta) -> bool {
         let can = |index: usize| self.can(ResourceId(index as u32), meta.primitive, meta.data);
         let failed = |index: usize| meta.failed_on.iter().any(|failed| failed.index() == index);

@@ -23,7 +23,7 @@ pub(super) enum LaneChoice<T> {
 }
 
 impl<T> LaneChoice<T> {
-    /// Nothing at the moment: its work is about to enter the bin.
+    /// Chooses nothing at the moment: the work is about to enter the bin.
     pub(super) fn shortly(now: Time) -> Self {
         Self::Decline { until: now.after(ASK_AGAIN_MIN), sooner: Vec::new() }
     }

@@ -47,7 +47,7 @@ pub(crate) struct DrawnPacket<T> {
     pub(crate) units: Vec<Unit<T>>,
     /// Data to evict first.
     pub(crate) evicted: Vec<DataId>,
-    /// The time at which it is overdue.
+    /// The time at which the packet is overdue.
     pub(crate) deadline: Time,
 }
 
@@ -81,9 +81,9 @@ pub(crate) struct PacketLanding {
     /// Number of failed units.
     pub(crate) failed: usize,
     pub(crate) fault: Option<(Fault, String)>,
-    /// Its time, if measured at the resource.
+    /// The time of the packet, if measured at the resource.
     pub(crate) busy: Option<Duration>,
-    /// Its traffic in both directions, if measured.
+    /// The traffic of the packet in both directions, if measured.
     pub(crate) transfers: Option<[Transfer; 2]>,
     /// Number of units done too late.
     pub(crate) expired: u64,
@@ -103,7 +103,7 @@ pub(crate) struct LandedPacket {
 }
 
 impl<T> Core<T> {
-    /// An allocator of these resources; far ones have a window. Costs in the book are known from the start.
+    /// Makes an allocator of these resources; far ones have a window. Costs in the book are known from the start.
     pub(crate) fn new(
         config: HraConfig,
         resources: Vec<(ResourceDescriptor, Option<Window>)>,
@@ -132,22 +132,22 @@ impl<T> Core<T> {
 
     // ---- The submitters' side.
 
-    /// Current capacity of the bin.
+    /// Returns the current capacity of the bin.
     pub(crate) fn capacity(&self) -> usize {
         self.waiting.length.capacity()
     }
 
-    /// Number of waiting units.
+    /// Returns the number of waiting units.
     pub(crate) fn waiting(&self) -> usize {
         self.waiting.bin.len()
     }
 
-    /// True if arrivals must be reported at once: some resource waits to be woken, and none is about to ask.
+    /// Returns true if arrivals must be reported at once: some resource waits to be woken, and none is about to ask.
     pub(crate) fn listens(&self) -> bool {
         self.lanes.listen()
     }
 
-    /// The maximum size of data for `primitive`; `None` if no resource supports it.
+    /// Returns the maximum size of data for `primitive`; `None` if no resource supports it.
     pub(crate) fn most_data(&self, primitive: Primitive) -> Option<u64> {
         self.lanes.capabilities.most_data(primitive)
     }
@@ -157,7 +157,7 @@ impl<T> Core<T> {
         self.waiting.demand.announce(primitive, items);
     }
 
-    /// Withdraws announced work.
+    /// Withdraws announced items that will not follow.
     pub(crate) fn retract(&mut self, primitive: Primitive, items: u64) {
         self.waiting.demand.arrived(primitive, items);
     }
@@ -367,8 +367,8 @@ impl<T> Core<T> {
         }
     }
 
-    /// True if a packet is doubtful: it takes longer than expected, nothing else is left to do, and another idle
-    /// resource could have done it several times since it was sent, or could at least have tried.
+    /// Returns true if a packet is doubtful: it takes longer than expected, nothing else is left to do, and another
+    /// idle resource could have done it several times since it was sent, or could at least have tried.
     fn is_doubtful(&self, now: Time, id: ResourceId, flight: &Flight) -> bool {
         let age = now.since(flight.sent);
         if self.waiting.bin.len() > 0 || age < flight.doubt_after {
@@ -385,7 +385,7 @@ impl<T> Core<T> {
         self.lanes.iter().any(is_far_better)
     }
 
-    /// The time at which [`Core::tick`] must be called next.
+    /// Returns the time at which [`Core::tick`] must be called next.
     pub(crate) fn next_event(&self, now: Time) -> Option<Time> {
         let look = |flight: &Flight| flight.next_look(now, self.config.hang_min);
         let flights = self.lanes.iter().filter_map(|(lane, _)| lane.flights.values().map(look).min());
@@ -398,7 +398,7 @@ impl<T> Core<T> {
         self.lanes.states()
     }
 
-    /// The fill level of the bin until now.
+    /// Returns the fill level of the bin until now.
     pub(crate) fn bin_report(&mut self, now: Time) -> BinReport {
         self.waiting.report(now)
     }

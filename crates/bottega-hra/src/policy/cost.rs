@@ -41,7 +41,7 @@ impl CostLine {
         self.covariance = (1.0 - weight) * (self.covariance + weight * delta_size * delta_ns);
     }
 
-    /// The part of the time that does not depend on the size, if sizes differ by at least a tenth.
+    /// Returns the part of the time that does not depend on the size, if sizes differ by at least a tenth.
     fn fixed_ns(&self) -> Option<f64> {
         let tell = self.mean_size > 0.0 && self.variance_size >= 0.01 * self.mean_size * self.mean_size;
         tell.then(|| {
@@ -55,7 +55,7 @@ impl CostModel {
     /// Weight of the newest measurement, after the first few.
     pub const WEIGHT: f64 = 0.1;
 
-    /// A model from an earlier run: number of units, mean items per unit, and the line.
+    /// Makes a model from an earlier run: number of units, mean items per unit, and the line.
     pub(crate) fn known(units: u64, items: u64, fixed_ns: f64, ns_per_item: f64, miss: f64) -> Self {
         let mean_size = if units > 0 { items as f64 / units as f64 } else { 0.0 };
         let mean_ns = fixed_ns + ns_per_item * mean_size;
@@ -89,12 +89,12 @@ impl CostModel {
         self.fixed_ns = self.line.fixed_ns().unwrap_or(self.fixed_ns);
     }
 
-    /// Number of units measured.
+    /// Returns the number of units measured.
     pub fn units(&self) -> u64 {
         self.units
     }
 
-    /// Number of items measured.
+    /// Returns the number of items measured.
     pub fn items(&self) -> u64 {
         self.items
     }
@@ -104,28 +104,28 @@ impl CostModel {
         self.parts().1
     }
 
-    /// Nanoseconds per unit or packet before its first item; not negative.
+    /// Returns the nanoseconds per unit or packet before its first item; not negative.
     pub fn fixed_ns(&self) -> f64 {
         self.parts().0
     }
 
-    /// Expected time of a unit; `None` without measurements.
+    /// Returns the expected time of a unit; `None` without measurements.
     pub fn predict(&self, size: u64) -> Option<Duration> {
         self.predict_ns(size).map(|ns| Duration::from_nanos(ns as u64))
     }
 
-    /// Expected time in nanoseconds.
+    /// Returns the expected time in nanoseconds.
     pub(crate) fn predict_ns(&self, size: u64) -> Option<f64> {
         let (fixed, per_item) = self.parts();
         (self.units > 0).then_some(fixed + per_item * size as f64)
     }
 
-    /// Relative prediction error (root mean square); `None` before two measurements.
+    /// Returns the relative prediction error (root mean square); `None` before two measurements.
     pub fn uncertainty(&self) -> Option<f64> {
         (self.units > 1).then(|| self.miss.sqrt())
     }
 
-    /// Fixed and per-item nanoseconds, both at least 0, of the line through the mean.
+    /// Returns the fixed and per-item nanoseconds, both at least 0, of the line through the mean.
     fn parts(&self) -> (f64, f64) {
         if self.mean_size > 0.0 {
             let fixed = self.fixed_ns.clamp(0.0, self.mean_ns.max(0.0));

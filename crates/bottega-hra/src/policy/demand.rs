@@ -24,7 +24,7 @@ pub(crate) struct Demand {
 }
 
 impl Demand {
-    /// Announces items.
+    /// Announces a number of items of a primitive that will follow.
     pub(crate) fn announce(&mut self, primitive: Primitive, items: u64) {
         let announced = &mut self.announced[primitive.index()];
         *announced = announced.saturating_add(items);
@@ -51,7 +51,7 @@ impl Demand {
         self.last = now;
     }
 
-    /// The start of the current stream of work.
+    /// Returns the start of the current stream of work.
     pub(crate) fn first(&self) -> Time {
         self.first
     }
@@ -61,7 +61,7 @@ impl Demand {
         self.idle_since.get_or_insert(now);
     }
 
-    /// The time by which a resource may finish after all others.
+    /// Returns the time by which a resource may finish after all others.
     pub(crate) fn overshoot(&self) -> Duration {
         self.last.since(self.first).mul_f64(OVERSHOOT)
     }

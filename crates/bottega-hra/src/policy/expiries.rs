@@ -9,14 +9,14 @@ pub struct Expiries {
     pub waiting: u64,
     /// Number of units finished, or given back, after the end of their life time.
     pub late: u64,
-    /// Time of the first one.
+    /// Time of the first expiry.
     pub first: Time,
-    /// Time of the last one.
+    /// Time of the last expiry.
     pub last: Time,
 }
 
 impl Expiries {
-    /// Number of all expired units.
+    /// Returns the number of all expired units.
     pub fn count(&self) -> u64 {
         self.waiting + self.late
     }
@@ -38,7 +38,7 @@ impl Expiries {
         }
     }
 
-    /// Those since an earlier moment; times count from there.
+    /// Returns the expiries since an earlier moment; times count from there.
     pub(crate) fn since(&self, before: &Self, start: Time) -> Self {
         let (waiting, late) = (self.waiting - before.waiting, self.late - before.late);
         if waiting + late == 0 {

@@ -10,13 +10,13 @@ use crate::ResourceId;
 /// The reason why a unit is not attempted again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum GiveUp {
-    /// It was attempted as often as allowed.
+    /// The unit was attempted as often as allowed.
     Failed,
     /// No remaining resource can do it.
     NoResource,
     /// The allocator was shut down.
     Closed,
-    /// It has expired.
+    /// The unit has expired.
     Expired,
 }
 

@@ -101,14 +101,14 @@ impl Flow {
         self.last_answer
     }
 
-    /// True if that many packets in a row were alone in flight: the resource answers before the next packet is sent, so no pair
-    /// is expected.
+    /// Returns true if that many packets in a row were alone in flight: the resource answers before the next packet is sent, so
+    /// no pair is expected.
     pub(crate) fn is_one_by_one(&self) -> bool {
         self.alone_in_a_row >= ALONE_MIN
     }
 
-    /// True if a packet sent at `sent` and answered `now` probably waited for the one before it: both were sent within
-    /// much less time than there is between their answers.
+    /// Returns true if a packet sent at `sent` and answered `now` probably waited for the one before it: both were
+    /// sent within much less time than there is between their answers.
     pub(crate) fn was_pair(&self, now: Time, sent: Time) -> bool {
         2 * sent.since(self.last_sent) <= now.since(self.last_answer)
     }
@@ -117,7 +117,7 @@ impl Flow {
         self.work_ns
     }
 
-    /// True if one more packet may be sent, over a link with this latency.
+    /// Returns true if one more packet may be sent, over a link with this latency.
     pub(crate) fn has_room(&self, now: Time, latency_ns: f64) -> bool {
         if self.packets == 0 {
             return true;
@@ -129,13 +129,13 @@ impl Flow {
         self.packets < 2 || self.floor.is_none_or(|floor| self.work_ns < GAIN * round_trip(floor))
     }
 
-    /// True if the round trip must be measured again. With two packets at most it does not matter.
+    /// Returns true if the round trip must be measured again. With two packets at most it does not matter.
     fn is_floor_old(&self, now: Time) -> bool {
         self.packets_max > 2 && self.floor.is_some_and(|floor| now.since(floor.at) > FLOOR_VALID)
     }
 
-    /// The number of units for packet number `sequence`, given the cost per packet and per unit in nanoseconds; `None`:
-    /// unknown.
+    /// Returns the number of units for packet number `sequence`, given the cost per packet and per unit in nanoseconds;
+    /// `None`: unknown.
     pub(crate) fn units(&self, cost: Option<(f64, f64)>, sequence: u64) -> usize {
         let wanted = match cost {
             None => 1,
@@ -150,7 +150,7 @@ impl Flow {
         wanted.clamp(1, self.units_bound())
     }
 
-    /// Maximum number of units per packet.
+    /// Returns the maximum number of units per packet.
     pub(crate) fn units_bound(&self) -> usize {
         self.units_allowed.min((2 * self.largest_answered).max(1))
     }

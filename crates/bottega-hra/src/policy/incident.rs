@@ -12,26 +12,26 @@ const KEPT_MAX: usize = 64;
 /// The kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Fault {
-    /// It gave work back.
+    /// The resource gave work back.
     Refused,
-    /// It panicked, or its link broke, during work.
+    /// The resource panicked, or its link broke, during work.
     Died,
-    /// Its answer was invalid.
+    /// The answer of the resource was invalid.
     Garbage,
-    /// It did not answer within several times the expected time.
+    /// The resource did not answer within several times the expected time.
     Hung,
-    /// It delayed everything longer than another, idle resource needs for the work; its deadline was not over.
+    /// The resource delayed everything longer than another, idle resource needs for the work; its deadline was not over.
     Doubted,
-    /// It ran out of memory.
+    /// The resource ran out of memory.
     OutOfMemory,
-    /// It failed to recover.
+    /// The resource failed to recover.
     NotRecovered,
-    /// It was given up and is not used again.
+    /// The resource was given up and is not used again.
     Retired,
 }
 
 impl Fault {
-    /// A description for users.
+    /// Returns a description for users.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Refused => "gave work back",
@@ -57,7 +57,7 @@ impl fmt::Display for Fault {
 pub struct Incident {
     /// The id of the resource.
     pub resource: ResourceId,
-    /// The kind.
+    /// The kind of fault.
     pub fault: Fault,
     /// Time of the first occurrence, since the allocator was made.
     pub first: Time,

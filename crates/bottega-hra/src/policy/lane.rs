@@ -46,7 +46,7 @@ pub(crate) struct Flight {
     pub(crate) bytes: CableBytes,
     pub(crate) primitive: Primitive,
     pub(crate) data: Option<DataId>,
-    /// Bytes of data sent with it.
+    /// Bytes of data sent with the packet.
     pub(crate) moved_bytes: u64,
     pub(crate) predicted_ns: f64,
     /// The time from which the resource counts as hanging.
@@ -66,7 +66,7 @@ const LOOKS: u32 = 8;
 const DOUBT_FACTOR: f64 = 3.0;
 
 impl Flight {
-    /// The time of the next check whether it is overdue.
+    /// Returns the time of the next check whether it is overdue.
     pub(crate) fn next_look(&self, now: Time, hang_min: Duration) -> Time {
         let first = self.sent.after(self.doubt_after);
         let next = if now < first { first } else { now.after((hang_min / LOOKS).max(Duration::from_millis(1))) };
@@ -81,16 +81,16 @@ pub(crate) struct LaneState {
     pub(crate) backoff: Backoff,
     pub(crate) flights: BTreeMap<u64, Flight>,
     pub(crate) residency: Residency,
-    /// The cable to it; unused for a near resource.
+    /// The cable to the resource; unused for a near resource.
     pub(crate) cable: Cable,
     pub(crate) account: Account,
-    /// True if it waits to be woken.
+    /// True if the resource waits to be woken.
     pub(crate) dozes: bool,
-    /// True if it was woken and has not asked yet.
+    /// True if the resource was woken and has not asked yet.
     pub(crate) called: bool,
-    /// True if its data survives a time without an answer.
+    /// True if the resource's data survives a time without an answer.
     pub(crate) keeps_data: bool,
-    /// True if it failed in a way that leaves its contents unknown.
+    /// True if the resource failed in a way that leaves its contents unknown.
     pub(crate) is_lost: bool,
     next_sequence: u64,
     /// `None`: called directly, with one packet at a time.
@@ -140,7 +140,7 @@ impl LaneState {
         &self.costs
     }
 
-    /// True if it can be sent one more packet.
+    /// Returns true if the resource can be sent one more packet.
     pub(crate) fn has_room(&self, now: Time) -> bool {
         match &self.flow {
             Some(flow) => flow.has_room(now, self.latency_ns()),
@@ -154,19 +154,19 @@ impl LaneState {
         self.costs[index].predict_ns(size).or_else(|| self.guesses[index].map(|item| item * size as f64))
     }
 
-    /// True if the primitive was measured.
+    /// Returns true if the primitive was measured.
     pub(crate) fn knows(&self, primitive: Primitive) -> bool {
         self.costs[primitive.index()].units() > 0
     }
 
-    /// True if a primitive is being tried for the first time, while others are known.
+    /// Returns true if a primitive is being tried for the first time, while others are known.
     pub(crate) fn is_trying(&self, primitive: Primitive) -> bool {
         !self.knows(primitive)
             && self.costs.iter().any(|cost| cost.units() > 0)
             && self.flights.values().any(|flight| flight.primitive == primitive)
     }
 
-    /// Long-term nanoseconds per item, for items in units of the usual size.
+    /// Returns the long-term nanoseconds per item, for items in units of the usual size.
     pub(crate) fn ns_per_item(&self, primitive: Primitive) -> Option<f64> {
         let cost = &self.costs[primitive.index()];
         if cost.units() == 0 || cost.items() == 0 {
@@ -182,7 +182,7 @@ impl LaneState {
         Some((cost.ns_per_item() + fixed_per_unit / mean_size).max(1e-3))
     }
 
-    /// Latency of the link in both directions, in nanoseconds.
+    /// Returns the latency of the link in both directions, in nanoseconds.
     pub(crate) fn latency_ns(&self) -> f64 {
         let Some(flow) = &self.flow else { return 0.0 };
         match flow.floor() {
@@ -196,7 +196,7 @@ impl LaneState {
         }
     }
 
-    /// The expected time at which everything in flight is answered.
+    /// Returns the expected time at which everything in flight is answered.
     pub(crate) fn free_at(&self, now: Time) -> Time {
         let Some((_, oldest)) = self.flights.first_key_value() else { return now };
         let done = match &self.flow {
@@ -224,7 +224,7 @@ impl LaneState {
         Some(if self.flow.is_some() { service.max(self.cable.ns(bytes)) } else { service })
     }
 
-    /// The time at which a unit given now is answered; `None`: unknown.
+    /// Returns the time at which a unit given now is answered; `None`: unknown.
     pub(crate) fn finish(&self, now: Time, unit: &UnitNeeds) -> Option<Time> {
         let &UnitNeeds { primitive, size, bytes, data } = unit;
         let service = self.occupied_ns(primitive, size, bytes)? + self.moving_ns(data);
@@ -237,19 +237,19 @@ impl LaneState {
         (cost.units() > 0).then(|| (cost.fixed_ns(), cost.ns_per_item() * size as f64))
     }
 
-    /// Minimum total time of units that is worth a packet, given the fixed cost of a packet.
+    /// Returns the minimum total time of units that is worth a packet, given the fixed cost of a packet.
     pub(crate) fn least_ns(&self, fixed_ns: f64) -> f64 {
         if self.flow.is_some() { fixed_ns } else { fixed_ns.max(NEAR_HANDOVER_NS) }
     }
 
-    /// The limit on a packet that starts with this unit.
+    /// Returns the limit on a packet that starts with this unit.
     pub(crate) fn packet_bound(&self, unit: &UnitNeeds) -> PacketBound {
         let most = if self.flow.is_some() { usize::MAX } else { 2 * self.last_units };
         let usual = self.usual_bound(unit);
         PacketBound { units: usual.units.min(most), ..usual }
     }
 
-    /// The long-term limit on a packet.
+    /// Returns the long-term limit on a packet.
     pub(crate) fn usual_bound(&self, unit: &UnitNeeds) -> PacketBound {
         let cost = &self.costs[unit.primitive.index()];
         let known = self.cost_ns(unit.primitive, unit.size);

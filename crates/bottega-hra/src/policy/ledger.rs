@@ -22,17 +22,17 @@ impl<T> Ledger<T> {
         self.0.remove(&sequence)
     }
 
-    /// True if there are units in progress.
+    /// Returns true if there are units in progress.
     pub(crate) fn is_busy(&self) -> bool {
         !self.0.is_empty()
     }
 
-    /// The numbers of the packets in progress.
+    /// Returns the numbers of the packets in progress.
     pub(crate) fn sequences(&self) -> Vec<u64> {
         self.0.keys().copied().collect()
     }
 
-    /// The units of a packet that is not settled.
+    /// Returns the units of a packet that is not settled.
     pub(crate) fn look(&self, sequence: u64) -> Option<&[Unit<T>]> {
         self.0.get(&sequence).map(Vec::as_slice)
     }

@@ -63,7 +63,7 @@ impl BinLength {
         }
     }
 
-    /// The current capacity.
+    /// Returns the current capacity.
     pub(crate) fn capacity(&self) -> usize {
         let wanted = self.rate.map_or(Self::AT_FIRST, |rate| (rate * self.delay.as_secs_f64()) as usize);
         let stretched = self.stretch * wanted.clamp(self.min, self.max) as f64;
@@ -90,7 +90,7 @@ impl BinLength {
         grows
     }
 
-    /// Expected waiting time behind `units` others; zero before the rate is known.
+    /// Returns the expected waiting time behind `units` others; zero before the rate is known.
     pub(crate) fn wait_behind(&self, units: usize) -> Duration {
         let seconds = self.rate.filter(|&rate| rate > 0.0).map_or(0.0, |rate| units as f64 / rate);
         Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)

@@ -53,7 +53,7 @@ impl Placement {
         self.planned = None;
     }
 
-    /// The choice for `id`, which has room.
+    /// Returns the choice for `id`, which has room.
     pub(super) fn choose<T>(
         &mut self,
         now: Time,
@@ -81,7 +81,7 @@ impl Placement {
         }
         let able = capabilities.primitives(id);
         let holds = |data: Option<Data>| capabilities.holds(id, data);
-        // Then one that has waited too long for what may be before it
+        // Then one that has waited too long, compared with the units that may go before it
         let lead = waiting.length.wait_behind(waiting.bin.len()).min(config.bin_delay);
         if let Some(head) = waiting.bin.latest(able, now.after(lead), holds) {
             let bound = lane.packet_bound(&head.needs);
@@ -119,14 +119,14 @@ impl Placement {
         ask_again.map_or(LaneChoice::Nothing, |until| LaneChoice::Decline { until, sooner })
     }
 
-    /// True if `id` has a share of a primitive in the plan, or there is no plan.
+    /// Returns true if `id` has a share of a primitive in the plan, or there is no plan.
     fn has_share(&self, id: ResourceId, primitive: Primitive) -> bool {
         let planned = self.planned.as_ref();
         planned.is_none_or(|plan| plan.plan.shares[plan.rows[id.index()]][primitive.index()] >= SHARE_MIN)
     }
 
-    /// True if the work of `id` is outside of the bin and about to enter. A bin that is full, or was a moment ago,
-    /// grows for it if it can.
+    /// Returns true if the work of `id` is outside of the bin and about to enter. A bin that is full, or was a moment
+    /// ago, grows for it if it can.
     fn starves<T>(&self, id: ResourceId, lanes: &ResourceStates, waiting: &mut WaitingWork<T>) -> bool {
         let outside = |primitive: Primitive| {
             let is_outside = waiting.bin.items_of(primitive) == 0 && waiting.demand.announced(primitive) > 0;
@@ -193,7 +193,7 @@ impl Placement {
         owed[needs.primitive.index()] -= time;
     }
 
-    /// The rate at which the remaining work is done; `None`: unknown.
+    /// Returns the rate at which the remaining work is done; `None`: unknown.
     fn pace(&self, lanes: &ResourceStates, backlog: &ByPrimitive<f64>) -> Option<DrainRate> {
         let live = || Primitive::ALL.into_iter().filter(|primitive| backlog[primitive.index()] > 0.0);
         let prices = match &self.planned {
@@ -246,8 +246,8 @@ fn kinds(live: &ByPrimitive<bool>, lanes: &ResourceStates) -> Option<(Vec<Resour
     Some((kinds, rows))
 }
 
-/// The limit on units for a resource at once: what suits it, but at most its share of the remaining work. If handing over
-/// is expensive, a packet has units for at least as long as that takes.
+/// Returns the limit on units for a resource at once: what suits it, but at most its share of the remaining work. If
+/// handing over is expensive, a packet has units for at least as long as that takes.
 fn packet_bound(lane: &LaneState, needs: &UnitNeeds, pace: Option<&DrainRate>) -> PacketBound {
     let wanted = lane.packet_bound(needs);
     match (pace, lane.cost_ns(needs.primitive, needs.size)) {
@@ -301,7 +301,7 @@ fn declines(
     Some((now.after(pause), who))
 }
 
-/// The time at which everything is done at the current rates.
+/// Returns the time at which everything is done at the current rates.
 fn all_done(now: Time, pace: &DrainRate, lanes: &ResourceStates) -> Time {
     let mut workers: Vec<(f64, f64)> = lanes
         .iter()

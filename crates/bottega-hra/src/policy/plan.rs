@@ -3,7 +3,7 @@
 //! Work is treated as a fluid: a resource of kind r needs t(r, p) per item of primitive p, there are n(r) of the kind,
 //! and b(p) items wait. Find times x(r, p) with Σₚ x(r, p) ≤ n(r) that maximize λ = minₚ Σᵣ x(r, p) / (t(r, p) · b(p));
 //! the work ends after 1/λ. This is a small linear program, solved by the simplex method (Dantzig; Bland's rule if it
-//! stalls). Its dual gives each primitive a price, at which each resource does what pays best per hour. This is
+//! stalls). Its dual gives each primitive a price, at which each resource does the primitive that pays best per hour. This is
 //! Ricardo's comparative advantage: a resource does not do what it does faster than others, but what it does least
 //! badly. It also keeps less capable resources busy: for the more capable ones other work pays better.
 
@@ -25,13 +25,13 @@ const PIVOTS_MAX: usize = 2_000;
 pub(crate) struct ResourceKind {
     /// Nanoseconds per item; infinite for unsupported primitives.
     pub(crate) times: ByPrimitive<f64>,
-    /// Their number.
+    /// Number of resources of this kind.
     pub(crate) count: f64,
 }
 
 impl ResourceKind {
-    /// True if a resource with these times is of the kind: it supports the same primitives, within a fifth of the
-    /// speed.
+    /// Returns true if a resource with these times is of the kind: it supports the same primitives, within a fifth of
+    /// the speed.
     pub(crate) fn is_like(&self, times: &ByPrimitive<f64>) -> bool {
         self.times.iter().zip(times).all(|(own, time)| {
             own == time || (own.is_finite() && time.is_finite() && (0.8..=1.25).contains(&(own / time)))
@@ -179,7 +179,7 @@ impl Tableau {
         values
     }
 
-    /// The dual value of a row.
+    /// Returns the dual value of a row.
     fn price(&self, row: usize) -> f64 {
         self.get(self.rows, self.columns + row).max(0.0)
     }
@@ -218,7 +218,7 @@ pub(crate) fn split(total: u64, costs: &[Option<(f64, f64)>]) -> Vec<u64> {
     shares
 }
 
-/// The time at which `amount` is done by workers with `(start, speed)`, in the order of their starts.
+/// Returns the time at which `amount` is done by workers with `(start, speed)`, in the order of their starts.
 pub(crate) fn water_level(workers: &[(f64, f64)], amount: f64) -> f64 {
     let (mut speed, mut level, mut done) = (0.0, 0.0, 0.0);
     for &(start, own) in workers {

@@ -12,7 +12,7 @@ pub(crate) struct Residency {
     used: u64,
     held: BTreeMap<DataId, ResidentData>,
     uses: u64,
-    /// True if it uses this process's memory, where all data is resident.
+    /// True if the resource uses this process's memory, where all data is resident.
     is_here: bool,
 }
 
@@ -34,12 +34,12 @@ pub(crate) struct Admission {
 }
 
 impl Residency {
-    /// An empty memory of `capacity` bytes; `None`: unlimited.
+    /// Makes an empty memory of `capacity` bytes; `None`: unlimited.
     pub(crate) fn new(capacity: Option<u64>) -> Self {
         Self { capacity: capacity.unwrap_or(u64::MAX), used: 0, held: BTreeMap::new(), uses: 0, is_here: false }
     }
 
-    /// That of a resource in this process's memory: everything is resident.
+    /// Returns the residency of a resource in this process's memory: everything is resident.
     pub(crate) fn here() -> Self {
         Self { is_here: true, ..Self::new(None) }
     }
@@ -48,7 +48,7 @@ impl Residency {
         self.is_here || self.held.contains_key(&id)
     }
 
-    /// Bytes of resident data.
+    /// Returns the bytes of resident data.
     pub(crate) fn used(&self) -> u64 {
         self.used
     }

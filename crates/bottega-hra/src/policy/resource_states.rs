@@ -39,22 +39,22 @@ impl ResourceStates {
         Self { capabilities: Capabilities::new(&descriptors), states, dozing: 0, called: 0 }
     }
 
-    /// Number of resources, including retired ones.
+    /// Returns the number of resources, including retired ones.
     pub(super) fn count(&self) -> usize {
         self.states.len()
     }
 
-    /// The states of all resources, by id.
+    /// Returns the states of all resources, by id.
     pub(crate) fn states(&self) -> &[LaneState] {
         &self.states
     }
 
-    /// All resources.
+    /// Iterates over all resources, in the order of their ids.
     pub(super) fn iter(&self) -> impl Iterator<Item = (&LaneState, ResourceId)> {
         self.states.iter().zip((0..).map(ResourceId))
     }
 
-    /// True if arrivals must be reported at once: some resource waits to be woken, and none is about to ask.
+    /// Returns true if arrivals must be reported at once: some resource waits to be woken, and none is about to ask.
     pub(super) fn listen(&self) -> bool {
         self.dozing > 0 && self.called == 0
     }
@@ -123,7 +123,7 @@ impl ResourceStates {
         }
     }
 
-    /// The waiting resource that finishes such a unit first.
+    /// Returns the waiting resource that finishes such a unit first.
     fn best_of_dozing(&self, now: Time, unit: &UnitNeeds) -> Option<ResourceId> {
         let fit =
             |&(lane, id): &(&LaneState, ResourceId)| lane.dozes && self.capabilities.can(id, unit.primitive, unit.data);

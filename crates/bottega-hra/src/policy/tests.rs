@@ -141,7 +141,7 @@ fn cancelling_leaves_the_rest_in_order() {
     }
     let out = core.cancel(|unit| unit.meta.primitive == Occluded);
     assert_eq!(out.iter().map(|unit| unit.load).collect::<Vec<_>>(), [0, 2, 4]);
-    // Nothing of what was cancelled may linger among what is late.
+    // No cancelled unit may remain among the late ones.
     assert_eq!(order(&mut core, A, ms(9_000)), [1, 3, 5]);
 }
 

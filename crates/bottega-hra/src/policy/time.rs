@@ -12,7 +12,7 @@ impl Time {
     /// Later than every event; about 584 years.
     pub const NEVER: Self = Self(u64::MAX);
 
-    /// The moment this many nanoseconds after the start.
+    /// Makes the moment this many nanoseconds after the start.
     pub const fn from_nanos(nanos: u64) -> Self {
         Self(nanos)
     }
@@ -22,24 +22,24 @@ impl Time {
         self.0
     }
 
-    /// The moment this long after the start.
+    /// Makes the moment this long after the start.
     pub fn at(elapsed: Duration) -> Self {
         Self::ZERO.after(elapsed)
     }
 
-    /// The moment later by `delay`, at most [`Time::NEVER`].
+    /// Returns the moment later by `delay`, at most [`Time::NEVER`].
     #[must_use]
     pub fn after(self, delay: Duration) -> Self {
         Self(u64::try_from(delay.as_nanos()).map_or(u64::MAX, |delay| self.0.saturating_add(delay)))
     }
 
-    /// The moment later by `nanos`, rounded up; numbers that are not positive count as 0.
+    /// Returns the moment later by `nanos`, rounded up; numbers that are not positive count as 0.
     #[must_use]
     pub(crate) fn plus_ns(self, nanos: f64) -> Self {
         Self(self.0.saturating_add(nanos.ceil() as u64))
     }
 
-    /// Time since `earlier`; zero if `earlier` is later.
+    /// Returns the time since `earlier`; zero if `earlier` is later.
     pub fn since(self, earlier: Self) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }

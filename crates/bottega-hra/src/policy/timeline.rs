@@ -8,7 +8,7 @@ use crate::Activity;
 /// A span of time with one activity of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    /// The activity.
+    /// The activity during the span.
     pub activity: Activity,
     /// The start of the span.
     pub from: Time,
@@ -60,7 +60,7 @@ impl Spans {
         }
     }
 
-    /// All spans, followed by `last`.
+    /// Returns all spans, followed by `last`.
     pub(crate) fn with(&self, last: Span) -> Vec<Span> {
         let mut spans = self.kept.clone();
         if self.max > 0 && last.to > last.from {

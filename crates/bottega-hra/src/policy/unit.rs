@@ -36,12 +36,12 @@ pub(crate) struct Meta {
     /// Priority; higher goes first.
     pub(crate) priority: i32,
     pub(crate) submitted: Time,
-    /// The time from which it goes before all units that are not late.
+    /// The time from which the unit goes before all units that are not late.
     pub(crate) late: Time,
-    /// The time from which its output is no longer wanted.
+    /// The time from which the unit's output is no longer wanted.
     pub(crate) expires: Time,
     pub(crate) attempts: u32,
-    /// Resources on which it failed.
+    /// Resources on which the unit failed.
     pub(crate) failed_on: Vec<ResourceId>,
 }
 
@@ -65,7 +65,7 @@ pub(crate) struct Unit<T> {
 pub(crate) struct Chunk<T> {
     units: VecDeque<Unit<T>>,
     items: u64,
-    /// True if its units were announced, as the rest of a group for which the bin had no room.
+    /// True if the chunk's units were announced, as the rest of a group for which the bin had no room.
     pub(crate) announced: bool,
 }
 
@@ -77,14 +77,14 @@ impl<T> Chunk<T> {
         Self::with_room(unit, announced, 1)
     }
 
-    /// A chunk with room for a number of units, within the maximum.
+    /// Makes a chunk with room for a number of units, within the maximum.
     pub(crate) fn with_room(unit: Unit<T>, announced: bool, units: usize) -> Self {
         let mut chunk = Self { units: VecDeque::with_capacity(units.min(Self::UNITS_MAX)), items: 0, announced };
         chunk.push(unit);
         chunk
     }
 
-    /// True if a unit with `meta` may be appended.
+    /// Returns true if a unit with `meta` may be appended.
     pub(crate) fn accepts(&self, meta: &Meta, announced: bool) -> bool {
         let Some(last) = self.units.back().map(|unit| &unit.meta) else { return false };
         self.units.len() < Self::UNITS_MAX
@@ -147,7 +147,7 @@ impl<T> Chunk<T> {
         drawn.len() < units
     }
 
-    /// The properties of the first unit.
+    /// Returns the properties of the first unit.
     pub(crate) fn front(&self) -> Option<&Meta> {
         self.units.front().map(|unit| &unit.meta)
     }

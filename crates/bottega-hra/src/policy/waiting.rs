@@ -35,13 +35,13 @@ impl<T> WaitingWork<T> {
         self.note_level(now);
     }
 
-    /// Number of items in the bin and announced, by primitive.
+    /// Returns the number of items in the bin and announced, by primitive.
     pub(super) fn backlog(&self) -> ByPrimitive<f64> {
         Primitive::ALL
             .map(|primitive| self.bin.items_of(primitive).saturating_add(self.demand.announced(primitive)) as f64)
     }
 
-    /// The fill level of the bin until now.
+    /// Returns the fill level of the bin until now.
     pub(super) fn report(&mut self, now: Time) -> BinReport {
         self.log.report(now)
     }

@@ -38,7 +38,7 @@ pub(super) struct SimulatedDevice {
     /// Increases when everything in progress is lost.
     pub(super) generation: u64,
     held: BTreeMap<DataId, u64>,
-    /// True if it ever had to hold more than its memory.
+    /// True if the device ever had to hold more than its memory.
     pub(super) overfull: bool,
 }
 
@@ -66,7 +66,7 @@ impl SimulatedDevice {
         Ok(())
     }
 
-    /// Takes a packet.
+    /// Takes a packet. Returns the time at which it ends, and its fault if there is one.
     pub(super) fn send(&mut self, now: Time, parcel: &Parcel) -> Fate {
         let faults = self.model.faults;
         if self.down_until.is_some() {
@@ -104,7 +104,7 @@ impl SimulatedDevice {
         kinds.into_iter().find(|&(_, chance)| chance > 0.0 && self.random.chance(chance)).map(|(fault, _)| fault)
     }
 
-    /// The traffic that a driver measures, if bytes take time on the link.
+    /// Returns the traffic that a driver measures, if bytes take time on the link.
     pub(super) fn transfers(&self, bytes: CableBytes) -> Option<[Transfer; 2]> {
         let link = self.model.link;
         let passed =
@@ -112,8 +112,9 @@ impl SimulatedDevice {
         (self.is_far() && link.bandwidth.is_finite()).then(|| [passed(bytes.there), passed(bytes.back)])
     }
 
-    /// The time at which a packet sent now is answered: it occupies the link for its bytes, arrives after the latency,
-    /// waits for the packets before it and is served; its answer occupies the way back and takes the latency again.
+    /// Returns the time at which a packet sent now is answered: it occupies the link for its bytes, arrives after the
+    /// latency, waits for the packets before it and is served; its answer occupies the way back and takes the latency
+    /// again.
     fn serve(&mut self, now: Time, parcel: &Parcel, moved_bytes: u64) -> Time {
         let per_item = self.model.time_per_item[parcel.primitive.index()].unwrap_or(0.0);
         let noise = 1.0 + self.model.noise * self.random.between(-1.0, 1.0);

@@ -13,22 +13,22 @@ pub struct Arrival {
     pub primitive: Primitive,
     /// Number of items.
     pub size: u64,
-    /// Bytes sent with it.
+    /// Bytes sent with the unit.
     pub payload_bytes: u64,
-    /// Bytes of its answer.
+    /// Bytes of the unit's answer.
     pub answer_bytes: u64,
-    /// The data that it needs, and its size in bytes.
+    /// The data that the unit needs, and its size in bytes.
     pub data: Option<(DataId, u64)>,
     /// Priority; higher goes first.
     pub priority: i32,
-    /// Maximum delay.
+    /// Maximum delay until a resource begins the unit.
     pub max_delay: Duration,
-    /// Life time.
+    /// Life time of the unit: its answer is not delivered later.
     pub validity: Duration,
 }
 
 impl Arrival {
-    /// A unit without data, maximum delay or expiry.
+    /// Makes a unit without data, maximum delay or expiry.
     pub fn new(at: Time, primitive: Primitive, size: u64) -> Self {
         let (max_delay, validity) = (Duration::MAX, Duration::MAX);
         Self { at, primitive, size, payload_bytes: 0, answer_bytes: 0, data: None, priority: 0, max_delay, validity }
@@ -38,14 +38,14 @@ impl Arrival {
 /// All units to submit, in order of time. Those with equal times form a group, known as a whole.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Load {
-    /// The units.
+    /// The units, in the order of their arrival.
     pub arrivals: Vec<Arrival>,
     /// Times at which all waiting units are cancelled.
     pub cancelled: Vec<Time>,
 }
 
 impl Load {
-    /// A single group at the start: `units` units of `size` items, of these primitives in turn.
+    /// Makes a single group at the start: `units` units of `size` items, of these primitives in turn.
     pub fn batch(units: usize, size: u64, primitives: &[Primitive]) -> Self {
         let turns = primitives.iter().cycle().take(units);
         let arrivals = turns.map(|&primitive| Arrival::new(Time::ZERO, primitive, size)).collect();

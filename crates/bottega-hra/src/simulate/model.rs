@@ -7,7 +7,7 @@ use crate::{Link, Primitive, PrimitiveSet, ResourceDescriptor, Window};
 /// A resource in virtual time: speed, link, memory and faults.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// Its name.
+    /// The name of the resource.
     pub name: String,
     /// Nanoseconds per item by primitive, in the order of [`Primitive::ALL`]; `None`: unsupported.
     pub time_per_item: [Option<f64>; Primitive::COUNT],
@@ -15,33 +15,33 @@ pub struct Model {
     pub time_per_packet: Duration,
     /// The link in both directions.
     pub link: Link,
-    /// The limits of its window. `None`: it is called directly, and its link is not used.
+    /// The limits of the resource's window. `None`: it is called directly, and its link is not used.
     pub window: Option<Window>,
     /// Memory for data, in bytes.
     pub memory_bytes: Option<u64>,
     /// Times vary uniformly by this share up and down; below 1.
     pub noise: f64,
-    /// Its faults.
+    /// The faults of the resource.
     pub faults: Faults,
 }
 
 /// The faults of a resource, per packet.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// Probability that it stops answering, this packet and all others, until it recovers.
+    /// Probability that the resource stops answering, this packet and all others, until it recovers.
     pub hang: f64,
     /// Probability of an invalid answer.
     pub garbage: f64,
-    /// Probability that it dies and loses everything in progress.
+    /// Probability that the resource dies and loses everything in progress.
     pub death: f64,
     /// Time after a hang or death until it can recover.
     pub lasts: Duration,
-    /// Packets of more units than this exceed its memory; `None`: none do.
+    /// Packets of more units than this exceed the resource's memory; `None`: none do.
     pub units_max: Option<usize>,
 }
 
 impl Model {
-    /// A resource without faults next to the processor, with `ns_per_item` for every primitive.
+    /// Makes a resource without faults next to the processor, with `ns_per_item` for every primitive.
     pub fn near(name: impl Into<String>, ns_per_item: f64) -> Self {
         Self {
             name: name.into(),
@@ -55,12 +55,12 @@ impl Model {
         }
     }
 
-    /// A resource without faults behind a link.
+    /// Makes a resource without faults behind a link.
     pub fn far(name: impl Into<String>, ns_per_item: f64, link: Link) -> Self {
         Self { link, window: Some(Window::default()), ..Self::near(name, ns_per_item) }
     }
 
-    /// Its description for the allocator.
+    /// Returns the description of the resource for the allocator.
     pub fn descriptor(&self) -> ResourceDescriptor {
         let able = Primitive::ALL.into_iter().filter(|primitive| self.time_per_item[primitive.index()].is_some());
         let primitives: PrimitiveSet = able.collect();

@@ -7,42 +7,42 @@ use bottega_kernels::SplitMix64;
 pub struct LoadRandom(SplitMix64);
 
 impl LoadRandom {
-    /// The sequence of this seed.
+    /// Makes the sequence of this seed.
     pub fn new(seed: u64) -> Self {
         Self(SplitMix64::new(seed))
     }
 
-    /// 64 random bits.
+    /// Returns 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0.bits()
     }
 
-    /// Uniform in [0, 1).
+    /// Returns a number uniform in [0, 1).
     pub fn uniform(&mut self) -> f64 {
         self.0.unit()
     }
 
-    /// Uniform in [from, to).
+    /// Returns a number uniform in [from, to).
     pub fn between(&mut self, from: f64, to: f64) -> f64 {
         from + (to - from) * self.uniform()
     }
 
-    /// Log-uniform: as likely between 1 and 10 as between 10 and 100. Both ends must be positive.
+    /// Returns a log-uniform number: as likely between 1 and 10 as between 10 and 100. Both ends must be positive.
     pub fn by_magnitude(&mut self, from: f64, to: f64) -> f64 {
         from * (to / from).powf(self.uniform())
     }
 
-    /// Uniform below `end`, which must not be 0.
+    /// Returns a number uniform below `end`, which must not be 0.
     pub fn below(&mut self, end: u64) -> u64 {
         self.bits() % end
     }
 
-    /// True with a probability.
+    /// Returns true with a probability.
     pub fn chance(&mut self, probability: f64) -> bool {
         self.uniform() < probability
     }
 
-    /// Exponential with this mean: the time to the next random event.
+    /// Returns an exponential number with this mean: the time to the next random event.
     pub fn exponential(&mut self, mean: f64) -> f64 {
         -mean * (1.0 - self.uniform()).ln()
     }

@@ -27,7 +27,7 @@ pub struct AnsweredUnit {
     pub submitted: Time,
     /// Waiting time in the bin before it was first given to a resource, if it was.
     pub waited: Option<Duration>,
-    /// The resource that did it.
+    /// The resource that handled the unit.
     pub resource: Option<ResourceId>,
 }
 
@@ -49,12 +49,12 @@ pub struct DayOutcome {
 }
 
 impl DayOutcome {
-    /// Number of successful units.
+    /// Returns the number of successful units.
     pub fn done(&self) -> usize {
         self.answers.iter().flatten().filter(|answer| answer.outcome == Some(Ok(()))).count()
     }
 
-    /// Number of units that were never answered.
+    /// Returns the number of units that were never answered.
     pub fn lost(&self) -> usize {
         self.answers.iter().filter(|answer| answer.is_none()).count()
     }
@@ -69,7 +69,7 @@ pub fn simulate(config: HraConfig, models: &[Model], load: &Load, costs: &CostBo
     world.outcome()
 }
 
-/// An event.
+/// An event of the simulation, at a point of virtual time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum WorldEvent {
     /// All units from this index on with the same time are submitted.

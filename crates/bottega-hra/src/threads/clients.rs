@@ -40,12 +40,12 @@ impl<O> Clients<O> {
         drop(results); // Outside the lock: an output may do anything in its `Drop`.
     }
 
-    /// True if the client exists.
+    /// Returns true if the client exists.
     pub(crate) fn has(&self, id: ClientId) -> bool {
         lock(&self.0).bins.contains_key(&id)
     }
 
-    /// The results bin of a client; `None` if it is gone.
+    /// Returns the results bin of a client; `None` if it is gone.
     pub(crate) fn results(&self, id: ClientId) -> Option<Arc<ResultsBin<O>>> {
         lock(&self.0).bins.get(&id).cloned()
     }

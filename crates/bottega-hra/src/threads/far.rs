@@ -20,7 +20,7 @@ use crate::{DataId, Failed, ResourceDescriptor, ResourceId, Transfer, Work};
 
 /// A resource that takes packets without answering at once. Called from a thread of its own.
 pub trait WindowedResource<W: Work>: Send {
-    /// The description. Called once, before the first packet.
+    /// Returns the description. Called once, before the first packet.
     fn descriptor(&self) -> ResourceDescriptor;
 
     /// Sends a packet; must not wait for its results. Its [`Reply`] may be used later, from any thread.
@@ -37,19 +37,19 @@ pub trait WindowedResource<W: Work>: Send {
         let _ = data;
     }
 
-    /// Bytes of memory free for data, if known; called after it ran out of memory.
+    /// Returns the bytes of memory free for data, if known; called after it ran out of memory.
     fn memory_free(&self) -> Option<u64> {
         None
     }
 }
 
-/// Units sent together.
+/// Work units that are sent to a resource together.
 pub struct Packet<W: Work> {
     /// The number of the packet; increases by one per packet to this resource.
     pub sequence: u64,
     /// The works; all of one primitive, on the same data.
     pub works: Vec<W>,
-    /// The handle for its results.
+    /// The handle that answers the packet.
     pub reply: Reply<W>,
 }
 
@@ -103,8 +103,8 @@ impl<W: Work> Reply<W> {
         self.answer(works.into_iter().map(failed).collect(), None, None, Fault::OutOfMemory);
     }
 
-    /// True if the answer is still wanted: not after the packet was given up and its units done elsewhere. A resource
-    /// that is behind may skip unwanted packets.
+    /// Returns true if the answer is still wanted: not after the packet was given up and its units done elsewhere. A
+    /// resource that is behind may skip unwanted packets.
     pub fn is_awaited(&self) -> bool {
         lock(&self.shared.lanes[self.lane.index()].ledger).look(self.sequence).is_some()
     }

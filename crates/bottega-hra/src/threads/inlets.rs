@@ -28,7 +28,7 @@ impl<T> Inlets<T> {
         Self { inlets, filled: AtomicU64::new(0), next: AtomicUsize::new(0) }
     }
 
-    /// The index of an inlet for a new client.
+    /// Returns the index of an inlet for a new client.
     pub(crate) fn assign(&self) -> usize {
         self.next.fetch_add(1, Ordering::Relaxed) % COUNT
     }
@@ -63,7 +63,7 @@ impl<T> Inlets<T> {
         }
     }
 
-    /// True if there are units to take.
+    /// Returns true if there are units to take.
     pub(crate) fn is_filled(&self) -> bool {
         self.filled.load(Ordering::SeqCst) != 0
     }

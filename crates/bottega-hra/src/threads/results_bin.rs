@@ -77,7 +77,7 @@ impl<O> ResultsBin<O> {
         }
     }
 
-    /// Number of units whose answer is outstanding.
+    /// Returns the number of units whose answer is outstanding.
     fn left(&self, state: &ResultsState<O>) -> usize {
         self.expected.load(Ordering::SeqCst) - state.settled
     }
@@ -86,7 +86,7 @@ impl<O> ResultsBin<O> {
         self.left(&self.lock())
     }
 
-    /// Adds answers.
+    /// Adds answers, and wakes the client if it waits for them.
     pub(crate) fn deliver(&self, completed: Vec<Completed<O>>) {
         let arrived = completed.len();
         let mut state = self.lock();
@@ -146,7 +146,7 @@ impl<O> ResultsBin<O> {
     }
 }
 
-/// The instant after `timeout`; `None` if it exceeds the clock's range.
+/// Returns the instant after `timeout`; `None` if it exceeds the clock's range.
 pub(crate) fn deadline_after(timeout: Duration) -> Option<Instant> {
     Instant::now().checked_add(timeout)
 }

@@ -15,7 +15,7 @@ use crate::{Completed, ResourceId, UnitError, Work};
 /// The result of an attempt at a unit.
 pub(crate) enum Attempt<W: Work> {
     Done(W::Output),
-    /// It was not begun.
+    /// The unit was not begun.
     Untouched(W),
     Failed {
         fault: Fault,
@@ -259,7 +259,7 @@ struct AbandonedUnit<W: Work> {
     error: UnitError,
 }
 
-/// The attempt of a resource that was lost together with the work.
+/// Returns the attempt of a resource that was lost together with the work.
 pub(crate) fn lost<W: Work>(reason: &str) -> Attempt<W> {
     Attempt::Failed { fault: Fault::Died, reason: reason.to_owned(), work: None }
 }

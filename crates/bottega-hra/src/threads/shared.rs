@@ -20,7 +20,7 @@ use crate::{Failed, Primitive, ResourceDescriptor, ResourceId, Transfer, Work};
 pub(crate) struct UnitPayload<W: Work> {
     /// The work. While a resource has it: its backup, if any.
     pub(crate) work: Option<W>,
-    /// The client.
+    /// The client that submitted the unit.
     pub(crate) client: ClientId,
     /// The client's ticket.
     pub(crate) ticket: u64,
@@ -50,11 +50,11 @@ pub(crate) struct PacketAnswer<W: Work> {
 /// The end of a lane's thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LaneEnd {
-    /// Not ended.
+    /// The lane has not ended.
     AtWork,
-    /// Its work is over, and its resource is being dropped.
+    /// The work of the lane is over, and its resource is being dropped.
     TearingDown,
-    /// It has ended, or is not waited for, because its resource hangs or cannot be used.
+    /// The thread has ended, or is not waited for, because its resource hangs or cannot be used.
     Over,
 }
 

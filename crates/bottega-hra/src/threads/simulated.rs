@@ -50,7 +50,7 @@ where
     W: Work,
     F: Fn(W) -> W::Output + Send,
 {
-    /// A device with these parameters, whose results come from `perform`.
+    /// Makes a device with these parameters, whose results come from `perform`.
     pub fn new(name: impl Into<String>, model: SimulatedModel, perform: F) -> Self {
         let now = Instant::now();
         Self { name: name.into(), model, perform, far_end: None, link_free: now, device_free: now, units: 0 }
@@ -65,7 +65,7 @@ where
         }
     }
 
-    /// The time at which the answer to a packet sent now arrives.
+    /// Returns the time at which the answer to a packet sent now arrives.
     fn due(&mut self, bytes: u64, items: u64) -> Instant {
         let SimulatedModel { time_per_item, link, .. } = self.model;
         self.link_free = self.link_free.max(Instant::now()) + link.transfer(bytes).saturating_sub(link.latency);

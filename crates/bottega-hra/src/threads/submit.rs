@@ -13,11 +13,11 @@ use crate::{Closed, Primitive, SubmitError, TrySubmit, Work, WorkUnit};
 /// Items by primitive.
 type Items = [u64; Primitive::COUNT];
 
-/// A submitter.
+/// A client's side of the work bin: takes places in the bin and puts units into the client's inlet.
 pub(crate) struct Submitter<'a, O> {
     pub(crate) client: ClientId,
     pub(crate) results: &'a ResultsBin<O>,
-    /// The index of its inlet.
+    /// The index of the client's inlet.
     pub(crate) inlet: usize,
     /// Added to the priority of each unit.
     pub(crate) priority: i32,
@@ -167,7 +167,7 @@ fn data_of<W: Work>(work: &W) -> Option<Data> {
     work.data().map(|id| Data { id, bytes: work.data_bytes() })
 }
 
-/// The unit as submitted, unless a resource has it; its maximum delay bounded by the configuration.
+/// Returns the unit as submitted, unless a resource has it; its maximum delay bounded by the configuration.
 pub(crate) fn into_unit<W: Work>(unit: Unit<UnitPayload<W>>) -> Option<WorkUnit<W>> {
     let Unit { meta, load: UnitPayload { work, ticket, .. } } = unit;
     let validity = if meta.expires < Time::NEVER { meta.expires.since(meta.submitted) } else { Duration::MAX };

@@ -7,7 +7,7 @@ use super::shared::AllocatorState;
 use crate::Work;
 use crate::policy::time::Time;
 
-/// Watches until ended.
+/// Watches deadlines and hanging resources until the allocator ends.
 pub(crate) fn watch<W: Work>(shared: &Arc<AllocatorState<W>>) {
     let alarm = &shared.alarm;
     alarm.post.man();

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bottega_hra::{Failed, HraConfig, Link, Primitive, PrimitiveSet, Resource, ResourceDescriptor, Work, WorkUnit};
 
-/// A number to be doubled.
+/// Work that doubles a number.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Job {
     pub(crate) number: u64,
@@ -39,7 +39,7 @@ pub(crate) fn unit(number: u64, primitive: Primitive) -> WorkUnit<Job> {
     WorkUnit::new(Job { number, primitive, has_backup: true }, number)
 }
 
-/// A resource that does what a closure says.
+/// A resource that calls a closure.
 pub(crate) struct Custom<F> {
     pub(crate) name: &'static str,
     pub(crate) primitives: PrimitiveSet,
@@ -70,7 +70,7 @@ where
     Box::new(Custom { name, primitives, perform })
 }
 
-/// A door that lanes wait at until it is opened.
+/// A gate at which lanes wait until it is opened.
 #[derive(Clone, Default)]
 pub(crate) struct Gate(Arc<(Mutex<bool>, Condvar)>);
 
@@ -97,7 +97,7 @@ pub(crate) fn quick() -> HraConfig {
     }
 }
 
-/// Runs `body`; fails when it has not ended after half a minute, which is what a deadlock looks like.
+/// Runs `body`; fails if it has not ended after half a minute, as in a deadlock.
 pub(crate) fn within_reason<T: Send + 'static>(body: impl FnOnce() -> T + Send + 'static) -> T {
     let (sender, receiver): (Sender<T>, Receiver<T>) = channel();
     let thread = std::thread::spawn(move || {

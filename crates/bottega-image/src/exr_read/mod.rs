@@ -45,7 +45,7 @@ pub(crate) struct WantedChannels<'a> {
 
 /// The contents of a file.
 pub(crate) struct Read {
-    /// The color, its window and the metadata.
+    /// The color, with the window and the metadata of the file.
     pub(crate) file: ImageFile,
     /// The further channels that were requested.
     pub(crate) planes: Planes,

@@ -19,7 +19,7 @@ impl FloatPlane {
         self.convolved_x(along_x).convolved_y(along_y)
     }
 
-    /// Convolves each row.
+    /// Convolves each row with a kernel.
     pub(super) fn convolved_x(&self, kernel: &[f32]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let mut values = vec![0.0; self.values.len()];
@@ -35,7 +35,7 @@ impl FloatPlane {
         Self { width, values }
     }
 
-    /// Convolves each column.
+    /// Convolves each column with a kernel.
     pub(super) fn convolved_y(&self, kernel: &[f32]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let height = self.values.len() / width;

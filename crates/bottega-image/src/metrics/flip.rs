@@ -26,7 +26,7 @@ pub enum FlipView {
     },
 }
 
-/// Options of [`flip`].
+/// Options of [`flip`]: the display on which the pictures are compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlipOptions {
     /// Exposure and tone mapping.
@@ -52,6 +52,9 @@ pub struct FlipError {
 }
 
 /// Computes the perceived difference of two pictures. Negative values and NaN count as 0.
+///
+/// # Errors
+/// The pictures differ in size.
 pub fn flip(reference: &Picture, test: &Picture, options: &FlipOptions) -> Result<FlipError, ImageError> {
     check_sizes(reference, test)?;
     if reference.data.is_empty() {

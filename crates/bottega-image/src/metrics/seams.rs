@@ -41,6 +41,9 @@ impl Seams {
 /// ranks of all pieces together give a z-score. On a uniform gradient the edge has the middle rank.
 ///
 /// Values are compressed by v / (v + mean luminance). Non-finite ones count as 0.
+///
+/// # Errors
+/// `reference` differs in size from `picture`.
 pub fn seams(picture: &Picture, reference: Option<&Picture>, zones: &[Rect]) -> Result<Seams, ImageError> {
     if let Some(reference) = reference {
         check_sizes(reference, picture)?;

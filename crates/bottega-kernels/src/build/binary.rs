@@ -26,7 +26,7 @@ pub struct BinaryTree {
 }
 
 impl BinaryTree {
-    /// Builds over `shapes`, all finite, fewer than 2³¹. Triangles without area are in no leaf.
+    /// Builds the tree over `shapes`, all finite, fewer than 2³¹. Triangles without area are in no leaf.
     ///
     /// - `leaf_size`: maximal number of shapes in a leaf.
     /// - `threads`: 0: all.

@@ -30,7 +30,7 @@ impl ItemSpan {
         -self.0[axis + 4]
     }
 
-    /// Converts it to a box.
+    /// Converts the span to a box.
     pub(super) fn bounds(&self) -> Aabb {
         let [a, b, c, _, d, e, f, _] = self.0;
         Aabb { min: Vec3::new(a, b, c), max: -Vec3::new(d, e, f) }
@@ -60,34 +60,34 @@ impl Item {
         Self(ItemSpan([low.x, low.y, low.z, f32::from_bits(id ^ NUMBER), high.x, high.y, high.z, 0.0]))
     }
 
-    /// Returns its number.
+    /// Returns the number of the item.
     pub(super) fn id(&self) -> u32 {
         self.0.0[3].to_bits() ^ NUMBER
     }
 
-    /// Returns its box.
+    /// Returns the bounds of the item.
     pub(super) fn bounds(&self) -> Aabb {
         self.0.bounds()
     }
 
-    /// Returns true if its box is empty.
+    /// Returns true if the item's box is empty.
     pub(super) fn is_empty(&self) -> bool {
         self.0.lower(0) > self.0.upper(0)
     }
 
-    /// Returns true if its box is finite.
+    /// Returns true if the item's box is finite.
     pub(super) fn is_finite(&self) -> bool {
         let bounds = self.bounds();
         bounds.min.is_finite() && bounds.max.is_finite()
     }
 
-    /// Returns twice its center on an axis.
+    /// Returns twice the center of the box on an axis.
     #[inline(always)]
     pub(super) fn center(&self, axis: usize) -> f32 {
         self.0.0[axis] - self.0.0[axis + 4]
     }
 
-    /// Returns twice its center, as an [`ItemSpan`] without extent.
+    /// Returns twice the center of the box, as an [`ItemSpan`] without extent.
     #[inline(always)]
     pub(super) fn centers<S: Lanes>(&self, s: S) -> S::F {
         let span = s.load(&self.0.0);

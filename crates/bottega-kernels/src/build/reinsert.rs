@@ -15,7 +15,7 @@ use std::collections::BinaryHeap;
 use std::ops::Range;
 
 const NONE: u32 = u32::MAX;
-/// One node in so many is reinserted per round.
+/// One node in this many is reinserted per round.
 const SHARE: usize = 6;
 const ROUNDS: usize = 2;
 /// Maximal number of nodes reinserted per round, to bound the time: the largest matter most.
@@ -23,7 +23,7 @@ const MOST: usize = 20_000;
 /// Maximal number of nodes visited per insertion.
 const PATIENCE: usize = 4096;
 
-/// Subtrees with at most one in so many of all items stay intact.
+/// Subtrees with at most one in this many of all items stay intact.
 const TOP: usize = 1 << 16;
 
 #[derive(Clone, Copy)]
@@ -229,11 +229,11 @@ pub(super) fn optimize(binary: &[Binary], ids: &[u32], parallel: bool) -> Option
 
 /// An intact subtree in the new tree.
 struct MovedNode {
-    /// Its first node in the old tree.
+    /// The first node of the subtree in the old tree.
     from: u32,
-    /// Its nodes in the new tree.
+    /// The nodes of the subtree in the new tree.
     nodes: Range<u32>,
-    /// Its first item in the new tree.
+    /// The first item of the subtree in the new tree.
     first: u32,
     /// Number of levels above it.
     depth: usize,

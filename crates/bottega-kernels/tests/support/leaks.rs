@@ -55,7 +55,7 @@ fn cast(
     let turn = Affine3A::from_quat(Quat::from_rotation_y(0.7));
     let place = |copy: u32| match copies {
         1 => Affine3A::IDENTITY,
-        // Beside the first, so that neither is in the way of the other.
+        // Beside the first, so that neither hides the other.
         _ => {
             Affine3A::from_translation(center + Vec3::X * 8.0 * size * copy as f32)
                 * turn

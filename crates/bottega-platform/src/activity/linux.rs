@@ -71,12 +71,12 @@ fn own_ticks(processes: &[ProcessTime], root: u32) -> u64 {
     processes.iter().filter(|it| family.contains(&it.id)).map(|it| it.ticks).sum()
 }
 
-/// Returns the time since the last input by logind and the X server.
+/// Returns the time since the last input by logind and the X server; `None`: neither knows it.
 pub fn idle() -> Option<Duration> {
     [idle_sessions(), idle_x_server()].into_iter().flatten().min()
 }
 
-/// Returns the time since the last read from a terminal.
+/// Returns the time since the last read from a terminal; `None`: there are none.
 pub fn idle_terminals() -> Option<Duration> {
     idle_terminals_in(Path::new("/dev"))
 }

@@ -32,7 +32,7 @@ pub fn usage(root: u32) -> TreeUsage {
     tree
 }
 
-/// Returns all processes with this mark, as far as the system shows their environments.
+/// Returns the ids of all processes with this mark, as far as the system shows their environments.
 pub fn marked(mark: &str) -> Vec<u32> {
     let wanted = OsString::from(format!("{MARK}={mark}"));
     let Some(system) = all(ProcessRefreshKind::nothing().with_environ(UpdateKind::Always)) else { return Vec::new() };
@@ -40,7 +40,7 @@ pub fn marked(mark: &str) -> Vec<u32> {
     carries.map(|(id, _)| id.as_u32()).collect()
 }
 
-/// Kills a process. Returns `true` if it existed.
+/// Kills a process by its id. Returns `true` if it existed.
 pub fn kill(process: u32) -> bool {
     let id = Pid::from_u32(process);
     let Ok(mut system) = System::new() else { return false };

@@ -33,20 +33,21 @@ pub(super) const CAMERA_CLONE: u32 = 128;
 /// Least opacity of a surface that stops agents and sensors.
 const OPAQUE: f32 = 0.5;
 
-/// A lighting agent.
+/// A lighting agent: a place on a surface that light or the camera reaches, which answers questions about the light around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agent {
     /// Position on a surface, in world space.
     pub p: Vec3,
     /// Geometric normal on the side that it came from; unit length.
     pub normal: Vec3,
-    /// Direction against its flight; unit length.
+    /// Direction against the agent's flight; unit length.
     pub to_light: Vec3,
-    /// Number of its light in the light tree; `u32::MAX`: a light at infinity.
+    /// Number of the agent's light in the light tree; `u32::MAX`: a light at infinity.
     pub light: u32,
-    /// Distance from the point that it was cast from.
+    /// Distance from the point from which the agent was cast, in scene units.
     pub distance: f32,
-    /// Distance from the previous surface or from the light; for an agent of the camera, the radius of its neighbourhood.
+    /// Distance from the previous surface or from the light, in scene units; for an agent of the camera, the radius of its
+    /// neighbourhood.
     pub gap: f32,
     /// Number of the cast; identifies the agent together with `clone`.
     pub cast: u32,
@@ -76,7 +77,7 @@ pub(crate) struct Casting<'a> {
     pub(crate) prepared: &'a PreparedScene,
     /// Sources that cast the agents.
     pub(crate) sources: &'a Emission,
-    /// Region that they are sent to.
+    /// Region to which the agents are sent.
     pub(crate) plan: &'a EmissionPlan,
     /// Seed of the random numbers.
     pub(crate) seed: u64,

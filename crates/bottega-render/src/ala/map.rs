@@ -73,7 +73,7 @@ pub(crate) enum LightUse {
 pub(crate) struct KnownIrradiance {
     /// Interpolated indirect irradiance.
     pub(crate) irradiance: Spectrum,
-    /// Share of it to use, in (0, 1]: the rest is to be computed.
+    /// Share of the irradiance to use, in (0, 1]: the rest must be computed.
     pub(crate) share: f32,
 }
 

@@ -2,7 +2,7 @@
 //! rendered.
 //!
 //! Source: Herubel, Biri and Deverly 2009, *Autonomous Lighting Agents in Photon Mapping*; sections, equations and
-//! tables without another source are its. `docs/ala.md` says how its formulas are read where they leave a choice. An
+//! tables without another source are those of this paper. `docs/ala.md` says how its formulas are read where they leave a choice. An
 //! agent depends only on the scene, the settings, the seed and its index; its readings depend on these and on the
 //! positions of all agents.
 

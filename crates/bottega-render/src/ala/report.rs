@@ -62,7 +62,7 @@ impl Tallies {
         }
     }
 
-    /// Returns the sums.
+    /// Returns the sums over all threads.
     pub(super) fn sum(&self) -> Tally {
         let [shadow_traced, shadow_spared, irradiance_computed, irradiance_interpolated] =
             [0, 1, 2, 3].map(|i| self.0[i].load(Ordering::Relaxed));

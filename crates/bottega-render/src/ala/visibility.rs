@@ -46,6 +46,8 @@ pub(super) struct Visibility {
 const NOBODY: u32 = u32::MAX;
 
 impl Visibility {
+    /// Makes the lookup of visibility from the agents' answers.
+    ///
     /// - `answers`: by agent index.
     /// - `keeps_network`: `true`: the answer at a point is the median of the nearest agent and its neighbours.
     pub(super) fn new(swarm: &Swarm, network: &Network, answers: &[ShadowVerdict], keeps_network: bool) -> Self {

@@ -91,15 +91,15 @@ pub mod code {
 record! {
     /// An instance of a mesh.
     pub struct InstanceRecord in 24 {
-        /// Linear part of its transformation.
+        /// Linear part of the transformation from object to world space.
         pub world_from_object: Mat3,
-        /// Translation of its transformation.
+        /// Translation of that transformation.
         pub translation: Vec3,
         /// Transformation of normals.
         pub world_from_normal: Mat3,
-        /// Offset of its mesh.
+        /// Offset of the mesh.
         pub mesh: u32,
-        /// Index of its first triangle among the emitting ones; [`NONE`](super::NONE) if it does not emit.
+        /// Index of the first triangle among the emitting ones; [`NONE`](super::NONE) if the mesh does not emit.
         pub first_light: u32,
     }
 }
@@ -107,7 +107,7 @@ record! {
 record! {
     /// A mesh: offsets of its arrays; [`NONE`](super::NONE) for arrays that are missing or unused.
     pub struct MeshRecord {
-        /// Index of its material.
+        /// Index of the material of the mesh.
         pub material: u32,
         /// Offset of vertex indices, three per triangle.
         pub triangles: u32,
@@ -133,9 +133,9 @@ record! {
         pub radius: f32,
         /// Rotation, as a unit quaternion.
         pub world_from_object: Vec4,
-        /// Index of its material.
+        /// Index of the sphere's material.
         pub material: u32,
-        /// Number of its light; [`NONE`](super::NONE) if light sampling never finds it.
+        /// Number of the sphere's light; [`NONE`](super::NONE) if light sampling never finds it.
         pub light: u32,
     }
 }
@@ -148,7 +148,7 @@ record! {
     pub struct SurfaceLightRecord in 24 {
         /// Kind of the light: [`code::LIGHT_SURFACE`].
         pub kind: u32,
-        /// Index of its instance.
+        /// Index of the panel's instance.
         pub instance: u32,
         /// Index of the panel's first triangle.
         pub triangle: u32,
@@ -162,7 +162,7 @@ record! {
         pub y: Vec3,
         /// Position of the part along both sides, and its relative size; negative for a part rotated by half a turn.
         pub part: Vec3,
-        /// Index of its material.
+        /// Index of the panel's material.
         pub material: u32,
     }
 }
@@ -200,7 +200,7 @@ record! {
         pub cos_inner: f32,
         /// Cosine of the angle beyond which the intensity is 0.
         pub cos_outer: f32,
-        /// Code of its fall-off.
+        /// Code of the light's fall-off.
         pub falloff: u32,
     }
 }
@@ -212,7 +212,7 @@ record! {
         pub point: PointLightRecord,
         /// Rotation from light space to world space.
         pub world_from_light: Mat3,
-        /// Handle of its picture.
+        /// Handle of the light's picture.
         pub picture: u32,
         /// Projector: half the height of its picture at distance 1.
         pub half_height: f32,
@@ -222,11 +222,11 @@ record! {
 }
 
 record! {
-    /// An emitting triangle.
+    /// An emitting triangle, as a reference to the panel of which it is a part.
     pub struct ShiningRecord {
         /// Offset of the light numbers of its panel's parts.
         pub parts: u32,
-        /// Shape of its panel, see [`code::PANEL_TRIANGLE`].
+        /// Shape of the triangle's panel, see [`code::PANEL_TRIANGLE`].
         pub shape: u32,
         /// 1 for the second triangle of a rectangle, else 0.
         pub is_second: bool,
@@ -236,7 +236,7 @@ record! {
 }
 
 record! {
-    /// A parallel light.
+    /// A light at infinity with parallel rays: a sun without a disc.
     pub struct ParallelRecord {
         /// Direction to the light, unit length.
         pub to_light: Vec3,
@@ -288,11 +288,11 @@ record! {
 }
 
 record! {
-    /// The environment.
+    /// The environment light: a radiance from each direction, uniform or from a picture.
     pub struct EnvironmentRecord {
-        /// Code of its sampling.
+        /// Code of the environment's sampling.
         pub kind: u32,
-        /// 1 if its picture is an equal-area one, else 0.
+        /// 1 if the environment's picture is an equal-area one, else 0.
         pub is_equal_area: bool,
         /// Factor for the picture; the radiance itself without one.
         pub factor: Vec3,
@@ -300,7 +300,7 @@ record! {
         pub world_from_environment: Mat3,
         /// Luminance integrated over the sphere, of the sampled part.
         pub integral: f32,
-        /// Handle of its picture; [`NONE`](super::NONE) without one.
+        /// Handle of the environment's picture; [`NONE`](super::NONE) without one.
         pub picture: u32,
         /// Table of the sampling.
         pub table: TableRecord,
@@ -345,13 +345,13 @@ record! {
         pub shift: Vec2,
         /// Two over the picture's size in pixels.
         pub double_pixel: Vec2,
-        /// Code of its projection.
+        /// Code of the camera's projection.
         pub kind: u32,
-        /// Radius of the lens; 0 for a pinhole.
+        /// Radius of the lens, in scene units; 0 for a pinhole.
         pub lens_radius: f32,
-        /// Distance of the plane in focus.
+        /// Distance of the plane in focus, in scene units.
         pub focus: f32,
-        /// Width of a ray cone at the camera.
+        /// Width of a ray cone at the camera, in scene units.
         pub cone_width: f32,
         /// Growth of the cone's width per unit of distance.
         pub cone_spread: f32,
@@ -363,13 +363,13 @@ record! {
 }
 
 record! {
-    /// A pixel filter.
+    /// A separable pixel filter, as a table for importance sampling.
     pub struct FilterRecord {
         /// Radius in pixels.
         pub radius: f32,
-        /// Offset of its quantiles from the start of the picture; [`NONE`](super::NONE) for a uniform filter.
+        /// Offset of the filter's quantiles from the start of the picture; [`NONE`](super::NONE) for a uniform filter.
         pub quantiles: u32,
-        /// Weight of a sample, before its sign.
+        /// Absolute weight of a sample; beyond `sign_change` the weight is negative.
         pub factor: f32,
         /// Relative offset beyond which the filter is negative.
         pub sign_change: f32,

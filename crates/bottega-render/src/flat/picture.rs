@@ -14,7 +14,7 @@ use crate::{
 /// filter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatPicture {
-    /// The words.
+    /// The 32-bit words of the picture's tables, as the kernels read them.
     pub words: Vec<u32>,
 }
 

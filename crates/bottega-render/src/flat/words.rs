@@ -35,7 +35,7 @@ impl Words {
         self.0.extend(numbers.iter().map(|number| number.to_bits()));
     }
 
-    /// Appends words.
+    /// Appends words to the table.
     pub(crate) fn words(&mut self, words: &[u32]) {
         self.0.extend_from_slice(words);
     }

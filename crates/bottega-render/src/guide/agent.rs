@@ -26,7 +26,7 @@ pub(crate) struct RegionAgent {
     lights: Option<Choice>,
     /// Root of the mean square of the light that leaves, divided by the work.
     strength: f32,
-    /// Root of its variance, divided by the work.
+    /// Standard deviation of that light, divided by the work.
     pub(super) noise: f32,
 }
 
@@ -38,7 +38,7 @@ pub(super) const NUMBERS: usize = 3 + CHOICE_NUMBERS;
 pub(super) struct DepartingLight {
     /// Greatest channel of the light, relative to the throughput on arrival.
     pub(super) brightness: f32,
-    /// Work of finding it, in vertices.
+    /// Work of finding the light, in vertices.
     pub(super) work: f32,
 }
 

@@ -1,7 +1,7 @@
 //! The budget of learning: the number of paths that a picture is learned from.
 //!
 //! Learning begins with few paths, which cost less than a hundredth of the picture and measure its noise: the variance
-//! of one path relative to the brightness of its part of the picture. The noise decides how long learning goes on.
+//! of one path relative to the brightness of its part of the picture. The noise decides how long learning continues.
 //! Where light is rare, a guide from few paths is useless and one from many saves most of the work; where paths agree,
 //! more of them gain little.
 
@@ -37,6 +37,8 @@ pub(crate) struct LearningBudget {
 }
 
 impl LearningBudget {
+    /// Plans the learning for a picture.
+    ///
     /// - `samples`: number of samples of the whole picture.
     pub(crate) fn new(samples: u64) -> Self {
         Self { samples }

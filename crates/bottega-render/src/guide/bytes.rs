@@ -45,7 +45,7 @@ impl Guide {
     /// Reads a guide from untrusted bytes.
     ///
     /// # Errors
-    /// They are not a valid guide.
+    /// The bytes are not a valid guide.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, UnreadGuide> {
         read(bytes).ok_or(UnreadGuide)
     }

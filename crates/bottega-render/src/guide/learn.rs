@@ -59,7 +59,7 @@ pub(super) struct DirectionSample {
     pub(super) cell: u16,
     /// Factor by which a density over the square is divided for one per solid angle.
     pub(super) cube: f32,
-    /// Density that it was drawn with, in sr⁻¹.
+    /// Density with which the direction was drawn, in sr⁻¹.
     pub(super) pdf: f32,
     /// Density by the BSDF alone, in sr⁻¹.
     pub(super) bsdf_pdf: f32,
@@ -70,7 +70,7 @@ pub(super) struct DirectionSample {
 struct WeighedSample {
     taken: DirectionSample,
     square: f32,
-    /// `true`: it led to another vertex.
+    /// `true`: the direction led to another vertex.
     has_next: bool,
 }
 
@@ -363,7 +363,7 @@ pub(super) mod tests {
             .collect()
     }
 
-    /// A guide learned from some thousand directions on a floor.
+    /// Returns a guide learned from some thousand directions on a floor.
     pub(in super::super) fn example(to: Vec3) -> Guide {
         learn(&vertices(to), None)
     }

@@ -3,12 +3,12 @@
 /// A way to render a pixel. All ways have the same mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum PaintingWay {
-    /// Without the guide.
+    /// Paths without the guide.
     #[default]
     Plain,
-    /// With guided directions, and lights chosen by agents.
+    /// Paths with guided directions and lights chosen by agents.
     Guided,
-    /// In addition, with roulette, splitting and skipped shadow rays by the agents' importance.
+    /// Guided paths with roulette, splitting and skipped shadow rays by the agents' importance.
     ByWorth,
 }
 

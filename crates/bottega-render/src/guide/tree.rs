@@ -337,7 +337,7 @@ impl Guide {
         })
     }
 
-    /// Prefetches what [`Guide::at`] reads first.
+    /// Prefetches the data that [`Guide::at`] reads first.
     #[inline(always)]
     pub(crate) fn request(&self, p: Vec3) {
         prefetch(&self.entries, self.lattice.cell(p));

@@ -11,6 +11,8 @@ pub(super) enum SampleIntegrators<'a, 'b> {
 }
 
 impl<'a, 'b> SampleIntegrators<'a, 'b> {
+    /// Chooses the integrators of some samples.
+    ///
     /// - `ways`: integrators of a picture whose zones are rendered in different ways.
     pub(super) fn new(
         integrator: &'a PathIntegrator<'b>,

@@ -44,7 +44,7 @@ pub(crate) struct PathCounts {
 }
 
 impl PathCounts {
-    /// Counts a vertex.
+    /// Counts a vertex on a surface with this BSDF.
     #[inline(always)]
     pub(super) fn meet(&mut self, bsdf: &Bsdf, known: &PreparedMaterial) {
         self.layered += u32::from(bsdf.is_layered());

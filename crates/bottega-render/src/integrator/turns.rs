@@ -29,7 +29,7 @@ pub(crate) struct Painting<'a> {
 /// A path in flight.
 struct PathLane<'a> {
     path: Path<'a>,
-    /// Index of its sample, and the factor of that sample.
+    /// Index of the path's sample, and the factor of that sample.
     sample: usize,
     factor: f32,
     hit: Hit,
@@ -48,6 +48,7 @@ impl Task for Painting<'_> {
             records.extend(samples.iter().map(|&(x, y, sample)| integrator.trace_volume(x, y, sample)));
             return;
         }
+        // Find the integrator of each sample's zone
         let ways = integrator.ways();
         let integrators = SampleIntegrators::new(integrator, ways.as_ref(), samples);
         if integrators.ask_agents() {

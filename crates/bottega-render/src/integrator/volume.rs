@@ -227,6 +227,7 @@ impl MediumPath<'_> {
     fn meet(&mut self, point: &Interaction) -> bool {
         let prepared = self.prepared;
         let is_last = self.depth >= self.settings.max_depth;
+        // Stop at the maximum depth; panes are passed even there
         let known = prepared.material(point.material).1;
         if !known.is_pane {
             self.record_first(point.hit.t, point.frame[2]);

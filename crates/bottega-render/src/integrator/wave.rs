@@ -49,7 +49,7 @@ pub struct WaveAnswers {
 #[derive(Clone)]
 struct WavePath {
     path: SuspendedPath,
-    /// Index of its sample, and the factor of that sample.
+    /// Index of the path's sample, and the factor of that sample.
     sample: u32,
     factor: f32,
     /// Branches that wait to be traced.
@@ -60,11 +60,11 @@ struct WavePath {
 /// Stage of a path.
 #[derive(Clone, Copy, PartialEq)]
 enum PathStage {
-    /// It waits for the hit of its ray.
+    /// The path waits for the hit of its ray.
     Ray,
-    /// It scatters no further, and waits only for shadow rays.
+    /// The path scatters no further, and waits only for shadow rays.
     Light,
-    /// Its record is stored. It keeps its slot: skipping it is cheaper than moving the others.
+    /// The record of the path is stored. The path keeps its slot: skipping it is cheaper than moving the others.
     Ended,
 }
 
@@ -149,6 +149,7 @@ impl Wave {
             self.take_light(&answers.occluded);
             self.meet::<AGENTS>(integrators, &answers.hits);
         }
+        // Collect the next rays
         let mut rays = Vec::with_capacity(self.live_count);
         rays.extend(self.paths.iter().filter(|it| it.stage == PathStage::Ray).map(|it| it.path.ray()));
         self.rays = Arc::new(rays);
@@ -162,6 +163,7 @@ impl Wave {
             let integrator = integrators.of_pixel(x, y);
             let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
             let (ray, factor) = integrator.camera_ray(&sampler, x, y);
+            // Start the path at its camera ray
             let mut path = integrator.begin(sampler, &ray, integrator.guide(), None);
             if AGENTS {
                 path.expect(integrator.place(x, y));

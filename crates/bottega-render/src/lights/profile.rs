@@ -19,7 +19,7 @@ pub(crate) enum Profile {
     Diffuse,
     /// A cone around the normal: max(tan α − tan θ, 0) / (tan α − α), which keeps the power.
     Spread {
-        /// tan α.
+        /// Tangent of the half-angle α of the cone.
         tangent: f32,
         /// 1 / (tan α − α).
         scale: f32,
@@ -29,7 +29,7 @@ pub(crate) enum Profile {
 }
 
 impl Profile {
-    /// Prepares a profile.
+    /// Prepares an emission profile for evaluation.
     pub(crate) fn new(profile: &EmissionProfile) -> Self {
         match *profile {
             EmissionProfile::Diffuse => Self::Diffuse,

@@ -22,7 +22,7 @@ const PARALLEL: f32 = 1e-5;
 /// A light at infinity with a direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sun {
-    /// Direction to its centre, unit length.
+    /// Direction to the sun's centre, unit length.
     pub(super) to_light: Vec3,
     /// Irradiance of a surface that faces it.
     pub(super) irradiance: Spectrum,
@@ -45,12 +45,12 @@ impl Sun {
         let quarter = math::sin(0.25 * angle);
         let one_minus_cos = 2.0 * quarter * quarter;
         let sine = (one_minus_cos * (2.0 - one_minus_cos)).sqrt();
-        // Light sampling leaves out what no surface receives
+        // Light sampling leaves out directions from which no surface receives light
         let illuminance = if visibility.has_bounces() { luminance(irradiance) } else { 0.0 };
         Self { to_light: -direction, irradiance, illuminance, sine, one_minus_cos, visibility }
     }
 
-    /// Returns true if it is parallel light, which no path finds by itself.
+    /// Returns true if the sun is parallel light, which no path finds by itself.
     pub(super) fn is_parallel(&self) -> bool {
         self.sine < PARALLEL
     }

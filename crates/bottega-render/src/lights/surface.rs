@@ -185,7 +185,7 @@ impl Panel {
         Grid(wanted.min(affordable).max(1))
     }
 
-    /// Returns its parts as lights with their bounds: one per part of `grid`, including dark ones.
+    /// Returns the panel's parts as lights with their bounds: one per part of `grid`, including dark ones.
     pub(super) fn lights(&self, scene: &Scene, grid: Grid) -> Vec<(SurfaceLight, LightBounds)> {
         let material = scene.material_of(&scene.instances[self.instance as usize]);
         let parts = grid.parts(self.shape).into_iter().map(|part| SurfaceLight { panel: *self, material, part });

@@ -129,7 +129,7 @@ mod tests {
         let around = CellsAround::new(&looks(n, |w| Vec3::splat(if w.x > 0.0 { 3.0 } else { 1.0 })));
         assert!((around.from(n, Vec3::new(0.8, 0.6, 0.0)) - 3.0).length() < 0.02);
         assert!((around.from(n, Vec3::new(-0.8, 0.6, 0.0)) - 1.0).length() < 0.01);
-        // Below the horizon: what comes from just above it.
+        // Below the horizon: the light from just above it.
         assert!((around.from(n, Vec3::new(0.8, -0.6, 0.0)) - 3.0).length() < 0.02);
     }
 }

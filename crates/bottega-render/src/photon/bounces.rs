@@ -36,7 +36,7 @@ impl BounceShares {
         self.count = self.count.max(bounces + 1);
     }
 
-    /// Multiplies all shares.
+    /// Multiplies the shares of all numbers of bounces.
     pub(crate) fn scale(&mut self, by: Spectrum) {
         self.parts[..self.count].iter_mut().for_each(|part| *part *= by);
     }

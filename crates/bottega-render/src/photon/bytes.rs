@@ -25,7 +25,7 @@ pub(crate) trait ByteForm: Sized {
 }
 
 impl Writer {
-    /// Writes a number.
+    /// Writes a four-byte number.
     pub(crate) fn number(&mut self, number: u32) {
         self.0.extend(number.to_le_bytes());
     }
@@ -125,7 +125,7 @@ impl Reader<'_> {
         (0..count).map(|_| self.photon().map(|(p, numbers)| Photon::of(p, Mark::from_numbers(numbers)))).collect()
     }
 
-    /// Reads a map.
+    /// Reads a photon map; `None`: not valid.
     pub(crate) fn map(&mut self) -> Option<PhotonMap> {
         let count = self.count(PHOTON_BYTES)?;
         let planes =

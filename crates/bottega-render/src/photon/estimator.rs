@@ -33,13 +33,13 @@ pub(super) fn is_on_surface(place: &Photon, p: Vec3, normal: Vec3, reach: f32) -
 /// The contribution of a photon to a point near it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PhotonContribution {
-    /// Direction against its flight.
+    /// Direction against the photon's flight; unit length.
     pub(crate) to_light: Vec3,
-    /// `true` if it arrived on the side of the normal.
+    /// `true` if the photon arrived on the side of the normal.
     pub(crate) is_before: bool,
     /// Number of scatterings before it arrived.
     pub(crate) bounces: u32,
-    /// Its part of the irradiance.
+    /// The photon's part of the irradiance.
     pub(crate) light: Spectrum,
 }
 
@@ -66,6 +66,8 @@ pub(crate) struct Estimator {
 }
 
 impl Estimator {
+    /// Makes an estimator with the radius that the settings ask for.
+    ///
     /// - `extent`: extent of the visible part of the scene.
     pub(crate) fn new(settings: &PhotonSettings, extent: Extent) -> Self {
         let scale = 1.0 / settings.count.max(1) as f32;

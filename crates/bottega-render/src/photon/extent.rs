@@ -16,7 +16,7 @@ const MARGIN: f32 = 2.0;
 const WIDE: f32 = 4.0;
 
 impl Extent {
-    /// Returns the extent of what a view shows.
+    /// Returns the extent of the region that a view shows.
     pub(crate) fn of_view(prepared: &PreparedScene, view: View) -> Self {
         let whole = Self::whole(prepared);
         let Some((center, median)) =

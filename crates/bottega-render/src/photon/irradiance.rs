@@ -26,7 +26,7 @@ pub(super) fn irradiance_count(all: &PhotonMap) -> u32 {
     (all.len() as u32).div_ceil(STEP)
 }
 
-/// A range of points whose irradiance is to be computed.
+/// A range of points at which to compute the irradiance.
 pub(super) struct IrradianceAt<'a> {
     /// The prepared scene.
     pub(super) prepared: &'a PreparedScene,

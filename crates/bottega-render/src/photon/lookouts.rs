@@ -37,7 +37,7 @@ pub(crate) struct Lookout {
     pub(crate) p: Vec3,
     /// Geometric normal on the visible side; unit length.
     pub(crate) normal: Vec3,
-    /// Direction that it is seen from; unit length.
+    /// Direction from which the point is seen; unit length.
     pub(crate) wo: Vec3,
     /// `true`: the surface is matte.
     pub(crate) is_matte: bool,

@@ -171,7 +171,7 @@ impl PhotonMap {
         });
     }
 
-    /// Returns the nearest photon within a radius for which `accept` returns `true`.
+    /// Returns the nearest photon within a radius for which `accept` returns `true`; `None`: there is none.
     #[inline(always)]
     pub fn nearest_where(&self, p: Vec3, radius_squared: f32, mut accept: impl FnMut(u32) -> bool) -> Option<u32> {
         let mut best = None;

@@ -8,7 +8,7 @@ use crate::sampler::Quad;
 
 /// Cells along each number, in the order in which they are chosen: source, position (2), direction (2).
 pub(super) const CELLS: [usize; 5] = [4, 4, 4, 8, 8];
-/// Weight of what was found in neighbouring cells.
+/// Weight of the findings of neighbouring cells.
 const NEIGHBOR: f64 = 0.1;
 /// Share of the photons that are emitted as without a map.
 const BLIND: f64 = 0.2;

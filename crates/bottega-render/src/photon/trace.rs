@@ -73,7 +73,7 @@ pub struct TracedPhotons {
 }
 
 impl TracedPhotons {
-    /// Appends the photons of the following indices.
+    /// Appends the photons of `later`, whose indices follow those of `self`.
     pub fn append(&mut self, mut later: Self) {
         self.direct.append(&mut later.direct);
         self.caustic.append(&mut later.caustic);

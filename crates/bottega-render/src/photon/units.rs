@@ -37,7 +37,7 @@ pub struct PhotonWork {
     pub indices: Range<u32>,
 }
 
-/// A range of points whose irradiance is to be computed from photons.
+/// A range of points at which to compute the irradiance from photons.
 #[derive(Clone)]
 pub struct IrradianceWork {
     /// The scene that the photons are of.

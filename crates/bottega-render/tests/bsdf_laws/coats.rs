@@ -36,7 +36,7 @@ enum Base {
     Metal(f64, f64, f64),
 }
 
-/// What is left of light, where it goes, and whether all that it met was smooth, or nearly.
+/// The throughput and the direction of a path, and whether all boundaries on its way were smooth or nearly so.
 struct LeavingLight {
     weight: f64,
     direction: DVec3,

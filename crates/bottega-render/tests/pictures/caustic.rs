@@ -1,7 +1,7 @@
-//! A glass ball in fog below a lamp (`volumetric-caustic`), by following light from the lamp: an oracle of its own for
+//! A glass ball in fog below a lamp (`volumetric-caustic`), by following light from the lamp: an independent reference for
 //! light that paths from the camera hardly find.
 //!
-//! It tells, too, what the scene's reference shows: light that was scattered no more than four times, where the file asks
+//! It also shows which light the scene's reference contains: light that was scattered at most four times, while the file asks
 //! for seven. (The file was converted from one for Tungsten with one bounce less; that one counts the open front of the
 //! room as one, and looks for no light at the last.)
 
@@ -27,7 +27,7 @@ const TAN: f64 = 0.171_831_4;
 const BALL: (DVec3, f64) = (DVec3::new(-0.22827, 1.2, 0.152505), 0.3);
 const GLASS: f64 = 1.5;
 const LAMP: DVec3 = DVec3::new(-0.005, 1.98, -0.03);
-/// Half its sides along x and z.
+/// Half the lamp's sides along x and z.
 const LAMP_HALF: DVec2 = DVec2::new(0.0025, 0.002);
 const RADIANCE: DVec3 = DVec3::new(541_126.75, 381_971.8, 127_323.94);
 /// Low and high side along x, y and z; the last is open. The fog scatters once in a unit of length, evenly.
@@ -42,7 +42,7 @@ const WALLS: [DVec3; 6] = [
 const LOW: DVec3 = DVec3::new(-1.0, 0.0, -1.0);
 const HIGH: DVec3 = DVec3::new(1.0, 2.0, 1.0);
 
-/// Numbers in [0, 1).
+/// A generator of numbers in [0, 1).
 struct Numbers(SplitMix64);
 
 impl Numbers {
@@ -50,20 +50,20 @@ impl Numbers {
         self.0.unit()
     }
 
-    /// Even over the sphere.
+    /// Returns a uniformly distributed direction.
     fn direction(&mut self) -> DVec3 {
         let (z, phi) = (2.0 * self.next() - 1.0, 2.0 * PI * self.next());
         let r = (1.0 - z * z).sqrt();
         DVec3::new(r * phi.cos(), r * phi.sin(), z)
     }
 
-    /// By the cosine to `n`.
+    /// Returns a direction distributed by the cosine to `n`.
     fn about(&mut self, n: DVec3) -> DVec3 {
         (n + self.direction()).normalize()
     }
 }
 
-/// What a line meets first.
+/// The first hit of a line.
 #[derive(Clone, Copy)]
 enum SurfaceMet {
     Wall(usize),
@@ -121,7 +121,7 @@ impl Room {
         first
     }
 
-    /// The pixel that shows a point, and by how much the radiance from there adds to it.
+    /// Returns the pixel that shows a point, and the weight of the point's radiance in that pixel.
     fn seen(&self, p: DVec3) -> Option<(usize, f64, DVec3)> {
         let to_camera = CAMERA - p;
         let distance = to_camera.length();
@@ -146,7 +146,7 @@ impl Room {
         let offset = (DVec2::new(numbers.next(), numbers.next()) * 2.0 - 1.0) * self.lamp_half;
         let mut p = LAMP + DVec3::new(offset.x, -1e-9, offset.y);
         let mut direction = numbers.about(DVec3::NEG_Y);
-        // The lamp sends out the same, however large it is.
+        // The power of the lamp does not depend on its size.
         let mut power = RADIANCE * (PI * 4.0 * LAMP_HALF.x * LAMP_HALF.y);
         let mut is_in_ball = false;
         for _ in 0..self.scatterings {
@@ -206,7 +206,7 @@ impl Room {
         Estimate::of_pictures(&(0..PICTURES).map(picture).collect::<Vec<_>>())
     }
 
-    /// Whether a pixel shows the room behind neither ball nor lamp, and no edge of it.
+    /// Returns true if a pixel shows the room, unobstructed by ball or lamp and away from edges.
     fn counts(&self, x: u32, y: u32) -> bool {
         let is_room = |dx: f64, dy: f64| {
             let pixel = DVec2::new(f64::from(x) + dx, f64::from(y) + dy) / f64::from(SIDE);
@@ -220,7 +220,7 @@ impl Room {
         margin.iter().all(|&(dx, dy)| is_room(dx, dy)) && !self.shows_lamp(x, y)
     }
 
-    /// Whether the lamp, which may be smaller than a pixel, is within half a pixel of one.
+    /// Returns true if the lamp, which may be smaller than a pixel, is within half a pixel of this one.
     fn shows_lamp(&self, x: u32, y: u32) -> bool {
         let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)].map(|(sx, sz)| {
             let p = LAMP + DVec3::new(sx * self.lamp_half.x, 0.0, sz * self.lamp_half.y) - CAMERA;
@@ -257,7 +257,7 @@ fn the_reference_of_the_caustic_in_fog_shows_four_scatterings() {
     }
 }
 
-/// The lamp of the file is so small that paths hardly ever find it through the ball: here it is 200 times as wide
+/// The lamp of the file is so small that paths almost never find it through the ball: here it is 200 times as wide
 /// and as long, and as much less bright.
 #[test]
 fn a_caustic_in_fog_is_as_light_that_is_followed_from_the_lamp() {
@@ -282,6 +282,6 @@ fn a_caustic_in_fog_is_as_light_that_is_followed_from_the_lamp() {
     let room = Room { lamp_half: half, scatterings: 7 };
     let followed = room.pictures(1 << 20);
     let comparison = Comparison::new(&painted, &followed, |x, y| room.counts(x, y));
-    // Light by way of the ball is still skewed noise.
+    // The noise of light through the ball is still skewed.
     comparison.check("caustic in fog below a large lamp", 0.01, 0.01);
 }

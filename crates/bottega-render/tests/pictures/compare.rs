@@ -1,15 +1,15 @@
-//! A comparison of two pictures, as far as their noise lets it be seen.
+//! Comparison of two pictures within their noise.
 
 use std::{fmt, fs, path::Path};
 
 use bottega_image::{ExrOptions, Film, Metadata, Moments, Picture, rejected_share};
 
-/// A picture, and what is known of its noise.
+/// A picture, with an estimate of its noise.
 pub(crate) struct Estimate {
     picture: Picture,
-    /// Of the luminance of each pixel.
+    /// Variance of the luminance of each pixel.
     moments: Vec<Moments>,
-    /// Luminances of independent pictures whose mean it is; none: the whole has no noise worth the name.
+    /// Luminances of the independent pictures of which this one is the mean; none: the noise of the whole is negligible.
     parts: Vec<Vec<f64>>,
 }
 
@@ -38,8 +38,8 @@ impl Estimate {
         Self { picture: mean_picture(pictures), moments: moments.collect(), parts }
     }
 
-    /// A picture brought down by the mean of blocks of pixels. What the pixels of a block differ by is their noise, and
-    /// what the scene shows there: an upper bound.
+    /// A picture reduced by the mean of blocks of pixels. The differences of the pixels of a block are their noise plus
+    /// the detail of the scene: an upper bound of the noise.
     pub(crate) fn of_blocks(full: &Picture, side: u32) -> Self {
         let picture = brought_down(full, side);
         let (width, height) = picture.size();
@@ -48,9 +48,9 @@ impl Estimate {
         Self { picture, moments, parts: Vec::new() }
     }
 
-    /// A picture beside that of its standard error, both kept as half floats.
+    /// A picture with the picture of its standard error, both stored as half floats.
     pub(crate) fn with_error(picture: Picture, error: &Picture) -> Self {
-        /// By which rounding may change a value, as a part of it.
+        /// The relative change of a value by rounding.
         const HALF: f64 = 1.0 / 2048.0;
         let moments = luminances(&picture).into_iter().zip(luminances(error)).map(|(mean, error)| {
             let error = error.max(HALF * mean);
@@ -67,27 +67,27 @@ impl Estimate {
         if self.parts.is_empty() {
             return (mean, 0.0);
         }
-        // The samples of one picture are no independent ones; pictures of several seeds are.
+        // The samples of one picture are not independent; pictures of several seeds are.
         let whole = self.parts.iter().map(|part| of.iter().map(|&pixel| part[pixel]).sum::<f64>() / n);
         let whole = moments(whole);
         (mean, (whole.variance / whole.samples).sqrt())
     }
 }
 
-/// A picture beside a reference.
+/// A picture compared with a reference.
 pub(crate) struct Comparison<'a> {
     painted: &'a Estimate,
     reference: &'a Estimate,
-    /// Of the means of all pixels, ours over the reference's, minus 1.
+    /// Mean of all pixels over that of the reference, minus 1.
     mean_error: f64,
-    /// Standard error of that.
+    /// Standard error of the difference of the means.
     standard_error: f64,
     /// Share of pixels that differ by more than chance.
     rejected: f64,
 }
 
 impl<'a> Comparison<'a> {
-    /// - `counts`: whether a pixel is looked at.
+    /// - `counts`: returns true if a pixel is compared.
     pub(crate) fn new(painted: &'a Estimate, reference: &'a Estimate, counts: impl Fn(u32, u32) -> bool) -> Self {
         assert_eq!(painted.picture.size(), reference.picture.size(), "pictures of different sizes");
         let width = painted.picture.size().0 as usize;
@@ -105,8 +105,8 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// - `mean_margin`: how far the mean of the whole may be off.
-    /// - `rejected_max`: which share of pixels may differ.
+    /// - `mean_margin`: maximum relative difference of the mean of the whole.
+    /// - `rejected_max`: maximum share of pixels that differ.
     pub(crate) fn judge(&self, mean_margin: f64, rejected_max: f64) -> Result<(), String> {
         if self.standard_error > 0.5 * mean_margin {
             return Err("too noisy to tell".into());
@@ -139,7 +139,7 @@ impl<'a> Comparison<'a> {
         pictures.map(write).into()
     }
 
-    /// Panics where the pictures differ, and leaves them behind.
+    /// Panics if the pictures differ, and keeps their files.
     pub(crate) fn check(&self, name: &str, mean_margin: f64, rejected_max: f64) {
         eprintln!("{name}: {self}");
         if let Err(problem) = self.judge(mean_margin, rejected_max) {
@@ -166,7 +166,7 @@ fn brought_down(full: &Picture, side: u32) -> Picture {
     Picture::from_fn(width / side, height / side, |x, y| mean(block(full, side, x, y)))
 }
 
-/// Of independent values.
+/// Mean and variance of independent values.
 fn moments(values: impl Iterator<Item = f64> + Clone) -> Moments {
     let samples = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / samples;

@@ -1,8 +1,8 @@
-//! Real scenes, as their formats have them, against the converged pictures that independent renderers made of them: pixel by pixel
+//! Real scenes, in their own formats, against converged pictures by independent renderers: pixel by pixel
 //! by a z-test with the variance of both sides, and by the mean of the whole. Scenes and references lie in the folder
-//! that `BOTTEGA_SCENES` names; without it they are not tested, and the tests say so. Scenes beside the tests are always.
+//! that `BOTTEGA_SCENES` names; without it they are not tested, and the tests say so. Scenes beside the tests are always tested.
 //!
-//! A test that fails leaves what was painted, the reference and the difference in `target/pictures`.
+//! A test that fails leaves the picture, the reference and the difference in `target/pictures`.
 
 mod agents;
 mod caustic;
@@ -20,39 +20,39 @@ use compare::{Comparison, Estimate};
 struct Case {
     scene: Place,
     reference: Place,
-    /// Pixels of the reference that make one of ours, along each axis.
+    /// Number of reference pixels per pixel of the test, along each axis.
     shrink: u32,
-    /// Samples of each of ours, all seeds together.
+    /// Samples per pixel of the test, all seeds together.
     samples: u32,
-    /// Bounces, where the reference does not show what the file asks for.
+    /// Maximum number of bounces, if that of the reference differs from the file's.
     max_depth: Option<u32>,
-    /// Where the file and the picture do not mean the same: why, how far the mean of the whole may then be off, and which
+    /// A known difference between file and picture: its reason, the tolerance of the mean, and the
     /// share of pixels may differ.
     differs: Option<(&'static str, f64, f64)>,
-    /// What is changed in the scene before it is painted.
+    /// The change to the scene before it is rendered.
     change: fn(&mut Scene),
     /// Appended to the scene's name in messages.
     note: &'static str,
 }
 
-/// Where a file lies.
+/// The place of a file.
 #[derive(Clone, Copy)]
 enum Place {
-    /// In the folder of scenes.
+    /// A file in the folder of scenes.
     Shared(&'static str),
-    /// Beside these tests. A reference there, `NAME.exr`, was painted by Mitsuba 3.9.1 (`llvm_ad_rgb`, curves `scalar_rgb`, box filter) in
+    /// A file beside these tests. A reference there, `NAME.exr`, was rendered by Mitsuba 3.9.1 (`llvm_ad_rgb`, curves `scalar_rgb`, box filter) in
     /// batches of several seeds; `NAME-error.exr` is the standard error of its luminance, from their differences.
     Own(&'static str),
 }
 
-/// How far the mean of the whole may be off.
+/// Tolerance of the mean of the whole picture.
 const MEAN_MARGIN: f64 = 0.005;
 
-/// Share of pixels that the z-test may reject: what the tests of Mitsuba accept.
+/// Share of pixels that the z-test may reject, as in the tests of Mitsuba.
 const REJECTED_MAX: f64 = 0.0025;
 
 impl Case {
-    /// What scenes are held to where nothing speaks against it.
+    /// The usual tolerances of a scene.
     const fn new(scene: &'static str, reference: &'static str, shrink: u32, samples: u32) -> Self {
         Self::of(Place::Shared(scene), Place::Shared(reference), shrink, samples)
     }
@@ -235,7 +235,7 @@ fn a_coffee_maker_of_pbrt() {
 #[test]
 fn a_coffee_maker_with_thin_coats_of_pbrt() {
     let case = Case::new("coffee/pbrt/scene-v4.pbrt", "coffee/reference/TungstenRender.exr", 8, 64);
-    // The file asks for 17 bounces: then the pot, and it alone, is a quarter brighter, and the mean 1.1 % off.
+    // The file asks for 17 bounces: with these only the pot is brighter, by a quarter, and the mean is 1.1 % off.
     let case = Case { max_depth: Some(11), ..case };
     let case = case.but("mirrored lamps, whose noise is skewed", 0.005, 0.005);
     case.with(THIN, without_absorption_in_coats).check();

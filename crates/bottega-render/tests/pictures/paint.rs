@@ -1,4 +1,4 @@
-//! Painting a scene file as it asks to be painted, only smaller.
+//! Rendering of a scene file with its own settings, at a smaller size.
 
 use std::{path::Path, sync::Arc, thread};
 
@@ -6,21 +6,21 @@ use bottega_image::{AovSet, Film, Layout, Rect, Tile};
 use bottega_render::{BlockWork, Filter, PathSettings, PhotonSettings, PrepareOptions, PreparedScene, Prepass, View};
 use bottega_scene::{LoadOptions, Loaded};
 
-/// Threads that paint; the picture does not depend on it.
+/// Threads that render; the picture does not depend on their number.
 const THREADS: u32 = 2;
 
-/// Pictures of each scene, whose differences tell of their noise.
+/// Number of pictures per scene; their differences measure the noise.
 const SEEDS: u32 = 4;
 
-/// Paints a scene with several seeds.
+/// Renders a scene with several seeds.
 ///
-/// - `change`: what is to be changed before.
-/// - `samples`: of each pixel, all seeds together.
+/// - `change`: the change to the scene before it is rendered.
+/// - `samples`: samples per pixel, all seeds together.
 pub(crate) fn paint(path: &Path, size: (u32, u32), samples: u32, change: impl FnOnce(&mut Loaded)) -> Vec<Film> {
     paint_by(path, size, samples, change, None)
 }
 
-/// The same by photons, where there are settings of them.
+/// As [`paint`], by photons if `photons` are given.
 pub(crate) fn paint_by(
     path: &Path,
     size: (u32, u32),
@@ -36,7 +36,7 @@ pub(crate) fn paint_by(
     let settings = |seed: u32| PathSettings {
         seed: seed.into(),
         max_depth: loaded.hints.max_depth.unwrap_or(64).min(64),
-        // The mean over a block of the reference's pixels, whose own filter is small against it.
+        // The mean over a block of the reference's pixels; their own filter is small in comparison.
         filter: Filter::PIXEL,
         photons,
         planned_samples: photons.map_or(PathSettings::default().planned_samples, |_| samples.div_ceil(SEEDS)),

@@ -1,6 +1,6 @@
-//! Scenes by photons, held to what a path tracer of others made of them.
+//! Scenes by photons against reference pictures by other renderers' path tracers.
 //!
-//! The samples of one picture share their photons, so that pixels are no independent ones: the z-test by pixel rejects more of
+//! The samples of one picture share their photons, so pixels are not independent: the z-test by pixel rejects more of
 //! them than chance would, and the mean of the whole over several seeds is what counts.
 
 use bottega_image::read_picture;
@@ -13,7 +13,7 @@ use crate::pictures::{
 
 const SCENE: &str = "ala/ala.xml";
 const REFERENCE: &str = "ala/reference/Mitsuba3.exr";
-/// Pixels of the reference that make one of ours, along each axis.
+/// Number of reference pixels per pixel of the test, along each axis.
 const SHRINK: u32 = 8;
 
 fn check(name: &str, samples: u32, photons: PhotonSettings, mean_margin: f64, rejected_max: f64) {

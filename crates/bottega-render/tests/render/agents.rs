@@ -21,7 +21,7 @@ use crate::render::strategies::{assert_same_mean, moments};
 const SIDE: u32 = 128;
 const VIEW: View = View { camera: 0, width: SIDE, height: SIDE };
 
-/// So many times as many samples has the picture that others are held to.
+/// Factor on the samples of the reference picture.
 const MORE: u32 = 4;
 
 const NOTHING: AgentUse = AgentUse { shadows: false, lights: false, roulette: false };
@@ -31,7 +31,7 @@ fn settings(agents: AgentUse, seed: u64, planned_samples: u32) -> PathSettings {
     PathSettings { seed, filter: Filter::PIXEL, guiding: false, agents, planned_samples, ..PathSettings::default() }
 }
 
-/// Paints a part of the picture, with what it costs.
+/// Renders a part of the picture, and returns it with its cost.
 fn paint(scene: &Subject, settings: &PathSettings, rect: Rect, cuts: &[u32]) -> Tile {
     let mut tile = Tile::new(rect, Layout::new([Aov::Cost].into_iter().collect::<AovSet>()));
     for samples in cuts.windows(2) {
@@ -44,7 +44,7 @@ fn whole(scene: &Subject, settings: &PathSettings, spp: u32) -> Tile {
     paint(scene, settings, Rect::of_size(SIDE, SIDE), &[0, spp])
 }
 
-/// Mean over blocks of pixels of their variance, relative to what both pictures show there; no less than a twentieth of the
+/// Mean over blocks of pixels of their variance, relative to the mean of both pictures there, which counts as at least a twentieth of the
 /// mean of all.
 fn noises(a: &Tile, b: &Tile) -> [f64; 2] {
     let all = moments(a, &a.rect()).0;
@@ -56,7 +56,7 @@ fn noises(a: &Tile, b: &Tile) -> [f64; 2] {
     [a, b].map(|tile| blocks.iter().map(|block| relative(tile, block)).sum::<f64>() / blocks.len() as f64)
 }
 
-/// Steps through the scene that a sample took, and what rays towards lights count for.
+/// Steps of a sample through the scene, and the cost of its rays towards lights.
 fn work(tile: &Tile) -> f64 {
     let offset = tile.layout().offset(Aov::Cost).expect("the cost layer");
     tile.rect().pixels().map(|(x, y)| f64::from(tile.pixel(x, y)[offset])).sum()
@@ -69,7 +69,7 @@ fn compared(what: &str, scene: Scene, agents: AgentUse, spp: u32) -> (f64, f64) 
     held_to(what, &helped, &plain(&scene, spp))
 }
 
-/// The picture without agents, with more samples: where light is rare, few know too little of their own variance.
+/// The picture without agents, with more samples: where light is rare, few samples underestimate their own variance.
 fn plain(scene: &Subject, spp: u32) -> Tile {
     whole(scene, &settings(NOTHING, 2, spp), MORE * spp)
 }
@@ -84,8 +84,8 @@ fn held_to(what: &str, helped: &Tile, plain: &Tile) -> (f64, f64) {
     (noise, work)
 }
 
-/// A room with small lamps all over its ceiling, most of them above a sheet that keeps their light off, and a sky that nobody
-/// sees.
+/// A room with small lamps all over its ceiling, most of them above a sheet that blocks their light, and a sky that is not
+/// visible.
 pub(crate) fn lamps(along: [u32; 2]) -> Scene {
     let mut scene =
         Scene { cameras: vec![camera(Vec3::new(-1.6, 0.0, 1.8), Vec3::new(0.0, -0.6, -1.0), 1.0)], ..Scene::default() };
@@ -104,7 +104,7 @@ pub(crate) fn lamps(along: [u32; 2]) -> Scene {
     scene
 }
 
-/// Alone they may pay or not: the trial says. Together they do, see below.
+/// Alone, each use of agents may pay or not, as the trial decides. Together they pay, see below.
 #[test]
 fn neither_shadows_nor_roulette_alone_are_a_loss() {
     let shadows = AgentUse { shadows: true, ..NOTHING };
@@ -137,13 +137,13 @@ pub(crate) fn around_a_corner() -> Scene {
     scene
 }
 
-/// It is rendered once for all tests.
+/// The room is rendered once for all tests.
 fn plain_around_a_corner() -> &'static Tile {
     static PLAIN: OnceLock<Tile> = OnceLock::new();
     PLAIN.get_or_init(|| plain(&prepare(around_a_corner()), 32))
 }
 
-/// Counted work, not time: so the answer is the same everywhere.
+/// Counted work instead of time, so the result is the same on every machine.
 #[test]
 fn a_picture_goes_by_what_was_learnt_where_that_pays_and_nowhere_else() {
     let of = |agents, seed| PathSettings { guiding: agents == ALL, ..settings(agents, seed, 32) };
@@ -189,10 +189,10 @@ fn the_same_bits_however_the_work_is_cut_and_whoever_learnt() {
     }
 }
 
-/// What came of each part of each stage.
+/// The result of each part of each stage.
 type Found = (Mutex<BTreeMap<(u32, u32), Vec<u8>>>, Condvar);
 
-/// One of two machines, of which each does every other part. What the second one tells of its first part is cut off.
+/// One of two machines; each does every other part. The second one's answer for its first part is truncated.
 struct OneOfTwo<'a>(u32, &'a Found);
 
 impl Sharing for OneOfTwo<'_> {
@@ -215,7 +215,7 @@ impl Sharing for OneOfTwo<'_> {
     }
 }
 
-/// One who was called away.
+/// A machine that leaves: its sharing ends with [`RenderError::Left`].
 struct Leaving;
 
 impl Sharing for Leaving {
@@ -235,7 +235,7 @@ fn those_who_learn_together_learn_what_one_learns_alone() {
         let options = PrepareOptions { threads, compensate_environment: true };
         Subject::new(PreparedScene::new(Arc::new(around_a_corner()), &options).expect("a sound scene"))
     };
-    // So many that the trial is shared.
+    // Enough samples that the trial is shared.
     let settings = PathSettings { guiding: true, ..settings(ALL, 3, 200) };
     let learnt = |it: &Subject| it.prepass.learnt(&it.scene, VIEW, &settings);
     let alone = by(2);
@@ -256,7 +256,7 @@ fn those_who_learn_together_learn_what_one_learns_alone() {
     for machine in &machines {
         assert!(learnt(machine).is_some() && learnt(machine) == learnt(&alone));
     }
-    // Who is called away has learnt nothing; who knows it already asks nobody.
+    // A machine that leaves has learnt nothing; a machine that has learnt everything does not ask.
     let late = by(1);
     let leave = |it: &Subject| learn_together(&it.scene, &it.prepass, VIEW, &settings, &Leaving);
     assert!(matches!(leave(&late), Err(RenderError::Left)) && learnt(&late).is_none());
@@ -272,7 +272,7 @@ fn what_is_sent_damaged_is_refused_or_harmless() {
     let (mut refused, mut taken) = (0, 0);
     for i in 0..60 {
         let mut bytes = learnt.clone();
-        // All over: what leads, nodes, agents, what the parts of the picture are worth.
+        // Damage at places all over the data: header, nodes, agents, choices for the parts of the picture.
         let place = (i * bytes.len() / 60 + 7 * i) % bytes.len();
         bytes[place] ^= 1 << (i % 8);
         let other = Subject { scene: Arc::clone(&scene.scene), prepass: Arc::default() };

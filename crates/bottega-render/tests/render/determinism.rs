@@ -76,7 +76,7 @@ fn lanes_of_the_allocator_paint_the_same_bits() {
 fn another_seed_is_another_picture() {
     let scene = scene();
     let (a, b) = (whole(&scene, 2, 1), whole(&scene, 2, 2));
-    // Black in both: beside the room.
+    // Black in both pictures: outside the room.
     let lit: Vec<_> = a.rect().pixels().filter(|&(x, y)| a.pixel(x, y)[0] + b.pixel(x, y)[0] > 0.0).collect();
     let different = lit.iter().filter(|&&(x, y)| a.pixel(x, y)[..3] != b.pixel(x, y)[..3]).count();
     assert!(different * 20 > lit.len() * 19 && lit.len() > 200, "{different} of {}", lit.len());

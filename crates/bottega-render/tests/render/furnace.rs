@@ -1,4 +1,4 @@
-//! White in, white out.
+//! Furnace tests: under uniform white light, white surfaces look white.
 
 use bottega_image::Tile;
 use bottega_render::{DirectLight, PathSettings};
@@ -102,7 +102,7 @@ fn over_many_bounces_nothing_is_gained_or_lost() {
         let settings = PathSettings { roulette_depth, direct_light, ..deep() };
         mean_color(&paint(&scene, (12, 12), 64, settings)).x
     };
-    // Here every path carries the same: there is no noise at all.
+    // Every path carries the same radiance: there is no noise.
     assert!((mean(200, DirectLight::BsdfSampling) - 1.0).abs() < 1e-5);
     let cases =
         [(3, DirectLight::Combined, 0.02), (200, DirectLight::Combined, 3e-3), (200, DirectLight::LightSampling, 3e-3)];

@@ -1,4 +1,4 @@
-//! Guided paths have the mean of those that are not, less noise, and bits that depend on nobody's threads.
+//! Guided paths have the mean of unguided ones, less noise, and bits that do not depend on threads.
 
 use std::sync::{Arc, OnceLock};
 
@@ -13,7 +13,7 @@ use crate::render::strategies::{assert_same_mean, moments};
 /// Large enough that there is something to learn from.
 const SIDE: u32 = 128;
 
-/// So many times as many samples has the picture that others are held to: where light is rare, few know too little of their own
+/// Factor on the samples of the reference picture: where light is rare, few samples underestimate their own
 /// variance.
 const MORE: u32 = 4;
 
@@ -22,7 +22,7 @@ fn paint_by(scene: &Subject, guiding: bool, spp: u32, seed: u64) -> Tile {
     paint(scene, (SIDE, SIDE), spp, settings)
 }
 
-/// A room whose one lamp shines on the wall behind a screen, open at one side.
+/// A room whose only lamp shines on the wall behind a screen, open at one side.
 pub(crate) fn behind_a_screen(wall: &Material) -> Scene {
     let mut scene =
         Scene { cameras: vec![camera(Vec3::new(-1.6, 0.0, 1.8), Vec3::new(-1.0, 0.0, -2.0), 1.0)], ..Scene::default() };

@@ -1,4 +1,4 @@
-//! Scenes whose radiance can be written down.
+//! Scenes whose radiance is known in closed form.
 
 use std::f32::consts::PI;
 
@@ -24,14 +24,14 @@ pub(crate) fn irradiance(scene: Scene, direct_light: DirectLight) -> f32 {
     color(&tile, 0, 0).x * PI / 0.5
 }
 
-/// A prism with a vertical edge of 30°, entered at a right angle, and a sky that shines within half a degree of where the colour
+/// A prism with a vertical edge of 30°, entered at a right angle, and a sky that shines within half a degree of the direction in which the colour
 /// of that index of refraction leaves it.
 fn prism(material: Material, index: f32) -> Vec3 {
     const COLUMNS: u32 = 720;
     let apex = PI / 6.0;
     let deviation = (index * apex.sin()).asin() - apex;
     let texel = |i: u32| {
-        // The middle column is −z, others are as far to the right of it as the angle around +y.
+        // The middle column is −z; the other columns are to the right of it by the angle around +y.
         let angle = ((i % COLUMNS) as f32 + 0.5) / COLUMNS as f32 * 2.0 * PI - PI;
         [f32::from(u8::from((angle - deviation).abs() < 0.5_f32.to_radians())); 3]
     };
@@ -52,7 +52,7 @@ fn prism(material: Material, index: f32) -> Vec3 {
     color(&paint(&prepare(scene), (1, 1), 16384, settings), 0, 0)
 }
 
-/// Share of unpolarized light that goes through a boundary from within, whose sine inside is ½.
+/// Share of unpolarized light that a boundary transmits from inside, at an angle whose sine inside is ½.
 fn through(index: f32) -> f32 {
     let (inside, outside) = (0.75_f32.sqrt(), (1.0 - 0.25 * index * index).sqrt());
     let s = (index * inside - outside) / (index * inside + outside);
@@ -77,7 +77,7 @@ fn a_prism_bends_blue_more_than_red() {
                 assert!(found[other] < 0.01, "{channel}: {found}");
             }
         }
-        // Without it all colours go as green does.
+        // Without dispersion all colours are refracted like green.
         let found = prism(glass(0.0), index);
         let expected = if index == 1.5 { through(index) } else { 0.0 };
         assert!((found - expected).abs().max_element() < 0.03, "{channel}: {found}, {expected}");
@@ -107,9 +107,9 @@ fn each_ray_asks_each_side_of_a_half_transparent_ball_anew() {
     add_sphere(&mut scene, Vec3::new(0.0, 2.0, 0.0), 0.5, veil);
     let kind = LightKind::Point { position: Vec3::new(0.0, 4.0, 0.0), intensity: Vec3::splat(10.0) };
     scene.lights.push(Light::new("", kind));
-    // The ray of the camera passes two walls, and so does that to the light.
+    // The ray of the camera passes two walls, and so does the shadow ray.
     let passing = 0.6_f32.powi(4);
-    // Four standard errors of 4096 samples of which so many pass.
+    // Four standard errors of 4096 samples with this share of passing ones.
     let tolerance = 4.0 * ((1.0 - passing) / passing / 4096.0).sqrt();
     assert_near(irradiance(scene, DirectLight::Combined), passing * 10.0 / 16.0, tolerance);
 }
@@ -160,7 +160,7 @@ fn a_sphere_overhead_gives_pi_l_sin_squared() {
             let mut scene = floor();
             scene.cameras[0] = camera(Vec3::new(3.0, 0.05, 0.0), Vec3::ZERO, 0.001);
             add_sphere(&mut scene, Vec3::new(0.0, height, 0.0), radius, lamp(Vec3::splat(3.0)));
-            // Of 4096 directions some 250 meet the lamp: their number is known to a few percent.
+            // Some 250 of 4096 directions hit the lamp: their number is accurate to a few percent.
             let tolerance = if direct_light == DirectLight::BsdfSampling { 0.04 } else { 0.02 };
             assert_near(irradiance(scene, direct_light), exact, tolerance);
         }
@@ -276,7 +276,7 @@ fn a_half_transparent_blind_lets_half_the_light_through() {
 
 #[test]
 fn a_solid_absorbs_by_the_length_of_the_way() {
-    // Straight through the middle of a slab of no refraction but with absorption, before a white sky.
+    // Through the middle of a slab that absorbs and does not refract, in front of a white sky.
     let mut scene = Scene {
         cameras: vec![camera(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 0.001)],
         environment: Some(Environment::uniform(Vec3::ONE)),
@@ -297,7 +297,7 @@ fn unlit_surfaces_show_their_color_and_light_up_nothing_by_light_sampling() {
     scene.materials[0] = Surface::Unlit(Vec3::new(0.2, 0.4, 0.6).into()).into();
     let tile = paint(&prepare(scene), (1, 1), 4, PathSettings::default());
     assert!((color(&tile, 0, 0) - Vec3::new(0.2, 0.4, 0.6)).length() < 1e-6);
-    // Colours of vertices make no base colour brighter than white.
+    // Vertex colours above 1 do not raise a base colour above white.
     let mut scene = floor();
     scene.materials[0] = Surface::Unlit(Vec3::new(0.2, 0.4, 0.6).into()).into();
     scene.meshes[0].colors = vec![Vec4::new(2.0, 2.0, 2.0, 1.0); scene.meshes[0].positions.len()];
@@ -318,7 +318,7 @@ fn other_values_tell_of_the_first_surface() {
     let mean = |aov, channel: usize| tile.pixel(0, 0)[layout.offset(aov).unwrap() + channel] / 256.0;
     assert!((mean(Aov::Depth, 0) - 1.5).abs() < 1e-3);
     assert!((mean(Aov::Normal, 1) - 1.0).abs() < 1e-3);
-    // Through the glass the floor is seen, but for some 8 % that are mirrored into the dark.
+    // The floor is seen through the glass, except for some 8 % that are reflected into the dark.
     assert!((mean(Aov::Albedo, 0) - 0.5 * 0.92).abs() < 0.03, "{}", mean(Aov::Albedo, 0));
     assert!(mean(Aov::Cost, 0) > 10.0);
 }
@@ -337,7 +337,7 @@ fn scenes_without_sound_surfaces_are_painted_all_the_same() {
     let mut scene = Scene { cameras: vec![camera(Vec3::Z * 3.0, Vec3::ZERO, 1.0)], ..Scene::default() };
     let black = paint(&prepare(scene.clone()), (4, 4), 4, PathSettings::default());
     assert!(black.sums().iter().all(|sum| *sum == 0.0 || *sum == 4.0));
-    // A triangle without area that shines.
+    // An emitting triangle without area.
     add_mesh(&mut scene, vec![Vec3::ZERO, Vec3::X, Vec3::X * 2.0], vec![[0, 1, 2]], lamp(Vec3::ONE));
     add_quad(&mut scene, Vec3::new(-1.0, -1.0, -1.0), Vec3::X * 2.0, Vec3::Y * 2.0, matte(Vec3::ONE));
     let tile = paint(&prepare(scene), (4, 4), 16, PathSettings::default());

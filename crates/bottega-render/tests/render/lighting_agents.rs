@@ -1,4 +1,4 @@
-//! Pictures by Autonomous Lighting Agents, held to those by paths.
+//! Pictures by Autonomous Lighting Agents against pictures by paths.
 
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ fn report_of(scene: &Subject, (width, height): (u32, u32), settings: &PathSettin
     found.expect("the requested agents")
 }
 
-/// The room with a spherical light, as the scene of the paper has it.
+/// The room with a spherical light, as in the paper's scene.
 pub(crate) fn room_with_sphere() -> Scene {
     let mut scene = cornell();
     scene.meshes.pop();
@@ -49,7 +49,7 @@ pub(crate) fn room_with_sphere() -> Scene {
     scene
 }
 
-/// The same with a floor and a back wall of rough plastic, and a ball of rough metal.
+/// The room with a floor and a back wall of rough plastic, and a ball of rough metal.
 pub(crate) fn glossy_room() -> Scene {
     let plastic = Layered { base_color: Vec3::splat(0.6).into(), roughness: 0.4.into(), ..Layered::default() };
     let metal = Layered { metallic: 1.0.into(), roughness: 0.7.into(), ..plastic.clone() };
@@ -72,7 +72,7 @@ fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
         let tally = report.tally;
         let share = tally.shadow_traced as f64 / (tally.shadow_traced + tally.shadow_spared) as f64;
         assert!(share < 0.4, "{tally:?}");
-        // Records fade at their ends, so some light is gathered among many of them, too.
+        // The weight of records fades at their edges, so some light is gathered even among many of them.
         assert!(tally.irradiance_interpolated > 6 * tally.irradiance_computed, "{tally:?}");
         let (found, expected) = (mean_color(&found), mean_color(&expected));
         assert!(((found - expected) / expected).abs().max_element() < 0.03, "{oracle:?} {found} {expected}");
@@ -82,7 +82,7 @@ fn agents_spare_shadow_rays_and_show_nearly_the_light_of_paths() {
     }
 }
 
-/// A lamp in the ceiling shines at no part of it straight, so nobody comes there but who was sent on from where it shines.
+/// A lamp in the ceiling does not illuminate the ceiling directly, so only agents cast on from illuminated places get there.
 #[test]
 fn scouts_look_at_what_no_light_shines_at() {
     let mut scene = cornell();
@@ -92,14 +92,14 @@ fn scouts_look_at_what_no_light_shines_at() {
     let settings = by(AgentSettings { cast: 10_000, ..few(Oracle::Error) }, 1);
     let found = paint(&scene, SIZE, 64, settings);
     let tally = report(&scene, &settings).tally;
-    // Where they are unsure and hardly reach, light is gathered.
+    // Light is gathered where agents are uncertain or have a small reach.
     assert!(tally.irradiance_interpolated > 3 * tally.irradiance_computed, "{tally:?}");
     let (found, expected) = (mean_color(&found), mean_color(&expected));
     assert!(((found - expected) / expected).abs().max_element() < 0.03, "{found} {expected}");
 }
 
-/// The sky over a floor, as the lower half of a ball sees it: by light that came back once.
-/// A ball on the ground, under a sky that is the same everywhere.
+/// A ball whose lower half is lit by the sky's light that the floor reflects.
+/// The ball stands on the ground, under a uniform sky.
 pub(crate) fn ball_under_sky() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.5, 5.0), Vec3::Y * 0.5, 0.25)], ..Scene::default() };
     let grey = matte(Vec3::splat(0.5));
@@ -111,7 +111,7 @@ pub(crate) fn ball_under_sky() -> Scene {
 
 #[test]
 fn a_wide_light_comes_back_whole_from_surfaces_that_are_known() {
-    // As in pictures: what is dim in the sky is left to paths that run into it.
+    // As in pictures: the dim parts of the sky are left to paths that hit them.
     let options = PrepareOptions { threads: 1, compensate_environment: true };
     for scene in [ball_under_sky(), room_under_sky()] {
         let scene = Subject::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"));
@@ -127,7 +127,7 @@ fn a_wide_light_comes_back_whole_from_surfaces_that_are_known() {
 
 #[test]
 fn what_is_unlit_shines_once_on_surfaces_that_are_known() {
-    // What is dim in the sky is left to rays that run into it, and these come to what is unlit, too.
+    // The dim parts of the sky are left to rays that hit them, and these also reach unlit places.
     let options = PrepareOptions { threads: 1, compensate_environment: true };
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 4.0, 0.1), Vec3::ZERO, 0.9)], ..Scene::default() };
     add_quad(&mut scene, Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, matte(Vec3::splat(0.6)));
@@ -176,7 +176,7 @@ fn agents_decide_only_what_is_left_to_them() {
         let [none, some] = settings.map(|settings| report(&scene, &settings).tally);
         assert_eq!((none.shadow_spared, none.irradiance_interpolated, some.irradiance_interpolated), (0, 0, 0));
         assert!(some.shadow_spared > some.shadow_traced, "{some:?}");
-        // The same samples: they differ where an agent was wrong alone.
+        // The same samples: they differ only where an agent was wrong.
         let differs = |&(x, y): &(u32, u32)| {
             let (a, b) = (color(&alone, x, y), color(&with_shadows, x, y));
             (a - b).abs().max_element() > 0.1 * a.max_element()
@@ -195,7 +195,7 @@ fn agents_make_do_with_the_memory_they_are_given() {
         let settings = by(AgentSettings { memory_bytes, ..few(Oracle::Error) }, 3);
         let tight = paint(&scene, SIZE, 32, settings);
         let report = report(&scene, &settings);
-        // One record more than there was room for, and the tree that it lies in.
+        // One record more than the budget holds, and the tree that contains it.
         assert!(report.map_bytes <= memory_bytes + 8_192, "{report:?}");
         let Tally { irradiance_computed, irradiance_interpolated, .. } = report.tally;
         let share = irradiance_interpolated as f64 / (irradiance_computed + irradiance_interpolated) as f64;
@@ -260,7 +260,7 @@ fn is_sound(name: &str, scene: &Subject, agents: AgentSettings) -> Vec3 {
     mean_color(&tile)
 }
 
-/// Rooms without light, with black light, with a light inside a closed object, of mirrors alone; nothing but sky; a room that is
+/// Rooms without light, with black light, with a light inside a closed object, of mirrors alone; only a sky; a room that is
 /// open to the sky, behind a veil; Cornell's room. Each is prepared once for all agents.
 fn hard_scenes() -> [Subject; 7] {
     let room = |material: &Material| {
@@ -366,7 +366,7 @@ fn a_picture_with_received_maps_has_the_same_bits() {
         other.prepass.learn_from(&other.scene, view, &settings, &bytes).expect("maps that can be read");
         assert!(other.prepass.learnt(&other.scene, view, &settings).as_ref() == Some(&bytes));
         assert_eq!(paint(&other, SIZE, 2, settings).sums(), expected.sums());
-        // What is cut off, or damaged in its counts, is refused; what is damaged elsewhere harms nobody.
+        // Truncated data and damaged counts are refused; other damage does no harm.
         let mut taken = 0;
         for i in 0..40 {
             let third = Subject { scene: Arc::clone(&one.scene), prepass: Arc::default() };
@@ -376,7 +376,7 @@ fn a_picture_with_received_maps_has_the_same_bits() {
             damaged[i * bytes.len() / 40 + i % 7] ^= 1 << (i % 8);
             if third.prepass.learn_from(&third.scene, view, &settings, &damaged).is_ok() {
                 taken += 1;
-                // A part of this view: another view has maps of its own.
+                // The maps belong to this view: another view has its own.
                 let part = Tile::new(Rect::new(8, 8, 16, 16), Layout::new(AovSet::NONE));
                 let part = third.block(view, settings, part, 0..1).perform().expect("a picture").tile;
                 assert!(part.sums().iter().all(|sum| sum.is_finite()), "{i}");

@@ -1,4 +1,4 @@
-//! Lookouts: agents of the camera, by whom photons are sent to the caustics that are seen.
+//! Lookouts: agents of the camera that direct photons to visible caustics.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use glam::Vec3;
 use super::scenes::{Subject, add_quad, add_sphere, camera, glass, lamp, matte, prepare};
 
 const VIEW: View = View { camera: 0, width: 32, height: 24 };
-/// Pictures whose caustics are compared.
+/// Number of pictures whose caustics are compared.
 const RUNS: u64 = 12;
 
 /// Nine glass balls on a floor under a lamp. The camera sees the light below one of them, the others stand around it.
@@ -24,7 +24,7 @@ fn balls() -> Scene {
     scene
 }
 
-/// The power of the caustics below the ball that is seen and below the others, by seed, and the share of the photons below the
+/// The power of the caustics below the visible ball and below the others, by seed, and the share of the photons below the visible
 /// one.
 fn caustics(scene: &Subject, lookouts: bool) -> ([Vec<f64>; 2], f64) {
     let settings = PhotonSettings { count: 80_000, lookouts, ..PhotonSettings::default() };

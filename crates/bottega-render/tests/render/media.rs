@@ -1,4 +1,4 @@
-//! Participating media against what is known of them, and all ways to find light in them against each other.
+//! Participating media against known answers, and all ways to find light in them against each other.
 
 use std::f32::consts::PI;
 
@@ -22,7 +22,7 @@ fn scattering(sigma: Spectrum, g: f32) -> Medium {
     Medium { scattering: sigma, g, ..Medium::absorbing(Spectrum::ZERO) }
 }
 
-/// What parts two media and does nothing else.
+/// A boundary between two media that has no other effect.
 fn boundary(interior: Option<MediumId>, exterior: Option<MediumId>) -> Material {
     Material { interior, exterior, ..Surface::Null.into() }
 }
@@ -62,7 +62,7 @@ fn in_white_glass_filled_with_a_white_cloud_nothing_is_lost() {
 
 #[test]
 fn light_is_weakened_by_the_exponential_of_its_way() {
-    // 2 units of the outer medium and 1 of the inner one, twice nested, before a lamp.
+    // 2 units of the outer medium and 1 of the inner one, twice nested, in front of a lamp.
     let (outer, inner) = (Vec3::new(0.1, 0.5, 1.0), Vec3::new(1.0, 0.2, 0.0));
     let mut scene = Scene { cameras: vec![camera(Vec3::Z * 5.0, Vec3::ZERO, 0.001)], ..Scene::default() };
     let outer_medium = scene.push_medium(Medium::absorbing(outer));
@@ -74,7 +74,7 @@ fn light_is_weakened_by_the_exponential_of_its_way() {
     let expected = 3.0 * (-2.0 * outer - inner).map(f32::exp);
     let found = color(&paint(&prepare(scene.clone()), (1, 1), 16, deep()), 0, 0);
     assert!((found / expected - 1.0).abs().max_element() < 1e-3, "{found} {expected}");
-    // The same way, walked by shadow rays to a matte wall behind.
+    // The same distance, for shadow rays to a matte wall behind.
     scene.materials.pop();
     scene.materials.push(matte(Vec3::ONE));
     let position = Vec3::new(0.0, 0.0, 6.0);
@@ -98,7 +98,7 @@ fn a_camera_within_a_medium_looks_through_it() {
     assert!((found / expected - 1.0).abs().max_element() < 1e-3, "{found} {expected}");
 }
 
-/// Radiance from a medium all around that scatters light of a point once, before a distance along the ray.
+/// Radiance from a surrounding medium that scatters the light of a point once, within a distance along the ray.
 fn single_scattering(sigma: f32, absorption: f32, g: f32, light: Vec3, end: f32) -> f32 {
     let extinction = f64::from(sigma + absorption);
     let g = f64::from(g);
@@ -161,7 +161,7 @@ fn all_ways_to_find_light_in_smoke_agree() {
     }
 }
 
-/// What Mitsuba 3 (`volpath`, scalar_rgb, 32768 samples a pixel of 8 × 8, max_depth 7 = six bounces, no roulette) says of
+/// The means of Mitsuba 3 (`volpath`, scalar_rgb, 32768 samples per pixel of 8 × 8, max_depth 7 = six bounces, no roulette) over
 /// the four quarters of the picture, row by row; its standard errors are below 0.4 %.
 const QUARTERS: [[[f32; 3]; 4]; 2] = [
     [
@@ -201,7 +201,7 @@ fn smoke_looks_as_another_renderer_paints_it() {
             let squares: Vec3 = means.iter().map(|&m| (m - mean) * (m - mean)).sum();
             let variance = squares / (SEEDS * (SEEDS - 1)) as f32 + (0.004 * expected) * (0.004 * expected);
             let z = (mean - expected).abs() / variance.map(f32::sqrt);
-            // 24 numbers; 5.4 standard errors of eight are exceeded by one in a thousand.
+            // 24 numbers: one of them exceeds 5.4 standard errors, estimated from eight seeds, with a probability of a thousandth.
             assert!(z.max_element() < 5.4, "{block}: {mean} {expected}, {z} standard errors");
             let error = (mean / expected - 1.0).abs();
             assert!(error.max_element() < 0.06, "{block}: {mean} {expected}");

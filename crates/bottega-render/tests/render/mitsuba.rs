@@ -1,4 +1,4 @@
-//! Scenes of Mitsuba against the means of its own pictures: Mitsuba 3.9.1, `scalar_rgb`, 1,500 samples a pixel.
+//! Scenes of Mitsuba against the means of its own pictures: Mitsuba 3.9.1, `scalar_rgb`, 1,500 samples per pixel.
 
 use std::{fs, path::Path};
 
@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use crate::render::scenes::{mean_color, paint, prepare};
 
-/// A ground of 12 × 12, seen from before and above.
+/// A ground of 12 × 12, seen from the front and above.
 const GROUND: &str =
     "<shape type='rectangle'><transform name='to_world'><scale value='6'/><rotate x='1' angle='-90'/></transform>
     <bsdf type='diffuse'><rgb name='reflectance' value='0.6 0.5 0.4'/></bsdf></shape>";
@@ -75,7 +75,7 @@ pub(crate) fn mean(text: &str, photons: Option<PhotonSettings>) -> Vec3 {
     mean_color(&paint(&prepare(scene), (width, height), hints.samples.expect("samples"), settings))
 }
 
-/// Whether the mean of a picture is Mitsuba's, within a share that noise explains.
+/// Checks that the mean of a picture is Mitsuba's, within a relative tolerance for noise.
 pub(crate) fn check(what: &str, text: &str, expected: [f32; 3], share: f32) {
     let found = mean(text, None);
     let off = (found / Vec3::from_array(expected) - 1.0).abs().max_element();
@@ -195,7 +195,7 @@ fn cameras_see_between_their_clip_planes() {
     check("lens", &room("thinlens", &lens, clipped, sky), [0.4534, 0.8989, 1.8013], 0.01);
     check("parallel", &room("orthographic", wide, near, ""), [0.3476, 0.2625, 0.2004], 0.02);
     check("parallel, far", &room("orthographic", wide, clipped, sky), [0.4372, 0.8744, 1.7488], 0.01);
-    // In the names of the old line.
+    // With the names of the 0.6 format.
     let old = room("perspective", look, "<float name='nearClip' value='2.5'/>", "").replace("3.0.0", "0.6.0");
     check("nearClip", &old, [0.2977, 0.2275, 0.2020], 0.02);
 }

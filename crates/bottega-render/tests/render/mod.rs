@@ -1,4 +1,4 @@
-//! Pictures held to the yardsticks that their claims deserve: known answers, equal means, equal bits.
+//! Pictures against known answers, equal means and equal bits.
 
 mod agents;
 mod determinism;

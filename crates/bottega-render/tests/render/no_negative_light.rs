@@ -1,6 +1,6 @@
-//! No sample takes light away, whoever helps: what is subtracted anywhere must have been added before.
+//! No sample is negative, with any guide and any integrator: light that is subtracted must have been added before.
 //!
-//! Every scene is painted with every guide and by every integrator, with so few samples that nothing can make up for a value
+//! Every scene is rendered with every guide and by every integrator, with so few samples that nothing can hide a value
 //! below zero.
 
 use std::{
@@ -24,9 +24,9 @@ use crate::render::scenes::{Subject, cornell, matte, room_under_sky};
 
 /// Large enough that there is something to learn from.
 const LEARNING_SIDE: u32 = 128;
-/// Photons learn nothing of the view.
+/// Photons learn nothing about the view.
 const SIDE: u32 = 16;
-/// Planned samples per pixel, by which paths learn, and painted samples.
+/// Planned samples per pixel, which decide how much paths learn, and rendered samples.
 const PLANNED_SAMPLES: u32 = 32;
 const SAMPLES: u32 = 2;
 
@@ -47,7 +47,7 @@ const OWN: [&str; 13] = [
     "crates/bottega-render/tests/pictures/scenes/smoke.xml",
 ];
 
-/// Files below the folder that `BOTTEGA_SCENES` names. Cornell's box is there once more by its other materials, those of Mitsuba.
+/// Files below the folder that `BOTTEGA_SCENES` names. Cornell's box occurs a second time with the materials of Mitsuba.
 const SHARED: [&str; 22] = [
     "ala/ala.pbrt",
     "coffee/pbrt/scene-v4.pbrt",
@@ -86,7 +86,7 @@ fn by_paths(guiding: bool, agents: AgentUse) -> PathSettings {
     }
 }
 
-/// All ways to help paths.
+/// All guides of paths.
 fn guides() -> Vec<(&'static str, PathSettings)> {
     vec![
         ("no guide", by_paths(false, NOBODY)),
@@ -98,7 +98,7 @@ fn guides() -> Vec<(&'static str, PathSettings)> {
     ]
 }
 
-/// Agents whose network answers.
+/// Agents that also ask their network.
 fn with_network(agents: AgentSettings) -> AgentSettings {
     AgentSettings { asks_network: true, ..agents }
 }
@@ -124,7 +124,7 @@ fn maps() -> Vec<(&'static str, PathSettings)> {
     all.into_iter().map(|(what, photons)| (what, settings(photons))).collect()
 }
 
-/// Paints with each of these settings, and finds nothing below zero. What media refuse is left out.
+/// Renders with each of these settings, and checks that no value is below zero. Settings that media do not allow are skipped.
 fn check(name: &str, scene: &Subject, side: u32, ways: &[(&str, PathSettings)]) {
     for (what, settings) in ways {
         let tile = Tile::new(Rect::of_size(side, side), Layout::new(AovSet::NONE));
@@ -171,7 +171,7 @@ fn in_scenes_made_by_hand() {
     }
 }
 
-/// A file's scene; one without lights below a sky that is bright above, one without a camera seen as it is shown.
+/// A file's scene. Without lights it gets a sky that is bright above; without a camera, the default view.
 fn loaded(path: &Path) -> Scene {
     let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
     let loaded = bottega_scene::load(path, &options);
@@ -197,11 +197,11 @@ fn in_files() {
         eprintln!("skipped {} files: set BOTTEGA_SCENES to the folder of the scenes", SHARED.len());
     }
     let shared = shared.iter().flat_map(|folder| SHARED.map(|name| (name, folder.join(name))));
-    // Agents whose network answers are asked by the oracle of errors, too.
+    // The oracle of errors also asks agents whose network answers.
     let maps: Vec<_> = maps().into_iter().filter(|(what, _)| *what != "the oracle of errors").collect();
     for (name, path) in OWN.map(|name| (name, root.join(name))).into_iter().chain(shared) {
         eprintln!("{name}");
-        // All that paths are helped with at once, and directions alone.
+        // All guidance at once, and guided directions alone.
         check_all(name, loaded(&path), &guides()[..3], &maps);
     }
 }

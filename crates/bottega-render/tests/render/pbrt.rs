@@ -1,4 +1,4 @@
-//! Scenes of pbrt against what its documentation makes of them.
+//! Scenes of pbrt against the values that its documentation implies.
 
 use std::{f32::consts::PI, fs};
 
@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use crate::render::scenes::{mean_color, paint, prepare};
 
-/// Loads a scene with these `LoadOptions::strict`, and paints it.
+/// Loads a scene with these `LoadOptions::strict`, and renders it.
 fn mean(text: &str, strict: bool, spp: u32, photons: Option<PhotonSettings>) -> Vec3 {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.pbrt");
@@ -31,7 +31,7 @@ fn assert_near(what: &str, found: Vec3, expected: Vec3, share: f32) {
     assert!(off < share, "{what}: {found} instead of {expected}, {:.1} % off", 100.0 * off);
 }
 
-/// A square of 2 by 2 straight before the camera, lit from there so that its radiance is its reflectance.
+/// A square of 2 by 2 in front of the camera, lit from the camera so that its radiance is its reflectance.
 fn front(film: &str, size: u32, what: &str) -> String {
     format!(
         "LookAt 0 0 4 0 0 0 0 1 0
@@ -61,9 +61,9 @@ fn curves_turn_their_width_to_each_ray() {
         ("along another axis", format!("Rotate 37 1 0 0 {flat}"), 0.05),
         ("cylinder", round.clone(), 0.05 * PI / 4.0),
         ("ribbon", ribbon.clone(), 0.05),
-        // Its width and what it gets are both half.
+        // The width of the square and its irradiance are both half.
         ("turned ribbon", format!("Rotate 60 1 0 0 {ribbon}"), 0.05 * 0.25),
-        // It is seen shorter, and gets less.
+        // The square is foreshortened, and its irradiance is lower.
         ("at a slant", format!("Rotate 60 0 1 0 {flat}"), 0.05 * 0.25),
         ("round at a slant", format!("Rotate 60 0 1 0 {round}"), 0.05 * PI / 4.0 * 0.25),
         ("of two widths", flat.replace("\"float width\" .2", "\"float width0\" .1 \"float width1\" .3"), 0.05),
@@ -105,13 +105,13 @@ fn bent_curves_are_as_long_as_they_are() {
 
 #[test]
 fn curves_cast_their_shadows() {
-    // A lamp behind the camera, a curve before a wall: what is dark of the wall is as much as the curve hides of it.
+    // A lamp behind the camera, a curve in front of a wall: the shadow on the wall has the area that the curve hides.
     let wall = "AttributeBegin Translate 0 0 -1 Shape \"bilinearmesh\" \"point3 P\" [-3 -3 0 3 -3 0 -3 3 0 3 3 0] AttributeEnd";
     let curve = "Material \"diffuse\" \"rgb reflectance\" [0 0 0]
         Shape \"curve\" \"point3 P\" [-1 0 0 -.33333 0 0 .33333 0 0 1 0 0] \"float width\" .2";
     let text =
         front("\"rgb\"", 40, &format!("{wall} {curve}")).replace("[0 0 1] \"point3 to\"", "[0 1 1] \"point3 to\"");
-    // Lit at 45°; the shadow lies a unit below what casts it, and is as wide as the curve is for the light, √2 times, seen so.
+    // Lit at 45°: the shadow lies one unit below the curve, and is √2 times as wide as the curve seen from the light.
     let lit = 0.5 * 0.5_f32.sqrt();
     let expected = lit * (1.0 - 0.1 - 0.1 * 2.0_f32.sqrt());
     let half = text.replace("[-1 1 -1 1]", "[-1 1 -1.5 .5]");
@@ -207,8 +207,8 @@ fn lamps_of_all_shapes_may_be_nowhere() {
 #[test]
 fn lamps_that_are_nowhere_are_neither_seen_nor_in_the_way() {
     let light = "AttributeBegin AreaLightSource \"diffuse\" \"rgb L\" [9 9 9] Translate 0 0 1 Shape \"disk\" \"float radius\" .7 \"float alpha\" 0 AttributeEnd";
-    // It shines to the camera, away from the square, which is seen through it.
+    // The light emits towards the camera, away from the square, which is seen through it.
     let found = mean(&front("\"rgb\"", 8, &format!("{light} {SQUARE}")), true, 64, None);
-    // What is in the way hides 38 % of the square, and what is seen is eighteen times as bright.
+    // An opaque disk would hide 38 % of the square; a visible one would be eighteen times as bright.
     assert_near("through it", found, Vec3::splat(0.5), 0.06);
 }

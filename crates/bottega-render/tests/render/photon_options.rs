@@ -1,4 +1,4 @@
-//! Options of photon mapping: where gathering rays go, which maps are kept apart, and what light there is.
+//! Options of photon mapping: directions of gathering rays, separate maps, and kinds of light.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Scenes that photons are tried on, what they are held to, and how two means are compared.
+//! Test scenes of photon mapping, their references, and the comparison of two means.
 
 use std::sync::OnceLock;
 
@@ -27,7 +27,7 @@ pub(crate) fn mean_of_seeds(scene: &Subject, samples: u32, settings: impl Fn(u64
     (mean, means.iter().map(|it| (*it - mean) * (*it - mean)).sum::<Vec3>() / 30.0)
 }
 
-/// A scene that several tests paint, and the light of its paths.
+/// A scene that several tests render, and its light by path tracing.
 pub(crate) struct KnownScene {
     pub(crate) scene: Subject,
     by_paths: OnceLock<(Vec3, Vec3)>,
@@ -38,7 +38,7 @@ impl KnownScene {
         Self { scene: prepare(scene), by_paths: OnceLock::new() }
     }
 
-    /// Mean of its pictures by paths, and the square of the standard error. They are painted once.
+    /// Mean of the scene's pictures by paths, and the square of the standard error. They are rendered once.
     pub(crate) fn by_paths(&self) -> (Vec3, Vec3) {
         *self.by_paths.get_or_init(|| by_paths(&self.scene))
     }
@@ -66,7 +66,7 @@ pub(crate) fn by_paths(scene: &Subject) -> (Vec3, Vec3) {
     mean_of_seeds(scene, 512, |seed| PathSettings { seed: seed + 100, guiding: false, ..PathSettings::default() })
 }
 
-/// How many standard errors beyond a share of the mean two means are apart.
+/// The distance of two means beyond a share of the mean, in standard errors.
 pub(crate) fn distance(a: (Vec3, Vec3), b: (Vec3, Vec3), margin: f32) -> f32 {
     let beyond = ((a.0 - b.0).abs() - b.0 * margin).max(Vec3::ZERO);
     (beyond / (a.1 + b.1).map(f32::sqrt).max(Vec3::splat(1e-9))).max_element()
@@ -82,7 +82,7 @@ pub(crate) fn mirror() -> Material {
     metal.into()
 }
 
-/// A room with mirrors, frosted and clear glass, a matte sheet that lets light through, and lights of several kinds.
+/// A room with mirrors, frosted and clear glass, a matte sheet that transmits light, and lights of several kinds.
 pub(crate) fn many_things() -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.2, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
     add_room(&mut scene, Vec3::new(1.2, 1.0, 4.0), &matte(Vec3::new(0.6, 0.5, 0.4)));
@@ -103,7 +103,7 @@ pub(crate) fn many_things() -> Scene {
     scene
 }
 
-/// Below a sky: with a glass ball, or with a sun and a lamp without extent, whose light paths find through no glass.
+/// A scene below a sky: with a glass ball, or with a sun and a lamp without extent, whose light paths cannot find through glass.
 pub(crate) fn outside(has_sun: bool) -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 1.0, 3.6), Vec3::ZERO, 0.7)], ..Scene::default() };
     add_quad(&mut scene, Vec3::new(-1.5, -0.5, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0, matte(Vec3::splat(0.6)));
@@ -131,7 +131,7 @@ pub(crate) fn closed_room(has_mirror: bool) -> Scene {
     scene
 }
 
-/// Rooms without light, with black light, with a light and a lamp inside closed objects, of mirrors alone; nothing but sky; Cornell's room.
+/// Rooms without light, with black light, with a light and a lamp inside closed objects, of mirrors alone; only a sky; Cornell's room.
 /// Each is prepared once, and its trial photons are traced once, for all modes.
 pub(crate) fn hard_scenes() -> [Subject; 7] {
     let room = |material: &Material| {

@@ -1,4 +1,4 @@
-//! Pictures by photons, held to those by paths.
+//! Pictures by photons against pictures by paths.
 
 use std::{cell::RefCell, collections::BTreeMap, sync::Arc};
 
@@ -43,7 +43,7 @@ fn gathered_light_is_that_of_paths() {
 
 #[test]
 fn what_glass_reflects_is_in_every_sample() {
-    // A ball in the dark, before a lamp that stands behind the camera: some 8 % of its light comes back from the front and from the back of it.
+    // A ball in the dark, lit by a lamp behind the camera: some 8 % of the light comes back from the ball's front and back.
     let mut scene = Scene { cameras: vec![camera(Vec3::Z * 3.0, Vec3::ZERO, 0.1)], ..Scene::default() };
     add_sphere(&mut scene, Vec3::ZERO, 0.5, glass());
     add_quad(&mut scene, Vec3::new(-4.0, -4.0, 6.0), Vec3::Y * 8.0, Vec3::X * 8.0, Material::lamp(Vec3::splat(5.0)));
@@ -52,13 +52,13 @@ fn what_glass_reflects_is_in_every_sample() {
     let mean = seen.iter().sum::<f32>() / seen.len() as f32;
     let deviation = (seen.iter().map(|it| (it - mean).powi(2)).sum::<f32>() / seen.len() as f32).sqrt();
     assert!((0.06..0.1).contains(&(mean / 5.0)), "{mean}");
-    // By chance alone it would be three times the mean.
+    // If the reflection were followed at random, the deviation would be three times the mean.
     assert!(deviation < 0.25 * mean, "{deviation} of {mean}");
 }
 
 #[test]
 fn a_veil_is_as_bright_as_paths_find_it() {
-    // Nothing else is seen, and half of its light comes by way of the floor.
+    // Nothing else is visible, and half of the light comes by the floor.
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.0, 2.5), Vec3::ZERO, 0.4)], ..Scene::default() };
     let veil = Material { alpha_mode: AlphaMode::Blend, opacity: 0.3.into(), ..matte(Vec3::splat(0.8)) };
     add_quad(&mut scene, Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, veil);
@@ -83,7 +83,7 @@ fn a_progressive_picture_comes_nearer_to_that_of_paths_the_more_passes_it_has() 
             mean_of_seeds(scene, 64, |seed| by_photons(photons, seed, passes))
         };
         let error = |found: (Vec3, Vec3)| ((found.0 - expected.0) / expected.0).abs().max_element();
-        // So wide that it is seen what the radius does.
+        // So wide that the effect of the radius is visible.
         let (early, late) = (with(1.5, 1, 1_500), with(1.5, 64, 500));
         assert!(error(late) < 0.8 * error(early), "{name}: {early:?} {late:?} {expected:?}");
         let small = with(0.05, 64, 4_000);
@@ -148,13 +148,13 @@ impl RoomByDepth {
         PathSettings { max_depth, seed: seed + 100, guiding: false, ..PathSettings::default() }
     }
 
-    /// Mean of small pictures by paths, and the square of its standard error. They are painted once for each depth.
+    /// Mean of small pictures by paths, and the square of its standard error. Each depth is rendered once.
     fn by_paths(&self, max_depth: u32) -> (Vec3, Vec3) {
         let paint = || mean_of_small(&self.scene, 512, |seed| Self::path(max_depth, seed));
         *self.by_paths.borrow_mut().entry(max_depth).or_insert_with(paint)
     }
 
-    /// Checks that each mode shows the light of so many bounces, and of no other number.
+    /// Checks that each mode shows the light of exactly this number of bounces.
     fn check(&self, max_depth: u32, modes: &[(&str, PhotonSettings)]) {
         let (name, expected) = (self.name, self.by_paths(max_depth));
         let in_medium = mean_of_small(&self.in_medium, 256, |seed| Self::path(max_depth, seed));
@@ -169,7 +169,7 @@ impl RoomByDepth {
             if max_depth > 3 {
                 continue;
             }
-            // A bounce more or less is seen.
+            // One bounce more or less makes a visible difference.
             let more = self.by_paths(max_depth + 1);
             let is_distinct = (found.0 - more.0).x.abs() > 2.0 * (found.0 - expected.0).x.abs();
             assert!(is_distinct, "{name} {max_depth} {mode}: {found:?} {expected:?} {more:?}");
@@ -249,7 +249,7 @@ fn hard_cases_end_in_the_right_picture() {
         assert_eq!(is_sound("no light", &unlit, photons), Vec3::ZERO);
         assert_eq!(is_sound("black light", &black, photons), Vec3::ZERO);
         let inside = is_sound("light inside a closed object", &closed, photons);
-        // A map that is as wide as the room knows no inside.
+        // A search as wide as the room cannot tell inside from outside.
         assert!(inside == Vec3::ZERO || photons.radius > 1.0, "{photons:?}");
         let inside = is_sound("lamp close to what hides it", &shade, photons);
         assert!(inside == Vec3::ZERO || photons.radius > 1.0, "{photons:?}");
@@ -287,7 +287,7 @@ fn shadow_photons_decide_what_is_lit_and_change_little() {
         (mean_color(&tile), cost)
     };
     let ((expected, all), (found, some)) = (with(false), with(true));
-    // A shadow ray costs half as much as a surface that a path comes to, of which there are two or three.
+    // A shadow ray costs half as much as a vertex, of which a path has two or three.
     assert!(some < 0.9 * all, "{some} {all}");
     assert!(((found - expected) / expected).abs().max_element() < 0.01, "{found} {expected}");
 }
@@ -319,7 +319,7 @@ fn maps_made_by_the_allocator_are_the_same() {
         }
         let before = scene.prepass.memory_bytes();
         let sums = paint(&scene, SIZE, 2, settings).sums().to_vec();
-        // Nothing was left to be made.
+        // Nothing remains to be traced.
         assert_eq!(scene.prepass.memory_bytes() == before, cast);
         sums
     };
@@ -340,7 +340,7 @@ fn media_are_refused() {
 
 #[test]
 fn photons_that_are_sent_to_glass_bring_what_others_bring_by_chance() {
-    /// Of all photons so many are sent.
+    /// Photons cast by chance per photon sent to glass.
     const SHARE: u32 = 4;
     let mut small = cornell();
     add_sphere(&mut small, Vec3::new(-0.5, 0.4, -0.3), 0.08, glass());
@@ -355,7 +355,7 @@ fn photons_that_are_sent_to_glass_bring_what_others_bring_by_chance() {
         let scene = prepare(scene);
         let settings = PhotonSettings { count: 160_000, ..PhotonSettings::default() };
         let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
-        // Power of the caustics, and how many photons that are traced bring some.
+        // Power of the caustics, and the number of traced photons that contribute to it.
         let found = |only_caustics: bool, seed: u64| {
             let indices = 0..if only_caustics { settings.count / SHARE } else { settings.count };
             let traced = indices.len() as f64;
@@ -374,13 +374,13 @@ fn photons_that_are_sent_to_glass_bring_what_others_bring_by_chance() {
         let z = (by_chance - sent) / (a + b).sqrt();
         assert!(z.abs() < 4.0 && sent > 0.0, "{name}: {by_chance} {sent}, z {z}");
         assert!(many > 3.0 * few, "{name}: {few} {many}");
-        // A quarter of the photons; variances of twelve runs are known within a factor of three.
+        // A quarter of the photons; the variance estimated from twelve runs is within a factor of three.
         eprintln!("{name}: variance {a:.2e} {b:.2e}, share {few:.4} {many:.4}");
         assert!(b < 3.0 * a, "{name}: {a} {b}");
     }
 }
 
-/// A ball under a sun, on a plain that reaches so far to all sides.
+/// A ball under a sun, on a plain that extends this far to all sides.
 fn ball_on_a_plain(half: f32) -> Scene {
     let mut scene =
         Scene { cameras: vec![camera(Vec3::new(0.0, 2.0, 6.0), Vec3::new(0.0, 0.15, 0.0), 0.8)], ..Scene::default() };
@@ -421,7 +421,7 @@ fn a_small_thing_in_a_wide_world_is_as_bright_as_paths_find_it() {
                 worst = if error > worst.0 { (error, x, y) } else { worst };
             }
             eprintln!("{half} {mode}: {worst:?}");
-            // A progressive picture has the noise of its photons.
+            // The noise of a progressive picture is that of its photons.
             if worst.0 > if photons.progressive { 0.1 } else { 0.05 } {
                 wrong.push((half, mode, worst));
             }
@@ -441,7 +441,7 @@ fn what_stands_on_a_large_triangle_shadows_it_as_on_a_small_one() {
         pixels.sum::<Vec3>() / 16.0
     };
     let mut worst = 0.0_f32;
-    // Above, the larger one reaches farther.
+    // Above the plain, the larger ball reaches farther.
     for place in (0..SIZE.0 / 4).flat_map(|x| (SIZE.1 / 8..SIZE.1 / 4).map(move |y| (x, y))) {
         let (found, expected) = (block(&large, place), block(&small, place));
         let error = ((found - expected).abs() / (expected + 0.05)).max_element();
@@ -450,7 +450,7 @@ fn what_stands_on_a_large_triangle_shadows_it_as_on_a_small_one() {
     assert!(worst < 0.03, "{worst}");
 }
 
-/// Rays that leave a triangle of any size and direction do not meet it, nor its neighbor in the same plane.
+/// Rays that leave a triangle of any size and direction hit neither it nor its neighbor in the same plane.
 #[test]
 fn a_plain_of_any_size_and_slope_does_not_shadow_itself() {
     for (half, axis, angle) in [
@@ -465,7 +465,7 @@ fn a_plain_of_any_size_and_slope_does_not_shadow_itself() {
         let mut scene = Scene { cameras: vec![camera(eye, right * 0.1, 0.8)], ..Scene::default() };
         let corner = (-right - away) * half;
         add_quad(&mut scene, corner, right * 2.0 * half, away * 2.0 * half, matte(Vec3::ONE));
-        // A sun that stands low, so that rays leave along the plain.
+        // A low sun, so that rays leave along the plain.
         let direction = (-0.02 * up + 0.7 * right + 0.7 * away).normalize();
         let kind = LightKind::Directional { direction, irradiance: Vec3::splat(std::f32::consts::PI), angle: 0.0 };
         scene.lights.push(Light::new("", kind));
@@ -473,7 +473,7 @@ fn a_plain_of_any_size_and_slope_does_not_shadow_itself() {
         let picture = paint(&prepare(scene), SIZE, 16, PathSettings { guiding: false, ..PathSettings::default() });
         for (x, y) in (0..SIZE.0).flat_map(|x| (0..SIZE.1).map(move |y| (x, y))) {
             let found = color(&picture, x, y).x;
-            // What looks past its edge sees nothing.
+            // A ray past the edge hits nothing.
             assert!(found == 0.0 || (found / expected - 1.0).abs() < 0.01, "{half} {x} {y}: {found} {expected}");
         }
         assert!(color(&picture, SIZE.0 / 2, SIZE.1 / 2).x > 0.0);

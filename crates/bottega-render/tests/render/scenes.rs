@@ -1,4 +1,4 @@
-//! Scenes made by hand, and how to paint them.
+//! Scenes made by hand, and functions that render them.
 
 use std::{ops::Range, sync::Arc};
 
@@ -9,12 +9,12 @@ use bottega_scene::{
 };
 use glam::{Affine3A, Vec3};
 
-/// A matte surface: Lambert's, nothing else.
+/// A Lambertian surface.
 pub(crate) fn matte(albedo: Vec3) -> Material {
     Material::matte(albedo)
 }
 
-/// A black surface that shines on both sides.
+/// A black surface that emits on both sides.
 pub(crate) fn lamp(radiance: Vec3) -> Material {
     Material { emission: radiance.into(), ..matte(Vec3::ZERO) }
 }
@@ -97,13 +97,13 @@ pub(crate) fn room_under_sky() -> Scene {
     scene
 }
 
-/// Prepares a scene so that each strategy alone can find all light.
+/// Prepares a scene in which each strategy alone can find all light.
 pub(crate) fn prepare(scene: Scene) -> Subject {
     let options = PrepareOptions { threads: 1, compensate_environment: false };
     Subject::new(PreparedScene::new(Arc::new(scene), &options).expect("a sound scene"))
 }
 
-/// A scene with what is found out of it.
+/// A scene with its preparation and prepass.
 pub(crate) struct Subject {
     pub(crate) scene: Arc<PreparedScene>,
     pub(crate) prepass: Arc<Prepass>,
@@ -114,14 +114,14 @@ impl Subject {
         Self { scene: Arc::new(scene), prepass: Arc::default() }
     }
 
-    /// Work on a picture of it.
+    /// The work of rendering a picture of the scene.
     pub(crate) fn block(&self, view: View, settings: PathSettings, tile: Tile, samples: Range<u32>) -> BlockWork {
         let (scene, prepass) = (Arc::clone(&self.scene), Arc::clone(&self.prepass));
         BlockWork { scene, prepass, view, settings: Arc::new(settings), tile, samples }
     }
 }
 
-/// Paints samples 0 to `spp` of a whole picture.
+/// Renders samples 0 to `spp` of a whole picture.
 pub(crate) fn paint(scene: &Subject, size: (u32, u32), spp: u32, settings: PathSettings) -> Tile {
     let tile = Tile::new(Rect::of_size(size.0, size.1), Layout::new(bottega_image::AovSet::NONE));
     let view = View { camera: 0, width: size.0, height: size.1 };
@@ -139,7 +139,7 @@ pub(crate) fn mean_color(tile: &Tile) -> Spectrum {
     tile.rect().pixels().map(|(x, y)| color(tile, x, y)).sum::<Vec3>() / tile.rect().area() as f32
 }
 
-/// Makes a scene so many times as large, the way from its camera with it.
+/// Scales a scene by a factor, with the distance from its camera.
 pub(crate) fn grow(scene: &mut Scene, size: f32) {
     let grown = Affine3A::from_scale(Vec3::splat(size));
     scene.instances.iter_mut().for_each(|instance| instance.world_from_object = grown * instance.world_from_object);

@@ -1,4 +1,4 @@
-//! Sheets that light goes straight through, as a whole or in part, and lamps on them: against Mitsuba 3.9.1, `scalar_rgb`.
+//! Sheets that transmit light without deflection, all of it or a part, and lamps on them: against Mitsuba 3.9.1, `scalar_rgb`.
 
 use bottega_render::PhotonSettings;
 use glam::Vec3;
@@ -12,7 +12,7 @@ const BLACK: &str = "<bsdf type='diffuse'><rgb name='reflectance' value='0'/></b
 const NULL: &str = "<bsdf type='null'/>";
 const POLARIZER: &str = "<bsdf type='polarizer'/>";
 
-/// A sheet across the view, seen from before or, at a negative `z`, from behind.
+/// A sheet across the view, seen from the front or, at a negative `z`, from behind.
 fn sheet(integrator: &str, z: f32, sheet: &str, more: &str) -> String {
     format!(
         "<scene version='3.0.0'><integrator type='{integrator}'><integer name='max_depth' value='8'/></integrator>
@@ -32,12 +32,12 @@ fn mask(opacity: f32, within: &str) -> String {
     format!("<bsdf type='mask'><float name='opacity' value='{opacity}'/>{within}</bsdf>")
 }
 
-/// The same on both sides, or another one behind.
+/// A two-sided material: one material for both sides, or one for each.
 fn two(within: &str) -> String {
     format!("<bsdf type='twosided'><boolean name='allow_transmission' value='true'/>{within}</bsdf>")
 }
 
-/// Checks what is seen of a sheet before a sky, from before and from behind, by both integrators.
+/// Checks the radiance of a sheet in front of a sky, from both sides, by both integrators.
 fn check_sheet(what: &str, bsdf: &str, before: [f32; 3], behind: [f32; 3]) {
     for integrator in ["path", "volpath"] {
         for (z, expected) in [(4.0, before), (-4.0, behind)] {
@@ -87,7 +87,7 @@ fn polarizers_of_light_without_polarization_are_gray_sheets() {
     check_sheet("in a blend", &blend(0.6, POLARIZER, RED), [0.68, 0.32, 0.26], [0.2; 3]);
 }
 
-/// Where a wall at z = 6 is seen from within the room before it, and a lamp shines on it from behind the sheet.
+/// A wall at z = 6, seen from the room in front of it, and lit by a lamp behind the sheet.
 fn lit_wall(integrator: &str, bsdf: &str, lamp: &str) -> String {
     let wall = "<shape type='rectangle'><transform name='to_world'><scale value='5'/><rotate y='1' angle='180'/><translate z='6'/>
         </transform><bsdf type='diffuse'/></shape>";
@@ -99,7 +99,7 @@ fn lit_wall(integrator: &str, bsdf: &str, lamp: &str) -> String {
 fn lamps_without_extent_shine_through_parts_where_mitsubas_do() {
     let lamp = "<emitter type='point'><point name='position' x='0' y='0' z='-2'/><rgb name='intensity' value='100'/></emitter>";
     let tinted = "<bsdf type='polarizer'><rgb name='transmittance' value='0.5,0.8,1'/></bsdf>";
-    // Black, so that no light comes back to the wall from the sheet.
+    // Black, so that the sheet reflects no light back to the wall.
     let parts = blend(0.6, NULL, BLACK);
     check("parts", &lit_wall("volpath", &parts, lamp), [0.0936; 3], 0.03);
     check("polarizer", &lit_wall("volpath", tinted, lamp), [0.0585, 0.0936, 0.117], 0.03);
@@ -108,7 +108,7 @@ fn lamps_without_extent_shine_through_parts_where_mitsubas_do() {
     }
 }
 
-/// A lamp that is a square under something.
+/// A square lamp with this material, above a floor.
 fn lamp_under(bsdf: &str) -> String {
     format!(
         "<scene version='3.0.0'><integrator type='path'><integer name='max_depth' value='8'/></integrator>
@@ -141,7 +141,7 @@ fn lamps_under_masks_light_what_is_before_them() {
             "<shape type='rectangle'><transform name='to_world'><translate z='1'/></transform>{bsdf}
             <emitter type='area'><rgb name='radiance' value='5'/></emitter></shape>"
         );
-        // Out of the way.
+        // Outside the view.
         lit_wall("path", BLACK, &lamp).replace("origin='0,0,0.5'", "origin='0,0,1.5'")
     };
     let open = mean(&lit(BLACK), None);

@@ -1,4 +1,4 @@
-//! Lights with an extent of their own: suns with a disc, spots with a radius, panels with a spread.
+//! Lights with an extent: suns with a disc, spots with a radius, panels with a spread.
 
 use std::f32::consts::PI;
 

@@ -44,7 +44,8 @@ fn ball() -> Shape {
     ("ball", positions, triangles)
 }
 
-/// Calls `check` with the darkest and the brightest pixel of each shape at each size, so many sizes away from the origin, matte of albedo ½ under a sky of
+/// Calls `check` with the darkest and the brightest pixel of each shape at each size. `places`: distances from the origin, in
+/// sizes of the shape. The shape is matte, of albedo ½, under a sky of
 /// radiance 1, seen from `eye` (in sizes, from its middle).
 fn pictures(eye: Vec3, places: &[f32], check: impl Fn(&str, f32, f32)) {
     let settings = PathSettings { max_depth: 5, direct_light: DirectLight::BsdfSampling, ..PathSettings::default() };
@@ -71,7 +72,7 @@ fn pictures(eye: Vec3, places: &[f32], check: impl Fn(&str, f32, f32)) {
 
 #[test]
 fn convex_things_show_no_specks() {
-    // Each path that does not meet the thing again brings just ½: one that does brings ¼ or less, and would take 1/64 from its pixel.
+    // A path that does not hit the shape again carries exactly ½; one that does carries ¼ or less, and would take 1/64 from its pixel.
     pictures(Vec3::new(1.7, 1.1, 1.4), &[0.0, 1e3], |what, darkest, brightest| {
         assert!((darkest - 0.5).abs() < 1e-3, "{what}: the darkest pixel is {darkest}");
         assert!((brightest - 1.0).abs() < 1e-3, "{what}: the sky is {brightest}");
@@ -80,7 +81,7 @@ fn convex_things_show_no_specks() {
 
 #[test]
 fn no_light_comes_through_closed_walls() {
-    // Not far from the origin: there a point that is rounded to the edge of two walls may lie behind the second.
+    // Only near the origin: far from it, a point that is rounded to the edge of two walls may lie behind the second.
     pictures(Vec3::new(0.11, -0.17, 0.23), &[0.0], |what, _, brightest| {
         assert_eq!(brightest, 0.0, "{what}: the brightest pixel");
     });

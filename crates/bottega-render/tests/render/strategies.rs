@@ -31,7 +31,7 @@ pub(crate) fn moments(tile: &Tile, block: &Rect) -> (f64, f64) {
 
 /// Two-sided z-test on every block of pixels, corrected for their number (Šidák), and on the whole picture.
 ///
-/// The variance estimate takes samples for independent; as they are stratified it is too large, on the safe side.
+/// The variance estimate assumes independent samples; for stratified ones it is too large, which is on the safe side.
 pub(crate) fn assert_same_mean(what: &str, a: &Tile, b: &Tile) {
     let blocks: Vec<Rect> = a.rect().blocks(BLOCK).chain([a.rect()]).collect();
     let significance = 1.0 - (1.0 - 0.001_f64).powf(1.0 / blocks.len() as f64);
@@ -102,7 +102,7 @@ fn under_a_sky_with_bright_spots() {
     assert_same_mean("compensated", &paint_by(&compensated, DirectLight::Combined, 1, 4), &plain);
 }
 
-/// A hall whose ceiling has a window, of 2 by 1: open to the sky, or closed by nothing but the word of a portal.
+/// A hall whose ceiling has a window of 2 by 1: open to the sky, or closed by a portal.
 fn hall(is_open: bool) -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.8, 2.5), Vec3::ZERO, 0.9)], ..Scene::default() };
     add_quad(&mut scene, Vec3::new(-3.0, -0.5, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, matte(Vec3::splat(0.6)));
@@ -143,7 +143,7 @@ fn a_portal_lets_in_what_a_window_does() {
     let portal = paint_by(&prepare(hall(false)), DirectLight::Combined, 1, 5);
     let window = paint_by(&prepare(hall(true)), DirectLight::Combined, 1, 6);
     assert_same_mean("portal and window", &window, &portal);
-    // What is sampled through the portal is nowhere noisier on the whole.
+    // Sampling through the portal is not noisier overall.
     let rect = portal.rect();
     assert!(moments(&portal, &rect).1 < moments(&window, &rect).1);
 }

@@ -1,4 +1,4 @@
-//! Sums of surfaces, and sheets that let coloured light pass straight through.
+//! Sums of surfaces, and sheets that transmit coloured light without deflection.
 
 use std::f32::consts::PI;
 
@@ -38,7 +38,7 @@ fn a_sum_reflects_what_both_surfaces_do() {
     assert!((sum.x - (0.75 * 0.7 + 0.25)).abs() < 0.02, "{sum}");
 }
 
-/// A sheet that lets a colour through, straight.
+/// A sheet that transmits a colour without deflection.
 fn sheet(surface: Surface) -> Material {
     Material { see_through: true, ..surface.into() }
 }
@@ -48,7 +48,7 @@ fn the_shadow_of_a_coloured_sheet_has_its_colour() {
     let tint = Vec3::new(0.25, 0.5, 1.0);
     let clear = Surface::clear_sheet(tint.into());
     let half_opaque = Surface::blend(0.5.into(), [clear.clone(), Surface::matte(Vec3::ZERO)]);
-    // Two sheets that pass light, added: twice as much
+    // The sum of two transmitting sheets transmits twice as much
     let twice = Surface::sum([clear.clone(), clear.clone()]);
     for (surface, factor, tolerance) in [(clear, 1.0, 1e-3), (half_opaque, 0.5, 0.07), (twice, 2.0, 0.01)] {
         let mut scene = floor();

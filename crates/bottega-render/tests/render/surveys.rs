@@ -1,4 +1,4 @@
-//! The Analyst's fast look.
+//! The Analyst's survey.
 
 use bottega_hra::{Hra, HraConfig, VirtualCpu};
 use bottega_render::{RenderError, RenderWork, View, survey};

@@ -11,7 +11,7 @@ use crate::render::{
     scenes::{add_quad, add_sphere, camera, color, matte, paint, prepare},
 };
 
-/// Adds a black screen 1 above the floor, over the origin, that is there for these rays.
+/// Adds a black screen 1 above the floor, over the origin, that exists for these rays only.
 fn add_screen(scene: &mut Scene, visibility: Visibility) {
     add_quad(scene, Vec3::new(-1.0, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, matte(Vec3::ZERO));
     scene.instances.last_mut().expect("an instance").visibility = visibility;

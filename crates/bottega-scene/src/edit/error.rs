@@ -62,7 +62,7 @@ pub enum EditError {
     Taken {
         /// The kind of thing.
         kind: EntryKind,
-        /// The key.
+        /// The key that exists already.
         key: String,
     },
     /// The key is empty.
@@ -76,9 +76,9 @@ pub enum EditError {
     InUse {
         /// The kind of thing.
         kind: EntryKind,
-        /// Its key.
+        /// The key of the entry that is in use.
         key: String,
-        /// What refers to it.
+        /// The entry that refers to it, for display.
         user: String,
     },
     /// An argument has a wrong value.
@@ -88,9 +88,9 @@ pub enum EditError {
         argument: &'static str,
         /// The first wrong row of an array; `None`: the argument as a whole.
         row: Option<usize>,
-        /// The problem.
+        /// The problem, for display.
         problem: String,
-        /// What to do about it.
+        /// The remedy, for display.
         remedy: String,
     },
     /// A value cannot be rendered.
@@ -98,15 +98,15 @@ pub enum EditError {
     Value {
         /// The kind of thing.
         kind: EntryKind,
-        /// Its key.
+        /// The key of the entry.
         key: String,
-        /// The problem.
+        /// The problem, for display.
         problem: String,
     },
     /// The environment cannot be rendered.
     #[error("the environment: {problem}")]
     Environment {
-        /// The problem.
+        /// The problem, for display.
         problem: String,
     },
 }

@@ -19,7 +19,7 @@ pub(super) struct KeyedList<T> {
 pub enum Placing {
     /// The key must be new.
     New,
-    /// What has the key is replaced, if anything has it.
+    /// Inserts a value under a key. Replaces the value that has the key already, if any.
     AddOrReplace,
 }
 

@@ -69,9 +69,9 @@ struct EditedSphere {
 /// A light of an editor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EditedLight {
-    /// Its kind, position and strength.
+    /// The kind, position and strength of the light.
     pub kind: EditedLightKind,
-    /// Kinds of ray that it reaches.
+    /// Kinds of ray that the thing reaches.
     #[serde(default)]
     pub visibility: Visibility,
     #[serde(skip)]
@@ -221,7 +221,7 @@ impl SceneEditor {
         Ok(())
     }
 
-    /// Sets the kinds of ray for which an object is there.
+    /// Sets the kinds of ray for which an object exists.
     ///
     /// # Errors
     /// There is no such object.

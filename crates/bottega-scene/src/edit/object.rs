@@ -10,7 +10,7 @@ use crate::visibility::Visibility;
 /// A mesh placed in the world, once or many times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacedObject {
-    /// The key of its mesh.
+    /// The key of the object's mesh.
     pub mesh: String,
     /// Object space to world space of each instance; may mirror.
     pub transforms: Vec<Affine3A>,
@@ -18,9 +18,9 @@ pub struct PlacedObject {
     pub materials: Vec<String>,
     /// The material of each instance, as an index into `materials`, for all its slots. Empty: materials go by slot.
     pub instance_materials: Vec<u32>,
-    /// `true`: it is not in the picture.
+    /// `true`: the object is not in the picture.
     pub hidden: bool,
-    /// Kinds of ray for which it is there.
+    /// Kinds of ray for which the object exists.
     pub visibility: Visibility,
 }
 
@@ -35,6 +35,9 @@ pub enum MatrixRows<'a> {
 
 impl MatrixRows<'_> {
     /// Converts to transformations.
+    ///
+    /// # Errors
+    /// The last row of a 4 × 4 matrix is not 0, 0, 0, 1.
     pub fn to_transforms(self) -> Result<Vec<Affine3A>, EditError> {
         match self {
             Self::Three(matrices) => Ok(matrices.par_iter().map(|&[x, y, z]| of_rows(x, y, z)).collect()),

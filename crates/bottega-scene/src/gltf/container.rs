@@ -69,7 +69,7 @@ fn take_u32(bytes: &[u8]) -> Option<(u32, &[u8])> {
 pub(super) mod tests {
     use super::*;
 
-    /// A GLB container around these parts.
+    /// Returns a GLB container around these parts.
     pub(in crate::gltf) fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
         let mut chunks = Vec::new();
         for (kind, data, pad) in [(JSON, json.as_bytes(), b' '), (BIN, bin, 0)] {

@@ -182,7 +182,7 @@ struct NodeShape {
     bounds: (Vec3, Vec3),
     /// Former centre of the mesh in its own space, if it was moved to the origin.
     center: DVec3,
-    /// True if it is placed unmirrored; true if it is placed mirrored.
+    /// True if the shape is placed unmirrored; true if it is placed mirrored.
     used: [bool; 2],
 }
 

@@ -84,7 +84,7 @@ fn percent_decode(text: &str) -> Option<String> {
     percent_decode_str(text).decode_utf8().ok().map(Cow::into_owned)
 }
 
-/// Reads all buffers.
+/// Reads all buffers of a document.
 pub(super) fn load_buffers<'a>(
     document: &Document,
     path: &Path,

@@ -207,7 +207,7 @@ impl DecodedImage {
         std::mem::take(&mut self.notes)
     }
 
-    /// Converts it to an image. Float pictures are linear, whatever `encoding` is.
+    /// Converts the picture to an image. Float pictures are linear, whatever `encoding` is.
     pub(crate) fn into_image(self, name: &str, encoding: Encoding) -> Image {
         let (width, height, srgb) = (self.width, self.height, encoding == Encoding::Srgb);
         match self.texels {

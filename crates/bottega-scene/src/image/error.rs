@@ -3,7 +3,7 @@
 /// An error in a picture file, as a clause about "it".
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum PictureError {
-    /// It has more pixels than [`LoadOptions::max_image_pixels`](crate::LoadOptions::max_image_pixels).
+    /// The picture has more pixels than [`LoadOptions::max_image_pixels`](crate::LoadOptions::max_image_pixels).
     #[error("the picture has {width} × {height} pixels, more than the limit of {max}")]
     TooManyPixels { width: u64, height: u64, max: u64 },
     /// The bytes are not a picture in a supported format.

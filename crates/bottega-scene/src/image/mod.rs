@@ -25,7 +25,7 @@ use crate::values::VALUE_MAX;
 /// pictures take 1, 3 or 4 bytes per texel, 16-bit ones 8, float ones 12 or 16; the mip levels add a third.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
-    /// Its source, for messages.
+    /// The source of the image (a file or a name within one), for messages.
     pub name: String,
     texels: Texels,
 }
@@ -208,7 +208,7 @@ impl Image {
         self.level_texel(self.level_count() - 1, 0, 0)
     }
 
-    /// Returns true if it has a single channel, used for all colours.
+    /// Returns true if the image has a single channel, used for all colours.
     pub(crate) fn is_gray(&self) -> bool {
         matches!(self.texels, Texels::Gray8(_))
     }
@@ -218,7 +218,7 @@ impl Image {
         matches!(self.texels, Texels::Rgba8(_) | Texels::Rgba16(_) | Texels::Rgba32(_))
     }
 
-    /// Returns true if its values may exceed 1.
+    /// Returns true if the image's values may exceed 1.
     pub fn is_high_dynamic_range(&self) -> bool {
         matches!(self.texels, Texels::Rgb32(_) | Texels::Rgba32(_))
     }

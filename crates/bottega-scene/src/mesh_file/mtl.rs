@@ -21,7 +21,7 @@ pub(crate) struct MtlMaterial {
     pub(crate) diffuse: Option<Vec3>,
     /// `Ks`: specular reflectance.
     pub(crate) specular: Option<Vec3>,
-    /// `Ke`: emission.
+    /// `Ke`: emitted colour.
     pub(crate) emission: Option<Vec3>,
     /// `Ns`: exponent of a Phong highlight.
     pub(crate) exponent: Option<f32>,
@@ -33,7 +33,7 @@ pub(crate) struct MtlMaterial {
     pub(crate) transmission: Option<Vec3>,
     /// `Pr`: perceptual roughness.
     pub(crate) roughness: Option<f32>,
-    /// `Pm`: metalness.
+    /// `Pm`: metalness, 0 to 1.
     pub(crate) metallic: Option<f32>,
     /// `illum`: illumination model.
     pub(crate) illum: Option<u32>,
@@ -76,7 +76,7 @@ pub(crate) struct MtlMap {
 #[derive(Debug, Default)]
 pub(crate) struct MtlFile {
     pub(crate) materials: Vec<MtlMaterial>,
-    /// Lines, and warnings about them.
+    /// Numbers of lines, with warnings about them.
     pub(crate) notes: Vec<(usize, String)>,
 }
 

@@ -40,9 +40,9 @@ pub(super) struct MeshData {
 pub(super) struct AwaitedTexture {
     /// Name of the mesh attribute.
     pub(super) name: String,
-    /// Its picture, which is 0.5 until the mesh is read.
+    /// The image of the texture, which is 0.5 until the mesh is read.
     pub(super) image: ImageId,
-    /// `true`: its luminance is used.
+    /// `true`: the texture's luminance is used.
     pub(super) is_number: bool,
 }
 

@@ -79,7 +79,7 @@ fn mirrored(mut surface: Surface) -> Surface {
     surface
 }
 
-/// Converts a bsdf.
+/// Converts a `<bsdf>` to a surface.
 pub(super) fn bsdf(
     context: &mut ImportContext<'_>,
     textures: &mut MitsubaTextures<'_>,

@@ -80,19 +80,19 @@ pub(super) struct ObjectProperty {
     pub(super) value: Value,
     /// Location in the file.
     pub(super) at: TextPlace,
-    /// `true`: it was read.
+    /// `true`: the property was read.
     pub(super) used: Cell<bool>,
 }
 
 /// A nested object.
 #[derive(Debug)]
 pub(super) struct Child {
-    /// Name of its role; empty if only its class matters.
+    /// Name of the child's role; empty if only its class matters.
     pub(super) name: String,
     pub(super) object: ObjectId,
-    /// Location of its tag or reference.
+    /// Location of the child's tag or reference.
     pub(super) at: TextPlace,
-    /// `true`: it was read.
+    /// `true`: the child was read.
     pub(super) used: Cell<bool>,
 }
 
@@ -105,7 +105,7 @@ pub(super) struct Object {
     pub(super) plugin: String,
     /// Id in the file; may be empty.
     pub(super) id: String,
-    /// Location of its tag.
+    /// Location of the object's tag.
     pub(super) at: TextPlace,
     pub(super) properties: Vec<ObjectProperty>,
     /// Nested and referenced objects.
@@ -152,18 +152,18 @@ impl Object {
         format!("{} `{}`", self.class.name(), shortened(&self.plugin))
     }
 
-    /// Returns the name for what is made of it: its id.
+    /// Returns the name for the object made of it: its id.
     pub(super) fn label(&self) -> String {
         self.id.clone()
     }
 
-    /// Marks all its values as read, so that those of an unsupported object are not reported one by one.
+    /// Marks all the object's values as read, so that those of an unsupported object are not reported one by one.
     pub(super) fn accept_all(&self) {
         self.properties.iter().for_each(|property| property.used.set(true));
         self.children.iter().for_each(|child| child.used.set(true));
     }
 
-    /// Returns true if it has a value or a nested object of that name, and marks it as read.
+    /// Returns true if the object has a value or a nested object of that name, and marks it as read.
     pub(super) fn has(&self, name: &str) -> bool {
         self.property(name).is_some() || self.child(name).is_some()
     }
@@ -182,7 +182,7 @@ impl Object {
         }
     }
 
-    /// Returns a number.
+    /// Returns a number property; `None`: the object lacks it.
     pub(super) fn float(&self, name: &str) -> Result<Option<f64>, TextFault> {
         match self.property(name) {
             None => Ok(None),
@@ -202,7 +202,7 @@ impl Object {
         Ok(number)
     }
 
-    /// Returns an integer.
+    /// Returns an integer property; `None`: the object lacks it.
     pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, TextFault> {
         match self.property(name) {
             None => Ok(None),
@@ -214,7 +214,7 @@ impl Object {
         }
     }
 
-    /// Returns a boolean.
+    /// Returns a boolean property, or the default if the object lacks it.
     pub(super) fn boolean(&self, name: &str, default: bool) -> Result<bool, TextFault> {
         match self.property(name) {
             None => Ok(default),
@@ -223,7 +223,7 @@ impl Object {
         }
     }
 
-    /// Returns a text.
+    /// Returns a text property; `None`: the object lacks it.
     pub(super) fn string(&self, name: &str) -> Result<Option<&str>, TextFault> {
         match self.property(name) {
             None => Ok(None),

@@ -19,7 +19,7 @@ impl From<DMat4> for Transform {
 }
 
 impl Transform {
-    /// The identity.
+    /// The transformation that moves nothing.
     pub(super) const IDENTITY: Self = Self { matrix: DMat4::IDENTITY, taken_inverse: None };
 
     /// Composes transformations: first `self`, then `next`.

@@ -39,7 +39,7 @@ pub(super) fn shared_meshes(document: &Document) -> BTreeMap<MeshKey, (usize, Op
 pub(super) struct Ball {
     /// Maps the unit sphere to the space of the group.
     pub(super) to_group: DMat4,
-    /// `true`: its front is inside, because its normals are flipped or its own transformation mirrors it. An instance's
+    /// `true`: the ball's front is inside, because its normals are flipped or its own transformation mirrors it. An instance's
     /// transformation does not count.
     pub(super) inward: bool,
     /// Index of the material.

@@ -22,7 +22,7 @@ pub(super) struct XmlElement {
     pub(super) attributes: Vec<(String, String)>,
     /// Nested elements, in the order of the file.
     pub(super) children: Vec<XmlElement>,
-    /// Location of its start tag.
+    /// Location of the element's start tag.
     pub(super) at: TextPlace,
 }
 
@@ -32,7 +32,7 @@ impl XmlElement {
         self.attributes.iter().find(|attribute| attribute.0 == name).map(|attribute| attribute.1.as_str())
     }
 
-    /// Returns its memory without its children, in bytes.
+    /// Returns the element's memory without its children, in bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         let attribute = |(name, value): &(String, String)| name.len() + value.len() + size_of::<(String, String)>();
         2 * size_of::<Self>() + self.name.len() + self.attributes.iter().map(attribute).sum::<usize>()

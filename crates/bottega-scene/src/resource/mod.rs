@@ -295,7 +295,7 @@ impl Location {
         self.is_allowed && self.file.is_file()
     }
 
-    /// Returns its folder, relative to the folder of the scene; empty for that folder.
+    /// Returns the file's folder, relative to the folder of the scene; empty for that folder.
     pub(crate) fn folder(&self) -> &str {
         self.name.rsplit_once('/').map_or("", |(folder, _)| folder)
     }

@@ -15,7 +15,7 @@ use crate::visibility::Visibility;
 const _: () =
     assert!(cfg!(target_endian = "little"), "blocks are copied as they are in memory, which must be little-endian");
 
-/// Writes an array.
+/// Writes an array as a block of bytes.
 pub(super) fn put<T: Pod>(out: &mut dyn Write, values: &[T]) -> io::Result<()> {
     out.write_all(bytemuck::cast_slice(values))
 }
@@ -148,7 +148,7 @@ pub(super) struct CurvePointRecord {
     tangent: Vec3,
     radius: f32,
     along: f32,
-    /// 1: the curve ends here; 0: it goes on.
+    /// 1: the curve ends here; 0: it continues.
     is_last: u32,
 }
 

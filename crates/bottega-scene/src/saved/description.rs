@@ -42,7 +42,7 @@ pub(super) struct Description<'a> {
 #[serde(deny_unknown_fields)]
 pub(super) struct MeshDescription<'a> {
     pub(super) name: Cow<'a, str>,
-    /// Index of its material.
+    /// Index of the mesh's material.
     pub(super) material: u32,
     /// Number of vertices.
     pub(super) vertices: u64,
@@ -88,12 +88,12 @@ pub(super) enum TexelFormat {
     Rgba32,
 }
 
-/// A medium.
+/// The description of a medium in a saved scene.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MediumDescription<'a> {
     pub(super) medium: Cow<'a, Medium>,
-    /// The spatial variation of its coefficients; `None`: homogeneous.
+    /// The spatial variation of the medium's coefficients; `None`: homogeneous.
     pub(super) variation: Option<VariationDescription>,
 }
 
@@ -118,7 +118,7 @@ pub(super) enum DensityKind {
     WithAlbedo,
 }
 
-/// A grid.
+/// A grid, as the description of a saved scene has it; its values are in the arrays behind the description.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GridDescription {

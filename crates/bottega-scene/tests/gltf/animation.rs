@@ -1,4 +1,4 @@
-//! Animations, skins and morph targets at a time: poses that can be worked out by hand.
+//! Animations, skins and morph targets at a time, against poses computed by hand.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -129,7 +129,7 @@ fn weights_morph_every_target_for_itself() {
     assert_near(corners(&load_at(&file, 0.0))[0], Vec3::new(4.0, 0.0, 2.0));
 }
 
-/// A triangle whose corners hang on a joint at the origin, on one at (0, 0, 4), and on both.
+/// A triangle with one corner on a joint at the origin, one on a joint at (0, 0, 4), and one on both.
 fn skinned() -> File {
     let mut file = File::triangle();
     let joints = file.accessor("VEC4", U8, 3, &[0, 1, 0, 0].repeat(3));
@@ -226,7 +226,7 @@ fn what_cannot_be_animated_is_named() {
     assert!(error(&file).contains("sampler 1"));
 }
 
-/// Adds an animation of what a pointer leads to.
+/// Adds an animation of the target of a pointer.
 fn point(file: &mut File, pointer: &str, kind: &str, times: &[f32], values: &[f32]) {
     let input = file.floats("SCALAR", times);
     let output = file.floats(kind, values);
@@ -277,7 +277,7 @@ fn pointers_animate_materials_lights_cameras_and_nodes() {
     assert_eq!(vertical_fov, 0.75);
     assert!(warns(&loaded, &["`/nodes/0/name`", "KHR_animation_pointer"]), "{:?}", loaded.warnings);
     assert!(try_load_with(&file, &LoadOptions { strict: true, ..options(1.0) }).is_err());
-    // Without a time the file stands as it is.
+    // Without a time the scene is as the file describes it.
     let still = try_load_with(&file, &LoadOptions::default()).unwrap().scene;
     assert_eq!(still.materials[0].layered().unwrap().base_color.factor, Vec3::ONE);
 }
@@ -328,7 +328,7 @@ fn a_node_that_is_scaled_flat_is_a_flat_surface() {
         (json!({"scale": [1, 1, 0]}), false, triangle),
         (json!({"scale": [2, 1, 0], "rotation": [0.5, 0.5, 0.5, 0.5]}), false, 2.0 * triangle),
         (json!({"matrix": flat}), false, triangle),
-        // Edge on, or a line: nothing is left of it, which is told; three zeros hide it, which is meant so.
+        // Scaled to a plane or a line: the mesh is dropped with a warning; a scale of three zeros hides it on purpose.
         (json!({"scale": [0, 1, 1]}), true, 0.0),
         (json!({"scale": [1, 0, 0]}), true, 0.0),
         (json!({"scale": [0, 0, 0]}), false, 0.0),

@@ -1,4 +1,4 @@
-//! Files that are wrong: each gets an error that names the file and the place, or a warning.
+//! Invalid files: each gets an error that names the file and the place, or a warning.
 
 use std::path::Path;
 
@@ -106,7 +106,7 @@ fn ranges_that_leave_their_buffer_name_their_place() {
     breaks(|json| json["buffers"] = json!([{"byteLength": 1_000_000}]), &["buffers[0]", "1000000"]);
     let uvs = json!({"POSITION": 0, "NORMAL": 1});
     breaks(|json| json["meshes"][0]["primitives"][0]["attributes"] = uvs, &["attributes.NORMAL"]);
-    // Without a buffer view all are zeros, however many the document claims.
+    // Without a buffer view all values are zero, whatever count the document claims.
     let many = json!({"componentType": 5126, "type": "VEC3", "count": 4_000_000_000u64});
     breaks(|json| json["accessors"][0] = many, &[position, "4000000000"]);
 }
@@ -227,7 +227,7 @@ fn pictures_beyond_the_limit_are_refused_before_they_are_decoded() {
     file.texture(&bomb(100_000, 100_000));
     let error = file.error();
     assert!(error.contains("images[0]") && error.contains("100000 × 100000") && error.contains("scale"), "{error}");
-    // Within the limit, but more than so few bytes can hold: damaged, and replaced.
+    // Within the limit, but more than this number of bytes can hold: damaged, and replaced.
     let mut file = File::textured(&json!({"emissiveTexture": {"index": 0}}));
     file.texture(&bomb(10_000, 10_000));
     assert!(warns(&file.load(), &["images[0]", "10000 × 10000"]));
@@ -296,7 +296,7 @@ fn what_is_not_supported_is_refused_where_the_user_is_strict() {
 fn a_list_is_no_object() {
     let file = File::triangle();
     let document = &file.json;
-    // The members of objects in the order in which they are read: understood by position, they would make a scene.
+    // Objects as arrays of their members in the order of reading: read by position, they would make a scene.
     for (place, list) in [
         ("/asset", json!(["2.0", null, null])),
         ("/accessors/0", json!([0, 0, 5126, false, 3, "VEC3", null])),

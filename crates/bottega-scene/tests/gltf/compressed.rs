@@ -1,7 +1,7 @@
-//! Compressed files show the same as their uncompressed twins.
+//! Compressed files give the same meshes as their uncompressed twins.
 //!
 //! `data/meshopt.glb` holds pairs of nodes that show the same: one by buffer views that the reference library of the
-//! codec has compressed (both versions of attributes, both kinds of indices, three filters), one by what the same
+//! codec has compressed (both versions of attributes, both kinds of indices, three filters), one by the data that the same
 //! library decompresses from them. `data/draco.glb` holds the same for Draco: sequential, by edgebreaker, and by edgebreaker
 //! with valences.
 
@@ -22,7 +22,7 @@ fn read(path: &Path) -> Scene {
     load(path, &LoadOptions::default()).unwrap_or_else(|error| panic!("{error}")).scene
 }
 
-/// Filters may be off by one unit in the last place of what they put out.
+/// Tolerance of filters: one unit in the last place of their output.
 fn assert_same(a: &Mesh, b: &Mesh, tolerance: f32) {
     assert_eq!((a.triangles.len(), a.positions.len()), (b.triangles.len(), b.positions.len()), "{}", a.name);
     // The codec may begin a triangle with another of its corners.
@@ -61,7 +61,7 @@ fn meshopt_views_hold_what_the_reference_library_decompresses() {
     }
 }
 
-/// World-space corners, ordered so that it does not matter in which order a file has them.
+/// World-space corners, sorted so that their order in the file does not matter.
 fn corners(scene: &Scene) -> Vec<[i32; 3]> {
     let of_instance = |instance: &bottega_scene::Instance| {
         let mesh = &scene.meshes[instance.mesh as usize];

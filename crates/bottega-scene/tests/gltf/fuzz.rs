@@ -1,4 +1,4 @@
-//! Whatever the bytes are, the importer returns: it does not panic, hang, or take more memory than it may.
+//! For any bytes the importer returns: it does not panic, hang, or exceed its memory limit.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::gltf::pictures::{ktx2, sample_pictures};
 use crate::gltf::sample_scenes::scenes;
 use crate::gltf::support::{F32, File, U8, png, warns, write};
 
-/// Numbers that are at the edges of something.
+/// Numbers at the limits of types and counts.
 const NUMBERS: [&str; 14] = [
     "0",
     "1",
@@ -45,7 +45,7 @@ fn mutate(file: &[u8], random: &mut Random) -> Vec<u8> {
         let end = (start..file.len()).find(|&i| !file[i].is_ascii_digit()).unwrap_or(file.len());
         file.splice(start..end, NUMBERS[random.below(NUMBERS.len())].bytes());
     }
-    // A container that knows its new length lets mutations through to the document.
+    // With the correct new length in the container, mutations reach the document.
     if file.starts_with(b"glTF") && file.len() >= 20 && random.below(4) > 0 {
         let length = file.len() as u32;
         file[8..12].copy_from_slice(&length.to_le_bytes());
@@ -120,7 +120,7 @@ fn check(folder: &Path, name: &str, count: u64, mutated: impl Fn(&mut Random) ->
     survive(name, count, mutated, |bytes| load(&write(folder, name, bytes), &options).is_ok());
 }
 
-/// A file that uses most of what the importer knows.
+/// A file that uses most features of the importer.
 fn rich_file() -> File {
     let texture = |index: usize| json!({"index": index, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}});
     let mut file = File::textured(&json!({
@@ -219,7 +219,7 @@ fn mutated_compressed_files_never_panic() {
     }
 }
 
-/// Each picture by itself, in a scene that shows it.
+/// Mutates each picture by itself, in a scene that shows it.
 #[test]
 fn mutated_textures_never_panic() {
     let folder = tempfile::tempdir().unwrap();

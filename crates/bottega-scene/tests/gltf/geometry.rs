@@ -1,4 +1,4 @@
-//! Meshes and where they stand.
+//! Meshes and their positions.
 
 use glam::{Vec2, Vec3, Vec4};
 use serde_json::json;
@@ -209,7 +209,7 @@ fn morph_targets_are_added_with_their_default_weights() {
     file.json["meshes"][0]["weights"] = json!([0.5, 2.0]);
     let height = |file: &File| world_triangles(&file.load().scene)[0][0].z;
     assert_eq!(height(&file), 2.5);
-    // The node has the last word, and two nodes two shapes.
+    // The node's weights take precedence, and two nodes have two shapes.
     file.json["nodes"] = json!([{"mesh": 0, "weights": [1.0, 0.0]}, {"mesh": 0}]);
     file.json["scenes"][0]["nodes"] = json!([0, 1]);
     assert_eq!(height(&file), 1.0);
@@ -231,7 +231,7 @@ fn skins_move_vertices_with_their_joints() {
     file.json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = json!(weights);
     file.json["skins"] = json!([{"joints": [1, 2], "inverseBindMatrices": binds}]);
     file.json["scenes"][0]["nodes"] = json!([0, 1]);
-    // The mesh's own node has no say.
+    // The transformation of the mesh's own node has no effect.
     file.json["nodes"] = json!([
         {"mesh": 0, "skin": 0, "translation": [50, 50, 50]},
         {"children": [2]},
@@ -326,7 +326,7 @@ fn morph_targets_move_texture_coordinates_and_colors() {
     file.json["meshes"][0]["weights"] = json!([0.5]);
     let mesh = &file.load().scene.meshes[0];
     assert_eq!(mesh.uvs[0], [Vec2::new(0.25, 0.25), Vec2::new(1.25, 0.25), Vec2::new(0.25, 1.25)]);
-    // What comes out is no brighter than white.
+    // The output is not brighter than white.
     assert_eq!(mesh.colors, [Vec4::new(0.75, 1.0, 1.0, 1.0), Vec4::ONE, Vec4::ONE]);
 }
 

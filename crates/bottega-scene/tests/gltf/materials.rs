@@ -180,7 +180,7 @@ fn samplers_and_texture_transforms_are_read() {
     let material = file.load().scene.materials.remove(0);
     let map = material.emission.texture.unwrap();
     assert_eq!((map.uv_set, map.wrap_u, map.wrap_v, map.smooth), (1, Wrap::Clamp, Wrap::Mirror, false));
-    // Scaled to (2, 0), turned to point up in the picture, which is −v, and moved.
+    // Scaled to (2, 0), rotated to point up in the picture (−v), and moved.
     let at = map.picture_from_uv.transform_point2(Vec2::X);
     assert!((at - Vec2::new(0.5, 0.25 - 2.0)).length() < 1e-6, "{at}");
     let at = map.picture_from_uv.transform_point2(Vec2::Y);
@@ -229,7 +229,7 @@ fn pictures_that_cannot_be_read_are_replaced() {
         assert!(material.relief.is_none());
         assert!(warns(&loaded, &["images[0]", "magenta"]), "{image}: {:?}", loaded.warnings);
     }
-    // The file that is there but for its picture format.
+    // The file exists, but its picture format is unsupported.
     file.json["textures"] = json!([{"extensions": {"EXT_texture_avif": {"source": 0}}}]);
     assert!(warns(&file.load(), &["materials[0]", "texture 0", "magenta"]));
 }
@@ -280,7 +280,7 @@ fn effects_of_no_strength_are_left_out_and_defaults_are_those_of_the_extensions(
     let film = with_extension("KHR_materials_iridescence", &json!({"iridescenceFactor": 1}));
     let film = layers(&film).iridescence.as_ref().unwrap();
     assert_eq!((film.ior, film.thickness), (1.3, [100.0, 400.0]));
-    // Without a volume, what lets diffuse light through is a sheet.
+    // Without a volume, a material that transmits diffuse light is a sheet.
     let leaf = with_extension("KHR_materials_diffuse_transmission", &json!({"diffuseTransmissionFactor": 0.5}));
     assert!(layers(&leaf).thin && layers(&leaf).diffuse_transmission_color.factor == Vec3::ONE);
 }

@@ -1,4 +1,4 @@
-//! The glTF importer, through its front door: files in, scenes or errors out.
+//! The glTF importer, tested by its input files and its scenes or errors.
 
 mod animation;
 mod bad_input;

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::gltf::sample_scenes::scenes;
 use crate::gltf::support::{File, warns};
 
-/// A scene of one triangle with a picture of numbers: its codes are kept as they are.
+/// A scene of one triangle with a picture of numbers, whose codes are not converted.
 fn with_picture(picture: &[u8], texture: impl Fn(usize) -> Value) -> File {
     let mut file = File::textured(&json!({"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}));
     let view = file.view(picture);
@@ -26,7 +26,7 @@ fn picture_of(loaded: &Loaded) -> &Image {
     &loaded.scene.images[0]
 }
 
-/// A KTX2 file of one level of 8-bit RGBA, which may be called by the number of another format.
+/// A KTX2 file of one level of 8-bit RGBA, which may claim the number of another format.
 pub(crate) fn ktx2(format: u32, width: u32, height: u32, level: &[u8]) -> Vec<u8> {
     let mut file = b"\xabKTX 20\xbb\r\n\x1a\n".to_vec();
     let words = |file: &mut Vec<u8>, words: &[u32]| words.iter().for_each(|word| file.extend(word.to_le_bytes()));
@@ -121,7 +121,7 @@ fn zlib(level: &[u8]) -> Packed {
     (3, encoder.finish().unwrap())
 }
 
-/// The finest level of a KTX2 file, compressed once more.
+/// A KTX2 file whose finest level is supercompressed.
 fn packed(file: &[u8], pack: fn(&[u8]) -> Packed) -> Vec<u8> {
     let word = |at: usize| u64::from_le_bytes(file[at..at + 8].try_into().unwrap()) as usize;
     let (offset, length) = (word(80), word(88));

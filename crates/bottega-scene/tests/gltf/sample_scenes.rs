@@ -1,5 +1,5 @@
-//! The importer on scenes of other people's exporters, read from the folder in `BOTTEGA_SCENES`, against what their JSON
-//! says and against what another reader of the format sees.
+//! The importer on scenes by other exporters, read from the folder in `BOTTEGA_SCENES`, against their JSON
+//! and against another reader of the format.
 
 use std::path::{Path, PathBuf};
 
@@ -147,7 +147,7 @@ fn world_corners(scene: &Scene) -> Vec<Vec3> {
     scene.instances.iter().flat_map(of_instance).collect()
 }
 
-/// The same corners as another reader of the format sees them.
+/// The same corners by another reader of the format.
 fn corners_by_another_reader(path: &Path) -> Vec<Vec3> {
     let bytes = std::fs::read(path).unwrap();
     let gltf = gltf::Gltf::from_slice_without_validation(&bytes).unwrap();
@@ -262,7 +262,7 @@ fn the_lights_sample_has_its_lights_and_its_camera() {
     assert!((direction - Vec3::NEG_Y).length() < 1e-6 && position.y > 6.0);
     assert_eq!(scene.cameras.len(), 1);
     assert_eq!(scene.cameras[0].name, "Camera");
-    // It looks at the cube in the origin.
+    // The camera looks at the cube in the origin.
     let camera = &scene.cameras[0].world_from_camera;
     let toward_cube = -Vec3::from(camera.translation).normalize();
     assert!(camera.transform_vector3(Vec3::NEG_Z).dot(toward_cube) > 0.99);

@@ -1,4 +1,4 @@
-//! Scenes of real size. Run with `--ignored --nocapture --test-threads 1`.
+//! Large scenes. Run with `--ignored --nocapture --test-threads 1`.
 
 use std::time::Instant;
 
@@ -37,7 +37,7 @@ fn grid() -> File {
 fn ten_million_triangles_take_little_more_than_scene_and_file() {
     const FILE: &str = "BOTTEGA_SIZE_FILE";
     let Some(path) = std::env::var_os(FILE) else {
-        // Loaded in a process of its own, whose peak is not that of making the file.
+        // Loaded in a separate process, so that the peak excludes the generation of the file.
         let folder = tempfile::tempdir().unwrap();
         let path = write(folder.path(), "large.glb", &grid().glb());
         let test = "gltf::size::ten_million_triangles_take_little_more_than_scene_and_file";

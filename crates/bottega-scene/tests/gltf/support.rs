@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use bottega_scene::{LoadOptions, Loaded, SceneError, load};
 use serde_json::{Value, json};
 
-/// A document in the making, and its one buffer.
+/// An unfinished document, and its only buffer.
 pub(crate) struct File {
     pub(crate) json: Value,
     pub(crate) bin: Vec<u8>,
@@ -17,7 +17,7 @@ pub(crate) const U32: u32 = 5125;
 pub(crate) const F32: u32 = 5126;
 
 impl File {
-    /// One node that shows one mesh of no primitives yet.
+    /// A document with one node that shows a mesh without primitives.
     pub(crate) fn new() -> Self {
         let json = json!({
             "asset": {"version": "2.0"},
@@ -32,7 +32,7 @@ impl File {
         Self { json, bin: Vec::new() }
     }
 
-    /// One triangle in the plane z = 0, seen from +z, with the default material.
+    /// A document with one triangle in the plane z = 0, front towards +z, with the default material.
     pub(crate) fn triangle() -> Self {
         let mut file = Self::new();
         let positions = file.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
@@ -82,7 +82,7 @@ impl File {
         self.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
     }
 
-    /// Adds to a top-level array; returns the index.
+    /// Adds an element to a top-level array; returns its index.
     pub(crate) fn push(&mut self, list: &str, value: Value) -> usize {
         if self.json.get(list).is_none() {
             self.json[list] = json!([]);
@@ -154,7 +154,7 @@ pub(crate) fn png(width: u32, height: u32, texels: &[[u8; 4]]) -> Vec<u8> {
     file.into_inner()
 }
 
-/// Whether some warning contains all of these.
+/// Returns true if some warning contains all of these words.
 pub(crate) fn warns(loaded: &Loaded, words: &[&str]) -> bool {
     loaded.warnings.iter().any(|warning| words.iter().all(|word| warning.to_string().contains(word)))
 }

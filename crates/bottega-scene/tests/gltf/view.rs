@@ -1,4 +1,4 @@
-//! Cameras, lights, and what stands in for them.
+//! Cameras, lights, and their defaults.
 
 use std::f32::consts::FRAC_PI_4;
 
@@ -18,7 +18,7 @@ fn cameras_keep_their_direction_and_lose_their_scale() {
     let half = std::f32::consts::FRAC_1_SQRT_2;
     file.json["nodes"] = json!([
         {"mesh": 0},
-        // A quarter turn to the left: it looks along −x.
+        // A quarter turn to the left: the camera looks along −x.
         {"camera": 0, "translation": [1, 2, 3], "rotation": [0, half, 0, half], "scale": [3, 5, 7]},
         {"camera": 1, "name": "side"},
         {"camera": 0, "name": "again"},
@@ -90,7 +90,7 @@ fn punctual_lights_stand_where_their_nodes_stand() {
         {"mesh": 0},
         {"extensions": light(0), "translation": [0, 9, 0], "scale": [3, 3, 3]},
         {"extensions": light(1), "name": "lamp"},
-        // Looks down.
+        // The directional light points down.
         {"extensions": light(2), "rotation": [-half, 0, 0, half]},
         {"extensions": light(3)},
     ]);
@@ -134,7 +134,7 @@ fn an_environment_can_be_given() {
     assert!((environment.world_from_environment * Vec3::NEG_Z - Vec3::NEG_X).length() < 1e-6);
     let image = &loaded.scene.images[environment.image.unwrap().0 as usize];
     assert_eq!((image.texel(0, 0).x, image.texel(1, 0).x), (1.0, 0.0));
-    // Without its environment it is another scene.
+    // Without its environment the scene has another digest.
     assert_ne!(loaded.scene.digest, load(&scene, &LoadOptions::default()).unwrap().scene.digest);
 
     let missing = LoadOptions { environment: Some(folder.path().join("no.hdr")), ..LoadOptions::default() };
@@ -154,7 +154,7 @@ fn the_default_scene_is_shown_or_else_the_first() {
     let loaded = file.load();
     assert_eq!(loaded.scene.bounds().0.x, 0.0);
     assert!(warns(&loaded, &["scene", "first one"]));
-    // Without scenes, all that has no parent is shown.
+    // Without scenes, all nodes without a parent are shown.
     file.json.as_object_mut().unwrap().remove("scenes");
     assert_eq!(file.load().scene.instances.len(), 2);
 }

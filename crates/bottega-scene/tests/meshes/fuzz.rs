@@ -1,4 +1,4 @@
-//! Whatever the bytes are, the readers return: they do not panic, hang, or take more memory than they may.
+//! For any bytes the readers return: they do not panic, hang, or exceed their memory limit.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::meshes::mutation::{Random, damage, survive};
 use crate::meshes::scenes::real_scenes;
 use crate::meshes::support::{MTL, OBJ, PLY, binary_ply, gzip, png, serialized, write};
 
-/// Words that are at the edges of something.
+/// Words at the limits of types and counts.
 const WORDS: [&str; 20] = [
     "0",
     "1",
@@ -38,7 +38,7 @@ fn mutate(file: &[u8], random: &mut Random) -> Vec<u8> {
         if file.is_empty() {
             break;
         }
-        // Headers are short, and what they say matters most.
+        // Most mutations hit the header: it is short and decides most.
         let reach = if random.below(2) == 0 { file.len().min(300) } else { file.len() };
         let at = random.below(reach);
         if random.below(8) < 5 {
@@ -78,7 +78,7 @@ fn mutated_files_never_panic() {
     for (name, file) in &files {
         check(folder, name, name, 600, |random| mutate(file, random));
     }
-    // Through the compression.
+    // Mutations of the data inside the compression.
     check(folder, "b.ply.gz", "b.ply.gz", 300, |random| gzip(&mutate(&files[1].1, random)));
     write(folder, "sub/wood 1.png", &png([1, 2, 3, 4]));
     write(folder, "sub/a b.mtl", MTL.as_bytes());

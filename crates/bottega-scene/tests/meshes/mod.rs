@@ -1,4 +1,4 @@
-//! Files that hold a mesh, loaded as scenes: PLY, OBJ with MTL, Mitsuba's serialized meshes.
+//! Mesh files, loaded as scenes: PLY, OBJ with MTL, Mitsuba's serialized meshes.
 
 mod fuzz;
 mod scenes;

@@ -40,7 +40,7 @@ fn materials_and_pictures_of_an_obj_file() {
     assert_eq!(layered.base_color.factor, Vec3::new(1.0, 0.5, 0.5));
     assert!((layered.roughness.factor - (2.0f32 / 100.0).powf(0.25)).abs() < 1e-6);
     assert_eq!((red.alpha_mode, red.opacity.texture.as_ref().unwrap().1), (AlphaMode::Blend, Channel::A));
-    // (u, v) = (1, 0) in the file, at twice the scale and moved by (0.25, 0); v turned over.
+    // (u, v) = (1, 0) in the file, at twice the scale and moved by (0.25, 0); v is flipped.
     let map = layered.base_color.texture.as_ref().unwrap();
     let mesh = &scene.meshes[0];
     let corner = mesh.positions.iter().position(|p| *p == Vec3::X).unwrap();
@@ -50,7 +50,7 @@ fn materials_and_pictures_of_an_obj_file() {
     assert_eq!(glass.base_color.factor, Vec3::new(1.0, 1.0, 0.5));
     assert!(scene.meshes[1].uvs[0].is_empty());
     assert!(loaded.warnings.iter().any(|warning| warning.message.contains("`unknown`")));
-    // What the digest covers.
+    // The resources that the digest covers.
     for changed in 0..3 {
         let mut bytes: Vec<Vec<u8>> = files.iter().map(|(_, bytes)| bytes.to_vec()).collect();
         bytes[changed] = if changed == 2 { png([0, 0, 0, 128]) } else { [&bytes[changed][..], b"\n"].concat() };
@@ -90,7 +90,7 @@ fn missing_files_are_warned_of_and_foreign_ones_refused() {
     assert!(matches!(strict, Err(SceneError::Unsupported { .. })), "{strict:?}");
 }
 
-/// The colour of the square in `bytes`, told nothing but what `expected` says.
+/// The colour of the square in `bytes`, with no warnings but `expected`.
 fn check_square(files: &[(&str, &[u8])], expected: &[&str]) {
     let loaded = load_files(files);
     let name = files[0].0;
@@ -227,7 +227,7 @@ fn missing_maps_of_normals_are_flat() {
     }
 }
 
-/// The folder of real scenes, where the environment names one.
+/// The folder of real scenes, if the environment names one.
 pub(crate) fn real_scenes() -> Option<PathBuf> {
     let folder = std::env::var_os("BOTTEGA_SCENES").filter(|folder| !folder.is_empty()).map(PathBuf::from);
     if folder.is_none() {

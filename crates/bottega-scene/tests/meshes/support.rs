@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use bottega_scene::{LoadOptions, Loaded, SceneError, load};
 
-/// Writes a file, whose folder is made where it is missing.
+/// Writes a file; creates its folder if necessary.
 pub(crate) fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
     let path = folder.join(name);
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -36,7 +36,7 @@ pub(crate) const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty 
     property float u\nproperty float v\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n\
     0 0 0 0 0\n1 0 0 1 0\n1 1 0 1 1\n0 1 0 0 1\n3 0 1 2\n3 0 2 3\n";
 
-/// The same square, binary.
+/// The same square as a binary file.
 pub(crate) fn binary_ply(big_endian: bool) -> Vec<u8> {
     let format = if big_endian { "binary_big_endian" } else { "binary_little_endian" };
     let header = PLY.split_inclusive("end_header\n").next().unwrap().replace("ascii", format);
@@ -61,7 +61,7 @@ pub(crate) fn gzip(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
-/// A file of one or more squares as Mitsuba serializes them, version 4.
+/// A file of one or more squares in Mitsuba's serialized format, version 4.
 pub(crate) fn serialized(count: usize) -> Vec<u8> {
     let mut data = 0x1000u32.to_le_bytes().to_vec();
     data.push(0);

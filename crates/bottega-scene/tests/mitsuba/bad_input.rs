@@ -99,7 +99,7 @@ fn nothing_expands_without_limit() {
         groups += &format!("<shape type='shapegroup' id='g{level}'>{instance}{instance}{instance}{instance}</shape>\n");
     }
     let folder = Folder::new().scene(&format!("{groups}<shape type='instance'><ref id='g24'/></shape>"));
-    // Nor are they made as far as memory goes.
+    // The error comes before the instances fill the memory.
     for options in [LoadOptions { max_memory_bytes: 64 << 20, ..bare() }, bare()] {
         let error = folder.load(&options).unwrap_err().to_string();
         assert!(error.contains("memory") || error.contains("multiply"), "{error}");

@@ -32,7 +32,7 @@ fn text_may_be_in_any_encoding() {
         ("utf-16 that is none", declared("utf-16").into_bytes()),
         ("returns", SCENE.replace('\n', "\r").into_bytes()),
     ] {
-        // As the scene itself, and as a part of it.
+        // As the scene itself, and as an included file.
         let part = "<scene version='3.0.0'><include filename='part.xml'/></scene>";
         for folder in
             [Folder::new().with("scene.xml", &bytes), Folder::new().with("scene.xml", part).with("part.xml", &bytes)]
@@ -81,7 +81,7 @@ fn files_of_other_machines_are_found_and_missing_ones_are_asked_for_somewhere() 
     assert!(error.to_string().contains("b.obj`, asked for by scene.xml:3:1"), "{error}");
 }
 
-/// A square with values by vertex and by face, as cut in the test files of Mitsuba's `mesh_attribute`.
+/// A square with values per vertex and per face, like the test files of Mitsuba's `mesh_attribute`.
 const SQUARE: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
     property float u\nproperty float v\nproperty float tint_0\nproperty float tint_1\nproperty float tint_2\n\
     property float part_x\nelement face 2\nproperty list uchar int vertex_indices\nproperty float mark_r\n\
@@ -90,7 +90,7 @@ const SQUARE: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\
     -1 -1 0 0 0 0.9 0.1 0.1 0.1\n1 -1 0 1 0 0.1 0.9 0.1 0.9\n1 1 0 1 1 0.1 0.1 0.9 0.9\n-1 1 0 0 1 0.8 0.8 0.2 0.1\n\
     3 0 1 2 0.2 0.7 0.3 0.25 1 0 0\n3 0 2 3 0.9 0.3 0.6 0.75 0 1 0\n";
 
-/// The same in binary.
+/// The same square as a binary file.
 fn binary(text: &str, big_endian: bool) -> Vec<u8> {
     let (header, body) = text.split_once("end_header\n").unwrap();
     let order = if big_endian { "binary_big_endian" } else { "binary_little_endian" };
@@ -179,7 +179,7 @@ fn each_mesh_has_its_own_values_wherever_a_texture_can_stand() {
         assert!(colors.contains(&Vec3::X) && colors.contains(&Vec3::splat(0.1)), "{colors:?}");
         assert!(mesh.colors.is_empty());
     }
-    // What is not there is told, and 0.5 stands for it.
+    // A missing picture is reported, and 0.5 replaces it.
     for (shape, told) in [
         ("<shape type='ply'><string name='filename' value='a.ply'/>", "no attribute `vertex_mark`"),
         ("<shape type='sphere'>", "sphere` has no attribute"),

@@ -49,7 +49,7 @@ fn grid() -> Vec<u8> {
     bytes
 }
 
-/// What the scenes of the corpus refer to.
+/// The files that the scenes of the corpus refer to.
 fn folder() -> Folder {
     Folder::new()
         .with("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
@@ -59,7 +59,7 @@ fn folder() -> Folder {
         .with("a.vol", grid())
 }
 
-/// Words that hurt: in place of others, or between them.
+/// Harmful words, put in place of others or between them.
 const WORDS: [&str; 16] = [
     "nan",
     "-1",
@@ -84,7 +84,7 @@ enum Change {
     Cut(prop::sample::Index),
     Byte(prop::sample::Index, u8),
     Insert(prop::sample::Index, prop::sample::Index),
-    /// The value between two quotes.
+    /// Replaces the value between two quotes.
     Value(prop::sample::Index, prop::sample::Index),
     Repeat(prop::sample::Index, prop::sample::Index),
 }
@@ -159,7 +159,7 @@ fn the_corpus_itself_is_sound() {
     }
 }
 
-/// Whether the scene of grids and spectra is read though one of its files is this.
+/// Returns true if the scene of grids and spectra is read with this content of one of its files.
 fn reads_with(folder: &Folder, name: &str, bytes: &[u8]) -> bool {
     std::fs::write(folder.path().with_file_name(name), bytes).expect("the file of the test");
     let options = LoadOptions { max_memory_bytes: 16 << 20, ..bare() };
@@ -238,7 +238,7 @@ fn headers_of_grids_that_cannot_be_true_are_refused() {
     }
 }
 
-/// Files of curves that are damaged, by bytes and by numbers that hurt: an error or a sound scene.
+/// Damaged files of curves, by bytes and by harmful numbers: an error or a sound scene.
 #[test]
 fn damaged_curves_do_no_harm() {
     const FILE: &str = "-1 0 0 0.1\n1 0 0 0.2\n2 1e-3 0 0.2\n3 0 1 0\n\n0 -2 0 0.2\n0 -1 0 0.2\n0 0 0 0.2\n0 1 0 0.2\n";

@@ -1,4 +1,4 @@
-//! Lights.
+//! Import of Mitsuba's lights.
 
 use bottega_scene::{EnvironmentMapping, LightKind, Sides, SpotFalloff, Wrap};
 use glam::{Vec2, Vec3};
@@ -48,7 +48,7 @@ fn a_spot_throws_its_texture() {
         panic!("{:?}", loaded.scene.lights)
     };
     assert_eq!((intensity, aspect), (Vec3::splat(1.0), 1.0));
-    // What Mitsuba 3.9.1 (`scalar_rgb`) says arrives at these points, times the square of the distance.
+    // Irradiance at these points by Mitsuba 3.9.1 (`scalar_rgb`), times the square of the distance.
     for (p, expected) in [
         (Vec3::new(0.1, 0.05, 1.0), 4.0),
         (Vec3::new(-0.1, 0.05, 1.0), 3.0),
@@ -79,7 +79,7 @@ fn a_projector_shows_its_texture_as_the_file_lays_it() {
     let LightKind::Projector { picture, .. } = one.kind else { panic!("{one:?}") };
     assert_eq!((picture.smooth, picture.wrap_u, picture.wrap_v), (false, Wrap::Mirror, Wrap::Mirror));
     assert_eq!(picture.picture_from_uv.transform_point2(Vec2::ONE), Vec2::new(2.0, 3.0));
-    // The outer half of its outer texels is mixed with the other side.
+    // The outer half of the border texels is blended with the opposite side.
     let LightKind::Projector { picture, .. } = other.kind else { panic!("{other:?}") };
     assert_eq!((picture.smooth, picture.wrap_u), (true, Wrap::Repeat));
 }
@@ -105,7 +105,7 @@ fn exr_of(color: [f32; 3], chromaticities: [f32; 8]) -> Vec<u8> {
 fn colours_of_pictures_are_converted_by_their_chromaticities() {
     let rec2020 = [0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329];
     let aces_cg = [0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.321_68, 0.337_67];
-    // Mitsuba 3.9.1, which leaves white as it is.
+    // Values of Mitsuba 3.9.1, which does not change white.
     for (chromaticities, color, expected) in [
         (rec2020, [1.0, 0.2, 0.1], Vec3::new(1.5357, 0.1012, 0.0736)),
         (aces_cg, [1.0; 3], Vec3::new(1.047_103, 0.994_543, 0.915_319)),
@@ -116,7 +116,7 @@ fn colours_of_pictures_are_converted_by_their_chromaticities() {
         assert_eq!(told(&loaded), Vec::<String>::new());
         let texel = loaded.scene.images[0].texel(1, 1).truncate();
         assert!((texel - expected).abs().max_element() < 2e-3, "{texel} {expected}");
-        // As a picture from the command line white stays white.
+        // In a picture from the command line white stays white.
         let bare = Folder::new().with("a.exr", exr_of([1.0; 3], chromaticities)).scene("");
         let environment = Some(bare.path().with_file_name("a.exr"));
         let loaded = bare.load(&bottega_scene::LoadOptions { environment, ..crate::mitsuba::support::bare() }).unwrap();
@@ -162,7 +162,7 @@ fn an_environment_ends_at_the_poles() {
 #[test]
 fn spectra_of_emitters_have_the_color_of_their_line() {
     let radiance = |loaded: &bottega_scene::Loaded| loaded.scene.environment.as_ref().unwrap().factor;
-    // As Mitsuba 3.9 has it in scalar_rgb: equal energy is not white.
+    // Values of Mitsuba 3.9 in scalar_rgb: equal energy is not white.
     let text = "<emitter type='constant'><spectrum name='radiance' value='2'/></emitter>";
     assert!((radiance(&silent(text)) - Vec3::new(2.409_59, 1.896_58, 1.817_83)).length() < 2e-3);
     assert_eq!(radiance(&read_old(text)), Vec3::splat(2.0));
@@ -174,7 +174,7 @@ fn spectra_of_emitters_have_the_color_of_their_line() {
 
 #[test]
 fn the_sun_stands_where_the_file_says() {
-    // However the sky is turned, the direction is one of the world: seen with Mitsuba 3.9 by its brightest direction.
+    // The direction is in world space whatever the sky's rotation, as the brightest direction in Mitsuba 3.9 shows.
     let turned = "<transform name='to_world'><rotate x='1' angle='-90'/></transform>";
     for (version_is_old, direction, more) in
         [(false, "0 0.6 0.8", ""), (false, "0 0.6 0.8", turned), (true, "0.6 0.8 0", "")]
@@ -190,7 +190,7 @@ fn the_sun_stands_where_the_file_says() {
             for x in 0..width {
                 let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
                 let (azimuth, polar) = ((u - 0.5) * std::f32::consts::TAU, v * std::f32::consts::PI);
-                // As the model lays pictures out: −z in the middle, u towards +x.
+                // The layout of environment pictures: −z in the middle, u towards +x.
                 let local = Vec3::new(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos());
                 let value = image.texel(x, y).y;
                 if value > brightest.0 {

@@ -1,4 +1,4 @@
-//! Materials.
+//! Import of Mitsuba's materials.
 
 use bottega_scene::{
     AlphaMode, Back, Distribution, Facets, InnerReflection, Material, ReliefRule, ReliefSource, Shadowing, Surface,
@@ -49,7 +49,7 @@ fn defaults_are_those_of_mitsuba() {
 fn metals_are_known_by_name_and_by_number() {
     let gold = "<bsdf type='roughconductor'><string name='material' value='Au'/><string name='distribution' value='ggx'/><float name='alpha_v' value='0.3'/></bsdf>";
     let Surface::Conductor(gold) = material(gold).surface else { panic!() };
-    // As Mitsuba 3.9 has it in scalar_rgb.
+    // Values of Mitsuba 3.9 in scalar_rgb.
     assert!((gold.eta.factor - Vec3::new(0.143_036, 0.375_307, 1.442_05)).length() < 2e-3, "{}", gold.eta.factor);
     assert!((gold.k.factor - Vec3::new(3.983, 2.385_56, 1.603_36)).length() < 1e-2, "{}", gold.k.factor);
     assert_eq!(gold.facets.distribution, Distribution::Ggx);
@@ -107,7 +107,7 @@ fn colors_come_in_many_ways() {
     assert_eq!(reflectance("<rgb name='reflectance' value='0.1, 0.2, 0.3'/>"), Vec3::new(0.1, 0.2, 0.3));
     assert_eq!(reflectance("<spectrum name='reflectance' value='0.25'/>"), Vec3::splat(0.25));
     assert_eq!(reflectance("<float name='reflectance' value='0.25'/>"), Vec3::splat(0.25));
-    // As Mitsuba 3.9 has it in scalar_rgb.
+    // Values of Mitsuba 3.9 in scalar_rgb.
     let spectrum = reflectance("<spectrum name='reflectance' value='400:0.1, 500:0.2, 600:0.8, 700:0.9'/>");
     assert!((spectrum - Vec3::new(0.958_689, 0.446_356, 0.105_71)).length() < 2e-3, "{spectrum}");
     let loaded =
@@ -123,7 +123,7 @@ fn pictures_are_laid_out_as_the_file_says() {
         <transform name='to_uv'><scale x='2' y='3'/><translate x='0.5'/></transform></texture></bsdf>";
     let folder = Folder::new().scene(&format!("<shape type='rectangle'>{bitmap}</shape>"));
     let loaded = folder.load(&bare()).unwrap();
-    // The picture is not there: magenta stands for it, and this is told.
+    // The picture is missing: magenta replaces it, with a warning.
     assert!(told(&loaded)[0].contains("a.bmp"), "{:?}", told(&loaded));
     let Surface::Diffuse(diffuse) = &loaded.scene.materials[0].surface else { panic!() };
     let map = diffuse.reflectance.texture.as_ref().unwrap();
@@ -152,7 +152,7 @@ fn media_lie_where_light_goes_through() {
     assert_eq!((medium.scattering, medium.absorption), (Vec3::new(1.0, 2.0, 3.0), Vec3::new(1.0, 2.0, 3.0)));
     assert_eq!(medium.g, 0.7);
     assert!(loaded.scene.materials[0].interior.is_some());
-    // Within what is opaque nothing is seen.
+    // The inside of opaque objects is not seen.
     assert!(loaded.scene.materials[1].interior.is_none());
     let old = read_old(
         "<shape type='cube'><bsdf type='null'/><medium name='interior' type='homogeneous'><rgb name='sigmaS' value='3'/><rgb name='sigmaA' value='1'/></medium></shape>",

@@ -1,4 +1,4 @@
-//! The importer of Mitsuba's scenes, at its boundary: text in, scene out.
+//! The importer of Mitsuba's scenes, tested by its input text and output scene.
 
 mod bad_input;
 mod files;

@@ -1,4 +1,4 @@
-//! Parameters, inclusion, references, names of the old line.
+//! Parameters, inclusion, references, names of the 0.6 format.
 
 use bottega_scene::{LoadOptions, Surface};
 use glam::Vec3;
@@ -167,7 +167,7 @@ fn rotations_about_long_axes_scale_but_for_the_old_line() {
     let axis = "x='0' y='1' z='1'";
     let loaded = read(&shape(axis));
     let corners = |loaded: &bottega_scene::Loaded| loaded.scene.meshes[0].positions.clone();
-    // What Mitsuba 3.9.1 makes of the corner (1, 1, 0).
+    // The transformed corner (1, 1, 0) by Mitsuba 3.9.1.
     let expected = Vec3::new(0.123_256_84, 1.642_787_6, -0.408_832_04);
     assert!(corners(&loaded).iter().any(|p| (*p - expected).length() < 1e-5), "{:?}", corners(&loaded));
     assert!(told(&loaded)[0].contains("unit length"), "{:?}", told(&loaded));

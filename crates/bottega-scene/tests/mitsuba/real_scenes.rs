@@ -1,4 +1,4 @@
-//! Scenes that people made, from the folder that `BOTTEGA_SCENES` names.
+//! Real scenes, from the folder that `BOTTEGA_SCENES` names.
 
 use std::path::{Path, PathBuf};
 
@@ -32,7 +32,7 @@ fn they_load_without_a_word() {
     let mut files = Vec::new();
     xml_files(&folder, &mut files);
     assert!(files.len() >= 10, "{files:?}");
-    // Some share their meshes.
+    // Some scenes share their mesh files, which lie outside of their folders.
     let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
     for file in files {
         let loaded = bottega_scene::load(&file, &options).unwrap_or_else(|error| panic!("{error}"));

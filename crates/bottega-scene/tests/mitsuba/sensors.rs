@@ -1,4 +1,4 @@
-//! Cameras, films and how deep paths go.
+//! Cameras, films and maximum path depths.
 
 use bottega_scene::{Camera, Clip, FilmFilter, Follows, FovAxis, PhotonHints, Projection};
 use glam::{Vec2, Vec3};

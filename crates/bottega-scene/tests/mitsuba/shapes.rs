@@ -1,4 +1,4 @@
-//! Shapes: where they are, and which side of them is the front.
+//! Shapes: their positions and their front sides.
 
 use std::f64::consts::PI;
 
@@ -27,7 +27,7 @@ fn world_area(scene: &Scene) -> f64 {
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 -1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1/1 2/2/1 3/3/1\n";
 const BARE_TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
-/// The sides are those that Mitsuba 3.9 shows: of a mesh with normals by the normals, else by the winding.
+/// The fronts are those of Mitsuba 3.9: by the normals of a mesh that has them, else by the winding.
 #[test]
 fn the_front_of_a_mesh_is_that_of_its_shading_normals() {
     let mirror = "<transform name='to_world'><scale x='-1'/></transform>";
@@ -60,7 +60,7 @@ fn solids_look_outwards_also_when_they_are_mirrored() {
             } else {
                 let mesh = &loaded.scene.meshes[0];
                 let [a, b, c] = mesh.triangles[0].map(|vertex| mesh.positions[vertex as usize]);
-                // Not towards the axis of the solid.
+                // The normal must not point to the axis of the solid.
                 let outwards = (a + b + c) / 3.0 - if plugin == "cylinder" { Vec3::Z * a.z } else { Vec3::ZERO };
                 assert!((b - a).cross(c - a).dot(outwards * Vec3::new(1.0, 1.0, 0.0)) >= 0.0, "{plugin} {transform}");
             }
@@ -86,7 +86,7 @@ fn round_spheres_stay_spheres_and_others_become_triangles() {
     assert!((world_area(&loaded.scene) / expected - 1.0).abs() < 0.011);
 }
 
-/// Where the texture coordinates of a sphere are (0, ½), (¼, ½) and (½, 0), in Mitsuba: +x, +y, +z.
+/// The points of a sphere with the texture coordinates (0, ½), (¼, ½) and (½, 0), in Mitsuba: +x, +y, +z.
 #[test]
 fn the_poles_of_a_sphere_lie_along_z() {
     let loaded = silent("<shape type='sphere'/>");
@@ -119,7 +119,7 @@ fn a_sphere_that_looks_inwards_shines_inwards() {
     assert!(matches!(&material.surface, Surface::Dielectric(d) if (d.eta - 1.0 / 1.5).abs() < 1e-6));
 }
 
-/// Mitsuba 3.9 paints both of these, the first dark and the second lit, seen from outside.
+/// Mitsuba 3.9 renders both of these, the first dark and the second lit, seen from outside.
 #[test]
 fn a_sphere_turns_inwards_by_its_own_mirror_but_not_by_that_of_its_instance() {
     let bsdf = "<bsdf type='diffuse'/>";
@@ -135,7 +135,7 @@ fn a_sphere_turns_inwards_by_its_own_mirror_but_not_by_that_of_its_instance() {
     };
     let scene = group("1");
     assert_eq!(scene.materials[scene.spheres[0].material as usize].back, bottega_scene::Back::Black);
-    // Stretched, it is triangles.
+    // A stretched sphere becomes triangles.
     let scene = group("2");
     let mesh = &scene.meshes[0];
     let [a, b, c] = mesh.triangles[0].map(|vertex| mesh.positions[vertex as usize]);
@@ -155,7 +155,7 @@ fn instances_of_instances_are_placed_one_by_one() {
     );
     let scene = &loaded.scene;
     assert_eq!((scene.instances.len(), scene.spheres.len()), (4, 4));
-    // One mesh, and its mirrored copy.
+    // One mesh and its mirrored copy.
     assert_eq!(scene.meshes.len(), 2);
     let origins: Vec<Vec3> = scene.instances.iter().map(|i| i.world_from_object.transform_point3(Vec3::ZERO)).collect();
     assert_eq!(
@@ -185,7 +185,7 @@ fn texture_coordinates_are_kept_where_a_texture_asks_for_them() {
 
 #[test]
 fn a_mesh_and_a_picture_that_are_used_often_are_there_once() {
-    // Wide enough to be worth an instance.
+    // Enough triangles to pay for an instance.
     let mut obj = String::new();
     (0..300).for_each(|i| obj += &format!("v {i} 0 0\nv {i} 1 0\n"));
     (1..599).for_each(|i| obj += &format!("f {i} {} {}\n", i + 1, i + 2));
@@ -297,7 +297,7 @@ fn a_mesh_without_triangles_is_left_out() {
     assert!(told(&loaded)[0].contains("has no triangles"), "{:?}", told(&loaded));
 }
 
-/// The file of Mitsuba's documentation for `linearcurve`, made smaller, and one for `bsplinecurve`.
+/// The file in Mitsuba's documentation of `linearcurve`, shortened, and one for `bsplinecurve`.
 const CURVES: &str = "-1 0 0 0.1\n1 0 0 0.1\n\n0 -2 0 0.2\n0 -1 0 0.2\n0 0 0 0.2\n0 1 0 0.2\n";
 
 fn curves(plugin: &str, file: &str, inner: &str) -> bottega_scene::Loaded {

@@ -1,4 +1,4 @@
-//! Scenes in folders of their own.
+//! Scenes in temporary folders.
 
 use std::path::PathBuf;
 
@@ -51,7 +51,7 @@ pub(crate) fn read_old(content: &str) -> Loaded {
     folder.load(&bare()).unwrap_or_else(|error| panic!("{error}\n{content}"))
 }
 
-/// Why a scene of Mitsuba 3 with this content cannot be read.
+/// The error of reading a scene of Mitsuba 3 with this content.
 pub(crate) fn refuse(content: &str) -> String {
     match Folder::new().scene(content).load(&bare()) {
         Ok(_) => panic!("it was read: {content}"),
@@ -59,13 +59,13 @@ pub(crate) fn refuse(content: &str) -> String {
     }
 }
 
-/// What is told of a scene, but that it has no camera, no light or no surface.
+/// The warnings about a scene, except that it has no camera, no light or no surface.
 pub(crate) fn told(loaded: &Loaded) -> Vec<String> {
     let is_trivial = |message: &str| message.starts_with("the scene has no ");
     loaded.warnings.iter().filter(|warning| !is_trivial(&warning.message)).map(ToString::to_string).collect()
 }
 
-/// Reads a scene that must say nothing.
+/// Reads a scene that must give no warnings.
 pub(crate) fn silent(content: &str) -> Loaded {
     let loaded = read(content);
     assert_eq!(told(&loaded), Vec::<String>::new(), "{content}");

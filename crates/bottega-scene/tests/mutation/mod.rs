@@ -1,4 +1,4 @@
-//! Files that are almost right, for the readers to survive.
+//! Mutated files, on which the readers must not fail.
 //!
 //! Deterministic: mutation i of a file is a function of i. `BOTTEGA_FUZZ` multiplies the number of mutations.
 
@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use bottega_kernels::SplitMix64;
 
-/// Where a file is changed, and how.
+/// A change of a file: its place and its kind.
 pub(crate) struct Random(SplitMix64);
 
 impl Random {
@@ -19,12 +19,12 @@ impl Random {
     }
 }
 
-/// Loads mutations of a file. One that panics is kept for a look at it.
+/// Loads mutations of a file. A mutation that panics is kept as a file.
 ///
-/// - `count`: how many, before `BOTTEGA_FUZZ` multiplies them.
-/// - `load`: whether the mutation is still a scene.
+/// - `count`: number of mutations, before `BOTTEGA_FUZZ` multiplies it.
+/// - `load`: returns true if the mutation is still a scene.
 ///
-/// Returns the share of mutations that are.
+/// Returns the share of mutations that are still scenes.
 pub(crate) fn survive(
     name: &str,
     count: u64,
@@ -49,7 +49,7 @@ pub(crate) fn survive(
     good as f64 / count as f64
 }
 
-/// One of the changes that any bytes may suffer.
+/// Applies a random change to the bytes of any file.
 pub(crate) fn damage(file: &mut Vec<u8>, at: usize, random: &mut Random) {
     match random.below(5) {
         0 => file[at] = random.byte(),

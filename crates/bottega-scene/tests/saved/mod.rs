@@ -1,4 +1,4 @@
-//! Saved scenes (`.bottega`): what is written is read again, bit for bit, and damaged files are refused.
+//! Saved scenes (`.bottega`): a written scene is read back bit for bit, and damaged files are refused.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use glam::Affine3A;
 
 use crate::mutation::{Random, damage, survive};
 
-/// Scenes of other formats, which have between them everything that a scene can have.
+/// Scenes of other formats, which together have all features of a scene.
 fn scenes_of_others() -> Vec<PathBuf> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let names = ["tests/pbrt/box.pbrt", "tests/pbrt/smoke.pbrt", "../../scenes/goblets.glb"];
@@ -71,7 +71,7 @@ fn a_saved_scene_is_read_as_it_was() {
     let mut scenes: Vec<(String, Loaded)> =
         scenes_of_others().iter().map(|path| (path.display().to_string(), read(path))).collect();
     scenes.push(("images and grids".to_owned(), Loaded::from(images_and_grids())));
-    // The scenes have all that a saved scene can hold
+    // The scenes together have all features of a saved scene
     let has = |what: &dyn Fn(&Scene) -> bool| scenes.iter().any(|(_, loaded)| what(&loaded.scene));
     assert!(has(&|scene| scene.meshes.iter().any(|mesh| mesh.curves.is_some())), "no scene has curves");
     assert!(has(&|scene| scene.meshes.iter().any(|mesh| !mesh.normals.is_empty())), "no scene has normals");
@@ -85,7 +85,7 @@ fn a_saved_scene_is_read_as_it_was() {
         let after = read(&first);
         assert_same(name, before, &after);
         assert_eq!(after.metadata, Metadata { format: "Bottega", ..Metadata::default() });
-        // Whatever the file is called, and the same scene gives the same file
+        // The file may have any name, and the same scene gives the same file
         save_scene(&second, &before.scene, &before.hints).unwrap();
         assert_eq!(std::fs::read(&first).unwrap(), std::fs::read(&second).unwrap(), "{name}");
         assert_eq!(read(&second).scene.digest, after.scene.digest, "{name}");

@@ -14,7 +14,7 @@ use crate::{
 struct About {
     /// The version of the program.
     version: &'static str,
-    /// The identity of its build; only builds with the same identity give the same bits.
+    /// The identity of the program's build; only builds with the same identity give the same bits.
     build: &'static str,
     /// The source: `farm`, or `picture` (the picture of one process, which is job 1).
     shows: ShownKind,

@@ -23,7 +23,7 @@ use crate::{
 struct PictureLayer {
     /// Name of the layer.
     name: String,
-    /// The kind of its values: `color`, `direction` or `number`.
+    /// The kind of the layer's values: `color`, `direction` or `number`.
     kind: &'static str,
 }
 

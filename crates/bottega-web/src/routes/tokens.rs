@@ -25,7 +25,7 @@ use crate::{
 struct NewToken {
     /// Name of the token, for lists and logs: letters, digits, `-`, `_` and `.`, 32 at most.
     name: String,
-    /// The role that it gives its holder.
+    /// The role that the token gives its holder.
     role: TokenRole,
 }
 
@@ -34,7 +34,7 @@ struct NewToken {
 struct MadeToken {
     /// Name of the token.
     name: String,
-    /// The role that it gives its holder.
+    /// The role that the token gives its holder.
     role: TokenRole,
     /// The token itself, shown only once: `Authorization: Bearer TOKEN`, or `/?token=TOKEN` in a browser.
     token: String,

@@ -1,4 +1,4 @@
-//! The API and its document, which say the same.
+//! The API agrees with its document.
 
 use std::{
     collections::BTreeSet,
@@ -50,11 +50,11 @@ fn the_document_and_the_door_know_the_same_routes() {
             };
             assert!(names.insert(route["operationId"].as_str().unwrap().to_owned()), "{route}");
             let is_steered = route["x-role"] == "steer";
-            // A viewport is its opener's, tokens are for those who steer, and a request may name folders.
+            // A viewport belongs to the client that opened it, tokens are for clients that may steer, and a request may name folders.
             let is_private = ["/api/viewports", "/api/tokens"].iter().any(|start| path.starts_with(start));
             let is_private = is_private || path.ends_with("/{id}/request");
             assert_eq!(is_steered, method != "get" || is_private, "{method} {path}");
-            // One who may not is told so before anything else is looked at.
+            // A client without the right is refused before anything else is checked.
             let without = ask(at, &method.to_uppercase(), &filled(path), "", b"");
             let is_open = ["/api/openapi.json", "/api/schema/request"].contains(&path.as_str());
             assert_eq!(without.status, if is_open { 200 } else { 401 }, "{method} {path}");
@@ -82,7 +82,7 @@ fn the_document_and_the_door_know_the_same_routes() {
             if path.contains("{picture}") {
                 assert_eq!(post(at, "POST", "/api/pictures", RADIANCE).json()["width"], 2);
             }
-            // One that is closed is looked at no more.
+            // A closed viewport gives no frames.
             let viewport = path.contains("{viewport}").then(|| open_viewport(at));
             let path = viewport.map_or_else(|| filled(path), |number| path.replace("{viewport}", &number.to_string()));
             let done = post(at, &method.to_uppercase(), &path, body);
@@ -120,7 +120,7 @@ fn layers_of_a_picture_are_listed_and_each_is_a_picture() {
         let told = get(at, &format!("/api/jobs/1/layers/{path}"));
         assert!(told.status == 404 && told.text().contains(words), "{told:?}");
     }
-    // Of a file of another kind there are none.
+    // A file of another kind has none.
     assert_eq!(get(at, "/api/jobs/2/layers").json(), json!([]));
 }
 
@@ -179,7 +179,7 @@ fn a_viewport_shows_each_look_and_is_closed() {
     assert_eq!((other.status, other.header("bottega-look")), (200, Some("1")));
     let wrong = look(r#"{"pose":{"eye":[0,1,3],"target":[0,1,3]}}"#);
     assert!(wrong.status == 422 && wrong.text().contains("view.pose.target"), "{wrong:?}");
-    // Few at once: the others are told so, until one is closed.
+    // Few at once: further ones are refused until one is closed.
     let others: Vec<u64> = (0..3).map(|_| open_viewport(at)).collect();
     assert_eq!(post(at, "POST", "/api/viewports", r#"{"request":{},"files":{"a.glb":"x"}}"#).status, 503);
     assert_eq!(ask(at, "DELETE", &place, &steer, b"").status, 204);
@@ -200,7 +200,7 @@ fn those_who_look_on_are_told_all_and_no_absolute_path() {
         if path.ends_with("/events") {
             continue;
         }
-        // To those who may steer alone, and of no file: a viewport.
+        // Only for clients that may steer, and without a file: a viewport.
         let told = get(at, &filled(path));
         assert!(!told.text().contains("/home/") && !told.text().contains("anna"), "{path}: {}", told.text());
     }
@@ -214,7 +214,7 @@ fn those_who_look_on_are_told_all_and_no_absolute_path() {
     let about = get(at, "/api/about").json();
     assert_eq!((&about["version"], &about["shows"]), (&json!(env!("CARGO_PKG_VERSION")), &json!("farm")));
     assert_eq!(get(at, "/api/schema/request").json()["title"], "Request");
-    // The file of a picture whose request names such paths goes to those who may steer.
+    // The file of a picture whose request names such paths is only for clients that may steer.
     assert_eq!(get(at, "/api/jobs/1/picture").status, 403);
     let picture = get(at, "/api/jobs/2/picture");
     assert_eq!((picture.status, picture.body.len()), (200, 64 << 20));

@@ -1,4 +1,4 @@
-//! A farm that is none, and a client that speaks HTTP byte by byte.
+//! A fake farm, and a client that speaks HTTP byte by byte.
 
 use std::{
     collections::BTreeMap,
@@ -32,10 +32,10 @@ use bottega_web::{
 
 pub(crate) const SEE: &str = "00000000000000000000000000000005";
 pub(crate) const STEER: &str = "00000000000000000000000000000007";
-/// Where the fake farm's files are: nobody may be told.
+/// The folder of the fake farm's files, which no answer may reveal.
 pub(crate) const HIDDEN: &str = "/home/anna/secret";
 
-/// A farm of two jobs and a machine, which notes what it is told.
+/// A farm of two jobs and a machine, which records the calls that it gets.
 #[derive(Default)]
 pub(crate) struct FakeFarm {
     pub(crate) live: Arc<LiveJob>,
@@ -310,7 +310,7 @@ pub(crate) fn open() -> (Arc<FakeFarm>, Door) {
     open_with(None)
 }
 
-/// - `log`: where it notes who did what.
+/// - `log`: the log of actions and their clients.
 pub(crate) fn open_with(log: Option<DeedLog>) -> (Arc<FakeFarm>, Door) {
     let farm = Arc::new(FakeFarm::default());
     let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
@@ -320,7 +320,7 @@ pub(crate) fn open_with(log: Option<DeedLog>) -> (Arc<FakeFarm>, Door) {
     (farm, door)
 }
 
-/// What a door answered.
+/// The answer of a door.
 #[derive(Debug)]
 pub(crate) struct Told {
     pub(crate) status: u16,
@@ -364,12 +364,12 @@ pub(crate) fn head(reader: &mut impl BufRead) -> (u16, String) {
     (head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0), head)
 }
 
-/// Sends a request as it stands, and reads all that is answered.
+/// Sends a request unchanged. Returns the whole answer.
 pub(crate) fn raw(at: SocketAddr, bytes: &[u8]) -> Told {
     let mut reader = BufReader::new(send(at, bytes));
     let (status, head) = head(&mut reader);
     let mut body = Vec::new();
-    // A connection that is reset after the answer has told all that it had.
+    // A connection that is reset after the answer has delivered all of it.
     _ = reader.read_to_end(&mut body);
     let mut told = Told { status, head, body };
     if told.header("transfer-encoding") == Some("chunked") {
@@ -403,12 +403,12 @@ pub(crate) fn bearer(token: &str) -> String {
     format!("Authorization: Bearer {token}\r\n")
 }
 
-/// A request of one who may look on.
+/// Makes a request of a client that may look on.
 pub(crate) fn get(at: SocketAddr, path: &str) -> Told {
     ask(at, "GET", path, &bearer(SEE), b"")
 }
 
-/// A request of one who may steer, with JSON.
+/// Makes a request of a client that may steer, with JSON.
 pub(crate) fn post(at: SocketAddr, method: &str, path: &str, json: &str) -> Told {
     let headers = format!("{}Content-Type: application/json\r\n", bearer(STEER));
     ask(at, method, path, &headers, json.as_bytes())

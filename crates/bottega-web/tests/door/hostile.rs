@@ -1,4 +1,4 @@
-//! A client that wishes nobody well.
+//! Hostile clients of a door.
 
 use std::{
     io::{BufReader, Read, Write},
@@ -10,7 +10,7 @@ use bottega_web::{EVENT_STREAMS_MAX, JSON_BYTES_MAX};
 
 use crate::door::fake::{FakeFarm, SEE, STEER, Told, ask, bearer, get, head, open, post, raw, send, zone};
 
-/// The farm was told nothing, and whoever means well is answered.
+/// The farm got no call, and honest clients are answered.
 fn is_unharmed(farm: &FakeFarm, at: SocketAddr) {
     assert_eq!(farm.noted(), Vec::<String>::new());
     let told = get(at, "/api/jobs");
@@ -91,7 +91,7 @@ fn without_a_token_or_with_the_wrong_one_nothing_is_told_and_nothing_done() {
         is_problem(&ask(at, method, path, &bearer(SEE), b""), 403);
     }
     is_unharmed(&farm, at);
-    // One who guesses is slowed down.
+    // A client that guesses tokens is slowed down.
     let guessed: Vec<u16> =
         (0..60).map(|guess| ask(at, "GET", "/api/jobs", &bearer(&guess.to_string()), b"").status).collect();
     assert!(guessed.contains(&429), "{guessed:?}");
@@ -147,10 +147,10 @@ fn what_is_too_large_is_not_read() {
     let json = format!("{}Content-Type: application/json\r\n", bearer(STEER));
     let head =
         |headers: &str, path: &str| format!("POST {path} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n{headers}\r\n");
-    // It says that it is large, and sends nothing.
+    // A body that is announced as large and never sent.
     let claimed = head(&format!("{json}Content-Length: 99999999999\r\n"), "/api/jobs");
     is_problem(&raw(at, claimed.as_bytes()), 413);
-    // It does not say how large it is.
+    // A body without a length.
     let endless = head(&format!("{json}Transfer-Encoding: chunked\r\n"), "/api/jobs");
     let mut bytes = endless.into_bytes();
     for _ in 0..=JSON_BYTES_MAX / 65536 {
@@ -190,7 +190,7 @@ fn ten_thousand_streams_of_events_are_bounded() {
     }
     assert_eq!((open.len(), refused), (EVENT_STREAMS_MAX, 10_000 - EVENT_STREAMS_MAX));
     is_unharmed(&farm, at);
-    // Whoever goes makes room.
+    // A client that leaves makes room.
     drop(open);
     farm.live.tell(&zone(1, "open"));
     let begun = Instant::now();
@@ -212,7 +212,7 @@ fn one_who_reads_nothing_is_dropped_and_one_who_reads_slowly_is_told_the_end() {
     let mut slow = send(at, request.as_bytes());
     let mut stuck =
         send(at, format!("GET /api/jobs/2/picture HTTP/1.1\r\nHost: {at}\r\n{}\r\n", bearer(SEE)).as_bytes());
-    // Much more than sockets hold, while nobody reads.
+    // Much more than sockets hold, while the client does not read.
     for round in 0..40u32 {
         for id in 0..2000 {
             farm.live.tell(&zone(id, &format!("{round} {}", "x".repeat(200))));
@@ -221,7 +221,7 @@ fn one_who_reads_nothing_is_dropped_and_one_who_reads_slowly_is_told_the_end() {
     }
     farm.live.tell(&zone(5000, "the end"));
     is_unharmed(&farm, at);
-    // The slow one reads now: it has missed steps, and is told how all is.
+    // The slow client reads now: it has missed steps, and gets the whole state.
     let (mut told, mut bytes) = (Vec::new(), vec![0; 1 << 16]);
     while !String::from_utf8_lossy(&told[told.len().saturating_sub(1 << 18)..]).contains("the end") {
         let count = slow.read(&mut bytes).expect("it is told");
@@ -230,7 +230,7 @@ fn one_who_reads_nothing_is_dropped_and_one_who_reads_slowly_is_told_the_end() {
     }
     let rounds = (0..40).filter(|round| String::from_utf8_lossy(&told).contains(&format!("\"{round} x"))).count();
     assert!(rounds < 40, "it was held up for a reader that takes nothing");
-    // The one who took nothing of the picture for long has lost it.
+    // A client that read nothing of the picture for long has lost it.
     std::thread::sleep(Duration::from_secs(22));
     let mut got = 0;
     while let Ok(count) = stuck.read(&mut bytes) {
@@ -255,7 +255,7 @@ fn half_requests_end() {
         format!("POST /api/jobs HTTP/1.1\r\nHost: {at}\r\n{json}Content-Length: 100\r\n\r\n{{\"req"),
     ];
     let mut open: Vec<TcpStream> = half.iter().map(|half| send(at, half.as_bytes())).collect();
-    // One says a letter now and then: its time runs all the same.
+    // A client that sends single letters does not extend its time.
     let mut dripping = send(at, format!("GET /api/jobs HTTP/1.1\r\nHost: {at}\r\nX: ").as_bytes());
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_secs(14) && dripping.write_all(b"x").is_ok() {
@@ -265,7 +265,7 @@ fn half_requests_end() {
     open.push(dripping);
     for (number, stream) in open.iter_mut().enumerate() {
         let mut told = Vec::new();
-        // It ends, or is cut off: it does not wait for ever.
+        // The connection ends or is cut off: it does not wait for ever.
         stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
         match stream.read_to_end(&mut told) {
             Ok(_) => {}

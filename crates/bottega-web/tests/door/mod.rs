@@ -1,4 +1,4 @@
-//! A door, by what it answers over a socket: a farm that is none stands behind it.
+//! A door in front of a fake farm, by its answers over a socket.
 
 mod api;
 mod fake;

@@ -29,7 +29,7 @@ fn beyond_this_machine_it_speaks_tls_alone_with_the_certificate_that_it_was_give
 
     let request = format!("GET /?token={token} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n{}\r\n", bearer(token));
     let mut told = Vec::new();
-    // It is closed, or cut off; at most an alert comes, and no HTTP.
+    // The connection is closed or cut off, at most with an alert, and without HTTP.
     _ = send(at, request.as_bytes()).read_to_end(&mut told);
     assert!(!String::from_utf8_lossy(&told).contains("HTTP"), "{told:?}");
 

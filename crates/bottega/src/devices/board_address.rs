@@ -14,7 +14,7 @@ pub enum BoardAddressError {
     /// This build of the library does not support boards.
     #[error("{address}: the library was built without boards; build it with the feature `board` of the crate bottega")]
     NotBuiltIn {
-        /// The address.
+        /// The address of the requested board.
         address: String,
     },
 }

@@ -33,7 +33,7 @@ pub struct PainterWish {
 pub struct DeviceSet {
     /// Number of CPU threads; 0: CPUs do not render.
     pub threads: usize,
-    /// The allocator's resources for all of them; other pictures may share these.
+    /// The allocator's resources for all chosen devices; other pictures may share these.
     pub resources: Arc<Resources>,
     /// Names of the GPUs.
     pub gpus: Vec<String>,

@@ -28,6 +28,8 @@ pub(super) struct ResourceKey {
 }
 
 impl ResourceKey {
+    /// Makes the key of a set of resources.
+    ///
     /// - `boards`: addresses of the boards that trace rays.
     /// - `memory`: memory limit for scenes on each GPU, in bytes.
     pub(super) fn new(threads: usize, gpus: &[ChosenGpu], boards: &[String], memory: Option<u64>) -> Self {

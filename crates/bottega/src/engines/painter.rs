@@ -152,6 +152,9 @@ impl ExternalPainter {
     }
 
     /// Returns a text with everything that determines the pixels; see [`crate::journal::name_of`].
+    ///
+    /// # Errors
+    /// The scene file cannot be read.
     pub fn name(&self, asked: &Request) -> Result<String, Error> {
         let settings = &self.settings;
         let bytes = std::fs::read(&self.scene).map_err(|source| Error::Read { path: self.scene.clone(), source })?;

@@ -12,7 +12,7 @@ pub struct Zone {
     pub id: u32,
     /// Corners of the zone in pixels: x0, y0, x1, y1.
     pub rect: [u32; 4],
-    /// Mean predicted cost of its pixels; 1 is the mean of the picture.
+    /// Mean predicted cost of the zone's pixels; 1 is the mean of the picture.
     pub complexity_density: f64,
 }
 
@@ -54,7 +54,7 @@ pub struct ZoneEvent {
     pub reasons: Option<String>,
     /// Samples per pixel taken so far.
     pub samples: u32,
-    /// Its estimated relative error; missing if no error was requested.
+    /// The zone's estimated relative error; missing if no error was requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
 }
@@ -79,7 +79,7 @@ pub struct AgentEvent {
     pub agent: String,
     /// V_cp: relative computing power; 1 is the reference machine, 0.5 is twice as fast.
     pub power: f64,
-    /// Number of processors that work on its zones at the same time.
+    /// Number of processors that work on the agent's zones at the same time.
     pub lanes: f64,
     /// Credit: the sum of T_est − T over its zones, in seconds on the reference machine.
     pub credit: f64,

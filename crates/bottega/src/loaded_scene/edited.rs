@@ -8,7 +8,7 @@ use bottega_scene::{Camera, Loaded, Scene, SharedList};
 use super::{LoadedScene, aimed, no_camera, size, turn_environment};
 use crate::{devices::threads, error::Error, request::Request};
 
-/// What a prepared scene shares with another one.
+/// The parts of a prepared scene that another one may share with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Likeness {
     /// Everything but the cameras.
@@ -74,7 +74,7 @@ fn prepared_again(
     drop(before);
     let is_kept = match kind {
         Likeness::AllButCameras | Likeness::Shapes => true,
-        // Where somebody still follows rays in the structure, another one is built.
+        // If rays are still traced in the structure, another one is built.
         Likeness::MovedShapes => Arc::get_mut(&mut accel).is_some_and(|accel| {
             let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(&scene);
             accel.refit(&meshes, &instances, &spheres).is_ok()

@@ -264,7 +264,7 @@ pub enum SizeError {
 /// - `crop`: the rendered part, as x0, y0, x1, y1 in pixels; `None`: the whole picture.
 ///
 /// # Errors
-/// It is too large, or a side is empty.
+/// The picture is too large, or a side is empty.
 pub fn check_size(size: [u32; 2], crop: Option<[u32; 4]>) -> Result<(), SizeError> {
     check_sides(size)?;
     let [width, height] = size;

@@ -58,7 +58,7 @@ impl Session {
         let Painter::Own(own) = painter else {
             return Err(Error::usage("other engines see a scene as its file says", "leave out the engine"));
         };
-        // Give up the engine first: an acceleration structure that nobody else refers to can be refitted.
+        // Give up the engine first: an acceleration structure without other references can be refitted.
         let BuiltinPainter { subject, engine, .. } = *own;
         drop(engine);
         let subject = subject.edited(scene, request)?;

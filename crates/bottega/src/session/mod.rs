@@ -401,7 +401,7 @@ impl Session {
     /// Writes a picture of this request to a file, .exr or .png.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn write_to(&self, path: &Path, film: &Film, metadata: &Metadata) -> Result<(), Error> {
         crate::picture::write(&self.request, self.painter.hints(), path, film, metadata)
     }

@@ -64,7 +64,7 @@ impl Painter {
         }
     }
 
-    /// Logs what is wrong with devices and engines on this machine, which nobody watches.
+    /// Logs the faults of devices and engines on this machine, which has no user.
     pub(super) fn log_faults(&self) {
         match self {
             Self::Own(own) => own.crew.notes.iter().for_each(|note| tracing::warn!("{note}")),

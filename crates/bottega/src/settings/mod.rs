@@ -44,7 +44,7 @@ pub fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
 }
 
-/// Returns the limits on zones.
+/// Converts the options of a request to the limits on zones: size, complexity, similarity.
 pub fn zone_limits(work: &WorkOptions) -> ZoneLimits {
     ZoneLimits {
         side_min: work.zone_min_size,

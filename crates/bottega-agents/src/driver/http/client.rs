@@ -46,6 +46,9 @@ pub enum SendError {
 }
 
 /// Splits `http://host[:port][/path]` into host with port, and path.
+///
+/// # Errors
+/// [`SendError::Address`]: another scheme, no host, a user name, or characters that are not printable ASCII.
 pub fn parse_address(address: &str) -> Result<(String, &str), SendError> {
     let bad = || SendError::Address(address.chars().take(200).collect());
     let scheme = address.get(..7).filter(|scheme| scheme.eq_ignore_ascii_case("http://")).ok_or_else(bad)?;

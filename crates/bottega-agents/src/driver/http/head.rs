@@ -61,7 +61,7 @@ pub struct Head {
 /// Blank lines before it are ignored, fields may be folded over several lines, and lines may end in LF alone.
 ///
 /// # Errors
-/// It is too long or malformed.
+/// The header is too long or malformed.
 pub fn parse_head(bytes: &[u8]) -> Result<Option<(Head, usize)>, HttpError> {
     let blank = bytes.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
     let Some(length) = end_of_head(&bytes[blank..]) else {
@@ -74,7 +74,7 @@ pub fn parse_head(bytes: &[u8]) -> Result<Option<(Head, usize)>, HttpError> {
     Ok(Some((read_head(&text)?, blank + length)))
 }
 
-/// Length of the header in bytes, including the empty line at its end.
+/// Returns the length of the header in bytes, including the empty line at its end.
 pub(super) fn end_of_head(bytes: &[u8]) -> Option<usize> {
     let ends = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at);
     ends.map(|at| (at, &bytes[at + 1..])).find_map(|(at, rest)| match rest {
@@ -131,7 +131,7 @@ fn read_head(text: &str) -> Result<Head, HttpError> {
     })
 }
 
-/// Field names in lower case, with values. A line that starts with a blank continues the one before.
+/// Returns the field names in lower case, with values. A line that starts with a blank continues the one before.
 fn fields<'a>(lines: impl Iterator<Item = &'a str>) -> Result<Vec<(String, String)>, HttpError> {
     let mut fields: Vec<(String, String)> = Vec::new();
     for line in lines {
@@ -161,7 +161,7 @@ fn path_of(target: &str) -> &str {
 /// Parses the code of a status line. `None`: the line is incomplete.
 ///
 /// # Errors
-/// It is not a status line.
+/// The bytes are not a status line.
 pub fn parse_status(bytes: &[u8]) -> Result<Option<u16>, HttpError> {
     let bad = HttpError::Bad("no status line");
     let Some(end) = bytes.iter().position(|byte| *byte == b'\n') else {

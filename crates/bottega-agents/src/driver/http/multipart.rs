@@ -19,7 +19,7 @@ pub fn open(content_type: &str, body: &[u8]) -> Result<Letter, HttpError> {
     Letter::open(envelope, payload).map_err(|_| HttpError::Bad("the message cannot be read"))
 }
 
-/// The bytes of the two parts. Their own fields are ignored, because the envelope has the same information.
+/// Returns the bytes of the two parts. Their own fields are ignored, because the envelope has the same information.
 fn split<'a>(content_type: &str, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), HttpError> {
     let boundary = boundary(content_type).ok_or(HttpError::Bad("not multipart/mixed with a boundary"))?;
     let delimiter = [b"--", boundary.as_bytes()].concat();
@@ -42,7 +42,7 @@ fn split<'a>(content_type: &str, body: &'a [u8]) -> Result<(&'a [u8], &'a [u8]),
     Err(MALFORMED)
 }
 
-/// The `boundary` of `multipart/mixed`, which old platforms write `multipart-mixed`, with or without quotes.
+/// Returns the `boundary` of `multipart/mixed`, which old platforms write `multipart-mixed`, with or without quotes.
 fn boundary(content_type: &str) -> Option<&str> {
     let (kind, parameters) = content_type.split_once(';')?;
     let kind = kind.trim();
@@ -56,7 +56,7 @@ fn boundary(content_type: &str) -> Option<&str> {
     (1..=200).contains(&value.len()).then_some(value)
 }
 
-/// The delimiters at beginnings of lines: the end of the part before, and the end of the delimiter.
+/// Returns the delimiters at beginnings of lines: the end of the part before, and the end of the delimiter.
 fn delimiters<'a>(body: &'a [u8], delimiter: &'a [u8]) -> impl Iterator<Item = (usize, usize)> + 'a {
     let starts =
         std::iter::once(0).chain(body.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at + 1));
@@ -69,7 +69,7 @@ fn delimiters<'a>(body: &'a [u8], delimiter: &'a [u8]) -> impl Iterator<Item = (
     })
 }
 
-/// The content after the fields of a part.
+/// Returns the content after the fields of a part.
 fn part(bytes: &[u8]) -> Result<&[u8], HttpError> {
     for blank in [&b"\r\n"[..], b"\n"] {
         if let Some(rest) = bytes.strip_prefix(blank) {
@@ -79,8 +79,8 @@ fn part(bytes: &[u8]) -> Result<&[u8], HttpError> {
     end_of_head(bytes).map(|length| &bytes[length..]).ok_or(MALFORMED)
 }
 
-/// Content-Type and body of an outgoing message, in the form that every known platform reads. `number` makes the
-/// boundary unique.
+/// Returns the Content-Type and body of an outgoing message, in the form that every known platform reads. `number`
+/// makes the boundary unique.
 ///
 /// # Errors
 /// The envelope cannot be written in XML.

@@ -44,7 +44,7 @@ pub struct HttpService {
     pub trace: broadcast::Sender<Arc<str>>,
 }
 
-/// Serves until dropped.
+/// Serves connections of a listener until the future is dropped.
 pub async fn serve(listener: TcpListener, service: Arc<HttpService>) {
     let room = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let bodies = Arc::new(Semaphore::new(BODIES_KIB_MAX));
@@ -61,7 +61,7 @@ pub async fn serve(listener: TcpListener, service: Arc<HttpService>) {
         };
         let (service, bodies) = (Arc::clone(&service), Arc::clone(&bodies));
         tokio::spawn(async move {
-            // A failed connection has nobody to report to
+            // A failed connection cannot be reported to its peer
             _ = Connection { stream, peer, bytes: Vec::new(), service, bodies }.run().await;
             drop(place);
         });

@@ -147,22 +147,22 @@ where
         self.shared.with_store(|store, replies| store.poll(replies));
     }
 
-    /// The bus, for other threads.
+    /// Returns the bus, for other threads.
     pub fn bus(&self) -> LocalBus<M> {
         LocalBus(Arc::clone(&self.shared))
     }
 
-    /// Number of lost messages: to unknown agents or full mailboxes.
+    /// Returns the number of lost messages: to unknown agents or full mailboxes.
     pub fn messages_lost(&self) -> u64 {
         self.shared.lock().messages_lost
     }
 
-    /// The platform's current time.
+    /// Returns the platform's current time.
     pub fn now(&self) -> Time {
         self.shared.now()
     }
 
-    /// The conversion between the platform's time and the calendar.
+    /// Returns the conversion between the platform's time and the calendar.
     pub fn calendar(&self) -> Calendar {
         Calendar::new(unix_time().saturating_sub(self.now().elapsed()))
     }

@@ -96,7 +96,7 @@ impl<M: StateMachine> PlatformShared<M> {
 }
 
 impl<M: StateMachine> PlatformState<M> {
-    /// Without agents.
+    /// Makes the state of a platform without agents.
     pub(super) fn new() -> Self {
         Self {
             slots: Vec::new(),
@@ -225,18 +225,18 @@ impl<M: StateMachine> Mailbox<M> {
         self.shared.work.notify_all();
     }
 
-    /// The index of the agent in its platform.
+    /// Returns the index of the agent in its platform.
     pub fn number(&self) -> usize {
         self.agent
     }
 
-    /// True if the agent has stopped.
+    /// Returns true if the agent has stopped.
     pub fn is_closed(&self) -> bool {
         let state = self.shared.lock();
         state.closing || state.slots[self.agent].stopped
     }
 
-    /// The platform's current time.
+    /// Returns the platform's current time.
     pub fn now(&self) -> Time {
         self.shared.now()
     }

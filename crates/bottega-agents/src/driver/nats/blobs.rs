@@ -45,7 +45,7 @@ impl BlobError {
         Self { name: name.to_owned(), reason: error.to_string(), is_lasting: false, is_full: says_full(error) }
     }
 
-    /// The server stopped sending in the middle of the blob.
+    /// Makes the error that the server stopped sending in the middle of the blob.
     fn silent(name: &str) -> Self {
         let reason = format!("the server has sent nothing of it for {} s", SILENT.as_secs());
         Self { name: name.to_owned(), reason, is_lasting: false, is_full: false }
@@ -56,7 +56,7 @@ impl BlobError {
     }
 }
 
-/// True if an error, or one of its causes, is the server's lack of room.
+/// Returns true if an error, or one of its causes, is the server's lack of room.
 fn says_full(error: &(dyn std::error::Error + 'static)) -> bool {
     let mut next = Some(error);
     while let Some(error) = next {
@@ -78,11 +78,11 @@ fn says_full(error: &(dyn std::error::Error + 'static)) -> bool {
 /// A blob in a listing of the object store.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoredBlob {
-    /// Its name.
+    /// The name of the blob.
     pub name: String,
-    /// Its size, in bytes.
+    /// The size of the blob, in bytes.
     pub bytes: u64,
-    /// Time since it was stored.
+    /// Time since the blob was stored.
     pub age: Duration,
 }
 
@@ -208,12 +208,12 @@ impl NatsBlobs {
         kept.map(drop).map_err(|error| BlobError::passing(name, &error))
     }
 
-    /// The subject of a blob's parts.
+    /// Returns the subject of a blob's parts.
     fn parts_of(&self, number: &str) -> String {
         format!("$O.{}.C.{number}", self.bucket)
     }
 
-    /// The subject of a blob's description.
+    /// Returns the subject of a blob's description.
     fn description_of(&self, name: &str) -> String {
         format!("$O.{}.M.{}", self.bucket, URL_SAFE.encode(name))
     }
@@ -225,7 +225,7 @@ impl NatsBlobs {
         }
     }
 
-    /// True if a blob of this name exists.
+    /// Returns true if a blob of this name exists.
     ///
     /// # Errors
     /// The server does not answer.
@@ -262,7 +262,7 @@ impl NatsBlobs {
         })
     }
 
-    /// Deletes a blob.
+    /// Deletes a blob by its name; does nothing if there is none.
     pub fn forget(&self, name: &str) {
         self.handle.block_on(async {
             if let Ok(info) = self.store.info(name).await {
@@ -276,7 +276,7 @@ impl NatsBlobs {
         self.purge(self.parts_of(&info.nuid)).await;
     }
 
-    /// Lists all blobs.
+    /// Lists all blobs of the farm, with their sizes.
     pub fn list(&self) -> Vec<StoredBlob> {
         let infos = self.handle.block_on(self.infos());
         let blob = |info: ObjectInfo| StoredBlob { age: age_of(&info), bytes: info.size as u64, name: info.name };
@@ -318,8 +318,8 @@ impl NatsBlobs {
         });
     }
 
-    /// Time since a blob was stored, by the clocks of the machine that stored it and of this one; `None`: there is none
-    /// of this name.
+    /// Returns the time since a blob was stored, by the clocks of the machine that stored it and of this one; `None`:
+    /// there is none of this name.
     ///
     /// # Errors
     /// The server does not answer.
@@ -343,7 +343,7 @@ impl NatsBlobs {
     }
 }
 
-/// The age of a blob; zero if its time is in the future or missing.
+/// Returns the age of a blob; zero if its time is in the future or missing.
 fn age_of(info: &ObjectInfo) -> Duration {
     info.modified.map(|put| since(put.into())).unwrap_or_default()
 }

@@ -25,12 +25,12 @@ impl MemberKey {
         Self(nkeys::KeyPair::new_user())
     }
 
-    /// The public key.
+    /// Returns the public key.
     pub fn public(&self) -> String {
         self.0.public_key()
     }
 
-    /// The secret seed, to be stored; `None`: there is none.
+    /// Returns the secret seed, to be stored; `None`: there is none.
     pub fn seed(&self) -> Option<String> {
         self.0.seed().ok()
     }
@@ -42,7 +42,7 @@ impl Default for MemberKey {
     }
 }
 
-/// True if this is the public key of a member; nothing else may enter a server's configuration.
+/// Returns true if this is the public key of a member; nothing else may enter a server's configuration.
 pub fn is_public_key(text: &str) -> bool {
     nkeys::KeyPair::from_public_key(text).is_ok() && text.starts_with('U')
 }
@@ -52,7 +52,7 @@ pub fn is_public_key(text: &str) -> bool {
 /// - `group`: the group to join.
 ///
 /// # Errors
-/// The server is unreachable, or nobody answers.
+/// The server is unreachable, or the farm does not answer.
 pub fn enrol(options: &NatsOptions, group: &str, request: &[u8]) -> Result<Vec<u8>, NatsError> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
@@ -103,7 +103,7 @@ impl<K: Codec> NatsUplink<K> {
     }
 }
 
-/// The login of a machine with the token and without a key.
+/// Returns the login of a machine with the token and without a key.
 pub fn newcomer(group: &str, word: &str) -> Login {
     Login::User(group.to_owned(), word.to_owned())
 }

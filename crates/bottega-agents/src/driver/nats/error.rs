@@ -12,33 +12,33 @@ pub enum NatsError {
     Connect {
         /// The addresses tried.
         servers: String,
-        /// The error.
+        /// The error of the NATS client.
         source: async_nats::ConnectError,
     },
     /// An address is invalid.
     #[error("`{address}` is no address of a NATS server, such as nats://host:4222")]
     Address {
-        /// The address.
+        /// The address as given.
         address: String,
     },
     /// A name is invalid.
     #[error("`{name}` is no name of a farm: letters, digits, - and _ make one")]
     Name {
-        /// The name.
+        /// The name as given.
         name: String,
     },
     /// The credentials cannot be read.
     #[error("cannot use the credentials in `{}`", .path.display())]
     Credentials {
-        /// The file.
+        /// The file of credentials.
         path: PathBuf,
-        /// The error.
+        /// The error of reading it.
         source: std::io::Error,
     },
     /// The server is older than the oldest supported version.
     #[error("the NATS server is of version {version}; 2.9 or newer is needed")]
     Version {
-        /// Its version.
+        /// The version that the server reports.
         version: String,
     },
     /// The server has no storage, or a different one than requested.
@@ -75,13 +75,14 @@ pub enum NatsError {
 }
 
 impl NatsError {
-    /// True if the server does not know the credentials. While it reloads its configuration this may be temporary.
+    /// Returns true if the server does not know the credentials. While it reloads its configuration this may be
+    /// temporary.
     pub fn is_refusal(&self) -> bool {
         matches!(self, Self::Connect { source, .. } if source.kind() == ConnectErrorKind::AuthorizationViolation)
     }
 
-    /// True if retrying may succeed on a server that was reachable a moment ago: while it reloads its configuration it
-    /// rejects members, closes connections and has no storage.
+    /// Returns true if retrying may succeed on a server that was reachable a moment ago: while it reloads its
+    /// configuration it rejects members, closes connections and has no storage.
     pub fn may_pass(&self) -> bool {
         match self {
             Self::Connect { source, .. } => matches!(

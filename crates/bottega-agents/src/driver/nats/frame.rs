@@ -103,7 +103,7 @@ pub(super) fn read_entry<K: Codec>(codec: &K, bytes: &[u8]) -> Result<K::Value, 
     codec.read_value(body(bytes)?).map_err(CodecError::Body)
 }
 
-/// The bytes after the version.
+/// Returns the bytes after the version.
 fn body<E: std::error::Error>(bytes: &[u8]) -> Result<&[u8], CodecError<E>> {
     match bytes.split_first() {
         None => Err(CodecError::Empty),

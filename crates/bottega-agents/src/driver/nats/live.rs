@@ -1,4 +1,4 @@
-//! Live messages: to whoever listens at the moment, neither stored nor confirmed.
+//! Live messages: sent to all current listeners, neither stored nor confirmed.
 
 use std::{
     sync::{
@@ -28,7 +28,7 @@ pub struct NatsLive {
     handle: Handle,
 }
 
-/// A subscription to a channel, which ends when this is dropped.
+/// A subscription to a channel; dropping it ends the subscription.
 #[derive(Debug)]
 pub struct LiveSubscription {
     is_over: Arc<AtomicBool>,
@@ -47,8 +47,8 @@ impl NatsLive {
         Self { client, farm: farm.to_owned(), handle }
     }
 
-    /// Sends a message to all who listen to a channel. Blocks for a moment where too many messages wait for the connection; a message
-    /// is lost where nobody listens or the farm does not answer.
+    /// Sends a message to all listeners of a channel. Blocks for a moment if too many messages wait for the connection; a message
+    /// is lost if there are no listeners or the farm does not answer.
     ///
     /// - `bytes`: at most [`LIVE_BYTES_MAX`].
     pub fn send(&self, channel: &str, bytes: Vec<u8>) {

@@ -151,42 +151,42 @@ impl<K: Codec> NatsUplink<K> {
         })
     }
 
-    /// The blobs: large data.
+    /// Returns the blobs: large data.
     pub fn blobs(&self) -> &NatsBlobs {
         &self.blobs
     }
 
-    /// The payloads of results.
+    /// Returns the payloads of results.
     pub fn payloads(&self) -> &NatsPayloads {
         &self.payloads
     }
 
-    /// The name of the member that is linked: all processes of a machine are one member.
+    /// Returns the name of the member that is linked: all processes of a machine are one member.
     pub fn member(&self) -> &str {
         &self.member
     }
 
-    /// True if this member is a guest, see [`Rights::of_guest`].
+    /// Returns true if this member is a guest, see [`Rights::of_guest`].
     pub fn is_guest(&self) -> bool {
         self.is_guest
     }
 
-    /// The notices of the farm.
+    /// Returns the notices of the farm.
     pub fn notices(&self) -> &NatsNotices {
         &self.notices
     }
 
-    /// The live messages of the farm.
+    /// Returns the live messages of the farm.
     pub fn live(&self) -> &NatsLive {
         &self.live
     }
 
-    /// The version of the server.
+    /// Returns the version of the server.
     pub fn server_version(&self) -> String {
         self.client.server_info().version
     }
 
-    /// The traffic over the link so far.
+    /// Returns the traffic over the link so far.
     pub fn traffic(&self) -> Traffic {
         let told = self.client.statistics();
         Traffic {
@@ -197,7 +197,7 @@ impl<K: Codec> NatsUplink<K> {
         }
     }
 
-    /// True if the server is connected.
+    /// Returns true if the server is connected.
     pub fn is_connected(&self) -> bool {
         self.client.connection_state() == async_nats::connection::State::Connected
     }
@@ -225,7 +225,7 @@ impl<K: Codec> NatsUplink<K> {
         self.handle.block_on(self.bucket.forget(prefix));
     }
 
-    /// The address of an agent over this link, for directories.
+    /// Returns the address of an agent over this link, for directories.
     pub fn address_of(&self, agent: &AgentId) -> String {
         names::address(&self.farm, &agent.name)
     }
@@ -246,14 +246,14 @@ impl<K: Codec> NatsUplink<K> {
 /// The state of a server's storage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerState {
-    /// It does not answer.
+    /// The server does not answer.
     Silent,
-    /// It answers, but has no storage, for example because its disk was full.
+    /// The server answers, but has no storage, for example because its disk was full.
     StoresNothing {
         /// The server's message.
         reason: String,
     },
-    /// It has storage.
+    /// The server has storage.
     Stores {
         /// Bytes stored for all farms.
         bytes: u64,
@@ -287,11 +287,11 @@ async fn post(client: Client, mut mail: mpsc::Receiver<(String, Vec<u8>)>) {
 pub struct Traffic {
     /// Messages to the server.
     pub messages_out: u64,
-    /// Messages from it.
+    /// Messages from the server.
     pub messages_in: u64,
     /// Bytes to the server.
     pub bytes_out: u64,
-    /// Bytes from it.
+    /// Bytes from the server.
     pub bytes_in: u64,
 }
 

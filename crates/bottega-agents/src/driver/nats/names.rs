@@ -45,18 +45,18 @@ pub(super) fn name(token: &str) -> Option<String> {
     (self::token(&name) == token).then_some(name)
 }
 
-/// The subject of a message.
+/// Returns the subject of a message.
 pub(super) fn message(farm: &str, to: &str, from: &str) -> String {
     let [to_home, to, from_home, from] = [machine_of(to), to, machine_of(from), from].map(token);
     format!("bottega.{farm}.to.{to_home}.{to}.from.{from_home}.{from}")
 }
 
-/// The address of an agent: the subject of messages to it, up to the sender.
+/// Returns the address of an agent: the subject of messages to it, up to the sender.
 pub(super) fn address(farm: &str, agent: &str) -> String {
     format!("{SCHEME}bottega.{farm}.to.{}.{}", token(machine_of(agent)), token(agent))
 }
 
-/// The subject of a message to an agent, from its first address in this farm, or else from its name.
+/// Returns the subject of a message to an agent, from its first address in this farm, or else from its name.
 pub(super) fn message_to(farm: &str, to: &AgentId, from: &str) -> String {
     let ours = format!("bottega.{farm}.to.");
     let is_subject = |subject: &&str| {
@@ -69,69 +69,69 @@ pub(super) fn message_to(farm: &str, to: &AgentId, from: &str) -> String {
     }
 }
 
-/// The subject of all messages to an agent.
+/// Returns the subject of all messages to an agent.
 pub(super) fn messages_to(farm: &str, to: &str) -> String {
     format!("bottega.{farm}.to.{}.{}.from.*.*", token(machine_of(to)), token(to))
 }
 
-/// The sender of a message by its subject; `None`: the name does not match the home that the server verified.
+/// Returns the sender of a message by its subject; `None`: the name does not match the home that the server verified.
 pub(super) fn sender(subject: &str) -> Option<String> {
     let mut tokens = subject.rsplit('.');
     let (name, home) = (self::name(tokens.next()?)?, self::name(tokens.next()?)?);
     (machine_of(&name) == home).then_some(name)
 }
 
-/// The subjects of all messages from agents of a member.
+/// Returns the subjects of all messages from agents of a member.
 pub(super) fn said_by(farm: &str, member: &str) -> String {
     format!("bottega.{farm}.to.*.*.from.{}.*", token(member))
 }
 
-/// The subjects of all messages to agents of a member.
+/// Returns the subjects of all messages to agents of a member.
 pub(super) fn said_to(farm: &str, member: &str) -> String {
     format!("bottega.{farm}.to.{}.>", token(member))
 }
 
-/// The subject of enrolment requests.
+/// Returns the subject of enrolment requests.
 pub(super) fn enrolment(group: &str) -> String {
     format!("bottega-enrol.{}", token(group))
 }
 
-/// The inbox prefix of a member.
+/// Returns the inbox prefix of a member.
 pub(super) fn inbox(member: &str) -> String {
     format!("_INBOX_{}", token(member))
 }
 
-/// The bucket of rows.
+/// Returns the bucket of rows.
 pub(super) fn blackboard(farm: &str) -> String {
     format!("bottega-{farm}")
 }
 
-/// The bucket of notices.
+/// Returns the bucket of notices.
 pub(super) fn notices(farm: &str) -> String {
     format!("bottega-{farm}-notices")
 }
 
-/// The bucket of blobs.
+/// Returns the bucket of blobs.
 pub(super) fn objects(farm: &str) -> String {
     format!("bottega-{farm}")
 }
 
-/// The stream of payloads; its name on the wire says what they are to a farm.
+/// Returns the stream of payloads; its name on the wire says what they are to a farm.
 pub(super) fn payloads(farm: &str) -> String {
     format!("bottega-{farm}-tiles")
 }
 
-/// The prefix of that stream's subjects.
+/// Returns the prefix of that stream's subjects.
 pub(super) fn payloads_prefix(farm: &str) -> String {
     format!("bottega.{farm}.tile.")
 }
 
-/// The subject of the live messages of a channel, whose parts are separated by `/`.
+/// Returns the subject of the live messages of a channel, whose parts are separated by `/`.
 pub(super) fn live(farm: &str, channel: &str) -> String {
     format!("bottega.{farm}.live.{}", key(&Key::from(channel.to_owned())))
 }
 
-/// The encoded key of an entry: its parts are tokens.
+/// Returns the encoded key of an entry: its parts are tokens.
 pub(super) fn key(key: &Key) -> String {
     key.to_string().split('/').map(token).collect::<Vec<_>>().join(".")
 }
@@ -142,7 +142,7 @@ pub(super) fn entry(key: &str) -> Option<Key> {
     parts.map(|parts| Key::from(parts.join("/")))
 }
 
-/// The subject filter for all entries below a prefix that ends in `/`.
+/// Returns the subject filter for all entries below a prefix that ends in `/`.
 pub(super) fn below(prefix: &Key) -> String {
     let folder = prefix.to_string();
     match folder.rsplit_once('/') {

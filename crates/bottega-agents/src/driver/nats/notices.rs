@@ -24,11 +24,11 @@ use crate::Key;
 /// The last known state of a notice.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Notice {
-    /// Its name.
+    /// The name of the notice.
     pub name: String,
-    /// The unique number of its last write.
+    /// The unique number of the notice's last write.
     pub revision: u64,
-    /// Its text.
+    /// The text of the notice, as written.
     pub text: Arc<[u8]>,
     /// Time without a change while the server was reachable.
     pub unchanged: Duration,
@@ -114,7 +114,7 @@ impl NatsNotices {
     /// - `revision`: the number of its last write; 0: it does not exist, or was removed.
     ///
     /// # Errors
-    /// It is unknown whether the server accepted it.
+    /// Whether the server accepted the notice is unknown.
     pub fn update(&self, name: &str, text: &[u8], revision: u64) -> Result<Option<u64>, BlobError> {
         let (key, bytes) = (names::key(&Key::from(name.to_owned())), text.to_vec().into());
         let written = self.handle.block_on(async {
@@ -140,7 +140,7 @@ impl NatsNotices {
     /// Writes the first notice of a name. Returns the number of the write; `None`: the name exists, or did before.
     ///
     /// # Errors
-    /// It is unknown whether the server accepted it.
+    /// Whether the server accepted the notice is unknown.
     pub fn put_first(&self, name: &str, text: &[u8]) -> Result<Option<u64>, BlobError> {
         let written = self.store.update(names::key(&Key::from(name.to_owned())), text.to_vec().into(), 0);
         match self.handle.block_on(written) {
@@ -153,7 +153,7 @@ impl NatsNotices {
         }
     }
 
-    /// True if a notice of this name exists, or was removed.
+    /// Returns true if a notice of this name exists, or was removed.
     ///
     /// # Errors
     /// The server does not answer.
@@ -204,14 +204,14 @@ impl NatsNotices {
         waited.unwrap_or_else(PoisonError::into_inner).0.all_changes
     }
 
-    /// The last known state of a notice.
+    /// Returns the last known state of a notice; `None`: there is none of this name.
     pub fn get(&self, name: &str) -> Option<Notice> {
         self.refresh();
         let seen = lock(&self.seen);
         seen.notices.get_key_value(name).map(|(name, heard)| self.notice(&seen, name, heard))
     }
 
-    /// All notices whose names start with `prefix`, by name.
+    /// Returns all notices whose names start with `prefix`, by name.
     pub fn all(&self, prefix: &str) -> Vec<Notice> {
         self.refresh();
         let seen = lock(&self.seen);
@@ -219,7 +219,7 @@ impl NatsNotices {
         from.map(|(name, heard)| self.notice(&seen, name, heard)).collect()
     }
 
-    /// A number that changes with every reported change in a folder: the part of names before the first `/`.
+    /// Returns a number that changes with every reported change in a folder: the part of names before the first `/`.
     pub(super) fn changes(&self, folder: &str) -> u64 {
         lock(&self.seen).changes.get(folder).copied().unwrap_or_default()
     }

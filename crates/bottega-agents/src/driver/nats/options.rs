@@ -15,11 +15,11 @@ pub(super) const CONNECT_TIME: Duration = Duration::from_secs(5);
 /// The address of a farm.
 #[derive(Clone, Debug, Default)]
 pub struct NatsOptions {
-    /// The addresses of its servers: `nats://host:4222`.
+    /// The addresses of the farm's servers: `nats://host:4222`.
     pub servers: Vec<String>,
-    /// The credentials.
+    /// The credentials for the server.
     pub login: Login,
-    /// The encryption.
+    /// The TLS settings of the connection.
     pub tls: Tls,
     /// The name of the farm: farms with different names on one server are independent.
     pub farm: String,
@@ -35,7 +35,7 @@ pub enum Login {
     /// No credentials.
     #[default]
     Nobody,
-    /// A token.
+    /// A token, as in `nats://TOKEN@host`.
     Token(String),
     /// User name and password.
     User(String, String),
@@ -59,7 +59,7 @@ pub struct Tls {
 }
 
 impl NatsOptions {
-    /// The options for the library.
+    /// Returns the options for the library.
     ///
     /// # Errors
     /// The credentials cannot be read, or a name is invalid.

@@ -125,7 +125,7 @@ fn is_page(key: &Key) -> bool {
     PAGE_FOLDERS.iter().any(|folder| key.folder.starts_with(folder))
 }
 
-/// The agent of an entry, if it is one of an agent.
+/// Returns the agent of an entry, if it is one of an agent.
 fn agent_of(key: &str) -> Option<&str> {
     key.split_once("/agent/").map(|(_, agent)| agent)
 }

@@ -33,12 +33,12 @@ struct PageWatch {
 type Replies = Vec<AddressedStore<String, usize>>;
 
 impl NoticePages {
-    /// The pages of the platform with this name.
+    /// Makes the pages of the platform with this name.
     pub fn new(notices: NatsNotices, platform: &str) -> Self {
         Self { notices, folder: folder(platform), watches: Vec::new(), changes: None }
     }
 
-    /// The revision of an entry.
+    /// Returns the revision of an entry.
     pub(super) fn revision(&self, key: &Key) -> Option<Revision> {
         self.get(key).map(|entry| entry.revision)
     }
@@ -51,7 +51,7 @@ impl NoticePages {
         self.notices.get(&self.name(key)).and_then(|notice| self.entry(&notice))
     }
 
-    /// The entry in a notice; `None`: it is not a page.
+    /// Returns the entry in a notice; `None`: it is not a page.
     fn entry(&self, notice: &Notice) -> Option<Entry<String>> {
         let key = entry_name(notice.name.strip_prefix(&self.folder)?)?;
         let value = String::from_utf8(notice.text.to_vec()).ok()?;
@@ -159,12 +159,12 @@ impl EntryStore<String, usize> for NoticePages {
 pub struct AgentPage {
     /// The name of the agent, in lower case.
     pub agent: String,
-    /// The notice.
+    /// The notice that holds the page.
     pub notice: Notice,
 }
 
 impl AgentPage {
-    /// All entries of agents in a platform's pages, including removed ones without text.
+    /// Returns all entries of agents in a platform's pages, including removed ones without text.
     pub fn all(notices: &NatsNotices, platform: &str) -> Vec<Self> {
         let folder = folder(platform);
         let page = |notice: Notice| {
@@ -175,19 +175,19 @@ impl AgentPage {
         notices.all(&folder).into_iter().filter_map(page).collect()
     }
 
-    /// True if it was removed.
+    /// Returns true if the page was removed.
     pub fn is_empty(&self) -> bool {
         self.notice.text.is_empty()
     }
 }
 
-/// The prefix of a platform's notices.
+/// Returns the prefix of a platform's notices.
 fn folder(platform: &str) -> String {
     format!("{FOLDER}/{}/", platform.to_lowercase())
 }
 
-/// The name of an entry's notice: an agent's is below its machine, so that a server can restrict each machine to its
-/// own agents.
+/// Returns the name of an entry's notice: an agent's is below its machine, so that a server can restrict each machine
+/// to its own agents.
 fn notice_name(key: &str) -> String {
     match key.split_once(OF_AGENT) {
         Some((which, agent)) => format!("{which}{OF_AGENT}{}/{agent}", machine_of(agent)),
@@ -195,7 +195,7 @@ fn notice_name(key: &str) -> String {
     }
 }
 
-/// The key of a notice's entry; `None`: the agent is of another machine than the notice.
+/// Returns the key of a notice's entry; `None`: the agent is of another machine than the notice.
 fn entry_name(name: &str) -> Option<String> {
     let Some((which, rest)) = name.split_once(OF_AGENT) else { return Some(name.to_owned()) };
     let agent = rest.match_indices('/').map(|(at, _)| rest.split_at(at));

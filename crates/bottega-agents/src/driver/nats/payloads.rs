@@ -176,7 +176,7 @@ impl NatsPayloads {
         }
     }
 
-    /// The first words of the names of all payloads.
+    /// Returns the first words of the names of all payloads.
     pub fn folders(&self) -> Vec<String> {
         let mut folders = Vec::new();
         self.handle.block_on(async {
@@ -191,7 +191,8 @@ impl NatsPayloads {
         folders
     }
 
-    /// The approximate number of bytes by the first word of payloads' names: servers count messages, not bytes.
+    /// Returns the approximate number of bytes by the first word of payloads' names: servers count messages, not
+    /// bytes.
     pub fn bytes_by_folder(&self) -> BTreeMap<String, u64> {
         let mut counts: BTreeMap<String, u64> = BTreeMap::new();
         let all = self.handle.block_on(async {

@@ -17,7 +17,7 @@ const BYTES: usize = 16;
 pub struct Pin([u8; BYTES]);
 
 impl Pin {
-    /// The pin of a certificate in DER.
+    /// Makes the pin of a certificate in DER.
     pub fn of(certificate: &[u8]) -> Self {
         let hash = blake3::hash(certificate);
         let mut pin = [0; BYTES];
@@ -25,7 +25,7 @@ impl Pin {
         Self(pin)
     }
 
-    /// The configuration of a client that accepts this server only.
+    /// Returns the configuration of a client that accepts this server only.
     pub fn client_config(self) -> ClientConfig {
         let provider = Arc::new(ring::default_provider());
         let verifier = Arc::new(OnlyThis { pin: self, provider: Arc::clone(&provider) });

@@ -19,12 +19,12 @@ pub struct Rights {
 }
 
 impl Rights {
-    /// The rights of a machine with a group's token and without a key.
+    /// Makes the rights of a machine with a group's token and without a key.
     pub fn of_newcomer(group: &str) -> Self {
         Self { publish: vec![names::enrolment(group)], subscribe: vec![format!("{}.>", names::inbox(NEWCOMER))] }
     }
 
-    /// The rights of a guest: a member that works for others.
+    /// Makes the rights of a guest: a member that works for others.
     pub fn of_guest(farm: &str, member: &str) -> Self {
         let [rows, notices] = [names::blackboard(farm), names::notices(farm)].map(|bucket| format!("KV_{bucket}"));
         let (objects, payloads) = (format!("OBJ_{}", names::objects(farm)), names::payloads(farm));

@@ -39,7 +39,7 @@ pub(super) enum WatchNews {
 
 /// A write of an entry.
 pub(super) struct WrittenEntry {
-    /// Its key on the server.
+    /// The key of the entry on the server.
     pub(super) key: String,
     pub(super) revision: u64,
     /// `None`: it was removed.
@@ -151,8 +151,8 @@ impl Questions {
     }
 }
 
-/// The entries with these numbers that still exist and were not delivered. Those written again since are delivered
-/// later.
+/// Returns the entries with these numbers that still exist and were not delivered. Those written again since are
+/// delivered later.
 async fn passed_over(store: &kv::Store, filter: &str, numbers: Range<u64>) -> Result<Vec<WrittenEntry>, String> {
     let (mut from, mut entries) = (numbers.start, Vec::new());
     while from < numbers.end {
@@ -172,7 +172,7 @@ async fn passed_over(store: &kv::Store, filter: &str, numbers: Range<u64>) -> Re
     Ok(entries)
 }
 
-/// The number of the last write below a name; 0: there is none.
+/// Returns the number of the last write below a name; 0: there is none.
 async fn last_written(store: &kv::Store, filter: &str) -> Result<u64, String> {
     match store.stream.get_last_raw_message_by_subject(filter).await {
         Ok(message) => Ok(message.sequence),
@@ -184,8 +184,8 @@ async fn last_written(store: &kv::Store, filter: &str) -> Result<u64, String> {
     }
 }
 
-/// A consumer of the entries below a name, beginning with the last write of each. Compares the server's description of
-/// it with the request.
+/// Returns a consumer of the entries below a name, beginning with the last write of each. Compares the server's
+/// description of it with the request.
 async fn open(client: &Client, store: &kv::Store, filter: &str) -> Result<push::Ordered, String> {
     let filter_subject = filter.to_owned();
     let wanted = push::OrderedConfig {
@@ -221,7 +221,7 @@ fn written(store: &kv::Store, message: &Message) -> Option<WrittenEntry> {
     Some(WrittenEntry { key, revision: info.stream_sequence, value })
 }
 
-/// The value of an entry; `None`: it was removed.
+/// Returns the value of an entry; `None`: it was removed.
 fn value_of(headers: Option<&HeaderMap>, payload: &Bytes) -> Option<Bytes> {
     let operation = headers.and_then(|headers| headers.get(OPERATION));
     operation.is_none_or(|operation| operation.as_str() == "PUT").then(|| payload.clone())

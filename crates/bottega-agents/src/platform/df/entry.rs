@@ -14,7 +14,7 @@ pub const DESCRIPTION_BYTES_MAX: usize = 1 << 20;
 /// Maximum number of offers in an answer, even if all were requested: they must fit into a message.
 pub const RESULTS_MAX: usize = 500;
 
-/// Maximum length of those together, in bytes; a single offer of that length is returned.
+/// Maximum length of the returned offers together, in bytes; a single offer of that length is returned.
 pub const RESULTS_BYTES_MAX: usize = DESCRIPTION_BYTES_MAX;
 
 pub(super) const ENTRY: &str = "df/agent/";
@@ -23,10 +23,10 @@ pub(super) const ENTRY: &str = "df/agent/";
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct DfEntry {
     pub(super) offer: DfAgentDescription,
-    /// The request that entered it.
+    /// The request that made the entry.
     pub(super) by: Option<String>,
     pub(super) revision: Revision,
-    /// Length of its text, in bytes.
+    /// Length of the entry's text, in bytes.
     pub(super) bytes: usize,
 }
 
@@ -39,7 +39,7 @@ impl DfEntry {
         Some(Self { offer, by: written_by(DF_DESCRIPTION, &term), revision, bytes: text.len() })
     }
 
-    /// True if it was entered by this same request before.
+    /// Returns true if this same request has already made the entry.
     pub(super) fn is_by(&self, request: &Said, description: &DfAgentDescription) -> bool {
         // Compare with the granted lease
         let granted = DfAgentDescription { lease_time: self.offer.lease_time, ..description.clone() };
@@ -47,25 +47,26 @@ impl DfEntry {
     }
 }
 
-/// The offer in an entry of the yellow pages. The end of its lease is not converted to a time.
+/// Returns the offer in an entry of the yellow pages; `None`: the text is not an entry. The end of its lease is not
+/// converted to a time.
 pub fn read_yellow_page(text: &str) -> Option<DfAgentDescription> {
     DfEntry::parse(Calendar::default(), Time::ZERO, Revision::ABSENT, text).map(|entry| entry.offer)
 }
 
-/// True if the lease of an offer has not ended.
+/// Returns true if the lease of an offer has not ended.
 pub(super) fn holds(offer: &DfAgentDescription, now: Time) -> bool {
     offer.lease_time.is_none_or(|end| now < end)
 }
 
-/// True if `asker` may see an offer: `local` offers that are not `global` are for agents of the directory's platform
-/// only.
+/// Returns true if `asker` may see an offer: `local` offers that are not `global` are for agents of the directory's
+/// platform only.
 pub(super) fn is_for(df: &AgentId, asker: &AgentId, offer: &DfAgentDescription) -> bool {
     let says = |scope: &str| offer.scope.iter().any(|said| said.eq_ignore_ascii_case(scope));
     let platform = |agent: &AgentId| agent.name.rsplit_once('@').map(|(_, platform)| platform.to_lowercase());
     !says("local") || says("global") || platform(df) == platform(asker)
 }
 
-/// The refusal of a description that is too large.
+/// Returns the refusal of a description that is too large.
 pub(super) fn largest_of(calendar: Calendar, offer: &DfAgentDescription) -> RefuseReason {
     let bytes = |part: DfAgentDescription| sl::print_term(&df_description(calendar, &part)).len();
     let none = DfAgentDescription::default;
@@ -80,7 +81,7 @@ pub(super) fn largest_of(calendar: Calendar, offer: &DfAgentDescription) -> Refu
     largest(DF_DESCRIPTION, &sizes)
 }
 
-/// The key of an agent: names are compared without case.
+/// Returns the key of an agent: names are compared without case.
 pub(super) fn index(agent: &AgentId) -> String {
     agent.name.to_lowercase()
 }

@@ -314,12 +314,12 @@ impl Join {
     }
 }
 
-/// Length of an offer's text; dates have the same length in any calendar.
+/// Returns the length of an offer's text; dates have the same length in any calendar.
 fn bytes_of(offer: &DfAgentDescription) -> usize {
     sl::print_term(&df_description(Calendar::default(), offer)).len()
 }
 
-/// The offer with which a directory registers at others.
+/// Returns the offer with which a directory registers at others.
 pub(super) fn directory(df: &AgentId) -> DfAgentDescription {
     let service = ServiceDescription {
         name: Some("df".to_owned()),

@@ -45,9 +45,9 @@ pub struct DfConfig {
     pub lease_max: Option<Duration>,
     /// Agents that may register offers of others, such as other directories.
     pub administrators: Vec<AgentId>,
-    /// Directories at which it registers, and which it asks too.
+    /// Directories at which the directory registers, and which it asks too.
     pub federates: Vec<AgentId>,
-    /// Makes its search ids differ from those of other processes.
+    /// Number that makes the directory's search ids differ from those of other processes.
     pub salt: u64,
 }
 
@@ -71,7 +71,7 @@ pub struct Df {
 }
 
 impl Df {
-    /// An empty directory.
+    /// Makes an empty directory.
     pub fn new(config: DfConfig) -> Self {
         let subscriptions = DfSubscriptions::new(config.id.clone(), config.calendar);
         let federation = Federation::new(config.id.clone(), config.salt, config.federates.clone());
@@ -128,7 +128,7 @@ impl Df {
         Ok(Step::Write(Change { key: key(name).into(), text }, Outcome::Entered(entry)))
     }
 
-    /// The entry of an agent, if its lease has not ended.
+    /// Returns the entry of an agent, if its lease has not ended.
     fn entry(&self, now: Time, name: &AgentId) -> Option<&DfEntry> {
         self.entries.get(&index(name)).filter(|entry| holds(&entry.offer, now))
     }
@@ -175,7 +175,7 @@ impl Df {
         Step::Done(Outcome::Offers(found))
     }
 
-    /// The directories registered here, except this one and the one that asks.
+    /// Returns the directories registered here, except this one and the one that asks.
     fn directories(&self, now: Time, asker: &AgentId) -> Vec<AgentId> {
         let is_directory = |offer: &DfAgentDescription| {
             let mut types = offer.services.iter().filter_map(|service| service.service_type.as_deref());

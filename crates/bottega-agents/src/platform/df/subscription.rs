@@ -33,12 +33,12 @@ pub(super) type SearchRequest = (DfAgentDescription, SearchConstraints);
 /// A subscription in the store.
 #[derive(Clone, Debug)]
 pub(super) struct SubscriptionState {
-    /// The message that began it, from which the informs are made.
+    /// The message that began the subscription, from which the informs are made.
     pub(super) message: Said,
     pub(super) wish: SearchRequest,
     /// The process that informs the subscriber.
     pub(super) teller: String,
-    /// The newest revision at its beginning: entries removed by then do not concern it.
+    /// The newest revision at the beginning: entries removed by then do not concern the subscription.
     pub(super) begun: Revision,
     /// The revision up to which news have certainly arrived.
     pub(super) sure: Revision,
@@ -52,7 +52,7 @@ pub(super) struct SubscriptionNews {
     pub(super) offer: DfAgentDescription,
     /// Length of the offer's text, in bytes.
     pub(super) bytes: usize,
-    /// Time since which this process knows it.
+    /// Time since which this process knows the subscription.
     pub(super) since: Time,
     /// Time at which this process sent it, and the number of the message.
     pub(super) said: Option<(Time, u64)>,
@@ -127,7 +127,7 @@ impl Subscription {
         }
     }
 
-    /// The current state, if it differs from that in the store.
+    /// Returns the current state, if it differs from that in the store.
     pub(super) fn moved(&self, now: Time) -> Option<SubscriptionState> {
         let is_sure = |news: &SubscriptionNews| news.said.is_some_and(|(said, _)| said + SURE_AFTER <= now);
         let last =
@@ -140,7 +140,7 @@ impl Subscription {
         Some(SubscriptionState { sure, told, ..self.standing.clone() })
     }
 
-    /// The time at which another process takes over.
+    /// Returns the time at which another process takes over.
     pub(super) fn take_over_at(&self) -> Option<Time> {
         let at = |news: &SubscriptionNews| {
             news.since + if news.revision > self.standing.told { TELL_WITHIN } else { SURE_WITHIN }
@@ -148,7 +148,7 @@ impl Subscription {
         self.news.iter().map(at).min()
     }
 
-    /// The time at which the process with this name must act.
+    /// Returns the time at which the process with this name must act.
     pub(super) fn next_deadline(&self, teller: &str) -> Option<Time> {
         if self.standing.teller != teller {
             return self.take_over_at().filter(|_| !self.is_written);

@@ -22,9 +22,9 @@ use crate::{
 /// The reason why a content cannot be read; also the answer to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Unread {
-    /// It is not understood.
+    /// The content is not understood.
     NotUnderstood(NotUnderstoodReason),
-    /// It is a request, but malformed.
+    /// The content is a request, but malformed.
     Refuse(RefuseReason),
 }
 
@@ -41,7 +41,7 @@ fn senseless() -> Unread {
 /// Parses the content of a message with this performative. Relative dates count from `now`.
 ///
 /// # Errors
-/// It is not agent-management content.
+/// The content does not belong to agent management.
 pub fn read_content(
     calendar: Calendar,
     now: Time,
@@ -51,7 +51,7 @@ pub fn read_content(
     let reader = TermReader { calendar, now };
     use ManagementContent as M;
     match (act, content) {
-        // Any content: the conversation tells what is cancelled
+        // Any content: the conversation identifies the cancelled act
         (Performative::Cancel, _) => Ok(M::Cancel),
         (Performative::Request, [action]) => reader.request(action),
         (Performative::Subscribe, [iota]) => {
@@ -266,7 +266,7 @@ impl<'a> Object<'a> {
         self.get(parameter).map(integer).transpose()
     }
 
-    /// The elements of a set or a sequence; none if the parameter is absent.
+    /// Returns the elements of a set or a sequence; none if the parameter is absent.
     pub(crate) fn elements(&self, parameter: &'static str) -> Result<&'a [Term], RefuseReason> {
         self.get(parameter).map_or(Ok(&[]), |term| term.elements().ok_or_else(|| self.bad(parameter)))
     }
@@ -391,7 +391,7 @@ pub(crate) fn read_service_entry(term: &Term) -> Result<ServiceEntry, RefuseReas
     })
 }
 
-/// A reason `(word argument …)`, or the word alone, as JADE writes it.
+/// Returns a reason `(word argument …)`, or the word alone, as JADE writes it.
 fn reason(term: &Term) -> Option<(&str, Vec<Cow<'static, str>>)> {
     match term {
         Term::List(_) => {
@@ -428,7 +428,7 @@ fn failure_reason(term: &Term) -> FailureReason {
     }
 }
 
-/// The text in `(internal-error "…")`, or the whole term.
+/// Returns the text in `(internal-error "…")`, or the whole term.
 fn error_text(term: &Term) -> String {
     match term.arguments_of("internal-error") {
         Some([Term::Text(text)]) => text.clone(),

@@ -122,7 +122,8 @@ struct HomeFolder<'a> {
 }
 
 impl HomeFolder<'_> {
-    /// True if a folder is not of one engine alone: the user's home, a folder above it, or the user's installation prefix.
+    /// Returns true if a folder is not of one engine alone: the user's home, a folder above it, or the user's installation
+    /// prefix.
     fn is_shared(&self, folder: &Path) -> bool {
         let is_root = folder.components().all(|part| matches!(part, Component::RootDir | Component::Prefix(_)));
         let temporary = env::temp_dir();
@@ -257,7 +258,7 @@ mod kernel {
         Ok(ruleset.restrict_self()?.ruleset)
     }
 
-    /// True if the kernel enforces the fence. Checked once.
+    /// Returns true if the kernel enforces the fence. Checked once.
     pub(in super::super) fn is_enforced() -> bool {
         static FOUND: OnceLock<bool> = OnceLock::new();
         *FOUND.get_or_init(|| {

@@ -72,12 +72,12 @@ pub(super) fn wrapper(limits: &Limits) -> Vec<String> {
     line
 }
 
-/// True if the namespaces need a user namespace, and so write access to `/proc`.
+/// Returns true if the namespaces need a user namespace, and so write access to `/proc`.
 pub(super) fn makes_users() -> bool {
     guards().namespaces == Some(AS_USER)
 }
 
-/// True if engines have no network on this machine.
+/// Returns true if engines have no network on this machine.
 pub fn is_shut_in() -> bool {
     guards().namespaces.is_some()
 }

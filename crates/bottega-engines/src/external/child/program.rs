@@ -37,7 +37,7 @@ pub(in crate::external) struct Program<'a> {
     pub(in crate::external) inherit: &'a [String],
     /// Names of environment variables that list what it may write in addition to its scratch folder.
     pub(in crate::external) writes: &'a [String],
-    /// Files and folders that it may read in addition to the system's and its installation.
+    /// Files and folders that the program may read in addition to the system's and its installation.
     pub(in crate::external) reads: &'a [PathBuf],
     pub(in crate::external) limits: Limits,
 }

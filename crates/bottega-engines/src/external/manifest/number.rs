@@ -14,9 +14,9 @@ pub struct Range {
     pub most: u32,
     /// The default value.
     pub default: Option<u32>,
-    /// True if it must be a power of two.
+    /// True if the number must be a power of two.
     pub powers_of_two: bool,
-    /// True if it must be the square of a whole number.
+    /// True if the number must be the square of a whole number.
     pub squares: bool,
 }
 
@@ -132,7 +132,7 @@ pub struct Versions {
 }
 
 impl Versions {
-    /// True if a version is in the range.
+    /// Returns true if a version is in the range.
     pub fn include(&self, version: &Version) -> bool {
         self.least.as_ref().is_none_or(|least| version >= least)
             && self.below.as_ref().is_none_or(|below| version < below)

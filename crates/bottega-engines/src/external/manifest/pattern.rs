@@ -22,7 +22,8 @@ impl Pattern {
         self.0.captures_iter(text).filter_map(|found| found.get(1)).map(|it| it.as_str())
     }
 
-    /// Returns the last match as a fraction in 0..=1: group 1 in per cent, or group 1 of group 2.
+    /// Returns the last match as a fraction in 0..=1: group 1 in per cent, or group 1 of group 2. `None`: no match,
+    /// or no number.
     pub fn share(&self, text: &str) -> Option<f64> {
         let found = self.0.captures_iter(text).last()?;
         let number = |i: usize| found.get(i).and_then(|it| it.as_str().parse::<f64>().ok());
@@ -33,7 +34,7 @@ impl Pattern {
         share.is_finite().then(|| share.clamp(0.0, 1.0))
     }
 
-    /// True if it has a group.
+    /// Returns true if the pattern has a group.
     pub fn has_group(&self) -> bool {
         self.0.captures_len() > 1
     }

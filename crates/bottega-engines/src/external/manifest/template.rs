@@ -130,7 +130,7 @@ pub enum Argument {
 }
 
 impl Argument {
-    /// True if it contains this placeholder.
+    /// Returns true if the argument contains this placeholder.
     pub(super) fn uses(&self, name: &str) -> bool {
         match self {
             Self::One(template) => template.uses(name),

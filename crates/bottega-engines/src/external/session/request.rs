@@ -65,7 +65,7 @@ pub(in crate::external) struct Written {
     pub(in crate::external) file: PathBuf,
     /// The part of the frame that it shows.
     pub(in crate::external) shows: Rect,
-    /// True if its first row is at the bottom.
+    /// True if the picture's first row is at the bottom.
     pub(in crate::external) is_upside_down: bool,
     /// Samples per pixel, if the engine reports them.
     pub(in crate::external) samples: Option<u32>,

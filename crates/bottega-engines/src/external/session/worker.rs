@@ -36,7 +36,7 @@ pub(super) struct WorkerSession {
     scratch: Scratch,
     next_id: u64,
     frame: Option<i32>,
-    /// The files that it may read in addition to its own.
+    /// The files that the worker may read in addition to its own.
     reads: Vec<PathBuf>,
     wrong_lines: u32,
 }
@@ -94,7 +94,7 @@ impl WorkerSession {
         }
     }
 
-    /// Returns the files that it may read in addition to its own.
+    /// Returns the files that the worker may read in addition to its own.
     pub(super) fn reads(&self) -> &[PathBuf] {
         &self.reads
     }

@@ -26,15 +26,15 @@ impl Orientations {
     /// Number of orientations.
     pub(super) const COUNT: usize = 4;
 
-    /// Makes the filters.
+    /// Makes the Gabor filters of all orientations.
     pub(super) fn new() -> Self {
         // Directions of the waves; exact, so that only `exp` and `cos` of small numbers round.
         let directions = [(1.0, 0.0), (FRAC_1_SQRT_2, FRAC_1_SQRT_2), (0.0, 1.0), (-FRAC_1_SQRT_2, FRAC_1_SQRT_2)];
         Self(directions.map(|(dx, dy)| pair(dx, dy)))
     }
 
-    /// The strength of one orientation at every pixel: the root of the summed squares of both responses, which does not
-    /// depend on the phase of an edge or bar.
+    /// Returns the strength of one orientation at every pixel: the root of the summed squares of both responses, which
+    /// does not depend on the phase of an edge or bar.
     pub(super) fn strength(&self, plane: &Plane, orientation: usize) -> Plane {
         let GaborPair { even, odd } = &self.0[orientation];
         let (width, height) = plane.size();

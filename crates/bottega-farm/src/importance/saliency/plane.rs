@@ -10,30 +10,32 @@ pub(super) struct Plane {
 }
 
 impl Plane {
+    /// Makes a plane of values.
+    ///
     /// - `values`: `[width × height]`, at least one pixel.
     pub(super) fn new(width: u32, height: u32, values: Vec<f32>) -> Self {
         debug_assert_eq!(values.len(), width as usize * height as usize);
         Self { width, height, values }
     }
 
-    /// A plane of zeros.
+    /// Makes a plane of zeros.
     pub(super) fn zero((width, height): (u32, u32)) -> Self {
         Self { width, height, values: vec![0.0; width as usize * height as usize] }
     }
 
-    /// Columns and rows.
+    /// Returns columns and rows.
     pub(super) fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
-    /// The value at (x, y), clamped to the edge.
+    /// Returns the value at (x, y), clamped to the edge.
     pub(super) fn at(&self, x: i64, y: i64) -> f32 {
         let x = x.clamp(0, i64::from(self.width) - 1) as usize;
         let y = y.clamp(0, i64::from(self.height) - 1) as usize;
         self.values[y * self.width as usize + x]
     }
 
-    /// The difference from a plane of the same size.
+    /// Returns the difference from a plane of the same size.
     pub(super) fn minus(&self, other: &Self) -> Self {
         debug_assert_eq!(self.size(), other.size());
         let values = self.values.iter().zip(&other.values).map(|(a, b)| a - b).collect();
@@ -46,8 +48,8 @@ impl Plane {
         self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
     }
 
-    /// The plane at half size: low-pass filtered by the binomial weights 1 4 6 4 1 in both directions, with every
-    /// second value kept. Source: Burt and Adelson 1983, *The Laplacian Pyramid as a Compact Image Code*.
+    /// Returns the plane at half size: low-pass filtered by the binomial weights 1 4 6 4 1 in both directions, with
+    /// every second value kept. Source: Burt and Adelson 1983, *The Laplacian Pyramid as a Compact Image Code*.
     pub(super) fn halved(&self) -> Self {
         const WEIGHTS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
@@ -67,8 +69,8 @@ impl Plane {
         half
     }
 
-    /// The plane at another size: halved while at least twice as large, then interpolated bilinearly between pixel
-    /// centers.
+    /// Returns the plane at another size: halved while at least twice as large, then interpolated bilinearly between
+    /// pixel centers.
     pub(super) fn resized(&self, size: (u32, u32)) -> Self {
         let mut from = self.clone();
         while from.width.div_ceil(2) >= size.0 && from.height.div_ceil(2) >= size.1 && from.size() != size {
@@ -92,8 +94,8 @@ impl Plane {
         to
     }
 
-    /// The values of all local maxima: pixels not below any of their eight neighbors and above at least one. Each pixel
-    /// at the rim of a plateau counts.
+    /// Returns the values of all local maxima: pixels not below any of their eight neighbors and above at least one.
+    /// Each pixel at the rim of a plateau counts.
     pub(super) fn peaks(&self) -> Vec<f32> {
         let around = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
         let is_peak = |x: i64, y: i64| {

@@ -1,4 +1,4 @@
-//! A hostile agent: it subscribes beside honest ones, and then says and does what no agent should.
+//! A hostile agent: it subscribes beside honest ones, and then violates the protocol.
 
 use std::{sync::Arc, time::Duration};
 
@@ -10,41 +10,41 @@ use bottega_farm::{
 };
 use bottega_image::Sides;
 
-/// What it has seen, and uses again, at most.
+/// Maximum number of things seen that it uses again.
 const KEPT: usize = 16;
 
-/// What a hostile agent does.
+/// The habits of a hostile agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Vice {
-    /// It bids for what is not offered, twice, too late, with absurd times and room for none or for all.
+    /// Bids for zones that are not on offer, twice, too late, with absurd times, and with room for none or for all.
     Bids,
-    /// It says that it is the fastest of all, and bids for nothing. What it is to look at it paints.
+    /// Claims to be the fastest, and never bids. It paints its profiles.
     Declines,
-    /// It says that it lives, and nothing else: calls and orders are not answered.
+    /// Sends heartbeats only; does not answer calls and orders.
     Dawdles,
-    /// It says nothing at all after it has subscribed, and subscribes again when it counts as gone.
+    /// Is silent after its subscription, and subscribes again when it counts as gone.
     Vanishes,
-    /// It reports what was never painted, with any fields wrong.
+    /// Reports paintings that were never made, with any fields wrong.
     Forges,
-    /// It fails at once.
+    /// Reports a failure at once.
     Fails,
-    /// It goes and comes again.
+    /// Leaves and joins again.
     Leaves,
-    /// It tells of orders that it does not have, not of those that it has, or of progress that is none.
+    /// Reports orders that it does not have, hides those that it has, or reports progress that was not made.
     Claims,
-    /// It speaks in the names of honest agents.
+    /// Sends messages in the names of honest agents.
     Impersonates,
-    /// It says much at once.
+    /// Sends many messages at once.
     Floods,
-    /// It tells other agents what only their Master may.
+    /// Sends other agents messages that only their Master may send.
     Meddles,
-    /// It subscribes in the name of the Master.
+    /// Subscribes in the name of the Master.
     Usurps,
-    /// It shares its processor with a thousand, says this and that, and never that it lives.
+    /// Shares its processor with a thousand agents, sends random messages, and never a heartbeat.
     Mumbles,
-    /// It paints some of its orders well, so that its failures are forgotten.
+    /// Paints some of its orders correctly, so that its failures are forgotten.
     Works,
-    /// It takes zones from others that it does not paint, and gives away what it does not have. Of works where agents steal.
+    /// Takes zones from others without painting them, and gives away zones that it does not hold. Only with stealing.
     Robs,
 }
 
@@ -67,17 +67,17 @@ impl Vice {
     ];
 }
 
-/// What a hostile agent is told when it is made.
+/// The configuration of a hostile agent.
 #[derive(Clone, Debug)]
 pub(super) struct HostileConfig {
     pub(super) id: AgentId,
     pub(super) master: AgentId,
-    /// In whose names it speaks.
+    /// The names in which it sends messages.
     pub(super) honest: Vec<AgentId>,
     pub(super) vices: Vec<Vice>,
-    /// How often it does something, at first.
+    /// Time between two of its actions, at first.
     pub(super) pace: Duration,
-    /// From then on it does something every few seconds.
+    /// The time from which it acts every few seconds.
     pub(super) tires: Time,
     pub(super) seed: u64,
 }
@@ -181,7 +181,7 @@ impl HostileAgent {
         self.say(sender, &self.config.master, Performative::Subscribe, content, 0)
     }
 
-    /// Bids that make no sense, for a call that was made or for none.
+    /// Returns senseless bids, for a real call or without one.
     fn bids(&mut self) -> (FarmContent, u64) {
         let call = self.calls.last().cloned().filter(|_| self.random.unit() < 0.9);
         let conversation = call.as_ref().map_or_else(|| self.random.bits() % 64, |call| call.conversation_id);
@@ -202,7 +202,7 @@ impl HostileAgent {
         (FarmContent::Bids { room, bids }, conversation)
     }
 
-    /// A report of an order that it has or had, or of none.
+    /// Returns a report of an order that it holds, held, or never had.
     fn report(&mut self) -> (Performative, FarmContent, u64) {
         let order = self.orders.get(self.random.below(KEPT)).cloned();
         let (zone, fence) = match &order {
@@ -218,7 +218,7 @@ impl HostileAgent {
         (performative, FarmContent::Report(Arc::new(Report { zone, fence, outcome, reasons: None })), conversation)
     }
 
-    /// A painting that nobody made. Sometimes all looks well but for that.
+    /// Returns a painting that was never made, sometimes with correct fields otherwise.
     fn forged(&mut self, order: &Order, fence: Revision) -> Painting {
         let mut choice = order.row.choice.unwrap_or(Choice::unchanged(&order.work.settings));
         let samples = order.row.goal_samples(&choice);
@@ -252,7 +252,7 @@ impl HostileAgent {
         }
     }
 
-    /// What it says of its orders when it says that it lives.
+    /// The progress of its orders that it reports with a heartbeat.
     fn alive(&mut self) -> FarmContent {
         let claims = self.has(Vice::Claims);
         let mut holdings: Vec<Holding> = Vec::new();
@@ -291,7 +291,7 @@ impl HostileAgent {
         self.say(&me, &self.config.master, performative, content, conversation)
     }
 
-    /// Tells an honest agent what only its Master may.
+    /// Sends an honest agent a message that only its Master may send.
     fn meddle(&mut self) -> FarmAction {
         let (me, to) = (self.config.id.clone(), self.honest());
         let order = self.orders.last().map(|(order, _)| order.clone());
@@ -315,7 +315,7 @@ impl HostileAgent {
         self.say(&me, &to, performative, content, 0)
     }
 
-    /// Asks for what others have, or gives away what is not its own.
+    /// Asks for zones of others, or gives away zones that it does not hold.
     fn rob(&mut self) -> FarmAction {
         let (me, honest) = (self.config.id.clone(), self.honest());
         let own = self.one_of(&[f64::NAN, 0.0, -1.0, 1e-9, 1.0]);
@@ -338,7 +338,7 @@ impl HostileAgent {
         }
     }
 
-    /// Does something.
+    /// Runs one random action.
     fn act(&mut self, actions: &mut Vec<FarmAction>) {
         let vices = self.config.vices.clone();
         let vice = self.one_of(&vices);
@@ -381,7 +381,7 @@ impl HostileAgent {
             let alive = self.alive();
             actions.push(self.tell(Performative::Inform, alive, 0));
         }
-        // It has no word of it when it no longer is on the list.
+        // It gets no message when it is removed from the list.
         if !self.has(Vice::Usurps) && self.chance(0.3) {
             let me = self.config.id.clone();
             actions.push(self.subscribe(&me));
@@ -420,7 +420,7 @@ impl HostileAgent {
         }
     }
 
-    /// What it was asked to paint is painted: it says so as an honest agent does.
+    /// An order is painted: reports it as an honest agent does.
     fn painted(&mut self, zone: ZoneId, fence: Revision, result: ResultRef, actions: &mut Vec<FarmAction>) {
         let known = self.orders.iter().find(|(order, _)| (order.row.zone, order.fence) == (zone, fence));
         let Some((order, conversation)) = known.cloned() else { return };
@@ -442,7 +442,7 @@ impl HostileAgent {
     }
 }
 
-/// All of a zone that is to be painted, from its first sample.
+/// All samples of a zone, from the first.
 fn whole(order: &Order) -> PaintOrder {
     let settings = &order.work.settings;
     let choice = order.row.choice.unwrap_or(Choice::unchanged(settings));

@@ -1,4 +1,4 @@
-//! All who take part: the farm's own agents, visitors and hostile agents, as one machine that a simulator runs.
+//! All agents of a siege: the farm's own agents, visitors and hostile agents, as one machine that a simulator runs.
 
 use bottega_agents::{Action, ActionOf, Event, EventOf, StateMachine, Time};
 use bottega_farm::{
@@ -14,13 +14,13 @@ pub(super) enum AnyAgent {
     Hostile(Box<HostileAgent>),
 }
 
-/// What any of them can have done.
+/// The effects that an agent of the cast can ask for.
 pub(super) enum AnyEffect {
     Farm(FarmEffect),
     Visitor(VisitorEffect),
 }
 
-/// What is reported to any of them.
+/// The events that an agent of the cast can get.
 pub(super) enum AnyCompletion {
     Farm(FarmCompletion),
     Visitor(VisitorReport),
@@ -63,7 +63,7 @@ fn of_visitor(completion: AnyCompletion) -> Option<VisitorReport> {
     }
 }
 
-/// Gives a machine an event of the platform, and the platform what it wants done.
+/// Passes an event of the platform to a machine, and the machine's actions to the platform.
 fn feed<M>(
     machine: &mut M,
     now: Time,

@@ -1,4 +1,4 @@
-//! Hostile agents and strangers beside honest ones: the work ends, the film is whole, and who is honest goes on working.
+//! Hostile agents and strangers beside honest ones: the work ends, the film is complete, and honest agents keep working.
 
 mod agent;
 mod cast;
@@ -25,10 +25,10 @@ use crate::sim::{
 };
 
 const WORK: WorkId = WorkId(1);
-/// A work that has not ended by then never will.
+/// The time by which a work must have ended.
 const LIMIT: Duration = Duration::from_secs(7 * 24 * 3600);
 
-/// Who is here, over which network, by which rules.
+/// The agents, the network and the rules of a siege.
 #[derive(Clone, Debug)]
 struct Siege {
     honest: Vec<f64>,
@@ -43,7 +43,7 @@ struct Siege {
     optimization: Optimization,
     goal: Goal,
     zones: u32,
-    /// Pixels of the survey that make one, along each axis.
+    /// Survey pixels merged into one, along each axis.
     survey_shrink: u32,
 }
 
@@ -66,7 +66,7 @@ impl Siege {
         }
     }
 
-    /// Any mixture.
+    /// Any mixture of hostile and honest agents.
     fn of_seed(seed: u64) -> Self {
         let mut random = Random::new(seed ^ 0x4057);
         let vices = |random: &mut Random| {
@@ -90,7 +90,7 @@ impl Siege {
 }
 
 impl Siege {
-    /// The mixture of a seed that once found a fault, with the survey of that time: another one has other zones.
+    /// The mixture of a seed that once found a fault, with the survey of that time, because another survey gives other zones.
     fn found_by(seed: u64) -> Self {
         Self { survey_shrink: 1, ..Self::of_seed(seed) }
     }
@@ -193,7 +193,7 @@ fn frame() -> Rect {
     Rect::of_size(640, 480)
 }
 
-/// What came of a siege.
+/// The result of a siege.
 struct SiegeOutcome {
     took: Duration,
     zones: usize,
@@ -231,7 +231,7 @@ fn withstand(siege: &Siege, seed: u64) -> SiegeOutcome {
     SiegeOutcome { took, zones: world.zones.len(), failed, missing: world.missing, left_out: world.left_out.len() }
 }
 
-/// All zones are in the film or given up, of pixels that were painted, and who is honest is still at work.
+/// Checks that all zones are in the film or given up, that their pixels were painted, and that honest agents still work.
 fn assert_whole(platform: &Platform, siege: &Siege, seed: u64) {
     let world = platform.world();
     let failed = world.finished.clone().expect("it has ended");
@@ -261,7 +261,7 @@ fn assert_whole(platform: &Platform, siege: &Siege, seed: u64) {
     }
     let honest = names("agent", siege.honest.len()).into_iter().chain(names("polite", siege.polite));
     for id in honest {
-        // Two who agree are believed: --verify 2 promises nothing against two that are hostile together.
+        // Two agents that agree are believed: --verify 2 does not protect against two that are hostile together.
         let by_two = |reason: &str| reason.contains("is not what") && reason.matches("hostile-").count() == 2;
         let left_out = world.left_out.get(&id).filter(|reason| !by_two(reason));
         assert_eq!(left_out, None, "seed {seed}: {id} is left out");
@@ -289,7 +289,7 @@ fn the_work_ends_and_the_film_is_whole_whoever_takes_part() {
     assert!(failed * 500 < zones && missing > 100 && left_out > 500, "{failed} of {zones}, {missing}, {left_out}");
 }
 
-/// The same where zones are dealt out, and agents take from each other what waits.
+/// The same with stealing: zones are dealt out, and agents take waiting zones from each other.
 #[test]
 fn the_work_ends_and_the_film_is_whole_where_agents_steal_whoever_takes_part() {
     let (mut failed, mut zones) = (0, 0);
@@ -304,18 +304,18 @@ fn the_work_ends_and_the_film_is_whole_where_agents_steal_whoever_takes_part() {
     assert!(failed * 500 < zones, "{failed} of {zones}");
 }
 
-/// Three honest agents need some 12 s. A hostile one may delay the end by as long as it is waited for, and no more.
+/// Three honest agents need some 12 s. A hostile one may delay the end by its timeouts, and no more.
 #[test]
 fn one_hostile_agent_has_no_zone_given_up_and_cannot_hold_the_work_up() {
     let mut lines = Vec::new();
     for vice in Vice::ALL {
         let limit = match vice {
             Vice::Vanishes | Vice::Forges | Vice::Fails | Vice::Leaves | Vice::Usurps => 100,
-            // Who shares a processor is waited for up to thirty-two times longer; after three orders it is left out.
+            // Timeouts of agents that share a processor are up to thirty-two times longer; after three orders it is left out.
             Vice::Mumbles => 3 * 32 * 600 + 100,
-            // What is told to go on is waited for longest.
+            // An order with reported progress has the longest timeout.
             Vice::Claims => 5 * 3600,
-            // An order that is not begun is waited for ten minutes, and one that stands still up to half an hour.
+            // An order that is not begun times out after ten minutes, and one without progress after at most half an hour.
             _ => 1920,
         };
         let mut longest = Duration::ZERO;
@@ -341,8 +341,8 @@ fn visitors_that_keep_to_the_rules_paint_a_picture_among_those_that_do_not() {
     }
 }
 
-/// Its turn among the zones with bands had passed when its failures were forgiven with who had failed, and it was waited for
-/// without end.
+/// The zone's turn among those with bands had passed when its failures were forgiven, and the film waited for it
+/// for ever.
 #[test]
 fn a_zone_that_was_given_up_and_is_painted_after_all_goes_into_the_film() {
     for seed in [1113, 1158, 1371, 1488, 1509, 2259] {
@@ -350,7 +350,7 @@ fn a_zone_that_was_given_up_and_is_painted_after_all_goes_into_the_film() {
     }
 }
 
-/// A painter was found wrong and its zones were being opened when the film said that one of its tiles was nowhere.
+/// An agent was found wrong and its zones were being opened when the film reported that one of its tiles is missing.
 #[test]
 fn a_tile_may_be_missing_while_its_zone_is_opened_again() {
     for seed in [819, 846] {

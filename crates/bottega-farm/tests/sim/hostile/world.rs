@@ -18,26 +18,26 @@ use crate::sim::{stage::Studio, survey::survey};
 
 type Reports = Vec<(Duration, AnyCompletion)>;
 
-/// What the world has seen, and what there is in it.
+/// The state of the world, and a log of its events.
 #[derive(Default)]
 pub(super) struct HostileWorld {
     /// V_cp by agent.
     pub(super) power: BTreeMap<AgentId, f64>,
     /// Visitors that misbehave.
     pub(super) rude: BTreeSet<AgentId>,
-    /// When each machine is free.
+    /// The time at which each machine is free.
     free: BTreeMap<AgentId, Time>,
-    /// What is painted when, by order.
+    /// The paintings under way, by order, with their end.
     sittings: BTreeMap<(AgentId, ZoneId, Revision), (Time, Time)>,
-    /// All that was painted, by digest: its pixels and samples.
+    /// All paintings, by digest: their pixels and samples.
     tiles: BTreeMap<BlobId, (Rect, u32)>,
     work: Option<Arc<WorkRow>>,
     pub(super) zones: BTreeMap<ZoneId, ZoneRow>,
-    /// What the film of the present Master holds.
+    /// The content of the present Master's film.
     pub(super) composed: BTreeMap<ZoneId, (Mask, Rect)>,
     pub(super) finished: Option<Vec<ZoneId>>,
     pub(super) left_out: BTreeMap<AgentId, String>,
-    /// Tiles that were to be composed and that nobody had painted.
+    /// Tiles to compose that were never painted.
     pub(super) missing: usize,
     pub(super) survey_shrink: u32,
 }
@@ -61,7 +61,7 @@ impl HostileWorld {
         }
     }
 
-    /// Paints an order. Returns when it is done, and what comes of it.
+    /// Paints an order. Returns the time of its end, and its result.
     fn paint(
         &mut self,
         now: Time,
@@ -153,7 +153,7 @@ impl HostileWorld {
         }
     }
 
-    /// What a visitor does that keeps to the rules.
+    /// The step of a visitor that keeps to the rules.
     fn visit(&mut self, now: Time, agent: &AgentId, effect: VisitorEffect, random: &mut Random, reports: &mut Reports) {
         match effect {
             VisitorEffect::Offers { call, offers, room, .. } => {
@@ -179,7 +179,7 @@ impl HostileWorld {
     }
 }
 
-/// What a visitor does that keeps to no rules: sometimes nothing, sometimes what makes no sense, sometimes too much.
+/// The step of a visitor that breaks the rules: nothing, nonsense, or too much.
 fn intrude(effect: &VisitorEffect, random: &mut Random, reports: &mut Reports) {
     let times = [Duration::ZERO, Duration::from_secs(1 << 30), Duration::MAX];
     while random.unit() < 0.6 {
@@ -210,7 +210,7 @@ fn intrude(effect: &VisitorEffect, random: &mut Random, reports: &mut Reports) {
     }
 }
 
-/// Stands for the samples of a zone: the same for all who paint it.
+/// Returns a stand-in for the digest of a zone's samples, equal for all agents.
 fn digest(order: &PaintOrder) -> BlobId {
     let PaintOrder { zone, rect, samples, tunables, .. } = order;
     let words = [zone.0, samples.end, rect.x0, rect.y0, rect.x1, rect.y1, tunables.max_depth, tunables.light_samples];

@@ -17,7 +17,7 @@ const BINDINGS: &str = "
 
 /// A device with one test shader.
 pub(super) struct Bench {
-    /// True if it rounds like the CPU on which it runs.
+    /// True if the device rounds like the CPU on which it runs.
     pub(super) is_software: bool,
     device: wgpu::Device,
     queue: wgpu::Queue,

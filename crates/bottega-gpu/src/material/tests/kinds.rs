@@ -8,7 +8,7 @@ use bottega_scene::{
 
 use super::numbers::Numbers;
 
-/// A kind: its name, and a function that makes one with textures among so many images.
+/// A kind: its name, and a function that makes one with textures among this number of images.
 pub(super) type SurfaceKind = (&'static str, fn(&mut Numbers, u32) -> Surface);
 
 /// The kind whose values and samples are random walks.

@@ -77,9 +77,9 @@ struct KnownCase {
     value: Vec<f32>,
     /// The sampled direction; empty: none.
     way: Vec<f32>,
-    /// Its weight and its density.
+    /// The expected weight and density.
     weight: Vec<f32>,
-    /// Its relative index of refraction and its lobe.
+    /// The expected relative index of refraction and lobe.
     lobe: [f32; 2],
     albedo: Vec<f32>,
     /// Roughness, and black, delta, transmissive as bits.
@@ -242,7 +242,7 @@ fn every_kind_scatters_as_on_the_processor() {
     assert!(off.is_empty(), "{off:#?}");
 }
 
-/// Walks are drawn from other random numbers where a last bit differs: what they come to on average is held together here.
+/// Walks are drawn from other random numbers where a last bit differs: their means are compared here.
 #[test]
 fn walks_through_coats_come_to_the_same_on_average() {
     const SAMPLES: usize = 4096;

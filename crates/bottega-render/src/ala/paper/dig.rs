@@ -225,7 +225,7 @@ impl Scout<'_, '_> {
         let side_number = u32::from(n.dot(self.probe.agent.normal) < 0.0);
         let sampler = self.probe.sampler(2 * number + side_number, 1);
         let irradiance = self.sensing.integrator.irradiance(self.sensing.maps, point, width, sampler, self.buffers);
-        // Skip dark backs: nobody looks behind a wall
+        // Skip dark backs: no query is made behind a wall
         if side_number == 0 || irradiance != Spectrum::ZERO {
             self.sensed.irradiance.push(Photon::new(p, n, n, irradiance), self.buffers.bounces());
         }

@@ -82,6 +82,7 @@ impl<'a> Path<'a> {
     pub(super) fn guidance<const AGENTS: bool>(&self, point: &Interaction, known: &PreparedMaterial) -> Guidance<'a> {
         let mut guidance = Guidance::NONE;
         // No closures here: they are compiled without the vector unit's instructions
+        // Find the leaf of the guide at the point; rays through glass keep their BSDF's directions
         let Some(guide) = self.guide else { return guidance };
         if !AGENTS {
             if !known.transmits {

@@ -56,6 +56,7 @@ impl<'a> PathIntegrator<'a> {
     /// - `paint`: renders the pixels of a trial; the second argument is the number of the trial, 0 or 1.
     fn learn<E>(&self, view: View, paint: impl Fn(&Trial<'_>, u32) -> Result<Vec<AllTrials>, E>) -> Result<Guide, E> {
         let PathSettings { agents, guiding, filter, planned_samples, .. } = *self.settings;
+        // Set up an integrator that follows paths without a guide, deeper than the picture's
         let max_depth = LEARNING_DEPTH;
         let settings = PathSettings { max_depth, agents, guiding, filter, planned_samples, ..PathSettings::default() };
         let integrator = PathIntegrator {
@@ -66,10 +67,12 @@ impl<'a> PathIntegrator<'a> {
             plan: None,
             ..*self
         };
+        // Plan the number of passes and of paths per pass from the samples of the whole picture
         let samples = u64::from(view.width) * u64::from(view.height) * u64::from(planned_samples);
         let budget = LearningBudget::new(samples);
         let lights = agents.any().then(|| self.prepared.lights());
         let mut training = Training::new([view.width, view.height], lights);
+        // Trace a pass: the first ones plainly, over pixels; later ones guided by earlier passes
         let follow = |training: &mut Training<'_>, passes: Range<u32>| {
             for pass in passes {
                 let count = budget.paths(pass);

@@ -130,6 +130,7 @@ impl Path<'_> {
         if self.worth <= 0.0 {
             return 1.0;
         }
+        // Trace important light always, and faint or hardly visible light more rarely
         let worth = (self.throughput * contribution).max_element() * self.worth;
         (LOOKS * worth * seen.sqrt()).clamp(LOOKS_MIN, 1.0)
     }
@@ -147,6 +148,7 @@ impl Path<'_> {
         if share >= 1.0 || share.is_nan() {
             return true;
         }
+        // Start the running sum at a random number, and trace a ray when it crosses 1
         let sum = self.due.unwrap_or(u) + share;
         let is_due = sum >= 1.0;
         self.due = Some(if is_due { sum - 1.0 } else { sum });
@@ -167,6 +169,7 @@ impl Path<'_> {
     /// Returns what one of `count` light samples adds if it is visible, weighted by MIS, without the throughput.
     #[inline(always)]
     fn light_contribution(&self, vertex: &PathVertex<'_>, light: &LightSample, count: f32) -> Spectrum {
+        // Weight by MIS if a direction drawn by the BSDF or the guide can find the same light
         let is_shared = !light.is_delta && self.integrator.settings.direct_light == DirectLight::Combined;
         let mis_weight = |expected: f32, bsdf_pdf: f32| {
             if is_shared { power_heuristic(expected, [vertex.guidance.pdf(light.wi, bsdf_pdf)]) } else { 1.0 }

@@ -125,9 +125,11 @@ impl<'a> Trial<'a> {
         guide: &'a Arc<Guide>,
         ways: Vec<PaintingWay>,
     ) -> Self {
+        // Divide a share of the picture's samples among pixels, ways and two repetitions
         let tried = of_picture / SAMPLES_PER_TRIED[which];
         let samples = integrator.settings.planned_samples.clamp(1, SAMPLES_MAX);
         let count = (tried / (2 * ways.len() as u64 * u64::from(samples))).clamp(PIXELS_MIN, PIXELS_MAX) as u32;
+        // Draw the pixels evenly over the picture
         let pixels = (0..count)
             .map(|index| {
                 let place =
@@ -160,11 +162,13 @@ impl<'a> Trial<'a> {
     /// Compares the ways by the rendered pixels.
     pub(super) fn findings(&self, painted: &[AllTrials]) -> Findings {
         let Self { integrator, guide, pixels, .. } = self;
+        // Compute squared errors and work of each pixel in each way
         let tally = |(&(x, y), tried): (&(u32, u32), &AllTrials)| {
             let place = integrator.place(x, y);
             (place, PixelTally::new(tried, guide.expected().at(place)))
         };
         let tallies: Vec<_> = pixels.iter().zip(painted).map(tally).collect();
+        // Score each way over all pixels
         let common = Scores::new(&tallies.iter().map(|(_, tally)| tally).collect::<Vec<_>>(), &self.ways, None);
         Findings { ways: self.ways.clone(), tallies, common }
     }
@@ -179,6 +183,7 @@ impl<'a> Trial<'a> {
                 pixels.iter().flat_map(|&(x, y)| (0..count).map(move |sample| (x, y, sample))).collect();
             let mut painted = vec![AllTrials::default(); pixels.len()];
             let mut records = Vec::new();
+            // Render all pixels of the chunk in each way, twice with different seeds
             for (way, again) in self.ways.iter().flat_map(|&way| [(way, 0), (way, 1)]) {
                 let integrator = PathIntegrator { settings: &settings[again], ..plain.in_way(way, guide) };
                 let number = 2 * way.number() + again;
@@ -257,11 +262,13 @@ impl Findings {
     /// Returns the plan: the way that pays off in each zone.
     pub(super) fn plan(&self) -> PaintPlan {
         let Some(common) = self.common else { return PaintPlan::default() };
+        // Sort the pixels into the zones of the plan
         let side = (self.tallies.len() as f64 / PIXELS_PER_ZONE).sqrt().floor().clamp(1.0, ZONES_MAX) as u32;
         let mut by_zone = vec![Vec::new(); (side * side) as usize];
         for (place, tally) in &self.tallies {
             by_zone[PaintPlan::zone([side, side], *place)].push(tally);
         }
+        // Choose for each zone its own best way if it is clearly better than the picture's best
         let usual = common.best(&self.ways);
         let way = |zone: &Vec<&PixelTally>| {
             let Some(scores) = Scores::new(zone, &self.ways, Some(&common)) else { return usual };
@@ -282,10 +289,12 @@ impl Scores {
     /// - `common`: the scores of all pixels, blended in where there are few.
     fn new(tallies: &[&PixelTally], ways: &[PaintingWay], common: Option<&Self>) -> Option<Self> {
         let count = tallies.len() as f64;
+        // Multiply the trimmed mean error by the total work
         let product = |way: usize, measure: usize| {
             let error = trimmed(tallies.iter().map(|tally| tally.errors[way][measure]).collect());
             error * tallies.iter().map(|tally| tally.work[way]).sum::<f64>()
         };
+        // Divide by the plain way, and blend with the ratio of all pixels by their numbers
         let ratio = |way: usize, measure: usize| {
             let own = product(way, measure) / product(0, measure);
             match common {
@@ -307,8 +316,10 @@ impl Scores {
 
     /// Returns the best way by the mean of both measures. Ways that are much worse by one measure are left out.
     fn best(&self, ways: &[PaintingWay]) -> PaintingWay {
+        // Leave out ways that are much worse by one measure
         let is_sound = |way: PaintingWay| self.0[way.number()].iter().all(|&ratio| ratio <= LOSS_MAX);
         let sound = ways.iter().copied().filter(|&way| is_sound(way));
+        // Take the way with the least mean; the plain one unless the gain is clear
         let best = |best: PaintingWay, way: PaintingWay| if self.mean(way) < self.mean(best) { way } else { best };
         let best = sound.fold(PaintingWay::Plain, best);
         if self.mean(best) * GAIN_MIN < 1.0 { best } else { PaintingWay::Plain }

@@ -37,8 +37,8 @@ use state::{ArrivalKind, GatherState, LightShare, Remainder, scatter, survives};
 
 /// Number of vertices of a camera path with their own random numbers; those of gathering rays follow.
 const VERTICES: u32 = 64;
-/// Least length of a gathering ray, as a share of the map's radius. Shorter rays continue: the map is too coarse for
-/// what is so near.
+/// Least length of a gathering ray, as a share of the map's radius. Shorter rays continue: the map is too coarse for such
+/// distances.
 const NEAR: f32 = 0.35;
 
 /// Cost of a vertex and of a shadow ray, in traversal steps.

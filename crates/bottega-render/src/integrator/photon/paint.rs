@@ -16,6 +16,7 @@ impl PhotonIntegrator<'_> {
     /// Traces the photons that a range of samples needs, and builds cache and agents, if they do not exist. Uses all
     /// threads that the scene was prepared with.
     pub fn cast(&self, samples: Range<u32>) {
+        // Trace the photons of each pass; all samples share one pass unless the rendering is progressive
         for sample in samples {
             self.passes.of_sample(self.base.prepared(), sample);
             if !self.photons.progressive {
@@ -54,6 +55,7 @@ impl PhotonIntegrator<'_> {
         let mut buffers = GatherBuffers::new(self);
         let (cache, agents) = (self.cache(), self.agents());
         for &(x, y, index) in samples {
+            // Generate the camera ray, and trace it with the maps of its pass
             let sampler = PixelSampler::new(self.base.settings().seed, x, y, index);
             let (ray, factor) = self.base.camera_ray(&sampler, x, y);
             let maps = self.passes.of_sample(self.base.prepared(), index);

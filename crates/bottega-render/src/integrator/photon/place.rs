@@ -85,6 +85,7 @@ impl Task for Search<'_> {
     #[inline(always)]
     fn run(self) -> Option<IrradianceRecord> {
         let Self { integrator, maps, cache, x, y } = self;
+        // Find a matte point where the cache has no record
         let sampler = PixelSampler::new(integrator.base.settings().seed ^ RECORD_SEED, x, y, 0);
         let (ray, _) = integrator.base.camera_ray(&sampler, x, y);
         let mut buffers = GatherBuffers::new(integrator).with_bounces();
@@ -92,6 +93,7 @@ impl Task for Search<'_> {
         let mut path = GatherPath::new(integrator, known, sampler, &mut buffers);
         let point: RecordPoint =
             path.find_record_point(&ray).filter(|point| cache.at(point.p(), point.n(), u32::MAX).is_none())?;
+        // Gather light over strata of its hemisphere
         let n: Vec3 = point.n();
         let samples: Vec<_> = (0..RAYS)
             .map(|index| {
@@ -99,6 +101,7 @@ impl Task for Search<'_> {
                 path.gather_from(&point, direction(n, index, [u, v]), index)
             })
             .collect();
+        // Make a record with its gradients, and bound its radius
         let radius_max = SHARE_MAX * integrator.passes.plan().extent().length_at(point.p());
         let reach = [PIXELS_MIN / BEAM * point.width(), radius_max];
         Some(IrradianceRecord::new(point.p(), n, &Measurement::new(samples, 1), reach).with_bounces(buffers.bounces()))

@@ -48,6 +48,7 @@ impl MediumPath<'_> {
             return radiance;
         }
         let lights = prepared.lights();
+        // Weight against a light sample at the previous vertex, and against a distance drawn for this light
         radiance
             * self.found_by_direction(|from| {
                 let Some(light) = lights.light_of(prepared, &point.hit) else { return (0.0, 0.0) };

@@ -78,6 +78,7 @@ impl MediumPath<'_> {
         self.record.counts.shadow_rays += 1;
         for _ in 0..BOUNDARIES_MAX {
             self.record.values.cost += STEPS;
+            // Aim the next segment of the shadow ray at the light
             let (direction, length) = if is_far {
                 (light.wi, f32::INFINITY)
             } else {

@@ -44,7 +44,7 @@ impl Start {
 
     /// Draws the direction of a photon that leaves a surface.
     ///
-    /// - `power`: what a photon represents if directions are drawn by the cosine.
+    /// - `power`: the power that a photon represents if directions are drawn by the cosine.
     fn from_surface(
         surfaces: &Surfaces,
         material: u32,

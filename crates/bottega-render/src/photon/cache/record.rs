@@ -93,6 +93,8 @@ pub(crate) struct Measurement {
 }
 
 impl Measurement {
+    /// Computes irradiance, gradients and harmonic mean distance (Ward and Heckbert 1992).
+    ///
     /// - `rays`: samples in the directions of [`direction`], cell by cell.
     /// - `effort`: rays per cell: 1 or an even number.
     pub(crate) fn new(rays: Vec<GatherSample>, effort: u32) -> Self {
@@ -159,6 +161,8 @@ pub(crate) fn direction(n: Vec3, index: u32, u: [f32; 2]) -> Vec3 {
 }
 
 impl IrradianceRecord {
+    /// Makes a record of a measurement.
+    ///
     /// - `reach`: least and greatest radius.
     pub(crate) fn new(p: Vec3, n: Vec3, found: &Measurement, reach: [f32; 2]) -> Self {
         let looks = found.cells();
@@ -329,7 +333,7 @@ impl IrradianceRecord {
         Some(Self { p, n, irradiance, shares, turning, moving, radius, clearance, effort, variance, noise, around })
     }
 
-    /// Returns the region where it may count; see [`Self::nearness`].
+    /// Returns the region where the record may count; see [`Self::nearness`].
     ///
     /// A point at distance d whose normal differs by 1 − cos = e² counts where d ∕ R + e < a (the tolerance), if its
     /// offset along the mean of both normals is within 0.1 R. So its offset along the record's normal is at most R (0.1
@@ -341,7 +345,7 @@ impl IrradianceRecord {
         Reach { height: height * self.radius, ..self.reach_around(tolerance) }
     }
 
-    /// Returns the ball where it may count, without the planes.
+    /// Returns the ball where the record may count, without the planes.
     pub(super) fn reach_around(&self, tolerance: f32) -> Reach {
         Reach { p: self.p, n: self.n, radius: tolerance * self.radius, height: f32::INFINITY }
     }

@@ -199,7 +199,7 @@ impl ParsedLines {
         [self.positions.len(), self.uvs.len(), self.normals.len()]
     }
 
-    /// Returns its memory until the blocks are joined, in bytes.
+    /// Returns the memory of the lines until the blocks are joined, in bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         // Twice: they are copied when the blocks are joined.
         2 * (size_of_val(&self.positions[..])

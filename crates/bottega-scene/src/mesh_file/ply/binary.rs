@@ -48,9 +48,9 @@ struct Body<'a> {
     source: MeshSource<'a>,
     element: &'a Element,
     big_endian: bool,
-    /// Bytes from its first row to the end of the file.
+    /// Bytes from the element's first row to the end of the file.
     bytes: &'a [u8],
-    /// Offset of its first row in the file.
+    /// Offset of the element's first row in the file.
     offset: usize,
 }
 

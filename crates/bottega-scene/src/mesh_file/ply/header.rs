@@ -86,7 +86,7 @@ pub(super) struct Element {
     pub(super) count: usize,
     /// Properties, in the order of the file.
     pub(super) properties: Vec<PlyProperty>,
-    /// Line of its declaration.
+    /// Line of the element's declaration.
     pub(super) line: usize,
 }
 
@@ -106,7 +106,7 @@ impl Element {
         self.name == b"tristrips"
     }
 
-    /// Returns its name, for messages.
+    /// Returns the element's name, for messages.
     pub(super) fn name(&self) -> String {
         shortened(&String::from_utf8_lossy(&self.name)).into_owned()
     }
@@ -159,7 +159,7 @@ impl Element {
 pub(super) struct WantedNumbers<'a> {
     /// Index of the element.
     pub(super) element: usize,
-    /// Indices of its properties; none is a list.
+    /// Indices of the element's properties; none is a list.
     pub(super) properties: &'a [usize],
 }
 

@@ -47,14 +47,17 @@ impl Gathering<'_> {
     /// Draws a direction. Returns it with its density by the BSDF, and the density that it was drawn with, in sr⁻¹.
     #[inline(always)]
     pub(super) fn drawn(&self, vertex: &SurfaceVertex<'_>, u: Quad) -> Option<(BsdfSample, f32)> {
+        // Sample the BSDF alone if the directions of light are unknown
         let Some(aiming) = self.aiming else {
             let sample = vertex.bsdf.sample(u[0], [u[1], u[2]])?;
             return Some((sample, sample.pdf));
         };
+        // Sample the BSDF for a share of the rays, except at matte surfaces
         if !aiming.is_matte && u[3] >= LightDirections::SHARE {
             let sample = vertex.bsdf.sample(u[0], [u[1], u[2]])?;
             return Some((sample, aiming.pdf(vertex.point.to_world(sample.wi), sample.pdf)));
         }
+        // Sample the distribution of incident light
         let w = aiming.arrival.sample([u[1], u[2]]);
         let wi = vertex.point.to_local(w);
         let (value, pdf) = vertex.bsdf.eval_pdf(wi);

@@ -36,6 +36,7 @@ impl GatherPath<'_> {
 
     /// Adds the radiance from infinity along the ray, weighted by MIS.
     pub(super) fn add_environment(&mut self, state: &GatherState) {
+        // Take the point of the last light sampling, for the MIS weight
         let from = match &state.comes {
             ArrivalKind::Camera | ArrivalKind::Mirrored { .. } => state.origin,
             ArrivalKind::Spread { receiver, .. } => receiver.p,

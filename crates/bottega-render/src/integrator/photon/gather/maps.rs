@@ -28,11 +28,13 @@ impl GatherPath<'_> {
         let bounces = self.bounces_left(state);
         let is_shown = matches!(state.comes, ArrivalKind::Camera);
         let what_for = if is_shown { LightUse::Shown } else { LightUse::Gathered };
+        // Interpolate between the agents' records at matte surfaces
         let ask = || agents.irradiance_at(point.p, normals, bounces, &mut self.buffers.sensors, what_for);
         let known = is_matte(bsdf).then(ask).flatten();
         let share = known.map_or(0.0, |known| known.share);
         self.buffers.tally.irradiance_computed += u64::from(share < 1.0);
         self.buffers.tally.irradiance_interpolated += u64::from(share == 1.0);
+        // Reflect the known share: one bounce at the record, one here
         if let Some(known) = known.filter(|_| bounces >= 2) {
             let light = state.throughput * bsdf.albedo(vertex.wo) * known.irradiance * (FRAC_1_PI * share);
             self.add_shared(light, state.depth, |_| agents.shares_at(point.p, normals[1], bounces));
@@ -97,7 +99,7 @@ impl GatherPath<'_> {
         true
     }
 
-    /// The same from separate maps: estimates the density of the photons near the place.
+    /// Adds light from separate maps: estimates the density of the photons near the place.
     fn add_estimated(&mut self, state: &GatherState, vertex: &SurfaceVertex<'_>, bsdf: &Bsdf, normal: Vec3) -> bool {
         let reflected = state.throughput * bsdf.albedo(vertex.wo) * FRAC_1_PI;
         let most = self.bounces_left(state);

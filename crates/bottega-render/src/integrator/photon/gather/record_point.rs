@@ -97,11 +97,13 @@ impl GatherPath<'_> {
         if !point.is_reflection(direction) {
             return nothing;
         }
+        // Trace the ray to the next surface
         let origin = point.ray_origin(direction);
         let hit = self.rays(0).intersect(&Ray::new(origin, direction));
         if hit.is_none() {
             return nothing;
         }
+        // Follow the path from there to its end
         let cone = RayCone { width: from.width, spread: SCATTERED_SPREAD };
         let ray = CameraRay { origin, direction, cone, start: 0.0, reach: f32::INFINITY };
         let mut state = GatherState {

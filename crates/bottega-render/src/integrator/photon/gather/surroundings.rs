@@ -24,6 +24,7 @@ impl<'a> GatherPath<'a> {
         bsdf: &Bsdf,
     ) -> Option<Surroundings<'a>> {
         let bounces = self.bounces_left(state);
+        // Matte surfaces use irradiance; light through a surface is not recorded
         if is_matte(bsdf) || bsdf.is_transmissive() {
             return None;
         }
@@ -52,6 +53,7 @@ impl<'a> GatherPath<'a> {
         known: &Surroundings<'_>,
     ) {
         for part in 0..LOOKS {
+            // Draw a direction from a broad lobe, and look up its radiance
             let u = self.sampler.split_quad(DimensionSet::scattering(2 * VERTICES + state.vertex), part, LOOKS);
             if let Some(sample) = vertex.bsdf.sample(u[0], [u[1], u[2]]).filter(is_broad_sample) {
                 self.add_from(state, vertex, known, &sample, 1.0 / LOOKS as f32);

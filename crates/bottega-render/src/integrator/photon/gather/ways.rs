@@ -32,11 +32,13 @@ impl GatherPath<'_> {
     ) -> bool {
         let [stronger, weaker] = ways;
         let sampler = self.sampler;
+        // Trace the stronger way to its end
         let mut other = *state;
         let mut goes_on = self.go(&mut other, vertex, &stronger);
         while goes_on {
             goes_on = self.step(&mut other);
         }
+        // Continue along the weaker one
         self.sampler = sampler.branch(state.vertex, 1);
         self.go(state, vertex, &weaker)
     }
