@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from typing import Any
@@ -46,10 +47,8 @@ def render(engine: Any, depsgraph: Any) -> None:
         engine.update_stats("", "Reading the scene")
         export = _export(scene, depsgraph)
         camera = _camera(engine, camera_object, depsgraph, frame, export.report)
-        camera.hides_emitters = scene.render.film_transparent
-        if camera.hides_emitters:
-            text = "the camera sees neither the world nor surfaces that emit"
-            export.report.add("camera", scene.name, "Transparent", Fidelity.APPROXIMATED, text)
+        camera.hides_emitters = export.hides_emitters
+        _see_backdrop(camera, export, camera_object.name)
         export.scene.cameras["camera"] = camera
         Kept.last_report = export.report
         if Kept.save_to is not None:
@@ -80,8 +79,18 @@ def _export(scene: Any, depsgraph: Any) -> Export:
     else:
         export = Kept.exports.setdefault(scene.name, Export())
         export.mark(depsgraph.updates)
-    export.update(depsgraph)
+    export.update(depsgraph, is_clear=scene.render.film_transparent)
     return export
+
+
+def _see_backdrop(camera: bottega.Camera, export: Export, name: str) -> None:
+    """Moves the far clip plane of a camera behind the backdrop, if there is one."""
+    if export.reach is None or math.isinf(camera.far):
+        return
+    position = [row[3] for row in camera.transform[:3]]
+    if camera.far < export.reach + math.hypot(*position):
+        export.report.add("camera", name, "Clip End", Fidelity.APPROXIMATED, "nothing is clipped, because the camera sees a world of its own")
+    camera.far = math.inf
 
 
 def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, report: Report) -> bottega.Camera:
