@@ -620,12 +620,12 @@ def clear_film() -> None:
     """A transparent film, in front of a world of one color, with lamps, light from a surface, and a surface that is clear in part."""
     made = empty((0.6, 0.5, 0.4))
     made.render.film_transparent = True
-    made.view_layers[0].use_pass_combined = True
     floor(matte(), 4.0)
     ball((-1.5, 0, 1), 0.8, shaded("ShaderNodeEmission", Color=(0.2, 0.5, 1.0), Strength=1.5))
     ball((0.2, 0, 0.8), 0.8, principled(Base_Color=(0.8, 0.3, 0.2), Alpha=0.5))
     ball((1.8, 0, 0.8), 0.8, shaded("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.45))
-    lamp("AREA", (0, 1.5, 3.2), (60, 0, 0), energy=40, size=1.0)
+    for item in (lamp("AREA", (0.9, 2, 1.2), (70, 0, 0), energy=20, size=0.8), lamp("POINT", (-0.6, 1, 1.4), energy=20, shadow_soft_size=0.25)):
+        item.visible_camera = True
 
 
 @scene

@@ -132,11 +132,17 @@ class Export:
             put_backdrop(self.scene, made.backdrop, self.reach)
         self.hides_emitters = made.is_hidden
         self.report.begin("film")
-        if made.is_hidden:
-            shows = [light.name for _, light, _ in found.lights if light.visible_camera and light.data.type != "SUN"]
-            if emits_to_camera(placements, self._families) or shows:
-                text = "in front of a panorama that it does not see, the camera sees neither lights nor surfaces that emit"
-                self.report.add("film", "Film", "Transparent", Fidelity.APPROXIMATED, text)
+        if self._is_clear:
+            self._note_film(found, placements)
+
+    def _note_film(self, found: Pass, placements: list[Placement]) -> None:
+        """Notes how a transparent film differs from Cycles'."""
+        shows = any(light.visible_camera and light.data.type != "SUN" for _, light, _ in found.lights)
+        if self.hides_emitters and (shows or emits_to_camera(placements, self._families)):
+            text = "in front of a panorama that it does not see, the camera sees neither lights nor surfaces that emit"
+            self.report.add("film", "Film", "Transparent", Fidelity.APPROXIMATED, text)
+        if any(isinstance(material.surface, bottega.Transparent) for material in self._families.materials()):
+            self.report.add("film", "Film", "Transparent", Fidelity.APPROXIMATED, "behind transparent surfaces with a color alpha is 1")
 
     def _read_meshes(self, found: Pass) -> None:
         done: set[str] = set()

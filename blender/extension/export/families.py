@@ -166,6 +166,10 @@ class Families:
         """Returns the keys of all images of materials, in the order of use."""
         return list(dict.fromkeys(key for made in self._made() for key in made.images))
 
+    def materials(self) -> list[bottega.Material]:
+        """Returns all materials."""
+        return [made.material for made in self._made()]
+
     def _made(self) -> Iterable[MadeMaterial]:
         return (family.made[key] for family in self._ordered() for key in dict.fromkeys(family.keys[context] for context in _sorted(family.keys)))
 
