@@ -156,10 +156,12 @@ class Cycles:
         self.loaded = wanted
 
     def _put_back(self):
-        """Gives the scenes of the open file the settings that the file has, and drops what Cycles has kept of them."""
+        """Gives the scenes of the open file the settings that the file has."""
         for scene in bpy.data.scenes:
             own = self.own[scene.name]
-            scene.render.use_persistent_data = False
+            if is_diced(scene):
+                # What Cycles has kept was made for the size and the camera of before.
+                scene.render.use_persistent_data = False
             scene.camera = own["camera"]
             for thing, values in ((scene.render, own["render"]), (scene.cycles, own["cycles"])):
                 for name, value in values.items():
@@ -324,6 +326,14 @@ def layer_of(kind, passes):
 
 DEPTHS = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces")
 SIZES = ("resolution_x", "resolution_y", "resolution_percentage")
+
+
+def is_diced(scene):
+    """True if the geometry depends on camera and size: adaptive subdivision."""
+    if any(getattr(modifier, "use_adaptive_subdivision", False) for thing in scene.objects for modifier in thing.modifiers):
+        return True
+    return getattr(scene.cycles, "feature_set", "") == "EXPERIMENTAL" and any(
+        getattr(getattr(thing, "cycles", None), "use_adaptive_subdivision", False) for thing in scene.objects)
 
 
 def settings_of(scene):
