@@ -22,6 +22,8 @@ LOOK_EVERY = 0.05
 # Seconds between two updates of the picture that Blender shows, and the share of the time that they may take.
 SHOW_EVERY = 0.5
 SHOW_SHARE = 0.02
+# What a preview of a material is like, whatever the scene says: it must be there at once.
+PREVIEW: dict[str, Any] = {"goal": {"samples": 24}, "max_depth": 6, "denoise": False, "guide": {"by": "none"}}
 
 
 class Kept:
@@ -45,13 +47,16 @@ def render(engine: Any, depsgraph: Any) -> None:
         return
     try:
         engine.update_stats("", "Reading the scene")
-        export = _export(scene, depsgraph)
+        export = _export(engine, scene, depsgraph)
         camera = _camera(engine, camera_object, depsgraph, frame, export.report)
         camera.hides_emitters = export.hides_emitters
         _see_backdrop(camera, export, camera_object.name, layer)
         if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
             export.report.add("camera", scene.name, "Transparent Glass", Fidelity.APPROXIMATED, "behind glass alpha is 1")
         export.scene.cameras["camera"] = camera
+        if engine.is_preview:
+            _paint(engine, scene, layer, frame, export.scene, Finish(is_mirrored(camera), export.reach))
+            return
         Kept.last_report = export.report
         if Kept.save_to is not None:
             _save(engine, scene, frame, export.scene, is_mirrored(camera))
@@ -73,9 +78,11 @@ def _save(engine: Any, scene: Any, frame: Frame, made: bottega.Scene, mirrors: b
     Kept.is_saved = True
 
 
-def _export(scene: Any, depsgraph: Any) -> Export:
-    """Returns the scene in memory; with Persistent Data only what has changed is read."""
-    if not scene.render.use_persistent_data:
+def _export(engine: Any, scene: Any, depsgraph: Any) -> Export:
+    """Returns the scene in memory; with Persistent Data only what has changed is read. Previews leave what is kept alone."""
+    if engine.is_preview:
+        export = Export()
+    elif not scene.render.use_persistent_data:
         Kept.exports.clear()
         export = Export()
     else:
@@ -110,8 +117,10 @@ def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, made: bottega.Scen
     """Renders the picture in another thread; in this one shows what is painted, and watches for Escape."""
     crop = crop_of(scene.render, frame)
     fields = request_fields(scene, layer, frame, reversed_crop(crop, frame) if finish.is_mirrored else crop, finish)
+    if engine.is_preview:
+        fields.update(PREVIEW)
     engine.update_stats("", "Reading the scene")
-    work = work_for(scene.bottega, made, fields)
+    work = Work(made, fields) if engine.is_preview else work_for(scene.bottega, made, fields)
     try:
         _follow(engine, scene, layer, work, crop or (0, 0, frame.width, frame.height), finish)
     finally:
@@ -144,7 +153,7 @@ def _follow(engine: Any, scene: Any, layer: Any, work: Work, crop: tuple[int, in
             said = line
             engine.update_progress(work.progress.fraction if work.progress is not None else 0.0)
             engine.update_stats("", line)
-        if worker.is_alive() and not bpy.app.background and time.monotonic() > next_show:
+        if worker.is_alive() and not (bpy.app.background or engine.is_preview) and time.monotonic() > next_show:
             begun = time.monotonic()
             layers = work.layers()
             if layers is not None:
