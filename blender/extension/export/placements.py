@@ -58,13 +58,18 @@ def _choices(found: Pass, families: Families, report: Report) -> dict[tuple[Any,
     for group in found.groups.values():
         for uid in {uid_of(material.original) for material in group.slots if material is not None}:
             names = _names(families, uid)
+            if names and uid not in kinds:
+                report.begin(f"values {uid}")
             for row in group.rows if names else ():
-                values = values_of(_placed(found, group, row), names)
+                placed = _placed(found, group, row)
+                values = values_of(placed, names)
                 chosen[uid, row] = values
                 kinds.setdefault(uid, set()).add(values)
+                if _may_lack(placed, values):
+                    text = "an attribute that Geometry Nodes give to instances is left out: it is 0"
+                    report.add(f"values {uid}", families.by_uid[uid].name, "Attribute", Fidelity.LEFT_OUT, text)
     for uid, values in kinds.items():
         key, family = f"values {uid}", families.by_uid[uid]
-        report.begin(key)
         if len(values) <= MOST_VALUES:
             continue
         text = f"{len(values)} different values of objects are rendered as {MOST_VALUES} nearby ones"
@@ -74,6 +79,13 @@ def _choices(found: Pass, families: Families, report: Report) -> dict[tuple[Any,
         for place in [place for place in chosen if place[0] == uid]:
             chosen[place] = nearby[chosen[place]]
     return chosen
+
+
+def _may_lack(placed: Placed, values: Values) -> bool:
+    """Returns true if a value that was not found may be an attribute of instances, which Python cannot read."""
+    if placed.parent is None or not any(name.startswith("instancer ") and not any(value) for name, value in values):
+        return False
+    return any(modifier.type == "NODES" for modifier in placed.parent.modifiers)
 
 
 def _middle(index: int, count: int) -> int:
