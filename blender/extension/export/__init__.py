@@ -91,7 +91,7 @@ class Export:
         found = gather(depsgraph, is_shown)
         self._world(depsgraph.scene.world, is_clear)
         self._families.begin(materials_of(found.groups.values()), self._dirty)
-        placements = placements_of(found, self._families, self.report)
+        placements = placements_of(depsgraph, found, self._families, self.report)
         self._families.end()
         self._read_meshes(found)
         self._place(found, placements)

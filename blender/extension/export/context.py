@@ -62,11 +62,16 @@ def rays_of(visibility: bottega.Visibility) -> list[str]:
 
 @dataclass(frozen=True)
 class Placed:
-    """An object or an instance of it: the evaluated object, its matrix to Blender's world, (4, 4), and what made the instance."""
+    """An object or an instance of it.
+
+    - `item`: the evaluated object. `matrix`: from its space to Blender's world, (4, 4).
+    - `random_id`: Blender's random number of an instance; `None`: it is no instance.
+    - `parent`, `particles`: the object that makes the instance, and its particle system, where a value asks for them.
+    """
 
     item: Any
     matrix: Any
-    random_id: int
+    random_id: int | None
     parent: Any = None
     particles: Any = None
 
@@ -79,7 +84,7 @@ def values_of(placed: Placed, names: Iterable[str]) -> Values:
 def _value(placed: Placed, name: str) -> tuple[float, float, float, float]:
     item = placed.item
     if name == "random":
-        number = placed.random_id & 0xFFFFFFFF if placed.parent is not None else _hashed(item.name)
+        number = _hashed(item.name) if placed.random_id is None else placed.random_id & 0xFFFFFFFF
         return _gray(float(np.float32(number) * np.float32(1.0 / 0xFFFFFFFF)))
     if name == "location":
         x, y, z = (float(value) for value in placed.matrix[:3, 3])

@@ -21,7 +21,7 @@ class Group:
     - `owner`: session number of the object. `data`: the evaluated mesh, valid only during the pass.
     - `slots`: materials by slot: `None` is the default material.
     - `visibility`: the kinds of ray for which they are there. `item`: the evaluated object, valid only during the pass.
-    - `bounds`: corners of the box around the mesh, (8, 3).
+    - `is_instance`: they are made by another object. `bounds`: corners of the box around the mesh, (8, 3).
     - `rows`: indices of the instances in the pass.
     """
 
@@ -33,6 +33,7 @@ class Group:
     slots: list[Any]
     visibility: bottega.Visibility
     item: Any
+    is_instance: bool
     bounds: Any
     rows: list[int] = field(default_factory=list)
 
@@ -44,7 +45,6 @@ class Pass:
     - `matrices`: float32, (N, 4, 4), from object to world space, by rows.
     - `random_ids`: int32, (N,), Blender's random numbers of instances.
     - `lights`: evaluated light objects, with key and index of the matrix.
-    - `parents`: by row of an instance, the object that makes it, and its particle system.
     """
 
     matrices: Any
@@ -52,7 +52,6 @@ class Pass:
     groups: dict[str, Group]
     lights: list[tuple[str, Any, int]]
     skipped: dict[str, str]
-    parents: dict[int, tuple[Any, Any]] = field(default_factory=dict)
 
 
 def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
@@ -86,8 +85,6 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
             group = by_data[place]
             if group is not None:
                 group.rows.append(row)
-                if is_instance:
-                    found.parents[row] = instance.parent, instance.particle_system
         elif kind == "LIGHT":
             if is_shown is None or is_shown(item):
                 key = f"light {uid_of(item.original)} {_persistent(instance)}"
@@ -96,6 +93,12 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
         elif kind in ("VOLUME", "CURVES", "POINTCLOUD", "GREASEPENCIL"):
             found.skipped[item.name] = {"CURVES": "hair curves are", "POINTCLOUD": "point clouds are"}.get(kind, f"{kind.lower()} objects are")
     return found
+
+
+def parents_of(depsgraph: Any) -> dict[int, tuple[Any, Any]]:
+    """Returns, by row of an instance, the object that makes it, and its particle system or `None`."""
+    every = enumerate(depsgraph.object_instances)
+    return {row: (instance.parent, instance.particle_system) for row, instance in every if instance.is_instance}
 
 
 def _skip_hair(found: Pass, item: Any) -> None:
@@ -130,7 +133,7 @@ def _group(depsgraph: Any, found: Pass, mesh_keys: dict[str, int], item: Any, da
     key = f"object {owner} {'instances' if is_instance else ''} {mesh_key}"
     # The object of an instance is Blender's only until the next one.
     lasting = item.original.evaluated_get(depsgraph) if is_instance else item
-    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data), visibility_of(item), lasting, np.array([tuple(corner) for corner in item.bound_box]))
+    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data), visibility_of(item), lasting, is_instance, np.array([tuple(corner) for corner in item.bound_box]))
     found.groups[key] = group
     return group
 

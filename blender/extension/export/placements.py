@@ -10,7 +10,7 @@ import bottega
 
 from .context import Context, Placed, Values, rays_of, values_of, visibility_for
 from .families import DEFAULT, Families
-from .instances import Group, Pass
+from .instances import Group, Pass, parents_of
 from .nodes import uid_of
 from .report import Fidelity, Report
 
@@ -35,12 +35,12 @@ class Placement:
     visibility: bottega.Visibility
 
 
-def placements_of(found: Pass, families: Families, report: Report) -> list[Placement]:
-    """Returns the placements of all groups of a pass; their materials are read."""
+def placements_of(depsgraph: Any, found: Pass, families: Families, report: Report) -> list[Placement]:
+    """Returns the placements of all groups of a pass over an evaluated scene; their materials are read."""
     for _ in range(MOST_ROUNDS):
         before = {uid: set(family.asks) for uid, family in families.by_uid.items()}
         families.begin_round()
-        chosen = _choices(found, families, report)
+        chosen = _choices(depsgraph, found, families, report)
         placed = [one for group in found.groups.values() for one in _split(group, families, chosen)]
         if all(families.by_uid[uid].asks == asks for uid, asks in before.items()):
             break
@@ -51,17 +51,19 @@ def _names(families: Families, uid: Any) -> set[str]:
     return families.by_uid[uid].asks - {"ray"}
 
 
-def _choices(found: Pass, families: Families, report: Report) -> dict[tuple[Any, int], Values]:
+def _choices(depsgraph: Any, found: Pass, families: Families, report: Report) -> dict[tuple[Any, int], Values]:
     """Returns the values of the object by material and row, for materials that depend on them; at most so many for each material."""
     chosen: dict[tuple[Any, int], Values] = {}
     kinds: dict[Any, set[Values]] = {}
+    asks = {name for family in families.by_uid.values() for name in family.asks}
+    parents = parents_of(depsgraph) if any(name.startswith("instancer ") for name in asks) else {}
     for group in found.groups.values():
         for uid in {uid_of(material.original) for material in group.slots if material is not None}:
             names = _names(families, uid)
             if names and uid not in kinds:
                 report.begin(f"values {uid}")
             for row in group.rows if names else ():
-                placed = _placed(found, group, row)
+                placed = _placed(found, group, row, parents)
                 values = values_of(placed, names)
                 chosen[uid, row] = values
                 kinds.setdefault(uid, set()).add(values)
@@ -95,9 +97,10 @@ def _middle(index: int, count: int) -> int:
     return (low + high - 1) // 2
 
 
-def _placed(found: Pass, group: Group, row: int) -> Placed:
-    parent, particles = found.parents.get(row, (None, None))
-    return Placed(group.item, found.matrices[row], int(found.random_ids[row]), parent, particles)
+def _placed(found: Pass, group: Group, row: int, parents: dict[int, tuple[Any, Any]]) -> Placed:
+    parent, particles = parents.get(row, (None, None))
+    random_id = int(found.random_ids[row]) if group.is_instance else None
+    return Placed(group.item, found.matrices[row], random_id, parent, particles)
 
 
 def _split(group: Group, families: Families, chosen: dict[tuple[Any, int], Values]) -> Iterator[Placement]:
