@@ -69,6 +69,7 @@ class Families:
 
     def _learned(self, uid: Any, material: Any) -> Family:
         """Reads a material once to learn what it depends on; if on nothing, that is its only one."""
+        self._report.forget(f"values {uid}")
         family, report = Family(material.name), Report()
         key = _key(uid, Context())
         made = MaterialMaker(self._pictures, report, key, material.name, Context(), family.uv_names).make(material)
@@ -141,7 +142,9 @@ class Families:
     def drop(self) -> None:
         """Removes the materials, media and images from the scene that nothing uses any longer."""
         scene = self._scene
-        self.by_uid = {uid: self.by_uid[uid] for uid in self._blocks}
+        for uid in [uid for uid in self.by_uid if uid not in self._blocks]:
+            del self.by_uid[uid]
+            self._report.forget(f"values {uid}")
         materials, media = set(self.material_keys()), set(self.media_keys())
         for key in scene.materials.keys():
             if key.startswith("material ") and key not in materials:

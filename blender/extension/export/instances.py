@@ -133,7 +133,8 @@ def _group(depsgraph: Any, found: Pass, mesh_keys: dict[str, int], item: Any, da
     key = f"object {owner} {'instances' if is_instance else ''} {mesh_key}"
     # The object of an instance is Blender's only until the next one.
     lasting = item.original.evaluated_get(depsgraph) if is_instance else item
-    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data), visibility_of(item), lasting, is_instance, np.array([tuple(corner) for corner in item.bound_box]))
+    bounds = np.array([tuple(corner) for corner in item.bound_box])
+    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data), visibility_of(item), lasting, is_instance, bounds)
     found.groups[key] = group
     return group
 
