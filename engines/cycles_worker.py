@@ -1,6 +1,7 @@
 """The worker of Blender's Cycles (see line_protocol.py). It runs under `python3` with the module `bpy`, and within an
 installed Blender: `blender -b --factory-startup -noaudio --python cycles_worker.py`. The scene stays in memory, and
-with it Cycles' geometry ("persistent data"), so that a window costs little beside its samples.
+with it Cycles' geometry ("persistent data"), so that a window costs little beside its samples. A file that is opened
+again, for another frame or size, is not read again.
 
 Scenes: `.blend`, with scripts off unless the request says `trust`; `.gltf` and `.glb` by Blender's importer.
 
@@ -62,7 +63,10 @@ class Cycles:
         self.version = bpy.app.version_string
         self.progress = None
         self.request = None
+        # Path, size, time and trust of the open file, and what requests change in its scenes, as the file has it.
         self.loaded = None
+        self.own = {}
+        self.view_camera = None
         # Old Blenders tell what they do on stdout only, newer ones through the handler only.
         LINE.watch_output(self._on_stats)
         bpy.app.handlers.render_stats.append(self._on_stats)
@@ -86,7 +90,7 @@ class Cycles:
                 "camera": scene.camera is not None, "filter": self._filter()}
 
     def paint(self, order, path, progress):
-        if self.loaded != self.request["scene"]:
+        if self.loaded is None or self.loaded[0] != self.request["scene"]:
             self.open(self.request)
         scene = self.scene
         if scene.camera is None:
@@ -115,13 +119,19 @@ class Cycles:
         return order.window, order.samples
 
     def files(self, path):
-        if self.loaded != path:
+        if self.loaded is None or self.loaded[0] != path:
             self._load(path, False)
         return sorted_files(referred_files(path))
 
     def _load(self, path, trust):
-        """Reads the file anew. Afterwards nothing of an earlier scene is left."""
-        self.loaded = None
+        """Opens a file. Afterwards nothing of an earlier request is left: of the same file what it changed is put back, another
+        one is read."""
+        stamp = os.stat(path)
+        wanted = (path, stamp.st_size, stamp.st_mtime_ns, trust)
+        if self.loaded == wanted:
+            self._put_back()
+            return
+        self.loaded = self.view_camera = None
         kind = os.path.splitext(path)[1].lower()
         if kind == ".blend":
             bpy.context.preferences.filepaths.use_scripts_auto_execute = trust
@@ -142,7 +152,27 @@ class Cycles:
             raise Refusal(f"{path}: Blender is given .blend, .gltf and .glb files here")
         if self._on_stats not in bpy.app.handlers.render_stats:
             bpy.app.handlers.render_stats.append(self._on_stats)
-        self.loaded = path
+        self.own = {scene.name: settings_of(scene) for scene in bpy.data.scenes}
+        self.loaded = wanted
+
+    def _put_back(self):
+        """Gives the scenes of the open file the settings that the file has."""
+        for scene in bpy.data.scenes:
+            own = self.own[scene.name]
+            if is_diced(scene):
+                # What Cycles has kept was made for the size and the camera of before.
+                scene.render.use_persistent_data = False
+            scene.camera = own["camera"]
+            for thing, values in ((scene.render, own["render"]), (scene.cycles, own["cycles"])):
+                for name, value in values.items():
+                    setattr(thing, name, value)
+            for layer, is_used in zip(scene.view_layers, own["layers"]):
+                layer.use = is_used
+            if scene.frame_current != own["frame"]:
+                scene.frame_set(own["frame"])
+        if self.view_camera is not None:
+            bpy.data.cameras.remove(self.view_camera.data)
+            self.view_camera = None
 
     def _choose_scene(self, parameters, view):
         scene = bpy.context.scene
@@ -159,7 +189,7 @@ class Cycles:
         elif scene.camera is None:
             scene.camera = next((thing for thing in scene.objects if thing.type == "CAMERA"), None)
         if scene.camera is None and view is not None:
-            scene.camera = self._camera_of(view)
+            scene.camera = self.view_camera = self._camera_of(view)
             scene.collection.objects.link(scene.camera)
         self.scene = scene
         return scene
@@ -229,9 +259,7 @@ class Cycles:
         cycles.samples = order.samples
         # The same for all windows: with equal seeds a window has the bits of the full frame.
         cycles.seed = order.hashed_seed(31)
-        if not hasattr(self, "own_depths") or self.own_depths[0] is not self.request:
-            self.own_depths = (self.request, {name: getattr(cycles, name) for name in DEPTHS})
-        own = self.own_depths[1]
+        own = self.own[self.scene.name]["cycles"]
         depth = order.max_depth
         for name in DEPTHS:
             value = own[name] if depth is None else depth
@@ -297,6 +325,22 @@ def layer_of(kind, passes):
 
 
 DEPTHS = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces")
+SIZES = ("resolution_x", "resolution_y", "resolution_percentage")
+
+
+def is_diced(scene):
+    """True if the geometry depends on camera and size: adaptive subdivision."""
+    if any(getattr(modifier, "use_adaptive_subdivision", False) for thing in scene.objects for modifier in thing.modifiers):
+        return True
+    return getattr(scene.cycles, "feature_set", "") == "EXPERIMENTAL" and any(
+        getattr(getattr(thing, "cycles", None), "use_adaptive_subdivision", False) for thing in scene.objects)
+
+
+def settings_of(scene):
+    """What requests change in a scene: camera, size, depths, view layers, frame. The rest is the same for all requests."""
+    return {"camera": scene.camera, "render": {name: getattr(scene.render, name) for name in SIZES},
+            "cycles": {name: getattr(scene.cycles, name) for name in DEPTHS},
+            "layers": [layer.use for layer in scene.view_layers], "frame": scene.frame_current}
 
 
 def absolute(path, library=None):

@@ -19,12 +19,12 @@ def is_wanted(world: Any) -> bool:
     """Returns true if something of a world's surface is unknown to the renderer."""
     from .export.report import Fidelity, Report
     from .export.textures import Pictures
-    from .export.world import KEY, environment_of
+    from .export.world import KEY, surroundings_of
 
     if world is None:
         return False
     report = Report()
-    environment_of(world, Pictures(), report)
+    surroundings_of(world, Pictures(), report, False)
     return any(note.fidelity is Fidelity.LEFT_OUT and note.node != "Volume" for note in report.notes.get(KEY, []))
 
 

@@ -18,7 +18,7 @@ class BottegaEngine(bpy.types.RenderEngine):
 
     bl_idname = ENGINE
     bl_label = "Bottega"
-    bl_use_preview = False
+    bl_use_preview = True
     bl_use_postprocess = True
     bl_use_shading_nodes_custom = False
     bl_use_eevee_viewport = True

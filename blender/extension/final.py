@@ -24,6 +24,18 @@ class PassInfo:
     kind: str
 
 
+@dataclass(frozen=True)
+class Finish:
+    """What is done to a picture of the renderer for Blender.
+
+    - `is_mirrored`: its columns are reversed.
+    - `reach`: what is farther away is a backdrop, which passes do not show; `None`: there is none.
+    """
+
+    is_mirrored: bool = False
+    reach: float | None = None
+
+
 def passes_of(scene: Any, layer: Any) -> list[PassInfo]:
     """Returns the passes of a view layer beside Combined."""
     settings = scene.bottega
@@ -41,10 +53,13 @@ def passes_of(scene: Any, layer: Any) -> list[PassInfo]:
 _LAYERS = {"Depth": "depth", "Normal": "normal", "Mist": "depth", "Albedo": "albedo", "Sample Count": "samples", "Cost": "cost"}
 
 
-def request_fields(scene: Any, layer: Any, frame: Frame, crop: tuple[int, int, int, int] | None) -> dict[str, Any]:
+def request_fields(scene: Any, layer: Any, frame: Frame, crop: tuple[int, int, int, int] | None, finish: Finish) -> dict[str, Any]:
     """Returns the fields of the request for a final picture. `crop`: x0, y0, x1, y1, row 0 on top."""
     settings = scene.bottega
-    layers = sorted({_LAYERS[info.name] for info in passes_of(scene, layer)})
+    wanted = {_LAYERS[info.name] for info in passes_of(scene, layer)}
+    if "normal" in wanted and finish.reach is not None:
+        wanted.add("depth")
+    layers = sorted(wanted)
     fields: dict[str, Any] = {
         "size": (frame.width, frame.height),
         "max_depth": settings.max_depth,
@@ -89,10 +104,10 @@ def reversed_crop(crop: tuple[int, int, int, int] | None, frame: Frame) -> tuple
     return None if crop is None else (frame.width - crop[2], crop[1], frame.width - crop[0], crop[3])
 
 
-def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, is_mirrored: bool) -> np.ndarray:
+def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, finish: Finish) -> np.ndarray:
     """Returns a pass, or Combined for `None`: float32, (rows × columns, channels), the lowest row first.
 
-    `picture`: layers by name. `is_mirrored`: the columns are reversed.
+    `picture`: layers by name.
     """
     is_clear = scene.render.film_transparent
     if info is None:
@@ -102,15 +117,23 @@ def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, is_mirrored: b
     elif info.name == "Normal":
         normal = picture["normal"]
         pixels = np.stack([normal[..., 0], -normal[..., 2], normal[..., 1]], -1)
+        if finish.reach is not None:
+            pixels[_distances(picture, finish) == np.inf] = 0.0
     elif info.name == "Mist":
-        pixels = mist(picture["depth"], scene.world)[..., None]
+        pixels = mist(_distances(picture, finish), scene.world)[..., None]
     elif info.name == "Depth":
-        depth = picture["depth"]
+        depth = _distances(picture, finish)
         pixels = np.where(np.isfinite(depth) & (depth > 0.0), depth, 1e10)[..., None]
     else:
         pixels = picture[_LAYERS[info.name]]
-    pixels = pixels.reshape(*pixels.shape[:2], -1)[::-1, :: -1 if is_mirrored else 1]
+    pixels = pixels.reshape(*pixels.shape[:2], -1)[::-1, :: -1 if finish.is_mirrored else 1]
     return np.ascontiguousarray(pixels, np.float32).reshape(-1, pixels.shape[-1])
+
+
+def _distances(picture: Layers, finish: Finish) -> Any:
+    """Returns the distances of a picture, which are infinite where it shows a backdrop."""
+    depth = np.asarray(picture["depth"])
+    return depth if finish.reach is None else np.where(depth > 2.0 * finish.reach, np.inf, depth)
 
 
 def mist(depth: Any, world: Any) -> Any:

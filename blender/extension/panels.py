@@ -13,6 +13,7 @@ from .engine import ENGINE
 # Blender's own panels for Eevee that show what Cycles' nodes, lights and worlds have.
 _SHARED = {
     "EEVEE_MATERIAL_PT_context_material",
+    "MATERIAL_PT_preview",
     "EEVEE_MATERIAL_PT_surface",
     "EEVEE_MATERIAL_PT_volume",
     "EEVEE_MATERIAL_PT_displacement",
@@ -139,6 +140,21 @@ class BOTTEGA_PT_report(_Panel, bpy.types.Panel):
             layout.label(text=f"and {len(notes) - 40} more")
 
 
+class BOTTEGA_PT_world_preview(_Panel, bpy.types.Panel):
+    """A small picture of the world."""
+
+    bl_label = "Preview"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.world is not None
+
+    def draw(self, context: Any) -> None:
+        self.layout.template_preview(context.world)
+
+
 class BOTTEGA_PT_passes(_Panel, bpy.types.Panel):
     """The passes of a view layer."""
 
@@ -165,6 +181,7 @@ _CLASSES = (
     BOTTEGA_PT_film,
     BOTTEGA_PT_machine,
     BOTTEGA_PT_report,
+    BOTTEGA_PT_world_preview,
     BOTTEGA_PT_passes,
 )
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from typing import Any
@@ -13,7 +14,7 @@ import bpy
 from .export import Export
 from .export.camera import Frame, camera_of, frame_of, is_mirrored
 from .export.report import Fidelity, Report
-from .final import Layers, PassInfo, crop_of, passes_of, pixels_of, request_fields, reversed_crop
+from .final import Finish, Layers, PassInfo, crop_of, passes_of, pixels_of, request_fields, reversed_crop
 from .work import Work, work_for
 
 # Seconds between looks at whether the user has pressed Escape.
@@ -21,6 +22,8 @@ LOOK_EVERY = 0.05
 # Seconds between two updates of the picture that Blender shows, and the share of the time that they may take.
 SHOW_EVERY = 0.5
 SHOW_SHARE = 0.02
+# What a preview of a material is like, whatever the scene says: it must be there at once.
+PREVIEW: dict[str, Any] = {"goal": {"samples": 24}, "max_depth": 6, "denoise": False, "guide": {"by": "none"}}
 
 
 class Kept:
@@ -44,18 +47,21 @@ def render(engine: Any, depsgraph: Any) -> None:
         return
     try:
         engine.update_stats("", "Reading the scene")
-        export = _export(scene, depsgraph)
+        export = _export(engine, scene, depsgraph)
         camera = _camera(engine, camera_object, depsgraph, frame, export.report)
-        camera.hides_emitters = scene.render.film_transparent
-        if camera.hides_emitters:
-            text = "the camera sees neither the world nor surfaces that emit"
-            export.report.add("camera", scene.name, "Transparent", Fidelity.APPROXIMATED, text)
+        camera.hides_emitters = export.hides_emitters
+        _see_backdrop(camera, export, camera_object.name, layer)
+        if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
+            export.report.add("camera", scene.name, "Transparent Glass", Fidelity.APPROXIMATED, "behind glass alpha is 1")
         export.scene.cameras["camera"] = camera
+        if engine.is_preview:
+            _paint(engine, scene, layer, frame, export.scene, Finish(is_mirrored(camera), export.reach))
+            return
         Kept.last_report = export.report
         if Kept.save_to is not None:
             _save(engine, scene, frame, export.scene, is_mirrored(camera))
             return
-        _paint(engine, scene, layer, frame, export.scene, is_mirrored(camera))
+        _paint(engine, scene, layer, frame, export.scene, Finish(is_mirrored(camera), export.reach))
     except bottega.Error as error:
         # `error_set` would write a black picture.
         engine.report({"ERROR"}, f"Bottega: {error}")
@@ -72,16 +78,33 @@ def _save(engine: Any, scene: Any, frame: Frame, made: bottega.Scene, mirrors: b
     Kept.is_saved = True
 
 
-def _export(scene: Any, depsgraph: Any) -> Export:
-    """Returns the scene in memory; with Persistent Data only what has changed is read."""
-    if not scene.render.use_persistent_data:
+def _export(engine: Any, scene: Any, depsgraph: Any) -> Export:
+    """Returns the scene in memory; with Persistent Data only what has changed is read. Previews leave what is kept alone."""
+    if engine.is_preview:
+        export = Export()
+    elif not scene.render.use_persistent_data:
         Kept.exports.clear()
         export = Export()
     else:
         export = Kept.exports.setdefault(scene.name, Export())
         export.mark(depsgraph.updates)
-    export.update(depsgraph)
+    export.update(depsgraph, is_clear=scene.render.film_transparent)
     return export
+
+
+def _see_backdrop(camera: bottega.Camera, export: Export, name: str, layer: Any) -> None:
+    """Moves the far clip plane of a camera behind the backdrop, if there is one."""
+    if export.reach is None:
+        return
+    if layer.use_pass_z or layer.use_pass_mist or layer.use_pass_normal:
+        text = "where edges share a pixel with a world of the camera's own, the passes are those of the world"
+        export.report.add("camera", name, "Passes", Fidelity.APPROXIMATED, text)
+    if math.isinf(camera.far):
+        return
+    position = [row[3] for row in camera.transform[:3]]
+    if camera.far < export.reach + math.hypot(*position):
+        export.report.add("camera", name, "Clip End", Fidelity.APPROXIMATED, "nothing is clipped, because the camera sees a world of its own")
+    camera.far = math.inf
 
 
 def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, report: Report) -> bottega.Camera:
@@ -90,19 +113,21 @@ def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, report: Repo
     return camera_of(evaluated, engine.camera_model_matrix(evaluated), frame, report)
 
 
-def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, made: bottega.Scene, mirrors: bool) -> None:
+def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, made: bottega.Scene, finish: Finish) -> None:
     """Renders the picture in another thread; in this one shows what is painted, and watches for Escape."""
     crop = crop_of(scene.render, frame)
-    fields = request_fields(scene, layer, frame, reversed_crop(crop, frame) if mirrors else crop)
+    fields = request_fields(scene, layer, frame, reversed_crop(crop, frame) if finish.is_mirrored else crop, finish)
+    if engine.is_preview:
+        fields.update(PREVIEW)
     engine.update_stats("", "Reading the scene")
-    work = work_for(scene.bottega, made, fields)
+    work = Work(made, fields) if engine.is_preview else work_for(scene.bottega, made, fields)
     try:
-        _follow(engine, scene, layer, work, crop or (0, 0, frame.width, frame.height), mirrors)
+        _follow(engine, scene, layer, work, crop or (0, 0, frame.width, frame.height), finish)
     finally:
         work.end()
 
 
-def _follow(engine: Any, scene: Any, layer: Any, work: Work, crop: tuple[int, int, int, int], mirrors: bool) -> None:
+def _follow(engine: Any, scene: Any, layer: Any, work: Work, crop: tuple[int, int, int, int], finish: Finish) -> None:
     """Shows what is painted, hands the finished picture over, and ends at Escape with what is painted."""
     x0, y0, x1, y1 = crop
     # Blender places the result at the lower left corner of the region.
@@ -128,11 +153,11 @@ def _follow(engine: Any, scene: Any, layer: Any, work: Work, crop: tuple[int, in
             said = line
             engine.update_progress(work.progress.fraction if work.progress is not None else 0.0)
             engine.update_stats("", line)
-        if worker.is_alive() and not bpy.app.background and time.monotonic() > next_show:
+        if worker.is_alive() and not (bpy.app.background or engine.is_preview) and time.monotonic() > next_show:
             begun = time.monotonic()
             layers = work.layers()
             if layers is not None:
-                _fill(result, None, layers, scene, mirrors)
+                _fill(result, None, layers, scene, finish)
                 engine.update_result(result)
             now = time.monotonic()
             next_show = now + max(SHOW_EVERY, (now - begun) / SHOW_SHARE)
@@ -145,7 +170,7 @@ def _follow(engine: Any, scene: Any, layer: Any, work: Work, crop: tuple[int, in
             # The picture was called off before there was one.
             return
         raise error
-    _deliver(engine, result, scene, layer, state["picture"], mirrors)
+    _deliver(engine, result, scene, layer, state["picture"], finish)
 
 
 def _line(work: Work, pixels: int) -> str:
@@ -159,21 +184,21 @@ def _line(work: Work, pixels: int) -> str:
     return " | ".join(part for part in parts if part)
 
 
-def _deliver(engine: Any, result: Any, scene: Any, layer: Any, picture: Layers, mirrors: bool) -> None:
+def _deliver(engine: Any, result: Any, scene: Any, layer: Any, picture: Layers, finish: Finish) -> None:
     """Gives the finished picture to Blender."""
     engine.update_stats("", "Handing the passes over")
     for info in [None, *passes_of(scene, layer)]:
-        _fill(result, info, picture, scene, mirrors)
+        _fill(result, info, picture, scene, finish)
     engine.end_result(result)
 
 
-def _fill(result: Any, info: PassInfo | None, picture: Layers, scene: Any, mirrors: bool) -> None:
+def _fill(result: Any, info: PassInfo | None, picture: Layers, scene: Any, finish: Finish) -> None:
     """Gives the pixels of a pass to Blender. `info`: `None` is Combined."""
     name = "Combined" if info is None else info.name
     target = next((one for one in result.layers[0].passes if one.name == name), None) if result.layers else None
     if target is None:
         return
-    pixels = pixels_of(picture, info, scene, mirrors)
+    pixels = pixels_of(picture, info, scene, finish)
     if bpy.app.version >= (4, 0, 0):
         target.rect.foreach_set(pixels.ravel())
     else:

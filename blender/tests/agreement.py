@@ -38,11 +38,17 @@ def main() -> None:
         import bpy
 
         support.settle(bpy.context.scene, *SIZE, SAMPLES)
-        ours, theirs = (support.picture_of(engine, Path(folder) / f"{name}-{engine.lower()}.exr", SAMPLES) for engine in ("BOTTEGA", "CYCLES"))
+        files = [Path(folder) / f"{name}-{engine.lower()}.exr" for engine in ("BOTTEGA", "CYCLES")]
+        ours, theirs = (support.picture_of(engine, file, SAMPLES) for engine, file in zip(("BOTTEGA", "CYCLES"), files))
         difference = bottega.diff(ours, theirs)
         ratios = ours.mean((0, 1)) / theirs.mean((0, 1)).clip(1e-6)
         # Principled's matte part was another one before 4.0.
         mean, flip = (0.05, 0.08) if bpy.app.version < (4, 0, 0) else BARS.get(name, USUAL)
+        alphas = [bottega.read(file)["alpha"] for file in files] if bpy.context.scene.render.film_transparent else []
+        if alphas:
+            apart = float(abs(alphas[0] - alphas[1]).mean())
+            print(f"AGREEMENT {name:16} alpha differs by {apart:.4f} in the mean", flush=True)
+            mean = mean if apart <= 0.01 else -1.0
         is_good = abs(ratios - 1).max() <= mean and difference["flip"] <= flip
         verdict = "" if is_good else "  TOO FAR"
         print(f"AGREEMENT {name:16} mean {' '.join(f'{ratio:.4f}' for ratio in ratios)}  FLIP {difference['flip']:.4f}{verdict}", flush=True)

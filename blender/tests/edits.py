@@ -33,6 +33,14 @@ def start() -> None:
     tree.links.new(hue.outputs[0], shader.inputs["Color"])
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     bpy.data.objects["Floor"].data.materials[0] = textured
+    # Materials that differ by the kind of ray and by the object
+    two_sided = scenes.by_ray("By ray", "Is Camera Ray", "ShaderNodeBsdfDiffuse", "ShaderNodeEmission", second_Color=(0.1, 0.4, 0.8))
+    tree = two_sided.node_tree
+    info = tree.nodes.new("ShaderNodeObjectInfo")
+    for output, node in (("Color", "Diffuse BSDF"), ("Random", "Emission")):
+        tree.links.new(info.outputs[output], tree.nodes[node].inputs["Color"])
+    for x in (-2.5, 2.5):
+        scenes.cube((x, 1.0, 0.3), 0.5, two_sided)
     support.addon()
 
 
@@ -114,6 +122,22 @@ def flatten(dice: random.Random) -> None:
         item.scale.x = 0.0 if item.scale.x else 1.0
 
 
+def retint(dice: random.Random) -> None:
+    for item in meshes():
+        item.color = (dice.random(), dice.random(), dice.random(), 1.0)
+
+
+def background(dice: random.Random) -> None:
+    """Lets the camera see another world than lights the scene, or the same again."""
+    tree = bpy.context.scene.world.node_tree
+    strength = tree.nodes["Background"].inputs["Strength"]
+    if strength.links:
+        tree.links.remove(strength.links[0])
+    else:
+        path = tree.nodes.new("ShaderNodeLightPath")
+        tree.links.new(path.outputs["Is Camera Ray"], strength)
+
+
 def repaint(dice: random.Random) -> None:
     image = dice.choice(list(bpy.data.images))
     image.pixels.foreach_set(np.random.default_rng(dice.randrange(1000)).random(len(image.pixels), np.float32))
@@ -122,7 +146,7 @@ def repaint(dice: random.Random) -> None:
 
 
 EDITS: list[Callable[[random.Random], None]] = [
-    move, hide, delete, rename, recolor, change_slot, bend, copy, relight, sky, modify, flatten, repaint,
+    move, hide, delete, rename, recolor, change_slot, bend, copy, relight, sky, modify, flatten, repaint, retint, background,
 ]
 
 

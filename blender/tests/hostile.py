@@ -140,6 +140,58 @@ def no_world() -> None:
     bpy.context.scene.world = None
 
 
+@case(True)
+def many_values() -> None:
+    """More objects with values of their own than there are materials for them."""
+    scenes.empty((0.5, 0.5, 0.5))
+    material, tree, output = scenes.nodes("Random")
+    info, emission = tree.nodes.new("ShaderNodeObjectInfo"), tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(info.outputs["Random"], emission.inputs["Strength"])
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    part = scenes.cube((0, 0, 0), 0.1, material)
+    for index in range(400):
+        scenes.link(f"Cube {index}", part.data, (0.2 * (index % 20) - 2.0, 0.2 * (index // 20) - 1.0, 0.1))
+
+
+@case(True)
+def nobody_has_it() -> None:
+    """Values of objects in a world and a light, unknown properties, and Light Path wherever it may be."""
+    scenes.factory()
+    trees = [bpy.data.materials["Material"].node_tree, bpy.context.scene.world.node_tree, bpy.data.lights["Light"].node_tree]
+    if trees[2] is None:
+        bpy.data.lights["Light"].use_nodes = True
+        trees[2] = bpy.data.lights["Light"].node_tree
+    for tree in trees:
+        shader = next(node for node in tree.nodes if any(socket.name == "Strength" or socket.name == "Alpha" for socket in node.inputs))
+        path, info, attribute = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("LightPath", "ObjectInfo", "Attribute"))
+        attribute.attribute_type, attribute.attribute_name = "OBJECT", '"]. nothing\\'
+        total = info.outputs["Random"]
+        for output in (*path.outputs, attribute.outputs["Fac"]):
+            add = tree.nodes.new("ShaderNodeMath")
+            tree.links.new(total, add.inputs[0])
+            tree.links.new(output, add.inputs[1])
+            total = add.outputs[0]
+        tree.links.new(total, next(socket for socket in shader.inputs if socket.name in ("Strength", "Alpha")))
+
+
+def preview() -> None:
+    """Renders the preview of a material, as the panel of materials shows it, and looks at its color."""
+    scenes.factory()
+    support.addon()
+    bpy.context.scene.render.engine = "BOTTEGA"
+    material = scenes.principled("Red", Base_Color=(0.8, 0.02, 0.02))
+    bpy.data.objects["Cube"].data.materials[0] = material
+    before = support.part("render").Kept.last_report
+    material.asset_generate_preview()
+    shown = material.preview
+    width, height = shown.image_size if shown is not None else (0, 0)
+    pixels = list(shown.image_pixels_float) if width else []
+    middle = pixels[4 * (width * (height // 2) + width // 2) :][:4]
+    print(f"HOSTILE preview: {width} x {height}, {middle}", flush=True)
+    if not middle or middle[0] < 2.0 * middle[1] or support.part("render").Kept.last_report is not before:
+        support.failed("the preview of a material is not of its color")
+
+
 def main() -> None:
     folder = Path(support.arguments()[0])
     wrong = []
@@ -159,6 +211,7 @@ def main() -> None:
         print(f"HOSTILE {name}: {'painted' if painted else told.strip()}; {'; '.join(note.text for note in notes)}", flush=True)
         if painted != is_painted:
             wrong.append(name)
+    preview()
     if wrong:
         support.failed(", ".join(wrong))
     support.leave()

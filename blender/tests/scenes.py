@@ -539,6 +539,139 @@ def layered() -> None:
     lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
 
 
+def by_ray(name: str, output: str, first: str, second: str, **values: Any) -> Any:
+    """Returns a material that is `first` for most rays, and `second` where an output of Light Path is 1. Values: see `set_inputs`."""
+    material, tree, end = nodes(name)
+    path, mix = tree.nodes.new("ShaderNodeLightPath"), tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(path.outputs[output], mix.inputs[0])
+    for index, kind in ((1, first), (2, second)):
+        shader = tree.nodes.new(kind)
+        if hasattr(shader, "distribution"):
+            shader.distribution = "GGX"
+        for key, value in values.items():
+            which, _, socket = key.partition("_")
+            if which == ("first", "second")[index - 1]:
+                shader.inputs[socket.replace("_", " ")].default_value = (*value, 1.0) if isinstance(value, tuple) else value
+        tree.links.new(shader.outputs[0], mix.inputs[index])
+    tree.links.new(mix.outputs[0], end.inputs["Surface"])
+    return material
+
+
+@scene
+def kinds_of_ray() -> None:
+    """Light Path in materials: a lamp that the camera sees in another color, glass without shadows, what mirrors alone see."""
+    empty((0.3, 0.3, 0.3))
+    floor(matte())
+    emission, diffuse = "ShaderNodeEmission", "ShaderNodeBsdfDiffuse"
+    lit = by_ray("Lit", "Is Camera Ray", emission, emission, first_Color=(1, 0.5, 0.2), first_Strength=6.0, second_Color=(0.1, 0.3, 0.9), second_Strength=0.6)
+    ball((-2.4, 0.5, 1.2), 0.5, lit)
+    glass = by_ray("Glass", "Is Shadow Ray", "ShaderNodeBsdfGlass", "ShaderNodeBsdfTransparent", first_Roughness=0.0, first_IOR=1.45)
+    ball((-0.6, 0, 1), 0.9, glass)
+    ball((1.2, 0.4, 0.9), 0.9, shaded("ShaderNodeBsdfAnisotropic", Color=(0.9, 0.9, 0.9), Roughness=0.0))
+    cube((2.6, -0.6, 0.5), 1.0, by_ray("Reflected", "Is Glossy Ray", diffuse, diffuse, first_Color=(0.1, 0.5, 0.1), second_Color=(0.8, 0.1, 0.1)))
+    lamp("POINT", (0, -3, 5), energy=200, shadow_soft_size=0.0)
+
+
+def two_worlds(seen: Any, lighting: Any) -> Any:
+    """Makes a world whose camera rays see one background, and all others another: colors, or `None` for a picture. Returns the scene."""
+    made = empty()
+    tree = made.world.node_tree
+    path, mix = tree.nodes.new("ShaderNodeLightPath"), tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
+    for index, value in ((1, lighting), (2, seen)):
+        background = tree.nodes.new("ShaderNodeBackground")
+        if value is not None:
+            background.inputs["Color"].default_value = (*value, 1.0)
+        else:
+            panorama, mapping, place = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexEnvironment", "Mapping", "TexCoord"))
+            panorama.image = picture("Sky", is_float=True)
+            mapping.inputs["Rotation"].default_value = (0.2, 0.1, 0.9)
+            tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
+            tree.links.new(mapping.outputs[0], panorama.inputs["Vector"])
+            tree.links.new(panorama.outputs[0], background.inputs["Color"])
+        tree.links.new(background.outputs[0], mix.inputs[index])
+    tree.links.new(mix.outputs[0], tree.nodes["World Output"].inputs["Surface"])
+    floor(matte(), 5.0)
+    ball((-1.2, 0, 1), material=matte((0.7, 0.3, 0.2)))
+    ball((1.2, 0, 1), material=shaded("ShaderNodeBsdfAnisotropic", Color=(0.9, 0.9, 0.9), Roughness=0.1))
+    return made
+
+
+@scene
+def plain_background() -> None:
+    """A panorama lights the scene, and the camera sees one color."""
+    two_worlds((0.2, 0.5, 0.8), None)
+
+
+@scene
+def pictured_background() -> None:
+    """One color lights the scene, and the camera sees a panorama."""
+    two_worlds(None, (0.7, 0.6, 0.5))
+
+
+@scene
+def two_colors() -> None:
+    """The camera sees another color than lights the scene."""
+    two_worlds((0.1, 0.2, 0.4), (0.7, 0.6, 0.5))
+
+
+@scene
+def clear_film() -> None:
+    """A transparent film, in front of a world of one color, with lamps, light from a surface, and a surface that is clear in part."""
+    made = empty((0.6, 0.5, 0.4))
+    made.render.film_transparent = True
+    floor(matte(), 4.0)
+    ball((-1.5, 0, 1), 0.8, shaded("ShaderNodeEmission", Color=(0.2, 0.5, 1.0), Strength=1.5))
+    ball((0.2, 0, 0.8), 0.8, principled(Base_Color=(0.8, 0.3, 0.2), Alpha=0.5))
+    ball((1.8, 0, 0.8), 0.8, shaded("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.45))
+    for item in (lamp("AREA", (0.9, 2, 1.2), (70, 0, 0), energy=20, size=0.8), lamp("POINT", (-0.6, 1, 1.4), energy=20, shadow_soft_size=0.25)):
+        item.visible_camera = True
+
+
+@scene
+def object_values() -> None:
+    """Object Info and attributes of objects: random numbers, color, index, location, custom properties, of objects and instances."""
+    made = empty((0.6, 0.6, 0.6))
+    floor(matte())
+    material, tree, output = nodes("Many")
+    info, shader, ramp, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("ObjectInfo", "BsdfDiffuse", "ValToRGB", "MixRGB"))
+    ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = (0.9, 0.2, 0.1, 1), (0.1, 0.3, 0.9, 1)
+    tree.links.new(info.outputs["Random"], ramp.inputs[0])
+    tree.links.new(ramp.outputs[0], mix.inputs[1])
+    tree.links.new(info.outputs["Color"], mix.inputs[2])
+    tree.links.new(mix.outputs[0], shader.inputs["Color"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    part = cube((0, 0, 0), 0.5, material)
+    for index in range(5):
+        other = link(f"Cube {index}", part.data, (index - 2.0, -1.0, 0.25))
+        other.color = (0.2 * index, 0.5, 1.0 - 0.2 * index, 1.0)
+    collection = bpy.data.collections.new("Parts")
+    for holder in part.users_collection:
+        holder.objects.unlink(part)
+    collection.objects.link(part)
+    for index in range(5):
+        holder = bpy.data.objects.new(f"Placed {index}", None)
+        holder.instance_type, holder.instance_collection = "COLLECTION", collection
+        holder.location = (index - 2.0, 0.0, 0.25)
+        made.collection.objects.link(holder)
+    own, tree, output = nodes("Own")
+    shader, combine, index_info = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "CombineXYZ", "ObjectInfo"))
+    for socket, (kind, name) in enumerate((("OBJECT", "shade"), ("INSTANCER", "glow"))):
+        attribute = tree.nodes.new("ShaderNodeAttribute")
+        attribute.attribute_type, attribute.attribute_name = kind, name
+        tree.links.new(attribute.outputs["Fac"], combine.inputs[socket])
+    divide = tree.nodes.new("ShaderNodeMath")
+    divide.operation, divide.inputs[1].default_value = "DIVIDE", 10.0
+    tree.links.new(index_info.outputs["Object Index"], divide.inputs[0])
+    tree.links.new(divide.outputs[0], combine.inputs[2])
+    tree.links.new(combine.outputs[0], shader.inputs["Color"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    for index in range(4):
+        item = ball((index - 1.5, 1.2, 0.4), 0.4, own)
+        item["shade"], item["glow"], item.pass_index = 0.2 * index, 0.9 - 0.2 * index, 2 * index
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+
+
 def procedural() -> None:
     """A noise texture and a checker, which must be baked. Not in `SCENES`."""
     empty((0.5, 0.5, 0.5))

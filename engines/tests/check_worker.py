@@ -469,6 +469,22 @@ def check_frames(room):
     return "1 to 3"
 
 
+def check_reopening(room):
+    """A scene that is opened again, after another size, frame and depth, is the one of before."""
+    before = room.paint(WHOLE, 4, seed=3)
+    more = {"frame": 3} if room.name == "cycles" else {}
+    room.open(room.scene, width=64, height=48, **more)
+    small = room.paint([0, 0, 64, 48], 2, max_depth=1 if room.worker.manifest["tunables"].get("max_depth") else None)
+    expect((small.width, small.height) == (64, 48), "the size is not that of the second request")
+    started = time.monotonic()
+    opened = room.open(room.scene)
+    seconds = time.monotonic() - started
+    expect(opened == room.opened, f"it was {room.opened}, and is {opened}")
+    after = room.paint(WHOLE, 4, seed=3)
+    expect(bits_equal(before, after) or not REPEATS[room.name], "the picture is another one")
+    return f"the same after another size, in {seconds:.2f} s"
+
+
 def scene_with(room, folder, old, new, name=None):
     """A copy of the room with a change in its text."""
     name = name or {"luxcore": "room.scn"}.get(room.name, SCENES[room.name])
@@ -570,7 +586,7 @@ def check_leaving(room):
 
 
 CHECKS = (check_opening, check_place, check_window_is_frame, check_seeds, check_mean, check_depth, check_time, check_progress,
-          check_layers, check_frames, check_files, check_errors, check_costs, check_leaving)
+          check_layers, check_frames, check_reopening, check_files, check_errors, check_costs, check_leaving)
 
 
 def main():

@@ -12,33 +12,37 @@ import bottega
 import numpy as np
 
 from . import axes
+from .backdrop import BACKDROP, extent_of, put_backdrop
+from .families import DEFAULT, Families, put_images
 from .instances import Group, Pass, gather, materials_of
 from .lights import light_of
-from .materials import MadeMaterial, MaterialMaker
 from .meshes import arrays_of
 from .nodes import groups_of, uid_of
+from .placements import Placement, emits_to_camera, placements_of
 from .report import Fidelity, Report
 from .textures import Pictures
-from .world import environment_of
-
-DEFAULT = "default material"
+from .world import Surroundings, surroundings_of
 
 
 class Export:
     """A scene in memory that follows a scene of Blender.
 
     - `scene`: the scene. `report`: what is not rendered as Cycles renders it.
+    - `hides_emitters`: the camera must see neither the world nor what emits. `reach`: distance beyond which the camera must see; `None`: any.
     """
 
     def __init__(self) -> None:
         self.scene = bottega.Scene()
         self.report = Report()
         self._pictures = Pictures()
-        self._materials: dict[Any, MadeMaterial] = {}
+        self.hides_emitters = False
+        self.reach: float | None = None
+        self._families = Families(self.scene, self.report, self._pictures)
+        self._surroundings = Surroundings()
+        self._is_clear = False
         self._mesh_states: dict[str, tuple[Any, ...]] = {}
         self._lights_put: dict[str, bottega.Light] = {}
         self._placed: dict[str, tuple[Any, ...]] = {}
-        self._world_images: list[str] = []
         self._world_uses: set[Any] = set()
         self._is_world_moving = False
         # Session numbers of what Blender has changed since the last pass.
@@ -67,71 +71,78 @@ class Export:
 
     def _mark_users(self, uid: Any) -> None:
         """Notes that what uses an image or a node group has changed."""
-        self._dirty.update(user for user, made in self._materials.items() if uid in made.uses)
+        self._dirty.update(user for user, family in self._families.by_uid.items() if uid in family.uses)
         self._dirty_world |= uid in self._world_uses
 
     def _move_to(self, frame: int) -> None:
         """Notes that what shows a sequence has changed, if the frame has."""
         if frame != self._pictures.frame:
             self._pictures.frame = frame
-            self._dirty.update(user for user, made in self._materials.items() if made.is_moving)
+            self._dirty.update(user for user, family in self._families.by_uid.items() if family.is_moving)
             self._dirty_world |= self._is_world_moving
 
-    def update(self, depsgraph: Any, is_shown: Callable[[Any], bool] | None = None) -> None:
+    def update(self, depsgraph: Any, is_shown: Callable[[Any], bool] | None = None, is_clear: bool = False) -> None:
         """Brings the scene to the state of an evaluated scene.
 
-        `is_shown`: called with an evaluated object; `None`: all are shown.
+        - `is_shown`: called with an evaluated object; `None`: all are shown.
+        - `is_clear`: the film is transparent: the camera does not see the world.
         """
         self._move_to(depsgraph.scene.frame_current)
         found = gather(depsgraph, is_shown)
-        self._world(depsgraph.scene.world)
-        self._read_materials(found)
+        self._world(depsgraph.scene.world, is_clear)
+        self._families.begin(materials_of(found.groups.values()), self._dirty)
+        placements = placements_of(depsgraph, found, self._families, self.report)
+        self._families.end()
         self._read_meshes(found)
-        self._place(found)
+        self._place(found, placements)
         self._read_lights(found)
-        self._drop_unused(found)
+        self._surround(found, placements)
+        self._drop_unused(found, placements)
         self._dirty.clear()
-        self._arrange(found)
+        self._arrange(found, placements)
         self.report.begin("objects")
         for name, text in found.skipped.items():
             self.report.add("objects", name, "Object", Fidelity.LEFT_OUT, f"{text} left out")
         # Pixels that textures hold are not needed twice.
         self._pictures.loaded.clear()
 
-    def _world(self, world: Any) -> None:
-        if not self._dirty_world:
+    def _world(self, world: Any, is_clear: bool) -> None:
+        if not self._dirty_world and is_clear == self._is_clear:
             return
         self._pictures.begin()
-        environment, images = environment_of(world, self._pictures, self.report)
-        self._put_images(images)
-        self.scene.environment = environment
-        self._world_images = list(images)
+        made = surroundings_of(world, self._pictures, self.report, is_clear)
+        put_images(self.scene, self._pictures, made.images)
+        self.scene.environment = made.environment
+        self._surroundings, self._is_clear = made, is_clear
         tree = world.node_tree if world is not None else None
         self._world_uses = self._pictures.used | (groups_of(tree) if tree is not None else set())
         self._is_world_moving = self._pictures.is_moving
         self._dirty_world = False
 
-    def _put_images(self, images: dict[str, Callable[[], bottega.Image]]) -> None:
-        for key, image in images.items():
-            if key not in self.scene.images or key in self._pictures.loaded:
-                self.scene.images[key] = image()
+    def _surround(self, found: Pass, placements: list[Placement]) -> None:
+        """Places what surrounds the scene beside the environment."""
+        made = self._surroundings
+        for key, light in made.lights.items():
+            if self._lights_put.get(key) != light:
+                self.scene.lights[key] = light
+                self._lights_put[key] = light
+        self.reach = None
+        if made.backdrop is not None:
+            self.reach = extent_of(found)
+            put_backdrop(self.scene, made.backdrop, self.reach)
+        self.hides_emitters = made.is_hidden
+        self.report.begin("film")
+        if self._is_clear:
+            self._note_film(found, placements)
 
-    def _read_materials(self, found: Pass) -> None:
-        for uid, material in materials_of(found.groups.values()).items():
-            if uid in self._materials and uid not in self._dirty:
-                continue
-            key = f"material {uid}"
-            self.report.begin(key)
-            made = MaterialMaker(self._pictures, self.report, key, material.name).make(material)
-            self._put_images(made.images)
-            medium = f"medium {uid}"
-            if made.medium is not None:
-                self.scene.media[medium] = made.medium
-                made.material.interior = medium
-            self.scene.materials[key] = made.material
-            if made.medium is None and medium in self.scene.media:
-                del self.scene.media[medium]
-            self._materials[uid] = made
+    def _note_film(self, found: Pass, placements: list[Placement]) -> None:
+        """Notes how a transparent film differs from Cycles'."""
+        shows = any(light.visible_camera and light.data.type != "SUN" for _, light, _ in found.lights)
+        if self.hides_emitters and (shows or emits_to_camera(placements, self._families)):
+            text = "in front of a panorama that it does not see, the camera sees neither lights nor surfaces that emit"
+            self.report.add("film", "Film", "Transparent", Fidelity.APPROXIMATED, text)
+        if any(isinstance(material.surface, bottega.Transparent) for material in self._families.materials()):
+            self.report.add("film", "Film", "Transparent", Fidelity.APPROXIMATED, "behind transparent surfaces with a color alpha is 1")
 
     def _read_meshes(self, found: Pass) -> None:
         done: set[str] = set()
@@ -168,53 +179,48 @@ class Export:
         names: list[str | None] = []
         color = None
         for material in group.slots:
-            made = self._materials.get(uid_of(material.original)) if material is not None else None
-            if made is None:
+            family = self._families.by_uid.get(uid_of(material.original)) if material is not None else None
+            if family is None:
                 continue
-            for index, name in enumerate(made.uv_names):
+            for index, name in enumerate(family.uv_names):
                 if index >= len(names):
                     names.append(name)
                 elif names[index] != name:
                     note = f"the mesh {group.data.name} has materials with different coordinates; those of the first are used"
                     self.report.add(f"material {uid_of(material.original)}", material.name, "UV Map", Fidelity.APPROXIMATED, note)
-            color = made.color_name if color is None else color
+            color = family.color_name if color is None else color
         return names or [None], color
 
-    def _place(self, found: Pass) -> None:
-        for key, group in found.groups.items():
+    def _place(self, found: Pass, placements: list[Placement]) -> None:
+        for placement in placements:
+            group, key, materials = placement.group, placement.key, placement.materials
             if group.mesh_key not in self.scene.meshes:
                 continue
-            transforms = axes.TURN.astype(np.float32) @ found.matrices[group.rows]
-            transforms = self._regular(transforms, group)
-            keys = [self._key(material) for material in group.slots]
+            transforms = axes.TURN.astype(np.float32) @ found.matrices[placement.rows]
+            transforms = self._regular(transforms, key, group)
             if len(transforms) == 0:
                 self._remove_object(key)
                 continue
             before = self._placed.get(key)
-            what = (group.mesh_key, keys, group.visibility)
+            what = (group.mesh_key, materials, placement.visibility)
             if before is not None and before[:3] == what:
                 if len(before[3]) != len(transforms) or not np.array_equal(before[3], transforms):
                     self.scene.objects[key].transforms = transforms
             else:
-                self.scene.objects[key] = bottega.Object(group.mesh_key, transforms, keys, visibility=group.visibility)
+                self.scene.objects[key] = bottega.Object(group.mesh_key, transforms, materials, visibility=placement.visibility)
             self._placed[key] = (*what, transforms)
 
-    def _regular(self, transforms: Any, group: Group) -> Any:
+    def _regular(self, transforms: Any, key: str, group: Group) -> Any:
         """Returns the transforms that can be inverted, and notes the others."""
         with np.errstate(all="ignore"):
             sizes = np.abs(np.linalg.det(transforms[:, :3, :3].astype(np.float64)))
         good = np.isfinite(sizes) & (sizes > 1e-24)
         if not good.all():
             text = f"{int((~good).sum())} instances whose scale is 0 are left out"
-            self.report.add(group.key, group.data.name, "Scale", Fidelity.LEFT_OUT, text)
+            self.report.add(key, group.data.name, "Scale", Fidelity.LEFT_OUT, text)
         else:
-            self.report.forget(group.key)
+            self.report.forget(key)
         return np.ascontiguousarray(transforms[good])
-
-    def _key(self, material: Any) -> str:
-        if material is None:
-            return DEFAULT
-        return f"material {uid_of(material.original)}"
 
     def _read_lights(self, found: Pass) -> None:
         for key, light, row in found.lights:
@@ -239,14 +245,15 @@ class Export:
         if self._placed.pop(key, None) is not None:
             del self.scene.objects[key]
 
-    def _drop_unused(self, found: Pass) -> None:
+    def _drop_unused(self, found: Pass, placements: list[Placement]) -> None:
         """Removes what is no longer in the scene of Blender, users before what they use."""
         scene = self.scene
-        lights = {key for key, _, _ in found.lights}
+        lights = {*(key for key, _, _ in found.lights), *self._surroundings.lights}
         for key in [key for key in self._lights_put if key not in lights]:
             self._remove_light(key)
             self.report.forget(key)
-        for key in [key for key in self._placed if key not in found.groups]:
+        placed = {placement.key for placement in placements}
+        for key in [key for key in self._placed if key not in placed]:
             self._remove_object(key)
             self.report.forget(key)
         meshes = {group.mesh_key for group in found.groups.values()}
@@ -255,32 +262,25 @@ class Export:
                 del scene.meshes[key]
             del self._mesh_states[key]
             self.report.forget(key)
-        materials = set(materials_of(found.groups.values()))
-        for uid in [uid for uid in self._materials if uid not in materials]:
-            del scene.materials[f"material {uid}"]
-            if f"medium {uid}" in scene.media:
-                del scene.media[f"medium {uid}"]
-            del self._materials[uid]
-            self.report.forget(f"material {uid}")
-        used = set(self._world_images)
-        used.update(key for made in self._materials.values() for key in made.images)
+        if self._surroundings.backdrop is None and BACKDROP in scene.spheres:
+            del scene.spheres[BACKDROP]
+            del scene.materials[BACKDROP]
+        self._families.drop()
+        used = {*self._surroundings.images, *self._families.image_keys()}
         for key in scene.images.keys():
             if key not in used:
                 del scene.images[key]
 
-    def _arrange(self, found: Pass) -> None:
+    def _arrange(self, found: Pass, placements: list[Placement]) -> None:
         """Brings all keys into the order of a fresh export, so that the picture has its bits."""
-        scene = self.scene
-        lights = [key for key, _, _ in found.lights]
-        groups = list(found.groups.values())
-        materials = [f"material {uid}" for uid in materials_of(groups)]
-        meshes = list(dict.fromkeys(group.mesh_key for group in groups))
-        images = [*self._world_images, *(key for uid in materials_of(groups) for key in self._materials[uid].images)]
-        scene.images.arrange(_there(scene.images, images))
-        scene.media.arrange(_there(scene.media, [f"medium {uid}" for uid in materials_of(groups)]))
-        scene.materials.arrange(_there(scene.materials, [DEFAULT, *materials]))
+        scene, families = self.scene, self._families
+        lights = [*self._surroundings.lights, *(key for key, _, _ in found.lights)]
+        meshes = list(dict.fromkeys(group.mesh_key for group in found.groups.values()))
+        scene.images.arrange(_there(scene.images, [*self._surroundings.images, *families.image_keys()]))
+        scene.media.arrange(_there(scene.media, families.media_keys()))
+        scene.materials.arrange(_there(scene.materials, [DEFAULT, BACKDROP, *families.material_keys()]))
         scene.meshes.arrange(_there(scene.meshes, meshes))
-        scene.objects.arrange(_there(scene.objects, list(found.groups)))
+        scene.objects.arrange(_there(scene.objects, [placement.key for placement in placements]))
         scene.lights.arrange(_there(scene.lights, lights))
 
 

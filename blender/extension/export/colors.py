@@ -11,6 +11,7 @@ import numpy as np
 
 from . import mixing
 from .baked import name_of
+from .context import LIGHT_PATH, ROUGHLY, Context
 from .fields import CannotFold, Field, Placing, as_color, as_number, computed, constant, is_constant_of, scaled
 from .images import MissingPicture
 from .nodes import CyclicNodes, Input, Source, named
@@ -30,11 +31,15 @@ class ColorReader:
     - `note`: is called with a node and what is not exact.
     - `baked`: names of pictures that Cycles has baked, by what `baking.name_of` says of an input.
     - `bakeable`: inputs whose values are unknown here, and that could be baked.
+    - `context`: for what they are read. `asks`: what was asked of it: `ray`, and names of its values.
+    - `material_index`: of the material that is read.
     - `vertex_colors`: names of the color attributes that were met; the renderer multiplies them to the color of a surface.
     """
 
-    def __init__(self, pictures: Pictures, note: Note) -> None:
-        self.pictures, self.note = pictures, note
+    def __init__(self, pictures: Pictures, note: Note, context: Context = Context()) -> None:
+        self.pictures, self.note, self.context = pictures, note, context
+        self.asks: set[str] = set()
+        self.material_index = 0.0
         self.vertex_colors: list[str] = []
         self.baked: dict[str, str] = {}
         self.bakeable: list[Any] = []
@@ -355,7 +360,7 @@ def _vertex_color(reader: ColorReader, source: Source) -> Field:
     node = source.node
     name = getattr(node, "layer_name", None) if node.bl_idname == "ShaderNodeVertexColor" else node.attribute_name
     if node.bl_idname == "ShaderNodeAttribute" and node.attribute_type != "GEOMETRY":
-        raise Unsupported(f"the attribute {name} of an {node.attribute_type.lower()} is unknown to the renderer")
+        return _object_attribute(reader, source)
     if source.output.name not in ("Color", "Vector"):
         raise Unsupported(f"the output {source.output.name} of a color attribute is unknown to the renderer")
     reader.vertex_colors.append(name or "")
@@ -383,8 +388,45 @@ def _layer_weight(reader: ColorReader, source: Source) -> Field:
 
 
 def _light_path(reader: ColorReader, source: Source) -> Field:
-    reader.note(source.node, Fidelity.APPROXIMATED, "the value for camera rays is used for all rays")
-    return constant(1.0 if source.output.name == "Is Camera Ray" else 0.0)
+    name = source.output.name
+    if name not in LIGHT_PATH:
+        reader.note(source.node, Fidelity.APPROXIMATED, f"{name} is rendered as 0")
+        return constant(0.0)
+    if name in ROUGHLY:
+        reader.note(source.node, Fidelity.APPROXIMATED, f"{name} is not followed exactly: {ROUGHLY[name]}")
+    reader.asks.add("ray")
+    return constant(LIGHT_PATH[name].get(reader.context.ray, 0.0))
+
+
+_OBJECT_INFO = {"Location": "location", "Color": "color", "Alpha": "color", "Object Index": "index", "Random": "random"}
+
+
+def _object_info(reader: ColorReader, source: Source) -> Field:
+    name = source.output.name
+    if name == "Material Index":
+        return constant(reader.material_index)
+    r, g, b, alpha = _of_object(reader, source, _OBJECT_INFO[name])
+    return constant(alpha) if name == "Alpha" else constant(r) if name in ("Object Index", "Random") else constant(r, g, b)
+
+
+def _object_attribute(reader: ColorReader, source: Source) -> Field:
+    node = source.node
+    kind = {"OBJECT": "object", "INSTANCER": "instancer"}.get(node.attribute_type)
+    if kind is None:
+        raise Unsupported(f"the attribute {node.attribute_name} of a {node.attribute_type.lower().replace('_', ' ')} is unknown to the renderer")
+    r, g, b, alpha = _of_object(reader, source, f"{kind} {node.attribute_name}")
+    name = source.output.name
+    return constant(alpha) if name == "Alpha" else constant((r + g + b) / 3.0) if name.startswith("Fac") else constant(r, g, b)
+
+
+def _of_object(reader: ColorReader, source: Source, name: str) -> tuple[float, float, float, float]:
+    """Returns a value of the object that has the material."""
+    reader.asks.add(name)
+    value = reader.context.value(name)
+    if value is None:
+        reader.note(source.node, Fidelity.APPROXIMATED, "the value 0 is used, because this has no object")
+        return 0.0, 0.0, 0.0, 0.0
+    return value
 
 
 _READERS: dict[str, Callable[[ColorReader, Source], Field]] = {
@@ -418,6 +460,6 @@ _READERS: dict[str, Callable[[ColorReader, Source], Field]] = {
     "ShaderNodeFresnel": _fresnel,
     "ShaderNodeLayerWeight": _layer_weight,
     "ShaderNodeLightPath": _light_path,
-    "ShaderNodeObjectInfo": _constant_of(0.0, "the value 0 is used for all objects"),
+    "ShaderNodeObjectInfo": _object_info,
     "ShaderNodeNewGeometry": _constant_of(0.0, "the value 0 is used: of the front"),
 }

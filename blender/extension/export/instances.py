@@ -20,7 +20,8 @@ class Group:
     - `key`: of the object in the scene. `mesh_key`: of its mesh.
     - `owner`: session number of the object. `data`: the evaluated mesh, valid only during the pass.
     - `slots`: materials by slot: `None` is the default material.
-    - `visibility`: the kinds of ray for which they are there.
+    - `visibility`: the kinds of ray for which they are there. `item`: the evaluated object, valid only during the pass.
+    - `is_instance`: they are made by another object. `bounds`: corners of the box around the mesh, (8, 3).
     - `rows`: indices of the instances in the pass.
     """
 
@@ -31,6 +32,9 @@ class Group:
     data: Any
     slots: list[Any]
     visibility: bottega.Visibility
+    item: Any
+    is_instance: bool
+    bounds: Any
     rows: list[int] = field(default_factory=list)
 
 
@@ -39,10 +43,12 @@ class Pass:
     """What one pass over the instances has found; it holds references into Blender only until the export ends.
 
     - `matrices`: float32, (N, 4, 4), from object to world space, by rows.
+    - `random_ids`: int32, (N,), Blender's random numbers of instances.
     - `lights`: evaluated light objects, with key and index of the matrix.
     """
 
     matrices: Any
+    random_ids: Any
     groups: dict[str, Group]
     lights: list[tuple[str, Any, int]]
     skipped: dict[str, str]
@@ -57,7 +63,9 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
     count = len(instances)
     matrices = np.empty(16 * count, np.float32)
     instances.foreach_get("matrix_world", matrices)
-    found = Pass(matrices.reshape(count, 4, 4).transpose(0, 2, 1), {}, [], {})
+    random_ids = np.empty(count, np.int32)
+    instances.foreach_get("random_id", random_ids)
+    found = Pass(matrices.reshape(count, 4, 4).transpose(0, 2, 1), random_ids, {}, [], {})
     by_data: dict[tuple[int, int, bool], Group | None] = {}
     mesh_keys: dict[str, int] = {}
     for row, instance in enumerate(instances):
@@ -73,17 +81,24 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
             place = (item.original.as_pointer(), data.as_pointer(), is_instance)
             if place not in by_data:
                 shown = is_shown is None or is_shown(item)
-                by_data[place] = _group(found, mesh_keys, item, data, is_instance) if shown else None
+                by_data[place] = _group(depsgraph, found, mesh_keys, item, data, is_instance) if shown else None
             group = by_data[place]
             if group is not None:
                 group.rows.append(row)
         elif kind == "LIGHT":
             if is_shown is None or is_shown(item):
                 key = f"light {uid_of(item.original)} {_persistent(instance)}"
-                found.lights.append((key, item, row))
+                lasting = item.original.evaluated_get(depsgraph) if instance.is_instance else item
+                found.lights.append((key, lasting, row))
         elif kind in ("VOLUME", "CURVES", "POINTCLOUD", "GREASEPENCIL"):
             found.skipped[item.name] = {"CURVES": "hair curves are", "POINTCLOUD": "point clouds are"}.get(kind, f"{kind.lower()} objects are")
     return found
+
+
+def parents_of(depsgraph: Any) -> dict[int, tuple[Any, Any]]:
+    """Returns, by row of an instance, the object that makes it, and its particle system or `None`."""
+    every = enumerate(depsgraph.object_instances)
+    return {row: (instance.parent, instance.particle_system) for row, instance in every if instance.is_instance}
 
 
 def _skip_hair(found: Pass, item: Any) -> None:
@@ -100,7 +115,7 @@ def _persistent(instance: Any) -> str:
     return f"{parent} {','.join(str(number) for number in instance.persistent_id if number != 0x7FFFFFFF)}"
 
 
-def _group(found: Pass, mesh_keys: dict[str, int], item: Any, data: Any, is_instance: bool) -> Group:
+def _group(depsgraph: Any, found: Pass, mesh_keys: dict[str, int], item: Any, data: Any, is_instance: bool) -> Group:
     # Before 4.2 a mesh that modifiers have made has no original.
     original = item.original.data if item.original.type == "MESH" else data.original
     owner, data_owner = uid_of(item.original), uid_of(original)
@@ -116,7 +131,10 @@ def _group(found: Pass, mesh_keys: dict[str, int], item: Any, data: Any, is_inst
             mesh_key = f"mesh of {owner} {index}"
     mesh_keys[mesh_key] = pointer
     key = f"object {owner} {'instances' if is_instance else ''} {mesh_key}"
-    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data), visibility_of(item))
+    # The object of an instance is Blender's only until the next one.
+    lasting = item.original.evaluated_get(depsgraph) if is_instance else item
+    bounds = np.array([tuple(corner) for corner in item.bound_box])
+    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data), visibility_of(item), lasting, is_instance, bounds)
     found.groups[key] = group
     return group
 

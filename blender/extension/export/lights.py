@@ -13,6 +13,7 @@ import numpy as np
 
 from . import axes
 from .colors import ColorReader
+from .context import Context
 from .mixing import blackbody
 from .nodes import CyclicNodes, named
 from .report import Fidelity, Report
@@ -69,11 +70,14 @@ def _of_nodes(tree: Any, owner: str, key: str, report: Report) -> np.ndarray:
     def note(node: Any, fidelity: Fidelity, text: str) -> None:
         report.add(key, owner, node.label or node.name, fidelity, text)
 
+    reader = ColorReader(Pictures(), note, Context("diffuse"))
     try:
-        emission = ShaderReader(ColorReader(Pictures(), note)).shader(named(output, (), "Surface")).emission
+        emission = ShaderReader(reader).shader(named(output, (), "Surface")).emission
     except CyclicNodes as error:
         report.add(key, owner, "Light Output", Fidelity.LEFT_OUT, f"{error}: the light is black")
         return np.zeros(3)
+    if "ray" in reader.asks:
+        report.add(key, owner, "Light Path", Fidelity.APPROXIMATED, "all rays find the light that diffuse ones find")
     if not emission.is_constant:
         report.add(key, owner, "Node tree", Fidelity.LEFT_OUT, "a picture on a light is left out: the light has its mean")
         return np.asarray(emission.load(), np.float64).reshape(-1, emission.channels).mean(0) * np.ones(3)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Callable
 
 import bottega
@@ -11,6 +11,7 @@ import numpy as np
 
 from .baked import PROPERTY
 from .colors import ColorReader
+from .context import Context
 from .fields import Field, as_number, computed, is_constant_of
 from .nodes import CyclicNodes, Input, groups_of, named
 from .report import Fidelity, Report
@@ -31,6 +32,7 @@ class MadeMaterial:
     - `color_name`: the color attribute that it uses; `None`: none.
     - `medium`: the medium of its inside.
     - `uses`: session numbers of its images and node groups. `is_moving`: one of its images is a sequence.
+    - `asks`: what its values depend on: see `ColorReader`.
     """
 
     material: bottega.Material
@@ -40,18 +42,32 @@ class MadeMaterial:
     medium: bottega.Medium | None = None
     uses: set[Any] = field(default_factory=set)
     is_moving: bool = False
+    asks: set[str] = field(default_factory=set)
+
+    @property
+    def looks(self) -> tuple[Any, ...]:
+        """All that a picture depends on."""
+        return replace_interior(self.material), self.medium, self.color_name
+
+
+def replace_interior(material: bottega.Material) -> bottega.Material:
+    """Returns a material without a medium inside, which has a key only in the scene."""
+    return material if material.interior is None else replace(material, interior=None)
 
 
 class MaterialMaker:
     """Makes the material of a node tree of Blender.
 
     - `owner`: name of the material, for the report; `key`: under which it is reported.
+    - `context`: for what it is made. `uv_names`: the sets of texture coordinates of all materials of its family; it adds its own.
     """
 
-    def __init__(self, pictures: Pictures, report: Report, key: str, owner: str) -> None:
+    def __init__(
+        self, pictures: Pictures, report: Report, key: str, owner: str, context: Context = Context(), uv_names: list[str | None] | None = None
+    ) -> None:
         self.pictures, self.report, self.key, self.owner = pictures, report, key, owner
-        self.made = MadeMaterial(bottega.Material())
-        self.reader = ColorReader(pictures, self.note)
+        self.made = MadeMaterial(bottega.Material(), uv_names=[] if uv_names is None else uv_names)
+        self.reader = ColorReader(pictures, self.note, context)
 
     def note(self, node: Any, fidelity: Fidelity, text: str) -> None:
         """Adds a note about a node to the report."""
@@ -63,6 +79,7 @@ class MaterialMaker:
         self._read(material)
         self.made.uses |= self.pictures.used
         self.made.is_moving = self.pictures.is_moving
+        self.made.asks = set(self.reader.asks)
         return self.made
 
     def _read(self, material: Any) -> None:
@@ -72,6 +89,7 @@ class MaterialMaker:
             self.made.material = bottega.Material(bottega.Diffuse(tuple(max(0.0, float(value)) for value in color)))
             return
         self.made.uses |= groups_of(tree)
+        self.reader.material_index = float(material.pass_index)
         output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
         if output is None:
             self.note("Material Output", Fidelity.LEFT_OUT, "there is no output: the material is black")

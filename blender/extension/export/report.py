@@ -50,7 +50,7 @@ class Report:
             notes.append(note)
 
     def all(self) -> list[Note]:
-        """Returns all notes, the worst first."""
+        """Returns all notes once, the worst first."""
         order = [Fidelity.LEFT_OUT, Fidelity.APPROXIMATED, Fidelity.BAKED]
-        every = [note for notes in self.notes.values() for note in notes]
+        every = list(dict.fromkeys(note for notes in self.notes.values() for note in notes))
         return sorted(every, key=lambda note: (order.index(note.fidelity), note.owner, note.node))

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The world: a color, or a panorama."""
+"""The world: a color or a panorama, which may differ for what the camera sees and for what lights the scene."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, field, replace
 from typing import Any, Callable
 
 import bottega
@@ -12,6 +13,7 @@ import numpy as np
 
 from .baked import PROPERTY, name_of
 from .colors import ColorReader
+from .context import BOUNCES, Context, visibility_for
 from .fields import Field, Placing, cached
 from .images import MissingPicture, is_known_space
 from .materials import folded
@@ -24,13 +26,39 @@ KEY = "world"
 _FROM_BLENDER = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float64)
 # Directions of Blender's panorama from directions of the environment: -z, its center column, to +x; +x to -y; +y to +z.
 _PANORAMA = np.array([[0, 0, -1], [-1, 0, 0], [0, 1, 0]], np.float64)
+Images = dict[str, Callable[[], bottega.Image]]
+
+
+@dataclass
+class Backdrop:
+    """What only the camera sees behind the scene. `rotation`: of a sphere that shows it, x y z w."""
+
+    emission: Any
+    rotation: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass
+class Surroundings:
+    """What surrounds the scene.
+
+    - `environment`: seen and lighting; `None`: none. `images`: of it and of the backdrop, by key.
+    - `lights`: by key: light from all sides, for some kinds of ray.
+    - `backdrop`: covers the environment for the camera.
+    - `is_hidden`: true if the camera must not see the environment.
+    """
+
+    environment: bottega.Environment | None = None
+    images: Images = field(default_factory=dict)
+    lights: dict[str, bottega.Light] = field(default_factory=dict)
+    backdrop: Backdrop | None = None
+    is_hidden: bool = False
 
 
 class WorldReader(ColorReader):
     """Reads colors that may lie on a panorama. `rotation`: (3, 3), from directions of the world to the panorama."""
 
-    def __init__(self, pictures: Pictures, report: Report, owner: str) -> None:
-        super().__init__(pictures, lambda node, fidelity, text: report.add(KEY, owner, node.label or node.name, fidelity, text))
+    def __init__(self, pictures: Pictures, report: Report, owner: str, context: Context) -> None:
+        super().__init__(pictures, lambda node, fidelity, text: report.add(KEY, owner, node.label or node.name, fidelity, text), context)
         self.rotation = np.eye(3)
 
     def _of(self, source: Source) -> Field:
@@ -72,49 +100,163 @@ def _rotation(vector: Input | None) -> np.ndarray:
     raise NoPlace(f"coordinates from the node {node.bl_label}")
 
 
-def environment_of(
-    world: Any, pictures: Pictures, report: Report
-) -> tuple[bottega.Environment | None, dict[str, Callable[[], bottega.Image]]]:
-    """Returns the environment of a world and its pictures by key. `None`: it is black."""
+@dataclass(frozen=True)
+class _Sky:
+    """The radiance of the world for a kind of ray, and the rotation of its panorama."""
+
+    color: Field
+    rotation: Any
+
+    def is_like(self, other: _Sky) -> bool:
+        """Returns true if it has the same values everywhere."""
+        if self.color.is_constant and other.color.is_constant:
+            return self.constant() == other.constant()
+        return self.color.name == other.color.name and np.array_equal(self.rotation, other.rotation)
+
+    def constant(self) -> tuple[float, ...]:
+        """Returns the values of a constant."""
+        return tuple(max(0.0, float(value)) for value in np.broadcast_to(self.color.load(), (3,)))
+
+
+def surroundings_of(world: Any, pictures: Pictures, report: Report, is_clear: bool) -> Surroundings:
+    """Returns what surrounds the scene. `is_clear`: the camera sees nothing of it (a film that is transparent)."""
     report.begin(KEY)
     if world is None:
-        return None, {}
+        return Surroundings()
     tree = world.node_tree if getattr(world, "use_nodes", True) else None
     if tree is None:
-        return _constant(np.array(world.color)), {}
+        color = np.array(world.color)
+        sky = _Sky(Field(f"color {tuple(color)}", 3, None, lambda: color), np.eye(3))
+        return _surroundings({ray: sky for ray in ("camera", *BOUNCES)}, pictures, is_clear)
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None:
-        return None, {}
+        return Surroundings()
     volume = named(output, (), "Volume")
     if volume is not None and volume.source() is not None:
         report.add(KEY, world.name, "Volume", Fidelity.LEFT_OUT, "a volume that fills the world is left out")
-    surface = output.inputs["Surface"]
-    baked = bpy.data.images.get(str(dict(world.get(PROPERTY, {})).get(name_of(surface)))) if PROPERTY in world else None
-    if baked is not None:
-        report.add(KEY, world.name, "Surface", Fidelity.BAKED, "a panorama that Cycles has baked is used")
-        key = pictures.read(baked, None)
-        return bottega.Environment(1.0, key, rotation=_rows(_FROM_BLENDER @ _PANORAMA)), {key: lambda: pictures.loaded[key].to_image()}
-    reader = WorldReader(pictures, report, world.name)
     try:
-        color = ShaderReader(reader).shader(named(output, (), "Surface")).emission
+        skies = _skies(world, output, pictures, report)
     except CyclicNodes as error:
         report.add(KEY, world.name, "World Output", Fidelity.LEFT_OUT, f"{error}: the world is black")
-        return None, {}
-    if color.is_constant:
-        return _constant(color.load()), {}
-    fields = {"rotation": _rows(_FROM_BLENDER @ reader.rotation.T @ _PANORAMA)}
+        return Surroundings()
+    return _surroundings(skies, pictures, is_clear)
+
+
+def _skies(world: Any, output: Any, pictures: Pictures, report: Report) -> dict[str, _Sky]:
+    """Returns the radiance of the world by kind of ray. Raises `CyclicNodes`."""
+    surface = output.inputs["Surface"]
+    kept = bpy.data.images.get(str(dict(world.get(PROPERTY, {})).get(name_of(surface)))) if PROPERTY in world else None
+    baked = _baked(kept, pictures) if kept is not None else None
+    skies: dict[str, _Sky] = {}
+    for ray in ("camera", *BOUNCES):
+        reader = WorldReader(pictures, Report() if baked else report, world.name, Context(ray))
+        color = ShaderReader(reader).shader(named(output, (), "Surface")).emission
+        skies[ray] = baked or _Sky(color, reader.rotation)
+        if "ray" not in reader.asks:
+            skies = {each: skies[ray] for each in ("camera", *BOUNCES)}
+            break
+        if baked is not None:
+            text = "what the camera sees was baked, and lights the scene as well"
+            report.add(KEY, world.name, "Light Path", Fidelity.APPROXIMATED, text)
+    if baked is not None:
+        report.add(KEY, world.name, "Surface", Fidelity.BAKED, "a panorama that Cycles has baked is used")
+    bounces = [skies[ray] for ray in BOUNCES]
+    if all(one.is_like(bounces[0]) for one in bounces):
+        return skies
+    if all(one.color.is_constant for one in bounces):
+        text = "rough surfaces see the world of their kind of ray; Cycles takes that of no kind where it aims at lights"
+        report.add(KEY, world.name, "Light Path", Fidelity.APPROXIMATED, text)
+        return skies
+    text = "a panorama that differs by kind of ray is for all rays but the camera's that of diffuse ones"
+    report.add(KEY, world.name, "Light Path", Fidelity.APPROXIMATED, text)
+    return {"camera": skies["camera"], **{ray: skies["diffuse"] for ray in BOUNCES}}
+
+
+def _baked(image: Any, pictures: Pictures) -> _Sky:
+    """Returns a panorama that Cycles has baked."""
+    key = pictures.read(image, None)
+    pixels = pictures.loaded[key]
+    height, width = pixels.array.shape[:2]
+    return _Sky(Field(f"{key} panorama", 3, Placing(), lambda: pixels.linear()[..., :3], key, size=(width, height)), np.eye(3))
+
+
+def _surroundings(skies: dict[str, _Sky], pictures: Pictures, is_clear: bool) -> Surroundings:
+    """Returns surroundings of the radiance by kind of ray."""
+    seen, lighting = skies["camera"], skies["diffuse"]
+    bounces = [skies[ray] for ray in BOUNCES]
+    made = Surroundings()
+    if all(one.is_like(seen) for one in bounces) and not is_clear:
+        made.environment = _environment(seen, pictures, made.images)
+        return made
+    # A panorama lights the scene by importance; constants light it by two hemispheres, which have kinds of ray
+    if not lighting.color.is_constant:
+        made.environment = _environment(lighting, pictures, made.images)
+        made.is_hidden = is_clear
+    else:
+        by_color: dict[tuple[float, ...], list[str]] = {}
+        for ray in BOUNCES:
+            by_color.setdefault(skies[ray].constant(), []).append(ray)
+        for color, rays in by_color.items():
+            made.lights.update(_hemispheres(color, rays))
+    if is_clear:
+        return made
+    if seen.color.is_constant and made.environment is None:
+        made.lights.update(_hemispheres(seen.constant(), ["camera"]))
+    else:
+        made.backdrop = _backdrop(seen, pictures, made.images)
+    return made
+
+
+def _hemispheres(color: tuple[float, ...], rays: list[str]) -> dict[str, bottega.Light]:
+    """Returns two suns, each as wide as a hemisphere, which have a radiance for some kinds of ray: by key."""
+    if max(color) == 0.0:
+        return {}
+    irradiance = tuple(math.pi * value for value in color)
+    visibility = visibility_for(rays)
+    name = f"world {' '.join(rays)}"
+    return {f"{name} {y:+g}": bottega.SunLight((0.0, y, 0.0), irradiance, 180.0, visibility) for y in (1.0, -1.0)}
+
+
+def _environment(sky: _Sky, pictures: Pictures, images: Images) -> bottega.Environment | None:
+    """Returns an environment, and adds its picture to `images`. `None`: it is black."""
+    if sky.color.is_constant:
+        color = sky.constant()
+        return bottega.Environment(color) if max(color) > 0.0 else None
+    key, factor = _picture(sky.color, pictures, images)
+    return bottega.Environment(factor, key, rotation=_rows(_placed(sky)))
+
+
+def _placed(sky: _Sky) -> np.ndarray:
+    """Returns the rotation from the environment of a panorama to the world."""
+    return _FROM_BLENDER @ sky.rotation.T @ _PANORAMA
+
+
+def _picture(color: Field, pictures: Pictures, images: Images) -> tuple[str, tuple[float, ...]]:
+    """Returns the key of a panorama, and its factor."""
     if color.image is not None:
         key = color.image
-        factor = tuple(float(value) for value in np.broadcast_to(color.factor, (3,)))
-        return bottega.Environment(factor, key, **fields), {key: lambda: pictures.loaded[key].to_image()}
+        images[key] = lambda: pictures.loaded[key].to_image()
+        return key, tuple(float(value) for value in np.broadcast_to(color.factor, (3,)))
     color = replace(color, channels=3)
-    return bottega.Environment(1.0, color.key(), **fields), {color.key(): folded(color)}
+    images[color.key()] = folded(color)
+    return color.key(), (1.0, 1.0, 1.0)
+
+
+def _backdrop(sky: _Sky, pictures: Pictures, images: Images) -> Backdrop:
+    """Returns what the camera sees on a sphere around the scene."""
+    if sky.color.is_constant:
+        return Backdrop(sky.constant())
+    from mathutils import Matrix
+
+    key, factor = _picture(sky.color, pictures, images)
+    # Seen from within, u of a sphere runs against that of an environment, and begins half a turn away
+    mirrored, rotation = -1.0, _placed(sky)
+    if np.linalg.det(rotation) < 0.0:
+        mirrored, rotation = 1.0, rotation @ np.diag((-1.0, 1.0, 1.0))
+    turn = Matrix(_rows(rotation)).to_quaternion()
+    transform = ((mirrored, 0.0, 0.5), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return Backdrop(bottega.Texture(key, factor, transform=transform, wrap=("repeat", "clamp")), (turn.x, turn.y, turn.z, turn.w))
 
 
 def _rows(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(value) for value in row) for row in matrix)
-
-
-def _constant(color: Any) -> bottega.Environment | None:
-    values = tuple(max(0.0, float(value)) for value in np.broadcast_to(color, (3,)))
-    return bottega.Environment(values) if max(values) > 0.0 else None
