@@ -335,7 +335,7 @@ impl TableRecord {
 record! {
     /// A camera for pictures of one size.
     pub struct CameraRecord {
-        /// Linear part of its transformation.
+        /// Linear part of the transformation from camera to world space.
         pub world_from_camera: Mat3,
         /// Position in world space.
         pub position: Vec3,
