@@ -46,11 +46,14 @@ pub fn decide(rule: AuctionRule, offers: &[Offer], bidders: Vec<Bidder>, standin
         ByTime::new(offers, bidders.into_iter().map(candidate).collect(), standing).award()
     };
     match rule {
+        // The paper's rule: rank the bidders by credit
         AuctionRule::Paper => {
             let candidate = |bidder| Candidate::new(bidder, offers, 1.0);
             by_credit::decide(offers, &mut bidders.into_iter().map(candidate).collect::<Vec<_>>())
         }
+        // By the finishing times as promised
         AuctionRule::Promised => by_time(bidders, false),
+        // By the promised finishing times, divided by the bidders' reliability
         AuctionRule::FinishingTime | AuctionRule::Stealing => {
             // Check whether reliability changes the outcome: decide a second time with all promises believed.
             let first = bidders.first().map_or(1.0, |bidder| bidder.worth);

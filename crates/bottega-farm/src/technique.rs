@@ -89,7 +89,7 @@ impl Technique {
         }
     }
 
-    /// Returns the name of its rule file, without the extension.
+    /// Returns the name of the technique's rule file, without the extension.
     pub fn rules_name(self) -> &'static str {
         match self {
             Self::PathTracing => "path-tracing",

@@ -78,7 +78,7 @@ impl ResourceReport {
         }
     }
 
-    /// Returns the share of its time in which it had work, 0..=1.
+    /// Returns the share of the time in which the resource had work, 0..=1.
     pub fn occupation(&self) -> f64 {
         let all = (self.busy + self.idle + self.suspended).as_secs_f64();
         if all > 0.0 { self.busy.as_secs_f64() / all } else { 0.0 }

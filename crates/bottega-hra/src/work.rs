@@ -34,7 +34,7 @@ pub trait Work: Send + Sized + 'static {
         0
     }
 
-    /// Returns the bytes of its answer.
+    /// Returns the number of bytes of the work's answer.
     fn answer_bytes(&self) -> u64 {
         0
     }

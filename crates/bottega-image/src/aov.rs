@@ -39,7 +39,7 @@ impl Aov {
         }
     }
 
-    /// Returns the names of its channels within its layer; empty if it is a single channel.
+    /// Returns the names of the AOV's channels within its layer; empty for a single channel.
     pub fn channels(self) -> &'static [&'static str] {
         match self {
             Self::Albedo => &["R", "G", "B"],

@@ -120,7 +120,7 @@ pub(crate) fn picture_exr_bytes(
 }
 
 impl Film {
-    /// Returns the names of its channels in a file, each with its offset within a pixel of [`values`](Self::values).
+    /// Returns the names of the film's channels in a file, each with its offset within a pixel of [`values`](Self::values).
     pub fn channels(&self) -> Vec<(String, usize)> {
         let channels = film_channels(self.layout(), HalfOrFloat::Float);
         channels.into_iter().map(|channel| (channel.name, channel.offset)).collect()

@@ -44,7 +44,7 @@ impl Film {
         Self { picture_size: (width, height), ..self }
     }
 
-    /// Returns the rectangle of its pixels, in picture coordinates.
+    /// Returns the rectangle of the film's pixels, in picture coordinates.
     pub fn rect(&self) -> Rect {
         self.rect
     }

@@ -37,7 +37,7 @@ impl Tile {
         Self { rect, layout, sums }
     }
 
-    /// Returns the rectangle of its pixels, in picture coordinates.
+    /// Returns the rectangle of the tile's pixels, in picture coordinates.
     pub fn rect(&self) -> Rect {
         self.rect
     }

@@ -91,7 +91,7 @@ impl Grid {
         self.blend
     }
 
-    /// Returns the memory of its values, in bytes.
+    /// Returns the memory of the grid's values, in bytes.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&*self.values)
     }

@@ -195,7 +195,7 @@ impl Mesh {
         pieces.into_iter().fold(EMPTY, |whole, (min, max)| grow(grow(whole, min), max))
     }
 
-    /// Returns the memory of its vertices, triangles and curves, in bytes.
+    /// Returns the memory of the mesh's vertices, triangles and curves, in bytes.
     pub fn memory_bytes(&self) -> usize {
         bytes_of(&self.positions)
             + bytes_of(&self.normals)

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 pub struct LoadOptions {
     /// A latitude-longitude picture (HDR, EXR, PFM, PNG, JPEG and others) that replaces the file's environment.
     pub environment: Option<PathBuf>,
-    /// Rotation of that picture about the y axis, counter-clockwise seen from above, in radians.
+    /// Rotation of the `environment` picture about the y axis, counter-clockwise seen from above, in radians.
     pub environment_rotation: f32,
-    /// Factor of the radiance of that picture.
+    /// Factor of the radiance of the `environment` picture.
     pub environment_intensity: f32,
     /// Time at which animations are evaluated, in seconds. `None`: the scene as the file describes it, or the start of
     /// [`animation`](Self::animation) if that is set.

@@ -20,7 +20,7 @@ pub struct RoundSummary {
     pub awards: u32,
     /// Number of zones that another bidder finishes sooner than the one that needed a zone first, and so got.
     pub outbid: u32,
-    /// True if the awards differ from those with all promises believed alike.
+    /// True if the awards differ from those of a round that believes all promises equally.
     pub credit_decided: bool,
 }
 

@@ -56,7 +56,7 @@ impl Link {
         self.job.map(|job| RegistrationConfig { master_home, ..RegistrationConfig::new(self.work, Some(job)) })
     }
 
-    /// Returns the folder of its tiles.
+    /// Returns the folder of the work's tiles.
     fn folder(&self) -> String {
         format!("work-{}", self.work.0)
     }

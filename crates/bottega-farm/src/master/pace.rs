@@ -13,7 +13,7 @@ use crate::{Holding, MemberId, STEP_MAX, ZoneRow};
 
 /// An order hangs after this many times the expected time of one step.
 const PATIENCE: f64 = 6.0;
-/// Minimum of that time, for an agent with a processor of its own.
+/// Minimum time after which an order hangs, for an agent with a processor of its own.
 const PATIENCE_MIN: Duration = Duration::from_secs(60);
 /// Time for preparation before an order is begun, whose length is unknown.
 const READY_WITHIN: Duration = Duration::from_secs(600);
@@ -21,9 +21,10 @@ const READY_WITHIN: Duration = Duration::from_secs(600);
 const SHARING_MAX: f64 = 32.0;
 /// An order with progress is taken back after this many times its expected time, if there are other agents.
 const LASTING: f64 = 60.0;
-/// Minimum of that time.
+/// Minimum time after which an order with progress is taken back.
 const LASTS_MIN: Duration = Duration::from_secs(4 * 3600);
-/// Maximum of that time, because the expected time is the unconfirmed word of the agent that profiled the zone.
+/// Maximum time after which an order with progress is taken back: the expected time is the unconfirmed word of the agent that
+/// profiled the zone.
 const LASTS_MAX: Duration = Duration::from_secs(24 * 3600);
 
 /// An order that has made no progress for too long.

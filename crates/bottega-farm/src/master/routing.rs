@@ -30,6 +30,7 @@ impl Master {
             // Ignore messages that claim to be from the Master itself
             return;
         }
+        // Renew the sender's lease
         let sender = self.assignments.roster.find(&message.sender);
         if let Some(sender) = sender {
             self.assignments.roster.hear(now, sender);
@@ -85,20 +86,24 @@ impl Master {
         actions: &mut Vec<FarmAction>,
     ) {
         let (agent, assignments) = (&message.sender, &mut self.assignments);
+        // Refuse agents that are excluded
         if let Some(reason) = self.trust.refusal(agent, &assignments.roster) {
             return self.answer(message, Performative::Refuse, FarmContent::LeftOut { reason }, actions);
         }
+        // Continue with the agent's row if there is one; else begin with the credit of its machine in earlier works
         let known = assignments.roster.get_by_name(agent).map(|member| &member.row);
         let known = known.or_else(|| assignments.rows.board().agent(agent)).cloned().unwrap_or_else(|| {
             let earlier = assignments.config.credits.get(bottega_agents::machine_of(&agent.name));
             let credit = earlier.map(Credit::carried_over).unwrap_or_default();
             AgentRow { credit, ..AgentRow::new(agent.clone(), power, lanes) }
         });
+        // Add the agent to the list, unless it is full
         let row = AgentRow { power, lanes, left_out: None, ..known };
         let Some(id) = assignments.roster.join(now, row.clone()) else {
             return self.answer(message, Performative::Refuse, FarmContent::Nothing, actions);
         };
         assignments.refresh_load(now, id);
+        // Agree, and send the scene; with stealing, the neighbors too
         self.answer(message, Performative::Agree, FarmContent::Subscribed, actions);
         self.introduce(std::slice::from_ref(&row.agent), actions);
         if self.assignments.config.deals() {
@@ -118,6 +123,7 @@ impl Master {
     }
 
     fn take_heartbeat(&mut self, now: Time, sender: MemberId, orders: &[Holding], actions: &mut Vec<FarmAction>) {
+        // Send lost orders again, and take back those that hang
         self.assignments.repeat_orders(now, sender, orders, actions);
         self.watch_orders(now, sender, orders, actions);
         if self.assignments.config.deals() {
@@ -136,6 +142,7 @@ impl Master {
         orders: &[PassedOrder],
         actions: &mut Vec<FarmAction>,
     ) {
+        // Accept the transfer only with stealing, while zones are given out, and to a member
         let is_here = self.assignments.roster.get_by_name(to).is_some() && !self.trust.is_excluded(to);
         if self.assignments.config.deals() && self.phase.gives_out() && is_here {
             deal::hand_over(now, from, to, orders, &mut self.assignments, actions);
@@ -210,6 +217,7 @@ impl Master {
     ) {
         let (zone, fence, sender) = (report.zone, report.fence, &message.sender);
         tracing::warn!(zone = zone.0, agent = %sender, reason, "zone failed");
+        // Compute the zone's row with one more attempt, and answer: a bad painting is refused, a reported failure confirmed
         let row = row_after_failure(zone, sender, &self.assignments);
         if report.outcome.is_ok() {
             self.refuse(message, report, reason, actions);
@@ -245,11 +253,13 @@ impl Master {
 
     /// Counts confirmed paintings, and excludes agents found wrong.
     fn pronounce(&mut self, now: Time, zone: ZoneId, verdict: &Verdict, actions: &mut Vec<FarmAction>) {
+        // Count a confirmed painting for each agent that was right
         for agent in &verdict.right {
             let Some(id) = self.assignments.roster.find(agent) else { continue };
             let row = self.assignments.roster.update(id, |row| row.agreed = row.agreed.saturating_add(1)).cloned();
             row.into_iter().for_each(|row| self.assignments.rows.put_agent(row, actions));
         }
+        // Exclude each agent that was wrong, and take its zones back
         let right: Vec<&str> = verdict.right.iter().map(|agent| &*agent.name).collect();
         for agent in &verdict.wrong {
             let reason = format!("what it painted of {zone} is not what {} painted", right.join(" and "));
@@ -404,11 +414,13 @@ impl Master {
         if !self.assignments.rows.board().is_news(zone, revision) {
             return false;
         }
+        // Update the board, and cancel orders that the row makes void
         let voided = self.assignments.rows.voided_orders(row);
         self.assignments.rows.see(revision, FarmValue::Zone(Arc::clone(row)));
         if let Some(voided) = voided {
             self.assignments.withdraw(zone, voided, actions);
         }
+        // Inform the other parts of the Master
         actions.push(FarmAction::Effect(FarmEffect::ZoneChanged(Arc::clone(row))));
         self.assignments.forget_order(zone);
         self.composition.see(row);
@@ -417,6 +429,7 @@ impl Master {
         if matches!(row.state, ZoneState::Profiled | ZoneState::Done | ZoneState::Failed) {
             self.rounds.note_change();
         }
+        // Complete the pending write of the zone, if this row is newer; act on it if it is the written row
         match self.assignments.rows.pending_write(zone) {
             Some(write) if revision > write.expected_revision => {
                 let is_written = Arc::ptr_eq(&write.row, row) || write.row == *row;
@@ -473,6 +486,7 @@ impl Master {
         outcome: Result<(), String>,
         actions: &mut Vec<FarmAction>,
     ) {
+        // Count a composed zone for its painter
         let was_expected = self.composition.composed(zone, outcome.is_ok());
         let row = self.assignments.rows.zone(zone).map(|(_, row)| row).filter(|_| was_expected);
         let painter = row.and_then(|row| row.agent.clone());
@@ -480,6 +494,7 @@ impl Master {
             painter.iter().for_each(|painter| self.trust.count_composed(painter, &self.assignments.roster));
             return;
         };
+        // The samples are lost: paint the zone again, and count the loss for its painter
         tracing::warn!(zone = zone.0, reason, "the samples of a zone are lost");
         // If a write is pending, the zone is painted again already, because its painter was found wrong
         let row = self.assignments.rows.settled_zone(zone).filter(|_| was_expected);

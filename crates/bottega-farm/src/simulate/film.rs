@@ -22,7 +22,7 @@ pub(super) struct FilmLog {
     newest: NumberMap<(Revision, u32)>,
     /// Older orders that still count because the zone was taken over.
     rivals: BTreeSet<(ZoneId, Revision)>,
-    /// The agents of those.
+    /// The agents of those older orders.
     older: BTreeMap<(ZoneId, Revision), u32>,
     pub(super) finished: Option<(Time, Vec<ZoneId>)>,
     pub(super) abandoned: Option<String>,

@@ -242,7 +242,7 @@ impl Samples {
         self.layers.iter().map(|layer| layer.map.len()).sum()
     }
 
-    /// Returns `true` if there are none.
+    /// Returns `true` if there are no samples.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

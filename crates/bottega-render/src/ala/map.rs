@@ -299,7 +299,7 @@ impl Agents {
         estimate.is_some_and(is_enough)
     }
 
-    /// Returns the share of its light that arrives at an agent of the first map, by its answer: 1 lit, 0 shaded, 0.5 in
+    /// Returns the share of the agent's light that arrives at an agent of the first map, by its answer: 1 lit, 0 shaded, 0.5 in
     /// between.
     pub(super) fn lit_share(agent: &Photon) -> f32 {
         Visibility::lit_share(agent)

@@ -41,7 +41,7 @@ pub(crate) enum SensingTask {
 }
 
 impl SensingTask {
-    /// Returns the range of its agents or candidates.
+    /// Returns the range of the task's agents or candidates.
     pub(super) fn agents(&self) -> Range<u32> {
         match self {
             Self::Dig(part) | Self::Look { part, .. } | Self::Measure { part, .. } => part.clone(),

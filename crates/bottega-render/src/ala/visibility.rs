@@ -181,7 +181,7 @@ impl Visibility {
             + size_of_val(&*self.links)
     }
 
-    /// Returns the share of its light that arrives at an agent of [`places`](Self::places), by its answer: 1 lit, 0
+    /// Returns the share of the agent's light that arrives at an agent of [`places`](Self::places), by its answer: 1 lit, 0
     /// shaded, 0.5 in between.
     pub(super) fn lit_share(agent: &Photon) -> f32 {
         match agent.mark().tag() & ANSWER {

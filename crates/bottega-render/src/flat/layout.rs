@@ -93,9 +93,9 @@ record! {
     pub struct InstanceRecord in 24 {
         /// Linear part of the transformation from object to world space.
         pub world_from_object: Mat3,
-        /// Translation of that transformation.
+        /// Translation of the transformation from object to world space.
         pub translation: Vec3,
-        /// Transformation of normals.
+        /// Transformation of normals from object to world space: the inverse transpose.
         pub world_from_normal: Mat3,
         /// Offset of the mesh.
         pub mesh: u32,
@@ -335,7 +335,7 @@ impl TableRecord {
 record! {
     /// A camera for pictures of one size.
     pub struct CameraRecord {
-        /// Linear part of its transformation.
+        /// Linear part of the transformation from camera to world space.
         pub world_from_camera: Mat3,
         /// Position in world space.
         pub position: Vec3,

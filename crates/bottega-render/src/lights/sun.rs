@@ -55,7 +55,7 @@ impl Sun {
         self.sine < PARALLEL
     }
 
-    /// Returns the radiance of its disc.
+    /// Returns the radiance of the sun's disc, in W·sr⁻¹·m⁻².
     pub(super) fn radiance(&self) -> Spectrum {
         self.irradiance / (PI * self.sine * self.sine)
     }

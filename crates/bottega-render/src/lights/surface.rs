@@ -143,7 +143,7 @@ impl Panel {
         is_rectangle.then_some(Self { instance, triangle, corner: world[corner], x, y, shape })
     }
 
-    /// Returns the number of its triangles: 1 or 2.
+    /// Returns the number of the panel's triangles: 1 or 2.
     pub(super) fn triangle_count(&self) -> u32 {
         if self.shape == PanelShape::Triangle { 1 } else { 2 }
     }
@@ -164,7 +164,7 @@ impl Panel {
         (self.triangle + triangle, (weights[1], weights[2]))
     }
 
-    /// Returns the grid of its parts: 1 without an emission texture, else by the number of texels.
+    /// Returns the grid of the panel's parts: 1 without an emission texture, else by the number of texels.
     pub(super) fn grid(&self, scene: &Scene, panel_count: usize) -> Grid {
         let instance = &scene.instances[self.instance as usize];
         let mesh = &scene.meshes[instance.mesh as usize];

@@ -175,7 +175,7 @@ impl Importance for Segment {
 pub(crate) struct Arc {
     /// Distance along the ray to the point nearest to the light.
     nearest: f32,
-    /// Distance of that point from the light.
+    /// Distance of the nearest point from the light.
     distance: f32,
     /// Angle of the segment's start seen from the light, in radians; `end`: of its end.
     start: f32,

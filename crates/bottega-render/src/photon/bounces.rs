@@ -80,7 +80,7 @@ impl IrradiancePlaces {
         self.places.len()
     }
 
-    /// Returns `true` if there are none.
+    /// Returns `true` if there are no points.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
     }

@@ -98,7 +98,7 @@ impl PhotonMap {
         self.marks.len()
     }
 
-    /// Returns `true` if there are none.
+    /// Returns `true` if there are no photons.
     pub fn is_empty(&self) -> bool {
         self.marks.is_empty()
     }

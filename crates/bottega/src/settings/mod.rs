@@ -39,7 +39,7 @@ pub fn agents(asked: Option<u16>, threads: usize) -> usize {
     asked.map_or(threads.div_ceil(2), usize::from)
 }
 
-/// Returns the level of division into zones.
+/// Returns the level of division into zones; numbers above the highest level give that.
 pub fn level(level: u8) -> Level {
     Level::ALL[usize::from(level).min(Level::ALL.len() - 1)]
 }

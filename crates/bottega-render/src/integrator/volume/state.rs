@@ -20,7 +20,7 @@ pub(super) struct PreviousVertex {
     /// Density of the direction taken from there, in sr⁻¹; `None`: light sampling could not have found light in that
     /// direction.
     pub(super) pdf: Option<f32>,
-    /// Position of that point on its segment, if it is inside a homogeneous medium.
+    /// Position of the receiver on its segment, if it is inside a homogeneous medium.
     pub(super) along: Option<SegmentPoint>,
 }
 

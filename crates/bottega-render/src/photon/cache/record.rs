@@ -255,7 +255,7 @@ impl IrradianceRecord {
         Self { shares: shares.into(), ..self }
     }
 
-    /// Returns the share of its light with at most `bounces` bounces.
+    /// Returns the share of the record's light with at most `bounces` bounces.
     #[inline(always)]
     pub(super) fn share(&self, bounces: u32) -> Spectrum {
         match self.shares.get(kept(bounces)) {
@@ -277,7 +277,7 @@ impl IrradianceRecord {
         take(last, (self.share(bounces) - below).max(Spectrum::ZERO));
     }
 
-    /// Returns the memory of its lists, in bytes.
+    /// Returns the memory of the record's lists, in bytes.
     pub(super) fn list_bytes(&self) -> usize {
         size_of_val(&*self.shares) + if self.around.is_some() { size_of::<CellsAround>() } else { 0 }
     }
