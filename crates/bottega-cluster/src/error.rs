@@ -58,12 +58,12 @@ impl Error {
         bottega::Error::Job(error).into()
     }
 
-    /// True if the request is invalid; false if an operation was tried and failed.
+    /// Returns true if the request is invalid; false if an operation was tried and failed.
     pub fn is_usage(&self) -> bool {
         matches!(self, Self::Bottega(error) if error.is_usage())
     }
 
-    /// True if a retry may succeed, because the farm's server may come back.
+    /// Returns true if a retry may succeed, because the farm's server may come back.
     pub fn may_pass(&self) -> bool {
         matches!(self, Self::Blob(error) if !error.is_lasting)
     }

@@ -39,7 +39,7 @@ fn by() -> String {
     format!("Python on {}", host_name())
 }
 
-/// How a farm is reached: its address, `None` for the one on this machine, and the credentials of this process.
+/// The login at a farm: its address, `None` for the one on this machine, and the credentials of this process.
 #[derive(Clone)]
 pub(crate) struct FarmLogin {
     pub(crate) address: Option<FarmAddress>,
@@ -55,7 +55,7 @@ pub(crate) struct PyFarm {
     seen: Mutex<SeenJob>,
 }
 
-/// What was fetched of a job.
+/// The data of a job that was fetched.
 #[derive(Default)]
 struct SeenJob {
     number: u32,

@@ -9,7 +9,7 @@ use numpy::{
 };
 use pyo3::{prelude::*, types::PyDict};
 
-/// What rendering threads write, and any thread of Python reads.
+/// The unfinished picture: rendering threads write it, and any thread of Python reads it.
 pub(crate) struct LivePicture {
     crop: Rect,
     /// The latest preview: the bytes of a PNG file.

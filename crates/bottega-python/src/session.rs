@@ -41,7 +41,7 @@ enum Stage {
 pub(crate) struct PySession {
     stage: Mutex<Stage>,
     stop: StopSwitch,
-    /// The picture meanwhile; `None`: nobody asks for it.
+    /// The picture meanwhile; `None`: no caller reads it.
     live: Option<Arc<LivePicture>>,
 }
 

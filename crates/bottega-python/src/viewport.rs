@@ -36,7 +36,7 @@ pub(crate) struct PyViewport {
     state: Mutex<ViewportState>,
 }
 
-/// What is shown, and the viewport that shows it.
+/// The state of a view: the scene shown, and the viewport that shows it.
 struct ViewportState {
     request: Request,
     /// The camera that is seen through; `None`: the one that the request names.

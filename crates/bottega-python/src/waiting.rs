@@ -63,7 +63,7 @@ pub(crate) struct Caller<'py> {
     pub(crate) on_event: Option<Bound<'py, PyAny>>,
     /// The switch that stops the work.
     pub(crate) stop: StopSwitch,
-    /// What is kept of the picture meanwhile; `None`: nothing.
+    /// The unfinished picture, updated meanwhile; `None`: it is not kept.
     pub(crate) live: Option<Arc<LivePicture>>,
     /// Stack level at which a warning is reported; 1: the Python code that calls this module.
     pub(crate) warn_level: u8,

@@ -35,7 +35,7 @@ fn module() -> &'static Path {
         }
         let name = format!("{}bottega_python{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX);
         let library = built().join("deps").join(name);
-        // A link is made anew as a whole: the library may be in use by a test beside this one.
+        // Replace the file as a whole: a concurrent test may be using the library.
         let target = package.join(if cfg!(windows) { "_native.pyd" } else { "_native.abi3.so" });
         _ = fs::remove_file(&target);
         fs::copy(library, &target).expect("cargo builds the library for its tests");

@@ -42,11 +42,11 @@ const PAGES: &str = "page/";
 pub struct JobAgent {
     /// The name of the agent.
     pub agent: String,
-    /// Its life cycle state, in FIPA's words.
+    /// The agent's life cycle state, in FIPA's words.
     pub state: &'static str,
-    /// The types of its services.
+    /// The types of the agent's services.
     pub services: Vec<String>,
-    /// Its transport addresses.
+    /// The agent's transport addresses.
     pub addresses: Vec<String>,
 }
 
@@ -173,7 +173,7 @@ impl JobBoard {
     }
 }
 
-/// True if the entry belongs to an agent of a job, not to one of the platform or of another platform.
+/// Returns true if the entry belongs to an agent of a job, not to one of the platform or of another platform.
 fn is_of_job(page: &AgentPage) -> bool {
     let text = std::str::from_utf8(&page.notice.text).unwrap_or_default();
     let is_ours = |ownership: Option<&str>| ownership == Some(JOB_OWNERSHIP);

@@ -52,7 +52,7 @@ impl JobBoard {
         seats
     }
 
-    /// True if users may see the data of a machine here.
+    /// Returns true if users may see the data of a machine here.
     pub fn shows_machine(&self, machine: &str) -> bool {
         !self.uplink.is_guest() || self.own_members().contains(machine_of(machine))
     }
@@ -64,7 +64,7 @@ impl JobBoard {
         own
     }
 
-    /// True if one of these machines works on a job, or has rendered a part of it.
+    /// Returns true if one of these machines works on a job, or has rendered a part of it.
     fn is_work_of(&self, number: u32, job: &Job, machines: &BTreeSet<String>, seats: &[Presence]) -> bool {
         let is_of_them = |process: &str| machines.contains(machine_of(process));
         let has_painted = |seat: &Presence| seat.usages.iter().any(|usage| usage.work == job.origin);

@@ -330,6 +330,9 @@ pub(crate) fn unfetched(number: u32, error: &Error) -> Error {
 }
 
 /// Writes the picture file of another process, completely or not at all.
+///
+/// # Errors
+/// The folder or the file cannot be written.
 pub fn write_picture(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     let folder = path.parent().unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(|source| Error::write(path.to_owned(), source))?;

@@ -62,7 +62,7 @@ pub struct UploadOffer {
     pub size: u64,
     /// The BLAKE3 hash of the file, 64 hexadecimal digits.
     pub digest: String,
-    /// The BLAKE3 hashes of its pieces of 4 MiB, in order.
+    /// The BLAKE3 hashes of the file's pieces of 4 MiB, in order.
     pub chunks: Vec<String>,
 }
 
@@ -130,7 +130,7 @@ impl JobBoard {
     /// Stores a piece of a file, if it matches its digest.
     ///
     /// # Errors
-    /// It does not match, or the farm cannot store it.
+    /// The piece does not match, or the farm cannot store it.
     pub fn put_piece(&self, digest: &str, bytes: &[u8]) -> Result<(), Error> {
         self.refuse_guests()?;
         if !is_hash(digest) || bytes.len() > CHUNK_BYTES || hash_of(bytes) != digest {

@@ -36,7 +36,7 @@ const UNUSED_KEPT: Duration = Duration::from_secs(24 * 3600);
 
 /// A store of chunks by name.
 pub(crate) trait ChunkStore: Sync {
-    /// True if a chunk is stored, and is young enough to stay until its job is submitted.
+    /// Returns true if a chunk is stored, and is young enough to stay until its job is submitted.
     fn has(&self, name: &str) -> Result<bool, BlobError>;
     fn put(&self, name: &str, bytes: &[u8]) -> Result<(), BlobError>;
     fn get(&self, name: &str, bytes_max: usize) -> Result<Option<Vec<u8>>, BlobError>;
@@ -63,7 +63,7 @@ pub(crate) struct Contents {
     chunks: Vec<String>,
 }
 
-/// True if a file exists with these contents. A file may be truncated after a power failure.
+/// Returns true if a file exists with these contents. A file may be truncated after a power failure.
 pub(crate) fn holds(path: &Path, contents: &Contents) -> bool {
     let mut hasher = blake3::Hasher::new();
     let read = fs::File::open(path).and_then(|file| hasher.update_reader(file).map(drop));
@@ -143,7 +143,7 @@ pub(crate) fn hash_of(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
-/// True if a text is a hash in lower-case hexadecimal.
+/// Returns true if a text is a hash in lower-case hexadecimal.
 pub(crate) fn is_hash(text: &str) -> bool {
     text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
 }
@@ -168,7 +168,7 @@ impl Contents {
     }
 }
 
-/// True if a blob is a chunk that no job needs any more.
+/// Returns true if a blob is a chunk that no job needs any more.
 ///
 /// - `age`: the time since it was stored.
 /// - `needed`: the chunks of all jobs that are not over.
@@ -224,7 +224,7 @@ pub(crate) mod tests {
         Ok(contents)
     }
 
-    /// Bytes without a pattern.
+    /// Returns bytes without a pattern.
     pub(crate) fn bytes(count: usize) -> Vec<u8> {
         let mut bytes = vec![0; count];
         blake3::Hasher::new().finalize_xof().fill(&mut bytes);

@@ -70,7 +70,7 @@ impl Pieces {
         Ok(Contents::new(hasher.finalize().to_hex().to_string(), chunks))
     }
 
-    /// True if a blob name in a store is one of these chunks.
+    /// Returns true if a blob name in a store is one of these chunks.
     pub(crate) fn includes(&self, name: &str) -> bool {
         name.strip_prefix(PREFIX).is_some_and(|hash| self.pieces.contains_key(hash))
     }

@@ -72,6 +72,9 @@ impl SentFiles {
     }
 
     /// Fetches the files into `cache`. Returns the paths of the scene file and of the environment map.
+    ///
+    /// # Errors
+    /// The list of files is invalid, a file is not on the farm or has another digest, or the cache cannot be written.
     pub fn fetch(&self, cache: &Cache, store: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), Error> {
         if self.files.is_empty() || self.files.len() > FILES_MAX {
             return Err(Error::failed("the work names no scene, or too many files", "who leads it is of another mind"));

@@ -96,6 +96,9 @@ pub struct JobBoard {
 
 impl JobBoard {
     /// Stores a job. Returns its number.
+    ///
+    /// # Errors
+    /// The farm does not store the job, or too many other processes submit jobs at the same time.
     pub fn submit(&self, job: &Job, order: &JobSpec) -> Result<u32, Error> {
         self.uplink.blobs().put(&order_blob(job.origin), &text(order)).map_err(Error::Blob)?;
         let first = self.first_unused()?;
@@ -146,6 +149,9 @@ impl JobBoard {
 
     /// Changes a job atomically, with retries if another process changes it at the same time. Leaves it as it is if
     /// `change` returns `false`. Returns the job as stored.
+    ///
+    /// # Errors
+    /// There is no such job, this machine is a guest, or the farm does not store the change.
     pub fn change(&self, number: u32, change: impl Fn(&mut Job) -> bool) -> Result<Job, Error> {
         let notices = self.uplink.notices();
         self.refuse_guests()?;
@@ -191,6 +197,9 @@ impl JobBoard {
     }
 
     /// Returns the specification of a job.
+    ///
+    /// # Errors
+    /// The farm does not answer, or has no readable specification of the job.
     pub fn spec(&self, job: &Job) -> Result<JobSpec, Error> {
         let bytes = self.uplink.blobs().get(&order_blob(job.origin), ORDER_BYTES_MAX).map_err(Error::Blob)?;
         bytes
@@ -203,7 +212,7 @@ impl JobBoard {
         self.uplink.blobs().get(&learnt_blob(work), LEARNT_BYTES_MAX).map_err(Error::Blob)
     }
 
-    /// Shares such data with the engines of other machines. Failures only cost time, so they are only logged.
+    /// Shares the data that an engine has learnt of a picture with the engines of other machines. Failures only cost time, so they are only logged.
     pub(crate) fn teach(&self, work: u64, bytes: &[u8]) {
         let name = learnt_blob(work);
         let is_told = self.uplink.blobs().has(&name);
@@ -234,21 +243,27 @@ impl JobBoard {
     }
 
     /// Stores the picture of a job: the bytes of the output file.
+    ///
+    /// # Errors
+    /// The farm does not store the picture.
     pub fn keep_picture(&self, job: &Job, bytes: &[u8]) -> Result<(), Error> {
         self.uplink.blobs().put(&picture_blob(job.origin), bytes).map_err(Error::Blob)
     }
 
     /// Returns the picture of a job, if the farm has it; while the job is rendered again, that of the previous painting.
+    ///
+    /// # Errors
+    /// The farm does not answer, or the picture is too large.
     pub fn picture(&self, job: &Job) -> Result<Option<Vec<u8>>, Error> {
         self.uplink.blobs().get(&picture_blob(job.origin), PICTURE_BYTES_MAX).map_err(Error::Blob)
     }
 
-    /// True if a blob belongs to a job as a whole, not to one painting of it.
+    /// Returns true if a blob belongs to a job as a whole, not to one painting of it.
     pub(crate) fn is_of_all_paintings(job: &Job, name: &str) -> bool {
         name == order_blob(job.origin) || name == picture_blob(job.origin)
     }
 
-    /// Returns the leader and progress of a job.
+    /// Returns the leader and progress of a job; `None`: no process leads it.
     pub fn lead(&self, number: u32) -> Option<Lead> {
         let notice = self.uplink.notices().get(&lead_name(number))?;
         let lead: Lead = read(&notice)?;
@@ -260,6 +275,9 @@ impl JobBoard {
     ///
     /// - `work`: the number of the job's painting.
     /// - `me`: the name of this process.
+    ///
+    /// # Errors
+    /// Whether the farm stored the claim is unknown.
     pub fn claim(&self, number: u32, work: u64, me: &str) -> Result<Option<Lease>, Error> {
         if self.uplink.is_guest() {
             return Ok(None);

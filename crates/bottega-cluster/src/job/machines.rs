@@ -67,6 +67,9 @@ impl JobBoard {
     }
 
     /// Gives a machine a command.
+    ///
+    /// # Errors
+    /// This machine is a guest, or the farm does not store the command.
     pub fn tell(&self, machine: &str, order: &MachineOrder) -> Result<(), Error> {
         self.refuse_guests()?;
         self.put_notice(&order_name(machine), order)

@@ -50,9 +50,9 @@ pub struct MessageEvent {
     pub performative: String,
     /// The interaction protocol.
     pub protocol: String,
-    /// The identifier of its conversation.
+    /// The identifier of the message's conversation.
     pub conversation: String,
-    /// The zones that it is about.
+    /// The zones that the message is about.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub zones: Vec<u32>,
     /// The content as text, truncated if it is long.
@@ -216,7 +216,7 @@ impl JobBoard {
         self.put_notice(&watch_name(number), &true)
     }
 
-    /// True if an observer watches the messages of a job.
+    /// Returns true if an observer watches the messages of a job.
     pub(crate) fn is_watched(&self, number: u32) -> bool {
         self.uplink.notices().get(&watch_name(number)).is_some_and(|notice| notice.unchanged < WATCHED_FOR)
     }

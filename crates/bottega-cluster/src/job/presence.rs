@@ -47,35 +47,35 @@ pub struct Refusal {
 pub struct Presence {
     /// The name of the process.
     pub name: String,
-    /// The number of its threads.
+    /// The number of the process's threads.
     pub threads: usize,
-    /// Its other devices: names of GPUs, addresses of boards.
+    /// The machine's other devices: names of GPUs, addresses of boards.
     #[serde(default)]
     pub devices: Vec<String>,
-    /// The identity of its build.
+    /// The identity of the process's build.
     pub version: String,
-    /// The job that it works on; none: it waits for one.
+    /// The job that the process works on; none: it waits for one.
     pub job: Option<u32>,
-    /// Its actual state, which follows the command to it.
+    /// The actual state of the process, which follows the command to it.
     pub standing: PresenceState,
-    /// Its activity at its job.
+    /// The activity of the process at its job.
     #[serde(default)]
     pub activity: Activity,
-    /// A counter that changes when it starts or finishes something.
+    /// A counter that changes when the process starts or finishes something.
     #[serde(default)]
     pub moves: u64,
-    /// True if it obeys commands; false for a process that submitted a job and only works on that.
+    /// True if the process obeys commands; false for one that submitted a job and only works on that.
     pub takes_orders: bool,
-    /// True if it may only render.
+    /// True if the process may only render.
     #[serde(default)]
     pub is_guest: bool,
-    /// Its tags, which jobs can require.
+    /// The machine's tags, which jobs can require.
     #[serde(default)]
     pub tags: Vec<String>,
-    /// Its last refusals of jobs.
+    /// The machine's last refusals of jobs.
     #[serde(default)]
     pub refusals: Vec<Refusal>,
-    /// The resources that it has used for its last jobs.
+    /// The resources that the process has used for its last jobs.
     #[serde(default)]
     pub usages: Vec<JobUsage>,
 }

@@ -36,7 +36,7 @@ pub enum JobState {
 }
 
 impl JobState {
-    /// True if the state does not change again without a user.
+    /// Returns true if the state does not change again without a user.
     pub fn is_over(&self) -> bool {
         !matches!(self, Self::Active | Self::Paused)
     }
@@ -98,22 +98,22 @@ pub struct Job {
     pub scene: String,
     /// The name of the picture, as its submitter wrote it.
     pub output: String,
-    /// The name of the process that submitted it.
+    /// The name of the process that submitted the job.
     pub from: String,
     /// The time of submission, in seconds since 1970.
     pub submitted: u64,
-    /// Its weight when jobs share the machines: a job with twice the priority gets twice the share.
+    /// The job's weight when jobs share the machines: a job with twice the priority gets twice the share.
     pub priority: u32,
     /// Tags that a machine must have to render it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub require: Vec<String>,
-    /// Its place in an animation; none: it is not a frame of one.
+    /// The job's place in an animation; none: it is not a frame of one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub animation: Option<AnimationFrame>,
     /// The state: active, paused or over.
     #[serde(flatten)]
     pub state: JobState,
-    /// The last lines of its log, oldest first.
+    /// The last lines of the job's log, oldest first.
     pub log: Vec<LogLine>,
 }
 

@@ -23,7 +23,7 @@ impl Refusals {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(refusal.work, refusal);
     }
 
-    /// True if a painting has been refused.
+    /// Returns true if a painting has been refused.
     pub(crate) fn has(&self, work: u64) -> bool {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).contains_key(&work)
     }

@@ -39,7 +39,7 @@ impl SettledZones {
         }
     }
 
-    /// True if a zone is still as it was when it was requested again.
+    /// Returns true if a zone is still as it was when it was requested again.
     fn is_as(&self, zone: ZoneId, wanted: WantedZone) -> bool {
         self.0.get(&zone).is_some_and(|fence| fence.map(|fence| fence.0) == wanted.fence)
     }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum EnergySource {
-    /// Counters of its processor packages.
+    /// Counters of the machine's processor packages.
     Counters,
     /// Watts declared by its owner, or by the operator of the farm.
     Watts,

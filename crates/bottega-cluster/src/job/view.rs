@@ -26,20 +26,20 @@ pub struct JobView {
     pub zones_done: usize,
     /// Number of all zones.
     pub zones: usize,
-    /// Predicted remaining time in seconds, if its leader knows it.
+    /// Predicted remaining time in seconds, if the job's leader knows it.
     pub seconds_left: Option<f64>,
-    /// `true`: a preview of it exists while it is rendered, coarse at first.
+    /// `true`: a preview of the picture exists while it is rendered, coarse at first.
     pub seen: bool,
-    /// Its weight when jobs share the machines.
+    /// The job's weight when jobs share the machines.
     pub priority: u32,
     /// Tags that a machine must have to render it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub require: Vec<String>,
-    /// The number of machines that work on it.
+    /// The number of machines that work on the job.
     pub machines: usize,
-    /// The name of the process that leads it.
+    /// The name of the process that leads the job.
     pub leader: Option<String>,
-    /// The name of the process that submitted it.
+    /// The name of the process that submitted the job.
     pub from: String,
     /// The time of submission, in seconds since 1970.
     pub submitted: u64,
@@ -47,13 +47,13 @@ pub struct JobView {
     pub scene: String,
     /// The name of the picture, as its submitter wrote it.
     pub output: String,
-    /// Its place in an animation; none: it is not a frame of one.
+    /// The job's place in an animation; none: it is not a frame of one.
     pub animation: Option<AnimationFrame>,
-    /// The number of restarts of all its processes, because nothing progressed for 30 s although machines were free.
+    /// The number of restarts of all the job's processes, because nothing progressed for 30 s although machines were free.
     pub stirs: u32,
-    /// `true`: the farm stores a picture of it; while it is rendered again, that of the previous painting.
+    /// `true`: the farm stores a picture of the job; while it is rendered again, that of the previous painting.
     pub kept: bool,
-    /// True if its state does not change again without a user.
+    /// True if the job's state does not change again without a user.
     #[serde(skip)]
     pub is_over: bool,
 }
@@ -108,7 +108,7 @@ impl JobView {
 pub struct MachineView {
     /// The presence of the machine, as it announces itself.
     pub seat: Presence,
-    /// The state that it is commanded to take.
+    /// The state that the machine is commanded to take.
     pub ordered: PresenceState,
 }
 
@@ -149,7 +149,7 @@ impl FarmView {
         Self { jobs, machines: seats.into_iter().map(machine).collect() }
     }
 
-    /// Returns a job by its number.
+    /// Returns a job by its number; `None`: there is none.
     pub fn job(&self, number: u32) -> Option<&JobView> {
         self.jobs.iter().find(|job| job.number == number)
     }

@@ -15,7 +15,7 @@ pub(crate) struct Member {
     pub board: JobBoard,
     pub name: String,
     pub threads: usize,
-    /// The devices that it renders with, without the CPU.
+    /// The devices with which the machine renders, without the CPU.
     pub devices: Vec<String>,
     /// Requested when the user wants to stop.
     pub stop: StopSwitch,
@@ -23,11 +23,11 @@ pub(crate) struct Member {
     pub tags: Vec<String>,
     /// The jobs that this machine refuses to render.
     pub refusals: Refusals,
-    /// The resources that it uses for each job.
+    /// The resources that the machine uses for each job.
     pub meter: UsageMeter,
-    /// Its current activity.
+    /// The machine's current activity.
     pub activity: ActivityLog,
-    /// Its watch for stalled jobs.
+    /// The machine's watch for stalled jobs.
     pub stalls: Arc<Mutex<StallWatch>>,
 }
 

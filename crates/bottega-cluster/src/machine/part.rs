@@ -266,7 +266,7 @@ struct Guard {
     /// True if this process submitted the job.
     asked: bool,
     lease: Option<Lease>,
-    /// True if it has taken over the lead: this process leads once its agents have left.
+    /// True if this process has taken over the lead: it leads once its agents have left.
     has_claimed: bool,
     this: StopSwitch,
     told: Arc<LoggingObserver>,

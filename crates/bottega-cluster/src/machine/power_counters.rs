@@ -39,7 +39,7 @@ impl PowerCounters {
         Self { packages }
     }
 
-    /// True if there are no counters.
+    /// Returns true if there are no counters.
     pub(crate) fn is_empty(&self) -> bool {
         self.packages.is_empty()
     }

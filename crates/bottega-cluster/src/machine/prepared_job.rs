@@ -36,7 +36,7 @@ pub struct WorkerDevices {
     pub devices: DeviceChoice,
     /// Memory that scenes may use on each GPU, in MiB; `None`: nearly all.
     pub memory_mb: Option<u32>,
-    /// The fuzzy rules of its agents; empty: those of the job.
+    /// The fuzzy rules of the machine's agents; empty: those of the job.
     pub rules: Vec<RulesText>,
 }
 

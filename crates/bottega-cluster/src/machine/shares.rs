@@ -23,8 +23,8 @@ pub(crate) fn choose(jobs: &[JobClaim], seats: &[Presence]) -> Option<u32> {
         .map(|(_, number)| number)
 }
 
-/// True if the machine `me` should leave job `number` for another one. Of the machines of one job, only the last by name
-/// moves, so that they do not all move at once.
+/// Returns true if the machine `me` should leave job `number` for another one. Of the machines of one job, only the last
+/// by name moves, so that they do not all move at once.
 ///
 /// - `seats`: all machines, including this one.
 pub(crate) fn should_move(me: &str, number: u32, jobs: &[JobClaim], seats: &[Presence]) -> bool {

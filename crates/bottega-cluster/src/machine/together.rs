@@ -93,7 +93,7 @@ impl<'a> JobPeers<'a> {
         [&self.done_here, &self.parts].map(|count| count.load(Ordering::Relaxed))
     }
 
-    /// True if another machine could take part.
+    /// Returns true if another machine could take part.
     fn has_others(&self) -> bool {
         let Member { board, name, .. } = self.member;
         board.presences().iter().any(|seat| seat.name != *name && seat.standing == PresenceState::Active)

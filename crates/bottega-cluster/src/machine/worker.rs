@@ -190,7 +190,7 @@ impl Worker {
         move || takes_orders && order_to(&board, &me, owner.as_ref()).standing != PresenceState::Active
     }
 
-    /// True if this machine can work on a job.
+    /// Returns true if this machine can work on a job.
     fn would(&self, number: u32, job: &Job) -> bool {
         may(&self.only, &self.member, number, job) && !self.is_done_with(number, job)
     }
@@ -228,7 +228,7 @@ impl Worker {
         }
     }
 
-    /// True if a painting needs no more help, though its job is not over yet.
+    /// Returns true if a painting needs no more help, though its job is not over yet.
     fn is_done_with(&self, number: u32, job: &Job) -> bool {
         let is_led = || self.member.board.lead(number).is_some_and(|lead| lead.leader.is_some());
         self.helped == Some(job.turn()) && is_led()
@@ -347,7 +347,7 @@ impl Worker {
         Ok(is_over)
     }
 
-    /// True if a painting is still wanted, and this machine may work on it.
+    /// Returns true if a painting is still wanted, and this machine may work on it.
     fn is_wanted(&self, number: u32, job: &Job) -> bool {
         let is_same = |now: Job| now.state == JobState::Active && now.turn() == job.turn();
         self.member.board.get(number).is_some_and(is_same) && !self.is_called_off()()

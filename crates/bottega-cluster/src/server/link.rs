@@ -69,12 +69,12 @@ struct Membership {
 }
 
 impl Membership {
-    /// True if the machine was admitted with another secret than this one.
+    /// Returns true if the machine was admitted with another secret than this one.
     fn is_by_other_word(&self, word: &JoinWord) -> bool {
         self.word.as_ref().is_some_and(|digest| *digest != digest_of(word))
     }
 
-    /// True if the farm knows the machine by this name.
+    /// Returns true if the farm knows the machine by this name.
     fn is_named(&self, name: &str) -> bool {
         self.member.rsplit_once('-').is_some_and(|(own, _)| own == plain(name).to_lowercase())
     }
@@ -389,7 +389,7 @@ fn warn_of_age(version: &str, servers: &[String]) {
     }
 }
 
-/// True if a server is on this machine or in a private network.
+/// Returns true if a server is on this machine or in a private network.
 fn is_near(server: &str) -> bool {
     let host = server.rsplit_once(':').map_or(server, |(host, _)| host);
     match host.trim_matches(['[', ']']).parse() {

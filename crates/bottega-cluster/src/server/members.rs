@@ -26,7 +26,7 @@ const KEY_LETTERS: usize = 8;
 struct AdmittedMachine {
     /// The unique name of the machine, which its agents' names end with.
     name: String,
-    /// Its public NKey.
+    /// The public NKey of the machine.
     key: String,
     is_guest: bool,
 }

@@ -41,6 +41,9 @@ impl OwnServer {
     ///
     /// - `asked`: the path of `nats-server`; `None`: the installed one.
     /// - `folder`: the folder for its data and secrets.
+    ///
+    /// # Errors
+    /// There is no `nats-server`, no port is free, or the server does not start in the folder.
     pub fn start(asked: Option<&Path>, folder: &Path) -> Result<Self, Error> {
         let program = program(asked)?;
         let entry = Entry { folder: folder.to_owned(), address: free_address()? };
@@ -54,6 +57,9 @@ impl OwnServer {
 
 impl Entry {
     /// Connects as the given member, on a thread that may serve several connections.
+    ///
+    /// # Errors
+    /// The secrets cannot be read, or the connection fails.
     pub fn link(&self, thread: &Arc<NatsThread>, member: &str) -> Result<NatsUplink<FarmCodec>, Error> {
         let linked = NatsUplink::connect_on(thread, &self.options(member)?, FarmCodec);
         let remedy = "are there more agents than this machine may have files open? see ulimit -n".to_owned();

@@ -48,7 +48,7 @@ pub(crate) fn program(asked: Option<&Path>) -> Result<PathBuf, Error> {
 pub(crate) struct Setup {
     pub(crate) folder: PathBuf,
     pub(crate) listen: SocketAddr,
-    /// The most that it may store, in bytes; `None`: the server's default.
+    /// The most that the server may store, in bytes; `None`: the server's default.
     pub(crate) store_bytes: Option<u64>,
 }
 
@@ -150,12 +150,12 @@ impl Server {
         Self { program: program.to_owned(), process: Process::Adopted(number) }
     }
 
-    /// True if the server is not a child of this process.
+    /// Returns true if the server is not a child of this process.
     pub(crate) fn is_adopted(&self) -> bool {
         matches!(self.process, Process::Adopted(_))
     }
 
-    /// Kills it at once, even if it hangs.
+    /// Kills the server at once, even if it hangs.
     pub(crate) fn end(&mut self) {
         match &mut self.process {
             Process::Child(child) => {
@@ -171,7 +171,7 @@ impl Server {
         }
     }
 
-    /// Returns its exit status if it has ended. That of an adopted server is unknown.
+    /// Returns the server's exit status if it has ended. That of an adopted server is unknown.
     pub(crate) fn ended(&mut self) -> Result<Option<ExitStatus>, Error> {
         match &mut self.process {
             Process::Child(child) => child.try_wait().map_err(|source| Error::read(self.program.clone(), source)),
@@ -179,7 +179,7 @@ impl Server {
         }
     }
 
-    /// Returns its last error message.
+    /// Returns the server's last error message.
     pub(crate) fn last_words(&mut self, log: &Path) -> String {
         let mut said = String::new();
         if let Process::Child(child) = &mut self.process

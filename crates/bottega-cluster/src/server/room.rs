@@ -49,7 +49,7 @@ impl Room {
         self.limit.saturating_sub(self.used)
     }
 
-    /// True if so little is free that data should be deleted.
+    /// Returns true if so little is free that data should be deleted.
     pub fn is_scarce(&self) -> bool {
         self.used as f64 >= ROOM_FROM * self.limit as f64
     }
@@ -62,7 +62,8 @@ impl JobBoard {
         blobs + self.uplink.payloads().bytes_by_folder().values().sum::<u64>()
     }
 
-    /// True if the server counts many deleted bytes as used: versions before 2.10 do until they are restarted.
+    /// Returns true if the server counts many deleted bytes as used: versions before 2.10 do until they are
+    /// restarted.
     pub(crate) fn counts_wrongly(&self, counted: u64, limit: u64) -> bool {
         is_older(&self.uplink.server_version(), COUNTS_RIGHTLY) && miscounts(counted, self.kept_bytes(), limit)
     }
@@ -85,13 +86,13 @@ impl JobBoard {
     }
 }
 
-/// True if a version is older than another; an unreadable version is not.
+/// Returns true if a version is older than another; an unreadable version is not.
 fn is_older(version: &str, than: (u64, u64)) -> bool {
     let mut numbers = version.split('.').map_while(|part| part.parse().ok());
     numbers.next().zip(numbers.next()).is_some_and(|version: (u64, u64)| version < than)
 }
 
-/// True if so much is miscounted that a restart is worthwhile.
+/// Returns true if so much is miscounted that a restart is worthwhile.
 fn miscounts(counted: u64, kept: u64, limit: u64) -> bool {
     counted.saturating_sub(kept) > limit / WRONG_SHARE
 }
@@ -198,7 +199,7 @@ impl RoomWatch {
         }
     }
 
-    /// True if the store is full.
+    /// Returns true if the store is full.
     pub(crate) fn is_full(&self) -> bool {
         self.is_full
     }
@@ -223,7 +224,7 @@ impl RoomWatch {
 /// Detects a server that hangs: its process exists, but does not answer.
 #[derive(Debug)]
 pub(crate) struct Pulse {
-    /// True once it has answered since its start: a starting server may have much to read.
+    /// True once the server has answered since its start: a starting server may have much to read.
     has_answered: bool,
     silent: u32,
 }

@@ -42,19 +42,19 @@ pub(crate) struct ServerSupervisor {
     config: PathBuf,
     log: PathBuf,
     folder: PathBuf,
-    /// The most that it may store, in bytes; none: no limit.
+    /// The most that the server may store, in bytes; none: no limit.
     limit: Option<u64>,
     board: JobBoard,
     begun: Instant,
     /// Number of early deaths in a row.
     deaths: u32,
-    /// The last time that a connection to it was up.
+    /// The last time at which a connection to the server was up.
     linked: Instant,
     pulse: Pulse,
     room: RoomWatch,
-    /// Bytes of its log that were read.
+    /// Bytes of the server's log that were read.
     log_read: u64,
-    /// The last time that its storage accounting was checked.
+    /// The last time at which the server's storage accounting was checked.
     counted: Instant,
 }
 
@@ -169,7 +169,7 @@ impl ServerSupervisor {
         cure
     }
 
-    /// True if the server has logged a full disk since the last call.
+    /// Returns true if the server has logged a full disk since the last call.
     fn log_says_full(&mut self) -> bool {
         let mut new = Vec::new();
         let read = File::open(&self.log).and_then(|mut log| {

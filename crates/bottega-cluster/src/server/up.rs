@@ -67,7 +67,7 @@ pub enum LocalFarm {
     Elsewhere {
         /// The ID of that process.
         process: String,
-        /// The address of its server.
+        /// The address of the farm's server.
         listen: SocketAddr,
         /// The addresses by which others join it.
         invitation: Box<Invitation>,

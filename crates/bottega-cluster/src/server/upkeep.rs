@@ -43,9 +43,9 @@ pub struct Announcement {
 /// The storage that a job uses at the farm, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct JobStorage {
-    /// Chunks of its scene, which other jobs may share.
+    /// Chunks of the job's scene, which other jobs may share.
     pub scene: u64,
-    /// Its picture, its specification, and its rendered zones.
+    /// The job's picture, specification and rendered zones.
     pub own: u64,
 }
 
@@ -110,6 +110,9 @@ impl JobBoard {
     }
 
     /// Deletes a job and all its data, including its scene unless another job needs it.
+    ///
+    /// # Errors
+    /// There is no such job, this machine is a guest, or the farm does not answer.
     pub fn remove_with_scene(&self, number: u32) -> Result<(), Error> {
         let order = self.get(number).and_then(|job| self.spec(&job).ok());
         let pieces: BTreeSet<String> = order.map(|order| order.files.blobs().collect()).unwrap_or_default();
@@ -120,6 +123,9 @@ impl JobBoard {
     }
 
     /// Deletes a job and its own data. Large data first: a full server can write nothing, and deleting a notice is a write.
+    ///
+    /// # Errors
+    /// There is no such job, this machine is a guest, or the farm does not answer.
     pub fn remove(&self, number: u32) -> Result<(), Error> {
         let job = self.get(number).ok_or_else(|| no_such(number))?;
         self.refuse_guests()?;
@@ -163,7 +169,8 @@ impl JobBoard {
         }
     }
 
-    /// True if another process is sending a scene. Old announcements of killed processes do not count, and are deleted.
+    /// Returns true if another process is sending a scene. Old announcements of killed processes do not count, and are
+    /// deleted.
     fn others_send(&self, me: &str) -> bool {
         let look = || {
             let all = self.uplink.notices().all("transfer/").into_iter();

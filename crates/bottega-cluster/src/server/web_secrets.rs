@@ -83,7 +83,7 @@ impl WebSecrets {
         Ok(Self { secret, is_shared: true, certificate: (certificate.to_owned(), key.to_owned()) })
     }
 
-    /// True if other processes of the farm derive the same tokens.
+    /// Returns true if other processes of the farm derive the same tokens.
     pub fn is_shared(&self) -> bool {
         self.is_shared
     }

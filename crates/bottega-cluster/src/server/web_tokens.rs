@@ -26,7 +26,7 @@ pub struct WebToken {
     pub name: String,
     /// `see`: may only look; `steer`: may do everything.
     pub role: TokenRole,
-    /// The time it was made, in seconds since 1970; `null`: with the farm.
+    /// The time at which the token was made, in seconds since 1970; `null`: with the farm.
     pub made: Option<u64>,
     /// The name of the user who made it, or revoked its predecessor.
     pub by: Option<String>,

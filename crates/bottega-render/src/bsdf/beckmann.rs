@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_2_SQRT_PI, PI};
 use bottega_kernels::math;
 use glam::Vec3;
 
-/// 0.5 / √π.
+/// 0.5 / √π, the factor of the exponential in the projected area of the facets.
 pub const HALF_RSQRT_PI: f32 = 0.25 * FRAC_2_SQRT_PI;
 
 /// Beckmann's distribution of microfacet normals, in the frame whose +z is the surface's normal.

@@ -72,7 +72,7 @@ impl Ggx {
         (x * x + y * y + w.z * w.z).sqrt()
     }
 
-    /// Returns G₁, the share of the facets visible from a direction on either side.
+    /// Returns G₁(w) = 1 ∕ (1 + Λ(w)), the share of the facets visible from a direction on either side; Λ: Heitz 2014, eq. 72 and 86.
     pub fn masking(&self, w: Vec3) -> f32 {
         let cos = w.z.abs();
         2.0 * cos / (cos + self.stretch(w))
@@ -83,7 +83,8 @@ impl Ggx {
         0.5 / (wi.z * self.stretch(wo) + wo.z * self.stretch(wi))
     }
 
-    /// Returns G₂ / G₁(o): the weight of a reflection drawn by visible normals.
+    /// Returns G₂(o, i) / G₁(o): the weight of a reflection drawn by visible normals, with the height-correlated G₂ of
+    /// [`Self::visibility`].
     pub fn shadowing(&self, wo: Vec3, wi: Vec3) -> f32 {
         let stretch_o = self.stretch(wo);
         wi.z * (wo.z + stretch_o) / (wi.z * stretch_o + wo.z * self.stretch(wi))

@@ -8,7 +8,7 @@ use super::{BsdfSample, LobeFlags, TransportMode};
 /// Scattering of one kind at one point. `wo` is above the surface.
 pub(super) trait Scatter {
     /// Returns f in sr⁻¹ without the cosine, and the density with which `sample` draws `wi`; both exclude Dirac lobes.
-    /// Where f is estimated by a random walk, the density may be approximate.
+    /// If f is estimated by a random walk, the density may be approximate.
     fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32);
 
     /// Draws a direction from random numbers in [0, 1). The sample's weight is unbiased, even where density and value are

@@ -68,7 +68,7 @@ impl Bake {
         if let BakeLayout::Picture(node) = &self.layout { node.wrap } else { Wrap::Repeat }
     }
 
-    /// Returns true if its texels are interpolated.
+    /// Returns true if the texels of the baked picture are interpolated.
     pub(super) fn is_smooth(&self) -> bool {
         match &self.layout {
             BakeLayout::Cells(_) => false,

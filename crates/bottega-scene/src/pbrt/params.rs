@@ -29,16 +29,16 @@ pub(super) struct Param {
     pub(super) at: TextPlace,
     /// Colour space of its `rgb` values, if set by an attribute rather than by its list.
     color_space: Option<ColorSpace>,
-    /// `true`: it was read.
+    /// `true`: the parameter was read.
     used: Cell<bool>,
-    /// `true`: it is not reported if it was not read.
+    /// `true`: the parameter is not reported if it was not read.
     may_be_unused: bool,
 }
 
 /// A parameter list.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Params {
-    /// Location of its directive.
+    /// Location of the list's directive.
     pub(super) at: TextPlace,
     /// Parameters; later ones take precedence.
     list: Vec<Rc<Param>>,
@@ -133,7 +133,7 @@ impl Params {
         self.color_space
     }
 
-    /// Returns its memory, in bytes.
+    /// Returns the memory of the list, in bytes.
     pub(super) fn memory_bytes(&self) -> usize {
         let values = |param: &Rc<Param>| match &param.values {
             Values::Numbers(numbers) => size_of_val(&numbers[..]),

@@ -27,7 +27,7 @@ pub(super) enum TextureNode {
 pub(super) struct PictureNode {
     /// Index in [`Pictures`].
     pub(super) picture: ImageId,
-    /// `true`: it gives a number: alpha, or else the mean of the colours, as in pbrt.
+    /// `true`: the picture gives a number: alpha, or else the mean of the colours, as in pbrt.
     pub(super) is_scalar: bool,
     /// Mapping of the surface onto the picture.
     pub(super) mapping: PlacedMapping,

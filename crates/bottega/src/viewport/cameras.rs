@@ -12,7 +12,7 @@ use crate::{loaded_scene::LoadedScene, request::CameraPose};
 pub struct ViewportCamera {
     /// Name of the camera in the file; may be empty.
     pub name: String,
-    /// Its pose; the target lies ahead, at the distance of the scene's center.
+    /// The pose of the camera; the target lies ahead, at the distance of the scene's center.
     pub pose: CameraPose,
 }
 

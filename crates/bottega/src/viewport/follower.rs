@@ -1,4 +1,4 @@
-//! What a viewport shows, for those who render samples of it elsewhere.
+//! The current look of a viewport, for helpers that render samples of it elsewhere.
 
 use std::sync::Arc;
 

@@ -24,7 +24,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 pub struct PlatformHost {
     /// A unique number of the process.
     process: u64,
-    /// The address of its message transport; empty: it is starting.
+    /// The address of the platform's message transport; empty: it is starting.
     pub address: String,
 }
 
@@ -83,7 +83,7 @@ impl HostSeat {
     }
 }
 
-/// True if a host renews its claim while this function watches: the age of a claim is unknown at first.
+/// Returns true if a host renews its claim while this function watches: the age of a claim is unknown at first.
 fn is_renewed(board: &JobBoard, name: &str) -> bool {
     let begun = Instant::now();
     let revision = || board.uplink.notices().get(name).map(|notice| notice.revision);

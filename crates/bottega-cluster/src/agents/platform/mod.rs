@@ -41,7 +41,7 @@ use crate::{
 
 /// The default name of a farm's platform.
 pub const NAME: &str = bottega_farm::PLATFORM;
-/// The default address of its message transport.
+/// The default address of the platform's message transport.
 pub const LISTEN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 7779);
 
 /// The options of a served platform.
@@ -53,9 +53,9 @@ pub struct PlatformOptions {
     pub listen: Option<SocketAddr>,
     /// The `host:port` that other platforms connect to, if it differs from the listening address.
     pub public: Option<String>,
-    /// Directories of other platforms that its DF includes in searches.
+    /// Directories of other platforms that the platform's DF includes in searches.
     pub federates: Vec<AgentId>,
-    /// The longest lease that its DF grants; none: no limit.
+    /// The longest lease that the platform's DF grants; none: no limit.
     pub lease_max: Option<Duration>,
     /// Agents of other platforms that may change things.
     pub trusted: Vec<AgentId>,
@@ -69,7 +69,7 @@ impl PlatformOptions {
     /// Checks that other platforms can connect.
     ///
     /// # Errors
-    /// It listens on all addresses, and no public one is given.
+    /// The platform listens on all addresses, and no public one is given.
     pub fn validate(&self) -> Result<(), Error> {
         match self.listen.filter(|listen| listen.ip().is_unspecified() && self.public.is_none()) {
             Some(listen) => Err(Error::usage(
@@ -138,7 +138,7 @@ impl FarmPlatform {
         &self.jobs
     }
 
-    /// True if this process hosts the farm's agents; false if it is a view of their pages.
+    /// Returns true if this process hosts the farm's agents; false if it is a view of their pages.
     pub fn has_agents(&self) -> bool {
         self.agents.is_some()
     }

@@ -119,7 +119,7 @@ pub(super) fn send<V, E>(message: Message) -> Action<PlainContent, V, E> {
     Action::Send(message)
 }
 
-/// True if answers to a message go to this agent.
+/// Returns true if answers to a message go to this agent.
 pub(super) fn hears(message: &Message, agent: &AgentId) -> bool {
     let same = |other: &AgentId| other.name.eq_ignore_ascii_case(&agent.name);
     match &message.content {
@@ -128,7 +128,7 @@ pub(super) fn hears(message: &Message, agent: &AgentId) -> bool {
     }
 }
 
-/// True if an agent may change things. Names are not authenticated.
+/// Returns true if an agent may change things. Names are not authenticated.
 pub(super) fn is_trusted(trusted: &[AgentId], agent: &AgentId) -> bool {
     trusted.iter().any(|one| one.name.eq_ignore_ascii_case(&agent.name))
 }

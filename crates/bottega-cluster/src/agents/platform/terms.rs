@@ -42,7 +42,7 @@ impl<'a> Call<'a> {
         Self::plain(act)
     }
 
-    /// True if the function has this name.
+    /// Returns true if the function has this name.
     pub(super) fn is(&self, word: &str) -> bool {
         self.word.eq_ignore_ascii_case(word)
     }

@@ -31,7 +31,7 @@ impl MemoryLimit {
         Self { bytes, is_passed: Arc::default(), looked: Arc::default() }
     }
 
-    /// True if the limit is exceeded, or was since the last [`Self::forget`].
+    /// Returns true if the limit is exceeded, or was since the last [`Self::forget`].
     pub(crate) fn is_passed(&self) -> bool {
         let mut looked = self.looked.lock().unwrap_or_else(PoisonError::into_inner);
         if looked.is_none_or(|then| then.elapsed() >= LOOK_EVERY) {

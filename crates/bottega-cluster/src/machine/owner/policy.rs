@@ -84,7 +84,7 @@ impl fmt::Display for OwnerReason {
 }
 
 impl OwnerConditions {
-    /// True if there are no conditions.
+    /// Returns true if there are no conditions.
     pub fn are_empty(&self) -> bool {
         *self == Self::default()
     }

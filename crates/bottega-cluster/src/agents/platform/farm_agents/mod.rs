@@ -219,7 +219,7 @@ impl Drop for FarmAgents {
 /// The agent of a machine.
 struct Known {
     reports: Reports<MachineReport>,
-    /// The last report to it; `None`: that the machine is gone.
+    /// The last report to the agent; `None`: that the machine is gone.
     told: Option<(MachineView, Option<Box<JobView>>)>,
 }
 

@@ -177,12 +177,12 @@ pub(super) fn read_machine_function(action: &Term) -> Result<MachineFunction, Un
     }
 }
 
-/// What a subscriber follows.
+/// The subject of a subscription.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Followed {
     /// The progress of a job.
     Job,
-    /// The rows of its zones, or one of them.
+    /// The rows of all zones of the job, or of one.
     Rows(Option<u32>),
 }
 

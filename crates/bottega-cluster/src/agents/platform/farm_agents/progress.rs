@@ -43,7 +43,7 @@ struct Subscription {
     lost: Option<(Time, Time)>,
 }
 
-/// What a subscriber knows.
+/// The data that a subscriber has received.
 #[derive(Clone, Debug)]
 enum Reported {
     /// The job as last reported.
@@ -54,11 +54,11 @@ enum Reported {
 /// The rows that a subscriber knows.
 #[derive(Clone, Debug, Default)]
 struct RowsReported {
-    /// The only zone that it follows, if not all.
+    /// The only zone that the subscriber follows; `None`: all.
     zone: Option<u32>,
     /// The rows as last reported, by zone; `None`: nothing was reported.
     rows: Option<BTreeMap<u32, Term>>,
-    /// True while rows are being read for it.
+    /// True while rows are being read for the subscriber.
     is_reading: bool,
     /// True if the job was over when that began, so that these rows are its last.
     is_last: bool,

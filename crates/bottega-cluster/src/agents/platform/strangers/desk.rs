@@ -58,7 +58,7 @@ struct Shelves {
 #[derive(Clone)]
 pub(super) struct Desk {
     shelves: Arc<Shelves>,
-    /// The start of its URLs.
+    /// The start of the URLs of all files on the server.
     address: String,
 }
 
