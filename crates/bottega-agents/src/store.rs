@@ -222,7 +222,7 @@ impl<V, W: PartialEq> MemoryStore<V, W> {
 }
 
 impl<V: Clone, W: Clone + PartialEq> MemoryStore<V, W> {
-    /// Executes a request of `from` and appends the replies: first to the client, then to those that watch.
+    /// Executes a request of `from` and appends the replies: first to the client, then to the watchers.
     pub fn handle(
         &mut self,
         from: W,

@@ -145,7 +145,7 @@ impl Variation {
         [Some(first), second, self.emission.as_ref()].into_iter().flatten()
     }
 
-    /// Returns the greatest number of cells of its grids along each axis.
+    /// Returns the greatest number of cells of the variation's grids along x, y and z.
     pub fn resolution(&self) -> [u32; 3] {
         self.grids().fold([1; 3], |size, grid| [0, 1, 2].map(|axis| size[axis].max(grid.size()[axis])))
     }

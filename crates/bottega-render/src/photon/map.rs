@@ -285,7 +285,7 @@ fn split((photons, leaves): PhotonRun<'_>) -> (Option<PhotonPlane>, Vec<PhotonRu
 /// The nearest photons found so far, in a max-heap of fixed size.
 #[derive(Clone, Debug)]
 pub struct Nearest {
-    /// Keys: the bits of the squared distance, which order as it does, then the number of the photon.
+    /// Keys: the bits of the squared distance, which have the same order as the distances, then the number of the photon.
     heap: [u64; NEAREST_MAX],
     count: usize,
     limit: usize,

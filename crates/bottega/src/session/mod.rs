@@ -72,7 +72,7 @@ pub struct JobPart<'a> {
     pub files: &'a Path,
     /// Identity of the external engine that the job needs, the same on all machines; `None`: the built-in engine.
     pub engine: Option<&'a str>,
-    /// Index of the rule set of this machine, modulo their number: machines carry the rule sets in turn.
+    /// Index of this machine's rule set, modulo the number of rule sets: machines carry the rule sets in turn.
     pub turn: usize,
 }
 
