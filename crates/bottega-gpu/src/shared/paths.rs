@@ -88,7 +88,7 @@ constants! {
     PATH_RADIANCE: u32 = 3;
     /// Point for which lights were sampled; 1 if an albedo is still to be recorded, else 0.
     PATH_RECEIVER: u32 = 4;
-    /// Normal of the point in [`PATH_RECEIVER`]; weight of the sample.
+    /// Normal of the point in `PATH_RECEIVER`; weight of the sample.
     PATH_RECEIVER_NORMAL: u32 = 5;
     /// Absorption of the solid that the path is in.
     PATH_ABSORPTION: u32 = 6;
