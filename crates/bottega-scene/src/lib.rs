@@ -23,7 +23,7 @@
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
-//! | curves that face each ray | `src/facing_curves.rs`; pbrt: `src/pbrt/shape/curve.rs` |
+//! | curves that face each ray | `src/facing_curves.rs`, `src/import/strand.rs`; pbrt: `src/pbrt/shape/curve.rs` |
 //! | curves as tubes | `src/import/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
 //! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/hair.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
 //! | textures and their mappings, including mappings by world position | `src/texture.rs` |

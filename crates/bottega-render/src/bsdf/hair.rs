@@ -270,11 +270,11 @@ fn bessel_i0_scaled(x: f32) -> f32 {
     let polynomial = |coefficients: &[f32], t: f32| coefficients.iter().rev().fold(0.0, |sum, c| sum * t + c);
     if x < 3.75 {
         let t = x / 3.75;
-        let series = [1.0, 3.515_623, 3.089_942_4, 1.206_749_2, 0.265_973_2, 0.036_076_8, 0.004_581_3];
+        let series = [1.0, 3.515_623, 3.089_942_5, 1.206_749_2, 0.265_973_2, 0.036_076_8, 0.004_581_3];
         return polynomial(&series, t * t) * math::exp(-x);
     }
     let series = [
-        0.398_942_28,
+        0.398_942_3,
         0.013_285_92,
         0.002_253_19,
         -0.001_575_65,
