@@ -127,6 +127,9 @@ SURFACES = [
     bottega.Plastic(diffuse=(0.1, 0.2, 0.5), inner="nonlinear", roughness=GRAY),
     bottega.Coated(base=bottega.Conductor(eta=0.2, k=3.0, roughness=0.3), thickness=0.1, albedo=0.5, g=0.2, max_depth=20),
     bottega.Principled(base_color=GRAY, metallic=0.2, spec_trans=0.5, clearcoat=1.0, anisotropic=0.5),
+    bottega.Hair(eumelanin=GRAY, pheomelanin=0.4, beta_m=0.2, alpha=-3.0, strand="along_v"),
+    bottega.Hair(reflectance=(0.7, 0.4, 0.2), eta=1.45, beta_n=GRAY),
+    bottega.Hair(sigma_a=Texture("gray", factor=(0.1, 0.2, 0.3))),
     bottega.Layered(
         (0.2, 0.3, 0.4),
         metallic=GRAY,

@@ -287,6 +287,9 @@ impl Interaction {
                 let coat = map.map_or(ns, |(map, scale)| mapped(self, (map, *scale), self.footprint));
                 self.coat_normal = self.to_local(if coat.dot(self.wo) < 0.0 { -coat } else { coat });
             }
+        } else if material.surface.has_strands_along_v() {
+            // Along a fibre, which a curve knows itself
+            self.turn_frame((sides.derivatives)(0).map_or(tangent, |[_, along_v]| along_v));
         } else {
             self.turn_frame(tangent);
         }

@@ -101,7 +101,8 @@ pub(crate) struct PreparedInstance {
 /// Precomputed data of a material.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PreparedMaterial {
-    /// `true`: the material has textures, so that lookups depend on the footprint.
+    /// `true`: the material has textures, so that lookups depend on the footprint, or is hair, which depends on the place across a
+    /// fibre.
     pub(crate) is_textured: bool,
     /// Number of textures looked up for the material.
     pub(crate) texture_count: u8,
@@ -145,7 +146,7 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     let transmits = material.transmits();
     let parts_media = material.parts_media();
     let texture_count = material.textures().len().min(usize::from(u8::MAX)) as u8;
-    let is_textured = texture_count > 0;
+    let is_textured = texture_count > 0 || material.has_hair();
     let is_null = material.surface == Surface::Null;
     let side = |front| scattering(scene, material, &SurfacePoint::plain(front));
     let absorption = |medium: Option<MediumId>| {

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::error::Warnings;
+use crate::hair::Pigment;
 use crate::image::Image;
 use crate::image::raw::LevelTexels;
 use crate::material::Back;
@@ -52,6 +53,11 @@ fn add_shares<'a>(surface: &'a Surface, shares: &mut Vec<&'a ColorParam>) {
         }
         Surface::Principled(principled) => shares.push(&principled.base_color),
         Surface::Layered(layered) => shares.push(&layered.base_color),
+        Surface::Hair(hair) => {
+            if let Pigment::Reflectance(reflectance) = &hair.pigment {
+                shares.push(reflectance);
+            }
+        }
         Surface::Blend { surfaces, .. } | Surface::Sum(surfaces) => {
             surfaces.iter().for_each(|surface| add_shares(surface, shares));
         }

@@ -15,13 +15,17 @@ pub(crate) const HULL: f32 = 1.15 * std::f32::consts::SQRT_2;
 /// Maximal number of pieces searched from a hit of the hull: a ray may lie nearly along the curve.
 const STEPS_MAX: usize = 64;
 
+/// Distance from the axis of a round curve, in radii, within which rays start on its surface or inside. They do not enter it
+/// again: it has no inside. Above 1, because pieces meet at angles and become thinner.
+const WITHIN: f32 = 1.1;
+
 /// The shape of a curve's cross-section, as a ray sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CurveLook {
     /// A flat ribbon that faces each ray.
     Flat,
-    /// A round tube.
+    /// A round tube without an inside: rays that start within leave it unhindered.
     Round,
 }
 
@@ -80,6 +84,7 @@ impl FacingCurves {
         direction: Vec3,
         [t_hull, t_max]: [f32; 2],
     ) -> Option<CurveMeeting> {
+        let from = origin;
         // Move the origin close, so that differences of positions keep their precision.
         let origin = origin + direction * t_hull;
         let inverse_square = direction.length_squared().recip();
@@ -117,7 +122,11 @@ impl FacingCurves {
             let middle = start.position.lerp(end.position, share);
             let mut t = t_hull + (middle - origin).dot(direction) * inverse_square;
             if self.look == CurveLook::Round {
-                let slant = direction.cross(tangent).length().max(f32::MIN_POSITIVE);
+                let straight = (end.position - start.position).normalize_or(tangent);
+                if (from - middle).reject_from_normalized(straight).length() < WITHIN * radius {
+                    return None;
+                }
+                let slant = direction.cross(straight).length().max(f32::MIN_POSITIVE);
                 t -= (radius * radius - distance_squared).max(0.0).sqrt() / slant;
             }
             let side = off.cross(tangent).dot(direction);
@@ -227,6 +236,37 @@ mod tests {
                 assert!(line.meet(0, -from, -from, [0.5, 9.0]).is_none());
             }
         }
+    }
+
+    #[test]
+    fn rays_leave_a_round_curve_through_its_inside() {
+        let bend: Vec<Vec3> = (0..=8)
+            .map(|i| {
+                let (sin, cos) = (0.1 * i as f32).sin_cos();
+                Vec3::new(cos, sin, 0.0)
+            })
+            .collect();
+        let bend = curve(CurveLook::Round, &bend);
+        let mut found = 0;
+        for i in 0..200 {
+            // To a point beside the axis, from around the bend, and from where the curve is met on in another direction
+            let turn = |factor: f32| (factor * i as f32).fract();
+            let (sin, cos) = (0.15 + 0.5 * turn(0.618)).sin_cos();
+            let to = Vec3::new(cos, sin, 0.0) + 0.08 * (turn(0.414) - 0.5) * Vec3::Z;
+            let around = |u: f32, v: f32| {
+                glam::Quat::from_rotation_z(std::f32::consts::TAU * u) * Vec3::new((1.0 - v * v).sqrt(), 0.0, v)
+            };
+            let away = around(turn(0.732), 1.6 * turn(0.236) - 0.8);
+            let Some(met) = (0..8).find_map(|piece| met(&bend, piece, to + away, to - away)) else { continue };
+            let place = to + away - 2.0 * away * met.t;
+            let on = around(turn(0.123), 1.6 * turn(0.874) - 0.8);
+            let normal = (place - to).normalize();
+            let on = if on.dot(normal) > 0.0 { -on } else { on };
+            found += 1;
+            let again = bend.meet(3, place, on, [0.1, f32::INFINITY]);
+            assert!(again.is_none(), "{i}: {again:?}");
+        }
+        assert!(found > 100, "{found}");
     }
 
     #[test]

@@ -23,9 +23,9 @@
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
-//! | curves that face each ray | `src/facing_curves.rs`; pbrt: `src/pbrt/shape/curve.rs` |
+//! | curves that face each ray | `src/facing_curves.rs`, `src/import/strand.rs`; pbrt: `src/pbrt/shape/curve.rs` |
 //! | curves as tubes | `src/import/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
-//! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
+//! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/hair.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
 //! | textures and their mappings, including mappings by world position | `src/texture.rs` |
 //! | pictures with mip levels: decoding, storage, lookup | `src/image/` |
 //! | colours; spectra and colour spaces as colours | `src/color.rs`; `src/spectrum/` |
@@ -50,6 +50,7 @@ mod file;
 mod framing;
 mod gltf;
 mod grid;
+mod hair;
 mod hints;
 mod image;
 mod import;
@@ -94,6 +95,7 @@ pub use error::{SceneError, Warning};
 pub use eval::Uvs;
 pub use facing_curves::{CurveLook, CurveMeeting, CurvePoint, FacingCurves, ray_in_object};
 pub use grid::{Blend, Grid, GridError};
+pub use hair::{Hair, Pigment, Strand};
 pub use hints::{FilmFilter, Metadata, RenderHints};
 pub use image::pyramid::Encoding;
 pub use image::raw::{LevelTexels, linear_of_srgb_codes};

@@ -265,6 +265,11 @@ impl Material {
         self.surface.has_clear_sheet() || matches!(&self.back, Back::Other(surface) if surface.has_clear_sheet())
     }
 
+    /// Returns true if either side is hair, or blends it in.
+    pub fn has_hair(&self) -> bool {
+        self.surface.has_hair() || matches!(&self.back, Back::Other(surface) if surface.has_hair())
+    }
+
     /// Returns true if shading needs the tangents of the texture coordinates.
     pub fn needs_tangents(&self) -> bool {
         let back = if let Back::Other(surface) = &self.back { surface.needs_tangents() } else { false };

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
+use crate::hair::{Hair, Strand};
 use crate::param::{ColorParam, ScalarParam};
 use crate::texture::{Channel, TextureMap};
 
@@ -36,6 +37,8 @@ pub enum Surface {
     Principled(Box<Principled>),
     /// The layered material of glTF and its extensions.
     Layered(Box<Layered>),
+    /// Fibres of hair or fur, as in pbrt's and Mitsuba's `hair`.
+    Hair(Box<Hair>),
     /// A mix of two surfaces; see [`blend`](Self::blend).
     Blend {
         /// Share of the second surface, in [0, 1].
@@ -405,7 +408,7 @@ impl Surface {
     /// Returns true if light may pass to the other side.
     pub fn transmits(&self) -> bool {
         match self {
-            Self::Null | Self::Dielectric(_) | Self::DiffuseTransmission { .. } => true,
+            Self::Null | Self::Dielectric(_) | Self::DiffuseTransmission { .. } | Self::Hair(_) => true,
             Self::Unlit(_) | Self::Diffuse(_) | Self::Conductor(_) | Self::Plastic(_) | Self::Coated(_) => false,
             Self::Principled(p) => p.spec_trans.factor > 0.0 || (p.thin && p.diff_trans.factor > 0.0),
             Self::Layered(l) => l.transmission.factor > 0.0 || l.diffuse_transmission.factor > 0.0,
@@ -419,7 +422,7 @@ impl Surface {
             Self::Dielectric(dielectric) => dielectric.thin,
             Self::Principled(principled) => principled.thin,
             Self::Layered(layered) => layered.thin,
-            Self::DiffuseTransmission { .. } => true,
+            Self::DiffuseTransmission { .. } | Self::Hair(_) => true,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().all(Self::is_thin),
             _ => false,
         }
@@ -435,7 +438,7 @@ impl Surface {
             Self::Principled(principled) => principled.roughness.factor == 0.0,
             Self::Layered(layered) => layered.roughness.factor == 0.0,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::has_mirror),
-            Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } => false,
+            Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } | Self::Hair(_) => false,
         }
     }
 
@@ -483,8 +486,27 @@ impl Surface {
             }
             Self::Principled(principled) => principled.anisotropic.factor > 0.0,
             Self::Layered(layered) => layered.anisotropy.is_some() || layered.coat_normal.is_some(),
+            Self::Hair(_) => true,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::needs_tangents),
             Self::Null | Self::Unlit(_) | Self::Diffuse(_) | Self::DiffuseTransmission { .. } => false,
+        }
+    }
+
+    /// Returns true if the surface is hair, or blends hair in.
+    pub fn has_hair(&self) -> bool {
+        match self {
+            Self::Hair(_) => true,
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::has_hair),
+            _ => false,
+        }
+    }
+
+    /// Returns true if the fibres of the surface run along v of the texture coordinates; see [`Strand`].
+    pub fn has_strands_along_v(&self) -> bool {
+        match self {
+            Self::Hair(hair) => hair.strand == Strand::AlongV,
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::has_strands_along_v),
+            _ => false,
         }
     }
 
@@ -530,6 +552,7 @@ impl Surface {
                 scalars.extend([&l.coat, &l.coat_roughness, &l.sheen_roughness]);
                 scalars.extend(l.iridescence.as_ref().map(|film| &film.factor));
             }
+            Self::Hair(hair) => hair.add_params(colors, scalars),
             Self::Blend { weight, surfaces } => {
                 scalars.push(weight);
                 surfaces.iter().for_each(|surface| surface.add_params(colors, scalars));
@@ -546,6 +569,7 @@ impl Surface {
             Self::Plastic(plastic) => vec![plastic.eta],
             Self::Coated(coated) => vec![coated.eta],
             Self::Principled(principled) => vec![principled.eta],
+            Self::Hair(hair) => vec![hair.eta],
             Self::Layered(layered) => {
                 let film = layered.iridescence.as_ref();
                 let film = film.into_iter().flat_map(|film| [film.ior, film.thickness[0], film.thickness[1]]);
@@ -555,6 +579,15 @@ impl Surface {
                 surfaces.iter().flat_map(Self::indices_of_refraction).collect()
             }
             _ => Vec::new(),
+        }
+    }
+
+    /// Returns true unless the scales of hair have an angle beyond [−90, 90] degrees.
+    pub(crate) fn has_sound_scales(&self) -> bool {
+        match self {
+            Self::Hair(hair) => hair.alpha.abs() <= 90.0,
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().all(Self::has_sound_scales),
+            _ => true,
         }
     }
 

@@ -150,6 +150,7 @@ impl Scene {
         let (colors, scalars) = surface.params();
         check(colors.into_iter().all(is_color), FACTOR)?;
         check(scalars.into_iter().all(|scalar| is_factor(scalar.factor)), FACTOR)?;
+        check(surface.has_sound_scales(), "the scales of its hair have an angle beyond 90°")?;
         check(surface.indices_of_refraction().into_iter().all(is_factor), "an index of refraction is negative")
     }
 

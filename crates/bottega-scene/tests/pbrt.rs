@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::mutation::{Random, damage, survive};
 use bottega_scene::{
-    AlphaMode, CurveLook, FilmFilter, Follows, FovAxis, LightKind, LoadOptions, Loaded, Mesh, Panorama, PhotonHints,
-    Projection, Scene, SceneError, Sides, Spectrum, Surface, Wrap, load,
+    AlphaMode, CurveLook, FilmFilter, Follows, FovAxis, Hair, LightKind, LoadOptions, Loaded, Mesh, Panorama,
+    PhotonHints, Pigment, Projection, Scene, SceneError, Sides, Spectrum, Surface, Wrap, load,
 };
 use glam::{Vec2, Vec3};
 
@@ -784,4 +784,37 @@ fn an_interface_within_a_mixture_lets_light_through() {
     ));
     let Surface::Blend { weight, surfaces } = &scene.materials[0].surface else { panic!("no blend") };
     assert_eq!((weight.factor, &surfaces[0]), (0.3, &Surface::clear_sheet(Spectrum::ONE.into())));
+}
+
+#[test]
+fn hair_is_read_in_all_its_parametrisations() {
+    let hair = |params: &str| match &world(&format!("Material \"hair\" {params} {TRIANGLE}")).materials[0].surface {
+        Surface::Hair(hair) => (**hair).clone(),
+        other => panic!("{other:?}"),
+    };
+    let melanin = |eumelanin: f32, pheomelanin: f32| Pigment::Melanin {
+        eumelanin: eumelanin.into(),
+        pheomelanin: pheomelanin.into(),
+    };
+    assert_eq!(hair(""), Hair::default());
+    assert_eq!(hair("\"float pheomelanin\" .5").pigment, melanin(0.0, 0.5));
+    assert_eq!(hair("\"float eumelanin\" .3 \"float pheomelanin\" .5").pigment, melanin(0.3, 0.5));
+    let sigma_a = Pigment::SigmaA(Vec3::new(0.5, 1.5, 2.5).into());
+    assert_eq!(hair("\"rgb sigma_a\" [.5 1.5 2.5] \"rgb reflectance\" [.1 .2 .3]").pigment, sigma_a);
+    for name in ["reflectance", "color"] {
+        let reflectance = Pigment::Reflectance(Vec3::new(0.5, 0.25, 0.125).into());
+        assert_eq!(hair(&format!("\"rgb {name}\" [.5 .25 .125]")).pigment, reflectance);
+    }
+    let shaped = hair("\"float eta\" 1.4 \"float beta_m\" .2 \"float beta_n\" .6 \"float alpha\" -3");
+    assert_eq!((shaped.eta, shaped.beta_m.factor, shaped.beta_n.factor, shaped.alpha), (1.4, 0.2, 0.6, -3.0));
+    // Textures stay textures.
+    let checks = "Texture \"c\" \"spectrum\" \"checkerboard\" \"rgb tex1\" [.1 .2 .3] \"rgb tex2\" [.4 .5 .6]
+        Texture \"f\" \"float\" \"checkerboard\" \"float tex1\" .2 \"float tex2\" .4 Material \"hair\" \"texture sigma_a\" \"c\"
+        \"texture beta_m\" \"f\"";
+    let scene = world(&format!("{checks} {TRIANGLE}"));
+    assert_eq!(scene.materials[0].textures().len(), 2);
+    for (params, reason) in [("\"float beta_m\" 2", "from 0 to 1"), ("\"float alpha\" 91", "from -90 to 90")] {
+        let error = load_text(&format!("WorldBegin Material \"hair\" {params} {TRIANGLE}")).unwrap_err().to_string();
+        assert!(error.contains(reason), "{error}");
+    }
 }

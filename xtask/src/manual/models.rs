@@ -49,6 +49,7 @@ const SECTIONS: &[Section] = &[
             ModelEntry("Plastic", "bsdf/plastic.rs", ModelPicture::of("plastic", "plastic.xml")),
             ModelEntry("Coated", "bsdf/coated.rs", ModelPicture::of("coated", "coated.pbrt")),
             ModelEntry("Principled", "bsdf/principled.rs", ModelPicture::of("principled", "principled.xml")),
+            ModelEntry("Hair", "bsdf/hair.rs", ModelPicture::of("hair", "hair.pbrt")),
             ModelEntry("The layered material of glTF", "bsdf/layered.rs", None),
             ModelEntry("Clear coat", "bsdf/coat.rs", ModelPicture::ball("coat", "coat.glb")),
             ModelEntry("Sheen", "bsdf/sheen.rs", ModelPicture::ball("sheen", "sheen.glb")),

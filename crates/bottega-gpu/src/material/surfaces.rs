@@ -50,6 +50,10 @@ pub(super) fn add_surface(writer: &mut Writer<'_>, surface: &Surface) -> u32 {
         Surface::Coated(it) => add_coated(writer, it),
         Surface::Principled(it) => add_principled(writer, it),
         Surface::Layered(it) => add_layered(writer, it),
+        Surface::Hair(_) => {
+            writer.missing.push("hair".into());
+            0
+        }
     }
 }
 
@@ -245,6 +249,8 @@ fn features(surface: &Surface) -> Features {
     let stack = Features::STACK.with(Features::CONDUCTOR);
     match surface {
         Surface::Null | Surface::Unlit(_) | Surface::Blend { .. } | Surface::Sum(_) => Features::default(),
+        // Scenes with hair are declined as a whole
+        Surface::Hair(_) => Features::default(),
         Surface::Diffuse(_) | Surface::DiffuseTransmission { .. } => Features::default(),
         Surface::Conductor(it) => facets(&it.facets).with(Features::CONDUCTOR),
         Surface::Dielectric(it) => facets(&it.facets).with(Features::DIELECTRIC),

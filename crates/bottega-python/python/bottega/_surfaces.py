@@ -219,6 +219,58 @@ class Principled(Surface):
     thin: bool = flag(False)
 
 
+class MaybeColorKind(TexturedColorKind):
+    """A color, or `None`."""
+
+    def check(self, value: Any, name: str) -> Any:
+        return None if value is None else super().check(value, name)
+
+    def plain(self, value: Any, names: Names) -> Any:
+        return None if value is None else super().plain(value, names)
+
+
+@dataclass
+class Hair(Surface):
+    """Hair or fur (Chiang et al. 2016). What its fibres absorb is the first that is given of `sigma_a`, `reflectance` and pigments.
+
+    - `eumelanin`, `pheomelanin`: concentrations of the brown and the red pigment; about 0.3 for blond, 1.3 for brown, 8 for black hair.
+    - `reflectance`: of many fibres. `sigma_a`: absorption coefficient within a fibre, per radius.
+    - `eta`: index of refraction. `beta_m`, `beta_n`: longitudinal and azimuthal roughness, from 0 to 1.
+    - `alpha`: angle of the scales, in degrees.
+    - `strand`: `along_u`: a fibre runs along u, and v goes from 0 to 1 across its width; `along_v`: it runs along v, and the mesh is round.
+    """
+
+    tag = "hair"
+    eumelanin: Number = number(1.3)
+    pheomelanin: Number = number(0.0)
+    reflectance: Color | None = of(MaybeColorKind(), None)
+    sigma_a: Color | None = of(MaybeColorKind(), None)
+    eta: float = plain_real(1.55)
+    beta_m: Number = number(0.3, 0.0, 1.0)
+    beta_n: Number = number(0.3, 0.0, 1.0)
+    alpha: float = plain_real(2.0, -90.0, 90.0)
+    strand: Literal["along_u", "along_v"] = choice("along_u", "along_v")
+
+    def plain_fields(self, names: Names) -> dict[str, Any]:
+        plain = super().plain_fields(names)
+        melanin = {name: plain.pop(name) for name in ("eumelanin", "pheomelanin")}
+        reflectance, sigma_a = plain.pop("reflectance"), plain.pop("sigma_a")
+        if sigma_a is not None:
+            return {**plain, "pigment": {"sigma_a": sigma_a}}
+        if reflectance is not None:
+            return {**plain, "pigment": {"reflectance": reflectance}}
+        return {**plain, "pigment": {"melanin": melanin}}
+
+    @classmethod
+    def of_plain(cls, plain: dict[str, Any], names: Names) -> Any:
+        ((tag, pigment),) = plain["pigment"].items()
+        colors = {name: MaybeColorKind().value(pigment, names) if tag == name else None for name in ("reflectance", "sigma_a")}
+        number_of = NumberKind().value
+        melanin = {name: number_of(value, names) for name, value in pigment.items()} if tag == "melanin" else {}
+        same = {name: plain[name] for name in ("eta", "alpha", "strand")}
+        return cls(**melanin, **colors, **same, beta_m=number_of(plain["beta_m"], names), beta_n=number_of(plain["beta_n"], names))
+
+
 @dataclass
 class Anisotropy(Value):
     """The direction of highlights. `rotation`: from the tangent, in radians. `texture`: R G the direction, B the strength."""
@@ -337,6 +389,7 @@ _CLASSES: tuple[type[Surface], ...] = (
     Coated,
     Principled,
     Layered,
+    Hair,
 )
 
 

@@ -18,7 +18,7 @@
 //!   and up to 5 % too much over a diffuse base.
 //!
 //! The surfaces of Mitsuba and pbrt (`matte`, `conductor`, `dielectric`, `plastic`, `coated`, `principled`) use the
-//! formulas of those renderers, so that pictures of the same file agree. Like there, light scattered more than once
+//! formulas of those renderers, so that pictures of the same file agree; `hair` is that of both. Like there, light scattered more than once
 //! between facets is lost.
 
 mod base;
@@ -34,6 +34,7 @@ mod film;
 pub mod frame;
 pub mod fresnel;
 pub mod ggx;
+mod hair;
 mod interface;
 mod layered;
 mod matte;

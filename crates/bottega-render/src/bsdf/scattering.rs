@@ -6,6 +6,7 @@ use glam::Vec3;
 use super::coated::Stack;
 use super::conductor::Conductor;
 use super::dielectric::Dielectric;
+use super::hair::Hair;
 use super::interface::{Interface, TransmissionKind};
 use super::layered::{Layered, LayeredAt};
 use super::matte::{RoughMatte, Translucent};
@@ -60,6 +61,7 @@ pub(super) enum Other {
     Stack(Stack),
     Principled(Principled),
     PrincipledSheet(PrincipledSheet),
+    Hair(Hair),
 }
 
 /// Dispatches an expression over all kinds of `Other`.
@@ -74,6 +76,7 @@ macro_rules! ask {
             Other::Stack($it) => $answer,
             Other::Principled($it) => $answer,
             Other::PrincipledSheet($it) => $answer,
+            Other::Hair($it) => $answer,
         }
     };
 }

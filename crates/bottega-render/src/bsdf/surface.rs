@@ -2,8 +2,9 @@
 
 use bottega_kernels::math;
 use bottega_scene::{
-    Anisotropy, Coated, CoatedBase, ColorParam, Diffuse, Facets, InnerReflection, Iridescence, Layered, Material,
-    Principled as PrincipledSurface, RoughnessScale, ScalarParam, Scene, Spectrum, Surface, TextureMap, Uvs,
+    Anisotropy, Coated, CoatedBase, ColorParam, Diffuse, Facets, Hair as HairSurface, InnerReflection, Iridescence,
+    Layered, Material, Pigment, Principled as PrincipledSurface, RoughnessScale, ScalarParam, Scene, Spectrum, Strand,
+    Surface, TextureMap, Uvs,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -11,6 +12,7 @@ use super::coated::{ClearLayer, Stack, StackBase, matte_coated};
 use super::conductor::Conductor;
 use super::cover::Mean;
 use super::dielectric::Dielectric;
+use super::hair::{Hair, HairParams, sigma_a_of_melanin, sigma_a_of_reflectance};
 use super::matte::{RoughMatte, Translucent};
 use super::microfacet::Microfacets;
 use super::plastic::Plastic;
@@ -166,6 +168,7 @@ fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
                 Other::Principled(Principled::new(params, !point.front && params.spec_trans > 0.0))
             }))
         }
+        Surface::Hair(hair) => Bsdf::other(Some(Other::Hair(Hair::new(&of_hair(scene, hair, point))))),
         Surface::Blend { weight, surfaces } => {
             let weight = point.scalar(scene, weight).clamp(0.0, 1.0);
             // Rescale the random number for nested blends
@@ -241,6 +244,29 @@ fn of_principled(scene: &Scene, principled: &PrincipledSurface, point: &SurfaceP
     }
 }
 
+fn of_hair(scene: &Scene, hair: &HairSurface, point: &SurfacePoint) -> HairParams {
+    let scalar = |param: &ScalarParam, most: f32| within_range(point.scalar(scene, param), 0.0, most);
+    let beta_n = scalar(&hair.beta_n, 1.0);
+    let sigma_a = match &hair.pigment {
+        Pigment::SigmaA(sigma_a) => within(point.color(scene, sigma_a), ABSORPTION_MAX),
+        Pigment::Reflectance(reflectance) => sigma_a_of_reflectance(point.base(scene, reflectance), beta_n),
+        Pigment::Melanin { eumelanin, pheomelanin } => {
+            sigma_a_of_melanin(scalar(eumelanin, ABSORPTION_MAX), scalar(pheomelanin, ABSORPTION_MAX))
+        }
+    };
+    HairParams {
+        sigma_a,
+        eta: sound_eta(hair.eta),
+        beta_m: scalar(&hair.beta_m, 1.0),
+        beta_n,
+        alpha: within_range(hair.alpha, -90.0, 90.0).to_radians(),
+        h: match hair.strand {
+            Strand::AlongU => Some(2.0 * point.uvs[0].y - 1.0),
+            Strand::AlongV => None,
+        },
+    }
+}
+
 /// `outside`: index of refraction of the medium around the metal.
 fn of_conductor(
     scene: &Scene,
@@ -252,6 +278,9 @@ fn of_conductor(
     let tint = point.share(scene, &conductor.reflectance);
     Conductor::new(index(&conductor.eta), index(&conductor.k), tint, point.facets(scene, &conductor.facets))
 }
+
+/// Largest absorption and concentration of pigments: nothing passes through such a fibre.
+const ABSORPTION_MAX: f32 = 1e6;
 
 /// Largest number of scattering events followed within a layer.
 pub const MAX_DEPTH: u32 = 1000;

@@ -3,8 +3,8 @@
 use bottega_render::bsdf::{Bsdf, TransportMode};
 use bottega_scene::InnerReflection::{self, Linear, Lost, Nonlinear};
 use bottega_scene::{
-    Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Material, Plastic, Principled, Shadowing,
-    Spectrum, Surface,
+    Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Hair, Material, Pigment, Plastic,
+    Principled, Shadowing, Spectrum, Strand, Surface,
 };
 use glam::Vec3;
 
@@ -91,6 +91,16 @@ fn principled(change: impl FnOnce(&mut Principled)) -> Surface {
     Surface::Principled(Box::new(surface))
 }
 
+/// Hair with equal roughnesses.
+fn hair(pigment: Pigment, roughness: f32, strand: Strand) -> Surface {
+    let (beta_m, beta_n) = (roughness.into(), roughness.into());
+    Surface::Hair(Box::new(Hair { pigment, beta_m, beta_n, alpha: 3.0, strand, ..Hair::default() }))
+}
+
+fn white_hair(roughness: f32, strand: Strand) -> Surface {
+    hair(Pigment::SigmaA(Spectrum::ZERO.into()), roughness, strand)
+}
+
 /// A kind of surface by its perceptual roughness, and whether it is seen from the front.
 type Kind = (&'static str, bool, fn(f32) -> Surface);
 
@@ -158,6 +168,14 @@ const KINDS: &[Kind] = &[
     }),
 ];
 
+/// Hair, whose values depend on where the viewer's direction meets the fibre: they differ both ways.
+const FIBRES: &[Kind] = &[
+    ("red hair", true, |r| {
+        hair(Pigment::Melanin { eumelanin: 0.2.into(), pheomelanin: 0.6.into() }, r, Strand::AlongV)
+    }),
+    ("blue hair", true, |r| hair(Pigment::Reflectance(Spectrum::new(0.1, 0.2, 0.7).into()), r, Strand::AlongU)),
+];
+
 /// Those whose values are estimates; their samples are held to light that is followed, see [`crate::bsdf_laws::coats`].
 const WALKS: &[Kind] = &[
     ("coated metal", true, |r| coated(Facets::smooth(), 0.01, 0.0, metal_base(r * r))),
@@ -193,8 +211,15 @@ fn the_rest_of_the_kinds_is_drawn_by_its_density() {
 }
 
 #[test]
+fn fibres_are_drawn_by_their_density() {
+    for kind in FIBRES {
+        chi_square::check(kind.0, |roughness| make(kind, roughness));
+    }
+}
+
+#[test]
 fn no_kind_scatters_more_than_it_receives() {
-    for kind in KINDS.iter().chain(WALKS).filter(|kind| !kind.0.starts_with("Disney")) {
+    for kind in KINDS.iter().chain(WALKS).chain(FIBRES).filter(|kind| !kind.0.starts_with("Disney")) {
         for roughness in [0.0, 0.15, 0.4, 0.7, 1.0] {
             let bsdf = make(kind, roughness).with_mode(TransportMode::Importance);
             for (seed, cos) in [0.98, 0.6, 0.25, 0.05].into_iter().enumerate() {
@@ -238,6 +263,30 @@ fn white_things_lose_nothing() {
 }
 
 #[test]
+fn white_hair_loses_nothing() {
+    let mut uniform = Uniform::new(24);
+    for (roughness, strand) in [(0.15, Strand::AlongV), (0.3, Strand::AlongU), (0.6, Strand::AlongV)] {
+        check_white("hair", white_hair(roughness, strand), true, 1e-4);
+        // The mean of f cos over directions spread evenly over the sphere
+        let bsdf = bsdf_of(&Material::from(white_hair(roughness, strand)), true);
+        for wo in [at(0.9, 0.4), at(0.3, 1.2)] {
+            let steps = 200;
+            let mut sum = 0.0;
+            for i in 0..steps * steps {
+                let part = |i: i32, u: f32| (i as f32 + u) / steps as f32;
+                let (cos, turn) = (2.0 * part(i % steps, uniform.next()) - 1.0, part(i / steps, uniform.next()));
+                let wi = at(cos, std::f32::consts::TAU * turn);
+                let (value, pdf) = bsdf.eval_pdf(wo, wi);
+                assert!(pdf > 0.0 || value == Spectrum::ZERO, "{roughness} {wi}");
+                sum += value.x * wi.z.abs();
+            }
+            let mean = sum * 2.0 * std::f32::consts::TAU / (steps * steps) as f32;
+            assert!((mean - 1.0).abs() < 0.01, "{roughness} {wo}: {mean}");
+        }
+    }
+}
+
+#[test]
 fn reflection_is_the_same_both_ways() {
     let mut uniform = Uniform::new(21);
     for kind in KINDS {
@@ -275,7 +324,7 @@ fn transmission_differs_by_the_square_of_the_index() {
 #[test]
 fn samples_weigh_what_their_value_and_density_say() {
     let mut uniform = Uniform::new(23);
-    for kind in KINDS.iter().chain(WALKS) {
+    for kind in KINDS.iter().chain(WALKS).chain(FIBRES) {
         for _ in 0..2000 {
             let bsdf = make(kind, uniform.next());
             let wo = at(10f32.powf(-5.0 * uniform.next()), 6.3 * uniform.next());

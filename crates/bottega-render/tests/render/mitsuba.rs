@@ -57,8 +57,10 @@ fn read(text: &str) -> Loaded {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.xml");
     fs::write(&path, text).expect("a scene");
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render/files/ring.vol");
-    fs::copy(own, folder.path().join("ring.vol")).expect("a grid");
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/render/files");
+    for file in ["ring.vol", "strands.txt"] {
+        fs::copy(own.join(file), folder.path().join(file)).expect("a file");
+    }
     load(&path, &LoadOptions { strict: true, ..LoadOptions::default() })
         .unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
@@ -207,6 +209,30 @@ fn photons_are_seen_between_clip_planes() {
         room("perspective", look, "<float name='near_clip' value='2.5'/>", "").replace("value='6'", "value='-1'");
     let found = mean(&text, Some(PhotonSettings { count: 50_000, ..PhotonSettings::default() }));
     assert!((found / Vec3::new(0.3413, 0.2422, 0.2081) - 1.0).abs().max_element() < 0.03, "{found}");
+}
+
+#[test]
+fn hair_is_as_bright_as_mitsubas() {
+    // 80 strands around a centre, below a sky that the camera does not see; 2,000 samples a pixel.
+    let scene = |bsdf: &str| {
+        format!(
+            "<scene version='3.0.0'><integrator type='path'><integer name='max_depth' value='64'/>
+            <boolean name='hide_emitters' value='true'/></integrator>
+            <sensor type='perspective'><float name='fov' value='30'/>
+            <transform name='to_world'><lookat origin='0, 0.4, 5' target='0, -0.05, 0' up='0, 1, 0'/></transform>
+            <film type='hdrfilm'><integer name='width' value='32'/><integer name='height' value='32'/><rfilter type='box'/></film>
+            <sampler type='independent'><integer name='sample_count' value='256'/></sampler></sensor>{SKY}
+            <shape type='bsplinecurve'><string name='filename' value='strands.txt'/><bsdf type='hair'>{bsdf}</bsdf></shape></scene>"
+        )
+    };
+    let number = |name: &str, value: f32| format!("<float name='{name}' value='{value}'/>");
+    let blond = number("eumelanin", 0.2) + &number("pheomelanin", 0.1);
+    let dark = [("eumelanin", 2.0), ("longitudinal_roughness", 0.2), ("azimuthal_roughness", 0.4), ("scale_tilt", 4.0)];
+    let dark: String = dark.map(|(name, value)| number(name, value)).concat();
+    let dyed = "<rgb name='sigma_a' value='0 0.02 0.05'/>".to_owned() + &number("longitudinal_roughness", 0.4);
+    check("blond", &scene(&blond), [0.07542, 0.05799, 0.03541], 0.01);
+    check("dark", &scene(&dark), [0.02091, 0.01073, 0.00655], 0.01);
+    check("dyed", &scene(&dyed), [0.09436, 0.08120, 0.06757], 0.01);
 }
 
 #[test]

@@ -93,6 +93,35 @@ fn curves_turn_their_width_to_each_ray() {
 }
 
 #[test]
+fn white_hair_cannot_be_seen_before_a_white_sky() {
+    let kinds = [
+        ("\"flat\"", 0.3),
+        ("\"cylinder\"", 0.3),
+        ("\"cylinder\"", 0.6),
+        ("\"ribbon\" \"normal N\" [0 0 1 0 1 1]", 0.3),
+    ];
+    for (kind, beta) in kinds {
+        let strand = |i: u32| {
+            let (y, z) = (0.12 * i as f32 - 0.7, 0.3 * (i % 4) as f32);
+            let points = format!("-1 {y} {z} -.3 {} 0 .3 {} .5 1 {y} {z}", y + 0.4, y - 0.3);
+            format!("Shape \"curve\" \"string type\" {kind} \"float width\" .15 \"point3 P\" [{points}]\n")
+        };
+        let text = format!(
+            "LookAt 0 0 4 0 0 0 0 1 0
+            Camera \"orthographic\" \"float screenwindow\" [-1 1 -1 1]
+            Integrator \"path\" \"integer maxdepth\" 200
+            Film \"rgb\" \"integer xresolution\" 24 \"integer yresolution\" 24 \"string filename\" \"x.exr\"
+            WorldBegin
+            LightSource \"infinite\" \"rgb L\" [1 1 1]
+            Material \"hair\" \"rgb sigma_a\" [0 0 0] \"float beta_m\" {beta} \"float beta_n\" {beta}
+            {}",
+            (0..12).map(strand).collect::<String>()
+        );
+        assert_near(kind, mean(&text, true, 32, None), Vec3::ONE, 0.01);
+    }
+}
+
+#[test]
 fn bent_curves_are_as_long_as_they_are() {
     // A quarter of a circle of radius 1 and width 0.2, by Bézier's approximation.
     let arc = "\"point3 P\" [.8 -.2 0 .8 .3523 0 .3523 .8 0 -.2 .8 0] \"float width\" .2";

@@ -5,6 +5,7 @@ pub(crate) mod placed_meshes;
 pub(crate) mod projector;
 pub(crate) mod request;
 pub(crate) mod sphere;
+pub(crate) mod strand;
 pub(crate) mod sun_sky;
 pub(crate) mod text_place;
 pub(crate) mod tube;

@@ -5,6 +5,7 @@ use super::document::{Class, Object, ObjectId};
 use super::texture::{MitsubaTextures, TextureUse};
 use super::value::{Value, numbers};
 use crate::color::{Spectrum, luminance};
+use crate::hair::{Hair, Pigment, Strand};
 use crate::import::text_place::{ImportResult, TextFault};
 use crate::material::{Back, Relief, ReliefRule, ReliefSource};
 use crate::param::ScalarParam;
@@ -196,6 +197,7 @@ fn surface(
             })
         }
         "principled" | "principledthin" => Surface::Principled(Box::new(principled(context, textures, object)?)),
+        "hair" => Surface::Hair(Box::new(hair(context, textures, object)?)),
         "phong" | "ward" => {
             let message = format!("the {} is not supported; its diffuse part stands for it", object.describe());
             context.warn(object.at, message);
@@ -436,6 +438,43 @@ fn conductor(
         k,
         reflectance: textures.color(context, object, "specular_reflectance", ColorRole::Reflectance, Spectrum::ONE)?,
         facets: facets(context, textures, object, object.plugin == "roughconductor")?,
+    })
+}
+
+fn hair(context: &mut ImportContext<'_>, textures: &mut MitsubaTextures<'_>, object: &Object) -> ImportResult<Hair> {
+    let pigment = if object.has("sigma_a") {
+        if object.has("eumelanin") || object.has("pheomelanin") {
+            return Err(object.at.fault("hair has either `sigma_a` or pigments, not both").into());
+        }
+        let mut sigma_a = textures.color(context, object, "sigma_a", ColorRole::Unbounded, Spectrum::ZERO)?;
+        sigma_a.factor *= object.float_at_least("scale", 0.0, 1.0)? as f32;
+        Pigment::SigmaA(sigma_a)
+    } else {
+        // It scales `sigma_a` alone.
+        object.float_at_least("scale", 0.0, 1.0)?;
+        let concentration =
+            |name: &str, default: f64| Ok::<_, TextFault>((object.float_at_least(name, 0.0, default)? as f32).into());
+        Pigment::Melanin {
+            eumelanin: concentration("eumelanin", 1.3)?,
+            pheomelanin: concentration("pheomelanin", 0.2)?,
+        }
+    };
+    let roughness = |name: &str| {
+        let beta = object.float(name)?.unwrap_or(0.3);
+        let is_sound = (0.0..=1.0).contains(&beta);
+        if is_sound { Ok((beta as f32).into()) } else { Err(object.at.fault(format!("`{name}` is from 0 to 1"))) }
+    };
+    let alpha = object.float("scale_tilt")?.unwrap_or(2.0);
+    if !(-90.0..=90.0).contains(&alpha) {
+        return Err(object.at.fault("`scale_tilt` is from -90 to 90 degrees").into());
+    }
+    Ok(Hair {
+        pigment,
+        eta: eta(object, "amber")?,
+        beta_m: roughness("longitudinal_roughness")?,
+        beta_n: roughness("azimuthal_roughness")?,
+        alpha: alpha as f32,
+        strand: Strand::AlongV,
     })
 }
 

@@ -3,12 +3,16 @@
 //! Like Mitsuba, `to_world` transforms the control points but not their radii. Tubes of B-splines are open at their
 //! ends; linear pieces meet and end in spheres. Mitsuba culls the insides of curves, so rays that start within pass
 //! unhindered. Here they have an inside, black if the material is one-sided, which is visible through open ends.
+//!
+//! Curves of hair, which light passes through, are round [`FacingCurves`](crate::FacingCurves) without an inside.
 
 use glam::{DMat3, DMat4, DVec3, DVec4, Vec4};
 
 use super::context::ImportContext;
-use super::document::Object;
+use super::document::{Class, Object};
+use crate::facing_curves::CurveLook;
 use crate::import::bezier::{BezierSegment, bezier_of_bspline, parameters};
+use crate::import::strand::{self, Station};
 use crate::import::text_place::ImportResult;
 use crate::import::tube::{self, Ring};
 use crate::mesh_file::curves::{self, Curves};
@@ -17,7 +21,24 @@ use crate::model::{COORDINATE_MAX, Mesh};
 /// Maximal number of pieces per B-spline segment.
 const PIECES_MAX: f64 = 64.0;
 
-/// Converts the curves of a shape to tubes. `None`: they are out of range, which is reported.
+/// Maximal nesting of bsdfs in which hair is looked for.
+const DEPTH_MAX: usize = 16;
+/// Maximal deviation of a straight piece of hair from the curve, in widths.
+const HAIR_TOLERANCE: f64 = 0.02;
+
+/// Returns true if a shape is hair that does not shine.
+pub(super) fn is_hair(context: &ImportContext<'_>, object: &Object) -> bool {
+    fn has_hair(context: &ImportContext<'_>, object: &Object, depth: usize) -> bool {
+        let mut children = object.children.iter().map(|child| context.document.get(child.object));
+        let bsdf = children.find(|inner| inner.class == Class::Bsdf);
+        bsdf.is_some_and(|bsdf| bsdf.plugin == "hair" || (depth > 0 && has_hair(context, bsdf, depth - 1)))
+    }
+    let shines = object.children.iter().any(|child| context.document.get(child.object).class == Class::Emitter);
+    !shines && has_hair(context, object, DEPTH_MAX)
+}
+
+/// Converts the curves of a shape to tubes, or keeps them as round curves if they are hair. `None`: they are out of range,
+/// which is reported.
 pub(super) fn read(context: &mut ImportContext<'_>, object: &Object, matrix: &DMat4) -> ImportResult<Option<Mesh>> {
     let is_spline = object.plugin == "bsplinecurve";
     let location = context.filename(object)?;
@@ -27,10 +48,18 @@ pub(super) fn read(context: &mut ImportContext<'_>, object: &Object, matrix: &DM
     let curves = context.resources.attribute(&location, curves)?;
     drop(bytes);
     let segments: usize = curves.iter().map(|curve| curve.len() + 1 - least).sum();
-    let mesh = tubes(context, object, &curves, segments, |points| {
-        let points: Vec<DVec4> = points.iter().map(|point| moved(point, matrix)).collect();
-        if is_spline { spline_rings(&points, sides(segments)) } else { linear_rings(&points, sides(segments)) }
-    })?;
+    let moved = |points: &[Vec4]| points.iter().map(|point| moved(point, matrix)).collect::<Vec<DVec4>>();
+    let mesh = if is_hair(context, object) {
+        strands(context, object, &curves, segments, |points| {
+            let points = moved(points);
+            if is_spline { spline_stations(&points) } else { linear_stations(&points) }
+        })?
+    } else {
+        tubes(context, object, &curves, segments, |points| {
+            let points = moved(points);
+            if is_spline { spline_rings(&points, sides(segments)) } else { linear_rings(&points, sides(segments)) }
+        })?
+    };
     if mesh.is_none() {
         context.warn(object.at, format!("the {} lies out of reach, and is left out", object.describe()));
         object.accept_all();
@@ -70,6 +99,76 @@ fn tubes(
         before += here;
     }
     Ok(Some(mesh))
+}
+
+/// Makes a mesh of round curves. `None`: a point is out of range.
+///
+/// - `stations`: returns points on the centre line of a curve, whose `along` counts its segments.
+fn strands(
+    context: &ImportContext<'_>,
+    object: &Object,
+    curves: &Curves,
+    segments: usize,
+    stations: impl Fn(&[Vec4]) -> Vec<Station>,
+) -> ImportResult<Option<Mesh>> {
+    let mut mesh = Mesh::default();
+    let mut before = 0.0;
+    for points in curves.iter() {
+        let mut line = stations(points);
+        let reach = |station: &Station| station.position.abs().max_element() + 2.0 * station.width;
+        if !line.iter().all(|station| reach(station) < f64::from(COORDINATE_MAX)) {
+            return Ok(None);
+        }
+        context.take(object.at, strand::memory_bytes(line.len()))?;
+        if mesh.positions.len() + 8 * line.len() > u32::MAX as usize / 2 {
+            let problem = "the curves have more corners than a mesh can hold; share them out to several files";
+            return Err(object.at.fault(problem).into());
+        }
+        let here = line.last().map_or(0.0, |station| station.along);
+        line.iter_mut().for_each(|station| station.along = (before + station.along) / segments as f64);
+        if line.iter().any(|station| station.width > 0.0) {
+            strand::add_hull(&mut mesh, &line, CurveLook::Round);
+        }
+        before += here;
+    }
+    Ok(Some(mesh))
+}
+
+/// Returns points along a cubic B-spline.
+fn spline_stations(points: &[DVec4]) -> Vec<Station> {
+    let mut line: Vec<Station> = Vec::new();
+    for (index, segment) in points.array_windows::<4>().enumerate() {
+        let segment = BezierSegment(bezier_of_bspline(*segment));
+        let [a, b, c, d] = segment.0;
+        let width = 2.0 * a.w.max(b.w).max(c.w).max(d.w);
+        let tolerance = (HAIR_TOLERANCE * width).max(1e-4 * segment.control_length());
+        for t in parameters(index == 0, segment.pieces(tolerance, PIECES_MAX)) {
+            let (point, slope) = (segment.point(t), segment.third_of_slope(t).truncate());
+            let before = line.last().map_or(DVec3::X, |station| station.tangent);
+            let tangent = slope.try_normalize().unwrap_or(before);
+            line.push(Station { position: point.truncate(), tangent, width: 2.0 * point.w, along: index as f64 + t });
+        }
+    }
+    line
+}
+
+/// Returns the control points of straight pieces, which meet where their angle is halved. Of coincident points the first
+/// counts.
+fn linear_stations(points: &[DVec4]) -> Vec<Station> {
+    let mut line: Vec<Station> = Vec::with_capacity(points.len());
+    for (index, point) in points.iter().enumerate() {
+        let position = point.truncate();
+        if line.last().is_none_or(|station| station.position != position) {
+            line.push(Station { position, tangent: DVec3::X, width: 2.0 * point.w, along: index as f64 });
+        }
+    }
+    for index in 0..line.len() {
+        let way = |from: usize, to: usize| (line[to].position - line[from].position).normalize_or_zero();
+        let (before, after) = (index.saturating_sub(1), (index + 1).min(line.len() - 1));
+        let (from, to) = (way(before, index), way(index, after));
+        line[index].tangent = (from + to).try_normalize().or_else(|| to.try_normalize()).unwrap_or(DVec3::X);
+    }
+    line
 }
 
 /// Returns the number of corners of a cross-section: fewer if there are many curves, each of which is then small in the

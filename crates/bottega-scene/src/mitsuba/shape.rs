@@ -111,7 +111,9 @@ impl Shapes {
             "disk" => solids::disk(),
             "bsplinecurve" | "linearcurve" => {
                 let Some(mesh) = curve::read(context, object, &matrix)? else { return Ok(Vec::new()) };
-                return finish(context, looks, object, mesh, DMat4::IDENTITY, Normals::default(), false);
+                // The hull of hair needs no normals.
+                let normals = Normals { flat: mesh.curves.is_some(), ..Normals::default() };
+                return finish(context, looks, object, mesh, DMat4::IDENTITY, normals, false);
             }
             "sdfgrid" => distance_grid(context, object)?,
             "cylinder" => return cylinder(context, looks, object, to_group, &own),

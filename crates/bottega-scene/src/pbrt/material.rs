@@ -12,8 +12,9 @@ use super::params::Params;
 use super::texture::PbrtTextures;
 use super::world::{Entity, MaterialRef, PbrtWorld};
 use crate::color::Spectrum;
+use crate::hair::{Hair, Pigment, Strand};
 use crate::image::pictures::PictureKind;
-use crate::import::text_place::ImportResult;
+use crate::import::text_place::{ImportError, ImportResult};
 use crate::material::Relief;
 use crate::param::{ColorParam, ScalarParam};
 use crate::spectrum::named::metal_spectra;
@@ -146,7 +147,7 @@ fn convert(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entit
     let (params, at) = (&entity.params, entity.at);
     let color = |context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, name: &str, default: f32| {
         let color = textures.color(context, params, name, ColorRole::Reflectance)?;
-        Ok::<_, crate::import::text_place::ImportError>(color.unwrap_or(Spectrum::splat(default).into()))
+        Ok::<_, ImportError>(color.unwrap_or(Spectrum::splat(default).into()))
     };
     Ok(match entity.kind.as_str() {
         "interface" | "none" | "" => Surface::Null,
@@ -377,37 +378,53 @@ fn subsurface(
     coated(context, textures, params, eta, facets, base)
 }
 
-/// Approximates hair by a coat over its colour.
+/// Reads hair; of several kinds of colour the first of `sigma_a`, `reflectance`, `color` and pigments counts.
 fn hair(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entity: &Entity) -> ImportResult<Surface> {
-    let (params, at) = (&entity.params, entity.at);
-    context.unsupported(at, "hair scatters as a coated matte surface of its colour does");
-    let beta_n = params.float("beta_n")?.unwrap_or(0.3);
-    let beta_m = params.float("beta_m")?.unwrap_or(0.3);
-    params.mark_reported(&["alpha"]);
-    let pigment = |name| params.float(name);
-    let (eumelanin, pheomelanin) = (pigment("eumelanin")?, pigment("pheomelanin")?);
-    let sigma_a = context.color(params, "sigma_a")?;
-    let mut sigma_a = sigma_a.map(|color| color.to_rec709(ColorRole::Unbounded).as_dvec3());
-    let color = textures.color(context, params, "color", ColorRole::Reflectance)?;
-    if sigma_a.is_none() && color.is_none() {
-        let is_given = eumelanin.is_some() || pheomelanin.is_some();
-        let eumelanin = eumelanin.unwrap_or(if is_given { 0.0 } else { 1.3 });
-        sigma_a = Some(
-            DVec3::new(0.419, 0.697, 1.37) * eumelanin + DVec3::new(0.187, 0.4, 1.05) * pheomelanin.unwrap_or(0.0),
-        );
+    let params = &entity.params;
+    let sigma_a = textures.color(context, params, "sigma_a", ColorRole::Unbounded)?;
+    let mut reflectance = textures.color(context, params, "reflectance", ColorRole::Reflectance)?;
+    if reflectance.is_none() {
+        reflectance = textures.color(context, params, "color", ColorRole::Reflectance)?;
     }
-    let reflectance = match (sigma_a, color) {
-        // Chiang et al. 2016, A Practical and Controllable Hair and Fur Model, equation 9, solved for the colour.
-        (Some(sigma_a), _) => {
-            let b = beta_n;
-            let fit = 5.969 - 0.215 * b + 2.532 * b.powi(2) - 10.73 * b.powi(3) + 5.574 * b.powi(4) + 0.245 * b.powi(5);
-            (-sigma_a.max(DVec3::ZERO).powf(0.5) * fit).exp().as_vec3().into()
+    let [eumelanin, pheomelanin] =
+        [textures.scalar(context, params, "eumelanin")?, textures.scalar(context, params, "pheomelanin")?];
+    let pigment = match (sigma_a, reflectance) {
+        (Some(sigma_a), _) => Pigment::SigmaA(sigma_a),
+        (None, Some(reflectance)) => Pigment::Reflectance(reflectance),
+        (None, None) => {
+            let default = if pheomelanin.is_some() { 0.0 } else { 1.3 };
+            Pigment::Melanin {
+                eumelanin: eumelanin.unwrap_or(default.into()),
+                pheomelanin: pheomelanin.unwrap_or(0.0.into()),
+            }
         }
-        (None, color) => color.unwrap_or_default(),
     };
-    let base = CoatedBase::Diffuse(Diffuse { reflectance, roughness: 0.0.into() });
-    let eta = index_of_refraction(context, params, "eta", 1.55)?;
-    coated(context, textures, params, eta, (beta_m.clamp(0.05, 1.0) as f32).into(), base)
+    let alpha = match params.texture("alpha")? {
+        Some((_, at)) => {
+            context.unsupported(at, "the scales of hair have the same angle everywhere: 2°");
+            2.0
+        }
+        None => params.float("alpha")?.unwrap_or(2.0),
+    };
+    if !(-90.0..=90.0).contains(&alpha) {
+        return Err(params.place_of("alpha").fault("the angle of the scales is from -90 to 90 degrees").into());
+    }
+    let mut roughness = |name: &str| {
+        let beta = textures.scalar(context, params, name)?.unwrap_or(0.3.into());
+        if beta.texture.is_none() && !(0.0..=1.0).contains(&beta.factor) {
+            return Err(params.place_of(name).fault(format!("`{name}` is from 0 to 1")).into());
+        }
+        Ok::<_, ImportError>(beta)
+    };
+    let (beta_m, beta_n) = (roughness("beta_m")?, roughness("beta_n")?);
+    Ok(Surface::Hair(Box::new(Hair {
+        pigment,
+        eta: index_of_refraction(context, params, "eta", 1.55)?,
+        beta_m,
+        beta_n,
+        alpha: alpha as f32,
+        strand: Strand::AlongU,
+    })))
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Import of Mitsuba's materials.
 
 use bottega_scene::{
-    AlphaMode, Back, Distribution, Facets, InnerReflection, Material, ReliefRule, ReliefSource, Shadowing, Surface,
-    Wrap,
+    AlphaMode, Back, Distribution, Facets, Hair, InnerReflection, Material, Pigment, ReliefRule, ReliefSource,
+    Shadowing, Strand, Surface, Wrap,
 };
 use glam::{Vec2, Vec3};
 
@@ -43,6 +43,37 @@ fn defaults_are_those_of_mitsuba() {
     );
     let Surface::Conductor(mirror) = material("<bsdf type='conductor'/>").surface else { panic!() };
     assert_eq!((mirror.eta.factor, mirror.k.factor), (Vec3::ZERO, Vec3::ZERO));
+    let Surface::Hair(hair) = material("<bsdf type='hair'/>").surface else { panic!() };
+    let pigment = Pigment::Melanin { eumelanin: 1.3.into(), pheomelanin: 0.2.into() };
+    let eta = 1.55 / 1.000_277;
+    assert_eq!(*hair, Hair { pigment, eta, strand: Strand::AlongV, ..Hair::default() });
+}
+
+#[test]
+fn hair_absorbs_what_its_pigments_or_its_coefficient_say() {
+    let hair = |inner: &str| match material(&format!("<bsdf type='hair'>{inner}</bsdf>")).surface {
+        Surface::Hair(hair) => *hair,
+        other => panic!("{other:?}"),
+    };
+    let blond = hair("<float name='eumelanin' value='0.3'/><float name='longitudinal_roughness' value='0.1'/>");
+    let pigment = Pigment::Melanin { eumelanin: 0.3.into(), pheomelanin: 0.2.into() };
+    assert_eq!((blond.pigment, blond.beta_m.factor, blond.beta_n.factor), (pigment, 0.1, 0.3));
+    let dyed = hair(
+        "<rgb name='sigma_a' value='0.2 0.4 0.6'/><float name='scale' value='2'/><float name='scale_tilt' value='-3'/>
+        <float name='int_ior' value='1.5'/><float name='ext_ior' value='1'/><float name='azimuthal_roughness' value='.4'/>",
+    );
+    assert_eq!(dyed.pigment, Pigment::SigmaA(Vec3::new(0.4, 0.8, 1.2).into()));
+    assert_eq!((dyed.eta, dyed.alpha, dyed.beta_n.factor), (1.5, -3.0, 0.4));
+    for (inner, reason) in [
+        ("<float name='eumelanin' value='1'/><rgb name='sigma_a' value='1'/>", "not both"),
+        ("<float name='azimuthal_roughness' value='1.1'/>", "from 0 to 1"),
+        ("<float name='scale_tilt' value='100'/>", "from -90 to 90"),
+        ("<float name='pheomelanin' value='-1'/>", "below 0"),
+    ] {
+        let scene = format!("<shape type='rectangle'><bsdf type='hair'>{inner}</bsdf></shape>");
+        let error = Folder::new().scene(&scene).load(&bare()).unwrap_err().to_string();
+        assert!(error.contains(reason), "{inner}: {error}");
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use bottega_scene::{Mesh, Scene, Sides, Surface};
+use bottega_scene::{CurveLook, Mesh, Scene, Sides, Surface};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
 use crate::mitsuba::support::{Folder, bare, read, silent, told};
@@ -324,6 +324,29 @@ fn curves_keep_their_radii_whatever_moves_them() {
     // Of four control points, the one piece between the inner two, open at its ends.
     let spline = curves("bsplinecurve", CURVES.split_once("\n\n").unwrap().1, "");
     assert!((world_area(&spline.scene) / (2.0 * PI * 0.2) - 1.0).abs() < 5e-3, "{}", world_area(&spline.scene));
+}
+
+#[test]
+fn curves_of_hair_stay_curves() {
+    let bspline = CURVES.split_once("\n\n").unwrap().1;
+    let hair = "<bsdf type='twosided'><bsdf type='hair'/></bsdf>";
+    for (plugin, file, count) in [("bsplinecurve", bspline, 1), ("linearcurve", CURVES, 2)] {
+        let loaded = curves(plugin, file, hair);
+        let mesh = &loaded.scene.meshes[0];
+        let strands = mesh.curves.as_deref().expect("curves");
+        assert_eq!(strands.look, CurveLook::Round);
+        assert_eq!(strands.points.iter().filter(|point| point.is_last).count(), count);
+        assert!(
+            strands.points.iter().all(|point| [0.1, 0.2].iter().any(|radius| (point.radius - radius).abs() < 1e-6))
+        );
+        let last = strands.points.last().unwrap();
+        assert!((last.along - 1.0).abs() < 1e-6 && (last.tangent - Vec3::Y).length() < 1e-6, "{last:?}");
+        // What is not hair, or shines, is a tube.
+        let lamp = format!("{hair}<emitter type='area'><rgb name='radiance' value='1'/></emitter>");
+        for inner in ["<bsdf type='diffuse'/>", &lamp] {
+            assert!(curves(plugin, file, inner).scene.meshes[0].curves.is_none(), "{inner}");
+        }
+    }
 }
 
 #[test]

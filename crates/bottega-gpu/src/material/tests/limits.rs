@@ -73,6 +73,8 @@ fn what_devices_do_not_have_is_told_by_name() {
     rough.roughness[0].texture = Some((TextureMap::new(ImageId(0)), Channel::G));
     let unsupported = EncodedMaterials::new(&scene(coat(rough, 1.0)), &[]).unwrap_err();
     assert_eq!(unsupported.to_string(), "not for a GPU: clear coats whose thickness and roughness are both textures");
+    let unsupported = EncodedMaterials::new(&scene(Surface::Hair(Box::default())), &[]).unwrap_err();
+    assert_eq!(unsupported.to_string(), "not for a GPU: hair");
     let mapping = Mapping { kind: MappingKind::Planar, mapping_from_world: Affine3A::IDENTITY };
     let in_space = TextureMap { uv_set: SURFACE_UV_SETS, ..TextureMap::new(ImageId(0)) };
     let color = ColorParam { factor: Spectrum::ONE, texture: Some(in_space) };

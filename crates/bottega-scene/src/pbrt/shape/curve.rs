@@ -1,7 +1,7 @@
 //! The shape `curve`: hair, fur and grass.
 //!
 //! A curve is divided into straight pieces that deviate by at most 2 % of its width. A `flat` curve turns its width to
-//! each ray, and so does a `cylinder`, which is round (see [`FacingCurves`]). A `ribbon` is a band of triangles. An
+//! each ray, and so does a `cylinder`, which is round (see [`FacingCurves`](crate::FacingCurves)). A `ribbon` is a band of triangles. An
 //! emissive curve, which pbrt cannot sample, is a tube of triangles.
 
 use glam::{DVec3, Vec2};
@@ -9,8 +9,9 @@ use glam::{DVec3, Vec2};
 use super::super::context::Context;
 use super::super::params::Params;
 use super::geometry::{Geometry, positions};
-use crate::facing_curves::{CurveLook, CurvePoint, FacingCurves, HULL};
+use crate::facing_curves::CurveLook;
 use crate::import::bezier::{BezierSegment, bezier_of_bspline, parameters};
+use crate::import::strand::{self, Station, each_ring, sides_between};
 use crate::import::text_place::{ImportResult, TextPlace};
 use crate::model::Mesh;
 use crate::text::shortened;
@@ -18,9 +19,8 @@ use crate::text::shortened;
 /// Maximal deviation of a straight piece from the curve, in widths.
 const TOLERANCE: f64 = 0.02;
 
-/// Corners of a cross-section of a tube and of a hull.
+/// Corners of a cross-section of a tube.
 const SIDES: u32 = 5;
-const HULL_SIDES: u32 = 4;
 
 /// Factor of a tube's radius that makes its polygonal cross-section as wide on average as the curve, over all viewing
 /// directions. (The mean width of a convex shape is its perimeter over π.) The width deviates by at most 3.5 %.
@@ -80,14 +80,18 @@ pub(super) fn read(
     };
     let line = polyline(&segments, widths);
     // Vertices and triangles, and for a hull the points of the curve.
-    let bytes = line.len() * (SIDES as usize * (32 + 24) + size_of::<CurvePoint>() + 4 * 2 * HULL_SIDES as usize);
+    let bytes = strand::memory_bytes(line.len()).max(line.len() * SIDES as usize * (32 + 24));
     let place = context.place(at);
     context.resources.budget().take(context.path(at.file), &place, bytes)?;
     let look = if kind == "cylinder" { CurveLook::Round } else { CurveLook::Flat };
     let mut mesh = match &normals {
         Some(normals) => ribbon(&line, normals),
         None if shines => tube(&line),
-        None => hull(&line, look),
+        None => {
+            let mut mesh = Mesh::default();
+            strand::add_hull(&mut mesh, &line, look);
+            mesh
+        }
     };
     mesh.mend_normals();
     mesh.face_normals();
@@ -127,15 +131,6 @@ fn elevated([a, b, c]: [DVec3; 3]) -> [DVec3; 4] {
     [a, a.lerp(b, 2.0 / 3.0), c.lerp(b, 2.0 / 3.0), c]
 }
 
-/// A point on the curve.
-struct Station {
-    position: DVec3,
-    tangent: DVec3,
-    width: f64,
-    /// Parameter along the whole curve, from 0 to the number of segments.
-    u: f64,
-}
-
 fn polyline(segments: &[[DVec3; 4]], [width0, width1]: [f64; 2]) -> Vec<Station> {
     let mut line = Vec::new();
     let count = segments.len() as f64;
@@ -147,76 +142,22 @@ fn polyline(segments: &[[DVec3; 4]], [width0, width1]: [f64; 2]) -> Vec<Station>
             let (position, tangent) = (segment.point(t).truncate(), segment.third_of_slope(t).truncate());
             let chord = controls[3] - controls[0];
             let tangent = tangent.try_normalize().or_else(|| chord.try_normalize()).unwrap_or(DVec3::X);
-            line.push(Station { position, tangent, width: width0 + (width1 - width0) * (u / count), u });
+            let along = u / count;
+            line.push(Station { position, tangent, width: width0 + (width1 - width0) * along, along });
         }
     }
     line
 }
 
-/// Makes the hull of a ray-facing curve, closed at its ends.
-fn hull(line: &[Station], look: CurveLook) -> Mesh {
-    let count = line.last().map_or(1.0, |station| station.u).max(1.0);
-    let points = line.iter().enumerate().map(|(index, station)| CurvePoint {
-        position: station.position.as_vec3(),
-        tangent: station.tangent.as_vec3().normalize(),
-        radius: (0.5 * station.width) as f32,
-        along: (station.u / count) as f32,
-        is_last: index + 1 == line.len(),
-    });
-    let mut mesh = Mesh::default();
-    let mut pieces = Vec::new();
-    each_ring(line, HULL_SIDES, |station, out| {
-        mesh.positions.push((station.position + out * (0.5 * f64::from(HULL) * station.width)).as_vec3());
-    });
-    let last = line.len().saturating_sub(1) as u32;
-    for piece in 0..last {
-        mesh.triangles.extend(sides_between(piece, HULL_SIDES));
-        pieces.extend([piece; 2 * HULL_SIDES as usize]);
-    }
-    if last > 0 {
-        let (a, b) = (0, last * HULL_SIDES);
-        mesh.triangles.extend([[a, a + 2, a + 1], [a, a + 3, a + 2], [b, b + 1, b + 2], [b, b + 2, b + 3]]);
-        pieces.extend([0, 0, last - 1, last - 1]);
-    }
-    mesh.curves = Some(Box::new(FacingCurves { look, points: points.collect(), pieces }));
-    mesh
-}
-
-/// Visits the corners of all cross-sections: their stations and outward directions.
-fn each_ring(line: &[Station], sides: u32, mut visit: impl FnMut(&Station, DVec3)) {
-    let mut x = line.first().map_or(DVec3::X, |station| station.tangent.any_orthonormal_vector());
-    for station in line {
-        // The frame twists no more than the curve does.
-        x = (x - station.tangent * station.tangent.dot(x))
-            .try_normalize()
-            .unwrap_or(station.tangent.any_orthonormal_vector());
-        let y = station.tangent.cross(x);
-        for side in 0..sides {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(side) / f64::from(sides)).sin_cos();
-            visit(station, x * cos + y * sin);
-        }
-    }
-}
-
-/// Returns the triangles between a cross-section and the next.
-fn sides_between(ring: u32, sides: u32) -> impl Iterator<Item = [u32; 3]> {
-    let (a, b) = (ring * sides, (ring + 1) * sides);
-    (0..sides).flat_map(move |side| {
-        let next = (side + 1) % sides;
-        [[a + side, a + next, b + next], [a + side, b + next, b + side]]
-    })
-}
-
 fn tube(line: &[Station]) -> Mesh {
     let mut mesh = Mesh::default();
-    let count = line.last().map_or(1.0, |station| station.u).max(1.0);
     let mut corner = 0;
     each_ring(line, SIDES, |station, normal| {
         mesh.positions.push((station.position + normal * (0.5 * WIDENING * station.width)).as_vec3());
         mesh.normals.push(normal.as_vec3());
         // Position across the width, to the other edge and back.
         let across = 0.5 + 0.5 * (std::f64::consts::TAU * f64::from(corner % SIDES) / f64::from(SIDES)).cos();
-        mesh.uvs[0].push(Vec2::new((station.u / count) as f32, across as f32));
+        mesh.uvs[0].push(Vec2::new(station.along as f32, across as f32));
         corner += 1;
     });
     for ring in 1..line.len() as u32 {
@@ -229,15 +170,16 @@ fn ribbon(line: &[Station], normals: &[DVec3]) -> Mesh {
     let mut mesh = Mesh::default();
     let count = (normals.len() - 1) as f64;
     for station in line {
-        let before = (station.u as usize).min(normals.len() - 2);
-        let normal = turned(normals[before], normals[before + 1], station.u - before as f64);
+        let u = station.along * count;
+        let before = (u as usize).min(normals.len() - 2);
+        let normal = turned(normals[before], normals[before + 1], u - before as f64);
         // Make the normal perpendicular to the curve.
         let normal = (normal - station.tangent * normal.dot(station.tangent)).normalize_or(normal);
         let side = normal.cross(station.tangent).normalize_or_zero() * (0.5 * station.width);
         for (sign, v) in [(-1.0, 1.0), (1.0, 0.0)] {
             mesh.positions.push((station.position + side * sign).as_vec3());
             mesh.normals.push(normal.as_vec3());
-            mesh.uvs[0].push(Vec2::new((station.u / count) as f32, v));
+            mesh.uvs[0].push(Vec2::new(station.along as f32, v));
         }
     }
     for next in 1..line.len() as u32 {
@@ -292,7 +234,7 @@ mod tests {
 
     #[test]
     fn a_tube_seen_from_all_around_is_as_wide_as_the_curve() {
-        let station = |x: f64| Station { position: DVec3::X * x, tangent: DVec3::X, width: 0.2, u: x };
+        let station = |x: f64| Station { position: DVec3::X * x, tangent: DVec3::X, width: 0.2, along: x };
         let mesh = tube(&[station(0.0), station(1.0)]);
         let widths: Vec<f64> = (0..360)
             .map(|degrees| {
