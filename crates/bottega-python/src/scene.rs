@@ -5,8 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use bottega::{
     glam::Affine3A,
     scene::{
-        Camera, CornerMesh, Density, EditedLight, EntryKind, Environment, ImageId, Loaded, Material, Medium, MediumId,
-        PlacedObject, Placing, RenderHints, Scene, SceneEditor, Sphere, Variation, Visibility, load, save_scene,
+        Camera, CornerMesh, CurveLook, CurveStrands, Density, EditedLight, EntryKind, Environment, ImageId, Loaded,
+        Material, Medium, MediumId, PlacedObject, Placing, RenderHints, Scene, SceneEditor, Sphere, Variation,
+        Visibility, load, save_scene,
     },
 };
 use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
@@ -271,6 +272,33 @@ impl PyScene {
             drop_empty,
         };
         let put = self.editor().put_mesh(key, &mesh, materials, placing(is_new));
+        put.map_err(|error| errors::edit(&error))
+    }
+
+    /// Adds or replaces a mesh of curves.
+    #[pyo3(signature = (key, points, counts, radii, is_round, materials, drop_empty, is_new))]
+    fn put_curves(
+        &self,
+        key: &str,
+        points: &Bound<'_, PyAny>,
+        counts: &Bound<'_, PyAny>,
+        radii: &Bound<'_, PyAny>,
+        is_round: bool,
+        materials: Vec<String>,
+        drop_empty: bool,
+        is_new: bool,
+    ) -> PyResult<()> {
+        let points = InputArray::<f32>::table("points", points, 3)?;
+        let counts = InputArray::<i32>::table("counts", counts, 1)?;
+        let radii = InputArray::<f32>::table("radii", radii, 1)?;
+        let curves = CurveStrands {
+            points: points.rows()?,
+            counts: counts.values()?,
+            radii: radii.values()?,
+            look: if is_round { CurveLook::Round } else { CurveLook::Flat },
+            drop_empty,
+        };
+        let put = self.editor().put_curves(key, &curves, materials, placing(is_new));
         put.map_err(|error| errors::edit(&error))
     }
 

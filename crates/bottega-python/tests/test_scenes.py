@@ -559,3 +559,30 @@ def test_lights_with_a_shape_hide_nothing() -> None:
 
     both, sum_of_parts = mean(25.0, 0.5, 0.5), mean(25.0, 0.5, 0.0) + mean(0.0, 0.5, 0.5)
     assert abs(both / sum_of_parts - 1) < 0.003
+
+
+def test_curves_are_as_wide_as_they_are_said_to_be_and_hair_loses_no_light() -> None:
+    scene = bottega.Scene()
+    scene.materials["black"] = bottega.Material(bottega.Diffuse(0.0))
+    scene.materials["white"] = bottega.Material(bottega.Hair(sigma_a=(0.0, 0.0, 0.0)))
+    scene.environment = bottega.Environment((1, 1, 1))
+    scene.cameras["main"] = bottega.Camera.looking((0, 0, 4), (0, 0, 0), fov=60)
+    points = np.array([[0, -5, 0], [0, 0, 0], [0, 5, 0], [1, -5, 0], [1, 5, 0]], np.float32)
+    counts, radii = np.array([3, 2], np.int32), np.array([0.25, 0.25, 0.25, 0.1, 0.1], np.float32)
+    for shape in ("round", "flat"):
+        scene.meshes["strands"] = bottega.Curves(points, counts, radii, shape=shape, material="black")  # type: ignore[arg-type]
+        scene.objects["strands"] = bottega.Object("strands")
+        dark = 1 - float(bottega.render(scene, size=(64, 16), spp=64).color.mean())
+        # The picture is 4 times as wide as high, and 2 x 4 tan 30° high
+        assert dark == pytest.approx(0.7 / (4 * 8 * np.tan(np.pi / 6)), rel=0.02), shape
+    scene.meshes["strands"] = bottega.Curves(points, counts, radii, material="white")
+    assert float(bottega.render(scene, size=(32, 8), spp=64, max_depth=100).color.mean()) == pytest.approx(1, abs=0.01)
+    assert scene.meshes["strands"].materials == ["white"]
+    with pytest.raises(bottega.SceneError, match="counts.*sum is 4"):
+        scene.meshes["strands"] = bottega.Curves(points, np.array([2, 2], np.int32), radii)
+    with pytest.raises(bottega.SceneError, match="radii"):
+        scene.meshes["strands"] = bottega.Curves(points, counts, radii[:3])
+    with pytest.raises(bottega.SceneError, match="shape"):
+        scene.meshes["strands"] = bottega.Curves(points, counts, radii, shape="square")  # type: ignore[arg-type]
+    with pytest.raises(bottega.SceneError, match="Mesh or"):
+        scene.meshes["strands"] = points  # type: ignore[assignment]

@@ -88,7 +88,8 @@ mod visibility;
 pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
 pub use color::Spectrum;
 pub use edit::{
-    CornerMesh, EditError, EditedLight, EditedLightKind, EntryKind, MatrixRows, PlacedObject, Placing, SceneEditor,
+    CornerMesh, CurveStrands, EditError, EditedLight, EditedLightKind, EntryKind, MatrixRows, PlacedObject, Placing,
+    SceneEditor,
 };
 pub use emission::EmissionProfile;
 pub use error::{SceneError, Warning};

@@ -58,7 +58,7 @@ from ._requests import (
     ViewOptions,
     WorkOptions,
 )
-from ._scene import Image, Mesh, Object, Scene
+from ._scene import Curves, Image, Mesh, Object, Scene
 from ._surfaces import (
     Anisotropy,
     Blend,
@@ -91,6 +91,7 @@ __all__ = [
     "Coated",
     "Conductor",
     "DeviceOptions",
+    "Curves",
     "Dielectric",
     "Diffuse",
     "DiffuseTransmission",

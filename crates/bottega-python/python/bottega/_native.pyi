@@ -91,6 +91,17 @@ class Scene:
         drop_empty: bool,
         is_new: bool,
     ) -> None: ...
+    def put_curves(
+        self,
+        key: str,
+        points: NDArray[np.float32],
+        counts: NDArray[np.int32],
+        radii: NDArray[np.float32],
+        is_round: bool,
+        materials: list[str],
+        drop_empty: bool,
+        is_new: bool,
+    ) -> None: ...
     def mesh(self, key: str) -> tuple[int, int, list[str]]: ...
     def set_mesh_materials(self, key: str, materials: list[str]) -> None: ...
     def put_object(

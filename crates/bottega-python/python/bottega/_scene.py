@@ -56,6 +56,26 @@ class Mesh:
 
 
 @dataclass
+class Curves:
+    """Hair, fur or grass: curves that are straight between their points. They are put among the meshes of a scene.
+
+    - `points`: float32, (P, 3), in object space, one curve after another. `counts`: int32, (K,), the number of points of each curve, at
+      least 2; their sum is P.
+    - `radii`: float32, (P,), half the width at each point.
+    - `shape`: `round`: tubes without an inside; `flat`: ribbons that face each ray.
+    - `material`: key; `None`: gray.
+    - `drop_empty`: leave out curves without length, which are an error otherwise.
+    """
+
+    points: Floats
+    counts: Ints
+    radii: Floats
+    shape: Literal["round", "flat"] = "round"
+    material: str | None = None
+    drop_empty: bool = False
+
+
+@dataclass
 class Object:
     """A mesh placed in the world, once or many times.
 
@@ -269,14 +289,21 @@ class PlacedMesh:
         self._native.set_mesh_materials(self._key, _keys(keys))
 
 
-class Meshes(Collection[Mesh]):
-    """The meshes of a scene."""
+class Meshes(Collection["Mesh | Curves"]):
+    """The meshes of a scene, curves among them."""
 
     def __getitem__(self, key: str) -> PlacedMesh:
         return PlacedMesh(self._scene, key)
 
-    def _put(self, key: str, value: Mesh, is_new: bool) -> None:
-        self._check(value, Mesh)
+    def _put(self, key: str, value: Mesh | Curves, is_new: bool) -> None:
+        if isinstance(value, Curves):
+            if value.shape not in ("round", "flat"):
+                raise SceneError(f"`shape` is {value.shape!r}: \"round\" or \"flat\"")
+            materials = _keys(value.material or ())
+            arrays = value.points, value.counts, value.radii
+            self._native.put_curves(key, *arrays, value.shape == "round", materials, value.drop_empty, is_new)
+            return
+        self._check(value, Mesh, Curves)
         self._native.put_mesh(
             key,
             value.positions,

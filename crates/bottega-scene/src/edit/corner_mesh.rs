@@ -120,7 +120,7 @@ fn count(argument: &'static str, count: usize) -> Result<(), EditError> {
     Err(EditError::argument(argument, problem, "divide the mesh into several"))
 }
 
-fn length(argument: &'static str, rows: Option<usize>, needed: usize, of: &str) -> Result<(), EditError> {
+pub(super) fn length(argument: &'static str, rows: Option<usize>, needed: usize, of: &str) -> Result<(), EditError> {
     match rows {
         Some(rows) if rows != needed => Err(EditError::argument(
             argument,
@@ -139,7 +139,7 @@ fn range(of: &str, count: usize) -> String {
 }
 
 /// Checks all rows of an array. An error names the first wrong one.
-fn rows<T: Sync + std::fmt::Debug>(
+pub(super) fn rows<T: Sync + std::fmt::Debug>(
     argument: &'static str,
     rows: &[T],
     is_right: impl Fn(&T) -> bool + Sync,

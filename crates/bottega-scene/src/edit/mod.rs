@@ -5,6 +5,7 @@
 //! disturb each other.
 
 mod corner_mesh;
+mod curve_strands;
 mod entries;
 mod error;
 mod keyed_list;
@@ -21,6 +22,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::{
     corner_mesh::CornerMesh,
+    curve_strands::CurveStrands,
     error::{EditError, EntryKind},
     keyed_list::Placing,
     object::{MatrixRows, PlacedObject},
@@ -154,6 +156,29 @@ impl SceneEditor {
         self.meshes.check(key, placing)?;
         self.check_materials(&materials)?;
         let parts = MeshParts::new(key, mesh, materials.len())?;
+        self.put_parts(key, parts, materials)
+    }
+
+    /// Adds or replaces a mesh of curves, with one material slot. Objects that place it are changed with it.
+    ///
+    /// - `materials`: the key of the material, or none: gray.
+    ///
+    /// # Errors
+    /// An array or the material is wrong, or an object cannot place the mesh.
+    pub fn put_curves(
+        &mut self,
+        key: &str,
+        curves: &CurveStrands<'_>,
+        materials: Vec<String>,
+        placing: Placing,
+    ) -> Result<(), EditError> {
+        self.meshes.check(key, placing)?;
+        self.check_materials(&materials)?;
+        let parts = curves.parts(key)?;
+        self.put_parts(key, parts, materials)
+    }
+
+    fn put_parts(&mut self, key: &str, parts: MeshParts, materials: Vec<String>) -> Result<(), EditError> {
         for (_, object) in self.objects.iter().filter(|(_, object)| object.mesh == key) {
             check_transforms(&object.transforms, parts.bounds)?;
         }
