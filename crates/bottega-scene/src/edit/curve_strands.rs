@@ -45,8 +45,6 @@ impl CurveStrands<'_> {
             add_hull(&mut mesh, &line, self.look);
             first = end;
         }
-        mesh.mend_normals();
-        mesh.face_normals();
         let parts = if mesh.triangles.is_empty() { Vec::new() } else { vec![(0, Arc::new(mesh))] };
         Ok(MeshParts::of(parts))
     }
