@@ -14,6 +14,7 @@ import numpy as np
 from . import axes
 from .backdrop import BACKDROP, extent_of, put_backdrop
 from .families import DEFAULT, Families, put_images
+from .hair import strands_of_curves, strands_of_particles
 from .instances import Group, Pass, gather, materials_of
 from .lights import light_of
 from .meshes import arrays_of
@@ -40,6 +41,8 @@ class Export:
         self._families = Families(self.scene, self.report, self._pictures)
         self._surroundings = Surroundings()
         self._is_clear = False
+        # Of the evaluated scene: `VIEWPORT` or `RENDER`.
+        self._mode = "RENDER"
         self._mesh_states: dict[str, tuple[Any, ...]] = {}
         self._lights_put: dict[str, bottega.Light] = {}
         self._placed: dict[str, tuple[Any, ...]] = {}
@@ -55,7 +58,7 @@ class Export:
         for update in updates:
             block = update.id.original
             kind = block.bl_rna.identifier
-            if kind in ("Object", "Mesh", "Curve", "TextCurve", "SurfaceCurve", "MetaBall"):
+            if kind in ("Object", "Mesh", "Curve", "Curves", "TextCurve", "SurfaceCurve", "MetaBall", "ParticleSettings"):
                 if update.is_updated_geometry or kind != "Object":
                     self._dirty.add(uid_of(block))
             elif kind == "Material":
@@ -87,6 +90,7 @@ class Export:
         - `is_shown`: called with an evaluated object; `None`: all are shown.
         - `is_clear`: the film is transparent: the camera does not see the world.
         """
+        self._mode = depsgraph.mode
         self._move_to(depsgraph.scene.frame_current)
         found = gather(depsgraph, is_shown)
         self._world(depsgraph.scene.world, is_clear)
@@ -163,6 +167,8 @@ class Export:
 
     def _put_mesh(self, group: Group, uv_names: list[str | None], color_name: str | None) -> bool:
         """Reads a mesh. Returns false if nothing of it can be seen."""
+        if group.kind != "MESH":
+            return self._put_strands(group)
         arrays = arrays_of(group.data, tuple(uv_names), color_name)
         if arrays is None:
             return False
@@ -171,6 +177,20 @@ class Export:
             self.scene.meshes[group.mesh_key] = arrays.to_mesh(slots)
         except bottega.SceneError as error:
             self.report.add(group.mesh_key, group.data.name, "Mesh", Fidelity.LEFT_OUT, str(error))
+            return False
+        return True
+
+    def _put_strands(self, group: Group) -> bool:
+        """Reads hair. Returns false if there is none."""
+        is_viewport = self._mode == "VIEWPORT"
+        particles = group.kind == "PARTICLES"
+        strands = strands_of_particles(group.item, group.data, is_viewport) if particles else strands_of_curves(group.data)
+        if strands is None:
+            return False
+        try:
+            self.scene.meshes[group.mesh_key] = strands.to_curves(DEFAULT)
+        except bottega.SceneError as error:
+            self.report.add(group.mesh_key, group.data.name, "Hair", Fidelity.LEFT_OUT, str(error))
             return False
         return True
 

@@ -18,7 +18,8 @@ class Group:
     """Instances of a mesh that come from one object.
 
     - `key`: of the object in the scene. `mesh_key`: of its mesh.
-    - `owner`: session number of the object. `data`: the evaluated mesh, valid only during the pass.
+    - `owner`: session number of the object. `data`: the evaluated mesh, curves or particle system, valid only during the pass.
+    - `kind`: `MESH`, `CURVES` or `PARTICLES`.
     - `slots`: materials by slot: `None` is the default material.
     - `visibility`: the kinds of ray for which they are there. `item`: the evaluated object, valid only during the pass.
     - `is_instance`: they are made by another object. `bounds`: corners of the box around the mesh, (8, 3).
@@ -35,6 +36,7 @@ class Group:
     item: Any
     is_instance: bool
     bounds: Any
+    kind: str = "MESH"
     rows: list[int] = field(default_factory=list)
 
 
@@ -69,13 +71,13 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
     by_data: dict[tuple[int, int, bool], Group | None] = {}
     mesh_keys: dict[str, int] = {}
     for row, instance in enumerate(instances):
+        item = instance.object
+        if instance.show_particles and not instance.is_instance and (is_shown is None or is_shown(item)):
+            _gather_hair(found, item, row)
         if not instance.show_self:
             continue
-        item = instance.object
         kind = item.type
-        if not instance.is_instance:
-            _skip_hair(found, item)
-        if kind == "MESH":
+        if kind in ("MESH", "CURVES"):
             data = item.data
             is_instance = instance.is_instance
             place = (item.original.as_pointer(), data.as_pointer(), is_instance)
@@ -90,8 +92,8 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
                 key = f"light {uid_of(item.original)} {_persistent(instance)}"
                 lasting = item.original.evaluated_get(depsgraph) if instance.is_instance else item
                 found.lights.append((key, lasting, row))
-        elif kind in ("VOLUME", "CURVES", "POINTCLOUD", "GREASEPENCIL"):
-            found.skipped[item.name] = {"CURVES": "hair curves are", "POINTCLOUD": "point clouds are"}.get(kind, f"{kind.lower()} objects are")
+        elif kind in ("VOLUME", "POINTCLOUD", "GREASEPENCIL"):
+            found.skipped[item.name] = {"POINTCLOUD": "point clouds are"}.get(kind, f"{kind.lower()} objects are")
     return found
 
 
@@ -101,11 +103,20 @@ def parents_of(depsgraph: Any) -> dict[int, tuple[Any, Any]]:
     return {row: (instance.parent, instance.particle_system) for row, instance in every if instance.is_instance}
 
 
-def _skip_hair(found: Pass, item: Any) -> None:
-    """Notes that hair of particles is left out."""
-    for system in getattr(item, "particle_systems", ()):
-        if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-            found.skipped[f"{item.name}: {system.name}"] = "hair of particles is"
+def _gather_hair(found: Pass, item: Any, row: int) -> None:
+    """Adds the hair of an object's particle systems."""
+    for index, system in enumerate(getattr(item, "particle_systems", ())):
+        settings = system.settings
+        if settings.type != "HAIR" or settings.render_type != "PATH":
+            continue
+        owner = uid_of(item.original)
+        materials = [slot.material for slot in item.material_slots]
+        slot = min(max(settings.material - 1, 0), len(materials) - 1)
+        bounds = np.array([tuple(corner) for corner in item.bound_box])
+        key, mesh_key = f"object {owner} hair {index}", f"hair of {owner} {index}"
+        slots = [materials[slot]] if materials else [None]
+        where = (key, mesh_key, owner, uid_of(settings.original), system, slots, visibility_of(item), item, False, bounds)
+        found.groups[key] = Group(*where, "PARTICLES", [row])
 
 
 def _persistent(instance: Any) -> str:
@@ -134,7 +145,8 @@ def _group(depsgraph: Any, found: Pass, mesh_keys: dict[str, int], item: Any, da
     # The object of an instance is Blender's only until the next one.
     lasting = item.original.evaluated_get(depsgraph) if is_instance else item
     bounds = np.array([tuple(corner) for corner in item.bound_box])
-    group = Group(key, mesh_key, owner, data_owner, data, _slots(item, data), visibility_of(item), lasting, is_instance, bounds)
+    slots, visibility = _slots(item, data), visibility_of(item)
+    group = Group(key, mesh_key, owner, data_owner, data, slots, visibility, lasting, is_instance, bounds, item.type)
     found.groups[key] = group
     return group
 

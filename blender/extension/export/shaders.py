@@ -7,6 +7,7 @@ from typing import Any, Callable
 
 from .colors import ColorReader
 from .fields import CannotFold, constant, is_constant_of, scaled
+from .hair import hair_shader
 from .nodes import CyclicNodes, Input, Source, named
 from .principled import principled
 from .report import Fidelity
@@ -235,8 +236,13 @@ def _principled(self: ShaderReader, source: Source) -> Shader:
     return principled(self.reader, source, self.note)
 
 
+def _hair(self: ShaderReader, source: Source) -> Shader:
+    return hair_shader(self.reader, source, self.note)
+
+
 _READERS: dict[str, Callable[[ShaderReader, Source], Shader]] = {
     "ShaderNodeBsdfPrincipled": _principled,
+    "ShaderNodeBsdfHairPrincipled": _hair,
     "ShaderNodeBsdfDiffuse": _diffuse,
     "ShaderNodeBsdfGlossy": _glossy,
     "ShaderNodeBsdfAnisotropic": _glossy,
