@@ -699,3 +699,62 @@ def sky() -> None:
     floor(matte())
     ball((0, 0, 1), material=principled(Roughness=0.2))
     cube((2.5, 0, 0.75))
+
+
+@scene
+def hair() -> None:
+    """Hair of particles: pigments, color and absorption, with children and without."""
+    made = empty((0.6, 0.65, 0.8))
+    made.cycles_curves.shape = "THICK"
+    lamp("AREA", (3, -3, 5), (45, 0, 45), energy=600.0, size=3.0)
+    kinds: list[tuple[str, dict[str, Any]]] = [
+        ("MELANIN", {"Melanin": 0.5, "Melanin Redness": 0.7}),
+        ("COLOR", {"Color": (0.5, 0.1, 0.05, 1.0), "Roughness": 0.4}),
+        ("ABSORPTION", {"Absorption Coefficient": (0.2, 0.4, 0.8), "Radial Roughness": 0.5}),
+    ]
+    for index, (kind, inputs) in enumerate(kinds):
+        material, tree, output = nodes(kind)
+        node = tree.nodes.new("ShaderNodeBsdfHairPrincipled")
+        if hasattr(node, "model"):
+            node.model = "CHIANG"
+        node.parametrization = kind
+        for name, value in {"Random Roughness": 0.0, "Random Color": 0.0, **inputs}.items():
+            if name in node.inputs:
+                node.inputs[name].default_value = value
+        tree.links.new(node.outputs[0], output.inputs["Surface"])
+        emitter = ball((2.2 * (index - 1), 0, 1.2), 0.6, matte((0.2, 0.2, 0.2)))
+        emitter.data.materials.append(material)
+        emitter.modifiers.new("Hair", "PARTICLE_SYSTEM")
+        settings = emitter.particle_systems[0].settings
+        settings.type, settings.count, settings.hair_length = "HAIR", 300, 0.6
+        settings.material, settings.root_radius, settings.tip_radius = 2, 3.0, 1.0
+        settings.shape = (0.0, 0.5, -0.5)[index]
+        if index == 1:
+            settings.child_type, settings.rendered_child_count = "SIMPLE", 4
+
+
+@scene
+def fibres() -> None:
+    """Curves of a curves object, some of them instances, with a matte surface."""
+    made = empty((0.6, 0.65, 0.8))
+    made.cycles_curves.shape = "THICK"
+    lamp("SUN", (0, 0, 5), (30, 20, 0), energy=2.0)
+    data = bpy.data.hair_curves.new("Fibres")
+    data.materials.append(matte((0.7, 0.4, 0.1)))
+    counts = [2 + index % 6 for index in range(150)]
+    data.add_curves(counts)
+    random = np.random.default_rng(3)
+    places = []
+    for count in counts:
+        root = np.array([*random.uniform(-2, 2, 2), 0.0])
+        bend = random.normal(0, 0.25, 3)
+        share = np.linspace(0, 1, count)[:, None]
+        places.append(root + share * np.array([0, 0, 1.5]) + share**2 * bend)
+    points = np.concatenate(places).astype(np.float32)
+    data.attributes["position"].data.foreach_set("vector", points.ravel())
+    radius = data.attributes.get("radius") or data.attributes.new("radius", "FLOAT", "POINT")
+    radius.data.foreach_set("value", np.full(len(points), 0.03, np.float32))
+    link("Fibres", data)
+    other = link("More", data, (0.5, 1.0, 0.0))
+    other.scale = (1.0, -1.0, 1.5)
+    floor(matte((0.4, 0.4, 0.4)), 6.0)
