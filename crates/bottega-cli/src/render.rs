@@ -16,6 +16,7 @@ use bottega_cluster::{
     animation::{render_frames, submit_frames},
     client::{self, RenderOutcome},
 };
+use bottega_engines::external::KeptEngines;
 use bottega_web::Dashboard;
 
 use crate::{
@@ -66,6 +67,8 @@ fn paint(
         // For an animation, the time limit applies to each frame.
         return one(request, SessionOptions { begun: Some(process_start()), ..options(args) }, voice, stop);
     }
+    // Other engines keep their scene between frames.
+    let _engines = KeptEngines::begin();
     for frame in request.missing_frames(args.resume)? {
         let request = request.at_frame(frame)?;
         // With `--resume`, frames without a journal start from the beginning.

@@ -7,6 +7,7 @@
 mod child;
 mod engine;
 mod error;
+mod idle;
 mod locate;
 pub mod manifest;
 mod picture;
@@ -24,6 +25,7 @@ pub use self::{
     child::{is_fenced_in, is_shut_in},
     engine::{ExternalEngine, ExternalOptions, Surveyor},
     error::EngineFault,
+    idle::KeptEngines,
     locate::{LocatedEngine, install_hint},
     quarantine::{Quarantine, keep_quarantines_in, quarantine, release},
     session::{CameraView, CombineWord, Files, Opened, OpenedLayer, Probe, SceneRequest, Session},

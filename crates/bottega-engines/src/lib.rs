@@ -16,6 +16,7 @@
 //! | manifests: parsed, found, shipped | `src/external/manifest.rs`, `src/external/shelf.rs`, `src/external/shipped.rs`; the files: `engines/` |
 //! | finding an installed engine | `src/external/locate.rs` |
 //! | child processes: limits, file access, and all processes that they start | `src/external/child.rs`, `src/external/child/guard.rs`, `src/external/child/fence.rs` |
+//! | workers that wait for the next picture of their scene | `src/external/idle.rs` |
 //! | communication with a worker or a command line | `src/external/session/`, the protocol: `src/external/protocol.rs`; the workers: `engines/` |
 //! | validation of an engine's output | `src/external/picture.rs` |
 //! | survey of a scene that only its engine reads, and the number of zones that pays | `src/external/tiny.rs` |

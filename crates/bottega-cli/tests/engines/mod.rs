@@ -344,6 +344,12 @@ fn frames_are_numbered_and_told_to_the_engine() {
         let picture = read_picture(stage.path(&format!("out.000{frame}.exr"))).expect("a picture");
         assert_eq!(picture.pixel(5, 5)[0], f32::from(frame));
     }
+    // One process of the engine has rendered all frames, because loading a scene may take longer than a frame.
+    let trace = fs::read_to_string(stage.path(TRACE)).expect("the trace");
+    let mut processes: Vec<&str> = trace.lines().collect();
+    assert!(processes.len() >= 3, "it opens the scene for each frame: {processes:?}");
+    processes.dedup();
+    assert_eq!(processes.len(), 1, "{processes:?}");
     // A frame that is lost is painted again, and no other.
     fs::remove_file(stage.path("out.0008.exr")).expect("removed");
     fs::write(stage.path("out.0007.exr"), "mine").expect("written");

@@ -13,6 +13,7 @@ use bottega::{
     devices::{beside_processors, compiling, processors},
 };
 use bottega_agents::driver::nats::LiveSubscription;
+use bottega_engines::external::KeptEngines;
 use bottega_platform::folders::state_folder;
 
 pub use crate::machine::prepared_job::WorkerDevices;
@@ -116,6 +117,8 @@ pub(crate) struct Worker {
     /// The calls of viewports, if this machine helps them.
     calls: Option<(Arc<HeardCalls>, LiveSubscription)>,
     say: Box<dyn Fn(WorkerMessage<'_>) + Sync>,
+    /// Lets other engines keep their scene between the frames of an animation.
+    _engines: KeptEngines,
 }
 
 impl Worker {
@@ -132,7 +135,8 @@ impl Worker {
         only: Option<BTreeSet<u32>>,
         say: Box<dyn Fn(WorkerMessage<'_>) + Sync>,
     ) -> Self {
-        Self { member, cache, own, studio: None, only, helped: None, owner: None, memory: None, calls: None, say }
+        let _engines = KeptEngines::begin();
+        Self { member, cache, own, _engines, studio: None, only, helped: None, owner: None, memory: None, calls: None, say }
     }
 
     /// Leaves the farm.

@@ -16,6 +16,7 @@ use bottega_kernels::SplitMix64;
 
 use super::{
     error::EngineFault,
+    idle,
     locate::LocatedEngine,
     manifest::{Determinism, EngineKind},
     picture, quarantine,
@@ -380,6 +381,9 @@ impl EngineProcess {
                     done(painted.map_err(|fault| EngineError::Zone { engine, rect, reason: fault.told() }));
                 }
             }
+        }
+        if let Some(session) = self.session.take() {
+            idle::keep(&self.shared.located, session);
         }
     }
 

@@ -63,6 +63,16 @@ impl Session {
         Ok(())
     }
 
+    /// Returns true if it can wait for another picture: a worker can, a command line is started for each window anyway.
+    pub(super) fn can_wait(&self) -> bool {
+        matches!(self.driver, Driver::Worker(_))
+    }
+
+    /// Returns true if its worker may read the files of a scene, and no others.
+    pub(super) fn reads_for(&self, request: &SceneRequest) -> bool {
+        matches!(&self.driver, Driver::Worker(worker) if worker.reads() == request.reads())
+    }
+
     /// Returns the engine's description of the scene.
     pub fn opened(&self) -> &Opened {
         &self.opened

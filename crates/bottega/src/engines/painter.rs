@@ -89,7 +89,7 @@ impl ExternalPainter {
             // Each engine gets half of the processors.
             opening.threads = (opening.threads / 2).max(1);
         }
-        let mut session = Session::open(&located, &opening).map_err(failed)?;
+        let mut session = Session::open_again(&located, &opening).map_err(failed)?;
         if !session.opened().camera {
             opening.view = Some(own_view(asked, &manifest.title)?);
             session.reopen(&located, &opening).map_err(failed)?;
