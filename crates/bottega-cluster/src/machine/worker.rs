@@ -136,7 +136,19 @@ impl Worker {
         say: Box<dyn Fn(WorkerMessage<'_>) + Sync>,
     ) -> Self {
         let _engines = KeptEngines::begin();
-        Self { member, cache, own, _engines, studio: None, only, helped: None, owner: None, memory: None, calls: None, say }
+        Self {
+            member,
+            cache,
+            own,
+            _engines,
+            studio: None,
+            only,
+            helped: None,
+            owner: None,
+            memory: None,
+            calls: None,
+            say,
+        }
     }
 
     /// Leaves the farm.

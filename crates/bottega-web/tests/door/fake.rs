@@ -11,9 +11,11 @@ use std::{
 use bottega::{
     Request,
     events::{AgentEvent, Event, ZoneEvent},
+    viewport::Viewport,
 };
 use bottega_cluster::{
     LogLine,
+    client::SharedViewport,
     deed_log::DeedLog,
     energy::{JobEnergy, MachineEnergy},
     messages::{MessageEvent, SeenMessages},
@@ -238,6 +240,10 @@ impl ShownFarm for FakeFarm {
     fn submit(&self, asked: Submission, by: &str) -> Result<Vec<u32>, Problem> {
         self.note(format!("submit {} by {by}", asked.files.len()));
         Ok(if asked.request.get("frames").is_some() { vec![3, 4, 5] } else { vec![3] })
+    }
+
+    fn share(&self, _: &Arc<Viewport>) -> Option<SharedViewport> {
+        None
     }
 
     fn uploaded_here(&self, _asked: Submission) -> Result<Request, Problem> {
