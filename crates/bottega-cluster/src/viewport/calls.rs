@@ -90,7 +90,7 @@ impl HeardCalls {
             call.look.is_some() && !refused.contains(number)
         };
         // The youngest: somebody has just opened it.
-        calls.iter().filter(is_open).next_back().map(|(&number, _)| number)
+        calls.iter().rfind(is_open).map(|(&number, _)| number)
     }
 
     /// Notes that this machine cannot help a viewport.

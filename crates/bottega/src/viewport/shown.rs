@@ -325,13 +325,13 @@ impl ViewportShared {
         };
         let shown = self.state().shown.clone();
         // Coarse frames have other pixels, and denoised ones wait for the next denoising.
-        if let Some(ShownView { screen, is_denoised: false, .. }) = shown.filter(|shown| shown.look == samples.look) {
-            if screen.shows_pixels() {
-                self.show_merged(&screen, samples.look, samples.rect);
-                match total {
-                    Some(total) => self.note_samples(samples.look, total),
-                    None => self.touch(&screen),
-                }
+        let is_meant =
+            |shown: &ShownView| shown.look == samples.look && !shown.is_denoised && shown.screen.shows_pixels();
+        if let Some(ShownView { screen, .. }) = shown.filter(is_meant) {
+            self.show_merged(&screen, samples.look, samples.rect);
+            match total {
+                Some(total) => self.note_samples(samples.look, total),
+                None => self.touch(&screen),
             }
         }
         true

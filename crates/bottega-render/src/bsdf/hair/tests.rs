@@ -93,8 +93,8 @@ fn each_distribution_is_one_in_sum() {
         });
         let around = (0..steps).map(|i| f64::from(trimmed_logistic(2.0 * PI * middle(i), hair.scale))).sum::<f64>();
         assert!((around * std::f64::consts::TAU / f64::from(steps) - 1.0).abs() < 1e-3, "{beta}: {around}");
-        for (v, sin_o) in hair.variance.into_iter().flat_map(|v| [-0.9, 0.0, 0.5].map(|sin| (v, sin))) {
-            let cos_o = (1.0 - sin_o * sin_o as f32).sqrt();
+        for (v, sin_o) in hair.variance.into_iter().flat_map(|v| [-0.9_f32, 0.0, 0.5].map(|sin| (v, sin))) {
+            let cos_o = (1.0 - sin_o * sin_o).sqrt();
             // ∫ M cos θ dθ = ∫ M d sin θ
             let sum = (0..steps).map(|i| {
                 let sin_i = 2.0 * middle(i) - 1.0;
