@@ -264,7 +264,7 @@ class Hair(Surface):
     @classmethod
     def of_plain(cls, plain: dict[str, Any], names: Names) -> Any:
         ((tag, pigment),) = plain["pigment"].items()
-        colors = {name: MaybeColorKind().value(pigment, names) if tag == name else None for name in ("reflectance", "sigma_a")}
+        colors: dict[str, Any] = {name: MaybeColorKind().value(pigment, names) if tag == name else None for name in ("reflectance", "sigma_a")}
         number_of = NumberKind().value
         melanin = {name: number_of(value, names) for name, value in pigment.items()} if tag == "melanin" else {}
         same = {name: plain[name] for name in ("eta", "alpha", "strand")}

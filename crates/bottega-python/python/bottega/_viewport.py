@@ -79,9 +79,10 @@ class Viewport:
             raise SceneError(f"`scene` is a {type(scene).__name__}: make a bottega.Scene, or read one by bottega.Scene.read")
         self._scene = scene
         self._request = Request.of("a scene in memory", **fields)
-        if farm is not None and not (isinstance(farm, Farm) and isinstance(farm._native, _native.Farm)):
+        linked = farm._native if isinstance(farm, Farm) else None
+        if farm is not None and not isinstance(linked, _native.Farm):
             raise FarmError("no machine renders samples for a viewport by HTTP", "use the address bottega://WORD@HOST:PORT")
-        self._native = _native.Viewport(scene._native, self._request.to_json(), farm and farm._native)
+        self._native = _native.Viewport(scene._native, self._request.to_json(), linked if isinstance(linked, _native.Farm) else None)
         # A viewport that nobody holds, and one that runs at the end of the interpreter, stops.
         self._finalizer = weakref.finalize(self, self._native.stop)
         self.look(size=size, camera=camera, region=region)
