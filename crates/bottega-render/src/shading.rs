@@ -1,6 +1,5 @@
 //! The BSDF at a point of a surface, and its classification.
 
-use bottega_kernels::math;
 use glam::Vec3;
 
 use crate::{
@@ -43,11 +42,6 @@ pub(crate) fn bsdf_at<'a>(
         chance: if material.is_blended() { chance() } else { 0.0 },
     };
     place.insert(scattering(surfaces.scene(), material, &point))
-}
-
-#[inline(always)]
-pub(crate) fn exp(v: Vec3) -> Vec3 {
-    Vec3::new(math::exp(v.x), math::exp(v.y), math::exp(v.z))
 }
 
 /// Returns true if light is scattered equally in all directions, on one side.

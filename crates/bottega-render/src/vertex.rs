@@ -6,10 +6,11 @@ use glam::Vec3;
 
 use crate::{
     bsdf::{Bsdf, BsdfAt, BsdfSample},
+    color::exp,
     interaction::Interaction,
     lights::{LightSample, Receiver},
     sampler::PixelSampler,
-    shading::{BLEND, DEPTH_SHIFT, bsdf_at, exp},
+    shading::{BLEND, DEPTH_SHIFT, bsdf_at},
     surfaces::{PreparedMaterial, Surfaces},
 };
 

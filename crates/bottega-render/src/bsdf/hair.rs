@@ -21,7 +21,7 @@ use glam::Vec3;
 use super::fresnel::{self, mean};
 use super::scatter::{Lobes, Scatter};
 use super::{BsdfSample, LobeFlags, TransportMode, warp};
-use crate::shading::exp;
+use crate::color::exp;
 
 /// Number of lobes with a direction of their own; one more is spread around the fibre.
 const SHARP: usize = 3;
