@@ -27,8 +27,12 @@ use crate::{
     },
 };
 
-/// Target time of a step. When a machine dies, its last step is lost.
+/// Target times of the first step and of the longest ones. When a machine dies, its last step is lost.
 const STEP_TIME: Duration = Duration::from_millis(250);
+const STEP_TIME_MAX: Duration = Duration::from_secs(2);
+/// Share of the time since a look began that a step takes: few samples per step cost more time each, and a view that is fine
+/// already changes little by a frame.
+const STEP_SHARE: f64 = 0.3;
 /// Interval of checks whether the machine is still free.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// Longest time to wait for a call.
@@ -56,9 +60,9 @@ struct PreparedView {
 }
 
 /// The samples of the current look.
-#[derive(Default)]
 struct LookProgress {
     look: Option<u64>,
+    begun: Instant,
     done: u32,
     /// Number of samples of the next step.
     step: u32,
@@ -97,7 +101,7 @@ impl ViewportHelper<'_> {
     /// Follows the calls of the viewport.
     fn follow(&self, is_free: &dyn Fn() -> bool) -> Result<(), Error> {
         let mut prepared: Option<PreparedView> = None;
-        let mut progress = LookProgress::default();
+        let mut progress = LookProgress { look: None, begun: Instant::now(), done: 0, step: 1 };
         while is_free() {
             let Some(call) = self.calls.get(self.viewport) else { return Ok(()) };
             if call.version != build().identity() {
@@ -116,7 +120,7 @@ impl ViewportHelper<'_> {
             }
             let Some(PreparedView { sampler, .. }) = &prepared else { continue };
             if progress.look != Some(look.number) {
-                progress = LookProgress { look: Some(look.number), done: 0, step: 1 };
+                progress = LookProgress { look: Some(look.number), begun: Instant::now(), done: 0, step: 1 };
                 if call.host == host_name() {
                     thread::sleep(HEAD_START);
                 }
@@ -138,7 +142,8 @@ impl ViewportHelper<'_> {
                 let took = begun.elapsed();
                 self.send(&call, &samples);
                 progress.done += count;
-                progress.step = next_step(count, took, step_time(&call, &samples));
+                let target = step_time(progress.begun.elapsed()).max(sending_time(&call, &samples));
+                progress.step = next_step(count, took, target);
             }
         }
         Ok(())
@@ -200,10 +205,16 @@ fn rendered(
     Ok(sampler.render(look, samples, end)?)
 }
 
-/// Returns the time that a step should take, so that its frames do not exceed the bandwidth.
-fn step_time(call: &ViewportCall, samples: &ViewportSamples) -> Duration {
-    let sending = frame_bytes(&samples.rect) as f64 / call.bytes_per_second.max(1) as f64;
-    STEP_TIME.max(Duration::from_secs_f64(sending))
+/// Returns the time that a step should take.
+///
+/// - `since`: time since the look began.
+fn step_time(since: Duration) -> Duration {
+    since.mul_f64(STEP_SHARE).clamp(STEP_TIME, STEP_TIME_MAX)
+}
+
+/// Returns the time that sending a frame takes within the bandwidth.
+fn sending_time(call: &ViewportCall, samples: &ViewportSamples) -> Duration {
+    Duration::from_secs_f64(frame_bytes(&samples.rect) as f64 / call.bytes_per_second.max(1) as f64)
 }
 
 /// Returns the number of samples of the next step.
@@ -230,5 +241,7 @@ mod tests {
         assert_eq!(next_step(1, seconds(0.001), STEP_TIME), 4, "by a factor of four");
         assert_eq!(next_step(8, seconds(0.5), STEP_TIME), 4);
         assert_eq!(next_step(1, seconds(9.0), STEP_TIME), 1);
+        let times = [0.0, 2.0, 60.0].map(|since| step_time(seconds(since)));
+        assert_eq!(times, [STEP_TIME, seconds(0.6), STEP_TIME_MAX]);
     }
 }
