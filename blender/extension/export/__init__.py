@@ -166,33 +166,27 @@ class Export:
                 del self.scene.meshes[group.mesh_key]
 
     def _put_mesh(self, group: Group, uv_names: list[str | None], color_name: str | None) -> bool:
-        """Reads a mesh. Returns false if nothing of it can be seen."""
-        if group.kind != "MESH":
-            return self._put_strands(group)
-        arrays = arrays_of(group.data, tuple(uv_names), color_name)
-        if arrays is None:
+        """Reads a mesh or hair. Returns false if nothing of it can be seen."""
+        made = self._read_shape(group, uv_names, color_name)
+        if made is None:
             return False
-        slots = [DEFAULT] * max(arrays.slot_count, len(group.slots))
         try:
-            self.scene.meshes[group.mesh_key] = arrays.to_mesh(slots)
+            self.scene.meshes[group.mesh_key] = made
         except bottega.SceneError as error:
-            self.report.add(group.mesh_key, group.data.name, "Mesh", Fidelity.LEFT_OUT, str(error))
+            self.report.add(group.mesh_key, group.data.name, "Mesh" if group.kind == "MESH" else "Hair", Fidelity.LEFT_OUT, str(error))
             return False
         return True
 
-    def _put_strands(self, group: Group) -> bool:
-        """Reads hair. Returns false if there is none."""
-        is_viewport = self._mode == "VIEWPORT"
-        particles = group.kind == "PARTICLES"
-        strands = strands_of_particles(group.item, group.data, is_viewport) if particles else strands_of_curves(group.data)
-        if strands is None:
-            return False
-        try:
-            self.scene.meshes[group.mesh_key] = strands.to_curves(DEFAULT)
-        except bottega.SceneError as error:
-            self.report.add(group.mesh_key, group.data.name, "Hair", Fidelity.LEFT_OUT, str(error))
-            return False
-        return True
+    def _read_shape(self, group: Group, uv_names: list[str | None], color_name: str | None) -> bottega.Mesh | bottega.Curves | None:
+        """Reads the arrays of a mesh or of hair; `None`: nothing of it can be seen."""
+        if group.kind == "MESH":
+            arrays = arrays_of(group.data, tuple(uv_names), color_name)
+            return None if arrays is None else arrays.to_mesh([DEFAULT] * max(arrays.slot_count, len(group.slots)))
+        if group.kind == "PARTICLES":
+            strands = strands_of_particles(group.item, group.data, self._mode == "VIEWPORT")
+        else:
+            strands = strands_of_curves(group.data)
+        return None if strands is None else strands.to_curves(DEFAULT)
 
     def _needs(self, group: Group) -> tuple[list[str | None], str | None]:
         """Returns the texture coordinates and the color attribute that the materials of a mesh use."""

@@ -195,13 +195,14 @@ impl ViewportShare {
         let call = {
             let mut state = self.state();
             state.helpers.retain(|_, helper| helper.heard.elapsed() < HELPER_LASTS || helper.refused.is_some());
+            let senders = state.helpers.values().filter(|helper| helper.refused.is_none()).count();
             ViewportCall {
                 viewport: self.number,
                 host: host_name(),
                 version: build().identity().to_owned(),
                 look: state.called(),
                 places: state.helpers.iter().map(|(name, helper)| (name.clone(), helper.place)).collect(),
-                bytes_per_second: (BYTES_PER_SECOND / state.helpers.len().max(1) as u64).min(HELPER_BYTES_PER_SECOND),
+                bytes_per_second: (BYTES_PER_SECOND / senders.max(1) as u64).min(HELPER_BYTES_PER_SECOND),
                 is_over: state.is_over,
             }
         };
@@ -278,8 +279,9 @@ impl ViewportShare {
                 if state.is_over {
                     return;
                 }
+                let unsent = state.unsent();
                 state.is_lacking = false;
-                state.unsent().map(|scene| (scene, state.scene_changed.map_or(SETTLES, |at| at.elapsed())))
+                unsent.map(|scene| (scene, state.scene_changed.map_or(SETTLES, |at| at.elapsed())))
             };
             match next {
                 None => self.call(),
@@ -362,5 +364,29 @@ impl Helper {
             bytes_per_second: rate(recent().map(|(.., bytes)| bytes).sum()),
             refused: self.refused.clone(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_is_sent_when_it_is_new_and_when_the_farm_has_lost_it() {
+        let scene = Arc::new(Scene::default());
+        let camera = bottega_scene::Camera::default();
+        let request = bottega::Request::new("a scene in memory");
+        let look = ViewportLook { number: 3, request, scene: Arc::clone(&scene), camera };
+        let mut state = ShareState::default();
+        assert!(state.unsent().is_none(), "nothing is shown");
+        state.look = Some(look);
+        assert!(state.unsent().is_some() && state.called().is_none(), "nobody can load it yet");
+        let files = SentFiles::at_farm(Vec::new(), None);
+        state.sent = Some(SentScene { scene, state: 1, files });
+        assert!(state.unsent().is_none() && state.called().is_some_and(|called| called.number == 3));
+        state.is_lacking = true;
+        assert!(state.unsent().is_some());
+        state.rests = true;
+        assert!(state.called().is_none(), "it has all samples");
     }
 }

@@ -42,7 +42,7 @@ pub struct WorkerDevices {
 
 impl WorkerDevices {
     /// Sets the devices and rules of a request to these.
-    fn apply(&self, request: &mut Request) {
+    pub(crate) fn apply(&self, request: &mut Request) {
         request.devices.threads = self.threads;
         request.devices.memory_mb = self.memory_mb;
         if !self.rules.is_empty() {

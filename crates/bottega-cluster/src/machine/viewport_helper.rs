@@ -1,15 +1,15 @@
 //! A free machine that renders samples for somebody's viewport.
 
 use std::{
-    sync::Arc,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
     thread,
     time::{Duration, Instant},
 };
 
-use bottega::{
-    Request,
-    viewport::{LookEnd, ViewportSampler, ViewportSamples},
-};
+use bottega::viewport::{ViewportSampler, ViewportSamples};
 use bottega_scene::{LoadOptions, Scene};
 
 use crate::{
@@ -21,7 +21,7 @@ use crate::{
     names::host_name,
     server::patience::meanwhile,
     viewport::{
-        call::{CalledLook, HELPER_SAMPLES, HelperNotice, ViewportCall, frames_channel},
+        call::{CalledLook, HELPER_SAMPLES, HelperNotice, PLACES_MAX, ViewportCall, frames_channel},
         calls::HeardCalls,
         frame::{encode_frame, encode_notice, frame_bytes},
     },
@@ -78,7 +78,7 @@ impl ViewportHelper<'_> {
         let viewing = activity.view();
         let attend = || board.attend(&Presence { takes_orders: true, ..self.member.seat(None) });
         attend();
-        let is_called_away = std::sync::atomic::AtomicBool::new(false);
+        let is_called_away = AtomicBool::new(false);
         let mut ticks = 0_u32;
         let watch = || {
             ticks += 1;
@@ -86,11 +86,11 @@ impl ViewportHelper<'_> {
                 attend();
             }
             if is_wanted_elsewhere() {
-                is_called_away.store(true, std::sync::atomic::Ordering::Relaxed);
+                is_called_away.store(true, Ordering::Relaxed);
                 self.calls.leave();
             }
         };
-        let is_free = || !is_called_away.load(std::sync::atomic::Ordering::Relaxed);
+        let is_free = || !is_called_away.load(Ordering::Relaxed);
         let helped = meanwhile(LOOK_EVERY, watch, || self.follow(&is_free));
         drop(viewing);
         let refuses = helped.as_ref().err().map(Error::error_chain_with_remedy);
@@ -110,6 +110,9 @@ impl ViewportHelper<'_> {
             let (Some(look), Some(&place)) = (&call.look, call.places.get(&self.member.name)) else {
                 if call.look.is_some() {
                     self.tell(HelperNotice::default());
+                } else if self.calls.open().is_some() {
+                    // This viewport has all its samples, and another one does not.
+                    return Ok(());
                 }
                 self.calls.wait(self.viewport, &call, CALL_WAIT);
                 continue;
@@ -131,14 +134,14 @@ impl ViewportHelper<'_> {
                 continue;
             }
             // Render a step, and send it
-            let first = place.saturating_mul(HELPER_SAMPLES) + progress.done;
+            let first = place.min(PLACES_MAX) * HELPER_SAMPLES + progress.done;
             let count = progress.step.min(most - progress.done);
             let end = sampler.end()?;
             if !self.calls.begin(self.viewport, look.number, &end) {
                 continue;
             }
             let begun = Instant::now();
-            if let Some(samples) = rendered(sampler, look.number, first..first + count, &end)? {
+            if let Some(samples) = sampler.render(look.number, first..first + count, &end)? {
                 let took = begun.elapsed();
                 self.send(&call, &samples);
                 progress.done += count;
@@ -152,7 +155,8 @@ impl ViewportHelper<'_> {
     /// Prepares a look. `None`: the farm does not have its scene any more; the owner will send it again.
     fn prepare(&self, before: Option<PreparedView>, look: &CalledLook) -> Result<Option<PreparedView>, Error> {
         let CalledLook { number, request, camera, state, .. } = look;
-        let request = self.own.for_viewport(request);
+        let mut request = request.clone();
+        self.own.apply(&mut request);
         if let Some(PreparedView { scene, sampler, .. }) = before.filter(|before| before.state == *state) {
             let sampler = sampler.look(&request, camera.clone())?;
             return Ok(Some(PreparedView { state: *state, scene, look: *number, sampler }));
@@ -184,25 +188,6 @@ impl ViewportHelper<'_> {
         let notice = HelperNotice { name: self.member.name.clone(), ..notice };
         self.member.board.uplink.live().send(&frames_channel(self.viewport), encode_notice(&notice));
     }
-}
-
-impl WorkerDevices {
-    /// Returns a request with the processors of this machine.
-    fn for_viewport(&self, request: &Request) -> Request {
-        let mut request = request.clone();
-        request.devices.threads = self.threads;
-        request.devices.names = bottega::devices::DeviceChoice::Auto.names();
-        request
-    }
-}
-
-fn rendered(
-    sampler: &ViewportSampler,
-    look: u64,
-    samples: std::ops::Range<u32>,
-    end: &LookEnd,
-) -> Result<Option<ViewportSamples>, Error> {
-    Ok(sampler.render(look, samples, end)?)
 }
 
 /// Returns the time that a step should take.

@@ -16,6 +16,8 @@ pub(crate) const CALL_EVERY: Duration = Duration::from_secs(1);
 pub(crate) const CALL_LASTS: Duration = Duration::from_secs(4);
 /// Number of sample indices of a helper: the owner's come first, then those of each helper.
 pub(crate) const HELPER_SAMPLES: u32 = 1 << 14;
+/// The last place of a helper whose sample indices are numbers.
+pub(crate) const PLACES_MAX: u32 = u32::MAX / HELPER_SAMPLES - 1;
 
 /// Returns the channel of what the helpers of a viewport send to its owner.
 pub(crate) fn frames_channel(viewport: u64) -> String {

@@ -8,8 +8,8 @@ use crate::model::Mesh;
 /// Corners of a cross-section of the hull.
 const SIDES: u32 = 4;
 
-/// Maximal deviation of the curve from the axis of a prism of the hull, in half widths. Wider prisms are hit in vain more
-/// often; shorter ones take more memory.
+/// Maximal distance between the curve and the axis of its prism, in half widths of the curve. A larger value makes fewer prisms,
+/// and more rays hit a prism and miss its curve.
 const SLACK: f64 = 0.5;
 /// Least cosine between a prism of the hull and the curve within.
 const STRAIGHT: f64 = 0.95;

@@ -4,7 +4,11 @@ use std::sync::Arc;
 
 use bottega_scene::{Camera, Scene};
 
-use crate::{error::Error, request::Request, session::Session};
+use crate::{
+    error::Error,
+    request::{Request, WorkOptions},
+    session::Session,
+};
 
 /// A look of a viewport: all that determines its samples.
 #[derive(Clone, Debug)]
@@ -35,6 +39,8 @@ impl ViewportLook {
         let subject = session.subject()?;
         let mut request = session.request().clone();
         (request.view, request.environment) = Default::default();
+        // Rules may be files of this machine, and choose nothing in a viewport.
+        request.work = WorkOptions::default();
         let (scene, camera) = (subject.prepared.shared_scene(), subject.camera().as_ref().clone());
         // Nothing is denoised elsewhere, and no layers are sent.
         request.film.denoise = false;
