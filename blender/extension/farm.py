@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A farm: started here, joined, and Cycles stills over all of its machines.
+"""A farm: started here, found, joined, and watched.
 
-Programs run beside Blender; a thread asks the farm how it stands, so that Blender stays usable. The address of the farm, which holds
+Programs run beside Blender; a thread asks the farm for its state, so that Blender stays usable. The address of the farm, which holds
 its word, is kept in the preferences of the add-on, never in the .blend file.
 """
 
@@ -12,12 +12,10 @@ import contextlib
 import os
 import re
 import subprocess
-import tempfile
 import threading
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import Any, Callable
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
@@ -26,6 +24,8 @@ from . import library
 
 # Seconds between two questions to the farm.
 ASK_EVERY = 1.0
+# Largest number of jobs that the panel shows.
+JOBS_SHOWN = 6
 # Seconds for which farms on the local network are searched.
 FIND_TIME = 2.0
 _ADDRESS = re.compile(r"bottega://\S+@\S+")
@@ -47,26 +47,16 @@ class Programs:
 
 
 @dataclass
-class Still:
-    """A picture that a farm renders of a copy of the .blend file."""
-
-    copy: Path
-    output: Path
-    samples: int
-    job: Any = None
-    state: str = "is sent"
-    share: float = 0.0
-    is_over: bool = False
-
-
-@dataclass
 class Watch:
     """What is known of the farm. The thread that asks it writes here, and the panel reads."""
 
     machines: list[dict[str, Any]] = field(default_factory=list)
+    # The last jobs, the newest first.
+    jobs: list[dict[str, Any]] = field(default_factory=list)
     # Farms on the local network: machine and address of each.
     found: list[str] = field(default_factory=list)
-    still: Still | None = None
+    # Called with the farm after each question to it, in the thread of the watch.
+    followers: list[Callable[[Any], None]] = field(default_factory=list)
     problem: str = ""
     address: str | None = None
     thread: threading.Thread | None = None
@@ -75,6 +65,8 @@ class Watch:
 
 programs = Programs()
 watch = Watch()
+# Numbers of the jobs that this Blender has sent and that are not over.
+own_jobs: set[int] = set()
 
 
 class BottegaPreferences(bpy.types.AddonPreferences):
@@ -84,10 +76,12 @@ class BottegaPreferences(bpy.types.AddonPreferences):
 
     address: StringProperty(name="Farm", description="The line that `bottega up` prints, or its word alone; empty: the farm on this machine", default="", subtype="PASSWORD")
     outlives: BoolProperty(name="Stay in the farm after Blender ends", default=False)
+    keeps_jobs: BoolProperty(name="Finish pictures after Blender ends", description="Off: jobs of this Blender are cancelled when it ends", default=True)
 
     def draw(self, context: Any) -> None:
         self.layout.prop(self, "address")
         self.layout.prop(self, "outlives")
+        self.layout.prop(self, "keeps_jobs")
 
 
 def preferences() -> Any:
@@ -163,8 +157,22 @@ def end_programs() -> None:
     """Ends what was started, unless it shall outlive Blender."""
     watch.is_wanted = False
     kept = preferences()
+    if kept is not None and not kept.keeps_jobs:
+        _cancel_jobs()
     if kept is None or not kept.outlives:
         programs.end()
+
+
+def _cancel_jobs() -> None:
+    """Cancels the jobs that this Blender has sent."""
+    if not own_jobs:
+        return
+    import bottega
+
+    with contextlib.suppress(bottega.Error):
+        connected = bottega.Farm(address())
+        for number in own_jobs:
+            connected.job(number).cancel()
 
 
 def begin_watch() -> None:
@@ -178,121 +186,39 @@ def begin_watch() -> None:
 def _ask() -> None:
     import bottega
 
-    farm, where = None, watch.address
+    connected, where = None, watch.address
     while watch.is_wanted:
         try:
-            if farm is None or where != watch.address:
+            if connected is None or where != watch.address:
                 where = watch.address
-                farm = bottega.Farm(where)
-            watch.machines = farm.machines()
-            _follow(farm)
-            watch.problem = "" if watch.still is None or watch.still.state == "done" or not watch.still.is_over else watch.problem
-            watch.found = []
+                connected = bottega.Farm(where)
+            watch.machines = connected.machines()
+            watch.jobs = connected.views()[-JOBS_SHOWN:][::-1]
+            watch.found, watch.problem = [], ""
+            for follow in watch.followers:
+                follow(connected)
         except bottega.Error as error:
-            watch.problem, farm = str(error), None
+            watch.problem, connected = str(error), None
             with contextlib.suppress(bottega.FarmError):
                 watch.found = [f"{found.host}, {found.address}" for found in bottega.farms(FIND_TIME)]
         time.sleep(ASK_EVERY)
 
 
-def _follow(farm: Any) -> None:
-    """Sends the still, follows it, and fetches its picture."""
-    still = watch.still
-    if still is None or still.is_over:
-        return
-    if still.job is None:
+class FarmOperator:
+    """An operator whose `act` raises `RuntimeError`, `OSError` or an error of `bottega` with what the user should read."""
+
+    def execute(self, context: Any) -> set[str]:
         import bottega
 
         try:
-            still.job = farm.submit(str(still.copy), engine={"names": ["cycles"]}, spp=still.samples, output=str(still.output))
-        except (bottega.RequestError, bottega.SceneError, bottega.EngineError):
-            still.state, still.is_over = "is refused", True
-            raise
-    view = still.job.view()
-    still.state, still.share = view["state"], float(view.get("done") or 0.0)
-    if still.state == "done":
-        still.job.fetch(still.output)
-    still.is_over = still.state not in ("active", "paused")
-    if still.state == "failed":
-        watch.problem = str(view.get("reason"))
-
-
-def missing_files() -> list[str]:
-    """Returns the files that the scene needs and that are not there."""
-    named = [(image.filepath, image.library) for image in bpy.data.images if image.source == "FILE" and not image.packed_file]
-    named += [(library_.filepath, None) for library_ in bpy.data.libraries]
-    paths = [bpy.path.abspath(path, library=owner) for path, owner in named if path]
-    return sorted({path for path in paths if not Path(path).is_file()})
-
-
-def send_still() -> Still:
-    """Sends a copy of the scene, with its unsaved pictures, to be rendered by the Cycles of all machines. The user's file is untouched.
-
-    Raises `RuntimeError`, which names the files that are missing.
-    """
-    missing = missing_files()
-    if missing:
-        raise RuntimeError(f"{len(missing)} files are missing: {', '.join(missing[:5])}")
-    folder = Path(tempfile.mkdtemp(prefix="bottega-still-"))
-    copy = folder / "scene.blend"
-    unsaved = [image for image in bpy.data.images if image.is_dirty and image.has_data and image.source in ("FILE", "GENERATED")]
-    copies = [_packed_copy(image) for image in unsaved]
-    for image, other in zip(unsaved, copies):
-        image.user_remap(other)
-    try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(copy), copy=True, compress=True, relative_remap=False)
-    finally:
-        for image, other in zip(unsaved, copies):
-            other.user_remap(image)
-            bpy.data.images.remove(other)
-    watch.still = Still(copy, folder / "picture.exr", bpy.context.scene.cycles.samples)
-    begin_watch()
-    return watch.still
-
-
-def _packed_copy(image: Any) -> Any:
-    """Returns a packed image with the pixels of an unsaved one, which stays as it is."""
-    import numpy as np
-
-    width, height = image.size
-    other = bpy.data.images.new(image.name, width, height, alpha=True, float_buffer=image.is_float)
-    other.colorspace_settings.name = image.colorspace_settings.name
-    other.alpha_mode = image.alpha_mode
-    flat = np.empty(width * height * image.channels, np.float32)
-    image.pixels.foreach_get(flat)
-    pixels = np.ones((width * height, 4), np.float32)
-    pixels[:, : image.channels] = flat.reshape(-1, image.channels)
-    other.pixels.foreach_set(pixels.ravel())
-    other.update()
-    other.pack()
-    return other
-
-
-def left_out(scene: Any) -> list[str]:
-    """Returns what the Cycles of a farm leaves out of a scene."""
-    notes = []
-    if scene.cycles.device != "CPU":
-        notes.append("GPUs")
-    if scene.cycles.use_adaptive_sampling:
-        notes.append("adaptive sampling")
-    if scene.use_nodes:
-        notes.append("the compositor")
-    if len([layer for layer in scene.view_layers if layer.use]) > 1:
-        notes.append("further view layers")
-    return notes
-
-
-class _FarmOperator:
-    def execute(self, context: Any) -> set[str]:
-        try:
             self.act(context)
-        except (RuntimeError, OSError) as error:
+        except (RuntimeError, OSError, bottega.Error) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         return {"FINISHED"}
 
 
-class BOTTEGA_OT_farm_start(_FarmOperator, bpy.types.Operator):
+class BOTTEGA_OT_farm_start(FarmOperator, bpy.types.Operator):
     """Start a farm on this machine: others join it by the line that is shown"""
 
     bl_idname = "bottega.farm_start"
@@ -302,7 +228,7 @@ class BOTTEGA_OT_farm_start(_FarmOperator, bpy.types.Operator):
         start_farm()
 
 
-class BOTTEGA_OT_farm_join(_FarmOperator, bpy.types.Operator):
+class BOTTEGA_OT_farm_join(FarmOperator, bpy.types.Operator):
     """Let this machine render what the farm is asked for"""
 
     bl_idname = "bottega.farm_join"
@@ -312,7 +238,7 @@ class BOTTEGA_OT_farm_join(_FarmOperator, bpy.types.Operator):
         join_farm()
 
 
-class BOTTEGA_OT_farm_look(_FarmOperator, bpy.types.Operator):
+class BOTTEGA_OT_farm_look(FarmOperator, bpy.types.Operator):
     """Look for the farm, and show its machines"""
 
     bl_idname = "bottega.farm_look"
@@ -322,33 +248,8 @@ class BOTTEGA_OT_farm_look(_FarmOperator, bpy.types.Operator):
         begin_watch()
 
 
-class BOTTEGA_OT_farm_still(_FarmOperator, bpy.types.Operator):
-    """Render the picture by the Cycles of all machines of the farm. Blender stays usable"""
-
-    bl_idname = "bottega.farm_still"
-    bl_label = "Render by the Cycles of the Farm"
-
-    def act(self, context: Any) -> None:
-        still = send_still()
-        bpy.app.timers.register(lambda: _show(still), first_interval=ASK_EVERY)
-
-
-def _show(still: Still) -> float | None:
-    """Redraws the panel while a still is rendered, and opens its picture at the end. Blender calls it again after the seconds."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "PROPERTIES":
-                area.tag_redraw()
-    if not still.is_over:
-        return ASK_EVERY
-    if still.output.is_file():
-        image = bpy.data.images.load(str(still.output))
-        image.name = "Farm Result"
-    return None
-
-
 class BOTTEGA_PT_farm(bpy.types.Panel):
-    """Machines of the farm, and stills by their Cycles."""
+    """The farm and its machines."""
 
     bl_label = "Bottega Farm"
     bl_space_type = "PROPERTIES"
@@ -375,6 +276,7 @@ class BOTTEGA_PT_farm(bpy.types.Panel):
         row.operator("bottega.farm_join")
         if kept is not None:
             layout.prop(kept, "outlives")
+            layout.prop(kept, "keeps_jobs")
         line = _ADDRESS.search(programs.said)
         if line is not None:
             layout.label(text="Others join by this line, which is the farm's secret:")
@@ -390,23 +292,12 @@ class BOTTEGA_PT_farm(bpy.types.Panel):
         for machine in watch.machines:
             text = f"{machine['machine']}: {machine['state']}, {machine['threads']} processors, Bottega {machine['version']}"
             layout.label(text=text, icon="DESKTOP")
-        if context.engine == "CYCLES":
-            self._draw_still(context)
-        else:
+        if context.engine == "BOTTEGA":
             layout.prop(context.scene.bottega, "use_farm")
             layout.prop(context.scene.bottega, "view_farm")
+            layout.prop(context.scene.bottega, "priority")
             if context.scene.bottega.use_farm and context.scene.bottega.goal == "TIME":
                 layout.label(text="A farm keeps no time. Finish at noise or samples", icon="ERROR")
-
-    def _draw_still(self, context: Any) -> None:
-        layout = self.layout
-        notes = left_out(context.scene)
-        if notes:
-            layout.label(text=f"The farm leaves out: {', '.join(notes)}", icon="INFO")
-        layout.operator("bottega.farm_still", icon="RENDER_STILL")
-        still = watch.still
-        if still is not None:
-            layout.label(text=f"The picture {still.state}: {100 * still.share:.0f} %")
 
 
 _CLASSES = (
@@ -414,7 +305,6 @@ _CLASSES = (
     BOTTEGA_OT_farm_start,
     BOTTEGA_OT_farm_join,
     BOTTEGA_OT_farm_look,
-    BOTTEGA_OT_farm_still,
     BOTTEGA_PT_farm,
 )
 

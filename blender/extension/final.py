@@ -69,6 +69,10 @@ def request_fields(scene: Any, layer: Any, frame: Frame, crop: tuple[int, int, i
     }
     if settings.guide == "OFF":
         fields["guide"] = {"by": "none"}
+    if settings.optimization != "OFF":
+        fields["optimization"] = settings.optimization.lower()
+    if settings.use_farm:
+        fields["farm"] = {"priority": settings.priority}
     if settings.threads > 0:
         fields["threads"] = settings.threads
     if settings.seed > 0:
@@ -109,25 +113,32 @@ def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, finish: Finish
 
     `picture`: layers by name.
     """
-    is_clear = scene.render.film_transparent
+    columns = -1 if finish.is_mirrored else 1
+
+    def flipped(layer: Any) -> Any:
+        return np.asarray(layer)[::-1, ::columns]
+
     if info is None:
-        color = picture["color"]
-        alpha = picture["alpha"] if is_clear and "alpha" in picture else np.ones(color.shape[:2], np.float32)
-        pixels = np.concatenate([color, alpha[..., None]], -1)
+        color = flipped(picture["color"])
+        pixels = np.empty((*color.shape[:2], 4), np.float32)
+        pixels[..., :3] = color
+        pixels[..., 3] = flipped(picture["alpha"]) if scene.render.film_transparent and "alpha" in picture else 1.0
     elif info.name == "Normal":
-        normal = picture["normal"]
-        pixels = np.stack([normal[..., 0], -normal[..., 2], normal[..., 1]], -1)
+        normal = flipped(picture["normal"])
+        pixels = np.empty(normal.shape, np.float32)
+        pixels[..., 0], pixels[..., 1], pixels[..., 2] = normal[..., 0], normal[..., 2], normal[..., 1]
+        np.negative(pixels[..., 1], out=pixels[..., 1])
         if finish.reach is not None:
-            pixels[_distances(picture, finish) == np.inf] = 0.0
+            pixels[flipped(_distances(picture, finish)) == np.inf] = 0.0
     elif info.name == "Mist":
-        pixels = mist(_distances(picture, finish), scene.world)[..., None]
+        pixels = mist(flipped(_distances(picture, finish)), scene.world)
     elif info.name == "Depth":
-        depth = _distances(picture, finish)
-        pixels = np.where(np.isfinite(depth) & (depth > 0.0), depth, 1e10)[..., None]
+        depth = flipped(_distances(picture, finish))
+        pixels = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(1e10))
     else:
-        pixels = picture[_LAYERS[info.name]]
-    pixels = pixels.reshape(*pixels.shape[:2], -1)[::-1, :: -1 if finish.is_mirrored else 1]
-    return np.ascontiguousarray(pixels, np.float32).reshape(-1, pixels.shape[-1])
+        pixels = flipped(picture[_LAYERS[info.name]])
+    height, width = pixels.shape[:2]
+    return np.ascontiguousarray(pixels, np.float32).reshape(height * width, -1)
 
 
 def _distances(picture: Layers, finish: Finish) -> Any:
@@ -143,5 +154,5 @@ def mist(depth: Any, world: Any) -> Any:
     settings = world.mist_settings
     near = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.inf)
     share = np.clip((near - settings.start) / max(settings.depth, 1e-6), 0.0, 1.0)
-    power = {"QUADRATIC": 2.0, "LINEAR": 1.0, "INVERSE_QUADRATIC": 0.5}[settings.falloff]
-    return settings.intensity + (1.0 - settings.intensity) * share**power
+    curve = {"QUADRATIC": np.square, "LINEAR": np.positive, "INVERSE_QUADRATIC": np.sqrt}[settings.falloff]
+    return settings.intensity + (1.0 - settings.intensity) * curve(share)

@@ -70,6 +70,7 @@ class BOTTEGA_PT_quality(_Panel, bpy.types.Panel):
         else:
             layout.prop(settings, "samples")
         layout.prop(settings, "denoise")
+        layout.prop(settings, "optimization")
         layout.separator()
         layout.prop(settings, "view_samples", text="Viewport")
         layout.prop(settings, "view_denoise", text="Denoise")

@@ -49,7 +49,6 @@ def render(engine: Any, depsgraph: Any) -> None:
         engine.update_stats("", "Reading the scene")
         export = _export(engine, scene, depsgraph)
         camera = _camera(engine, camera_object, depsgraph, frame, export.report)
-        camera.hides_emitters = export.hides_emitters
         _see_backdrop(camera, export, camera_object.name, layer)
         if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
             export.report.add("camera", scene.name, "Transparent Glass", Fidelity.APPROXIMATED, "behind glass alpha is 1")

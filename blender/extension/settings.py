@@ -36,6 +36,20 @@ class BottegaSceneSettings(bpy.types.PropertyGroup):
     )
     threads: IntProperty(name="Threads", description="Processors to use; 0: all", default=0, min=0, max=1024)
     seed: IntProperty(name="Seed", description="Another seed has other noise", default=0, min=0)
+    optimization: EnumProperty(
+        name="Optimization",
+        description="Expert rules lower the quality of parts that are hardly looked at, to save time",
+        items=[
+            ("OFF", "Off", "The same quality everywhere"),
+            ("VS", "Very Small", "Hardly visible"),
+            ("S", "Small", "Little is lost"),
+            ("N", "Normal", "Less light and fewer reflections in unimportant parts"),
+            ("B", "Big", "For tests"),
+            ("VB", "Very Big", "For the fastest look"),
+        ],
+        default="OFF",
+    )
+    priority: IntProperty(name="Priority", description="Jobs of a farm get machines in proportion to their priority", default=10, min=1, max=1000)
     use_farm: BoolProperty(name="Render on the Farm", description="F12 renders with all machines of the farm, this one among them", default=False)
     view_farm: BoolProperty(name="Viewport on the Farm", description="Free machines of the farm render samples of the viewport, too", default=False)
     use_albedo: BoolProperty(name="Albedo", description="The color of surfaces, as a pass", default=False)

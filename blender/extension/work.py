@@ -75,6 +75,7 @@ class FarmWork(Work):
             self._sent = f"{event['bytes_sent'] / 1e6:.0f} of {event['bytes'] / 1e6:.0f} MB sent"
         elif event["event"] == "asked":
             self._job, self._sent = event["job"], ""
+            farm.own_jobs.add(event["job"])
         elif event["event"] == "warning":
             self.warnings.append(event["message"])
 
@@ -88,6 +89,7 @@ class FarmWork(Work):
         return self._sent or ("" if count == 0 else f"{count} machine{'s' if count > 1 else ''}")
 
     def end(self) -> None:
+        farm.own_jobs.discard(self._job)
         self._folder.cleanup()
 
 

@@ -572,6 +572,28 @@ def kinds_of_ray() -> None:
     lamp("POINT", (0, -3, 5), energy=200, shadow_soft_size=0.0)
 
 
+def background(tree: Any, value: Any) -> Any:
+    """Adds a background of a color, or of a rotated picture if `value` is `None`. Returns the node."""
+    made = tree.nodes.new("ShaderNodeBackground")
+    if value is not None:
+        made.inputs["Color"].default_value = (*value, 1.0)
+        return made
+    panorama, mapping, place = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexEnvironment", "Mapping", "TexCoord"))
+    panorama.image = picture("Sky", is_float=True)
+    mapping.inputs["Rotation"].default_value = (0.2, 0.1, 0.9)
+    tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], panorama.inputs["Vector"])
+    tree.links.new(panorama.outputs[0], made.inputs["Color"])
+    return made
+
+
+def balls() -> None:
+    """Adds a matte and a glossy ball on a floor."""
+    floor(matte(), 5.0)
+    ball((-1.2, 0, 1), material=matte((0.7, 0.3, 0.2)))
+    ball((1.2, 0, 1), material=shaded("ShaderNodeBsdfAnisotropic", Color=(0.9, 0.9, 0.9), Roughness=0.1))
+
+
 def two_worlds(seen: Any, lighting: Any) -> Any:
     """Makes a world whose camera rays see one background, and all others another: colors, or `None` for a picture. Returns the scene."""
     made = empty()
@@ -579,21 +601,18 @@ def two_worlds(seen: Any, lighting: Any) -> Any:
     path, mix = tree.nodes.new("ShaderNodeLightPath"), tree.nodes.new("ShaderNodeMixShader")
     tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
     for index, value in ((1, lighting), (2, seen)):
-        background = tree.nodes.new("ShaderNodeBackground")
-        if value is not None:
-            background.inputs["Color"].default_value = (*value, 1.0)
-        else:
-            panorama, mapping, place = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexEnvironment", "Mapping", "TexCoord"))
-            panorama.image = picture("Sky", is_float=True)
-            mapping.inputs["Rotation"].default_value = (0.2, 0.1, 0.9)
-            tree.links.new(place.outputs["Generated"], mapping.inputs["Vector"])
-            tree.links.new(mapping.outputs[0], panorama.inputs["Vector"])
-            tree.links.new(panorama.outputs[0], background.inputs["Color"])
-        tree.links.new(background.outputs[0], mix.inputs[index])
+        tree.links.new(background(tree, value).outputs[0], mix.inputs[index])
     tree.links.new(mix.outputs[0], tree.nodes["World Output"].inputs["Surface"])
-    floor(matte(), 5.0)
-    ball((-1.2, 0, 1), material=matte((0.7, 0.3, 0.2)))
-    ball((1.2, 0, 1), material=shaded("ShaderNodeBsdfAnisotropic", Color=(0.9, 0.9, 0.9), Roughness=0.1))
+    balls()
+    return made
+
+
+def pictured_world() -> Any:
+    """Makes a world with a rotated panorama, and balls. Returns the scene."""
+    made = empty()
+    tree = made.world.node_tree
+    tree.links.new(background(tree, None).outputs[0], tree.nodes["World Output"].inputs["Surface"])
+    balls()
     return made
 
 
@@ -626,6 +645,25 @@ def clear_film() -> None:
     ball((1.8, 0, 0.8), 0.8, shaded("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.45))
     for item in (lamp("AREA", (0.9, 2, 1.2), (70, 0, 0), energy=20, size=0.8), lamp("POINT", (-0.6, 1, 1.4), energy=20, shadow_soft_size=0.25)):
         item.visible_camera = True
+
+
+@scene
+def clear_panorama() -> None:
+    """A transparent film in front of a panorama, with a lamp and a surface that emit, which the camera sees."""
+    made = pictured_world()
+    made.render.film_transparent = True
+    ball((0, -1.5, 0.5), 0.5, shaded("ShaderNodeEmission", Color=(0.2, 0.5, 1.0), Strength=1.5))
+    light = lamp("POINT", (-0.6, -1.3, 1.8), energy=20, shadow_soft_size=0.25)
+    light.visible_camera = True
+    if hasattr(light.data, "use_soft_falloff"):
+        light.data.use_soft_falloff = False
+
+
+@scene
+def world_by_ray() -> None:
+    """A panorama that glossy surfaces do not reflect, by the ray visibility of the world."""
+    made = pictured_world()
+    made.world.cycles_visibility.glossy = False
 
 
 @scene

@@ -19,7 +19,7 @@ from .instances import Group, Pass, gather, materials_of
 from .lights import light_of
 from .meshes import arrays_of
 from .nodes import groups_of, uid_of
-from .placements import Placement, emits_to_camera, placements_of
+from .placements import Placement, placements_of
 from .report import Fidelity, Report
 from .textures import Pictures
 from .world import Surroundings, surroundings_of
@@ -29,14 +29,13 @@ class Export:
     """A scene in memory that follows a scene of Blender.
 
     - `scene`: the scene. `report`: what is not rendered as Cycles renders it.
-    - `hides_emitters`: the camera must see neither the world nor what emits. `reach`: distance beyond which the camera must see; `None`: any.
+    - `reach`: distance beyond which the camera must see; `None`: any.
     """
 
     def __init__(self) -> None:
         self.scene = bottega.Scene()
         self.report = Report()
         self._pictures = Pictures()
-        self.hides_emitters = False
         self.reach: float | None = None
         self._families = Families(self.scene, self.report, self._pictures)
         self._surroundings = Surroundings()
@@ -134,18 +133,8 @@ class Export:
         if made.backdrop is not None:
             self.reach = extent_of(found)
             put_backdrop(self.scene, made.backdrop, self.reach)
-        self.hides_emitters = made.is_hidden
         self.report.begin("film")
-        if self._is_clear:
-            self._note_film(found, placements)
-
-    def _note_film(self, found: Pass, placements: list[Placement]) -> None:
-        """Notes how a transparent film differs from Cycles'."""
-        shows = any(light.visible_camera and light.data.type != "SUN" for _, light, _ in found.lights)
-        if self.hides_emitters and (shows or emits_to_camera(placements, self._families)):
-            text = "in front of a panorama that it does not see, the camera sees neither lights nor surfaces that emit"
-            self.report.add("film", "Film", "Transparent", Fidelity.APPROXIMATED, text)
-        if any(isinstance(material.surface, bottega.Transparent) for material in self._families.materials()):
+        if self._is_clear and any(isinstance(material.surface, bottega.Transparent) for material in self._families.materials()):
             self.report.add("film", "Film", "Transparent", Fidelity.APPROXIMATED, "behind transparent surfaces with a color alpha is 1")
 
     def _read_meshes(self, found: Pass) -> None:

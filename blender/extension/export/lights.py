@@ -22,7 +22,7 @@ from .textures import Pictures
 
 
 # Radius of a light, in metres, from which its soft falloff is said to be another one: the light of smaller ones hardly differs.
-SOFT = 0.3
+SOFT = 0.11
 
 
 def light_of(light: Any, matrix: Any, key: str, report: Report) -> bottega.Light | None:

@@ -125,18 +125,3 @@ def _rays(group: Group, families: Families, uids: Iterable[Any]) -> list[str]:
     if not any(uid is not None and "ray" in families.by_uid[uid].asks for uid in uids):
         return ["camera"]
     return rays_of(group.visibility) or ["camera"]
-
-
-def emits_to_camera(placements: Iterable[Placement], families: Families) -> bool:
-    """Returns true if the camera may see a surface that emits."""
-    made = {key: material for family in families.by_uid.values() for key, material in family.made.items()}
-    for placement in placements:
-        for key in placement.materials if placement.visibility.camera else ():
-            emission = made[key].material.emission if key in made else 0.0
-            if isinstance(emission, bottega.Texture) or max(_members(emission)) > 0.0:
-                return True
-    return False
-
-
-def _members(color: Any) -> tuple[float, ...]:
-    return (float(color),) if isinstance(color, (int, float)) else tuple(float(value) for value in color)

@@ -44,14 +44,12 @@ class Surroundings:
     - `environment`: seen and lighting; `None`: none. `images`: of it and of the backdrop, by key.
     - `lights`: by key: light from all sides, for some kinds of ray.
     - `backdrop`: covers the environment for the camera.
-    - `is_hidden`: true if the camera must not see the environment.
     """
 
     environment: bottega.Environment | None = None
     images: Images = field(default_factory=dict)
     lights: dict[str, bottega.Light] = field(default_factory=dict)
     backdrop: Backdrop | None = None
-    is_hidden: bool = False
 
 
 class WorldReader(ColorReader):
@@ -123,11 +121,12 @@ def surroundings_of(world: Any, pictures: Pictures, report: Report, is_clear: bo
     report.begin(KEY)
     if world is None:
         return Surroundings()
+    shown = _rays_of(world, is_clear)
     tree = world.node_tree if getattr(world, "use_nodes", True) else None
     if tree is None:
         color = np.array(world.color)
         sky = _Sky(Field(f"color {tuple(color)}", 3, None, lambda: color), np.eye(3))
-        return _surroundings({ray: sky for ray in ("camera", *BOUNCES)}, pictures, is_clear)
+        return _surroundings({ray: sky for ray in ("camera", *BOUNCES)}, pictures, shown)
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None:
         return Surroundings()
@@ -139,7 +138,15 @@ def surroundings_of(world: Any, pictures: Pictures, report: Report, is_clear: bo
     except CyclicNodes as error:
         report.add(KEY, world.name, "World Output", Fidelity.LEFT_OUT, f"{error}: the world is black")
         return Surroundings()
-    return _surroundings(skies, pictures, is_clear)
+    return _surroundings(skies, pictures, shown)
+
+
+def _rays_of(world: Any, is_clear: bool) -> list[str]:
+    """Returns the kinds of ray that see the world."""
+    settings = getattr(world, "cycles_visibility", None)
+    names = {"volume": "scatter"}
+    shown = [ray for ray in ("camera", *BOUNCES) if getattr(settings, names.get(ray, ray), True)]
+    return [ray for ray in shown if not (is_clear and ray == "camera")]
 
 
 def _skies(world: Any, output: Any, pictures: Pictures, report: Report) -> dict[str, _Sky]:
@@ -180,26 +187,28 @@ def _baked(image: Any, pictures: Pictures) -> _Sky:
     return _Sky(Field(f"{key} panorama", 3, Placing(), lambda: pixels.linear()[..., :3], key, size=(width, height)), np.eye(3))
 
 
-def _surroundings(skies: dict[str, _Sky], pictures: Pictures, is_clear: bool) -> Surroundings:
-    """Returns surroundings of the radiance by kind of ray."""
-    seen, lighting = skies["camera"], skies["diffuse"]
-    bounces = [skies[ray] for ray in BOUNCES]
+def _surroundings(skies: dict[str, _Sky], pictures: Pictures, shown: list[str]) -> Surroundings:
+    """Returns surroundings of the radiance by kind of ray. `shown`: the kinds of ray that see them."""
     made = Surroundings()
-    if all(one.is_like(seen) for one in bounces) and not is_clear:
-        made.environment = _environment(seen, pictures, made.images)
+    lit = [ray for ray in BOUNCES if ray in shown]
+    if not shown:
+        return made
+    lighting = skies[lit[0] if lit else "camera"]
+    if all(skies[ray].is_like(lighting) for ray in shown):
+        made.environment = _environment(lighting, pictures, made.images, shown)
         return made
     # A panorama lights the scene by importance; constants light it by two hemispheres, which have kinds of ray
     if not lighting.color.is_constant:
-        made.environment = _environment(lighting, pictures, made.images)
-        made.is_hidden = is_clear
+        made.environment = _environment(lighting, pictures, made.images, lit)
     else:
         by_color: dict[tuple[float, ...], list[str]] = {}
-        for ray in BOUNCES:
+        for ray in lit:
             by_color.setdefault(skies[ray].constant(), []).append(ray)
         for color, rays in by_color.items():
             made.lights.update(_hemispheres(color, rays))
-    if is_clear:
+    if "camera" not in shown:
         return made
+    seen = skies["camera"]
     if seen.color.is_constant and made.environment is None:
         made.lights.update(_hemispheres(seen.constant(), ["camera"]))
     else:
@@ -217,13 +226,14 @@ def _hemispheres(color: tuple[float, ...], rays: list[str]) -> dict[str, bottega
     return {f"{name} {y:+g}": bottega.SunLight((0.0, y, 0.0), irradiance, 180.0, visibility) for y in (1.0, -1.0)}
 
 
-def _environment(sky: _Sky, pictures: Pictures, images: Images) -> bottega.Environment | None:
-    """Returns an environment, and adds its picture to `images`. `None`: it is black."""
+def _environment(sky: _Sky, pictures: Pictures, images: Images, rays: list[str]) -> bottega.Environment | None:
+    """Returns an environment for some kinds of ray, and adds its picture to `images`. `None`: it is black."""
+    visibility = visibility_for([*rays, "shadow"])
     if sky.color.is_constant:
         color = sky.constant()
-        return bottega.Environment(color) if max(color) > 0.0 else None
+        return bottega.Environment(color, visibility=visibility) if max(color) > 0.0 else None
     key, factor = _picture(sky.color, pictures, images)
-    return bottega.Environment(factor, key, rotation=_rows(_placed(sky)))
+    return bottega.Environment(factor, key, rotation=_rows(_placed(sky)), visibility=visibility)
 
 
 def _placed(sky: _Sky) -> np.ndarray:

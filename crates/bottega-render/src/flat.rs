@@ -113,7 +113,10 @@ impl FlatScene {
             missing.push(NotFlat::AbsentLamps);
         }
         let scene = prepared.scene();
-        if prepared.has_visibility() || scene.lights.iter().any(|light| light.visibility != Visibility::ALL) {
+        let mut lights = scene.lights.iter().map(|light| light.visibility);
+        let mut environment = scene.environment.iter().map(|environment| environment.visibility);
+        let is_partial = |visibility| visibility != Visibility::ALL;
+        if prepared.has_visibility() || lights.any(is_partial) || environment.any(is_partial) {
             missing.push(NotFlat::Visibility);
         }
         let has_profile = |material: usize| scene.materials[material].emission_profile != EmissionProfile::Diffuse;

@@ -93,7 +93,9 @@ impl PreparedScene {
         let needs_volume = has_boundaries
             || scene.cameras.iter().any(|camera| camera.medium.is_some())
             || used_materials(&scene).any(|material| materials[material].media.iter().any(has_volume));
-        let all = visibilities(&scene).chain(scene.lights.iter().map(|light| light.visibility));
+        let lights_of = scene.lights.iter().map(|light| light.visibility);
+        let environment = scene.environment.iter().map(|environment| environment.visibility);
+        let all = visibilities(&scene).chain(lights_of).chain(environment);
         let tells_bounces_apart = all.into_iter().any(Visibility::tells_bounces_apart);
         let majorants = scene.media.iter().map(|medium| Some(Majorants::new(medium, medium.variation.as_deref()?)));
         let majorants = majorants.collect();

@@ -151,6 +151,8 @@ pub struct Environment {
     /// Portals. If not empty, the environment is visible only along rays that leave through a portal, once for each
     /// portal that they cross, and black elsewhere.
     pub portals: Vec<Portal>,
+    /// Kinds of ray that find it.
+    pub visibility: Visibility,
 }
 
 impl Light {
@@ -169,6 +171,7 @@ impl Environment {
             factor: radiance,
             world_from_environment: Mat3::IDENTITY,
             portals: Vec::new(),
+            visibility: Visibility::ALL,
         }
     }
 

@@ -136,6 +136,8 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
 struct Looks(Mutex<mpsc::Sender<Option<ViewportLook>>>);
 
 impl ViewportFollower for Looks {
+    fn ends_before(&self, _: u64) {}
+
     fn begins(&self, look: ViewportLook) {
         _ = self.0.lock().unwrap().send(Some(look));
     }

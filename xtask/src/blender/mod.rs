@@ -79,7 +79,7 @@ pub(crate) fn blender(args: &BlenderArgs) -> Result<()> {
         if args.all {
             run_all(blender, &CHECKS, &module, &folder)?;
             if blender.is_program() {
-                run_all(blender, &[&["farm_still.py", "FOLDER"]], &module, &folder)?;
+                run_all(blender, &[&["farm_pictures.py", "FOLDER"]], &module, &folder)?;
                 blender.window(&module, &folder)?;
             }
         }

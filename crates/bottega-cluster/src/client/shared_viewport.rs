@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    mem,
     sync::{
         Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak,
         mpsc::{self, Receiver, RecvTimeoutError},
@@ -82,6 +83,10 @@ struct ShareState {
     look: Option<ViewportLook>,
     /// True if the look has all its samples.
     rests: bool,
+    /// True if the look has ended and another one has not begun.
+    is_moving: bool,
+    /// True if the machines must hear of that now.
+    is_call_due: bool,
     /// When the scene of the look changed last.
     scene_changed: Option<Instant>,
     sent: Option<SentScene>,
@@ -164,13 +169,26 @@ impl Drop for SharedViewport {
 struct Follower(Arc<ViewportShare>);
 
 impl ViewportFollower for Follower {
+    fn ends_before(&self, next: u64) {
+        {
+            let mut state = self.0.state();
+            let has_ended = state.look.as_ref().is_some_and(|look| look.number < next);
+            if !has_ended || state.is_moving || state.rests {
+                return;
+            }
+            (state.is_moving, state.is_call_due) = (true, true);
+        }
+        // The thread that wants another look must not wait for a message.
+        self.0.changed.notify_all();
+    }
+
     fn begins(&self, look: ViewportLook) {
         {
             let mut state = self.0.state();
             if state.look.as_ref().is_none_or(|before| !Arc::ptr_eq(&before.scene, &look.scene)) {
                 state.scene_changed = Some(Instant::now());
             }
-            (state.look, state.rests) = (Some(look), false);
+            (state.look, state.rests, state.is_moving) = (Some(look), false, false);
         }
         self.0.call();
         self.0.changed.notify_all();
@@ -190,26 +208,28 @@ impl ViewportShare {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells all machines what the viewport shows.
+    /// Sends the call of the viewport to all machines.
     fn call(&self) {
-        let call = {
-            let mut state = self.state();
-            state.helpers.retain(|_, helper| helper.heard.elapsed() < HELPER_LASTS || helper.refused.is_some());
-            let senders = state.helpers.values().filter(|helper| helper.refused.is_none()).count();
-            ViewportCall {
-                viewport: self.number,
-                host: host_name(),
-                version: build().identity().to_owned(),
-                look: state.called(),
-                places: state.helpers.iter().map(|(name, helper)| (name.clone(), helper.place)).collect(),
-                bytes_per_second: (BYTES_PER_SECOND / senders.max(1) as u64).min(HELPER_BYTES_PER_SECOND),
-                is_over: state.is_over,
-            }
+        // Send while the state is locked, so that calls arrive in the order of the states
+        let mut state = self.state();
+        state.helpers.retain(|_, helper| helper.heard.elapsed() < HELPER_LASTS || helper.refused.is_some());
+        let helping = state.helpers.iter().filter(|(_, helper)| helper.refused.is_none());
+        let places: BTreeMap<String, u32> = helping.map(|(name, helper)| (name.clone(), helper.place)).collect();
+        let senders = places.len().max(1) as u64;
+        let call = ViewportCall {
+            viewport: self.number,
+            host: host_name(),
+            version: build().identity().to_owned(),
+            look: state.called(),
+            is_moving: state.is_moving,
+            places,
+            bytes_per_second: (BYTES_PER_SECOND / senders).min(HELPER_BYTES_PER_SECOND),
+            is_over: state.is_over,
         };
         let bytes = serde_json::to_vec(&call).unwrap_or_default();
         if bytes.len() > LIVE_BYTES_MAX {
-            self.state().problem =
-                Some("the scene has too many files or is too large to be shown by a farm".to_owned());
+            let problem = "the scene has too many files or is too large to be shown by a farm";
+            state.problem = Some(problem.to_owned());
             return;
         }
         self.board.uplink.live().send(CALLS, bytes);
@@ -273,11 +293,17 @@ impl ViewportShare {
         let mut kept: Option<SentPieces<'_>> = None;
         loop {
             let next = {
-                let is_content = |state: &mut ShareState| !state.is_over && state.unsent().is_none();
+                let is_content =
+                    |state: &mut ShareState| !state.is_over && !state.is_call_due && state.unsent().is_none();
                 let waited = self.changed.wait_timeout_while(self.state(), CALL_EVERY, is_content);
                 let mut state = waited.unwrap_or_else(PoisonError::into_inner).0;
                 if state.is_over {
                     return;
+                }
+                if mem::take(&mut state.is_call_due) {
+                    drop(state);
+                    self.call();
+                    continue;
                 }
                 let unsent = state.unsent();
                 state.is_lacking = false;
@@ -320,7 +346,7 @@ impl ViewportShare {
 impl ShareState {
     /// Returns the look for a call; `None`: there is nothing to do, or its scene is not sent yet.
     fn called(&self) -> Option<CalledLook> {
-        let look = self.look.as_ref().filter(|_| !self.rests)?;
+        let look = self.look.as_ref().filter(|_| !self.rests && !self.is_moving)?;
         let sent = self.sent.as_ref().filter(|sent| Arc::ptr_eq(&sent.scene, &look.scene))?;
         Some(CalledLook {
             number: look.number,

@@ -110,13 +110,16 @@ impl ViewportHelper<'_> {
             let (Some(look), Some(&place)) = (&call.look, call.places.get(&self.member.name)) else {
                 if call.look.is_some() {
                     self.tell(HelperNotice::default());
-                } else if self.calls.open().is_some() {
+                } else if !call.is_moving && self.calls.open().is_some() {
                     // This viewport has all its samples, and another one does not.
                     return Ok(());
                 }
                 self.calls.wait(self.viewport, &call, CALL_WAIT);
                 continue;
             };
+            if self.calls.is_needed_elsewhere(&call, &self.member.name) {
+                return Ok(());
+            }
             // Prepare the scene, or only the look
             if prepared.as_ref().is_none_or(|it| (it.state, it.look) != (look.state, look.number)) {
                 prepared = self.prepare(prepared.take(), look)?;
@@ -147,6 +150,8 @@ impl ViewportHelper<'_> {
                 progress.done += count;
                 let target = step_time(progress.begun.elapsed()).max(sending_time(&call, &samples));
                 progress.step = next_step(count, took, target);
+            } else {
+                tracing::debug!(look = look.number, "the renderer has dropped the step");
             }
         }
         Ok(())

@@ -35,6 +35,8 @@ pub(crate) struct ViewportCall {
     pub(crate) version: String,
     /// What is to be rendered; `None`: nothing at the moment.
     pub(crate) look: Option<CalledLook>,
+    /// True if the look has ended and another one will be called soon.
+    pub(crate) is_moving: bool,
     /// Places of the helpers by name, from 1. A helper without a place sends a [`HelperNotice`] and waits.
     pub(crate) places: BTreeMap<String, u32>,
     /// The most bytes per second that each helper may send.

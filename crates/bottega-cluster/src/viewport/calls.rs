@@ -59,6 +59,7 @@ impl HeardCalls {
         // End at once what is no longer looked at.
         if let Some(rendered) = state.rendered.take_if(|it| it.viewport == call.viewport && Some(it.look) != look) {
             rendered.end.end();
+            tracing::debug!(look = rendered.look, "a step of the look before was dropped");
         }
         if call.is_over {
             state.calls.remove(&call.viewport);
@@ -89,8 +90,23 @@ impl HeardCalls {
         let is_open = |(number, (call, _)): &(&u64, &(Arc<ViewportCall>, Instant))| {
             call.look.is_some() && !refused.contains(number)
         };
-        // The youngest: somebody has just opened it.
-        calls.iter().rfind(is_open).map(|(&number, _)| number)
+        let helpers = |&(_, (call, _)): &(&u64, &(Arc<ViewportCall>, Instant))| call.places.len();
+        calls.iter().filter(is_open).min_by_key(helpers).map(|(&number, _)| number)
+    }
+
+    /// Returns whether a helper of a viewport should leave it for another one, which has at least two helpers fewer. Of the helpers
+    /// only the one that came last leaves.
+    pub(crate) fn is_needed_elsewhere(&self, call: &ViewportCall, name: &str) -> bool {
+        let is_last = call.places.get(name).is_some_and(|place| call.places.values().all(|other| other <= place));
+        let state = self.state();
+        let is_short = |(number, (other, heard)): (&u64, &(Arc<ViewportCall>, Instant))| {
+            *number != call.viewport
+                && other.look.is_some()
+                && heard.elapsed() < CALL_LASTS
+                && !state.refused.contains(number)
+                && other.places.len() + 2 <= call.places.len()
+        };
+        is_last && state.calls.iter().any(is_short)
     }
 
     /// Notes that this machine cannot help a viewport.
@@ -122,5 +138,53 @@ impl HeardCalls {
         if let Some(rendered) = rendered {
             rendered.end.end();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega::Request;
+    use bottega_scene::Camera;
+
+    use super::*;
+    use crate::viewport::call::CalledLook;
+
+    fn call(viewport: u64, helpers: &[&str]) -> ViewportCall {
+        let (request, camera) = (Request::new("a.glb"), Camera::default());
+        let scene = serde_json::from_str(r#"{"files": [], "environment": null}"#).unwrap();
+        let numbered = |(name, place): (&&str, u32)| ((*name).to_owned(), place);
+        ViewportCall {
+            viewport,
+            host: "here".to_owned(),
+            version: "1".to_owned(),
+            look: Some(CalledLook { number: 0, request, camera, state: 1, scene }),
+            is_moving: false,
+            places: helpers.iter().zip(1..).map(numbered).collect(),
+            bytes_per_second: 1,
+            is_over: false,
+        }
+    }
+
+    fn heard(calls: &[ViewportCall]) -> HeardCalls {
+        let all = HeardCalls { state: Mutex::default(), changed: Condvar::new() };
+        for call in calls {
+            all.hear(&serde_json::to_vec(call).unwrap());
+        }
+        all
+    }
+
+    #[test]
+    fn viewports_share_the_machines() {
+        let crowded = call(1, &["a", "b", "c"]);
+        let calls = heard(&[crowded.clone(), call(2, &[])]);
+        assert_eq!(calls.open(), Some(2), "a free machine goes where the fewest are");
+        let leaves = ["a", "b", "c"].map(|name| calls.is_needed_elsewhere(&crowded, name));
+        assert_eq!(leaves, [false, false, true], "one machine at a time, the last that came");
+        let even = call(1, &["a", "b"]);
+        assert!(!heard(&[even.clone(), call(2, &["c"])]).is_needed_elsewhere(&even, "b"), "then nobody leaves");
+        let calls = heard(&[crowded.clone(), call(2, &[])]);
+        calls.refuse(2);
+        assert!(!calls.is_needed_elsewhere(&crowded, "c"), "this machine cannot help the other one");
+        assert_eq!(calls.open(), Some(1));
     }
 }

@@ -149,6 +149,11 @@ class Farm:
         """Returns all jobs, in the order of their numbers."""
         return [Job(self, view["job"]) for view in self._native.jobs()]
 
+    def views(self) -> list[JobView]:
+        """Returns the states of all jobs, in the order of their numbers."""
+        views: list[JobView] = self._native.jobs()
+        return views
+
     def job(self, number: int) -> Job:
         """Returns a job by its number. Raises `FarmError` if there is none."""
         job = Job(self, number)

@@ -270,6 +270,7 @@ class Environment(Value):
       `latitude_longitude_to_poles` (Mitsuba's) or `equal_area` (pbrt's).
     - `rotation`: (3, 3), from environment to world space.
     - `portals`: rectangles through which alone it shines, each a corner and two edges.
+    - `visibility`: the kinds of ray that find it; without `camera` the picture is transparent where it lies.
     """
 
     radiance: Color = of(ColorKind(), 1.0)
@@ -279,6 +280,7 @@ class Environment(Value):
     )
     rotation: Matrix = of(MatrixKind(3, 3), IDENTITY3)
     portals: Sequence[Matrix] = of(PortalsKind(), ())
+    visibility: Visibility = of(VisibilityKind(), Visibility())
 
     def plain_fields(self, names: Names) -> dict[str, Any]:
         plain = super().plain_fields(names)

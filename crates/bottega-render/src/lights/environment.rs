@@ -9,7 +9,7 @@
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_4, PI};
 
 use bottega_kernels::math;
-use bottega_scene::{Environment, EnvironmentMapping, Scene, Spectrum, TextureMap, Wrap};
+use bottega_scene::{Environment, EnvironmentMapping, Scene, Spectrum, TextureMap, Visibility, Wrap};
 use glam::{Mat3, Vec2, Vec3};
 
 use super::distribution::{Bilinear, Cells};
@@ -39,6 +39,8 @@ pub(crate) struct EnvironmentLight {
     is_compensated: bool,
     /// Portals through which alone the environment is seen; they replace the table.
     portals: Option<Portals>,
+    /// Kinds of ray that find it.
+    pub(super) visibility: Visibility,
 }
 
 /// The mapping from latitudes (0 to 1, pole to pole) to rows of a picture (0 to 1, top to bottom).
@@ -105,6 +107,7 @@ impl EnvironmentLight {
             integral: 4.0 * PI * luminance(environment.factor),
             is_compensated: compensate && environment.portals.is_empty(),
             portals: None,
+            visibility: environment.visibility,
         };
         if !environment.portals.is_empty() {
             // A constant environment needs only enough cells to resolve solid angles
@@ -234,6 +237,10 @@ impl EnvironmentLight {
     /// Returns an estimate of the illuminance by sampled directions at a point: the mean over all orientations of a
     /// surface.
     pub(crate) fn illuminance(&self, from: Vec3) -> f32 {
+        // Light sampling leaves out what no surface receives
+        if !self.visibility.has_bounces() {
+            return 0.0;
+        }
         match (&self.portals, &self.table) {
             (Some(portals), _) => 0.25 * portals.integral(from),
             (None, Table::None) => 0.0,
@@ -404,8 +411,8 @@ mod tests {
             image: Some(ImageId(0)),
             factor: Spectrum::new(2.0, 1.0, 0.5),
             mapping: EnvironmentMapping::LatitudeLongitude,
-            portals: Vec::new(),
             world_from_environment: Mat3::from_rotation_y(0.7) * Mat3::from_rotation_x(0.3),
+            ..Environment::uniform(Spectrum::ONE)
         }
     }
 

@@ -24,8 +24,8 @@ impl Lights {
         ray: Visibility,
         mut add: impl FnMut(FarLight, Spectrum),
     ) {
-        let radiance =
-            self.environment.as_ref().map_or(Spectrum::ZERO, |light| light.radiance_at(scene, from, direction));
+        let environment = self.environment.as_ref().filter(|light| light.visibility.has(ray));
+        let radiance = environment.map_or(Spectrum::ZERO, |light| light.radiance_at(scene, from, direction));
         if radiance != Spectrum::ZERO {
             add(FarLight::Environment, radiance);
         }

@@ -330,7 +330,7 @@ impl Lights {
         let choice = (rest / illuminance).min(ONE_MINUS_EPSILON);
         let (wi, radiance, pdf) = environment.sample_at(scene, receiver.p, [choice, place[0], place[1], 0.0])?;
         let pmf = share * illuminance / total;
-        (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false, Visibility::ALL))
+        (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false, environment.visibility))
     }
 
     /// Returns an estimate of the illuminance by sampled lights at infinity.

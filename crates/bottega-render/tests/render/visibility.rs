@@ -2,9 +2,10 @@
 
 use bottega_render::{DirectLight, PathSettings};
 use bottega_scene::{
-    Conductor, Facets, InnerReflection, Light, LightKind, Material, Medium, Plastic, Scene, Surface, Visibility,
+    Conductor, Environment, Facets, Image, ImageId, InnerReflection, Light, LightKind, Material, Medium, Plastic,
+    Scene, Surface, Visibility,
 };
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 
 use crate::render::{
     known_answers::{assert_near, floor, irradiance},
@@ -135,4 +136,39 @@ fn a_medium_scatters_the_lights_that_are_there_for_it() {
     assert!(glow(Visibility::ALL) > 1e-3);
     assert!((glow(Visibility::VOLUME) / glow(Visibility::ALL) - 1.0).abs() < 1e-4);
     assert_eq!(glow(Visibility::ALL.without(Visibility::VOLUME)), 0.0);
+}
+
+#[test]
+fn the_environment_is_there_for_some_kinds_of_ray() {
+    // A mirror and a matte floor below a sky with a bright and a dark half; the third camera looks at the sky.
+    let shown = |visibility: Visibility| {
+        let facets = Facets::default();
+        let mirror = Conductor { eta: Vec3::ZERO.into(), k: Vec3::ZERO.into(), reflectance: Vec3::ONE.into(), facets };
+        [Surface::Conductor(mirror), Surface::matte(Vec3::ONE), Surface::matte(Vec3::ONE)].into_iter().enumerate().map(
+            move |(index, surface)| {
+                let mut scene = floor();
+                let at = if index == 2 { Vec3::new(-4.0, 4.0, 0.0) } else { Vec3::ZERO };
+                scene.cameras[0] = camera(Vec3::new(-2.0, 2.0, 0.0), at, 0.001);
+                scene.materials[0] = surface.into();
+                let texels = (0..8 * 4).map(|i| [if i % 8 < 4 { 1.0 } else { 3.0 }; 3]).collect();
+                scene.images.push(Image::from_linear_rgb("sky".to_owned(), 8, 4, texels));
+                let sky = Environment::picture(ImageId(0), Vec3::ONE, Mat3::IDENTITY);
+                scene.environment = Some(Environment { visibility, ..sky });
+                color(&paint(&prepare(scene), (1, 1), 4096, PathSettings::default()), 0, 0).x
+            },
+        )
+    };
+    let [mirrored, matte, seen] = shown(Visibility::ALL).collect::<Vec<_>>()[..] else { panic!("three") };
+    assert!(mirrored > 0.9 && matte > 0.9 && seen > 0.9, "{mirrored} {matte} {seen}");
+    for (hidden, expected) in [
+        (Visibility::CAMERA, [mirrored, matte, 0.0]),
+        (Visibility::GLOSSY, [0.0, matte, seen]),
+        (Visibility::DIFFUSE, [mirrored, 0.0, seen]),
+        (Visibility::BOUNCES, [0.0, 0.0, seen]),
+    ] {
+        let found: Vec<f32> = shown(Visibility::ALL.without(hidden)).collect();
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() <= 0.03 * expected, "without {hidden:?}: {found} for {expected}");
+        }
+    }
 }

@@ -3,10 +3,14 @@
 use std::{sync::Arc, time::Instant};
 
 use bottega_render::{PrepareOptions, PreparedScene, SceneGeometry, View, build_accel};
-use bottega_scene::{Camera, Loaded, Scene, SharedList};
+use bottega_scene::{Camera, Loaded, Mesh, Scene, SharedList};
 
 use super::{LoadedScene, aimed, no_camera, size, turn_environment};
 use crate::{devices::threads, error::Error, request::Request};
+
+/// Largest number of triangles of meshes that are compared by content if they are not shared. Each state of a scene has its
+/// own meshes for area lights.
+const COMPARED_MAX: usize = 4096;
 
 /// The parts of a prepared scene that another one may share with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,18 +91,27 @@ fn prepared_again(
     Ok(Arc::new(PreparedScene::with_accel(Arc::new(scene), accel, &options)))
 }
 
-/// Compares two scenes. Meshes and images are the same if they are shared.
+/// Compares two scenes. Large meshes and images are the same if they are shared.
 fn likeness(before: &Scene, after: &Scene) -> Likeness {
-    let has_same_shapes = is_shared(&before.meshes, &after.meshes)
+    let has_same_counts = before.meshes.len() == after.meshes.len()
         && before.spheres.len() == after.spheres.len()
         && before.instances.len() == after.instances.len()
         && before.instances.iter().zip(&after.instances).all(|(a, b)| a.mesh == b.mesh);
-    if !has_same_shapes {
+    if !has_same_counts {
         return Likeness::Nothing;
     }
+    let mut meshes = before.meshes.shared().iter().zip(after.meshes.shared()).map(|(a, b)| mesh_likeness(a, b));
+    let Some(has_moved_vertices) = meshes.try_fold(false, |any, likeness| match likeness {
+        MeshLikeness::Same => Some(any),
+        MeshLikeness::Moved => Some(true),
+        MeshLikeness::Other => None,
+    }) else {
+        return Likeness::Nothing;
+    };
     let mut instances = before.instances.iter().zip(&after.instances);
     let mut spheres = before.spheres.iter().zip(&after.spheres);
-    let is_unmoved = instances.all(|(a, b)| a.world_from_object == b.world_from_object)
+    let is_unmoved = !has_moved_vertices
+        && instances.all(|(a, b)| a.world_from_object == b.world_from_object)
         && spheres.all(|(a, b)| (a.center, a.radius) == (b.center, b.radius));
     if !is_unmoved {
         return Likeness::MovedShapes;
@@ -114,6 +127,71 @@ fn likeness(before: &Scene, after: &Scene) -> Likeness {
     if is_alike { Likeness::AllButCameras } else { Likeness::Shapes }
 }
 
+enum MeshLikeness {
+    Same,
+    /// The same triangles, some vertices of which have moved.
+    Moved,
+    Other,
+}
+
+fn mesh_likeness(before: &Arc<Mesh>, after: &Arc<Mesh>) -> MeshLikeness {
+    if Arc::ptr_eq(before, after) {
+        return MeshLikeness::Same;
+    }
+    let is_small = before.triangles.len() <= COMPARED_MAX && before.positions.len() <= 3 * COMPARED_MAX;
+    if !is_small || before.triangles != after.triangles || before.positions.len() != after.positions.len() {
+        MeshLikeness::Other
+    } else if before == after {
+        MeshLikeness::Same
+    } else if before.positions != after.positions && (has_empty_triangle(before) || has_empty_triangle(after)) {
+        // Triangles without area are not in the acceleration structure.
+        MeshLikeness::Other
+    } else {
+        MeshLikeness::Moved
+    }
+}
+
+fn has_empty_triangle(mesh: &Mesh) -> bool {
+    mesh.triangles.iter().any(|corners| {
+        let [a, b, c] = corners.map(|corner| mesh.positions[corner as usize]);
+        let area = (b - a).cross(c - a).length_squared();
+        area.is_nan() || area <= 0.0
+    })
+}
+
 fn is_shared<T>(a: &SharedList<T>, b: &SharedList<T>) -> bool {
     a.len() == b.len() && a.shared().iter().zip(b.shared()).all(|(a, b)| Arc::ptr_eq(a, b))
+}
+
+#[cfg(test)]
+mod tests {
+    use bottega_scene::{Instance, Material};
+    use glam::{Affine3A, Vec3};
+
+    use super::*;
+
+    /// A triangle with its corner at a height.
+    fn scene(height: f32) -> Scene {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::new(0.0, height, 0.0)];
+        let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
+        let materials = vec![Material::default()];
+        let mut scene = Scene { materials, ..Scene::default() };
+        scene.meshes.push(mesh);
+        scene.instances.push(Instance::new(0, Affine3A::IDENTITY));
+        scene
+    }
+
+    #[test]
+    fn meshes_of_area_lights_are_made_again_without_another_structure() {
+        assert_eq!(likeness(&scene(1.0), &scene(1.0)), Likeness::AllButCameras, "equal meshes, not shared");
+        assert_eq!(likeness(&scene(1.0), &scene(2.0)), Likeness::MovedShapes);
+        let brighter = Scene { materials: vec![Material::lamp(Vec3::ONE)], ..scene(1.0) };
+        assert_eq!(likeness(&scene(1.0), &brighter), Likeness::Shapes);
+    }
+
+    #[test]
+    fn a_triangle_that_gets_an_area_needs_another_structure() {
+        assert_eq!(likeness(&scene(0.0), &scene(1.0)), Likeness::Nothing);
+        assert_eq!(likeness(&scene(1.0), &scene(0.0)), Likeness::Nothing);
+    }
 }

@@ -24,8 +24,14 @@ pub struct ViewportLook {
     pub camera: Camera,
 }
 
-/// Receives the looks of a viewport. Both functions are called from the rendering thread and must return quickly.
+/// Receives the looks of a viewport. The functions must return quickly.
 pub trait ViewportFollower: Send + Sync {
+    /// Another look is wanted: samples of all looks before it are not needed any more. Called from the thread that wants it; the
+    /// look may have begun already.
+    ///
+    /// - `next`: the number of the look that is wanted.
+    fn ends_before(&self, next: u64);
+
     /// A look begins, and all before it are over.
     fn begins(&self, look: ViewportLook);
 

@@ -151,6 +151,9 @@ impl ViewportShared {
         };
         left.end();
         self.wanted.notify_all();
+        if let Some(follower) = self.follower.get() {
+            follower.ends_before(look);
+        }
         look
     }
 
