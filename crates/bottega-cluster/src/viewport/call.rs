@@ -33,7 +33,7 @@ pub(crate) struct ViewportCall {
     pub(crate) host: String,
     /// The identity of the owner's build: samples of other builds are of other pictures.
     pub(crate) version: String,
-    /// What is to be rendered; `None`: nothing at the moment.
+    /// The view to render; `None`: nothing at the moment.
     pub(crate) look: Option<CalledLook>,
     /// Places of the helpers by name, from 1. A helper without a place sends a [`HelperNotice`] and waits.
     pub(crate) places: BTreeMap<String, u32>,

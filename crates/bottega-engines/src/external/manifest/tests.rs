@@ -79,7 +79,7 @@ fn errors_have_their_place() {
         ("'(\\d+\\.\\d+)'", "'(('", 12, "no regular expression"),
         ("'(\\d+\\.\\d+)'", "'x'", 12, "group"),
         ("any = \"get it\"", "", 14, "any"),
-        ("most = 64", "most = 0", 20, "nothing is left"),
+        ("most = 64", "most = 0", 20, "the range is empty"),
         ("{x0+1}", "{x9}", 28, "no placeholder"),
         ("{x0+1}", "{x0", 28, "stands alone"),
         ("\"{output}\", ", "", 28, "{output} is missing"),
