@@ -233,7 +233,11 @@ mod tests {
             help("work.optimization"),
             "Degree to which expert rules may trade quality for time, zone by zone. Default: off."
         );
-        assert!(help("goal.samples").ends_with("Default: that of the scene file, or 64."), "{}", help("goal.samples"));
+        assert!(
+            help("goal.samples").ends_with("Default: what the scene file asks for, or 64."),
+            "{}",
+            help("goal.samples")
+        );
         assert!(help("film.denoise").starts_with("Denoise the picture"), "{}", help("film.denoise"));
     }
 }
