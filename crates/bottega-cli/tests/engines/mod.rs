@@ -191,7 +191,7 @@ fn faults_of_engines_are_reported() {
         ("nothing", "wrote no picture"),
         ("half", "cannot be read"),
         ("size", "pixels where"),
-        ("nan", "no finite numbers"),
+        ("nan", "not finite numbers"),
         ("black", "all black"),
         ("nonsense", "protocol"),
         ("elsewhere", "not in its folder"),

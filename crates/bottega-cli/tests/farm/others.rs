@@ -227,7 +227,7 @@ fn when_the_server_has_no_room_the_job_waits_until_it_has() {
     let mut render = Process(command.stderr(log).spawn().expect("the program starts"));
     let begun = Instant::now();
     let said = || fs::read_to_string(other.path("log")).unwrap_or_default();
-    while !said().contains("as with a full disk") {
+    while !said().contains("its disk may be full") {
         assert!(begun.elapsed() < WAIT, "{}", said());
         thread::sleep(Duration::from_millis(100));
     }

@@ -76,7 +76,7 @@ fn errors_have_their_place() {
         ("name = \"toy\"", "name = \"builtin\"", 3, "taken"),
         ("manifest = 1", "manifest = 2", 2, "newer"),
         ("manifest = 1", "manifest = ", 2, ""),
-        ("'(\\d+\\.\\d+)'", "'(('", 12, "no regular expression"),
+        ("'(\\d+\\.\\d+)'", "'(('", 12, "not a regular expression"),
         ("'(\\d+\\.\\d+)'", "'x'", 12, "group"),
         ("any = \"get it\"", "", 14, "any"),
         ("most = 64", "most = 0", 20, "the range is empty"),
