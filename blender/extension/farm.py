@@ -229,7 +229,7 @@ class BOTTEGA_OT_farm_start(FarmOperator, bpy.types.Operator):
 
 
 class BOTTEGA_OT_farm_join(FarmOperator, bpy.types.Operator):
-    """Let this machine render what the farm is asked for"""
+    """Let this machine render the jobs of the farm"""
 
     bl_idname = "bottega.farm_join"
     bl_label = "Join This Machine"

@@ -51,7 +51,7 @@ class _Panel:
 
 
 class BOTTEGA_PT_quality(_Panel, bpy.types.Panel):
-    """What a picture is to be like."""
+    """The settings of a picture."""
 
     bl_label = "Quality"
 

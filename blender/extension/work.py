@@ -48,7 +48,7 @@ class Work:
         return self._session.layers()
 
     def state(self) -> str:
-        """Returns what is to be said beside the progress; may be empty."""
+        """Returns the text beside the progress; may be empty."""
         return ""
 
     def end(self) -> None:

@@ -141,7 +141,7 @@ def background(dice: random.Random) -> None:
 def repaint(dice: random.Random) -> None:
     image = dice.choice(list(bpy.data.images))
     image.pixels.foreach_set(np.random.default_rng(dice.randrange(1000)).random(len(image.pixels), np.float32))
-    # Blender tells of what a user paints or loads; a script must tell it.
+    # Blender reports what a user paints or loads; a script must report it itself.
     image.update_tag()
 
 

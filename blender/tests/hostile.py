@@ -204,11 +204,11 @@ def main() -> None:
         file.unlink(missing_ok=True)
         try:
             support.picture_of("BOTTEGA", file, 4)
-            painted, told = True, ""
+            painted, problem = True, ""
         except Exception as error:
-            painted, told = False, str(error)
+            painted, problem = False, str(error)
         notes = support.part("render").Kept.last_report.all()
-        print(f"HOSTILE {name}: {'painted' if painted else told.strip()}; {'; '.join(note.text for note in notes)}", flush=True)
+        print(f"HOSTILE {name}: {'painted' if painted else problem.strip()}; {'; '.join(note.text for note in notes)}", flush=True)
         if painted != is_painted:
             wrong.append(name)
     preview()

@@ -5,8 +5,9 @@ use std::{path::Path, process::Command};
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     // Git writes a line there whenever a commit is made or checked out. A path that does not exist would always count as changed.
-    let asked = Command::new("git").args(["rev-parse", "--git-path", "logs/HEAD"]).output();
-    let path = asked.ok().filter(|asked| asked.status.success()).and_then(|asked| String::from_utf8(asked.stdout).ok());
+    let output = Command::new("git").args(["rev-parse", "--git-path", "logs/HEAD"]).output();
+    let path =
+        output.ok().filter(|output| output.status.success()).and_then(|output| String::from_utf8(output.stdout).ok());
     if let Some(path) = path.as_deref().map(str::trim).filter(|path| Path::new(path).is_file()) {
         println!("cargo::rerun-if-changed={path}");
     }

@@ -189,7 +189,7 @@ mod tests {
     const ROOT: (&str, &str) = ("lib.rs", "mod a;\nmod b;\npub use a::A;\npub use b::B;");
 
     #[test]
-    fn a_circle_is_told_with_its_places() {
+    fn a_circle_is_reported_with_its_places() {
         let found = described(&[
             ROOT,
             ("a.rs", "use crate::B;\npub struct A(B);"),

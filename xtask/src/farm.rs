@@ -131,7 +131,7 @@ struct Farm<'a> {
 
 impl Drop for Farm<'_> {
     fn drop(&mut self) {
-        // `bottega up` stops its server when it is asked to end.
+        // `bottega up` stops its server when it gets a request to end.
         if self.up.signal("-TERM").is_ok() {
             _ = self.up.child.wait();
         }

@@ -20,7 +20,7 @@ use crate::{
 /// Options of `cargo xtask manual`.
 #[derive(clap::Args)]
 pub(crate) struct ManualArgs {
-    /// Make the book, too: `target/manual/index.html`. mdBook is installed into `target/python` where there is none.
+    /// Make the book, too: `target/manual/index.html`. mdBook is installed into `target/python` if it is missing.
     #[arg(long)]
     book: bool,
     /// Render the pictures of surfaces, lights, media and integrators again, too. Some minutes.

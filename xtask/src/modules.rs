@@ -79,8 +79,8 @@ impl Modules {
         self.resolve_once(scope, path, &mut BTreeSet::new())
     }
 
-    /// `asked`: the names being resolved, because imports may form circles.
-    fn resolve_once(&self, scope: usize, path: &[String], asked: &mut BTreeSet<(usize, String)>) -> Option<Meaning> {
+    /// `visiting`: the names being resolved, because imports may form circles.
+    fn resolve_once(&self, scope: usize, path: &[String], visiting: &mut BTreeSet<(usize, String)>) -> Option<Meaning> {
         let mut rest = path.iter().map(String::as_str).peekable();
         let mut at = match *rest.peek()? {
             "crate" => {
@@ -94,7 +94,7 @@ impl Modules {
             "super" => scope,
             first => {
                 rest.next();
-                match self.look_up(scope, first, asked)? {
+                match self.look_up(scope, first, visiting)? {
                     Meaning::Module(module) => module,
                     defined @ Meaning::Item(_) => return Some(defined),
                 }
@@ -104,7 +104,7 @@ impl Modules {
             at = self.scopes[at].parent?;
         }
         for name in rest {
-            match self.look_up(at, name, asked) {
+            match self.look_up(at, name, visiting) {
                 Some(Meaning::Module(module)) => at = module,
                 Some(defined) => return Some(defined),
                 // The item comes from a macro, or is not in the text: attribute it to the module.
@@ -114,8 +114,8 @@ impl Modules {
         Some(Meaning::Module(at))
     }
 
-    fn look_up(&self, scope: usize, name: &str, asked: &mut BTreeSet<(usize, String)>) -> Option<Meaning> {
-        if !asked.insert((scope, name.to_owned())) {
+    fn look_up(&self, scope: usize, name: &str, visiting: &mut BTreeSet<(usize, String)>) -> Option<Meaning> {
+        if !visiting.insert((scope, name.to_owned())) {
             return None;
         }
         let names = &self.scopes[scope];
@@ -126,12 +126,12 @@ impl Modules {
             return Some(Meaning::Item(scope));
         }
         let named = names.imports.iter().filter(|import| import.name.as_deref() == Some(name));
-        if let Some(found) = named.into_iter().find_map(|import| self.resolve_once(scope, &import.path, asked)) {
+        if let Some(found) = named.into_iter().find_map(|import| self.resolve_once(scope, &import.path, visiting)) {
             return Some(found);
         }
         let globs = names.imports.iter().filter(|import| import.name.is_none());
-        globs.into_iter().find_map(|glob| match self.resolve_once(scope, &glob.path, asked)? {
-            Meaning::Module(module) => self.look_up(module, name, asked),
+        globs.into_iter().find_map(|glob| match self.resolve_once(scope, &glob.path, visiting)? {
+            Meaning::Module(module) => self.look_up(module, name, visiting),
             Meaning::Item(_) => None,
         })
     }

@@ -60,11 +60,14 @@ mod tests {
     /// Files other than `bottega-platform` that may contain system-specific code.
     const EXCEPTIONS: [(&str, &str); 6] = [
         ("bottega-kernels/src/arena.rs", "huge pages, in the lowest of all crates; elsewhere the allocator's memory"),
-        ("bottega-engines/src/external/child/fence.rs", "Landlock; elsewhere engines are told to be without a fence"),
-        ("bottega-engines/src/external/child/guard.rs", "util-linux; elsewhere engines are told to have the network"),
+        (
+            "bottega-engines/src/external/child/fence.rs",
+            "Landlock; elsewhere engines run without a fence and report so",
+        ),
+        ("bottega-engines/src/external/child/guard.rs", "util-linux; elsewhere engines have the network and report so"),
         ("bottega-gpu/src/memory.rs", "Vulkan's loader, which Apple's systems do not have"),
         ("bottega-denoise/src/find.rs", "the names under which a library is loaded"),
-        ("bottega/src/devices/choice.rs", "drivers are asked when a node of a GPU is there; elsewhere always"),
+        ("bottega/src/devices/choice.rs", "drivers are queried if there is a device node of a GPU; elsewhere always"),
     ];
 
     #[test]

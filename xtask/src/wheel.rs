@@ -107,8 +107,8 @@ fn only_file(folder: &Path) -> Result<PathBuf> {
 /// Runs a tool of the Python environment, which finds the others there.
 pub(crate) fn run(tool: &str, arguments: &[&str]) -> Result<()> {
     eprintln!("+ {tool} {}", arguments.join(" "));
-    let tools = program(tool).parent().map(Path::to_owned).unwrap_or_default();
-    let path = env::join_paths([tools].into_iter().chain(env::split_paths(&env::var_os("PATH").unwrap_or_default())))?;
+    let folder = program(tool).parent().map(Path::to_owned).unwrap_or_default();
+    let path = env::join_paths([folder].into_iter().chain(env::split_paths(&env::var_os("PATH").unwrap_or_default())))?;
     let mut command = Command::new(program(tool));
     command.args(arguments).current_dir(root()).env("PATH", path).env("CARGO", env!("CARGO"));
     cargo::forget_package(&mut command);

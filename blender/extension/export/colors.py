@@ -31,7 +31,7 @@ class ColorReader:
     - `note`: is called with a node and what is not exact.
     - `baked`: names of pictures that Cycles has baked, by what `baking.name_of` says of an input.
     - `bakeable`: inputs whose values are unknown here, and that could be baked.
-    - `context`: for what they are read. `asks`: what was asked of it: `ray`, and names of its values.
+    - `context`: the context in which they are read. `asks`: what was read of it: `ray`, and names of its values.
     - `material_index`: of the material that is read.
     - `vertex_colors`: names of the color attributes that were met; the renderer multiplies them to the color of a surface.
     """

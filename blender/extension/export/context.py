@@ -65,7 +65,7 @@ class Placed:
     """An object or an instance of it.
 
     - `item`: the evaluated object. `matrix`: from its space to Blender's world, (4, 4).
-    - `random_id`: Blender's random number of an instance; `None`: it is no instance.
+    - `random_id`: Blender's random number of an instance; `None`: it is not an instance.
     - `parent`, `particles`: the object that makes the instance, and its particle system, where a value asks for them.
     """
 
@@ -127,7 +127,7 @@ def _gray(value: float) -> tuple[float, float, float, float]:
 
 
 def _hashed(name: str) -> int:
-    """Returns Cycles' random number of an object that is no instance, 32 bits: its name, hashed, and hashed again with 0.
+    """Returns Cycles' random number of an object that is not an instance, 32 bits: its name, hashed, and hashed again with 0.
 
     Source: `hash_string` and `hash_uint2` in Cycles' `util/hash.h` (Bob Jenkins' lookup3).
     """

@@ -63,7 +63,7 @@ class Families:
                 self.by_uid[uid] = self._learned(uid, material)
 
     def begin_round(self) -> None:
-        """Forgets which contexts were asked for."""
+        """Forgets which contexts were requested."""
         for family in self.by_uid.values():
             family.wanted.clear()
 
@@ -84,17 +84,17 @@ class Families:
     def key(self, uid: Any, context: Context) -> str:
         """Returns the key of the material for a context, which is read now if it was not. `asks` of the family may grow by it."""
         family, material = self.by_uid[uid], self._blocks[uid]
-        asked = family.relevant(context)
-        family.wanted.add(asked)
-        if asked not in family.keys:
-            key = _key(uid, asked)
+        relevant = family.relevant(context)
+        family.wanted.add(relevant)
+        if relevant not in family.keys:
+            key = _key(uid, relevant)
             self._report.begin(key)
-            made = MaterialMaker(self._pictures, self._report, key, material.name, asked, family.uv_names).make(material)
+            made = MaterialMaker(self._pictures, self._report, key, material.name, relevant, family.uv_names).make(material)
             family.asks |= made.asks
-            family.keys[asked] = self._shared(family, asked, made) or key
-            if family.keys[asked] == key:
+            family.keys[relevant] = self._shared(family, relevant, made) or key
+            if family.keys[relevant] == key:
                 self._put(family, uid, key, made)
-        return family.keys[asked]
+        return family.keys[relevant]
 
     def _shared(self, family: Family, context: Context, made: MadeMaterial) -> str | None:
         """Returns the key of an equal material for another kind of ray; `None`: there is none."""
@@ -118,7 +118,7 @@ class Families:
         family.color_name = made.color_name if family.color_name is None else family.color_name
 
     def end(self) -> None:
-        """Notes what differs from Cycles between kinds of ray, and forgets contexts that were not asked for. Materials stay until `drop`."""
+        """Notes what differs from Cycles between kinds of ray, and forgets contexts that were not requested. Materials stay until `drop`."""
         for uid in self._blocks:
             family = self.by_uid[uid]
             for context in [context for context in family.keys if context not in family.wanted]:

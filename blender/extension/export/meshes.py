@@ -62,7 +62,7 @@ def arrays_of(mesh: Any, uv_names: tuple[str | None, ...], color_name: str | Non
     corner_vertices = _corner_vertices(mesh)
     materials = _slots(mesh, count)
 
-    # Triangles with a vertex that is no number are left out.
+    # Triangles with a vertex that is not a number are left out.
     if not np.isfinite(positions).all():
         broken = ~np.isfinite(positions).all(axis=1)
         kept = ~broken[corner_vertices[triangles]].any(axis=1)

@@ -17,7 +17,7 @@ _WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "clamp", "MIRROR": "mir
 
 
 class NoPlace(Exception):
-    """Coordinates that are no texture coordinates of the mesh; the text names them."""
+    """Coordinates that are not texture coordinates of the mesh; the text names them."""
 
 
 @dataclass
@@ -27,7 +27,7 @@ class Pictures:
     - `loaded`: pixels by key.
     - `frame`: the frame of the scene, which decides what sequences show.
     - `revisions`: how often Blender has said that the pixels of an image have changed; part of its key.
-    - `used`: session numbers of the images that were asked for since `begin`. `is_moving`: one of them is a sequence.
+    - `used`: session numbers of the images that were requested since `begin`. `is_moving`: one of them is a sequence.
     """
 
     loaded: dict[str, Pixels] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class Pictures:
 
 
 def _frame_number(image: Any, user: Any, frame: int) -> int:
-    """Returns the number of the file of a sequence at a frame of the scene; 0: the image is no sequence."""
+    """Returns the number of the file of a sequence at a frame of the scene; 0: the image is not a sequence."""
     if image.source != "SEQUENCE" or user is None:
         return 0
     length = max(user.frame_duration, 1)

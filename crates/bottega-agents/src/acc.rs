@@ -95,16 +95,16 @@ pub enum AccError {
     #[error("the message cannot be read")]
     Message(#[source] WireError),
     /// The representation is unknown.
-    #[error("messages in the form `{0}` are not taken")]
+    #[error("messages in the form `{0}` are not accepted")]
     UnknownForm(String),
     /// The character set is unknown.
-    #[error("messages in the character set `{0}` are not taken")]
+    #[error("messages in the character set `{0}` are not accepted")]
     UnknownCharset(String),
     /// The bytes are not valid in their character set.
-    #[error("the message is no text in its character set")]
+    #[error("the message is not text in its character set")]
     NotText,
     /// The message has passed this channel before: a loop or a duplicate.
-    #[error("the message has passed this channel already")]
+    #[error("the message has already passed this channel")]
     Loop,
 }
 
@@ -192,7 +192,7 @@ impl Acc {
             if addresses.is_empty() {
                 let form = &envelope.acl_representation;
                 let from = envelope.from.as_ref();
-                routed.extend(self.failure(now, form, from, &letter.message, receiver, "the agent is not known"));
+                routed.extend(self.failure(now, form, from, &letter.message, receiver, "the agent is unknown"));
             } else {
                 routed.push(Routed::Forward(Outbound {
                     addresses,
@@ -306,10 +306,10 @@ impl Acc {
         let receivers =
             if envelope.intended_receivers.is_empty() { &envelope.to } else { &envelope.intended_receivers };
         let form = &envelope.acl_representation;
-        let told = receivers.iter().filter_map(|receiver| {
+        let failures = receivers.iter().filter_map(|receiver| {
             self.failure(now, form, envelope.from.as_ref(), &outbound.message, receiver, reason)
         });
-        told.collect()
+        failures.collect()
     }
 
     /// Returns the message to a sender that a receiver cannot be reached, in the representation it used. None in
@@ -349,7 +349,7 @@ impl Acc {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Undeliverable {
     /// The receiver has no address.
-    #[error("no address is known of the agent")]
+    #[error("the agent has no known address")]
     NoAddress,
     /// The message cannot be written in the representation.
     #[error("the message cannot be written")]

@@ -16,7 +16,7 @@ pub const BLOBS_MAX: usize = 1 << 20;
 
 /// A carrier of messages, store requests and blobs between agents.
 ///
-/// No method blocks. Results arrive as an [`Event`](crate::Event) in the mailbox of the agent that asked: a *request*
+/// No method blocks. Results arrive as an [`Event`](crate::Event) in the mailbox of the requesting agent: a *request*
 /// is a message with `reply_by`, a *compare-and-set* is a [`StoreRequest`], and silence is a refusal.
 pub trait Bus {
     /// The content of messages.

@@ -31,14 +31,14 @@ impl SceneFolder {
     ///
     /// # Errors
     /// Neither a scene nor a folder is named.
-    pub(crate) fn scene(&self, asked: Option<&PathBuf>, name: &str) -> Result<PathBuf, Error> {
-        asked.cloned().or_else(|| self.place(name)).ok_or(Error::NoScene)
+    pub(crate) fn scene(&self, requested: Option<&PathBuf>, name: &str) -> Result<PathBuf, Error> {
+        requested.cloned().or_else(|| self.place(name)).ok_or(Error::NoScene)
     }
 }
 
 /// Returns the requested number of threads, or else that of the processors.
-pub(crate) fn threads(asked: Option<u16>) -> usize {
-    asked.map_or_else(processors, usize::from)
+pub(crate) fn threads(requested: Option<u16>) -> usize {
+    requested.map_or_else(processors, usize::from)
 }
 
 /// Parses one of the words of a choice; `--help` shows the meaning of each.

@@ -47,7 +47,7 @@ pub(crate) enum Error {
     #[error("nothing was recorded that can be replayed")]
     Record(#[source] RecordError),
     /// A replay did not finish.
-    #[error("the simulation came to nothing")]
+    #[error("the simulation failed")]
     Simulation(#[from] SimulationError),
     /// The allocator refused the work.
     #[error("the allocator takes no work")]
@@ -56,7 +56,7 @@ pub(crate) enum Error {
     #[error("a resource of the allocator failed")]
     Unit(#[from] UnitError),
     /// The allocator returned an answer to another question.
-    #[error("the allocator answered something else than was asked")]
+    #[error("the answer of the allocator does not fit the request")]
     WrongAnswer,
     /// Two methods that trace the same paths found different light.
     #[error("{way} found other light: {found} instead of {known}")]

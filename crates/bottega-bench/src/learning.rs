@@ -152,10 +152,10 @@ impl PaintedJob {
     /// Paints a picture without experience.
     fn paint(request: &Request, power: RelativePower) -> Result<Self, Error> {
         let session = Session::open(request)?;
-        let tools = session.tools();
+        let setup = session.setup();
         let benchmark = MachineSpeed { power, load: 1.0 };
-        let settings = JobSettings { experience: Arc::default(), benchmark, agents: 1, ..tools.settings };
-        let recorder = Arc::new(Recorder::new(Arc::new(TimedEngine::new(tools.engine)), tools.observer));
+        let settings = JobSettings { experience: Arc::default(), benchmark, agents: 1, ..setup.settings };
+        let recorder = Arc::new(Recorder::new(Arc::new(TimedEngine::new(setup.engine)), setup.observer));
         let report = bottega_farm::run(
             &settings,
             Arc::clone(&recorder) as _,
@@ -238,7 +238,7 @@ impl Report for LearningReport {
             "T_est of zones before profiling, against what they took: median error, rank correlation; zones without a profile\n\
              first job        second, unlearnt second, learnt   error          trusted V_cp  pair\n",
         );
-        let told = |forecast: &Forecast| {
+        let forecast_text = |forecast: &Forecast| {
             let ranks = forecast.rank_correlation.map_or_else(|| "    –".to_owned(), |ranks| format!("{ranks:>5.2}"));
             format!("{:>6.1} % {ranks}", 100.0 * forecast.median_error)
         };
@@ -247,9 +247,9 @@ impl Report for LearningReport {
             _ = writeln!(
                 text,
                 "{} {} {}  × {:.2} {is_halved:<6} {:>3} of {:<3} {:<4} {} → {}",
-                told(&row.unlearnt_first),
-                told(&row.unlearnt_second),
-                told(&row.learnt),
+                forecast_text(&row.unlearnt_first),
+                forecast_text(&row.unlearnt_second),
+                forecast_text(&row.learnt),
                 row.ratio(),
                 row.trusted,
                 row.learnt.zones,
@@ -280,14 +280,14 @@ impl Report for LearningReport {
     }
 
     fn as_json(&self) -> Value {
-        let told = |forecast: &Forecast| {
+        let forecast_json = |forecast: &Forecast| {
             json!({ "zones": forecast.zones, "rank_correlation": forecast.rank_correlation,
                 "median_error": forecast.median_error, "total_ratio": forecast.total_ratio })
         };
         let row = |row: &LearningRow| {
             json!({ "first": row.first, "second": row.second, "power": row.power, "trusted": row.trusted,
-                "makespan_ratios": row.makespans, "unlearnt_first": told(&row.unlearnt_first),
-                "unlearnt_second": told(&row.unlearnt_second), "learnt": told(&row.learnt), "error_ratio": row.ratio() })
+                "makespan_ratios": row.makespans, "unlearnt_first": forecast_json(&row.unlearnt_first),
+                "unlearnt_second": forecast_json(&row.unlearnt_second), "learnt": forecast_json(&row.learnt), "error_ratio": row.ratio() })
         };
         json!({ "pairs": self.rows.iter().map(row).collect::<Vec<_>>() })
     }

@@ -107,8 +107,8 @@ fn main() -> ExitCode {
 }
 
 fn start_log() {
-    let asked = env::var("BOTTEGA_LOG").ok().and_then(|asked| asked.parse::<Targets>().ok());
-    let filter = asked.unwrap_or_else(|| LOGGED.parse().unwrap_or_default());
+    let level = env::var("BOTTEGA_LOG").ok().and_then(|level| level.parse::<Targets>().ok());
+    let filter = level.unwrap_or_else(|| LOGGED.parse().unwrap_or_default());
     let lines = tracing_subscriber::fmt::layer().with_writer(io::stderr);
     tracing_subscriber::registry().with(filter).with(lines).init();
 }

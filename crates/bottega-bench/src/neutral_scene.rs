@@ -61,7 +61,7 @@ fn text<'a>(value: &'a Value, key: &str) -> ParseResult<&'a str> {
 }
 
 fn number(value: &Value) -> ParseResult<f32> {
-    value.as_f64().map(|number| number as f32).ok_or_else(|| format!("{value} is no number"))
+    value.as_f64().map(|number| number as f32).ok_or_else(|| format!("{value} is not a number"))
 }
 
 fn vector(value: &Value) -> ParseResult<Vec3> {

@@ -265,11 +265,11 @@ fn paint(
     threads: usize,
     seed: u16,
 ) -> Result<PeerPicture, String> {
-    let told = |what: &str, error: std::io::Error| format!("{what}: {error}");
+    let failure = |what: &str, error: std::io::Error| format!("{what}: {error}");
     let folder = std::env::temp_dir().join(format!("bottega-peers-{}", std::process::id()));
-    fs::create_dir_all(&folder).map_err(|error| told("no temporary folder", error))?;
+    fs::create_dir_all(&folder).map_err(|error| failure("no temporary folder", error))?;
     let (out, log) = (folder.join("picture.raw"), folder.join("log.txt"));
-    let log_file = File::create(&log).map_err(|error| told("no log", error))?;
+    let log_file = File::create(&log).map_err(|error| failure("no log", error))?;
     let mut child = Command::new(&options.python)
         .arg("-")
         .arg(&options.folder)
@@ -280,14 +280,14 @@ fn paint(
         .stdout(Stdio::piped())
         .stderr(log_file)
         .spawn()
-        .map_err(|error| told(&options.python, error))?;
+        .map_err(|error| failure(&options.python, error))?;
     if let Some(mut input) = child.stdin.take() {
         // A child that ends at once says why in its log.
         drop(input.write_all(peer.script.as_bytes()));
     }
     let deadline = Instant::now() + Duration::from_secs(options.timeout);
     let status = loop {
-        match child.try_wait().map_err(|error| told("lost", error))? {
+        match child.try_wait().map_err(|error| failure("lost", error))? {
             Some(status) => break status,
             None if Instant::now() < deadline => thread::sleep(POLL),
             None => {
@@ -299,7 +299,7 @@ fn paint(
     };
     let mut answer = String::new();
     if let Some(mut output) = child.stdout.take() {
-        output.read_to_string(&mut answer).map_err(|error| told("no answer", error))?;
+        output.read_to_string(&mut answer).map_err(|error| failure("no answer", error))?;
     }
     let spent: Option<Value> = answer.lines().last().and_then(|line| serde_json::from_str(line).ok());
     let result = match spent {
@@ -332,7 +332,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_cannot_be_run_is_told_why() {
+    fn a_peer_that_cannot_run_is_reported_with_the_reason() {
         let options = PeersOptions {
             folder: "nowhere".into(),
             scenes: Vec::new(),

@@ -18,26 +18,29 @@ fn agents_in_several_processes_are_awarded_each_zone_and_paint_it_once() {
         let output = bench(&[&["farm", "--server", server], &arguments[..]].concat());
         // It fails where a pixel is not painted, or not once.
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let told: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
-        let command = told["head"]["command"].as_str().unwrap_or_default();
-        assert!(command.ends_with(&format!("bottega-bench farm --server {server} {}", arguments.join(" "))), "{told}");
-        assert_eq!((number(&told, "agents"), number(&told, "processes")), (20.0, 3.0));
-        let zones = number(&told, "zones");
-        assert!((100.0..=400.0).contains(&zones), "{told}");
+        let report: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+        let command = report["head"]["command"].as_str().unwrap_or_default();
+        assert!(
+            command.ends_with(&format!("bottega-bench farm --server {server} {}", arguments.join(" "))),
+            "{report}"
+        );
+        assert_eq!((number(&report, "agents"), number(&report, "processes")), (20.0, 3.0));
+        let zones = number(&report, "zones");
+        assert!((100.0..=400.0).contains(&zones), "{report}");
         // One that was taken back or taken over is awarded again.
-        assert!((zones..2.0 * zones).contains(&number(&told, "awards")), "{told}");
-        let wanted = number(&told, "wanted_per_second");
-        assert!((wanted - 20.0 / 0.03).abs() < 1e-6, "{told}");
+        assert!((zones..2.0 * zones).contains(&number(&report, "awards")), "{report}");
+        let wanted = number(&report, "wanted_per_second");
+        assert!((wanted - 20.0 / 0.03).abs() < 1e-6, "{report}");
         // Nobody paints faster than time goes by: 1.5 for the zones that happen to be cheap.
-        assert!((1.0..1.5 * wanted).contains(&number(&told, "awards_per_second")), "{told}");
-        let wait = &told["award_wait_ms"];
-        for times in [wait, &told["award_ms"]] {
+        assert!((1.0..1.5 * wanted).contains(&number(&report, "awards_per_second")), "{report}");
+        let wait = &report["award_wait_ms"];
+        for times in [wait, &report["award_ms"]] {
             let [median, p99, longest] = ["p50", "p99", "max"].map(|it| number(times, it));
-            assert!(0.0 < median && median <= p99 && p99 <= longest, "{told}");
-            assert!(longest < 1e3 * number(&told, "seconds"), "{told}");
+            assert!(0.0 < median && median <= p99 && p99 <= longest, "{report}");
+            assert!(longest < 1e3 * number(&report, "seconds"), "{report}");
         }
-        assert!(number(wait, "count") <= number(&told, "awards"), "{told}");
-        assert!(number(&told, "messages_per_zone") > 20.0, "{told}");
-        assert!(number(&told, "bytes_per_zone") > 1000.0, "{told}");
+        assert!(number(wait, "count") <= number(&report, "awards"), "{report}");
+        assert!(number(&report, "messages_per_zone") > 20.0, "{report}");
+        assert!(number(&report, "bytes_per_zone") > 1000.0, "{report}");
     }
 }

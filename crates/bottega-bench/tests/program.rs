@@ -15,9 +15,9 @@ fn what_cannot_be_measured_is_refused_with_a_reason() {
         (&["peers", "/nowhere"], 1, "/nowhere"),
     ] {
         let output = bench(arguments);
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
-        assert!(told.contains(reason), "{arguments:?}: {told}");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(reason), "{arguments:?}: {stderr}");
     }
 }
 

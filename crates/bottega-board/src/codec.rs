@@ -73,14 +73,14 @@ pub(crate) fn shapes_of(bytes: &[u8]) -> Result<Shapes, BoardError> {
         let positions: Vec<Vec3> = reader.many(positions)?;
         let triangles: Vec<[u32; 3]> = reader.many(triangles)?;
         if triangles.iter().flatten().any(|&corner| corner as usize >= positions.len()) {
-            return Err(BoardError::Malformed("a triangle has a corner that is not there"));
+            return Err(BoardError::Malformed("a triangle has a corner that does not exist"));
         }
         shapes.meshes.push((positions, triangles));
     }
     for _ in 0..instances {
         let [mesh] = reader.array::<u32, 1>()?;
         if mesh as usize >= shapes.meshes.len() {
-            return Err(BoardError::Malformed("an instance is of a mesh that is not there"));
+            return Err(BoardError::Malformed("an instance refers to a mesh that does not exist"));
         }
         let columns = reader.array::<f32, 12>()?;
         let column = |i: usize| Vec3A::new(columns[3 * i], columns[3 * i + 1], columns[3 * i + 2]);
@@ -134,7 +134,7 @@ pub(crate) fn put_hits(bytes: &mut Vec<u8>, hits: &[Hit]) {
 /// The number of hits is not `count`.
 pub(crate) fn hits_of(bytes: &[u8], count: usize) -> Result<Vec<Hit>, BoardError> {
     if bytes.len() != 4 * HIT_WORDS * count {
-        return Err(BoardError::Malformed("there are not as many hits as rays"));
+        return Err(BoardError::Malformed("the numbers of hits and rays differ"));
     }
     let words: Vec<u32> = pod_collect_to_vec(bytes);
     let hit = |w: &[u32]| {
@@ -172,7 +172,7 @@ pub(crate) fn receipt_of(bytes: &[u8]) -> Result<(Receipt, &[u8]), BoardError> {
 /// The number of flags is not `count`.
 pub(crate) fn flags_of(bytes: &[u8], count: usize) -> Result<Vec<bool>, BoardError> {
     if bytes.len() != count.div_ceil(8) {
-        return Err(BoardError::Malformed("there are not as many answers as rays"));
+        return Err(BoardError::Malformed("the numbers of answers and rays differ"));
     }
     Ok((0..count).map(|i| bytes[i / 8] >> (i % 8) & 1 != 0).collect())
 }
@@ -220,10 +220,10 @@ mod tests {
         let corner = 12 + 8 + 36;
         let mut wrong = bytes.clone();
         wrong[corner] = 3;
-        assert!(shapes_of(&wrong).is_err(), "a corner that is not there");
+        assert!(shapes_of(&wrong).is_err(), "a corner that does not exist");
         let mut wrong = bytes;
         wrong[corner + 12] = 1;
-        assert!(shapes_of(&wrong).is_err(), "a mesh that is not there");
+        assert!(shapes_of(&wrong).is_err(), "a mesh that does not exist");
     }
 
     #[test]

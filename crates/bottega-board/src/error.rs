@@ -6,7 +6,7 @@ use std::io;
 #[derive(Debug, thiserror::Error)]
 pub enum BoardError {
     /// The text is not an address of a board.
-    #[error("`{0}` is no address of a board: write tcp://HOST:PORT")]
+    #[error("`{0}` is not the address of a board: write tcp://HOST:PORT")]
     Address(String),
     /// The board cannot be reached, or the connection broke.
     #[error("the board {address} cannot be reached")]
@@ -28,7 +28,7 @@ pub enum BoardError {
     #[error("the connection broke")]
     Broken(#[from] io::Error),
     /// The peer is not a board, or has another build, whose hits may differ in bits.
-    #[error("the board is of another build: {theirs}, this is {ours}; install the same on both")]
+    #[error("the board has another build: {theirs}, this is {ours}; install the same on both machines")]
     OtherBuild {
         /// The peer's build.
         theirs: String,
@@ -36,7 +36,7 @@ pub enum BoardError {
         ours: String,
     },
     /// A frame is invalid: too large, truncated, or with an index out of range.
-    #[error("a frame that cannot be: {0}")]
+    #[error("an invalid frame: {0}")]
     Malformed(&'static str),
     /// The board refused a request; its message.
     #[error("the board refused: {0}")]

@@ -196,7 +196,7 @@ impl ServedScenes<'_> {
             FrameKind::Scene => self.keep(number, &bytes).map(|()| None),
             FrameKind::Intersect | FrameKind::Occluded => {
                 let rays = rays_of(&bytes)?;
-                let (accel, _) = self.scenes.get(&scene).ok_or(BoardError::Malformed("its scene is not here"))?;
+                let (accel, _) = self.scenes.get(&scene).ok_or(BoardError::Malformed("its scene is missing"))?;
                 let mut answer = receipt_to_bytes(receipt);
                 match kind {
                     FrameKind::Intersect => put_hits(&mut answer, &self.pool.install(|| intersect(accel, &rays))),
@@ -205,7 +205,7 @@ impl ServedScenes<'_> {
                 Ok(Some(Frame::new(FrameKind::Answer, number, scene, answer)))
             }
             FrameKind::Hello | FrameKind::Answer | FrameKind::Refusal => {
-                Err(BoardError::Malformed("it is nothing that a board is told"))
+                Err(BoardError::Malformed("a board does not accept this kind of message"))
             }
         }
     }

@@ -98,10 +98,10 @@ impl Frame {
         let mut header = Header::zeroed();
         from.read_exact(bytemuck::bytes_of_mut(&mut header))?;
         if header.magic != MAGIC {
-            return Err(BoardError::Malformed("it is not of a board of this version"));
+            return Err(BoardError::Malformed("it does not come from a board of this version"));
         }
         let kind = FrameKind::ALL.into_iter().find(|kind| *kind as u32 == header.kind);
-        let kind = kind.ok_or(BoardError::Malformed("its kind is not known"))?;
+        let kind = kind.ok_or(BoardError::Malformed("its kind is unknown"))?;
         if header.bytes > bytes_max.min(BYTES_MAX) {
             return Err(BoardError::Malformed("it is too large"));
         }

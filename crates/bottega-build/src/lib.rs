@@ -28,8 +28,8 @@ use proc_macro::TokenStream;
 pub fn provenance(without: TokenStream) -> TokenStream {
     let without = without.to_string();
     let without: Vec<&str> = without.split(',').map(|name| name.trim().trim_matches('"')).collect();
-    let told = tell(&without).unwrap_or_else(|problem| format!("compile_error!({problem:?})"));
-    told.parse().expect("literals are tokens")
+    let source = tell(&without).unwrap_or_else(|problem| format!("compile_error!({problem:?})"));
+    source.parse().expect("literals are tokens")
 }
 
 fn tell(without: &[&str]) -> Result<String, String> {

@@ -80,7 +80,7 @@ mod tests {
         }
         let before = digest(one, &[]).unwrap();
         assert_eq!(before.len(), DIGITS);
-        assert_eq!(digest(two, &[]).unwrap(), before, "line ends are no difference");
+        assert_eq!(digest(two, &[]).unwrap(), before, "line ends make no difference");
         for name in ["README.md", "crates/a/tests/a.rs", "crates/a/.a.swp", "scenes/a.glb"] {
             write(one, name, "other");
             assert_eq!(digest(one, &[]).unwrap(), before, "{name}");

@@ -28,7 +28,7 @@ pub(crate) struct BoardArgs {
 }
 
 fn parse_bandwidth(text: &str) -> Result<f64, InvalidValue> {
-    let allowed = || "a number of MB a second above 0, such as 12.5".into();
+    let allowed = || "a number of MB/s above 0 is needed, such as 12.5".into();
     text.parse::<f64>().ok().filter(|value| *value > 0.0 && value.is_finite()).ok_or_else(allowed)
 }
 

@@ -54,7 +54,7 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Paint a picture of a scene.
     Render(Box<RenderArgs>),
-    /// Print, check and read requests: pictures asked for as JSON.
+    /// Print, check and read requests: descriptions of pictures in JSON.
     Request(RequestCommandArgs),
     /// Draw the importance map, zones and predicted cost of a scene.
     Analyze(AnalyzeArgs),
@@ -115,7 +115,7 @@ pub(crate) struct AnalyzeArgs {
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) output: PathBuf,
     /// Paint every zone of these levels several times, and report how well its time was predicted: by the map alone, and
-    /// after profiling. Uses one processor, unless --threads says otherwise.
+    /// after profiling. Uses one processor, unless --threads is given.
     #[arg(long, value_name = "LEVELS", num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3", value_delimiter = ',', value_parser = clap::value_parser!(u8).range(1..=3), help_heading = "Work")]
     pub(crate) verify: Vec<u8>,
     /// Number of times that --verify paints each zone. The shortest time counts, because disturbances only add time.
@@ -145,8 +145,8 @@ pub(crate) struct AnalyzeArgs {
     /// shaded, or trace a shadow ray.
     #[arg(long, help_heading = "Lighting agents")]
     pub(crate) network: bool,
-    /// Lighting agents that the lights cast; default: 50,000 for --ludd, 2,500 for --network, whose links are not seen
-    /// where there are many.
+    /// Lighting agents that the lights cast; default: 50,000 for --ludd, 2,500 for --network, because the links of many
+    /// cannot be seen.
     #[arg(long, value_name = "N", requires = "of_agents", value_parser = clap::value_parser!(u32).range(0..=10_000_000), help_heading = "Lighting agents")]
     pub(crate) lighting_agents: Option<u32>,
 }

@@ -142,7 +142,7 @@ impl ConfigFile {
             // This is the only place that sets it.
             (Some(per_kwh), Some(currency)) => _ = PRICE_OF_FILE.set(EnergyPrice { per_kwh, currency }),
             (None, None) => {}
-            _ => return Err(self.wrong(name.span(), "farm.price-per-kwh and farm.currency are only of use together")),
+            _ => return Err(self.wrong(name.span(), "farm.price-per-kwh and farm.currency need each other")),
         }
         // This is the only place that sets it.
         _ = FARM_OF_FILE.set((address, credentials));
@@ -156,7 +156,7 @@ impl ConfigFile {
         let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
         CliError::usage(
             format!("`{}`, line {line}, column {column}: {problem}", self.path.display()),
-            "mend the file, or name another one by BOTTEGA_CONFIG; docs/render.md shows one",
+            "correct the file, or set BOTTEGA_CONFIG to another one; docs/render.md shows one",
         )
     }
 }

@@ -107,7 +107,7 @@ impl ConsoleWatcher {
             Event::Step { name, share } => self.show_share(*share, name),
             Event::Compiling { device, seconds } => self.show_compiling(device, *seconds),
             _ => {
-                if matches!(event, Event::Asked { .. } | Event::Denoised { .. }) {
+                if matches!(event, Event::Submitted { .. } | Event::Denoised { .. }) {
                     self.bar.finish_and_clear();
                 }
                 lines(event, self.is_detached).iter().for_each(|line| self.say(line));
@@ -171,13 +171,13 @@ impl ConsoleWatcher {
 }
 
 impl Watcher for ConsoleWatcher {
-    fn told(&self, event: Event) {
+    fn event(&self, event: Event) {
         match self.form {
             OutputForm::Text | OutputForm::Verbose => self.show(&event),
             OutputForm::Json => println!("{}", event.to_json()),
             OutputForm::Quiet => {}
         }
-        if let Event::Asked { job, last_job } = &event {
+        if let Event::Submitted { job, last_job } = &event {
             say_if_ended_at_once(Some(parting(*job, *last_job)));
         }
         if let Some(dashboard) = &self.dashboard {
@@ -221,7 +221,7 @@ impl Watcher for ConsoleWatcher {
             let flushed = trace.lock().unwrap_or_else(PoisonError::into_inner).flush();
             let lost = flushed.err().map(|error| self.trace_lost.get_or_init(|| error.to_string()));
             if let Some(reason) = lost.or_else(|| self.trace_lost.get()) {
-                self.told(Event::Warning { message: format!("the trace of messages is not whole: {reason}") });
+                self.event(Event::Warning { message: format!("the trace of messages is incomplete: {reason}") });
             }
         }
     }
@@ -240,14 +240,14 @@ fn lines(event: &Event, is_detached: bool) -> Vec<String> {
         Event::Started { .. } => vec![started(event)],
         Event::Note { message } => vec![message.clone()],
         Event::Warning { message } => vec![format!("warning: {message}")],
-        Event::Asked { job, last_job } => vec![asked(*job, *last_job, is_detached)],
+        Event::Submitted { job, last_job } => vec![submitted(*job, *last_job, is_detached)],
         Event::Frame { output, done, all } => vec![format!("{output} ({done} of {all})")],
         Event::Recorded { file } => vec![recorded(file)],
         Event::Timeline { file } => vec![format!("timeline of processors and devices: {file}")],
-        Event::Fetched { output } => vec![format!("{output}: led to its end by another machine")],
+        Event::Fetched { output } => vec![format!("{output}: completed by another machine")],
         Event::Finished { output, seconds, .. } => vec![format!("{output} in {}", length(*seconds))],
         Event::Interrupted { output, .. } => {
-            vec![format!("stopped; {output} holds what is painted. Go on with the same command and --resume.")]
+            vec![format!("stopped; {output} holds what is painted. Continue with the same command and --resume.")]
         }
         Event::Analyzed { .. }
         | Event::Zone(_)
@@ -286,8 +286,8 @@ fn details(event: &Event) -> Vec<String> {
         }
         Event::Resources { .. } => vec![at_work(event)],
         Event::Denoised { by, seconds } => vec![format!("denoised in {} by {by}", length(*seconds))],
-        Event::Auction(auction) => vec![told_auction(auction)],
-        Event::Forecast(forecast) => vec![told_forecast(forecast)],
+        Event::Auction(auction) => vec![auction_line(auction)],
+        Event::Forecast(forecast) => vec![forecast_line(forecast)],
         Event::Finished { .. } => painted(event),
         _ => Vec::new(),
     }
@@ -317,7 +317,7 @@ fn goal(event: &Event) -> String {
     }
 }
 
-fn asked(job: u32, last: Option<u32>, is_detached: bool) -> String {
+fn submitted(job: u32, last: Option<u32>, is_detached: bool) -> String {
     match last {
         Some(last) if last == job => format!("1 frame is job {job} of the farm"),
         Some(last) => format!("{} frames are jobs {job} to {last} of the farm", last - job + 1),
@@ -330,12 +330,10 @@ fn asked(job: u32, last: Option<u32>, is_detached: bool) -> String {
 fn parting(job: u32, last: Option<u32>) -> String {
     match last {
         Some(last) => format!(
-            "jobs {job} to {last} stay with the farm: `bottega jobs list` shows them, `bottega jobs fetch N` has a picture \
-             that is done, `bottega jobs cancel N` calls one off"
+            "jobs {job} to {last} stay with the farm: `bottega jobs list` shows them, `bottega jobs fetch N` gets a finished picture, `bottega jobs cancel N` cancels a job"
         ),
         None => format!(
-            "job {job} stays with the farm: `bottega jobs fetch {job}` has its picture when it is done, \
-             `bottega jobs cancel {job}` calls it off"
+            "job {job} stays with the farm: `bottega jobs fetch {job}` gets its picture when it is done, `bottega jobs cancel {job}` cancels it"
         ),
     }
 }
@@ -346,7 +344,7 @@ pub(crate) fn recorded(file: &str) -> String {
 }
 
 /// Summarizes the auction in one line.
-fn told_auction(auction: &AuctionEvent) -> String {
+fn auction_line(auction: &AuctionEvent) -> String {
     let AuctionEvent { rounds, contested, outbid, credit_decided, bidders, bids, awards, thefts, stolen, .. } = auction;
     if *rounds == 0 {
         return format!("stealing: {stolen} zones changed hands in {thefts} thefts");
@@ -360,7 +358,7 @@ fn told_auction(auction: &AuctionEvent) -> String {
     )
 }
 
-fn told_forecast(forecast: &ForecastEvent) -> String {
+fn forecast_line(forecast: &ForecastEvent) -> String {
     let ForecastEvent { zones, rank_correlation, median_error, jobs_learnt, .. } = forecast;
     let ranks = rank_correlation.map_or(String::new(), |ranks| format!(", rank correlation {ranks:.2}"));
     let from = match jobs_learnt {
@@ -377,9 +375,10 @@ fn told_forecast(forecast: &ForecastEvent) -> String {
 /// Summarizes the utilization of resources in one line.
 fn at_work(event: &Event) -> String {
     let Event::Resources { resources, bin_full, bin_empty, expired, .. } = event else { return String::new() };
-    let (processors, devices): (Vec<_>, Vec<_>) = resources.iter().partition(|it| it.name.starts_with("cpu"));
-    let mean = processors.iter().map(|it| it.occupation).sum::<f64>() / processors.len().max(1) as f64;
-    let least = processors.iter().map(|it| it.occupation).fold(1.0, f64::min);
+    let (processors, devices): (Vec<_>, Vec<_>) =
+        resources.iter().partition(|resource| resource.name.starts_with("cpu"));
+    let mean = processors.iter().map(|resource| resource.occupation).sum::<f64>() / processors.len().max(1) as f64;
+    let least = processors.iter().map(|resource| resource.occupation).fold(1.0, f64::min);
     let mut parts = Vec::new();
     if !processors.is_empty() {
         parts.push(format!("processors {:.1} % at work (the least {:.1} %)", 100.0 * mean, 100.0 * least));
@@ -391,7 +390,7 @@ fn at_work(event: &Event) -> String {
             }
             _ => String::new(),
         };
-        let cable = device.cable.as_ref().map_or_else(String::new, told_cable);
+        let cable = device.cable.as_ref().map_or_else(String::new, cable_text);
         format!("{} {:.1} %{memory}{cable}", device.name, 100.0 * device.occupation)
     }));
     let expired = if *expired > 0 { format!("; {expired} units past their life time") } else { String::new() };
@@ -404,8 +403,8 @@ fn at_work(event: &Event) -> String {
 }
 
 /// Summarizes the traffic on a board's cable.
-fn told_cable(cable: &CableTraffic) -> String {
-    let rate = |bandwidth: Option<f64>| bandwidth.map_or("?".to_owned(), |it| format!("{:.3}", it / 1e6));
+fn cable_text(cable: &CableTraffic) -> String {
+    let rate = |bandwidth: Option<f64>| bandwidth.map_or("?".to_owned(), |bytes| format!("{:.3}", bytes / 1e6));
     let packets = cable.packet_seconds.map_or(String::new(), |seconds| {
         let bytes = cable.sent_bytes as f64 / cable.packets.max(1) as f64;
         format!(", {} packets of {:.1} kB that took {:.1} ms each", cable.packets, bytes / 1e3, 1e3 * seconds)

@@ -32,12 +32,11 @@ pub(crate) fn run(args: &DevicesArgs) -> Result<ExitCode, CliError> {
     }
     println!("{} processors", processors());
     for gpu in &gpus {
-        let note =
-            if gpu.kind == AdapterKind::Software { "; software: takes part only when asked for by name" } else { "" };
+        let note = if gpu.kind == AdapterKind::Software { "; software: used only if named" } else { "" };
         println!("{} ({}, {}{note})", gpu.name, gpu.backend, gpu.driver);
     }
     if gpus.is_empty() {
-        println!("no GPU: there is no Vulkan driver, or it knows none");
+        println!("no GPU: there is no Vulkan driver, or it finds none");
     }
     measured.iter().flatten().for_each(print_costs);
     Ok(ExitCode::SUCCESS)

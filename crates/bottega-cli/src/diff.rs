@@ -59,7 +59,7 @@ fn tell_seams(seams: &Seams) {
     let verdict = match seams.p() {
         _ if seams.pieces == 0 => "there is nothing to compare",
         p if p < SIGNIFICANCE => "zones have seams",
-        _ => "no seams can be told from chance",
+        _ => "no significant seams",
     };
     println!(
         "seams        z = {:.2} (p = {:.2e}), steps across edges {:.3} times those inside, {} pieces: {verdict}",
@@ -97,7 +97,7 @@ fn find_seams(path: &Path, level: u8, picture: &Picture, reference: Option<&Pict
         )
     };
     let index: Index = bottega::json::from_slice(text.as_bytes())
-        .map_err(|error| unusable(format!("is no index of zones: {error}")))?;
+        .map_err(|error| unusable(format!("is not an index of zones: {error}")))?;
     let [width, height] = index.size;
     if (width, height) != picture.size() {
         let (w, h) = picture.size();

@@ -23,11 +23,11 @@ pub(crate) enum CliError {
     Cluster(#[from] bottega_cluster::Error),
     #[error("cannot serve the live view")]
     Serve(#[from] ServeError),
-    #[error("the simulation came to nothing")]
+    #[error("the simulation failed")]
     Simulation(#[source] SimulationError),
     #[error("the platform does not run")]
     Node(#[source] NodeError),
-    #[error("cannot keep the platform in `{}`", .path.display())]
+    #[error("cannot store the platform in `{}`", .path.display())]
     State { path: PathBuf, source: FileStoreError },
 }
 

@@ -89,8 +89,8 @@ fn main() -> ExitCode {
 
 /// Starts logging to standard error. `BOTTEGA_LOG` sets the filter: a level, or levels per target (`warn,bottega_farm=debug`).
 fn start_log() {
-    let asked = std::env::var("BOTTEGA_LOG").ok().filter(|it| !it.is_empty());
-    let targets = asked.as_deref().map(str::parse::<Targets>).transpose();
+    let setting = std::env::var("BOTTEGA_LOG").ok().filter(|setting| !setting.is_empty());
+    let targets = setting.as_deref().map(str::parse::<Targets>).transpose();
     let filter = targets.as_ref().ok().cloned().flatten().unwrap_or_else(|| LOGGED.parse().unwrap_or_default());
     let lines = tracing_subscriber::fmt::layer().with_writer(|| output::LogWriter).with_ansi(output::has_colors());
     tracing_subscriber::registry().with(filter).with(lines).init();

@@ -205,7 +205,7 @@ fn lose(stream: Stream, error: &io::Error) {
         return;
     }
     if error.kind() != ErrorKind::BrokenPipe {
-        let text = format!("warning: {} cannot be written ({error}): what it should say is lost\n", stream.name());
+        let text = format!("warning: cannot write {} ({error}): its text is lost\n", stream.name());
         match stream {
             Stream::Output => deliver(Stream::Error, text.as_bytes()),
             // A reader of a result or of events must not get other lines.
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn the_exit_code_tells_a_reader_that_went_from_a_disk_that_is_full() {
+    fn a_closed_reader_and_a_full_disk_have_different_exit_codes() {
         assert_eq!((exit_code(ErrorKind::BrokenPipe), exit_code(ErrorKind::StorageFull)), (141, 1));
     }
 }

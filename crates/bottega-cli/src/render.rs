@@ -92,7 +92,7 @@ fn one(
     let is_begun = request.output.file.as_deref().is_some_and(|file| journal_of(file).is_file());
     if options.resume && !is_begun && is_done(request) {
         let file = request.output.file.as_deref().map(shown).unwrap_or_default();
-        voice.told(Event::Note { message: format!("{file} is whole: nothing is left to paint") });
+        voice.event(Event::Note { message: format!("{file} is complete: nothing is left to paint") });
         return Ok(ExitCode::SUCCESS);
     }
     let session = opened(request, options, voice)?;
@@ -109,7 +109,7 @@ fn opened(request: &Request, options: SessionOptions, voice: &Arc<dyn Watcher>) 
         scope.spawn(move || {
             while is_done.recv_timeout(LOOK_EVERY) == Err(mpsc::RecvTimeoutError::Timeout) {
                 for (device, time) in compiling() {
-                    voice.told(Event::Compiling { device, seconds: time.as_secs_f64() });
+                    voice.event(Event::Compiling { device, seconds: time.as_secs_f64() });
                 }
             }
         });

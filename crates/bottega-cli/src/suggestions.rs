@@ -140,7 +140,7 @@ mod tests {
     use super::*;
     use crate::cli::Cli;
 
-    fn told(line: &str) -> String {
+    fn suggestion_for(line: &str) -> String {
         let words: Vec<OsString> = line.split(' ').map(OsString::from).collect();
         let error = Cli::command().try_get_matches_from(&words).expect_err(line);
         by_meaning(error, &Cli::command(), &words).render().to_string()
@@ -155,27 +155,27 @@ mod tests {
             ("bottega analyze a.glb -o a --cores 2", "--threads"),
             ("bottega render a.glb -o a.png --gpu", "--devices"),
         ] {
-            let told = told(line);
-            assert!(told.contains(&format!("the option for that is '{option}'")), "{told}");
-            assert!(!told.contains("similar") && !told.contains("--frames"), "{told}");
+            let text = suggestion_for(line);
+            assert!(text.contains(&format!("the option for that is '{option}'")), "{text}");
+            assert!(!text.contains("similar") && !text.contains("--frames"), "{text}");
         }
         for (line, field) in [
             ("bottega render a.glb -o a.png --photons 4", "--set photons.count=500000"),
             ("bottega render a.glb -o a.png --wavefront", "--set integrator.wavefront=true"),
             ("bottega analyze a.glb -o a --importance=visual", "--set work.importance=visual"),
         ] {
-            let told = told(line);
-            assert!(told.contains(&format!("set its field, such as '{field}'")), "{told}");
+            let text = suggestion_for(line);
+            assert!(text.contains(&format!("set its field, such as '{field}'")), "{text}");
         }
         // Unknown words get a suggestion by spelling.
-        assert!(told("bottega render a.glb -o a.png --theads 2").contains("'--threads'"));
+        assert!(suggestion_for("bottega render a.glb -o a.png --theads 2").contains("'--threads'"));
     }
 
     #[test]
     fn a_command_of_another_program_and_a_scene_alone_lead_to_ours() {
-        assert!(told("bottega compare a.png b.png").contains("the command for that is 'diff'"));
-        assert!(told("bottega worker").contains("the command for that is 'join'"));
-        assert!(told("bottega a.glb").contains("bottega render a.glb -o picture.png"));
+        assert!(suggestion_for("bottega compare a.png b.png").contains("the command for that is 'diff'"));
+        assert!(suggestion_for("bottega worker").contains("the command for that is 'join'"));
+        assert!(suggestion_for("bottega a.glb").contains("bottega render a.glb -o picture.png"));
     }
 
     #[test]

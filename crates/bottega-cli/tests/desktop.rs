@@ -43,7 +43,7 @@ impl Bus {
 
     /// A notification service: records title and text of each.
     fn desktop(&self) -> mpsc::Receiver<(String, String)> {
-        let (told, shown) = mpsc::channel();
+        let (sender, shown) = mpsc::channel();
         let address = self.address.clone();
         let (ready, begun) = mpsc::channel();
         thread::spawn(move || {
@@ -60,7 +60,7 @@ impl Bus {
                         let (_, _, _, title, text, ..): NotifyArguments = message.body().deserialize()?;
                         connection.reply(&header, &1_u32).await?;
                         // The test may be over.
-                        _ = told.send((title, text));
+                        _ = sender.send((title, text));
                     }
                 }
                 Ok::<(), zbus::Error>(())
@@ -92,14 +92,14 @@ fn paint(folder: &Path, bus: &str) -> String {
 }
 
 #[test]
-fn the_desktop_shows_that_a_picture_is_done_and_where_there_is_none_that_is_told() {
+fn the_desktop_shows_that_a_picture_is_done_and_a_missing_desktop_is_reported() {
     let Some(bus) = Bus::start() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let said = paint(folder.path(), &bus.address);
-    assert!(said.contains("the desktop was not told of `done`"), "nobody shows it yet: {said}");
+    assert!(said.contains("cannot notify the desktop of `done`"), "nobody shows it yet: {said}");
     let desktop = bus.desktop();
     let said = paint(folder.path(), &bus.address);
-    assert!(!said.contains("was not told"), "{said}");
+    assert!(!said.contains("cannot notify"), "{said}");
     let (title, body) = desktop.recv_timeout(WAIT).expect("it is shown");
     assert!(title.contains("done") && body.contains("p.png"), "{title}: {body}");
 }

@@ -117,7 +117,7 @@ impl Reader {
             if let Some(status) = child.try_wait().expect("a child") {
                 return (self.said(&name), status.success());
             }
-            if stays && ["look on alone:\n\n  http", "waiting for work"].iter().any(|words| said.contains(words)) {
+            if stays && ["to look on only:\n\n  http", "waiting for work"].iter().any(|words| said.contains(words)) {
                 self.processes.push(child);
                 return (self.said(&name), true);
             }

@@ -41,12 +41,12 @@ impl Delivery {
 fn server(answers: Vec<String>) -> (String, mpsc::Receiver<Delivery>) {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("an address").to_string();
-    let (told, taken) = mpsc::channel();
+    let (sender, taken) = mpsc::channel();
     thread::spawn(move || {
         for answer in answers {
             let (stream, _) = listener.accept().expect("a connection");
             // The receiver may be gone.
-            _ = told.send(take(stream, &answer).expect("a request"));
+            _ = sender.send(take(stream, &answer).expect("a request"));
         }
     });
     (address, taken)
@@ -71,13 +71,13 @@ fn secure_server(name: &str, authority: &Path, answers: usize) -> (String, mpsc:
     let config = Arc::new(config);
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = format!("localhost:{}", listener.local_addr().expect("an address").port());
-    let (told, taken) = mpsc::channel();
+    let (sender, taken) = mpsc::channel();
     thread::spawn(move || {
         for _ in 0..answers {
             let (stream, _) = listener.accept().expect("a connection");
             let connection = ServerConnection::new(Arc::clone(&config)).expect("a connection");
             if let Some(delivery) = take(StreamOwned::new(connection, stream), "204 No Content") {
-                _ = told.send(delivery);
+                _ = sender.send(delivery);
             }
         }
     });
@@ -124,7 +124,7 @@ fn paint_with(folder: &Path, more: &[&str], variables: &[(&str, &str)]) -> (Opti
 }
 
 #[test]
-fn a_server_is_told_of_the_end_and_can_tell_who_speaks() {
+fn a_server_is_notified_of_the_end_and_can_verify_the_sender() {
     let folder = tempfile::tempdir().expect("a folder");
     let secret = folder.path().join("secret");
     fs::write(&secret, format!("{SECRET}\n")).expect("a file");
@@ -132,7 +132,7 @@ fn a_server_is_told_of_the_end_and_can_tell_who_speaks() {
     let on = format!("done,failed=http://{address}/hook?key=1");
     let (code, said) = paint(folder.path(), &["--on", &on, "--on-secret-file", text(&secret)]);
     assert_eq!(code, Some(0), "{said}");
-    let delivery = taken.recv_timeout(WAIT).expect("it is told");
+    let delivery = taken.recv_timeout(WAIT).expect("it is notified");
     assert_eq!(delivery.line, "POST /hook?key=1 HTTP/1.1");
     assert_eq!(delivery.header("content-type"), "application/json");
     assert_eq!(delivery.header("bottega-event"), "done");
@@ -140,14 +140,21 @@ fn a_server_is_told_of_the_end_and_can_tell_who_speaks() {
     let key = hmac::Key::new(hmac::HMAC_SHA256, SECRET.as_bytes());
     let right: String = hmac::sign(&key, &delivery.body).as_ref().iter().map(|byte| format!("{byte:02x}")).collect();
     assert_eq!(signature, right);
-    let told = delivery.json();
+    let notification = delivery.json();
     assert_eq!(
-        (&told["version"], &told["event"], &told["scene"]),
+        (&notification["version"], &notification["event"], &notification["scene"]),
         (&1.into(), &"done".into(), &"diffuse-box.glb".into())
     );
-    assert!(told["output"].as_str().is_some_and(|output| output.ends_with("p.png")), "{told}");
-    assert!(told["zones"].as_u64().is_some_and(|zones| zones > 0) && told["zones_done"] == told["zones"], "{told}");
-    assert!(told["seconds"].as_f64().is_some_and(|seconds| seconds > 0.0) && told.get("job").is_none(), "{told}");
+    assert!(notification["output"].as_str().is_some_and(|output| output.ends_with("p.png")), "{notification}");
+    assert!(
+        notification["zones"].as_u64().is_some_and(|zones| zones > 0)
+            && notification["zones_done"] == notification["zones"],
+        "{notification}"
+    );
+    assert!(
+        notification["seconds"].as_f64().is_some_and(|seconds| seconds > 0.0) && notification.get("job").is_none(),
+        "{notification}"
+    );
 }
 
 #[test]
@@ -155,7 +162,7 @@ fn what_fails_twice_is_tried_a_third_time_with_the_same_id_and_no_more() {
     let folder = tempfile::tempdir().expect("a folder");
     let (address, taken) = server(vec!["503 Busy".to_owned(), "429 Slow Down".to_owned(), "200 OK".to_owned()]);
     let (code, said) = paint(folder.path(), &["--on", &format!("done=http://{address}/")]);
-    assert!(code == Some(0) && !said.contains("was not told"), "{said}");
+    assert!(code == Some(0) && !said.contains("cannot notify"), "{said}");
     let all: Vec<Delivery> = taken.try_iter().collect();
     assert_eq!(all.len(), 3);
     assert!(all.iter().all(|it| it.body == all[0].body && !it.header("bottega-id").is_empty()));
@@ -163,8 +170,8 @@ fn what_fails_twice_is_tried_a_third_time_with_the_same_id_and_no_more() {
 
     let (address, taken) = server(vec!["500 No".to_owned(); 4]);
     let (code, said) = paint(folder.path(), &["--on", &format!("done=http://{address}/secret-path")]);
-    assert_eq!(code, Some(0), "the picture is painted all the same: {said}");
-    assert!(said.contains(&format!("http://{address} was not told of `done`: it answered 500")), "{said}");
+    assert_eq!(code, Some(0), "the picture is painted nevertheless: {said}");
+    assert!(said.contains(&format!("cannot notify http://{address} of `done`: it answered 500")), "{said}");
     assert!(said.contains("(3 tries)") && !said.contains("secret-path"), "{said}");
     assert_eq!(taken.try_iter().count(), 3);
     // A permanent error is not tried again.
@@ -188,27 +195,27 @@ fn a_redirect_is_followed_to_the_same_server_and_to_no_other() {
 }
 
 #[test]
-fn a_server_that_is_trusted_is_told_in_secret_and_another_one_is_not() {
+fn a_trusted_server_is_notified_over_tls_and_another_one_is_not() {
     let folder = tempfile::tempdir().expect("a folder");
     let [authority, other] = ["authority.pem", "other.pem"].map(|name| folder.path().join(name));
     let (address, taken) = secure_server("localhost", &authority, 2);
     let on = format!("done=https://{address}/hook");
     let (code, said) = paint_with(folder.path(), &["--on", &on], &[("SSL_CERT_FILE", text(&authority))]);
-    assert!(code == Some(0) && !said.contains("was not told"), "{said}");
-    let delivery = taken.recv_timeout(WAIT).expect("it is told");
+    assert!(code == Some(0) && !said.contains("cannot notify"), "{said}");
+    let delivery = taken.recv_timeout(WAIT).expect("it is notified");
     assert_eq!((delivery.line.as_str(), delivery.header("host")), ("POST /hook HTTP/1.1", address.as_str()));
     assert_eq!(delivery.json()["event"], "done");
 
     // An untrusted certificate, and one with another name: nothing is sent.
     let (elsewhere, strange) = secure_server("example.org", &other, 1);
     for (address, trusted, why) in [
-        (&address, &other, "nobody who is trusted here has signed its certificate"),
+        (&address, &other, "its certificate is not signed by an authority that this machine trusts"),
         (&elsewhere, &other, "its certificate is for another name"),
     ] {
         let on = format!("done=https://{address}/secret-path");
         let (code, said) = paint_with(folder.path(), &["--on", &on], &[("SSL_CERT_FILE", text(trusted))]);
         let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(code == Some(0) && said.contains("was not told of `done`") && said.contains(why), "{said}");
+        assert!(code == Some(0) && said.contains("cannot notify") && said.contains(why), "{said}");
         assert!(said.contains("SSL_CERT_FILE") && !said.contains("tries)") && !said.contains("secret-path"), "{said}");
     }
     assert_eq!((taken.try_iter().count(), strange.try_iter().count()), (0, 0));
@@ -219,7 +226,7 @@ fn a_server_that_is_trusted_is_told_in_secret_and_another_one_is_not() {
         let (mut stream, _) = listener.accept().expect("a connection");
         stream.read_exact(&mut [0; 5]).expect("the head of a greeting");
         stream.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").expect("an answer");
-        // The process that asked ends it.
+        // The client ends it.
         _ = stream.read_to_end(&mut Vec::new());
     });
     let (_, said) = paint(folder.path(), &["--on", &format!("done=https://{address}/")]);
@@ -229,7 +236,7 @@ fn a_server_that_is_trusted_is_told_in_secret_and_another_one_is_not() {
 #[test]
 fn a_command_has_json_on_its_input_and_facts_in_its_environment() {
     let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("told");
+    let out = folder.path().join("notifications");
     let line = format!(
         "done=cat > {0}.json; echo \"$BOTTEGA_ON_EVENT:$BOTTEGA_ON_OUTPUT:$BOTTEGA_ON_SECRET\" > {0}.env",
         text(&out)
@@ -240,23 +247,23 @@ fn a_command_has_json_on_its_input_and_facts_in_its_environment() {
     let mut command = bottega(&words);
     let ran = command.current_dir(scenes).env("BOTTEGA_ON_SECRET", SECRET).output().expect("the program starts");
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    let told: Value =
+    let notification: Value =
         serde_json::from_str(&fs::read_to_string(out.with_extension("json")).expect("JSON")).expect("JSON");
-    assert_eq!(told["event"], "done");
+    assert_eq!(notification["event"], "done");
     let facts = fs::read_to_string(out.with_extension("env")).expect("facts");
-    assert_eq!(facts.trim_end(), format!("done:{}:", text(&output)), "the secret is not told");
+    assert_eq!(facts.trim_end(), format!("done:{}:", text(&output)), "the secret is not passed on");
     // A notification that fails is reported, and nothing else changes.
     let (code, said) = paint(folder.path(), &["--on", "done=exit 3"]);
     assert!(
-        code == Some(0) && said.contains("`exit 3` was not told of `done`: it ended with exit status: 3"),
+        code == Some(0) && said.contains("cannot notify `exit 3` of `done`: it ended with exit status: 3"),
         "{said}"
     );
 }
 
 #[test]
-fn a_failure_and_a_stall_are_told_and_an_end_that_nobody_asked_for_is_not() {
+fn a_failure_and_a_stall_are_reported_and_an_event_without_subscription_is_not() {
     let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("told");
+    let out = folder.path().join("notifications");
     let on = format!("failed,stalled=cat >> {}", text(&out));
     let words = ["--size", "96x72", "--set", "work.zones=2", "--spp", "300", "--stalled-after", "0.3", "--on", &on];
     let (code, said) = paint(folder.path(), &words[..]);
@@ -266,27 +273,31 @@ fn a_failure_and_a_stall_are_told_and_an_end_that_nobody_asked_for_is_not() {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes");
     let ran = bottega(&words).current_dir(&scenes).output().expect("the program starts");
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    let told = fs::read_to_string(&out).expect("it was told");
-    let first: Value = serde_json::Deserializer::from_str(&told).into_iter().next().expect("one").expect("JSON");
-    assert_eq!(first["event"], "stalled", "{told}");
-    assert!(first["reason"].as_str().is_some_and(|why| why.starts_with("no zone was finished for")), "{told}");
+    let notification = fs::read_to_string(&out).expect("it was reported");
+    let first: Value =
+        serde_json::Deserializer::from_str(&notification).into_iter().next().expect("one").expect("JSON");
+    assert_eq!(first["event"], "stalled", "{notification}");
+    assert!(first["reason"].as_str().is_some_and(|why| why.starts_with("no zone was finished for")), "{notification}");
     // A picture that cannot be written.
     fs::remove_file(&out).expect("it is there");
     let gone = folder.path().join("gone");
     fs::create_dir_all(gone.join("p.png")).expect("a folder");
     let (code, said) = paint(&gone, &["--on", &on]);
     assert_eq!(code, Some(1), "{said}");
-    let told: Value = serde_json::from_str(&fs::read_to_string(&out).expect("it was told")).expect("JSON");
-    assert!(told["event"] == "failed" && told["reason"].as_str().is_some_and(|why| why.contains("p.png")), "{told}");
-    assert!(!said.contains("was not told"), "{said}");
+    let notification: Value = serde_json::from_str(&fs::read_to_string(&out).expect("it was reported")).expect("JSON");
+    assert!(
+        notification["event"] == "failed" && notification["reason"].as_str().is_some_and(|why| why.contains("p.png")),
+        "{notification}"
+    );
+    assert!(!said.contains("cannot notify"), "{said}");
 }
 
 #[test]
-fn what_is_wrong_with_on_is_told_before_anything_is_painted() {
+fn errors_of_on_are_reported_before_anything_is_painted() {
     let folder = tempfile::tempdir().expect("a folder");
     let short = folder.path().join("short");
     fs::write(&short, "abc").expect("a file");
-    for (words, told) in [
+    for (words, expected) in [
         (&["--on", "finished=http://x/"][..], "use done, failed or stalled"),
         (&["--on", "done=ftp://x/"], "use http:// or https://"),
         (&["--on", "done"], "write events"),
@@ -296,7 +307,7 @@ fn what_is_wrong_with_on_is_told_before_anything_is_painted() {
         (&["--on", "done=true", "--farm", "--detach"], "cannot be used with"),
     ] {
         let (code, said) = paint(folder.path(), words);
-        assert!(code == Some(2) && said.contains(told), "{words:?}: {said}");
+        assert!(code == Some(2) && said.contains(expected), "{words:?}: {said}");
         assert!(!folder.path().join("p.png").exists());
     }
     let (code, said) = paint(folder.path(), &["--on", "done=true", "--on-secret-file", "nowhere"]);

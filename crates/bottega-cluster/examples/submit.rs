@@ -1,5 +1,5 @@
-//! A picture asked of a farm, without any command line: `cargo run --release -p bottega-cluster --example submit -- SCENE
-//! PICTURE [bottega://WORD@HOST:PORT]`. Without an address, the farm that `bottega up` runs on this machine is asked.
+//! Submits a picture to a farm, without any command line: `cargo run --release -p bottega-cluster --example submit -- SCENE
+//! PICTURE [bottega://WORD@HOST:PORT]`. Without an address, it goes to the farm that `bottega up` runs on this machine.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     request.goal.samples = Some(256);
     request.output.file = Some(picture.into());
     let watcher = |event: Event| {
-        if let Event::Asked { job, .. } = event {
+        if let Event::Submitted { job, .. } = event {
             eprintln!("job {job}");
         }
     };

@@ -25,7 +25,7 @@ pub enum Error {
         remedy: String,
     },
     /// The farm could not store or return a blob.
-    #[error("the farm does not keep what it was given")]
+    #[error("the farm does not store the data")]
     Blob(#[source] BlobError),
     /// The FIPA platform cannot be served.
     #[error("no platform")]

@@ -31,7 +31,7 @@
 //! | photons and lighting agents, shared by all machines | `src/machine/together.rs` |
 //! | samples for somebody's viewport | `src/machine/viewport_helper.rs` |
 //! | **`client`**: submitting a picture; an animation; commands to jobs | [`client`]: `src/client/submit.rs`, [`animation`], [`jobs`] |
-//! | sending scenes; uploads in pieces from clients that are not machines of the farm; requests of jobs, submitted again | `src/client/transfer.rs`; [`uploads`]; `src/client/asked_again.rs` |
+//! | sending scenes; uploads in pieces from clients that are not machines of the farm; requests of jobs, submitted again | `src/client/transfer.rs`; [`uploads`]; `src/client/resubmission.rs` |
 //! | a viewport of this process, shared with the machines | `src/client/shared_viewport.rs` |
 //! | what a user may see of a farm; guests see only their own jobs | `src/client/shown_farm.rs` |
 //! | **`agents`**: the farm as a FIPA platform; its jobs and machines as agents; painting agents of other platforms | [`platform`]; `src/agents/platform/farm_agents/`; `src/agents/platform/strangers/` |

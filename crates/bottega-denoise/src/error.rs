@@ -14,7 +14,7 @@ pub enum DenoiseError {
         tried: String,
     },
     /// A file was found that is not the library, or is too old.
-    #[error("`{}` is no Open Image Denoise of version 1.4 or newer: {problem}", .path.display())]
+    #[error("`{}` is not Open Image Denoise 1.4 or newer: {problem}", .path.display())]
     Unfit {
         /// The path of the file.
         path: PathBuf,
@@ -25,9 +25,9 @@ pub enum DenoiseError {
     #[error("Open Image Denoise says: {0}")]
     Failed(String),
     /// The caller cancelled denoising.
-    #[error("nobody wants it any more")]
+    #[error("it is not needed any more")]
     Cancelled,
     /// The film cannot take the layer [`NOISY`](crate::NOISY).
-    #[error("the noisy color cannot be kept")]
+    #[error("cannot store the noisy color")]
     Layers(#[from] LayersError),
 }

@@ -31,7 +31,7 @@ pub fn install_hint() -> String {
         "install your system's package of Open Image Denoise, if it has one (Debian 12 has none), or unpack the archive for \
          Linux from https://www.openimagedenoise.org"
     };
-    format!("{way}; where it is not found by itself, {VARIABLE} names its file or folder")
+    format!("{way}; if it is not found, set {VARIABLE} to its file or folder")
 }
 
 /// Loads the library: from the place in [`VARIABLE`], else from the system's.
@@ -51,7 +51,7 @@ fn named(place: &Path) -> Result<Library, DenoiseError> {
     match files.into_iter().find(|file| file.is_file()) {
         Some(file) => Library::open(&file),
         None => Err(DenoiseError::NotFound {
-            tried: format!("{VARIABLE} is `{}`, and there is no {} in it", place.display(), NAMES.join(", ")),
+            tried: format!("{VARIABLE} is `{}`, which contains no {}", place.display(), NAMES.join(", ")),
         }),
     }
 }
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_without_the_library_and_a_file_that_is_none_are_told() {
+    fn a_folder_without_the_library_and_a_file_of_another_kind_are_reported() {
         let folder = tempfile::tempdir().expect("a folder");
         let missing = named(folder.path()).expect_err("nothing there").to_string();
         assert!(missing.contains("not installed") && missing.contains(NAMES[0]), "{missing}");

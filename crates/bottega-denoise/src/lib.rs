@@ -94,8 +94,8 @@ impl Denoiser {
         let passes = 1 + usize::from(are_clean && albedo.is_some()) + usize::from(are_clean && normal.is_some());
         let mut passes_done = 0;
         let mut run = |images: Images<'_>, done: &mut usize| {
-            let mut told = |share: f64| progress((*done as f64 + share.clamp(0.0, 1.0)) / passes as f64);
-            device.filter(size, images, &mut told)?;
+            let mut pass_progress = |share: f64| progress((*done as f64 + share.clamp(0.0, 1.0)) / passes as f64);
+            device.filter(size, images, &mut pass_progress)?;
             *done += 1;
             Ok::<(), DenoiseError>(())
         };

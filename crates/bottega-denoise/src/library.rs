@@ -212,7 +212,7 @@ impl OidnDevice {
                 (functions.set_bool)(filter.handle, c"cleanAux".as_ptr(), are_clean);
                 (functions.set_float)(filter.handle, c"inputScale".as_ptr(), scale);
             }
-            (functions.set_monitor)(filter.handle, told, ptr::from_mut(&mut monitor).cast());
+            (functions.set_monitor)(filter.handle, on_progress, ptr::from_mut(&mut monitor).cast());
             (functions.commit_filter)(filter.handle);
             self.check()?;
             (functions.execute_filter)(filter.handle);
@@ -278,7 +278,7 @@ struct ProgressSink<'a> {
 }
 
 /// Receives progress from the library; returning false cancels denoising.
-extern "C" fn told(user: *mut c_void, share: f64) -> bool {
+extern "C" fn on_progress(user: *mut c_void, share: f64) -> bool {
     // SAFETY: `user` is the address of a `ProgressSink` given by `OidnDevice::filter`, which lives while the filter runs; the
     // library calls from one thread at a time. A panic here ends the process, since unwinding must not cross the library.
     let progress = unsafe { &mut *user.cast::<ProgressSink<'_>>() };

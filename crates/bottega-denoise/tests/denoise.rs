@@ -62,25 +62,25 @@ fn noise_goes_and_the_noisy_color_is_kept() {
     assert!(denoiser.version().starts_with(['1', '2']), "{}", denoiser.version());
     let film = noisy([Aov::Albedo, Aov::Normal].into_iter().collect());
     let (mut last, mut shares) = (0.0, 0);
-    let mut told = |share: f64| {
+    let mut progress = |share: f64| {
         assert!(share >= last && share <= 1.0, "{share} after {last}");
         (last, shares) = (share, shares + 1);
         ControlFlow::Continue(())
     };
     let Denoised { film: clean, guides } =
-        denoiser.denoise(&film, GuideUse::Denoised, 2, &mut told).expect("it is denoised");
+        denoiser.denoise(&film, GuideUse::Denoised, 2, &mut progress).expect("it is denoised");
     assert_eq!(guides, [Aov::Albedo, Aov::Normal]);
-    assert!(shares > 2 && last > 0.99, "told {shares} times, up to {last}");
+    assert!(shares > 2 && last > 0.99, "reported {shares} times, up to {last}");
     let error = |picture: &Picture| rmse(picture, &truth()).expect("one size");
     let (before, after) = (error(&film.to_picture()), error(&clean.to_picture()));
     assert!(after < 0.15 * before, "from {before} to {after}");
     // Noisy layers help, too.
     let mut shares = Vec::new();
-    let mut told = |share| {
+    let mut progress = |share| {
         shares.push(share);
         ControlFlow::Continue(())
     };
-    let passing = denoiser.denoise(&film, GuideUse::AsPainted, 2, &mut told).expect("it is denoised");
+    let passing = denoiser.denoise(&film, GuideUse::AsPainted, 2, &mut progress).expect("it is denoised");
     assert_eq!(passing.guides, guides);
     let passing = error(&passing.film.to_picture());
     assert!(passing < 0.2 * before && shares.is_sorted(), "from {before} to {passing}");

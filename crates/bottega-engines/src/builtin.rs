@@ -168,8 +168,8 @@ impl BuiltinEngine {
     ) -> Result<Option<Picture>, EngineError> {
         let Shared { scene, options, .. } = &*self.shared;
         let view = View { camera: options.view.camera, width, height };
-        let asked = GlimpseOptions { max_depth: options.settings.max_depth, samples };
-        glimpse(scene, view, asked, &self.client(self.urgency.first_look()), &|| cancel.is_cancelled())
+        let glimpse_options = GlimpseOptions { max_depth: options.settings.max_depth, samples };
+        glimpse(scene, view, glimpse_options, &self.client(self.urgency.first_look()), &|| cancel.is_cancelled())
             .map_err(|error| EngineError::Survey { engine: NAME.to_owned(), reason: error.to_string() })
     }
 

@@ -30,8 +30,8 @@ pub struct EnginePreference(f32);
 
 impl EnginePreference {
     /// Returns a preference, clamped to −1..=1; NaN counts as 0.
-    pub fn new(leaning: f32) -> Self {
-        Self(if leaning.is_nan() { 0.0 } else { leaning.clamp(-1.0, 1.0) })
+    pub fn new(preference: f32) -> Self {
+        Self(if preference.is_nan() { 0.0 } else { preference.clamp(-1.0, 1.0) })
     }
 
     /// Returns the value, from −1 to 1.
@@ -100,7 +100,7 @@ pub struct ZoneTask {
     /// The render settings.
     pub tunables: Tunables,
     /// The preference for one of several engines.
-    pub leaning: EnginePreference,
+    pub preference: EnginePreference,
     /// The running sums of the samples before; `None`: `samples` starts at 0.
     pub tile: Option<Tile>,
     /// Disjoint parts of the rectangle to render; `None`: all of it. Engines that render whole windows may render all
@@ -119,7 +119,7 @@ impl ZoneTask {
             rect,
             samples,
             tunables,
-            leaning: EnginePreference::default(),
+            preference: EnginePreference::default(),
             tile: None,
             parts: None,
             cancel: CancelSwitch::default(),

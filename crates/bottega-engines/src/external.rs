@@ -35,7 +35,7 @@ pub use self::{
 };
 
 /// The most lines of a log that are shown.
-const LINES_TOLD: usize = 8;
+const LINES_SHOWN: usize = 8;
 
 /// Returns the part of an engine's log that explains a failure: the lines that match the patterns of its manifest, or else
 /// the last ones.
@@ -46,6 +46,6 @@ fn log_tail(engine: &LocatedEngine, log: &child::Log) -> String {
     let meant: Vec<&str> =
         lines.iter().filter_map(|line| patterns.iter().find_map(|pattern| pattern.find(line))).collect();
     let chosen = if meant.is_empty() { &lines } else { &meant };
-    let tail = &chosen[chosen.len().saturating_sub(LINES_TOLD)..];
+    let tail = &chosen[chosen.len().saturating_sub(LINES_SHOWN)..];
     tail.iter().map(|line| line.chars().take(300).collect::<String>()).collect::<Vec<_>>().join("\n")
 }

@@ -107,7 +107,7 @@ impl WorkQueue {
     fn suits(&self, engine: usize, task: &ZoneTask) -> f64 {
         let last = self.loads.len().saturating_sub(1).max(1);
         let place = 2.0 * engine as f64 / last as f64 - 1.0;
-        place * f64::from(task.leaning.get())
+        place * f64::from(task.preference.get())
     }
 
     /// Returns true if an engine leaves a zone to another one that is so much faster that it will finish everything that waits
@@ -242,12 +242,12 @@ mod tests {
         }
     }
 
-    fn task(side: u32, leaning: f32) -> ZoneTask {
+    fn task(side: u32, preference: f32) -> ZoneTask {
         ZoneTask {
             rect: Rect::of_size(side, 1),
             samples: 0..1,
             tunables: Tunables { max_depth: 1, light_samples: 1 },
-            leaning: EnginePreference::new(leaning),
+            preference: EnginePreference::new(preference),
             tile: None,
             parts: None,
             cancel: CancelSwitch::default(),
@@ -255,8 +255,8 @@ mod tests {
         }
     }
 
-    fn waiting(side: u32, leaning: f32) -> Waiting {
-        Waiting { task: task(side, leaning), done: Box::new(drop), failed: Vec::new() }
+    fn waiting(side: u32, preference: f32) -> Waiting {
+        Waiting { task: task(side, preference), done: Box::new(drop), failed: Vec::new() }
     }
 
     fn load(running: usize, under_way: f64, speed: Option<f64>) -> Load {
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_zone_that_all_fail_on_is_told_once() {
+    fn a_zone_that_all_engines_fail_on_is_reported_once() {
         let toys = ["a", "b"].map(|name| (Arc::new(ToyEngine(name, false)) as Arc<dyn RenderEngine>, 1));
         let mixed = MixedEngine::new(toys.to_vec(), 0);
         let (sender, answers) = mpsc::channel();

@@ -51,7 +51,7 @@ fn begin(engine: &BuiltinEngine, cancel: &CancelSwitch) -> mpsc::Receiver<bool> 
         rect: Rect::of_size(SIDE, SIDE),
         samples: 0..1 << 20,
         tunables: Tunables { max_depth: 6, light_samples: 1 },
-        leaning: EnginePreference::default(),
+        preference: EnginePreference::default(),
         tile: None,
         parts: None,
         cancel: cancel.clone(),
@@ -71,8 +71,8 @@ fn samples_meanwhile(urgency: Urgency) -> u64 {
     let preview = engine(&scene, &resources, urgency);
     let before = long.samples_done();
     preview.survey(SIDE / 8, SIDE / 8).expect("a look");
-    let (told, seen) = mpsc::channel();
-    preview.watch(move |_| _ = told.send(()));
+    let (sender, seen) = mpsc::channel();
+    preview.watch(move |_| _ = sender.send(()));
     let painted = begin(&preview, &cancel);
     seen.recv_timeout(Duration::from_secs(60)).expect("a block");
     let samples = long.samples_done() - before;
@@ -98,7 +98,7 @@ fn a_preview_in_the_middle_of_a_long_picture_is_seen_sooner_by_its_priority() {
 }
 
 #[test]
-fn a_look_that_is_left_is_painted_no_further_and_that_is_told() {
+fn an_abandoned_look_is_not_painted_further_and_is_reported() {
     let (scene, resources) = (scene(), Arc::new(Resources::new(1, Devices::default())));
     let (long, cancel) = (engine(&scene, &resources, Urgency::Picture), CancelSwitch::default());
     let picture = begin(&long, &cancel);

@@ -152,7 +152,7 @@ impl Blackboard {
     }
 
     /// Returns true if this revision of a zone's row is later than the known one.
-    pub fn is_news(&self, zone: ZoneId, revision: Revision) -> bool {
+    pub fn is_new_revision(&self, zone: ZoneId, revision: Revision) -> bool {
         self.zones.get(zone.0).is_none_or(|(seen, _)| *seen < revision)
     }
 
@@ -212,7 +212,7 @@ mod tests {
     fn an_old_row_does_not_replace_a_new_one() {
         let mut board = Blackboard::default();
         assert!(board.see(Revision(5), FarmValue::Zone(Arc::new(ZoneRow { attempt: 1, ..row() }))));
-        assert!(!board.is_news(ZoneId(2), Revision(5)) && board.is_news(ZoneId(2), Revision(6)));
+        assert!(!board.is_new_revision(ZoneId(2), Revision(5)) && board.is_new_revision(ZoneId(2), Revision(6)));
         assert!(!board.see(Revision(4), FarmValue::Zone(Arc::new(row()))));
         assert_eq!(board.zone(ZoneId(2)).unwrap().1.attempt, 1);
         assert_eq!((board.revision(ZoneId(2)), board.revision(ZoneId(3))), (Revision(5), Revision::ABSENT));

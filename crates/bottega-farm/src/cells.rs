@@ -251,9 +251,9 @@ mod tests {
         assert!(samples.iter().all(|samples| !samples.is_power_of_two()), "{samples:?}");
         // In other zones, with a new painter after each octave that ignores the restriction to parts
         for zone in [Rect::new(0, 0, 64, 70), Rect::new(64, 0, 96, 32), Rect::new(96, 32, 200, 70)] {
-            for (anew, all) in [(false, false), (true, false), (false, true), (true, true)] {
-                let (tile, _) = paint(zone, 0.01, 4096, anew, all);
-                assert!(tile == part(&reference, &zone), "{zone}: {anew}, {all}");
+            for (changes_painter, all) in [(false, false), (true, false), (false, true), (true, true)] {
+                let (tile, _) = paint(zone, 0.01, 4096, changes_painter, all);
+                assert!(tile == part(&reference, &zone), "{zone}: {changes_painter}, {all}");
             }
         }
     }

@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// The output: −1 prefers the first engine, 1 the last.
-const LEANING: &str = "leaning";
+const PREFERENCE: &str = "leaning";
 const INPUTS: [&str; 3] = [COMPLEXITY, NEIGHBOR_DIFFERENCE, SIZE];
 
 /// Fuzzy rules that choose between two engines.
@@ -35,9 +35,9 @@ impl EngineChoice {
         if let Some(unknown) = rules.inputs().iter().find(|input| !known(&input.name)) {
             return Err(ExpertError::UnknownInput { name: unknown.name.clone(), known: &INPUTS });
         }
-        if !rules.outputs().iter().any(|output| output.name.eq_ignore_ascii_case(LEANING)) {
+        if !rules.outputs().iter().any(|output| output.name.eq_ignore_ascii_case(PREFERENCE)) {
             let found = rules.outputs().iter().map(|output| output.name.clone()).collect();
-            return Err(ExpertError::NoLeaning { found });
+            return Err(ExpertError::NoPreference { found });
         }
         Ok(Self(Arc::new(rules)))
     }
@@ -48,10 +48,10 @@ impl EngineChoice {
             let rules = laid_out(&self.0, &work.ranges)?;
             let mut values = zone_values(zone, zone.neighbor_difference.mean).to_vec();
             values.retain(|(name, _)| rules.input_index(name).is_some());
-            Ok(EnginePreference::new(rules.evaluate(&values)?.get(LEANING).unwrap_or(0.0) as f32))
+            Ok(EnginePreference::new(rules.evaluate(&values)?.get(PREFERENCE).unwrap_or(0.0) as f32))
         };
         evaluate().unwrap_or_else(|error| {
-            tracing::warn!(zone = zone.zone.0, %error, "the rules cannot tell which engine suits the zone");
+            tracing::warn!(zone = zone.zone.0, %error, "the rules cannot choose an engine for the zone");
             EnginePreference::default()
         })
     }

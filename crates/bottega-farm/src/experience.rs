@@ -143,25 +143,25 @@ pub struct LearntFactor {
 #[derive(Debug, thiserror::Error)]
 pub enum ExperienceError {
     /// The text is longer than the maximum.
-    #[error("the text has {0} bytes, which no experience has")]
+    #[error("the text has {0} bytes, more than an experience can have")]
     TooLong(usize),
     /// The text is not JSON, or has other fields.
-    #[error("not what a machine has learnt")]
+    #[error("not the experience of a machine")]
     Syntax(#[source] serde_json::Error),
     /// The text has another version of the format.
-    #[error("what was learnt has form {found}, not {FORMAT}: a newer version of bottega has written it")]
+    #[error("the experience has format {found}, not {FORMAT}: a newer version of bottega has written it")]
     Format {
         /// The version found.
         found: u32,
     },
     /// An earlier version of Bottega has written it.
-    #[error("what was learnt has the earlier form {found}, not {FORMAT}")]
+    #[error("the experience has the earlier format {found}, not {FORMAT}")]
     Earlier {
         /// The version found.
         found: u32,
     },
     /// A number is out of range.
-    #[error("what was learnt of `{tasks}` is no number that can be")]
+    #[error("the experience with `{tasks}` is not a valid number")]
     Factor {
         /// The kind of tasks.
         tasks: String,
@@ -244,7 +244,7 @@ impl Experience {
         observed.iter().for_each(|(zone, log)| learnt.model.learn(&x(zone), *log, NOISE, each));
         learnt.job = self.jobs;
         if !learnt.is_sound() {
-            tracing::warn!(technique = name, "what was learnt is not plausible: it is forgotten");
+            tracing::warn!(technique = name, "the experience is not plausible: discarding it");
             return;
         }
         self.techniques.insert(name, learnt);

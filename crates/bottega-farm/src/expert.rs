@@ -100,7 +100,7 @@ impl Expert {
 
     /// Makes the built-in rules for path tracing: the two printed in the paper and 26 of our own.
     pub fn path_tracing() -> Self {
-        Self::parse(Technique::PathTracing.rules()).expect("the rules in the repository can be read")
+        Self::parse(Technique::PathTracing.rules()).expect("the built-in rules are valid")
     }
 
     /// Returns the rules as FCL text, which [`Self::parse`] reads.
@@ -142,7 +142,7 @@ impl Expert {
     /// evaluated, exactly the user's settings. Bands follow [`Self::with_bands`].
     pub fn decide(&self, work: &WorkRow, zone: &ZoneRow) -> Choice {
         self.try_decide(work, zone).unwrap_or_else(|error| {
-            tracing::warn!(zone = zone.zone.0, %error, "the rules are of no use here");
+            tracing::warn!(zone = zone.zone.0, %error, "the rules cannot be used here");
             self.banded(Choice::unchanged(&work.settings))
         })
     }

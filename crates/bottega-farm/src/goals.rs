@@ -25,7 +25,7 @@ impl Default for GoalRules {
     fn default() -> Self {
         static RULES: LazyLock<GoalRules> = LazyLock::new(|| {
             let text = include_str!("../../../rules/goals.fcl");
-            GoalRules::parse(text).expect("the rules in the repository can be read")
+            GoalRules::parse(text).expect("the built-in rules are valid")
         });
         RULES.clone()
     }

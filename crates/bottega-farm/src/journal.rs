@@ -125,10 +125,10 @@ pub enum JournalError {
     #[error("cannot read the journal")]
     Read(#[from] io::Error),
     /// The file is not a journal, or of another version.
-    #[error("this is no journal of a work, or one of another version")]
+    #[error("this is not the journal of a work, or it has another version")]
     Magic,
     /// The first record is not the name.
-    #[error("the journal does not say what it is of")]
+    #[error("the journal does not name its work")]
     Name,
 }
 

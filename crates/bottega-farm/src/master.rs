@@ -75,7 +75,7 @@ use crate::{
 struct Phase {
     /// All rows are known, and the film has begun.
     has_begun: bool,
-    /// The user has asked to stop: no more zones are given out.
+    /// The user has requested a stop: no more zones are given out.
     is_stopping: bool,
     /// All zones are in the film or given up, or the work is abandoned.
     is_finished: bool,
@@ -226,7 +226,7 @@ impl Master {
         let rects: Vec<_> = zones.map(|row| row.rect).collect();
         let in_order = rects.is_sorted_by_key(|rect| (rect.y0, rect.x0));
         if !in_order || !Partition::covers(work.settings.frame, &rects) {
-            let reason = "the zones on the blackboard are no partition of the frame".to_owned();
+            let reason = "the zones on the blackboard are not a partition of the frame".to_owned();
             actions.push(FarmAction::Effect(FarmEffect::Abandon { reason }));
             actions.push(FarmAction::Stop);
             self.phase.is_finished = true;
@@ -351,7 +351,7 @@ impl StateMachine for Master {
     type Completion = FarmCompletion;
 
     fn handle(&mut self, now: Time, event: FarmEvent, actions: &mut Vec<FarmAction>) {
-        let mut news = true;
+        let mut has_changed = true;
         match event {
             FarmEvent::Start => {
                 let timing = self.assignments.config.timing;
@@ -361,10 +361,10 @@ impl StateMachine for Master {
             }
             FarmEvent::Message(message) if let FarmContent::Management(_) = message.content => {
                 self.registrant.as_mut().and_then(|registrant| registrant.hear(now, &message));
-                news = false;
+                has_changed = false;
             }
             FarmEvent::Message(message) => self.handle_message(now, &message, actions),
-            FarmEvent::Store { ticket, reply } => news = self.handle_store(now, ticket, reply, actions),
+            FarmEvent::Store { ticket, reply } => has_changed = self.handle_store(now, ticket, reply, actions),
             FarmEvent::Completed(FarmCompletion::Composed { zone, outcome }) => {
                 self.composed(now, zone, outcome, actions);
             }
@@ -380,12 +380,12 @@ impl StateMachine for Master {
         }
         if self.next_check.is_some_and(|at| at <= now) {
             self.check(now, actions);
-            news = true;
+            has_changed = true;
         }
         if let Some(registrant) = self.registrant.as_mut().filter(|_| !self.phase.is_finished) {
             registrant.tick(now, actions);
         }
-        if news {
+        if has_changed {
             self.advance(now, actions);
             self.assert_invariants();
         }

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_forecast_is_told_by_ranks_and_by_its_median_error() {
+    fn a_forecast_is_rated_by_ranks_and_by_its_median_error() {
         let forecast = Forecast::of(&[(1.0, 2.0), (2.0, 4.0), (3.0, 6.0), (9.0, 0.0), (8.0, 8.0)]).unwrap();
         assert_eq!((forecast.zones, forecast.rank_correlation, forecast.median_error), (4, Some(1.0), 0.5));
         assert_eq!(forecast.total_ratio, 14.0 / 20.0);

@@ -23,7 +23,7 @@ const ROOT_AGAIN: Duration = Duration::from_secs(1);
 /// to the maximum.
 const SEARCH_AGAIN: Duration = Duration::from_millis(1);
 const SEARCH_AGAIN_MAX: Duration = Duration::from_millis(100);
-/// Time without a reply after which the DF is asked again.
+/// Time without a reply after which the DF is queried again.
 const ANSWERS_WITHIN: Duration = Duration::from_millis(500);
 /// Interval of checks that the entries still exist: the directories may have removed those of an agent that seemed to
 /// be gone.
@@ -50,9 +50,9 @@ impl MasterSource {
     }
 }
 
-/// News from the directories for an agent.
+/// An event from the directories for an agent.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum DirectoryNews {
+pub(crate) enum DirectoryEvent {
     /// The DF lists the Master of the work.
     Master(AgentId),
     /// The AMS requests this from the agent.
@@ -65,19 +65,19 @@ pub(crate) enum DirectoryNews {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum DirectoryQuery {
     Due(Time),
-    Asked { number: u64, until: Time },
+    Sent { number: u64, until: Time },
 }
 
 impl DirectoryQuery {
     fn at(self) -> Time {
         match self {
             Self::Due(at) => at,
-            Self::Asked { until, .. } => until,
+            Self::Sent { until, .. } => until,
         }
     }
 
     fn is_answered_by(self, message: &FarmMessage) -> bool {
-        matches!(self, Self::Asked { number, .. } if number == message.in_reply_to)
+        matches!(self, Self::Sent { number, .. } if number == message.in_reply_to)
     }
 }
 
@@ -172,7 +172,7 @@ impl Registrant {
             let all = SearchConstraints { max_results: Some(-1), ..SearchConstraints::default() };
             let function = Function::Search(self.config.master_template(), all);
             let number = self.ask(&df, function, actions);
-            self.search = Some(DirectoryQuery::Asked { number, until: now + ANSWERS_WITHIN });
+            self.search = Some(DirectoryQuery::Sent { number, until: now + ANSWERS_WITHIN });
         }
         // Check that the own entries still exist
         let own = AmsAgentDescription { name: Some(self.me.clone()), ..AmsAgentDescription::default() };
@@ -183,7 +183,7 @@ impl Registrant {
         for (which, (directory, function)) in own.into_iter().enumerate() {
             if self.looks[which].at() <= now {
                 let number = self.ask(&directory, function, actions);
-                self.looks[which] = DirectoryQuery::Asked { number, until: now + LOOK_EVERY };
+                self.looks[which] = DirectoryQuery::Sent { number, until: now + LOOK_EVERY };
             }
         }
     }
@@ -203,12 +203,12 @@ impl Registrant {
     }
 
     /// Processes a message of a platform service.
-    pub(crate) fn hear(&mut self, now: Time, message: &FarmMessage) -> Option<DirectoryNews> {
+    pub(crate) fn hear(&mut self, now: Time, message: &FarmMessage) -> Option<DirectoryEvent> {
         let content = message.content.management()?;
         if let ManagementContent::LifeCycle(request) = content {
             let is_ams = self.directories.as_ref().is_none_or(|[ams, _]| message.sender == *ams);
             return (is_ams && message.performative == Performative::Request)
-                .then_some(DirectoryNews::LifeCycle(*request));
+                .then_some(DirectoryEvent::LifeCycle(*request));
         }
         self.white.hear(now, message);
         self.yellow.hear(now, message);
@@ -223,7 +223,7 @@ impl Registrant {
             ManagementContent::Done(_, Outcome::Agents(agents)) if self.looks[0].is_answered_by(message) => {
                 self.looks[0] = DirectoryQuery::Due(now + LOOK_EVERY);
                 match agents.first() {
-                    Some(agent) => return agent.state.map(DirectoryNews::State),
+                    Some(agent) => return agent.state.map(DirectoryEvent::State),
                     None => self.white.changed(false),
                 }
             }
@@ -241,7 +241,7 @@ impl Registrant {
                 let mut masters = offers.iter().filter_map(|offer| offer.name.clone());
                 let master = masters.find(|master| self.config.may_be_master(master))?;
                 self.search = None;
-                return Some(DirectoryNews::Master(master));
+                return Some(DirectoryEvent::Master(master));
             }
             _ => {}
         }

@@ -32,7 +32,7 @@ use crate::{
     adaptation::scaled,
     contents::{asking, message},
     protocol,
-    registrant::{DirectoryNews, MasterSource},
+    registrant::{DirectoryEvent, MasterSource},
 };
 
 /// The configuration of a Render Agent.
@@ -199,17 +199,17 @@ impl RenderAgent {
     /// Processes a message of a directory.
     fn handle_directory_message(&mut self, now: Time, message: &FarmMessage, actions: &mut Vec<FarmAction>) {
         match self.membership.hear_directory(now, message) {
-            Some(DirectoryNews::Master(master)) => {
+            Some(DirectoryEvent::Master(master)) => {
                 self.membership.set_master(master);
                 if self.membership.may_subscribe() && self.speed.is_known() {
                     self.membership.subscribe(&self.speed, self.next_heartbeat, actions);
                 }
             }
-            Some(DirectoryNews::LifeCycle(request)) => self.obey(now, message, request, actions),
+            Some(DirectoryEvent::LifeCycle(request)) => self.obey(now, message, request, actions),
             // The AMS's request may have been lost, so follow the state it lists
-            Some(DirectoryNews::State(LifeCycleState::Suspended)) => self.suspend(actions),
-            Some(DirectoryNews::State(LifeCycleState::Active)) => self.resume(now, actions),
-            Some(DirectoryNews::State(_)) | None => {}
+            Some(DirectoryEvent::State(LifeCycleState::Suspended)) => self.suspend(actions),
+            Some(DirectoryEvent::State(LifeCycleState::Active)) => self.resume(now, actions),
+            Some(DirectoryEvent::State(_)) | None => {}
         }
     }
 
@@ -310,7 +310,7 @@ impl RenderAgent {
         let choice = decided.unwrap_or_else(|| self.config.expert.decide(&order.work, &order.row));
         let conversation = message.conversation_id;
         let profiled = order.row.choice.unwrap_or(choice);
-        let order = if choice == profiled { order.clone() } else { order.decided_anew(choice) };
+        let order = if choice == profiled { order.clone() } else { order.with_choice(choice) };
         let held = HeldOrder {
             was_ready: self.is_fetched,
             order,

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_goes_the_others_do_all() {
+    fn if_some_machines_leave_the_others_do_all() {
         for seed in 0..500_u32 {
             let number = |what: u32| (seed + 1).wrapping_mul(what).wrapping_mul(0x9e37_79b9) >> 16;
             let count = 1 + number(3) as usize % 40;

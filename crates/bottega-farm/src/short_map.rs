@@ -67,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn entries_are_found_by_zone_and_told_in_order() {
+    fn entries_are_found_by_zone_and_iterated_in_order() {
         let mut map = ShortMap::default();
         [5, 1, 3, 1].into_iter().enumerate().for_each(|(value, zone)| map.insert(ZoneId(zone), value));
         assert_eq!(map.iter().map(|(zone, value)| (zone.0, *value)).collect::<Vec<_>>(), [(1, 3), (3, 2), (5, 0)]);

@@ -46,14 +46,14 @@ mod tests {
     }
 
     #[test]
-    fn whoever_is_free_in_vain_is_noticed_after_half_a_minute_and_again() {
+    fn a_machine_that_is_free_while_work_waits_is_noticed_after_half_a_minute_and_again() {
         let mut watchdog = Watchdog::default();
         let noticed: Vec<u64> = (0..100).filter(|&now| watchdog.look(at(now), true, 7).is_some()).collect();
         assert_eq!(noticed, [30, 60, 90]);
     }
 
     #[test]
-    fn whatever_begins_and_whoever_is_busy_begins_the_time_anew() {
+    fn any_beginning_and_any_busy_machine_restarts_the_time() {
         let mut watchdog = Watchdog::default();
         for now in 0..100 {
             assert_eq!(watchdog.look(at(now), true, now / 29), None, "something begins every 29 s");

@@ -26,14 +26,14 @@ pub enum ExpertError {
         known: &'static [&'static str],
     },
     /// The rules have no output `leaning`, which chooses the engine.
-    #[error("the rules do not decide `leaning`, which engine suits a zone, but {}", .found.join(", "))]
-    NoLeaning {
+    #[error("the rules have no output `leaning`, which chooses the engine, but {}", .found.join(", "))]
+    NoPreference {
         /// The outputs that the rules have.
         found: Vec<String>,
     },
     /// The rules have no output that the technique knows.
     #[error(
-        "the rules decide nothing that means something in {}, but {}; it knows {}",
+        "no output of the rules applies to {}: they have {}; it uses {}",
         .technique.name(), .found.join(", "), .technique.outputs().iter().map(|one| one.name).collect::<Vec<_>>().join(", ")
     )]
     NoOutput {
@@ -43,7 +43,7 @@ pub enum ExpertError {
         found: Vec<String>,
     },
     /// The fuzzy sets cannot be laid out over the ranges of the scene.
-    #[error("the rules cannot be laid out over the scene")]
+    #[error("cannot fit the rules to the scene")]
     Layout(#[from] LayoutError),
     /// The rules cannot be evaluated.
     #[error("the rules cannot be evaluated")]

@@ -172,7 +172,7 @@ fn a_picture_is_whole_when_its_time_is_up_amid_a_pass_and_stopped_when_the_user_
 }
 
 #[test]
-fn what_bands_cost_is_told() {
+fn the_cost_of_bands_is_reported() {
     let frame = Rect::of_size(640, 480);
     let bands = |optimization| {
         let settings = JobSettings { optimization, ..JobSettings::new(640, 480, 4, tunables(), layout()) };

@@ -300,8 +300,8 @@ fn an_order_that_stands_still_is_taken_back_and_one_that_goes_on_slowly_is_not()
         );
     }
     let withdrawn = |message: &FarmMessage| message.content == FarmContent::Withdrawn { zone, fence };
-    assert!(stage.sent.iter().any(withdrawn), "the agent is told");
-    assert!(stage.master.board().zone(zone).unwrap().0 > fence, "the order counts no more");
+    assert!(stage.sent.iter().any(withdrawn), "the agent is informed");
+    assert!(stage.master.board().zone(zone).unwrap().0 > fence, "the order does not count any more");
 }
 
 #[test]

@@ -93,7 +93,7 @@ fn who_hangs_or_breaks_is_left_out_and_nobody_else() {
 }
 
 #[test]
-fn who_alone_fails_is_not_left_out_and_what_cannot_be_painted_is_told() {
+fn the_only_agent_is_not_left_out_and_failed_zones_are_reported() {
     let farm: FarmSpec = "1,agent-0@break=0s".parse().expect("a farm");
     let outcome = run(&piece(6, 1.0, 1), &Plan::calm(farm, 1));
     assert_eq!((outcome.failed, &outcome.agents[0].left_out), (6, &None));
@@ -160,7 +160,7 @@ fn honest_agents_are_believed_after_a_while_and_then_comparing_costs_little() {
 }
 
 #[test]
-fn who_cannot_be_compared_with_anybody_is_told() {
+fn an_agent_without_others_to_compare_is_reported() {
     let plan = Plan { verify: 3, ..Plan::calm(FarmSpec::equal(2), 1) };
     let error = simulate(&piece(4, 1.0, 1), &plan).expect_err("two are not three");
     assert!(matches!(error, SimulationError::Unfinished { painted: 0, .. }), "{error}");
@@ -187,13 +187,13 @@ fn a_thousand_unequal_agents_of_whom_some_fail_lose_a_tenth_at_most() {
 }
 
 #[test]
-fn who_cannot_finish_is_told() {
+fn a_work_that_cannot_finish_is_reported() {
     let farm: FarmSpec = "1,agent-0@fail=3s".parse().expect("a farm");
     let error = simulate(&piece(16, 10.0, 1), &Plan::calm(farm, 1)).expect_err("nobody is left");
     assert!(matches!(error, SimulationError::Unfinished { zones: 16, .. }), "{error}");
 }
 
-/// A bidder for the last zone that another agent is expected to finish sooner is asked again when that one has ended, not at the next
+/// A bidder for the last zone that another agent is expected to finish sooner is called again when that one has ended, not at the next
 /// heartbeat, which comes each second.
 #[test]
 fn a_short_work_does_not_wait_for_a_heartbeat() {
@@ -333,7 +333,7 @@ fn whatever_rules_are_simulated_nothing_is_painted_in_less_than_the_least_time()
 /// Ten pictures: of many zones and few, by equal machines and unequal ones, one that comes late, one that becomes slow, one that promises
 /// too much, agents that share a machine.
 #[test]
-fn the_time_left_is_told_within_a_third_from_a_tenth_on_in_eight_of_ten_pictures() {
+fn the_time_left_is_known_within_a_third_from_a_tenth_on_in_eight_of_ten_pictures() {
     let specs = [
         "2",
         "4",
@@ -358,9 +358,9 @@ fn the_time_left_is_told_within_a_third_from_a_tenth_on_in_eight_of_ten_pictures
         let zones = [24, 40, 64, 120][seed as usize % 4];
         let plan = Plan { tells_time_left: true, benchmark_error: 0.2, ..Plan::calm(farm, seed) };
         let outcome = run(&piece(zones, 2.0, seed), &plan);
-        let worst = outcome.worst_time_left(0.1).expect("it was told");
+        let worst = outcome.worst_time_left(0.1).expect("it was estimated");
         eprintln!("{seed}: wrong by {worst:.2} at most");
-        assert!(outcome.times_left.iter().all(|told| !told.said.is_zero()), "seed {seed}");
+        assert!(outcome.times_left.iter().all(|estimate| !estimate.said.is_zero()), "seed {seed}");
         good += u32::from(worst <= 1.3);
     }
     assert!(good >= 8, "{good} of 10");

@@ -95,7 +95,7 @@ pub struct RuleBlock {
     pub or: Or,
     /// The effect of a rule's degree on the term it concludes.
     pub activation: Activation,
-    /// The accumulation, for outputs that declare none.
+    /// The accumulation, for outputs that declare no accumulation.
     pub accumulation: Accumulation,
     /// The rules, in the order of the file.
     pub rules: Vec<Rule>,
@@ -122,7 +122,7 @@ pub enum LayoutError {
     #[error("the function block has no input `{0}`")]
     UnknownInput(String),
     /// The interval is not finite, or its ends are swapped.
-    #[error("[{min}, {max}] is no interval for `{input}`: its ends must be finite and in order")]
+    #[error("[{min}, {max}] is not an interval for `{input}`: its ends must be finite and in order")]
     BadInterval {
         /// The name of the input.
         input: String,

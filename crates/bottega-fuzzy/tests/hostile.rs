@@ -24,8 +24,8 @@ fn assert_within(text: &str, error: &FclError) {
     let lines: Vec<&str> = text.split('\n').collect();
     let line = lines.get(error.at.line - 1).unwrap_or_else(|| panic!("{error}: the text has {} lines", lines.len()));
     assert!((1..=line.chars().count() + 1).contains(&error.at.column), "{error} in {line:?}");
-    let told = error.to_string().len();
-    assert!(told < 1000, "at {}: {told} bytes of message", error.at);
+    let length = error.to_string().len();
+    assert!(length < 1000, "at {}: {length} bytes of message", error.at);
 }
 
 /// A word of the language, a name, a number or a mark.

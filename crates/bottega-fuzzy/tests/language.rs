@@ -91,7 +91,7 @@ fn norms_given_by_half_imply_their_partner_and_strangers_are_refused() {
 /// Every error with a message of its own, as a change of the example: the replacement, the position in it (or behind it) of the
 /// error, and the message.
 #[test]
-fn mistakes_are_told_with_line_and_column() {
+fn mistakes_are_reported_with_line_and_column() {
     for (from, to, seen_at, expected) in [
         ("THEN ls IS many", "THEN lz IS many", "lz", "there is no output `lz`; did you mean `ls`?"),
         ("THEN ls IS many", "THEN ls IS mny", "mny", "there is no term of `ls` called `mny`; did you mean `many`?"),
@@ -155,7 +155,7 @@ fn the_mean_of_maxima_goes_by_two_names() {
 }
 
 #[test]
-fn several_blocks_make_a_document_and_one_is_asked_for_by_name() {
+fn several_blocks_make_a_document_and_one_is_chosen_by_name() {
     let two = format!("{LAMP}\n{LAMP}");
     assert_eq!(parse_document(&two).unwrap().blocks.len(), 2);
     assert!(FunctionBlock::parse(&two).unwrap_err().to_string().contains("expected one function block, found 2"));

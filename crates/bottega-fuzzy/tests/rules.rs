@@ -218,7 +218,7 @@ fn rules_of_engines_have_no_dead_rule_and_never_ask_for_more_at_a_higher_level()
             }
         }
         assert_eq!(fired.len(), block.rules().count(), "{name}: {fired:?}");
-        // The least optimization is none.
+        // The lowest level of optimization is no optimization.
         let outputs = block.evaluate(&values_for(&block, [0.5; 3], 1.0)).unwrap();
         assert_eq!(outputs.get("samples"), Some(1.0), "{name}");
     }

@@ -67,7 +67,7 @@ fn legend(svg: &mut String) {
     let words = [
         (Activity::Working, "at work"),
         (Activity::Idle, "idle"),
-        (Activity::Suspended, "left alone after a failure"),
+        (Activity::Suspended, "not used after a failure"),
         (Activity::Retired, "given up"),
     ];
     let mut x = LEFT;

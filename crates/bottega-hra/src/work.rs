@@ -99,7 +99,7 @@ pub struct Completed<O> {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnitError {
     /// The unit failed as often as the configuration allows.
-    #[error("failed {attempts} times, at last because: {reason}")]
+    #[error("failed {attempts} times; the last reason: {reason}")]
     Failed {
         /// Number of attempts.
         attempts: u32,

@@ -44,7 +44,7 @@ fn a_full_bin_makes_the_submitter_wait() {
         let submitter = client.clone();
         let submitting = thread::spawn(move || submitter.submit_group((3..40).map(|n| unit(n, PixelBlock)).collect()));
         thread::sleep(Duration::from_millis(20));
-        assert!(!submitting.is_finished(), "40 units went into a bin of 2");
+        assert!(!submitting.is_finished(), "a bin of 2 took 40 units");
         gate.open();
         submitting.join().unwrap().unwrap();
         let mut tickets: Vec<_> = std::iter::from_fn(|| client.take()).map(|answer| answer.ticket).collect();

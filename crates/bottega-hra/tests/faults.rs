@@ -37,7 +37,7 @@ fn what_hangs_is_done_elsewhere_and_its_late_answer_is_dropped() {
         }
         assert_eq!(fault_count(&hra.report(), Fault::Hung), 1);
         assert!(client.take_timeout(Duration::from_millis(5)).is_none(), "nobody else could do it");
-        gate.open(); // It returns, is asked to recover, and does the unit a second time: that answer counts.
+        gate.open(); // It returns, is requested to recover, and does the unit a second time: that answer counts.
         assert_eq!(client.take().unwrap().output, Ok(2));
         assert!(client.take().is_none());
         assert_eq!(hra.report().resources[0].units, 1);
@@ -68,7 +68,7 @@ struct DeadResource {
     answers: usize,
     gate: Gate,
     kept: Vec<Packet<crate::support::Job>>,
-    /// Packets that were given up when it was asked to recover.
+    /// Packets that were given up when it was requested to recover.
     given_up: Arc<AtomicU64>,
 }
 
@@ -123,7 +123,7 @@ fn nobody_waits_for_a_device_that_hangs_for_ever_neither_for_the_last_units_nor_
             let missed = fault_count(&report, Fault::Hung) + fault_count(&report, Fault::Doubted);
             assert!(missed > 0, "{answers} answers");
             while given_up.load(Ordering::SeqCst) == 0 {
-                thread::sleep(Duration::from_millis(1)); // Until it is asked to recover.
+                thread::sleep(Duration::from_millis(1)); // Until it is requested to recover.
             }
             let begun = std::time::Instant::now();
             drop(hra);
@@ -254,7 +254,7 @@ fn garbage_is_noticed_and_done_again() {
     });
 }
 
-/// A board with little memory, which records the data that it was told to evict.
+/// A board with little memory, which records the data that it was ordered to evict.
 struct Board {
     memory_bytes: u64,
     held: Vec<u64>,
@@ -323,7 +323,7 @@ impl WindowedResource<crate::support::Job> for CrampedResource {
             return packet.reply.out_of_memory(packet.works);
         }
         self.largest.fetch_max(packet.works.len() as u64, Ordering::SeqCst);
-        thread::sleep(Duration::from_micros(300)); // What a packet costs, so that large ones are asked for.
+        thread::sleep(Duration::from_micros(300)); // What a packet costs, so that large ones are requested.
         packet.reply.send(packet.works.into_iter().map(|job| Ok(double(job))).collect());
     }
 }

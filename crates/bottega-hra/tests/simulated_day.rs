@@ -109,7 +109,7 @@ fn a_day_of_faults_loses_nothing_and_does_nothing_twice() {
             }
         }
         incidents += outcome.report.incidents.iter().map(|incident| incident.count).sum::<u64>();
-        assert!(outcome.end > Time::at(Duration::from_secs(3600)), "seed {seed} is no day");
+        assert!(outcome.end > Time::at(Duration::from_secs(3600)), "seed {seed} is shorter than a day");
     }
     eprintln!(
         "{seeds} days: {done} units done, {failed} failed, {expired} expired, {cancelled} cancelled, {incidents} incidents"

@@ -59,7 +59,7 @@ pub enum LayersError {
         most: usize,
     },
     /// A name cannot be stored in a file.
-    #[error("{name:?} is no name for a channel: 1 to {CHANNEL_NAME_BYTES_MAX} bytes without control characters are")]
+    #[error("{name:?} is not a valid channel name: 1 to {CHANNEL_NAME_BYTES_MAX} bytes without control characters are")]
     Name {
         /// The invalid name.
         name: String,

@@ -66,7 +66,7 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<OutputFormat, ImageError
         Ok(_) => {}
     }
     if fs::metadata(path).is_ok_and(|found| found.permissions().readonly()) {
-        return Err(not_writable(path, "the file that is there is read-only"));
+        return Err(not_writable(path, "the existing file is read-only"));
     }
     // Create a file to find out: permissions, quota and read-only file systems cannot be checked otherwise.
     AtomicFile::create(path).map(|_| format)

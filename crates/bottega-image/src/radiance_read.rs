@@ -61,7 +61,7 @@ impl RadianceHeader {
                 break size;
             }
             if line.is_empty() && words.is_ended {
-                return Err(malformed(source, "its header names no size"));
+                return Err(malformed(source, "its header has no size"));
             }
             if words.is_ended {
                 return Err(malformed(source, &format!("its size is `{}`", line.chars().take(40).collect::<String>())));
@@ -159,7 +159,7 @@ impl HeaderWords {
         let factors = self.correction.unwrap_or([1.0; 3]).map(|correction| 1.0 / (exposure * correction));
         let mut factor = Vec3::from_array(factors.map(|factor| factor as f32));
         if !(factor.is_finite() && factor.min_element() > 0.0) {
-            self.notes.push("its exposure is no number that can be divided by, and is left out".into());
+            self.notes.push("its exposure is not a usable number and is ignored".into());
             factor = Vec3::ONE;
         }
         let conversion = match self.primaries {

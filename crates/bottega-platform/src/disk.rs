@@ -14,9 +14,9 @@ pub struct DiskSpace {
 /// Returns the space on the disk of a folder; `None`: the system does not report it.
 #[cfg(unix)]
 pub fn space(folder: &Path) -> Option<DiskSpace> {
-    let told = rustix::fs::statvfs(folder).ok()?;
-    let bytes = |blocks: u64| blocks.saturating_mul(told.f_frsize);
-    Some(DiskSpace { free: bytes(told.f_bavail), total: bytes(told.f_blocks) })
+    let statistics = rustix::fs::statvfs(folder).ok()?;
+    let bytes = |blocks: u64| blocks.saturating_mul(statistics.f_frsize);
+    Some(DiskSpace { free: bytes(statistics.f_bavail), total: bytes(statistics.f_blocks) })
 }
 
 /// Returns the space on the disk of a folder: the disk mounted at the longest part of its path. `None`: the system does not

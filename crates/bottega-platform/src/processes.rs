@@ -109,7 +109,7 @@ pub fn end(process: u32) -> bool {
 }
 
 /// Describes how a process ended.
-pub fn told(status: ExitStatus) -> String {
+pub fn describe_exit(status: ExitStatus) -> String {
     #[cfg(unix)]
     {
         use std::os::unix::process::ExitStatusExt;

@@ -25,7 +25,7 @@ pub(crate) fn diff<'py>(
         .map_err(|error| PyValueError::new_err(errors::text(&error)))?;
     let map = std::mem::take(&mut difference.flip_map);
     let map = Array2::from_shape_vec((height as usize, width as usize), map);
-    let told = to_python(py, &difference)?.cast_into::<PyDict>()?;
-    told.set_item("flip_map", map.map_err(|error| PyValueError::new_err(error.to_string()))?.into_pyarray(py))?;
-    Ok(told)
+    let measures = to_python(py, &difference)?.cast_into::<PyDict>()?;
+    measures.set_item("flip_map", map.map_err(|error| PyValueError::new_err(error.to_string()))?.into_pyarray(py))?;
+    Ok(measures)
 }

@@ -95,7 +95,7 @@ pub(crate) fn rules(problem: String, remedy: String) -> PyErr {
 /// Makes the exception `ForkError`, raised in forked processes.
 pub(crate) fn forked() -> PyErr {
     python::ForkError::new_err((
-        "this process was forked from one that has used bottega, whose threads do not exist here",
+        "this process was forked after bottega was used; the threads of bottega do not exist here",
         "start processes by `spawn`: multiprocessing.get_context(\"spawn\"); or use bottega only after the fork",
     ))
 }

@@ -123,7 +123,7 @@ impl PyFarm {
         let address = address
             .map(str::parse::<FarmAddress>)
             .transpose()
-            .map_err(|problem| errors::farm(format!("this is no address of a farm: {problem}"), None))?;
+            .map_err(|problem| errors::farm(format!("this is not the address of a farm: {problem}"), None))?;
         let credentials = Credentials { creds, nkey, tls_ca, tls_own };
         let login = FarmLogin { address, credentials };
         let FarmLogin { address, credentials } = login.clone();
@@ -139,10 +139,10 @@ impl PyFarm {
         let request = request_of(request)?;
         let FarmLogin { address, credentials } = self.login();
         let caller = Caller { on_event, waits_for_end: true, ..Caller::new(py) };
-        let asked = caller
+        let submitted = caller
             .wait_for(move |watcher, stop| client::submit(address.as_ref(), &credentials, &request, watcher, stop))?
             .whole()?;
-        let number = asked.map_err(|error| errors::raised_by_farm(&error))?;
+        let number = submitted.map_err(|error| errors::raised_by_farm(&error))?;
         py.detach(|| jobs::wait_until_known(&self.board, number));
         Ok(number)
     }

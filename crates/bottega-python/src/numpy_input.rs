@@ -33,14 +33,14 @@ impl<'py, T: Element> InputArray<'py, T> {
         }
         if !array.is_c_contiguous() {
             let problem = format!(
-                "its values do not lie side by side (strides {:?}); copy them: np.ascontiguousarray(array)",
+                "its values are not contiguous (strides {:?}); copy them: np.ascontiguousarray(array)",
                 array.strides()
             );
             return Err(wrong(argument, &problem));
         }
         let array = value.cast::<PyArrayDyn<T>>().map_err(|error| wrong(argument, &error.to_string()))?;
         let borrowed = array.try_readonly();
-        let array = borrowed.map_err(|_| wrong(argument, "it is being written to; pass it when that has ended"))?;
+        let array = borrowed.map_err(|_| wrong(argument, "it is being written to; pass it afterwards"))?;
         Ok(Self { array, argument })
     }
 

@@ -118,7 +118,7 @@ impl PyPicture {
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let report = self.picture.report();
-        let told = PictureReport {
+        let values = PictureReport {
             is_whole: self.picture.is_whole(),
             failed_zones: report.failed.iter().map(|zone| zone.0).collect(),
             messages: report.messages,
@@ -127,7 +127,7 @@ impl PyPicture {
             composition_seconds: report.times.composition.as_secs_f64(),
             zones: report.rows.iter().map(ZoneEvent::from).collect(),
         };
-        to_python(py, &told)
+        to_python(py, &values)
     }
 
     /// The request of the picture, as a `Request`.

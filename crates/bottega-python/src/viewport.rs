@@ -197,7 +197,7 @@ impl PyViewport {
             return Err(errors::failed("the viewport does not run", "viewport.start()"));
         };
         let Ok(slice) = values.as_slice_mut() else {
-            return Err(wrong(ARGUMENT, &format!("its values do not lie side by side; {needed}")));
+            return Err(wrong(ARGUMENT, &format!("its values are not contiguous; {needed}")));
         };
         if channels != 4 {
             return Err(wrong(ARGUMENT, &format!("its shape is ({height}, {width}, {channels}); {needed}")));

@@ -22,24 +22,24 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 const EVENTS_MAX: usize = 4096;
 
 /// A message of the working thread.
-enum News<T> {
-    Told(Box<Event>),
+enum CallMessage<T> {
+    Happened(Box<Event>),
     Over(T),
 }
 
 /// The watcher on the working threads. It forwards the events that Python needs.
 struct Teller<T> {
-    news: SyncSender<News<T>>,
+    sender: SyncSender<CallMessage<T>>,
     /// True if there is a callback; otherwise only warnings are forwarded.
     hears_all: bool,
     live: Option<Arc<LivePicture>>,
 }
 
 impl<T: Send> Watcher for Teller<T> {
-    fn told(&self, event: Event) {
+    fn event(&self, event: Event) {
         if self.hears_all || matches!(event, Event::Warning { .. }) {
             // The receiver is gone if the calling thread has given up.
-            _ = self.news.send(News::Told(Box::new(event)));
+            _ = self.sender.send(CallMessage::Happened(Box::new(event)));
         }
     }
 
@@ -93,28 +93,28 @@ impl<'py> Caller<'py> {
         self,
         work: impl FnOnce(Arc<dyn Watcher>, &StopSwitch) -> T + Send + 'static,
     ) -> PyResult<Ending<T>> {
-        let (news, told) = sync_channel(EVENTS_MAX);
-        let teller = Teller { news: news.clone(), hears_all: self.on_event.is_some(), live: self.live.clone() };
+        let (sender, messages) = sync_channel(EVENTS_MAX);
+        let teller = Teller { sender: sender.clone(), hears_all: self.on_event.is_some(), live: self.live.clone() };
         let stop = self.stop.clone();
         let under_way = UnderWay::new(&stop);
         thread::spawn(move || {
             let over = work(Arc::new(teller), &stop);
             drop(under_way);
             // The receiver is gone if the calling thread has given up.
-            _ = news.send(News::Over(over));
+            _ = sender.send(CallMessage::Over(over));
         });
-        self.listen(told)
+        self.listen(messages)
     }
 
-    fn listen<T: Send>(&self, mut told: Receiver<News<T>>) -> PyResult<Ending<T>> {
+    fn listen<T: Send>(&self, mut messages: Receiver<CallMessage<T>>) -> PyResult<Ending<T>> {
         let mut raised: Option<PyErr> = None;
         loop {
-            let (next, again) = self.py.detach(move || (told.recv_timeout(LOOK_EVERY), told));
-            told = again;
+            let (next, again) = self.py.detach(move || (messages.recv_timeout(LOOK_EVERY), messages));
+            messages = again;
             let heard = match next {
-                Ok(News::Over(over)) => return self.end(over, raised),
-                Ok(News::Told(event)) if raised.is_none() => self.hear(&event),
-                Ok(News::Told(_)) | Err(RecvTimeoutError::Timeout) => Ok(()),
+                Ok(CallMessage::Over(over)) => return self.end(over, raised),
+                Ok(CallMessage::Happened(event)) if raised.is_none() => self.hear(&event),
+                Ok(CallMessage::Happened(_)) | Err(RecvTimeoutError::Timeout) => Ok(()),
                 Err(RecvTimeoutError::Disconnected) => {
                     return Err(errors::failed("the painting thread has failed", "this is unexpected; report it"));
                 }

@@ -103,12 +103,12 @@ fn signals_threads_and_forks_do_no_harm() {
 }
 
 #[test]
-fn tools_of_python_are_those_of_the_command_line() {
+fn functions_of_python_are_those_of_the_command_line() {
     run("test_tools.py");
 }
 
 #[test]
-fn a_farm_is_asked_from_python() {
+fn a_farm_is_used_from_python() {
     run("test_farm.py");
 }
 

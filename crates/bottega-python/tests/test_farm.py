@@ -68,9 +68,9 @@ def addresses(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_farm_paints_the_same_bits(farm: bottega.Farm, box: Path, tmp_path: Path) -> None:
-    asked = {"spp": 8, "size": (64, 48), "exact": True}
-    plain = bottega.render(box, **asked)  # type: ignore[arg-type]
-    job = farm.submit(box, output=tmp_path / "a.exr", **asked)  # type: ignore[arg-type]
+    options = {"spp": 8, "size": (64, 48), "exact": True}
+    plain = bottega.render(box, **options)  # type: ignore[arg-type]
+    job = farm.submit(box, output=tmp_path / "a.exr", **options)  # type: ignore[arg-type]
     seen = [view["state"] for view in job.watch()]
     assert seen[-1] == "done", job.log()
     assert job.wait(1)["done"] == 1 and [other.number for other in farm.jobs()] == [job.number]
@@ -78,8 +78,8 @@ def test_a_farm_paints_the_same_bits(farm: bottega.Farm, box: Path, tmp_path: Pa
     assert [machine["threads"] for machine in machines] == [1] and machines[0]["state"] == "active"
     assert job.fetch(tmp_path / "b.exr") == tmp_path / "b.exr"
     assert (bottega.read(tmp_path / "b.exr").color == plain.color).all()
-    assert any("asked for" in line["text"] for line in job.log())
-    path = farm.render(box, output=tmp_path / "c.exr", **asked)  # type: ignore[arg-type]
+    assert any("submitted by" in line["text"] for line in job.log())
+    path = farm.render(box, output=tmp_path / "c.exr", **options)  # type: ignore[arg-type]
     assert (bottega.read(path).color == plain.color).all()
 
     paused = farm.submit(box, spp=100_000, size=(320, 240), output=tmp_path / "d.exr")
@@ -101,8 +101,8 @@ def test_a_farm_paints_the_same_bits(farm: bottega.Farm, box: Path, tmp_path: Pa
 
 
 def test_a_job_is_steered_and_seen_while_it_is_painted(farm: bottega.Farm, box: Path, tmp_path: Path) -> None:
-    asked = {"samples": 2000, "size": (160, 120), "layers": ["depth"]}
-    job = farm.submit(box, output=tmp_path / "a.exr", **asked)  # type: ignore[arg-type]
+    options = {"samples": 2000, "size": (160, 120), "layers": ["depth"]}
+    job = farm.submit(box, output=tmp_path / "a.exr", **options)  # type: ignore[arg-type]
     job.priority = 7
     assert job.priority == 7
     with pytest.raises(ValueError, match="1 to 1000"):
@@ -141,26 +141,26 @@ def test_a_job_is_steered_and_seen_while_it_is_painted(farm: bottega.Farm, box: 
 
 
 def test_a_scene_in_memory_goes_to_a_farm(farm: bottega.Farm, box: Path, tmp_path: Path) -> None:
-    asked = {"spp": 8, "size": (64, 48), "exact": True}
+    options = {"spp": 8, "size": (64, 48), "exact": True}
     scene = bottega.Scene.read(box)
     scene.images["checks"] = bottega.Image(np.indices((8, 8)).sum(0).astype(np.uint8) % 2 * 200 + 20)
     scene.materials["painted"] = bottega.Material(bottega.Diffuse(bottega.Texture("checks")))
     scene.objects[scene.objects.keys()[0]].materials = ["painted"]
     scene.lights["sun"] = bottega.SunLight((0.0, -1.0, -0.2), (0.5, 0.4, 0.3), angle=0.05)
-    plain = bottega.render(scene, **asked)  # type: ignore[arg-type]
+    plain = bottega.render(scene, **options)  # type: ignore[arg-type]
     # The same bits from a farm, from a file, and from the scene that was read of the file
-    path = farm.render(scene, output=tmp_path / "a.exr", **asked)  # type: ignore[arg-type]
+    path = farm.render(scene, output=tmp_path / "a.exr", **options)  # type: ignore[arg-type]
     assert (bottega.read(path).color == plain.color).all()
     scene.save(tmp_path / "scene.bottega")
     for kept in (tmp_path / "scene.bottega", bottega.Scene.read(tmp_path / "scene.bottega")):
-        assert (bottega.render(kept, **asked).color == plain.color).all()  # type: ignore[arg-type]
+        assert (bottega.render(kept, **options).color == plain.color).all()  # type: ignore[arg-type]
     # Submitted, changed meanwhile, and fetched
-    job = farm.submit(scene, output=tmp_path / "b.exr", **asked)  # type: ignore[arg-type]
+    job = farm.submit(scene, output=tmp_path / "b.exr", **options)  # type: ignore[arg-type]
     scene.objects.hide(scene.objects.keys()[0])
     assert job.wait(120)["state"] == "done", job.log()
     assert (bottega.read(job.fetch(tmp_path / "b.exr")).color == plain.color).all()
     # Seen while it is rendered
-    session = farm.session(scene, live=True, output=tmp_path / "c.exr", **asked)  # type: ignore[arg-type]
+    session = farm.session(scene, live=True, output=tmp_path / "c.exr", **options)  # type: ignore[arg-type]
     assert session.layers() is None
     path = session.render()
     layers = session.layers()
@@ -171,17 +171,17 @@ def test_a_scene_in_memory_goes_to_a_farm(farm: bottega.Farm, box: Path, tmp_pat
 
 
 def test_a_farm_is_used_by_http(addresses: Addresses, box: Path, tmp_path: Path) -> None:
-    asked = {"spp": 4, "size": (64, 48), "exact": True}
+    options = {"spp": 4, "size": (64, 48), "exact": True}
     farm = bottega.Farm(addresses.page)
     while not farm.machines():
         time.sleep(0.1)
     scene = bottega.Scene.read(box)
     scene.lights["sun"] = bottega.SunLight((0.0, -1.0, -0.2), (0.5, 0.4, 0.3))
-    job = farm.submit(scene, output=tmp_path / "a.exr", **asked)  # type: ignore[arg-type]
+    job = farm.submit(scene, output=tmp_path / "a.exr", **options)  # type: ignore[arg-type]
     seen = list(job.watch())
     assert seen[-1]["state"] == "done", job.log()
     assert job.fetch() == tmp_path / "a.exr"
-    plain = bottega.render(scene, **asked)  # type: ignore[arg-type]
+    plain = bottega.render(scene, **options)  # type: ignore[arg-type]
     assert (bottega.read(tmp_path / "a.exr").color == plain.color).all()
     preview, layers = job.preview(), job.layers()
     assert preview is not None and preview.shape == (48, 64, 3)
@@ -198,10 +198,10 @@ def test_a_farm_is_used_by_http(addresses: Addresses, box: Path, tmp_path: Path)
     )
     text = '<scene version="3.0.0"><shape type="ply"><string name="filename" value="../triangle.ply"/></shape></scene>'
     (folder / "scene.xml").write_text(text)
-    request = bottega.Request.of(folder / "scene.xml", output=tmp_path / "b.exr", **asked)  # type: ignore[arg-type]
+    request = bottega.Request.of(folder / "scene.xml", output=tmp_path / "b.exr", **options)  # type: ignore[arg-type]
     request.scene.allow_outside = True
     assert farm.submit(request).wait(60)["state"] == "done"
-    # What is wrong is told as the farm says it
+    # Errors are those of the farm
     with pytest.raises(bottega.FarmError, match="token"):
         bottega.Farm(addresses.page.split("?")[0], token="wrong").jobs()
     with pytest.raises(bottega.FarmError, match="no part by HTTP"):
@@ -210,7 +210,7 @@ def test_a_farm_is_used_by_http(addresses: Addresses, box: Path, tmp_path: Path)
         bottega.Farm("http://127.0.0.1:9")
 
 
-def test_farms_that_are_not_there_are_told() -> None:
+def test_missing_farms_are_reported() -> None:
     with pytest.raises(bottega.FarmError, match="address"):
         bottega.Farm("bottega:/nowhere")
     word = "t" + "0" * 32

@@ -105,7 +105,7 @@ time.sleep(0.5)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
-def test_a_fork_is_told(box: Path) -> None:
+def test_a_fork_is_reported(box: Path) -> None:
     said = child(f"""
 import os, warnings, bottega
 warnings.simplefilter("ignore")

@@ -77,8 +77,8 @@ def test_the_bits_are_those_of_the_command_line(box: Path, program: str, tmp_pat
     subprocess.run([program, "render", str(box), "-o", str(out), *words], check=True, capture_output=True)
     picture = bottega.render(box, spp=8, size=(64, 48), layers=["all"], exact=True)
     assert (picture.color.view(np.uint32) == bottega.read(out).color.view(np.uint32)).all()
-    asked = bottega.Request.from_json(bottega.read(out).metadata["request"])
-    again = bottega.render(asked.changed(output=bottega.OutputOptions()))
+    request = bottega.Request.from_json(bottega.read(out).metadata["request"])
+    again = bottega.render(request.changed(output=bottega.OutputOptions()))
     assert (again.values.view(np.uint32) == picture.values.view(np.uint32)).all()
 
 

@@ -89,7 +89,7 @@ def test_fields_that_there_are_not_are_refused() -> None:
         Request.from_json("{")
 
 
-def test_scenes_that_cannot_be_read_are_told(tmp_path: Path) -> None:
+def test_scenes_that_cannot_be_read_are_reported(tmp_path: Path) -> None:
     with pytest.raises(bottega.SceneError, match="none.glb"):
         bottega.render(tmp_path / "none.glb")
     with pytest.raises(bottega.RequestError, match="no camera"):

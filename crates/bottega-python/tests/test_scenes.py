@@ -529,7 +529,7 @@ def wrong_row(row: Any) -> Any:
     [
         ({"positions": POSITIONS[:, :2].copy()}, r"`positions`: its shape is \[4, 2\], and \(N, 3\) is needed"),
         ({"positions": POSITIONS.astype(np.float64)}, r"`positions`: its dtype is float64, .*astype\(np.float32\)"),
-        ({"positions": POSITIONS[:, ::-1]}, r"`positions`: its values do not lie side by side.*np.ascontiguousarray"),
+        ({"positions": POSITIONS[:, ::-1]}, r"`positions`: its values are not contiguous.*np.ascontiguousarray"),
         ({"positions": POSITIONS.astype(">f4")}, r"`positions`: its dtype is >f4"),
         ({"positions": POSITIONS.tolist()}, r"`positions`: it is a list, not an array of NumPy"),
         ({"positions": wrong_row(np.nan)}, r"`positions`, row 1: it is \[NaN"),

@@ -24,14 +24,14 @@ def printed(program: str, *words: str) -> Any:
 
 def test_zones_are_those_of_the_command_line(box: Path, program: str, tmp_path: Path) -> None:
     words = ["--agents", "4", "--size", "160x120", "-o", str(tmp_path), "--json"]
-    told = printed(program, "analyze", str(box), *words)
+    expected = printed(program, "analyze", str(box), *words)
     found = bottega.analyze(box, agents=4, size=(160, 120), work={"level": 2})
     assert repr(found) == f"<bottega.Analysis 160x120, {len(found.zones)} zones for 4 agents>"
-    zones = next(level["zones"] for level in told["levels"] if level["level"] == 2)
+    zones = next(level["zones"] for level in expected["levels"] if level["level"] == 2)
     assert found.rects.tolist() == [zone["rect"] for zone in zones]
     assert [zone["complexity"] for zone in found.zones] == pytest.approx([zone["complexity"] for zone in zones])
     rows, columns = found.cost.shape
-    assert [columns, rows] == told["cells"] and found.importance.shape == found.cost.shape
+    assert [columns, rows] == expected["cells"] and found.importance.shape == found.cost.shape
     assert found.size == (160, 120) and found.agents == 4
     covered = np.zeros((120, 160), int)
     for x0, y0, x1, y1 in found.rects:
@@ -46,12 +46,12 @@ def test_a_scene_of_arrays_is_analyzed(pyramid: bottega.Scene) -> None:
 
 def test_rules_decide_as_on_the_command_line(program: str) -> None:
     values = [f"{name}={value}" for name, value in INPUTS.items()]
-    told = printed(program, "rules", "eval", "path-tracing", *values, "--explain", "--json")
+    expected = printed(program, "rules", "eval", "path-tracing", *values, "--explain", "--json")
     why = rules.explain("path-tracing", **INPUTS)
-    assert why == told and rules.evaluate("path-tracing", **INPUTS) == told["outputs"]
+    assert why == expected and rules.evaluate("path-tracing", **INPUTS) == expected["outputs"]
     assert why["rules"][0]["degree"] > 0
     ranged = rules.evaluate("path-tracing", ranges={"complexity": (0.1, 7)}, **INPUTS)
-    assert ranged != told["outputs"]
+    assert ranged != expected["outputs"]
     assert rules.check("path-tracing") == []
 
 
@@ -73,10 +73,10 @@ def test_differences_are_those_of_the_command_line(box: Path, program: str, tmp_
     files = [tmp_path / f"{index}.exr" for index in (0, 1)]
     for picture, file in zip(pictures, files):
         picture.save(file)
-    told = printed(program, "diff", *map(str, files), "--json")
+    expected = printed(program, "diff", *map(str, files), "--json")
     found = bottega.diff(*pictures)
     flip_map = found.pop("flip_map")
-    assert found == told and flip_map.shape == (30, 40) and flip_map.dtype == np.float32
+    assert found == expected and flip_map.shape == (30, 40) and flip_map.dtype == np.float32
     assert bottega.diff(files[0], pictures[1].color)["flip"] == found["flip"]
     assert bottega.diff(pictures[0], pictures[0])["rmse"] == 0
     with pytest.raises(ValueError, match="differ in size"):

@@ -50,9 +50,9 @@ def test_after_any_edits_the_frame_has_the_bits_of_a_new_viewport() -> None:
         for step in range(40):
             for _ in range(5):
                 edit(chance, scene, wanted)
-            went_on = settled(viewport, viewport.update(), 2)
+            continued = settled(viewport, viewport.update(), 2)
             with Viewport(fresh(wanted), size=SIZE, spp=2, threads=1) as new:
-                assert (went_on.view(np.uint32) == settled(new, 0, 2).view(np.uint32)).all(), f"step {step}"
+                assert (continued.view(np.uint32) == settled(new, 0, 2).view(np.uint32)).all(), f"step {step}"
 
 
 def test_cameras_by_matrix_with_shift_and_region(pyramid: Scene) -> None:
@@ -73,7 +73,7 @@ def test_cameras_by_matrix_with_shift_and_region(pyramid: Scene) -> None:
         assert viewport.frame_into(np.zeros((16, 24, 4), np.float32)) is None, "an array of another size waits"
 
 
-def test_edits_show_when_they_are_told_of(pyramid: Scene) -> None:
+def test_edits_show_after_update(pyramid: Scene) -> None:
     with Viewport(pyramid, size=SIZE, spp=4, threads=1) as viewport:
         before = settled(viewport, 0)
         pyramid.materials["orange"].base_color = (0.1, 0.1, 0.9)
@@ -109,7 +109,7 @@ def test_a_viewport_stops_and_starts_again(pyramid: Scene) -> None:
         (np.zeros((16, 24, 4), np.float64), "`array`: its dtype is float64"),
         (np.zeros((16, 24), np.float32), "`array`: its dtype is float32 and its shape"),
         (np.zeros((16, 24, 3), np.float32), r"its shape is \(16, 24, 3\)"),
-        (np.zeros((16, 48, 4), np.float32)[:, ::2], "do not lie side by side"),
+        (np.zeros((16, 48, 4), np.float32)[:, ::2], "are not contiguous"),
         (np.broadcast_to(np.float32(0), (16, 24, 4)), "read-only"),
         ([[0.0]], "it is a list"),
     ],

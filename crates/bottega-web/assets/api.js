@@ -43,31 +43,31 @@ export async function ask(method, path, body) {
 
 export const get = path => ask("GET", path);
 
-/** Fetches a picture unless it is the one of `tag`. Returns `{ blob, tag }`, or null where there is none or no other. */
+/** Fetches a picture unless it is the one of `tag`. Returns `{ blob, tag }`, or null if there is no picture or it is the same. */
 export async function fetchPicture(path, tag) {
   const response = await fetch(`/api${path}`, tag ? { headers: { "If-None-Match": tag } } : {}).catch(() => null);
   if (response?.status !== 200) return null;
   return { blob: await response.blob(), tag: response.headers.get("ETag") };
 }
 
-/** Waits for another frame of a viewport than the one of `tag`; null: there is none for now. */
+/** Waits for another frame of a viewport than the one of `tag`; null: there is none yet. */
 export async function fetchFrame(path, tag, signal) {
   const response = await fetch(`/api${path}`, { signal, headers: tag ? { "If-None-Match": tag } : {} });
   if (response.status === 304) return null;
   if (!response.ok) throw new Problem(response.status, await response.json().catch(() => ({})));
-  const told = name => response.headers.get(`Bottega-${name}`);
+  const header = name => response.headers.get(`Bottega-${name}`);
   return {
     blob: await response.blob(), tag: response.headers.get("ETag"),
-    look: Number(told("Look")), samples: Number(told("Samples")), isDenoised: told("Denoised") === "true",
-    machines: Number(told("Machines")), bytesPerSecond: Number(told("Bytes-Per-Second")),
+    look: Number(header("Look")), samples: Number(header("Samples")), isDenoised: header("Denoised") === "true",
+    machines: Number(header("Machines")), bytesPerSecond: Number(header("Bytes-Per-Second")),
   };
 }
 
-/** Follows a job: `state` is called with all that is known, `news` with what has changed since. Returns what ends it. */
-export function follow(job, { state, news, link }) {
+/** Follows a job: `state` is called with the whole state, `changes` with what has changed since. Returns a function that ends it. */
+export function follow(job, { state, changes, link }) {
   const source = new EventSource(`/api/jobs/${job}/events`);
   source.addEventListener("state", message => { link(true); state(JSON.parse(message.data)); });
-  source.addEventListener("news", message => news(JSON.parse(message.data)));
+  source.addEventListener("news", message => changes(JSON.parse(message.data)));
   // A stream that is closed for good was refused: the job was removed, which other questions find out.
   source.onerror = () => { if (source.readyState !== EventSource.CLOSED) link(false); };
   return () => source.close();

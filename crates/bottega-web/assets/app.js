@@ -34,7 +34,7 @@ const shell = {
     beside.textContent = text;
     place.append(beside);
   },
-  /** Does something that a person asked for, and tells in `place` why where it is not done. */
+  /** Carries out a request of the user; shows in `place` why it failed, if it did. */
   async attempt(work, place) {
     const result = await shell.poll(work, error => shell.tellProblem(error.message, place));
     if (result !== undefined) shell.tellProblem(null);
@@ -86,7 +86,7 @@ function viewOf(hash) {
   return name === "messages" ? [name, number ?? "1"] : ["job", name === "job" ? number : "1"];
 }
 
-/** Asks for the job of a view. Returns the view's title where there is one, null where there is none, undefined where the view was left. */
+/** Looks up the job of a view. Returns the title of the view; null: there is no such job; undefined: the view was left. */
 async function isKnown(number, isLeft) {
   for (;;) {
     let isUnknown = !/^\d{1,9}$/.test(number ?? "");

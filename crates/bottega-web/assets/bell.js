@@ -25,7 +25,7 @@ export function endText({ job, state, scene, output, reason }) {
 const HELP = {
   off: "Have the browser notify you when a job is done or has failed, while this page is open",
   on: "You are notified when a job is done or has failed, while this page is open",
-  denied: "The browser was told not to show notifications of this page: its settings can change that",
+  denied: "The browser blocks notifications of this page: allow them in its settings",
   unsupported: "This browser shows no notifications here: they need https, or an address of this machine",
 };
 
@@ -77,8 +77,8 @@ export class Bell {
     this.#states = states;
     for (const job of ended) {
       const [title, body] = endText(job);
-      const told = new Notification(title, { body, tag: `bottega-${job.job}-${job.state}` });
-      told.onclick = () => { focus(); location.hash = `#/job/${job.job}`; };
+      const notification = new Notification(title, { body, tag: `bottega-${job.job}-${job.state}` });
+      notification.onclick = () => { focus(); location.hash = `#/job/${job.job}`; };
     }
   }
 }

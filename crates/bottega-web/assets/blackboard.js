@@ -12,7 +12,7 @@ const times = [
 const COLUMNS = [
   { name: "id", head: "Zone", help: "IdZone", isNumber: true, value: zone => zone.id, text: zone => `${zone.id}` },
   { name: "state", head: "State", value: zone => stateWord(zone.state), text: zone => stateWord(zone.state) },
-  { name: "agent", head: "Agent", help: "Who has it or had it", value: zone => zone.agent, text: zone => zone.agent ?? "–" },
+  { name: "agent", head: "Agent", help: "The agent that has or had it", value: zone => zone.agent, text: zone => zone.agent ?? "–" },
   ...times.map(([name, head, help]) => ({ name, head, help, isNumber: true, value: zone => zone[name], text: zone => time(zone[name]) })),
   {
     name: "complexity", head: "Cost", help: "Complexity: the predicted cost of all its pixels, in average pixels of the picture",
@@ -20,7 +20,7 @@ const COLUMNS = [
   },
   { name: "size", head: "Pixels", isNumber: true, value: zone => zone.size, text: zone => `${zone.size}` },
   { name: "samples", head: "Samples", help: "Samples that each pixel has", isNumber: true, value: zone => zone.samples, text: zone => `${zone.samples}` },
-  { name: "error", head: "Error", help: "Estimated relative error, where one was asked for", isNumber: true, isNeeded: zone => zone.error !== undefined, value: zone => zone.error, text: zone => decimals(zone.error, 4) },
+  { name: "error", head: "Error", help: "Estimated relative error, if one was requested", isNumber: true, isNeeded: zone => zone.error !== undefined, value: zone => zone.error, text: zone => decimals(zone.error, 4) },
   { name: "attempt", head: "Lost", help: "How often it was taken from an agent that failed or fell silent", isNumber: true, isNeeded: zone => zone.attempt > 0, value: zone => zone.attempt, text: zone => `${zone.attempt}` },
 ];
 
@@ -34,7 +34,7 @@ export function zoneFields(zone, used) {
   const { choice } = zone;
   return [
     ["State", stateWord(zone.state), STATES[zone.state]?.[1]],
-    ["Agent", zone.agent, "Who has it or had it"],
+    ["Agent", zone.agent, "The agent that has or had it"],
     ["Place", `${x0}, ${y0} to ${x1}, ${y1}`, "Left, top, right and bottom, in pixels"],
     ["Pixels", `${zone.size}`, "Its size"],
     ["Expected time", time(zone.seconds_estimated), times[0][2]],
@@ -48,7 +48,7 @@ export function zoneFields(zone, used) {
     ["Light samples", choice && `${choice.light_samples}`, "At each bounce"],
     ["Samples chosen", choice && `${choice.samples}`, "Samples per pixel that were chosen for it"],
     ["Bands", choice && choice.bands.join(", "), "Interpolation bands beyond its left, top, right and bottom edge, in pixels"],
-    ["Rules", zone.reasons, "Whose rules decided what it is painted with, which ones, and how strongly"],
+    ["Rules", zone.reasons, "The agent whose rules chose its settings, the rules, and their strength"],
     ["Work", `${zone.work}`, "IdWork"],
   ].filter(([, value]) => value !== undefined);
 }
@@ -60,6 +60,6 @@ export function zonePanel(zone, used) {
   }
   const fields = zoneFields(zone, used).map(([name, value, help]) => [element("dt", { title: help }, name), element("dd", {}, value)]);
   const rules = zone.reasons === undefined
-    ? element("p", { class: "quiet" }, "No rules decided here: it is painted at the settings asked for.") : null;
+    ? element("p", { class: "quiet" }, "No rules decided here: it is painted with the requested settings.") : null;
   return [element("h2", {}, `Zone ${zone.id}`), element("dl", {}, fields), rules];
 }

@@ -69,8 +69,8 @@ export class Comparison {
     const other = this.#other;
     if (other === null) return;
     setText(this.figures, "comparing …");
-    const told = await this.shell.attempt(() => get(`/jobs/${this.number}/difference/${other}`), this.element);
-    if (this.#other === other) setText(this.figures, told ? differenceText(told) : "");
+    const difference = await this.shell.attempt(() => get(`/jobs/${this.number}/difference/${other}`), this.element);
+    if (this.#other === other) setText(this.figures, difference ? differenceText(difference) : "");
   }
 
   async #show() {

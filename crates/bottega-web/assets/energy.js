@@ -15,7 +15,7 @@ export function usedText({ kwh, cost }, currency) {
   return cost === undefined || cost === null ? energyText(kwh) : `${energyText(kwh)}, ${costText(cost, currency)}`;
 }
 
-const SOURCES = { counters: "by the counters of its processors (RAPL)", watts: "by the watts that somebody said" };
+const SOURCES = { counters: "by the counters of its processors (RAPL)", watts: "by the given watts" };
 
 /** The facts of a job's energy: name, text, help. */
 export function energyFacts(energy) {

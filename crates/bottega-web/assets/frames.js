@@ -13,7 +13,7 @@ export function framesOf(jobs, job) {
   return job.animation ? own.sort((a, b) => a.animation.frame - b.animation.frame) : [];
 }
 
-/** Leads from frame to frame. Shows nothing for a job that is no frame. */
+/** Leads from frame to frame. Shows nothing for a job that is not a frame. */
 export class FrameStrip {
   #jobs = [];
   #number = null;

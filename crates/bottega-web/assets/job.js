@@ -15,7 +15,7 @@ import { Viewer } from "./viewer.js";
 import { workOf } from "./zones.js";
 
 const LOOK_EVERY = 1000;
-/** Agents and log are asked for each so many looks. */
+/** Agents and log are fetched once in this number of looks. */
 const SELDOM = 3;
 
 export function showJob(page, shell, number) {
@@ -35,7 +35,7 @@ class JobPage {
   #isLooking = false;
   /** Whether some pixels have samples. */
   #isPainted = false;
-  /** Whether the farm has told that there is something to see. */
+  /** Whether the farm has reported that there is something to see. */
   #isSeen = false;
 
   constructor(page, shell, number) {
@@ -66,7 +66,7 @@ class JobPage {
     page.replaceChildren(
       element("div", { class: "job-head" }, element("div", { class: "row" }, this.title, this.chip), this.bar, this.facts, this.reason,
         element("div", { class: "row" }, this.controls.element, this.links), this.frames.element, this.aroundPlace),
-      element("div", { class: "studio" }, this.viewer.element, this.panel),
+      element("div", { class: "split" }, this.viewer.element, this.panel),
       element("h2", {}, "Blackboard"), this.board.element,
       // Of the picture of one process neither rules nor auction are known here.
       ...(isOnePicture() ? [] : [this.rules.element]),
@@ -84,7 +84,7 @@ class JobPage {
     this.end = follow(this.number, {
       link: isUp => this.shell.link(isUp),
       state: events => { this.#zones.clear(); this.#agents.clear(); this.#take(events); },
-      news: events => this.#take(events),
+      changes: events => this.#take(events),
     });
   }
 
@@ -151,7 +151,7 @@ class JobPage {
       ...(isOnePicture() ? [["Begun", ago(job.submitted)]] : [
         isOver ? null : ["Machines", `${job.machines}`],
         isOver ? null : ["Led by", job.leader ?? "nobody"],
-        ["Asked", `${ago(job.submitted)}, by ${job.from}`],
+        ["Submitted", `${ago(job.submitted)}, by ${job.from}`],
       ]),
       ["Picture", job.output],
       ...energyFacts(this.#energy),
@@ -175,7 +175,7 @@ class JobPage {
     const again = isOnePicture()
       ? button("Look around …", () => this.#lookAround(), { title: "Lead a camera through the scene while the picture is painted" })
       : element("a", { href: `#/submit/${this.number}`, class: "button steers" }, "Paint this scene again …");
-    const help = "What its agents say to each other, while they say it";
+    const help = "The messages of its agents, live";
     const messages = element("a", { href: `#/messages/${this.number}`, class: "button", title: help }, "Messages");
     this.links.replaceChildren(...[file, button("Save what is shown", () => this.#save()), messages, again].filter(Boolean));
   }
@@ -235,7 +235,7 @@ class JobPage {
   /** Has a zone painted again. Of a job that is over the farm keeps no zones: all of them are. */
   async #requeue(zone) {
     const isOver = this.#job && !["active", "paused"].includes(this.#job.state);
-    const text = `Paint zone ${zone.id} again? The job is over and its zones are not kept, so that all of them are painted again.`;
+    const text = `Paint zone ${zone.id} again? The job is over and its zones are not stored, so all zones are painted again.`;
     if (isOver && !await this.shell.confirm(text, "Paint again")) return;
     const job = await this.shell.attempt(() => ask("POST", `/jobs/${this.number}/zones/${zone.id}/requeue`), this.zoneOrders);
     if (!job || !isOver) return;

@@ -67,7 +67,7 @@ export class JobControls {
   }
 
   async #stop() {
-    const text = "Stop painting? What is painted so far is written, and the same command with --resume goes on with it.";
+    const text = "Stop painting? What is painted so far is written, and the same command with --resume continues it.";
     if (await this.shell.confirm(text, "Stop")) await this.#do("cancel");
   }
 
@@ -78,7 +78,7 @@ export class JobControls {
 
   async #remove() {
     const { job, scene } = this.job;
-    if (!await this.shell.confirm(`Remove job ${job}, ${scene}? The farm forgets its picture, too.`, "Remove")) return;
+    if (!await this.shell.confirm(`Remove job ${job}, ${scene}? The farm deletes its picture, too.`, "Remove")) return;
     const isDone = await this.shell.attempt(async () => { await ask("DELETE", `/jobs/${job}`); return true; }, this.element);
     if (isDone) this.onGone(job);
   }

@@ -50,7 +50,7 @@ export function showJobs(page, shell) {
     more.hidden = wanted.length <= shownMax;
     setText(count, wanted.length === jobs.length ? counted(jobs.length, "job") : `${wanted.length} of ${counted(jobs.length, "job")}`);
     empty.hidden = wanted.length > 0;
-    setText(empty, jobs.length ? "No job is like that." : "No jobs yet. Drop a scene into “New picture”, or run: bottega render SCENE -o PICTURE --farm");
+    setText(empty, jobs.length ? "No job matches." : "No jobs yet. Drop a scene into “New picture”, or run: bottega render SCENE -o PICTURE --farm");
   }
 
   async function look() {
@@ -93,7 +93,7 @@ class JobCard {
     setText(this.link, `${job.job}: ${job.scene}`);
     this.chip.set(job.state);
     this.bar.set(job.done, `job ${job.job}`);
-    setText(this.facts, [job.zones ? `${job.zones_done} of ${job.zones} zones` : "not cut into zones yet", ["active", "paused"].includes(job.state) ? counted(job.machines, "machine") : null, `asked ${ago(job.submitted)}`, job.output, job.reason]
+    setText(this.facts, [job.zones ? `${job.zones_done} of ${job.zones} zones` : "not cut into zones yet", ["active", "paused"].includes(job.state) ? counted(job.machines, "machine") : null, `submitted ${ago(job.submitted)}`, job.output, job.reason]
       .filter(Boolean).join(" · "));
     this.controls.set(job);
     this.#renewPicture(job);

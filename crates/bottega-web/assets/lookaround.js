@@ -36,10 +36,10 @@ export class LookAround {
   #pointers = new Map();
   #isSending = false;
   #isStale = false;
-  #asked = [];
+  #sent = [];
   #first = null;
-  /** Ends what is being asked when the viewport is closed: nothing answers for it any more. */
-  #asking = new AbortController();
+  /** Aborts requests under way when the viewport is closed: nothing answers them any more. */
+  #abort = new AbortController();
   isClosed = false;
 
   constructor(shell, onTake) {
@@ -50,13 +50,13 @@ export class LookAround {
     this.stage = element("div", { class: "stage around moves", tabIndex: 0, role: "group", "aria-label": `The scene. ${help}` }, this.picture);
     this.cameras = element("select", { ariaLabel: "Camera of the scene", onchange: () => this.#takeCamera(Number(this.cameras.value)) });
     this.status = element("output", { class: "quiet" });
-    this.tools = element("div", { class: "toolbar" },
+    this.toolbar = element("div", { class: "toolbar" },
       element("label", {}, "Camera ", this.cameras),
-      button("Back to the camera", () => this.#takeCamera(this.#camera), { title: "Where the file has it" }),
+      button("Back to the camera", () => this.#takeCamera(this.#camera), { title: "The position in the file" }),
       onTake ? button("Take this view", () => this.#take(), { class: "primary" }) : null, this.status);
     this.written = onTake ? null : element("pre", { tabIndex: 0, ariaLabel: "The options that paint this view" });
     this.element = element("div", { class: "viewer" },
-      ...[this.stage, this.tools, element("p", { class: "quiet hint" }, `${help}.`), this.written].filter(Boolean));
+      ...[this.stage, this.toolbar, element("p", { class: "quiet hint" }, `${help}.`), this.written].filter(Boolean));
     this.#listen();
     this.#leave = () => this.close();
     addEventListener("pagehide", this.#leave);
@@ -64,18 +64,18 @@ export class LookAround {
 
   #leave;
 
-  /** Opens a scene: `asked` is a request with its files. */
-  async open(asked) {
-    const opened = await ask("POST", "/viewports", asked);
+  /** Opens a scene: `submission` is a request with its files. */
+  async open(submission) {
+    const opened = await ask("POST", "/viewports", submission);
     if (this.isClosed) return this.#end(opened.viewport);
     this.#viewport = opened;
     this.stage.style.aspectRatio = `${opened.width} / ${opened.height}`;
     this.cameras.replaceChildren(...opened.cameras.map(({ name }, i) => element("option", { value: i }, name ? `${i}: ${name}` : `${i}`)));
-    const named = asked.request.view?.camera;
+    const named = submission.request.view?.camera;
     const found = opened.cameras.findIndex(({ name }, i) => name === named || `${i}` === named);
     this.#camera = Math.max(0, found);
     this.cameras.value = this.#camera;
-    this.#pose = this.#level(asked.request.view?.pose ?? opened.cameras[this.#camera].pose);
+    this.#pose = this.#level(submission.request.view?.pose ?? opened.cameras[this.#camera].pose);
     this.#write();
     this.#watch();
     return undefined;
@@ -90,7 +90,7 @@ export class LookAround {
   close() {
     if (this.isClosed) return;
     this.isClosed = true;
-    this.#asking.abort();
+    this.#abort.abort();
     removeEventListener("pagehide", this.#leave);
     if (this.picture.src) URL.revokeObjectURL(this.picture.src);
     if (this.#viewport) this.#end(this.#viewport.viewport);
@@ -106,7 +106,7 @@ export class LookAround {
     const begun = performance.now();
     while (!this.isClosed) {
       const frame = await this.shell.poll(() => this.#fetch(tag), error => {
-        this.shell.tellProblem(error.message, this.tools);
+        this.shell.tellProblem(error.message, this.toolbar);
         this.close();
       });
       if (frame === undefined && ++misses > 20) return;
@@ -118,16 +118,16 @@ export class LookAround {
       misses = 0;
       await this.#show(frame);
       this.#first ??= performance.now() - begun;
-      const sent = this.#asked.find(({ look }) => look === frame.look);
+      const sent = this.#sent.find(({ look }) => look === frame.look);
       if (sent) this.stage.dataset.restart = Math.round(performance.now() - sent.at);
-      this.#asked = this.#asked.filter(({ look }) => look > frame.look);
+      this.#sent = this.#sent.filter(({ look }) => look > frame.look);
       this.stage.dataset.first = Math.round(this.#first);
     }
   }
 
-  /** Waits for another frame than the one of `tag`; null: there is none, or nobody waits any more. */
+  /** Waits for another frame than the one of `tag`; null: there is none, or the view is closed. */
   #fetch(tag) {
-    return fetchFrame(`/viewports/${this.#viewport.viewport}/frame.png`, tag, this.#asking.signal).catch(error => {
+    return fetchFrame(`/viewports/${this.#viewport.viewport}/frame.png`, tag, this.#abort.signal).catch(error => {
       if (this.isClosed) return null;
       throw error;
     });
@@ -167,8 +167,8 @@ export class LookAround {
     while (this.#isStale && !this.isClosed) {
       this.#isStale = false;
       const at = performance.now();
-      const told = await this.shell.attempt(() => ask("PUT", `/viewports/${this.#viewport.viewport}/view`, this.#view(options)), this.tools);
-      if (told) this.#asked.push({ look: told.look, at });
+      const answer = await this.shell.attempt(() => ask("PUT", `/viewports/${this.#viewport.viewport}/view`, this.#view(options)), this.toolbar);
+      if (answer) this.#sent.push({ look: answer.look, at });
     }
     this.#isSending = false;
   }

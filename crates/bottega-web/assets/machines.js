@@ -38,7 +38,7 @@ function fillLine(key, text) {
   };
 }
 
-/** What a machine does, in a word: what it is told may not have happened yet. */
+/** The state of a machine, in a word; a command may not have been obeyed yet. */
 export function stateOf({ state, ordered, job }) {
   if (ordered !== state && ordered !== "active") return `${state}, to be ${ordered}`;
   if (state !== "active") return state;
@@ -47,7 +47,7 @@ export function stateOf({ state, ordered, job }) {
 
 function columns(shell, look) {
   const order = async (cell, name, word) => {
-    const isSure = word !== "terminate" || await shell.confirm(`Have ${name} leave the farm? Only who is at that machine can bring it back.`, "Terminate");
+    const isSure = word !== "terminate" || await shell.confirm(`Have ${name} leave the farm? It can only be brought back from that machine.`, "Terminate");
     if (isSure) await shell.attempt(() => ask("POST", `/machines/${encodeURIComponent(name)}/${word}`), cell);
     look();
   };
@@ -71,7 +71,7 @@ function columns(shell, look) {
     },
     { name: "threads", head: "CPUs", help: "Processors that paint", isNumber: true, value: machine => machine.threads, text: machine => `${machine.threads}` },
     {
-      name: "devices", head: "Devices", help: "What paints beside its processors, where a job lets it: GPUs, boards", value: machine => machine.devices.length,
+      name: "devices", head: "Devices", help: "Its GPUs and boards, if a job allows them", value: machine => machine.devices.length,
       isNeeded: machine => machine.devices.length > 0,
       fill(cell, { devices }) {
         setText(cell, devices.join(", ") || "–");
@@ -79,7 +79,7 @@ function columns(shell, look) {
       },
     },
     {
-      name: "tags", head: "Tags", help: "What the machine says that it is (join --tag): a job may ask for it (farm.require)",
+      name: "tags", head: "Tags", help: "Tags of the machine (join --tag), which a job may require (farm.require)",
       isNeeded: machine => machine.tags.length > 0, value: machine => machine.tags.join(" "), text: machine => machine.tags.join(" ") || "–",
     },
     {
@@ -87,15 +87,15 @@ function columns(shell, look) {
       value: powerOf, fill: fillLine("power", machine => decimals(powerOf(machine), 3)),
     },
     {
-      name: "credit", head: "Credit", help: "What its agents promised less what they took, in seconds. The line is since this page was opened",
+      name: "credit", head: "Credit", help: "Promised minus actual time of its agents, in seconds. The line is since this page was opened",
       value: creditOf, fill: fillLine("credit", machine => (creditOf(machine) === null ? "–" : `${creditOf(machine).toFixed(1)} s`)),
     },
     {
-      name: "reliability", head: "Kept", help: "How far its promises held in the jobs so far: 100 % when zones took as long as it said",
+      name: "reliability", head: "Kept", help: "How well it kept its promises in the jobs so far: 100 % if zones took the promised time",
       isNumber: true, value: machine => machine.reliability, text: machine => (machine.reliability === null ? "–" : percent(machine.reliability)),
     },
     {
-      name: "energy", head: "Energy", help: "What it has used for the job that it paints", isNumber: true, value: ({ energy }) => energy?.kwh,
+      name: "energy", head: "Energy", help: "Time and energy that it has used for its job", isNumber: true, value: ({ energy }) => energy?.kwh,
       isNeeded: ({ energy }) => usedOf(energy) !== undefined,
       fill(cell, { energy }) {
         setText(cell, usedOf(energy) ?? "–");
@@ -103,7 +103,7 @@ function columns(shell, look) {
       },
     },
     {
-      name: "refusals", head: "Refused", help: "Jobs that it does not paint", value: machine => machine.refusals.length,
+      name: "refusals", head: "Refused", help: "Jobs that it cannot paint", value: machine => machine.refusals.length,
       isNeeded: machine => machine.refusals.length > 0,
       fill(cell, { refusals }) {
         setText(cell, refusals.map(({ job, reason }) => `job ${job}: ${reason}`).join("; "));

@@ -44,14 +44,14 @@ class MessagesPage {
     const show = () => this.#show();
     this.agent = element("input", { type: "search", placeholder: "Agent …", ariaLabel: "Filter by agent", oninput: show });
     this.protocol = chooser("Protocol", "Interaction protocol: the rules by which agents talk, such as an auction (contract net)", "All protocols", show);
-    this.performative = chooser("Performative", "What the sender does by the message: ask, propose, inform, refuse …", "All kinds", show);
+    this.performative = chooser("Performative", "The communicative act of the message: request, propose, inform, refuse …", "All kinds", show);
     this.zone = element("input", { type: "number", min: 0, placeholder: "Zone", ariaLabel: "Filter by zone", oninput: show });
     this.follow = element("input", { type: "checkbox", checked: number !== undefined });
     this.count = element("p", { class: "quiet", role: "status" });
     this.panel = element("section", { class: "panel", "aria-live": "polite", "aria-label": "Message" });
     this.view = new SequenceView({ label: "Messages", onSelect: message => { this.follow.checked = false; this.#showMessage(message); } });
     this.chosen = element("input", { type: "file", class: "unseen", tabIndex: -1, ariaLabel: "Trace file", onchange: () => this.#read(this.chosen.files[0]) });
-    this.studio = element("div", { class: "studio" }, this.view.element, this.panel);
+    this.split = element("div", { class: "split" }, this.view.element, this.panel);
     this.saves = [
       button("Save SVG", () => this.#saveDrawing(), { title: "The messages that are shown, as a drawing" }),
       button("Save text", () => save(toText(this.#wanted()), "messages.txt", "text/plain"), { title: "A line for each message that is shown" }),
@@ -64,7 +64,7 @@ class MessagesPage {
       element("h1", {}, title),
       element("div", { class: "row filter" }, this.agent, this.protocol, this.performative, this.zone,
         number === undefined ? null : element("label", { title: "Keep the newest message in sight" }, this.follow, " Follow"), this.count),
-      this.studio, this.orders);
+      this.split, this.orders);
     this.page = page;
     this.drag = event => event.preventDefault();
     this.drop = event => { event.preventDefault(); this.#read(event.dataTransfer.files[0]); };
@@ -95,7 +95,7 @@ class MessagesPage {
     this.protocol.offer(valuesOf(this.#messages, "protocol"));
     this.performative.offer(valuesOf(this.#messages, "performative"));
     // Where nothing was said there is nothing to look at or to save.
-    for (const part of [this.studio, ...this.saves]) part.hidden = !this.#messages.length;
+    for (const part of [this.split, ...this.saves]) part.hidden = !this.#messages.length;
     this.view.set(wanted, this.follow.checked);
     setText(this.count, this.#countText(wanted.length));
   }
@@ -103,24 +103,24 @@ class MessagesPage {
   #countText(wanted) {
     const all = this.#messages.length;
     if (!all && this.number === undefined) return "Drop a trace here, or open one: bottega render … --trace FILE writes it.";
-    if (!all && this.#isOver) return "No messages were recorded while it was painted: they are, from the moment on at which this view is open.";
+    if (!all && this.#isOver) return "No messages were recorded while it was painted: recording starts when this view is opened.";
     if (!all) return "No messages yet: they are recorded from now on.";
     const some = wanted === all ? counted(all, "message") : `${wanted} of ${counted(all, "message")}`;
-    return this.#lost ? `${some}; ${this.#lost} were too many to be recorded` : some;
+    return this.#lost ? `${some}; ${this.#lost} were not recorded: too many at once` : some;
   }
 
   async #look() {
     if (this.#isLooking) return;
     this.#isLooking = true;
     try {
-      const told = await this.shell.poll(() => get(`/jobs/${this.number}/messages/${this.#next}`));
-      if (!told) return;
+      const answer = await this.shell.poll(() => get(`/jobs/${this.number}/messages/${this.#next}`));
+      if (!answer) return;
       const job = await this.shell.poll(() => get(`/jobs/${this.number}`));
       this.#isOver = Boolean(job) && !["active", "paused"].includes(job.state);
-      this.#lost = told.lost;
-      this.#next = told.first + told.messages.length;
-      if (told.messages.length) this.#messages = [...this.#messages, ...told.messages].slice(-KEPT_MAX);
-      if (told.messages.length || !this.#messages.length) this.#show();
+      this.#lost = answer.lost;
+      this.#next = answer.first + answer.messages.length;
+      if (answer.messages.length) this.#messages = [...this.#messages, ...answer.messages].slice(-KEPT_MAX);
+      if (answer.messages.length || !this.#messages.length) this.#show();
     } finally {
       this.#isLooking = false;
     }
@@ -151,12 +151,12 @@ class MessagesPage {
       return;
     }
     const fields = [
-      ["Kind", message.performative, "Performative: what the sender does by saying it"],
+      ["Kind", message.performative, "Performative: the communicative act of the message"],
       ["From", message.sender], ["To", message.receivers.join(", ")],
       ["At", `${message.at.toFixed(3)} s`, "Seconds since the work began where it was seen"],
       ["Protocol", message.protocol, "The interaction protocol that it is part of"],
       ["Conversation", message.conversation, "Messages with one number belong together, and have one color"],
-      ["Zones", (message.zones ?? []).join(", ") || "–", "The zones of the picture that it speaks of"],
+      ["Zones", (message.zones ?? []).join(", ") || "–", "The zones of the picture that it is about"],
     ].map(([name, value, help]) => [element("dt", { title: help ?? "" }, name), element("dd", {}, value)]);
     this.panel.replaceChildren(element("h2", {}, "Message"), element("dl", {}, fields), element("pre", { tabIndex: 0, ariaLabel: "Content" }, message.content));
   }

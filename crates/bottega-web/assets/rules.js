@@ -61,13 +61,13 @@ function plot({ name, range, terms }, value) {
 export class RulesSection {
   #rules = null;
   #zone = null;
-  #asked = 0;
+  #latest = 0;
 
   constructor(shell, number) {
     Object.assign(this, { shell, number });
     this.state = element("p", { class: "quiet", role: "status" });
     this.body = element("div");
-    const help = "Fuzzy rules: what agents know of painting, as sentences over words such as small or big that hold more or less";
+    const help = "Fuzzy rules: the knowledge of agents about painting, as rules over terms such as small or big, which apply to a degree";
     this.element = element("details", { class: "rules", ontoggle: () => this.#show() }, element("summary", { title: help }, "Rules"), this.state, this.body);
   }
 
@@ -80,20 +80,20 @@ export class RulesSection {
 
   async #show() {
     if (!this.element.open) return;
-    const asked = ++this.#asked;
+    const request = ++this.#latest;
     const tell = error => setText(this.state, error.message);
     if (!this.#rules?.inputs) this.#rules = await this.shell.poll(() => get(`/jobs/${this.number}/rules`), tell) ?? null;
     const of = this.#rules && this.#zone !== null ? await this.shell.poll(() => get(`/jobs/${this.number}/zones/${this.#zone}/rules`), tell) ?? null : null;
-    if (asked !== this.#asked || !this.#rules) return;
+    if (request !== this.#latest || !this.#rules) return;
     setText(this.state, this.#stateText(of));
     this.body.replaceChildren(...this.#rules.sets.map(set => this.#set(set, of?.verdicts.find(verdict => verdict.set === set.name))));
   }
 
   #stateText(of) {
     if (!this.#rules.inputs) return "The picture is not cut into zones yet: the terms are drawn as they are written.";
-    if (this.#rules.inputs.level === null) return "Optimization is off: no rules are asked, and every zone is painted at the settings asked for (--optimize switches it on).";
-    if (!of) return "Choose a zone: its values are marked, and the rules that fire are told.";
-    return of.reasons ? `Zone ${of.zone}: its agent went by ${of.reasons}.` : `Zone ${of.zone}: nobody has decided on it yet.`;
+    if (this.#rules.inputs.level === null) return "Optimization is off: no rules apply, and every zone is painted with the requested settings (--optimize switches it on).";
+    if (!of) return "Choose a zone: its values are marked, and the rules that fire are shown.";
+    return of.reasons ? `Zone ${of.zone}: its agent applied ${of.reasons}.` : `Zone ${of.zone}: nobody has decided on it yet.`;
   }
 
   #set(set, verdict) {
@@ -107,7 +107,7 @@ export class RulesSection {
       element("h4", {}, "What the zone is"), element("ul", {}, verdict.inputs.map(input => element("li", {}, inputText(input)))),
       element("h4", {}, "Which rules fire"), element("ol", { class: "fired" }, fired),
       element("h4", {}, "What they decide"),
-      element("ul", {}, verdict.outputs.map(([name, value]) => element("li", {}, `${name.replaceAll("_", " ")}: ${value === null ? "as asked for" : short(value)}`))),
+      element("ul", {}, verdict.outputs.map(([name, value]) => element("li", {}, `${name.replaceAll("_", " ")}: ${value === null ? "as requested" : short(value)}`))),
     ] : [];
     const all = element("details", {}, element("summary", {}, `All ${set.rules.length} rules`),
       element("ol", { class: "fired" }, set.rules.map(({ label, text }) => element("li", {}, `${label}: ${text}`))));

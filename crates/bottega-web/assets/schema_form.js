@@ -1,15 +1,15 @@
-// What a form has to ask for, read from the JSON Schema of a request.
+// The fields of a form, read from the JSON Schema of a request.
 
 import { words } from "./format.js";
 
-/** Fields that come first, in this order, and how people call them. */
+/** Fields that come first, in this order, and their labels. */
 const MAIN_FIELDS = new Map([
   ["film.size", "Width and height"], ["goal.samples", "Samples per pixel"], ["goal.error", "Error at most"], ["film.denoise", "Denoise"],
-  ["environment.light", "Light from all around"], ["environment.strength", "Strength of that light"], ["view.camera", "Camera"],
+  ["environment.light", "Environment light"], ["environment.strength", "Environment strength"], ["view.camera", "Camera"],
   ["output.file", "File of the picture"], ["output.exposure", "Exposure of a PNG, in stops"], ["farm.priority", "Priority"],
 ]);
 
-/** What a page has no say in: files and programs of the machines that paint, and what jobs of a farm cannot have. */
+/** Fields that a page cannot set: files and programs of the painting machines, and what jobs of a farm cannot have. */
 const LEFT_OUT = new Set([
   "version", "devices", "scene.file", "scene.asset_roots", "scene.allow_outside", "engine.trust", "engine.manifests",
   "work.agents", "goal.time",
@@ -30,7 +30,7 @@ function resolve(node, root) {
   return { ...schema, ...said, type: types.find(type => type !== "null"), isNullable: isNullable || types.includes("null") };
 }
 
-/** How a value is asked for. */
+/** The kind of input for a value. */
 function kindOf(schema, root) {
   const { type } = schema;
   if (schema.oneOf) {

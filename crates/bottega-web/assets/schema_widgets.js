@@ -10,7 +10,7 @@ const split = text => text.split(/[\s,×x]+/).filter(Boolean);
 function number(text, { isInteger }) {
   const value = Number(text);
   if (!Number.isFinite(value) || (isInteger && !Number.isInteger(value))) {
-    throw new WrongValue(`“${text}” is no ${isInteger ? "whole number" : "number"}`);
+    throw new WrongValue(`“${text}” is not a ${isInteger ? "whole number" : "number"}`);
   }
   return value;
 }
@@ -30,7 +30,7 @@ export function parsed(text, field) {
   try {
     return JSON.parse(trimmed);
   } catch (error) {
-    throw new WrongValue(`no JSON: ${error.message}`);
+    throw new WrongValue(`not JSON: ${error.message}`);
   }
 }
 
@@ -80,7 +80,7 @@ function variants(field, changed) {
       const of = inner.get(input.value);
       if (!of) return input.value;
       const value = of.read();
-      if (value === undefined) throw new WrongValue(`what “${words(input.value)}” is, is missing`);
+      if (value === undefined) throw new WrongValue(`“${words(input.value)}” has no value`);
       return { [input.value]: value };
     },
     write(value) {

@@ -22,7 +22,7 @@ export function zonesOf(content) {
   return [...new Set([...content.matchAll(/ZoneId\((\d+)\)/g)].map(([, zone]) => Number(zone)))];
 }
 
-/** The messages of a recorded trace, and how many lines are none. */
+/** The messages of a recorded trace, and the number of other lines. */
 export function parseTrace(text) {
   let strange = 0;
   const messages = [];

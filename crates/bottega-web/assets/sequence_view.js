@@ -81,7 +81,7 @@ export class SequenceView {
 
   close() { this.observer.disconnect(); }
 
-  /** Takes all messages anew. `isFollowed`: the last ones are shown. */
+  /** Replaces all messages. `isFollowed`: the last ones are shown. */
   set(messages, isFollowed) {
     const chosen = this.#messages[this.#selected];
     this.#messages = messages.length > ROWS_MAX ? messages.slice(-ROWS_MAX) : messages;

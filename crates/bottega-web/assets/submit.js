@@ -121,9 +121,9 @@ class SubmitPage {
     const around = this.around = new LookAround(this.shell, view => this.#takeView(view));
     try {
       const opened = await this.shell.attempt(async () => {
-        const asked = await this.#asked(this.#seen(request));
+        const submission = await this.#submission(this.#seen(request));
         setText(this.status, "The scene is read …");
-        await this.#blamed(() => around.open(asked));
+        await this.#blamed(() => around.open(submission));
         return true;
       }, this.lookRow);
       if (this.isClosed || !opened) around.close();
@@ -146,23 +146,23 @@ class SubmitPage {
     const write = (path, value) => this.#widgets.find(it => it.field.path === path)?.write(value);
     write("view.camera", camera ? `${camera}` : "");
     write("view.pose", pose);
-    setText(this.viewNote, "The picture will be painted from here. What is written under “View” below says so; empty it for the file's own view.");
+    setText(this.viewNote, "The picture will be painted from this view, which is set under “View” below; clear it for the view of the file.");
     this.#changed();
   }
 
-  /** Fills the form with what the job asked for. */
+  /** Fills the form with the request of the job. */
   async #takeJob() {
     const request = await this.shell.attempt(() => get(`/jobs/${this.ofJob}/request`), this.sceneOrders);
     if (!request) return;
     this.#sceneOfJob = request.scene.file;
     this.#others = requestWithout(request, ["version", "scene.file", ...this.#widgets.map(it => it.field.path)]);
-    // A name that the picture would have anyway follows what is asked for, such as frames.
+    // A name that the picture would have anyway follows other fields, such as frames.
     if (request.output?.file === named({ scene: request.scene }).output.file) delete request.output.file;
     for (const { field, write } of this.#widgets) {
       const value = valueAt(request, field.path);
       if (value !== undefined && value !== null) write(value);
     }
-    setText(this.sceneNote, `${this.#sceneOfJob}, with all its files, which are in the farm. The form says what job ${this.ofJob} asked for.`);
+    setText(this.sceneNote, `${this.#sceneOfJob}, with all its files, which are in the farm. The form shows the request of job ${this.ofJob}.`);
   }
 
   #add(files) {
@@ -238,14 +238,14 @@ class SubmitPage {
   }
 
   /** A request with its files, which the farm has then. */
-  async #asked(request) {
+  async #submission(request) {
     return this.ofJob ? { request, files_of_job: this.ofJob } : { request, files: await this.#upload() };
   }
 
   async #send(request) {
-    const asked = await this.#asked(request);
+    const submission = await this.#submission(request);
     setText(this.status, "The farm reads the scene …");
-    return this.#blamed(() => persist(() => ask("POST", "/jobs", asked)));
+    return this.#blamed(() => persist(() => ask("POST", "/jobs", submission)));
   }
 
   /** Asks for something; what the farm refuses is shown at its field, too. */

@@ -9,14 +9,14 @@ const ENTRY = 0x02014b50, ENTRY_BYTES = 46;
 const LOCAL = 0x04034b50, LOCAL_BYTES = 30;
 const STORED = 0, DEFLATED = 8;
 
-/** Names and contents of the files in an archive: `[[name, Blob]]`. Throws an error for people where it is none, or too much. */
+/** Names and contents of the files in an archive: `[[name, Blob]]`. Throws an error with a readable message if it is not an archive, or too large. */
 export async function unzipped(archive, limits = { files: FILES_MAX, bytes: BYTES_MAX }) {
   let entries;
   try {
     entries = await entriesOf(archive, limits);
   } catch (error) {
     // Numbers that point beyond the end.
-    throw error instanceof RangeError ? new Error("This is no whole zip archive: it was cut off, or is damaged.") : error;
+    throw error instanceof RangeError ? new Error("This is not a complete zip archive: it was cut off, or is damaged.") : error;
   }
   const files = [];
   for (const entry of entries) files.push([entry.name, await contentOf(archive, entry)]);
@@ -33,7 +33,7 @@ async function entriesOf(archive, limits) {
   if (end < 0) throw new RangeError("no end");
   const [count, length, start] = [tail.getUint16(end + 10, true), tail.getUint32(end + 12, true), tail.getUint32(end + 16, true)];
   if (count === 0xffff || start === 0xffffffff) throw new Error("The archive is of the kind zip64: unpack it, and drop the folder.");
-  if (count > limits.files) throw new Error(`The archive holds ${count} files; ${limits.files} are taken at most.`);
+  if (count > limits.files) throw new Error(`The archive holds ${count} files; at most ${limits.files} are allowed.`);
   const directory = await viewOf(archive, start, start + length);
   const entries = [];
   let [at, bytes] = [0, 0];

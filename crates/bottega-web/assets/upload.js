@@ -8,12 +8,12 @@ const PIECES_AT_ONCE = 2;
 
 const pause = seconds => new Promise(done => setTimeout(done, 1000 * seconds));
 
-/** The digests of a file and of its pieces. `told(bytes)` hears how far it is. */
-function hash(file, told) {
+/** The digests of a file and of its pieces. `onProgress(bytes)` is called with the bytes read so far. */
+function hash(file, onProgress) {
   const worker = new Worker("/hash_worker.js", { type: "module" });
   return new Promise((resolve, reject) => {
     worker.onmessage = ({ data }) => {
-      if (data.hashed !== undefined) told(data.hashed);
+      if (data.hashed !== undefined) onProgress(data.hashed);
       else if (data.problem) reject(new Error(`cannot read ${file.name}: ${data.problem}`));
       else resolve(data);
     };
@@ -36,12 +36,12 @@ export async function persist(work, wait = pause) {
 }
 
 /**
- * Sends a file. `told(step, share)` hears how far it is.
+ * Sends a file. `onProgress(step, share)` is called with the progress of a step.
  *
  * Returns its digest.
  */
-export async function sendFile(name, file, told) {
-  const { digest, chunks } = await hash(file, bytes => told("reading", bytes / file.size));
+export async function sendFile(name, file, onProgress) {
+  const { digest, chunks } = await hash(file, bytes => onProgress("reading", bytes / file.size));
   const offer = { name, size: file.size, digest, chunks };
   const { missing } = await persist(() => ask("POST", "/uploads", offer));
   let sent = 0;
@@ -50,10 +50,10 @@ export async function sendFile(name, file, told) {
     for (let piece = left.shift(); piece !== undefined; piece = left.shift()) {
       const at = chunks.indexOf(piece) * PIECE_BYTES;
       await persist(() => ask("PUT", `/uploads/chunks/${piece}`, file.slice(at, at + PIECE_BYTES)));
-      told("sending", ++sent / missing.length);
+      onProgress("sending", ++sent / missing.length);
     }
   };
   await Promise.all(Array.from({ length: PIECES_AT_ONCE }, send));
-  told("sent", 1);
+  onProgress("sent", 1);
   return digest;
 }

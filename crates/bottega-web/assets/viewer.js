@@ -45,7 +45,7 @@ export class Viewer {
     this.observer.observe(this.stage);
   }
 
-  /** Takes all zones anew. */
+  /** Replaces all zones. */
   setZones(zones) {
     this.#zones = zones;
     this.#summary = summarize(zones);

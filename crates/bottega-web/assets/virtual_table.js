@@ -49,7 +49,7 @@ export class VirtualTable {
     this.observer.observe(this.element);
   }
 
-  /** Takes all rows anew. */
+  /** Replaces all rows. */
   set(rows) {
     const column = this.columns.find(it => it.name === this.#sort.name);
     this.#rows = sorted(rows, column.value, this.key, this.#sort.isDescending);

@@ -77,21 +77,21 @@ impl Comparisons {
         job: u32,
         other: &str,
     ) -> Result<Arc<ComparedPictures>, Problem> {
-        let one = farm.picture(job)?;
+        let first = farm.picture(job)?;
         let other = match other.split_once('-').map(|(kind, number)| (kind, number.parse::<u32>())) {
             Some(("job", Ok(number))) => Arc::new(farm.picture(number)?),
             Some(("picture", Ok(number))) => self.sent(number)?,
             _ => {
                 let remedy = "name another job, `job-2`, or a picture that was sent, `picture-1`";
-                return Err(Problem::unknown(format!("`{other}` is no picture"), remedy));
+                return Err(Problem::unknown(format!("`{other}` is not a picture"), remedy));
             }
         };
-        let digests = [&one.bytes, &other.bytes].map(|bytes| blake3::hash(bytes));
+        let digests = [&first.bytes, &other.bytes].map(|bytes| blake3::hash(bytes));
         if let Some((_, known)) = self.state().compared.as_ref().filter(|(of, _)| *of == digests) {
             return Ok(Arc::clone(known));
         }
-        let (picture, reference) = (read(&one.name, &one.bytes)?, read(&other.name, &other.bytes)?);
-        let difference = Difference::between(&picture, &reference).map_err(|error| unlike(&error))?;
+        let (picture, reference) = (read(&first.name, &first.bytes)?, read(&other.name, &other.bytes)?);
+        let difference = Difference::between(&picture, &reference).map_err(|error| comparison_problem(&error))?;
         let compared = Arc::new(ComparedPictures { size: picture.size(), difference });
         self.state().compared = Some((digests, Arc::clone(&compared)));
         Ok(compared)
@@ -126,6 +126,6 @@ fn unread(name: &str, error: &ImageError) -> Problem {
     Problem::new(StatusCode::UNPROCESSABLE_ENTITY, detail, "PNG, OpenEXR and Radiance are read")
 }
 
-fn unlike(error: &Error) -> Problem {
+fn comparison_problem(error: &Error) -> Problem {
     Problem::new(StatusCode::UNPROCESSABLE_ENTITY, error.error_chain(), error.remedy().unwrap_or_default())
 }

@@ -207,13 +207,13 @@ impl PaintedJob {
         if number == NUMBER {
             return Ok(self.state());
         }
-        Err(Problem::unknown(format!("there is no job {number}"), "this process paints job 1 and no other"))
+        Err(Problem::unknown(format!("there is no job {number}"), "this process has only job 1"))
     }
 }
 
 /// Returns the problem of a request that only a farm can fulfil.
 fn no_farm() -> Problem {
-    Problem::conflict("this is the picture of one process, no farm", "ask `bottega up`")
+    Problem::conflict("this is the picture of one process, not a farm", "ask `bottega up`")
 }
 
 impl ShownFarm for PaintedJob {
@@ -270,7 +270,10 @@ impl ShownFarm for PaintedJob {
 
     fn rules(&self, number: u32) -> Result<JobRules, Problem> {
         drop(self.only(number)?);
-        Err(Problem::conflict("the rules of one process are not told", "`bottega rules` shows and evaluates them"))
+        Err(Problem::conflict(
+            "the page of one process does not show the rules",
+            "`bottega rules` shows and evaluates them",
+        ))
     }
 
     fn zone_rules(&self, number: u32, _zone: u32) -> Result<ZoneRules, Problem> {
@@ -357,23 +360,24 @@ impl ShownFarm for PaintedJob {
         Err(no_farm())
     }
 
-    fn submit(&self, _asked: Submission, _by: &str) -> Result<Vec<u32>, Problem> {
+    fn submit(&self, _submission: Submission, _by: &str) -> Result<Vec<u32>, Problem> {
         Err(no_farm())
     }
 
-    /// Returns the request of this process's picture, with `film.size` and `view` of `asked`; other scenes cannot be viewed
+    /// Returns the request of this process's picture, with `film.size` and `view` of `submission`; other scenes cannot be viewed
     /// here.
-    fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem> {
-        let painted = self.request.get().filter(|_| asked.files.is_empty() && asked.files_of_job == Some(NUMBER));
+    fn uploaded_here(&self, submission: Submission) -> Result<Request, Problem> {
+        let painted =
+            self.request.get().filter(|_| submission.files.is_empty() && submission.files_of_job == Some(NUMBER));
         let mut request = painted.cloned().ok_or_else(no_farm)?;
         let refused = |error: JsonError| {
             let remedy = "GET /api/schema/request says what is allowed";
             Problem::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string(), remedy)
         };
-        if let Some(view) = asked.request.get("view") {
+        if let Some(view) = submission.request.get("view") {
             request.view = json::from_value(view.clone()).map_err(|error| refused(error.within("view")))?;
         }
-        if let Some(size) = asked.request.pointer("/film/size") {
+        if let Some(size) = submission.request.pointer("/film/size") {
             request.film.size = json::from_value(size.clone()).map_err(|error| refused(error.within("film.size")))?;
             request.film.crop = None;
         }

@@ -7,9 +7,9 @@ pub enum ServeError {
     #[error(transparent)]
     Listen(#[from] bottega_cluster::Error),
     /// The operating system refuses a thread or a socket.
-    #[error("the system does not let it listen")]
+    #[error("the system does not allow it to listen")]
     System(#[from] std::io::Error),
     /// Tokens or the certificate cannot be made or used.
-    #[error("no way to tell who may come in: {0}")]
+    #[error("cannot make tokens: {0}")]
     Secrets(String),
 }

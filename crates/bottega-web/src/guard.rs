@@ -48,31 +48,31 @@ pub(crate) async fn guard(State(door): State<Arc<DoorState>>, request: Request, 
 }
 
 fn check_place(door: &DoorState, headers: &HeaderMap) -> Result<(), Problem> {
-    let one = |name: HeaderName| {
-        let mut all = headers.get_all(name).into_iter();
-        (all.next().map(|value| value.to_str().unwrap_or("?")), all.next().is_some())
+    let only_value = |name: HeaderName| {
+        let mut values = headers.get_all(name).into_iter();
+        (values.next().map(|value| value.to_str().unwrap_or("?")), values.next().is_some())
     };
-    match one(header::HOST) {
+    match only_value(header::HOST) {
         (Some(host), false) if door.hosts.has(host) => {}
         (host, _) => {
-            let detail = format!("`Host: {}` is no name of this door", shortened(host.unwrap_or_default()));
-            let remedy = "use the address that was printed; names of proxies are told by --web-name";
+            let detail = format!("`Host: {}` is not a name of this server", shortened(host.unwrap_or_default()));
+            let remedy = "use the printed address; give names of proxies by --web-name";
             return Err(Problem::new(StatusCode::MISDIRECTED_REQUEST, detail, remedy));
         }
     }
     let foreign = |detail: String| {
-        Err(Problem::new(StatusCode::FORBIDDEN, detail, "only this door's own pages, and programs, may ask"))
+        Err(Problem::new(StatusCode::FORBIDDEN, detail, "only programs and the pages of this server may send requests"))
     };
-    match one(header::ORIGIN) {
+    match only_value(header::ORIGIN) {
         (None, _) => {}
         (Some(origin), false) if door.hosts.is_origin(origin) => {}
-        (Some(origin), _) => return foreign(format!("a page of `{}` asks", shortened(origin))),
+        (Some(origin), _) => return foreign(format!("the request comes from a page of `{}`", shortened(origin))),
     }
-    let site = one(HeaderName::from_static("sec-fetch-site")).0;
-    let mode = one(HeaderName::from_static("sec-fetch-mode")).0;
+    let site = only_value(HeaderName::from_static("sec-fetch-site")).0;
+    let mode = only_value(HeaderName::from_static("sec-fetch-mode")).0;
     // Links from other sites to this door are allowed.
     if matches!(site, Some("cross-site" | "same-site")) && mode != Some("navigate") {
-        return foreign("a page of another site asks".to_owned());
+        return foreign("the request comes from a page of another site".to_owned());
     }
     Ok(())
 }
@@ -89,9 +89,8 @@ pub(crate) async fn admit(
         if token.is_some() && !door.tempo.take(address, TempoKind::WrongToken, Instant::now()) {
             return Err(too_many());
         }
-        let detail =
-            if token.is_some() { "the token is none of this door, or was revoked" } else { "a token is needed" };
-        let remedy = "open the address that was printed with its ?token=…, or send `Authorization: Bearer TOKEN`";
+        let detail = if token.is_some() { "the token is unknown, or was revoked" } else { "a token is needed" };
+        let remedy = "open the printed address with its ?token=…, or send `Authorization: Bearer TOKEN`";
         return Err(Problem::new(StatusCode::UNAUTHORIZED, detail, remedy));
     };
     // Event streams have a limit of their own.
@@ -121,7 +120,7 @@ pub(crate) async fn pace(
 
 fn too_many() -> Problem {
     let detail = "too many requests from one address";
-    Problem::new(StatusCode::TOO_MANY_REQUESTS, detail, "ask again in a moment, and less often")
+    Problem::new(StatusCode::TOO_MANY_REQUESTS, detail, "try again in a moment, and less often")
 }
 
 /// Admits requests whose token allows steering, and logs them.
@@ -134,8 +133,8 @@ pub(crate) async fn steering(
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     let role = bearer.role();
     let response = if role < TokenRole::Steer {
-        let detail = format!("this token lets one {} alone", role.word());
-        let remedy = "use the token of the other address that was printed";
+        let detail = format!("this token only allows to {}", role.word());
+        let remedy = "use the token of the other printed address";
         Problem::new(StatusCode::FORBIDDEN, detail, remedy).into_response()
     } else {
         next.run(request).await

@@ -16,7 +16,7 @@ use axum::http::StatusCode;
 use bottega::{Request, events::Event, viewport::Viewport};
 use bottega_cluster::{
     Job, JobBoard, JobState, LogLine,
-    blackboard::RowNews,
+    blackboard::RowUpdate,
     cache::Cache,
     client::{SharedViewport, share_viewport},
     energy::JobEnergy,
@@ -68,7 +68,7 @@ struct ReadMessages {
     log: MessageLog,
     pieces: usize,
     /// Time of the last request to the farm to collect messages; `None`: there was none.
-    told: Option<Instant>,
+    requested_at: Option<Instant>,
 }
 
 /// A job that clients watch.
@@ -106,7 +106,7 @@ impl LinkedFarm {
     fn known(&self, number: u32) -> Result<Job, Problem> {
         self.board.shown_job(number).map_err(|error| {
             if self.board.uplink.is_connected() {
-                Problem::unknown(error.error_chain(), "GET /api/jobs has those that there are")
+                Problem::unknown(error.error_chain(), "GET /api/jobs lists the jobs")
             } else {
                 Problem::new(StatusCode::SERVICE_UNAVAILABLE, "the farm's server does not answer", "wait for it")
             }
@@ -134,9 +134,9 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn view(board: &JobBoard, number: u32, job: &Job, seats: &[Presence]) -> JobView {
-    let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
-    JobView::of(number, job, &board.lead(number).unwrap_or_default(), machines)
+fn view(board: &JobBoard, number: u32, job: &Job, machines: &[Presence]) -> JobView {
+    let count = machines.iter().filter(|machine| machine.job == Some(number)).count();
+    JobView::of(number, job, &board.lead(number).unwrap_or_default(), count)
 }
 
 /// Publishes the changes of a job until it is over, removed, or no client watches it.
@@ -160,8 +160,8 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
     loop {
         let (mut looked, mut now) = (Instant::now(), Some(job.clone()));
         // Publish rows of zones and agents as they change, and the job now and then
-        let told = board.watch_rows(&job, |news| {
-            if let RowNews::Row(row) = news {
+        let watched = board.watch_rows(&job, |update| {
+            if let RowUpdate::Row(row) = update {
                 live.tell(&row);
             }
             if looked.elapsed() > LOOK_EVERY && !job.state.is_over() {
@@ -172,8 +172,8 @@ fn follow(board: &JobBoard, number: u32, live: &Arc<LiveJob>, is_wanted: &dyn Fn
             }
             true
         });
-        if let Err(error) = told {
-            tracing::debug!(%error, number, "its rows are not told");
+        if let Err(error) = watched {
+            tracing::debug!(%error, number, "cannot follow the rows of the job");
         }
         if job.state.is_over() || !is_wanted() {
             return;
@@ -193,8 +193,8 @@ impl ShownFarm for LinkedFarm {
     }
 
     fn jobs(&self) -> Result<Vec<JobView>, Problem> {
-        let seats = self.board.presences();
-        Ok(self.board.shown_jobs().iter().map(|(number, job)| view(&self.board, *number, job, &seats)).collect())
+        let machines = self.board.presences();
+        Ok(self.board.shown_jobs().iter().map(|(number, job)| view(&self.board, *number, job, &machines)).collect())
     }
 
     fn job(&self, number: u32) -> Result<JobView, Problem> {
@@ -232,16 +232,16 @@ impl ShownFarm for LinkedFarm {
     fn messages(&self, number: u32, from: u64) -> Result<SeenMessages, Problem> {
         let job = self.known(number)?;
         let read = {
-            let mut all = lock(&self.messages);
-            if all.len() >= MESSAGES_OF_MAX && !all.contains_key(&job.work) {
-                all.clear();
+            let mut by_work = lock(&self.messages);
+            if by_work.len() >= MESSAGES_OF_MAX && !by_work.contains_key(&job.work) {
+                by_work.clear();
             }
-            Arc::clone(all.entry(job.work).or_default())
+            Arc::clone(by_work.entry(job.work).or_default())
         };
         let mut read = lock(&read);
-        if !job.state.is_over() && read.told.is_none_or(|told| told.elapsed() > WATCH_EVERY) {
+        if !job.state.is_over() && read.requested_at.is_none_or(|time| time.elapsed() > WATCH_EVERY) {
             self.board.watch_messages(number)?;
-            read.told = Some(Instant::now());
+            read.requested_at = Some(Instant::now());
         }
         while let Some(piece) = self.board.messages(&job, read.pieces)? {
             read.pieces += 1;
@@ -257,7 +257,7 @@ impl ShownFarm for LinkedFarm {
 
     fn zone_rules(&self, number: u32, zone: u32) -> Result<ZoneRules, Problem> {
         let found = self.board.zone_rules(&self.known(number)?, zone)?;
-        let remedy = "GET /api/jobs/{id}/zones has those that there are";
+        let remedy = "GET /api/jobs/{id}/zones lists the zones";
         found.ok_or_else(|| Problem::unknown(format!("job {number} has no zone {zone}"), remedy))
     }
 
@@ -312,21 +312,21 @@ impl ShownFarm for LinkedFarm {
         let live = known.map_or_else(Arc::default, |job| Arc::clone(&job.live));
         let has_ended = Arc::new(AtomicBool::new(false));
         followed.insert(number, FollowedJob { origin, live: Arc::clone(&live), has_ended: Arc::clone(&has_ended) });
-        let (board, told, all) = (self.board.clone(), Arc::clone(&live), Arc::clone(&self.live));
+        let (board, watched, followed_jobs) = (self.board.clone(), Arc::clone(&live), Arc::clone(&self.live));
         // The job's thread and the table hold the other two references.
         let is_wanted = move |live: &Arc<LiveJob>| {
-            let mut all = lock(&all);
+            let mut followed_jobs = lock(&followed_jobs);
             let is_wanted = Arc::strong_count(live) > 2;
-            if !is_wanted && all.get(&number).is_some_and(|job| Arc::ptr_eq(&job.live, live)) {
-                all.remove(&number);
+            if !is_wanted && followed_jobs.get(&number).is_some_and(|job| Arc::ptr_eq(&job.live, live)) {
+                followed_jobs.remove(&number);
             }
             is_wanted
         };
         let begun = thread::Builder::new().name(format!("job-{number}")).spawn(move || {
             let since = Instant::now();
             // The first client may not have subscribed yet.
-            let is_wanted = || since.elapsed() < LOOK_EVERY || is_wanted(&told);
-            follow(&board, number, &told, &is_wanted);
+            let is_wanted = || since.elapsed() < LOOK_EVERY || is_wanted(&watched);
+            follow(&board, number, &watched, &is_wanted);
             has_ended.store(true, Ordering::Relaxed);
         });
         match begun {
@@ -346,38 +346,43 @@ impl ShownFarm for LinkedFarm {
         let (board, reliabilities) = (&self.board, self.board.reliabilities());
         let tariff = board.tariff();
         let mut societies: BTreeMap<u32, Society> = BTreeMap::new();
-        let seats = board.shown_machines(board.presences()).into_iter();
-        let machine = |seat: Presence| {
-            let society =
-                seat.job.map(|job| &*societies.entry(job).or_insert_with(|| board.society(job).unwrap_or_default()));
-            let is_of_it = |agent: &str| agent.contains(&*seat.name);
-            let agents = society.map(|it| it.agents.iter().filter(|it| is_of_it(&it.agent)).cloned().collect());
-            let energy = society.and_then(|it| {
-                let own = it.usages.get_key_value(&seat.name).map(|(name, usage)| (name.clone(), usage.clone()));
+        let presences = board.shown_machines(board.presences()).into_iter();
+        let machine = |presence: Presence| {
+            let society = presence
+                .job
+                .map(|job| &*societies.entry(job).or_insert_with(|| board.society(job).unwrap_or_default()));
+            let is_of_it = |agent: &str| agent.contains(&*presence.name);
+            let agents =
+                society.map(|society| society.agents.iter().filter(|row| is_of_it(&row.agent)).cloned().collect());
+            let energy = society.and_then(|society| {
+                let own =
+                    society.usages.get_key_value(&presence.name).map(|(name, usage)| (name.clone(), usage.clone()));
                 JobEnergy::of(&own.into_iter().collect(), &[], &tariff).machines.pop()
             });
-            let machine = seat.name.split('.').next().unwrap_or_default();
-            let refusal =
-                |it: &bottega_cluster::presence::Refusal| MachineRefusal { job: it.job, reason: it.reason.clone() };
+            let machine = presence.name.split('.').next().unwrap_or_default();
+            let refusal = |refusal: &bottega_cluster::presence::Refusal| MachineRefusal {
+                job: refusal.job,
+                reason: refusal.reason.clone(),
+            };
             MachineStatus {
-                state: seat.standing.word(),
-                ordered: board.order_to(&seat.name).standing.word(),
-                activity: seat.activity.word(),
-                threads: seat.threads,
-                devices: seat.devices,
-                job: seat.job,
-                takes_orders: seat.takes_orders,
-                is_guest: seat.is_guest,
-                tags: seat.tags,
+                state: presence.standing.word(),
+                ordered: board.order_to(&presence.name).standing.word(),
+                activity: presence.activity.word(),
+                threads: presence.threads,
+                devices: presence.devices,
+                job: presence.job,
+                takes_orders: presence.takes_orders,
+                is_guest: presence.is_guest,
+                tags: presence.tags,
                 reliability: reliabilities.get(machine).copied(),
                 agents: agents.unwrap_or_default(),
-                refusals: seat.refusals.iter().map(refusal).collect(),
+                refusals: presence.refusals.iter().map(refusal).collect(),
                 energy,
-                version: seat.version,
-                name: seat.name,
+                version: presence.version,
+                name: presence.name,
             }
         };
-        Ok(seats.map(machine).collect())
+        Ok(presences.map(machine).collect())
     }
 
     fn steer(&self, number: u32, order: JobOrder, by: &str) -> Result<(), Problem> {
@@ -405,13 +410,13 @@ impl ShownFarm for LinkedFarm {
     }
 
     fn tell(&self, machine: &str, standing: PresenceState, by: &str) -> Result<(), Problem> {
-        let seats = self.board.shown_machines(self.board.presences());
-        let seat = seats.iter().find(|seat| seat.name == machine);
-        let seat = seat.ok_or_else(|| {
-            Problem::unknown(format!("no machine `{machine}` is there"), "GET /api/machines has those that are")
+        let present = self.board.shown_machines(self.board.presences());
+        let presence = present.iter().find(|presence| presence.name == machine);
+        let presence = presence.ok_or_else(|| {
+            Problem::unknown(format!("there is no machine `{machine}`"), "GET /api/machines lists the machines")
         })?;
-        if !seat.takes_orders {
-            let problem = format!("{machine} is the process that asked for what it paints");
+        if !presence.takes_orders {
+            let problem = format!("{machine} takes no commands: it is the process that submitted its job");
             return Err(Problem::conflict(problem, "it ends with its job"));
         }
         Ok(self.board.tell(machine, &MachineOrder { standing, by: of_page(by) })?)
@@ -425,13 +430,13 @@ impl ShownFarm for LinkedFarm {
         Ok(self.board.put_piece(digest, bytes)?)
     }
 
-    fn submit(&self, asked: Submission, by: &str) -> Result<Vec<u32>, Problem> {
+    fn submit(&self, submission: Submission, by: &str) -> Result<Vec<u32>, Problem> {
         let from = format!("web-{}", host_name());
-        Ok(self.board.submit_uploaded(asked, &from, by, &self.cache)?)
+        Ok(self.board.submit_uploaded(submission, &from, by, &self.cache)?)
     }
 
-    fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem> {
-        Ok(self.board.uploaded_here(asked, &self.cache)?)
+    fn uploaded_here(&self, submission: Submission) -> Result<Request, Problem> {
+        Ok(self.board.uploaded_here(submission, &self.cache)?)
     }
 
     fn share(&self, viewport: &Arc<Viewport>) -> Option<SharedViewport> {
@@ -458,13 +463,10 @@ impl ShownFarm for LinkedFarm {
     fn revoke_token(&self, name: &str, by: &str) -> Result<(), Problem> {
         if !self.board.web_tokens().iter().any(|token| token.name == name) {
             let shown = name.escape_debug();
-            return Err(Problem::unknown(
-                format!("there is no token `{shown}`"),
-                "GET /api/tokens has those that there are",
-            ));
+            return Err(Problem::unknown(format!("there is no token `{shown}`"), "GET /api/tokens lists the tokens"));
         }
         if !self.secrets.is_shared() && TokenRole::ALL.iter().any(|role| role.word() == name) {
-            let detail = format!("`{name}` is known to this page alone, and nobody would be told the one in its place");
+            let detail = format!("`{name}` is known to this page alone, and nobody would learn its replacement");
             return Err(Problem::conflict(detail, "it ends with the process that serves the page"));
         }
         Ok(self.board.revoke_token(name, by)?)

@@ -30,7 +30,7 @@ pub(crate) struct Cursor {
 
 /// An update for a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct News {
+pub(crate) struct LiveUpdate {
     /// True if the update holds the whole state and replaces all earlier ones.
     pub(crate) is_whole: bool,
     /// A JSON array of events.
@@ -80,7 +80,7 @@ impl LiveJob {
             | Event::Theft(_)
             | Event::Note { .. }
             | Event::Warning { .. }
-            | Event::Asked { .. }
+            | Event::Submitted { .. }
             | Event::LightingAgents(_)
             | Event::Auction(_)
             | Event::Forecast(_)
@@ -120,11 +120,11 @@ impl LiveJob {
     /// Returns the changes since the last update of a client; `None`: none.
     ///
     /// - `cursor`: cursor of that update; `None` for a new client, which gets the whole state.
-    pub(crate) fn since(&self, cursor: Option<Cursor>) -> Option<News> {
+    pub(crate) fn since(&self, cursor: Option<Cursor>) -> Option<LiveUpdate> {
         let state = self.state();
-        let told = cursor.filter(|cursor| cursor.epoch == state.epoch);
-        let from = told.map_or(0, |cursor| cursor.version);
-        if told.is_some() && from == state.version {
+        let known = cursor.filter(|cursor| cursor.epoch == state.epoch);
+        let from = known.map_or(0, |cursor| cursor.version);
+        if known.is_some() && from == state.version {
             return None;
         }
         let mut text = String::from("[");
@@ -136,7 +136,7 @@ impl LiveJob {
         }
         text.push(']');
         let cursor = Cursor { epoch: state.epoch, version: state.version };
-        Some(News { is_whole: told.is_none(), text, cursor })
+        Some(LiveUpdate { is_whole: known.is_none(), text, cursor })
     }
 
     /// Publishes that the job was removed.
@@ -191,12 +191,12 @@ mod tests {
         Event::Zone(Box::new(ZoneEvent { id, state: state.to_owned(), ..ZoneEvent::default() }))
     }
 
-    fn told(news: &News) -> Vec<Value> {
-        serde_json::from_str(&news.text).expect("JSON")
+    fn events_of(update: &LiveUpdate) -> Vec<Value> {
+        serde_json::from_str(&update.text).expect("JSON")
     }
 
     #[test]
-    fn what_was_told_of_an_earlier_painting_is_void() {
+    fn updates_of_an_earlier_painting_are_void() {
         let live = LiveJob::default();
         assert!(!live.begin_painting(7));
         live.tell(&zone(3, "done"));
@@ -204,41 +204,41 @@ mod tests {
         assert!(!live.begin_painting(7) && live.begin_painting(8));
         live.tell(&zone(1, "open"));
         let next = live.since(Some(first.cursor)).unwrap();
-        assert!(next.is_whole && told(&next).len() == 1 && told(&next)[0]["id"] == 1);
+        assert!(next.is_whole && events_of(&next).len() == 1 && events_of(&next)[0]["id"] == 1);
     }
 
     #[test]
-    fn one_who_comes_late_is_told_the_present_state_and_one_who_was_told_only_what_is_new() {
+    fn a_new_client_gets_the_whole_state_and_a_known_one_only_the_changes() {
         let live = LiveJob::default();
         live.tell(&zone(3, "open"));
         live.tell(&zone(3, "done"));
         live.tell(&Event::Progress(Progress { zones_done: 1, ..Progress::default() }));
         let first = live.since(None).unwrap();
-        let events = told(&first);
+        let events = events_of(&first);
         assert!(first.is_whole && events.len() == 2 && events[0]["state"] == "done", "{events:?}");
         assert_eq!(live.since(Some(first.cursor)), None);
         live.tell(&zone(3, "done"));
         assert_eq!(live.since(Some(first.cursor)), None, "nothing has changed");
         live.tell(&zone(4, "open"));
         let next = live.since(Some(first.cursor)).unwrap();
-        assert!(!next.is_whole && told(&next).len() == 1 && told(&next)[0]["id"] == 4);
+        assert!(!next.is_whole && events_of(&next).len() == 1 && events_of(&next)[0]["id"] == 4);
     }
 
     #[test]
-    fn one_who_reads_slowly_misses_steps_and_never_the_end() {
+    fn a_slow_client_misses_steps_but_never_the_end() {
         let live = LiveJob::default();
         let first = live.since(None).unwrap();
         for step in 0..100_000u32 {
             live.tell(&zone(step % 10, &step.to_string()));
             live.tell(&Event::Note { message: step.to_string() });
         }
-        let news = told(&live.since(Some(first.cursor)).unwrap());
-        assert_eq!(news.len(), 10 + NOTES_MAX);
-        assert!(news.iter().any(|event| event["state"] == "99999"));
+        let changes = events_of(&live.since(Some(first.cursor)).unwrap());
+        assert_eq!(changes.len(), 10 + NOTES_MAX);
+        assert!(changes.iter().any(|event| event["state"] == "99999"));
     }
 
     #[test]
-    fn a_picture_that_begins_anew_makes_void_what_was_told() {
+    fn a_restarted_picture_makes_earlier_updates_void() {
         let live = LiveJob::default();
         live.tell(&zone(3, "open"));
         let first = live.since(None).unwrap();
@@ -247,7 +247,7 @@ mod tests {
             "method":"m","painters":"p","seed":0}"#;
         live.tell(&serde_json::from_str(started).unwrap());
         let next = live.since(Some(first.cursor)).unwrap();
-        let events = told(&next);
+        let events = events_of(&next);
         assert!(next.is_whole && events.len() == 1 && events[0]["scene"] == "s.glb", "{events:?}");
     }
 }

@@ -40,15 +40,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_are_told_from_a_number_on_and_the_oldest_go() {
+    fn messages_are_returned_from_a_number_on_and_the_oldest_are_dropped() {
         let mut log = MessageLog::default();
         for i in 0..KEPT_MAX + 10 {
             log.push(MessageEvent { at: i as f64, ..MessageEvent::default() });
         }
-        let told = log.since(0);
-        assert_eq!((told.first, told.messages.len(), told.messages[0].at), (10, ANSWER_MAX, 10.0));
-        let told = log.since(KEPT_MAX as u64 + 8);
-        assert_eq!((told.messages.len(), told.messages[0].at), (2, (KEPT_MAX + 8) as f64));
+        let answer = log.since(0);
+        assert_eq!((answer.first, answer.messages.len(), answer.messages[0].at), (10, ANSWER_MAX, 10.0));
+        let answer = log.since(KEPT_MAX as u64 + 8);
+        assert_eq!((answer.messages.len(), answer.messages[0].at), (2, (KEPT_MAX + 8) as f64));
         assert!(log.since(u64::MAX).messages.is_empty());
     }
 }

@@ -18,8 +18,8 @@ pub(crate) fn document(routes: &[Route]) -> Value {
     let problem = generator.subschema_for::<Problem>();
     let mut paths: Map<String, Value> = Map::new();
     for route in routes {
-        let told = operation(route, &mut generator);
-        paths.entry(route.path).or_insert_with(|| json!({}))[route.method] = told;
+        let description = operation(route, &mut generator);
+        paths.entry(route.path).or_insert_with(|| json!({}))[route.method] = description;
     }
     let schemas = generator.take_definitions(true);
     json!({
@@ -36,7 +36,7 @@ pub(crate) fn document(routes: &[Route]) -> Value {
             "schemas": schemas,
             "responses": {
                 "Problem": {
-                    "description": "Why it was not done.",
+                    "description": "The reason for the failure.",
                     "content": { "application/problem+json": { "schema": problem } },
                 },
             },
@@ -67,7 +67,7 @@ fn operation(route: &Route, generator: &mut schemars::SchemaGenerator) -> Value 
         json!({ "name": name, "in": "path", "required": true, "schema": schema })
     };
     let parameters: Vec<Value> = parameters(route.path).map(parameter).collect();
-    let mut told = json!({
+    let mut described = json!({
         "operationId": name(route),
         "summary": route.summary,
         "x-role": if route.is_open { "none" } else { route.role.word() },
@@ -75,15 +75,15 @@ fn operation(route: &Route, generator: &mut schemars::SchemaGenerator) -> Value 
         "responses": { route.status.as_str(): done, "default": { "$ref": "#/components/responses/Problem" } },
     });
     if route.is_open {
-        told["security"] = json!([]);
+        described["security"] = json!([]);
     }
     let body = match route.taken {
-        RouteBody::Nothing => return told,
+        RouteBody::Nothing => return described,
         RouteBody::Json(schema) => json!({ "application/json": { "schema": schema(generator) } }),
         RouteBody::Bytes => json!({ "application/octet-stream": {} }),
     };
-    told["requestBody"] = json!({ "required": true, "content": body });
-    told
+    described["requestBody"] = json!({ "required": true, "content": body });
+    described
 }
 
 fn parameters(path: &str) -> impl Iterator<Item = &str> {

@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn of_absolute_paths_the_last_part_is_left() {
-        for (text, told) in [
+        for (text, expected) in [
             ("/home/anna/secret/scene.glb", "scene.glb"),
             ("/home/anna b/my scene.glb", "my scene.glb"),
             ("cannot read `/home/a b/x.exr`: no such file", "cannot read `…/x.exr`: no such file"),
@@ -134,7 +134,7 @@ mod tests {
             ("see D:/a/b.log, or \\\\host\\share\\c.", "see …/b.log, or …/c."),
             ("--set file=/root/x", "--set file=…/x"),
         ] {
-            assert_eq!(redacted(text).as_deref(), Some(told));
+            assert_eq!(redacted(text).as_deref(), Some(expected));
         }
         for text in
             ["scenes/goblets.glb", "2.5 M samples/s", "http://10.0.0.7:8080/acc", "a / b", "path_tracing: 12 0.83"]
@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn routes_of_the_api_are_left_in_remedies_and_files_below_such_folders_are_not() {
         for route in crate::openapi_document()["paths"].as_object().unwrap().keys() {
-            for text in [format!("GET {route} has those that there are"), format!("see `{route}`"), route.clone()] {
+            for text in [format!("GET {route} lists them"), format!("see `{route}`"), route.clone()] {
                 assert_eq!(redacted(&text), None, "{text}");
             }
         }
@@ -154,12 +154,12 @@ mod tests {
             redacted("POST /api/jobs/3/zones/7/requeue, or /home/a/x").as_deref(),
             Some("POST /api/jobs/3/zones/7/requeue, or …/x")
         );
-        for (text, told) in [
+        for (text, expected) in [
             ("cannot read /api/scenes/x.glb", "cannot read …/x.glb"),
             ("cannot read `/api/jobs/my scene.glb`", "cannot read `…/my scene.glb`"),
             ("/apis/jobs/1", "1"),
         ] {
-            assert_eq!(redacted(text).as_deref(), Some(told));
+            assert_eq!(redacted(text).as_deref(), Some(expected));
         }
     }
 

@@ -64,7 +64,7 @@ pub(crate) struct Route {
 
 impl Route {
     /// Makes a route that returns data to holders of any token.
-    pub(crate) fn told(
+    pub(crate) fn query(
         path: &'static str,
         summary: &'static str,
         answer: RouteAnswer,
@@ -75,7 +75,7 @@ impl Route {
     }
 
     /// Makes a route that changes something.
-    pub(crate) fn done(
+    pub(crate) fn action(
         method: &'static str,
         path: &'static str,
         summary: &'static str,
@@ -125,9 +125,9 @@ pub(crate) async fn body(request: Request, bytes_max: usize, patience: Duration)
     match tokio::time::timeout(patience, read).await {
         Ok(Ok(bytes)) => Ok(bytes.into()),
         Ok(Err(error)) if is_length_limit(&error) => Err(too_large()),
-        Ok(Err(_)) => Err(Problem::new(StatusCode::BAD_REQUEST, "the body does not come to its end", "send all of it")),
+        Ok(Err(_)) => Err(Problem::new(StatusCode::BAD_REQUEST, "the body is incomplete", "send all of it")),
         Err(_) => {
-            let detail = format!("the body did not come in {} s", patience.as_secs());
+            let detail = format!("the body did not arrive in {} s", patience.as_secs());
             Err(Problem::new(StatusCode::REQUEST_TIMEOUT, detail, "send it faster, or less at a time"))
         }
     }
@@ -148,7 +148,7 @@ fn is_length_limit(error: &axum::Error) -> bool {
 pub(crate) async fn json_body<T: DeserializeOwned>(request: Request<Body>) -> Result<T, Problem> {
     let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     if kind.split(';').next().unwrap_or_default().trim() != "application/json" {
-        let detail = "the body is not said to be JSON";
+        let detail = "the content type of the body is not JSON";
         return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, detail, "send `Content-Type: application/json`"));
     }
     let bytes = body(request, JSON_BYTES_MAX, JSON_TIME).await?;
@@ -168,7 +168,7 @@ impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for Param<T
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
         let read = axum::extract::Path::<T>::from_request_parts(parts, state).await;
         read.map(|axum::extract::Path(value)| Self(value)).map_err(|rejection: PathRejection| {
-            Problem::unknown(format!("the path names no such thing: {}", wrong_part(&rejection)), "")
+            Problem::unknown(format!("the path is invalid: {}", wrong_part(&rejection)), "")
         })
     }
 }

@@ -135,7 +135,7 @@ async fn serve(listener: TcpListener, tls: Option<TlsAcceptor>, router: &Router)
         let (stream, client) = match listener.accept().await {
             Ok(accepted) => accepted,
             Err(error) => {
-                tracing::debug!(%error, "a connection was not taken");
+                tracing::debug!(%error, "cannot accept a connection");
                 tokio::time::sleep(PAUSE).await;
                 continue;
             }

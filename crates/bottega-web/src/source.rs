@@ -56,7 +56,7 @@ pub struct AuctionSum {
     pub rounds: u64,
     /// Number of rounds with several bidders.
     pub contested: u64,
-    /// Number of zones that went to another agent than the first that needed one, because it finishes them sooner.
+    /// Number of zones awarded to another agent than the first that needed one, because it finishes them sooner.
     pub outbid: u64,
     /// Number of rounds whose outcome was changed by credit.
     pub credit_decided: u64,
@@ -267,13 +267,13 @@ pub trait ShownFarm: Send + Sync + 'static {
     ///
     /// # Errors
     /// The request cannot be rendered.
-    fn submit(&self, asked: Submission, by: &str) -> Result<Vec<u32>, Problem>;
+    fn submit(&self, submission: Submission, by: &str) -> Result<Vec<u32>, Problem>;
 
     /// Returns the request of a submission with its files on this machine, so that its scene can be viewed.
     ///
     /// # Errors
     /// A file is missing, or the source is not a farm.
-    fn uploaded_here(&self, asked: Submission) -> Result<Request, Problem>;
+    fn uploaded_here(&self, submission: Submission) -> Result<Request, Problem>;
 
     /// Lets free machines render samples of a viewport. `None`: there are no other machines.
     fn share(&self, viewport: &Arc<Viewport>) -> Option<SharedViewport>;

@@ -70,13 +70,13 @@ impl DoorState {
         let answered = async {
             let permit = Arc::clone(&self.questions).acquire_owned().await.map_err(|_| late())?;
             let farm = Arc::clone(&self.farm);
-            let asked = tokio::task::spawn_blocking(move || {
+            let answer = tokio::task::spawn_blocking(move || {
                 let _permit = permit;
                 question(&*farm)
             });
-            asked.await.unwrap_or_else(|error| {
+            answer.await.unwrap_or_else(|error| {
                 tracing::warn!(%error, "a question was not answered");
-                let detail = "it could not be answered: this is a fault of the program";
+                let detail = "an internal error: this is a fault of the program";
                 Err(Problem::new(StatusCode::INTERNAL_SERVER_ERROR, detail, "report it"))
             })
         };

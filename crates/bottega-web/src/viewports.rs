@@ -39,8 +39,9 @@ struct WatchedViewport {
     /// The help of a farm's machines, which ends when this is dropped; `None`: there are none.
     shared: Option<SharedViewport>,
     /// Signals that there may be a new frame.
-    news: watch::Receiver<()>,
-    asked: Instant,
+    frames: watch::Receiver<()>,
+    /// Time of the last request for it.
+    requested_at: Instant,
 }
 
 /// A place for a viewport. Dropping it unused frees the place.
@@ -53,7 +54,7 @@ impl Viewports {
     pub(crate) fn place(self: &Arc<Self>) -> Result<ViewportPlace, Problem> {
         let mut state = self.state();
         if state.taken >= VIEWPORTS_MAX {
-            let detail = format!("{VIEWPORTS_MAX} scenes are looked around in, and no more are allowed");
+            let detail = format!("{VIEWPORTS_MAX} viewports are open, the maximum");
             return Err(Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "close one, or wait a moment"));
         }
         state.taken += 1;
@@ -69,8 +70,8 @@ impl Viewports {
     pub(crate) fn watched(&self, number: u32) -> Result<(Arc<Viewport>, watch::Receiver<()>), Problem> {
         let mut state = self.state();
         let known = state.open.get_mut(&number).map(|known| {
-            known.asked = Instant::now();
-            (Arc::clone(&known.viewport), known.news.clone())
+            known.requested_at = Instant::now();
+            (Arc::clone(&known.viewport), known.frames.clone())
         });
         known.ok_or_else(|| Problem::unknown(format!("there is no viewport {number}"), "open one: POST /api/viewports"))
     }
@@ -95,7 +96,7 @@ impl Viewports {
     }
 
     fn is_idle(&self, number: u32) -> bool {
-        self.state().open.get(&number).is_none_or(|known| known.asked.elapsed() > VIEWPORT_IDLE)
+        self.state().open.get(&number).is_none_or(|known| known.requested_at.elapsed() > VIEWPORT_IDLE)
     }
 
     fn state(&self) -> MutexGuard<'_, ViewportTable> {
@@ -108,23 +109,23 @@ impl ViewportPlace {
     ///
     /// - `shared`: the help of a farm's machines.
     pub(crate) fn fill(self, viewport: Arc<Viewport>, shared: Option<SharedViewport>) -> u32 {
-        let (tell, news) = watch::channel(());
-        viewport.watch(move || tell.send_replace(()));
+        let (new_frame, frames) = watch::channel(());
+        viewport.watch(move || new_frame.send_replace(()));
         let number = {
             let mut state = self.all.state();
             // The viewport keeps the place when `self` is dropped
             state.taken += 1;
             state.last += 1;
             let number = state.last;
-            state.open.insert(number, WatchedViewport { viewport, shared, news, asked: Instant::now() });
+            state.open.insert(number, WatchedViewport { viewport, shared, frames, requested_at: Instant::now() });
             number
         };
-        let all = Arc::clone(&self.all);
+        let viewports = Arc::clone(&self.all);
         tokio::spawn(async move {
-            while !all.is_idle(number) {
+            while !viewports.is_idle(number) {
                 tokio::time::sleep(LOOK_EVERY).await;
             }
-            tokio::task::spawn_blocking(move || all.close(number));
+            tokio::task::spawn_blocking(move || viewports.close(number));
         });
         number
     }
@@ -142,11 +143,11 @@ mod tests {
 
     #[test]
     fn there_are_as_many_places_as_are_not_taken() {
-        let all = Arc::new(Viewports::default());
-        let mut places: Vec<ViewportPlace> = (0..VIEWPORTS_MAX).map(|_| all.place().expect("a place")).collect();
-        assert_eq!(all.place().map(drop).expect_err("one too many").status, 503);
+        let viewports = Arc::new(Viewports::default());
+        let mut places: Vec<ViewportPlace> = (0..VIEWPORTS_MAX).map(|_| viewports.place().expect("a place")).collect();
+        assert_eq!(viewports.place().map(drop).expect_err("one too many").status, 503);
         places.pop();
-        assert!(all.place().is_ok());
-        assert_eq!(all.get(1).map(drop).expect_err("none is open").status, 404);
+        assert!(viewports.place().is_ok());
+        assert_eq!(viewports.get(1).map(drop).expect_err("none is open").status, 404);
     }
 }

@@ -17,22 +17,22 @@ const PIXELS: usize = 1 << 20;
 /// A frequent cause is a wrong unit: Blender writes watts into glTF 683 times as bright as emissive surfaces.
 ///
 /// - `exposure`: exposure of the picture in stops.
-pub(crate) fn told_brightness(film: &Film, exposure: f32) -> Option<String> {
+pub(crate) fn brightness_warning(film: &Film, exposure: f32) -> Option<String> {
     let step = (film.rect().area() as usize).div_ceil(PIXELS).max(1);
     let shown = |(x, y)| {
         let [r, g, b, _] = film.color(x, y);
         luminance([r, g, b])
     };
-    told(film.rect().pixels().step_by(step).map(shown), exposure)
+    warning(film.rect().pixels().step_by(step).map(shown), exposure)
 }
 
 /// Judges luminances: white if half of the lit pixels are too bright, black if all of them are too dark. Unlit pixels, such as
 /// a dark background, do not count.
-fn told(luminances: impl Iterator<Item = f32>, exposure: f32) -> Option<String> {
-    let mut lit: Vec<f32> = luminances.filter(|&it| it > 0.0 && it.is_finite()).collect();
+fn warning(luminances: impl Iterator<Item = f32>, exposure: f32) -> Option<String> {
+    let mut lit: Vec<f32> = luminances.filter(|&luminance| luminance > 0.0 && luminance.is_finite()).collect();
     if lit.is_empty() {
         return Some(
-            "is black: no light comes from what the camera sees; `--env 1,1,1` adds some from all around".to_owned(),
+            "is black: nothing that the camera sees is lit; `--env 1,1,1` adds light from all around".to_owned(),
         );
     }
     let last = lit.len() - 1;
@@ -56,28 +56,28 @@ mod tests {
     use super::*;
 
     /// Judges 100 pixels: one black, `count` of luminance `value`, the others faintly lit.
-    fn told_of(value: f32, count: usize, exposure: f32) -> Option<String> {
+    fn warning_of(value: f32, count: usize, exposure: f32) -> Option<String> {
         let faint = std::iter::repeat_n(1e-6, 99 - count);
-        told([0.0].into_iter().chain(std::iter::repeat_n(value, count)).chain(faint), exposure)
+        warning([0.0].into_iter().chain(std::iter::repeat_n(value, count)).chain(faint), exposure)
     }
 
     #[test]
-    fn only_what_cannot_be_seen_is_told() {
-        assert!([0.01, 0.18, 1.0, 8.0].into_iter().all(|value| told_of(value, 99, 0.0).is_none()));
-        let bright = told_of(0.18 * 1024.0, 99, 0.0).unwrap();
+    fn only_invisible_pictures_are_warned_of() {
+        assert!([0.01, 0.18, 1.0, 8.0].into_iter().all(|value| warning_of(value, 99, 0.0).is_none()));
+        let bright = warning_of(0.18 * 1024.0, 99, 0.0).unwrap();
         assert!(bright.contains("white: half of it is 10.0 stops and more above"), "{bright}");
         assert!(bright.contains("--exposure -10.0"), "{bright}");
-        assert!(told_of(0.18 * 1024.0, 99, -10.0).is_none());
-        let dark = told_of(0.18 / 256.0, 99, 1.0).unwrap();
+        assert!(warning_of(0.18 * 1024.0, 99, -10.0).is_none());
+        let dark = warning_of(0.18 / 256.0, 99, 1.0).unwrap();
         assert!(dark.contains("black: nearly all of it is 7.0 stops and more below"), "{dark}");
         assert!(dark.contains("--exposure 8.0"), "{dark}");
-        assert!(told_of(0.0, 0, 0.0).unwrap().contains("nearly black"));
-        assert!(told([0.0; 4].into_iter(), 0.0).unwrap().contains("--env"));
+        assert!(warning_of(0.0, 0, 0.0).unwrap().contains("nearly black"));
+        assert!(warning([0.0; 4].into_iter(), 0.0).unwrap().contains("--env"));
     }
 
     #[test]
-    fn what_stands_in_the_dark_or_beside_a_window_is_seen() {
-        assert!(told_of(0.2, 10, 0.0).is_none(), "a lit thing before a dark background");
-        assert!(told([vec![0.2; 60], vec![1e4; 40]].concat().into_iter(), 0.0).is_none(), "a bright window");
+    fn dark_backgrounds_and_bright_windows_give_no_warning() {
+        assert!(warning_of(0.2, 10, 0.0).is_none(), "a lit thing before a dark background");
+        assert!(warning([vec![0.2; 60], vec![1e4; 40]].concat().into_iter(), 0.0).is_none(), "a bright window");
     }
 }

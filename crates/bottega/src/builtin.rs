@@ -8,7 +8,7 @@ use bottega_image::Metadata;
 use bottega_render::{PathSettings, integrator::Wave};
 
 use crate::{
-    devices::{DeviceSet, PainterWish, are_worth_waves, costs, incident_line, left_alone},
+    devices::{DeviceSet, PainterWish, are_worth_waves, costs, incident_line, unused_boards_warning},
     error::Error,
     journal::name_of,
     loaded_scene::LoadedScene,
@@ -22,7 +22,7 @@ use crate::{
 pub(crate) struct BuiltinPainter {
     pub(crate) subject: LoadedScene,
     pub(crate) engine: Arc<BuiltinEngine>,
-    pub(crate) crew: DeviceSet,
+    pub(crate) devices: DeviceSet,
     pub(crate) plan: Plan,
 }
 
@@ -37,31 +37,31 @@ impl BuiltinPainter {
         let wanted =
             PainterWish { threads: job.processors, memory: plan.gpu_memory, joins: plan.urgency == Urgency::Look };
         let has_photons = paths.photons.is_some();
-        let mut crew = DeviceSet::gather(&plan.devices, &wanted, &subject.prepared, &job.layout, has_photons)?;
-        if !(crew.boards.is_empty() || wants_waves(&plan, &crew)) {
-            crew.notes.push(left_alone(&crew.boards, crew.threads, &crew.gpus));
-            crew.boards.clear();
+        let mut devices = DeviceSet::gather(&plan.devices, &wanted, &subject.prepared, &job.layout, has_photons)?;
+        if !(devices.boards.is_empty() || wants_waves(&plan, &devices)) {
+            devices.notes.push(unused_boards_warning(&devices.boards, devices.threads, &devices.gpus));
+            devices.boards.clear();
         }
         // Make the engine, with rays as work units if that pays off
-        let wavefront =
-            wants_waves(&plan, &crew) && Wave::refusal(&subject.prepared, subject.view, paths, &job.layout).is_none();
+        let wavefront = wants_waves(&plan, &devices)
+            && Wave::refusal(&subject.prepared, subject.view, paths, &job.layout).is_none();
         let engine = |planned_samples| {
             let options = BuiltinOptions {
                 view: subject.view,
                 settings: PathSettings { planned_samples, ..*paths },
                 layout: job.layout.clone(),
-                threads: crew.threads,
+                threads: devices.threads,
                 wavefront,
             };
             let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
-            BuiltinEngine::on(scene, prepass, options, Arc::clone(&crew.resources)).with_urgency(plan.urgency)
+            BuiltinEngine::on(scene, prepass, options, Arc::clone(&devices.resources)).with_urgency(plan.urgency)
         };
         let mut made = engine(paths.planned_samples);
         // Only CPU threads learn guides, for a number of samples that must be estimated if the goal is a time.
-        if matches!(job.goal, Goal::Time(_)) && crew.threads > 0 {
+        if matches!(job.goal, Goal::Time(_)) && devices.threads > 0 {
             made = engine(samples_in_time(&plan, &made));
         }
-        Ok(Self { subject, engine: Arc::new(made), crew, plan })
+        Ok(Self { subject, engine: Arc::new(made), devices, plan })
     }
 
     /// Returns a text with everything that determines the pixels; see [`name_of`].
@@ -71,21 +71,20 @@ impl BuiltinPainter {
 
     /// Returns the warnings to report before rendering begins.
     pub(crate) fn notes(&self) -> Vec<String> {
-        let Self { subject, crew, plan, .. } = self;
+        let Self { subject, devices, plan, .. } = self;
         let mut notes = plan.notes.clone();
         notes.extend(subject.warnings.iter().map(ToString::to_string));
         notes.extend(plan.method.note.clone());
-        notes.extend(crew.notes.iter().cloned());
-        if wants_waves(plan, crew) {
+        notes.extend(devices.notes.iter().cloned());
+        if wants_waves(plan, devices) {
             let paths = PathSettings { photons: plan.paths.photons, ..PathSettings::default() };
             let refusal = Wave::refusal(&subject.prepared, subject.view, &paths, &plan.job.layout);
-            notes.extend(refusal.map(|why| format!("integrator.wavefront and boards do nothing here: {why}")));
+            notes.extend(refusal.map(|why| format!("integrator.wavefront and boards have no effect here: {why}")));
         }
         let learns_paths =
             plan.paths.photons.is_none() && subject.prepared.can_learn(subject.view, plan.paths.planned_samples);
         if plan.wants_agents && !learns_paths {
-            let why = "--guide ala does nothing here: it is for paths in clear air, pictures of 128 × 128 pixels or more, \
-                       and 524288 samples or more, all pixels together";
+            let why = "--guide ala has no effect here: it needs path tracing without media, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
             notes.push(why.to_owned());
         }
         notes
@@ -93,7 +92,7 @@ impl BuiltinPainter {
 
     /// Reports the faults of devices, and stores the measured costs of work on them.
     pub(crate) fn tell_of_devices(&self, reporter: &Reporter) {
-        if self.crew.gpus.is_empty() && self.crew.boards.is_empty() {
+        if self.devices.gpus.is_empty() && self.devices.boards.is_empty() {
             return;
         }
         let report = self.engine.report();
@@ -101,14 +100,14 @@ impl BuiltinPainter {
             reporter.warn(format!("{}; its work was done elsewhere", incident_line(&report, incident)));
         }
         // Costs of boards are not stored: another board may get the same address.
-        if !self.crew.gpus.is_empty() {
+        if !self.devices.gpus.is_empty() {
             costs::keep(&report);
         }
     }
 
     /// Returns the metadata of the picture: how it was made.
     pub(crate) fn metadata(&self, request: &Request, report: &JobReport) -> Metadata {
-        let Self { subject, crew, plan: Plan { method, job: settings, paths, .. }, .. } = self;
+        let Self { subject, devices, plan: Plan { method, job: settings, paths, .. }, .. } = self;
         let mut metadata = Metadata::new();
         metadata.set("scene", shown(&request.scene.file));
         metadata.set("scene_digest", &*subject.scene().digest);
@@ -134,9 +133,9 @@ impl BuiltinPainter {
         metadata.set("optimize", settings.optimization.to_string());
         metadata.set("level", request.work.level.to_string());
         metadata.set("agents", settings.agents.to_string());
-        metadata.set("threads", crew.threads.to_string());
-        metadata.set("devices", crew.names());
-        metadata.set("exact", crew.gpus.is_empty().to_string());
+        metadata.set("threads", devices.threads.to_string());
+        metadata.set("devices", devices.names());
+        metadata.set("exact", devices.gpus.is_empty().to_string());
         metadata.set("render_seconds", format!("{:.3}", report.times.total.as_secs_f64()));
         metadata.set("complete", (!report.stopped).to_string());
         metadata
@@ -144,8 +143,8 @@ impl BuiltinPainter {
 }
 
 /// Returns true if rays are work units of their own. Boards trace only such rays; a GPU renders whole paths much faster.
-fn wants_waves(plan: &Plan, crew: &DeviceSet) -> bool {
-    plan.wants_waves || (crew.gpus.is_empty() && are_worth_waves(&crew.boards, crew.threads))
+fn wants_waves(plan: &Plan, devices: &DeviceSet) -> bool {
+    plan.wants_waves || (devices.gpus.is_empty() && are_worth_waves(&devices.boards, devices.threads))
 }
 
 /// Returns the samples per pixel that a time limit allows, measured with a short trial of the engine under the present load.

@@ -37,11 +37,11 @@ pub(crate) fn finish(
     if report.stopped || !report.failed.is_empty() {
         return Ok(());
     }
-    let mut told = |share: f64| {
+    let mut progress = |share: f64| {
         reporter.tell(Event::Step { name: "denoising".to_owned(), share });
         if stop.is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let done = denoise(denoiser, request, report, metadata, &mut told);
+    let done = denoise(denoiser, request, report, metadata, &mut progress);
     match done {
         Ok(took) => {
             let by = metadata.get(KEY).unwrap_or_default().to_owned();
@@ -63,10 +63,10 @@ pub fn denoise(
     request: &Request,
     report: &mut JobReport,
     metadata: &mut Metadata,
-    told: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Duration, DenoiseError> {
     let begun = Instant::now();
-    let Denoised { film, guides } = denoiser.denoise(&report.film, GuideUse::Denoised, threads(request), told)?;
+    let Denoised { film, guides } = denoiser.denoise(&report.film, GuideUse::Denoised, threads(request), progress)?;
     report.film = film;
     let helped: Vec<&str> = std::iter::once("color").chain(guides.into_iter().map(Aov::name)).collect();
     metadata.set(KEY, format!("Open Image Denoise {} of {}", denoiser.version(), helped.join(", ")));
@@ -93,6 +93,5 @@ pub fn lacking(request: &Request, output: &Path, picture: &[u8]) -> Option<Strin
         file.metadata.get(KEY).map(drop)
     };
     let is_lacking = request.film.denoise && is_denoised().is_none();
-    is_lacking
-        .then(|| "the machine that led it to its end has no Open Image Denoise: the picture keeps its noise".to_owned())
+    is_lacking.then(|| "the picture is not denoised: the machine that led the job has no Open Image Denoise".to_owned())
 }

@@ -95,7 +95,7 @@ pub enum Error {
         span: Range<usize>,
     },
     /// The journal of an interrupted picture cannot be used.
-    #[error("cannot go on with `{}`", printable_path(.path))]
+    #[error("cannot resume from `{}`", printable_path(.path))]
     Journal {
         /// The path of the journal.
         path: PathBuf,
@@ -194,7 +194,7 @@ impl Error {
             }
             Self::Scene(SceneError::UnknownFormat { path, .. }) => formats::remedy(path),
             Self::Denoise(DenoiseError::NotFound { .. } | DenoiseError::Unfit { .. }) => Some(install_hint()),
-            Self::Denoise(_) => Some("leave out the denoising; what was painted can be gone on with".to_owned()),
+            Self::Denoise(_) => Some("leave out the denoising; `--resume` continues the picture".to_owned()),
             Self::Request { .. } => Some("`bottega request schema` says what a request may hold".to_owned()),
             _ => None,
         }

@@ -67,7 +67,8 @@ pub enum Event {
         seconds_left: Option<f64>,
     },
     /// A farm has accepted the job.
-    Asked {
+    #[serde(rename = "asked")]
+    Submitted {
         /// The job number on the farm; for an animation, that of the first frame.
         job: u32,
         /// For an animation, the job number of the last frame.

@@ -44,7 +44,7 @@ pub fn read() -> (Experience, Option<String>) {
         Ok(Some(experience)) => (experience, None),
         Err(reason) => {
             let warning = format!(
-                "what this machine has learnt of how long zones take is not used: {}: {reason}; `bottega machines forget` removes it",
+                "cannot use this machine's experience with the times of zones: {}: {reason}; `bottega machines forget` removes it",
                 path.display()
             );
             (Experience::default(), Some(warning))
@@ -170,7 +170,7 @@ fn keep_benchmark(speed: MachineSpeed) {
     let text = serde_json::to_string(&kept).unwrap_or_default();
     if let Err(error) = write_whole(&path, text.as_bytes()) {
         // The next run measures it again.
-        tracing::debug!(%error, "the benchmark was not kept");
+        tracing::debug!(%error, "cannot store the benchmark");
     }
 }
 

@@ -36,7 +36,7 @@ pub(crate) fn remedy(scene: &Path) -> Option<String> {
     let end = end_of(scene)?;
     let (_, program) = OTHERS.iter().find(|(ends, _)| ends.contains(&end.as_str()))?;
     Some(if *program == "Blender" {
-        "paint it with --engine cycles, where Blender is installed; or export glTF (.glb): File > Export > glTF 2.0"
+        "render it with --engine cycles if Blender is installed, or export glTF (.glb): File > Export > glTF 2.0"
             .to_owned()
     } else {
         format!(
@@ -60,8 +60,8 @@ mod tests {
             ("a.DAE", "COLLADA"),
             ("a.blend", "--engine cycles"),
         ] {
-            let told = remedy(Path::new(file)).unwrap();
-            assert!(told.contains(words) && told.contains("glTF (.glb)"), "{file}: {told}");
+            let remedy_text = remedy(Path::new(file)).unwrap();
+            assert!(remedy_text.contains(words) && remedy_text.contains("glTF (.glb)"), "{file}: {remedy_text}");
         }
         assert_eq!(remedy(Path::new("a.txt")), None);
     }

@@ -75,9 +75,11 @@ pub fn difference(one: &str, other: &str) -> &'static str {
         [number, sources, settings].map(str::to_owned)
     };
     match (parts(one), parts(other)) {
-        ([one, ..], [other, ..]) if one != other => "they are of different numbers",
-        ([_, one, _], [_, other, _]) if one != other => "they are of one number, and built from different sources",
-        _ => "they are built from the same sources, by another compiler or for other instructions",
+        ([one, ..], [other, ..]) if one != other => "their version numbers differ",
+        ([_, one, _], [_, other, _]) if one != other => {
+            "they have the same version number, but were built from different sources"
+        }
+        _ => "they were built from the same sources, by another compiler or for other instructions",
     }
 }
 

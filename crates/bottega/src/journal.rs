@@ -63,8 +63,8 @@ impl PictureJournal {
             Ok(file) => file,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 return Err(Error::failed(
-                    format!("there is nothing to go on with: no `{}`", path.display()),
-                    "leave out --resume to start anew; the journal lies beside the picture while it is unfinished",
+                    format!("there is nothing to resume: no `{}`", path.display()),
+                    "leave out --resume to start again; the journal is beside the picture until it is finished",
                 ));
             }
             Err(source) => return Err(Error::Read { path, source }),
@@ -74,7 +74,7 @@ impl PictureJournal {
         if journal.name != name {
             return Err(Error::failed(
                 format!("`{}` is of another picture: {}", path.display(), difference(&journal.name, name)),
-                "give the same scene and options as then, or leave out --resume to start anew",
+                "give the same scene and options as before, or leave out --resume to start again",
             ));
         }
         let write = |source| Error::Write { path: path.clone(), source };
@@ -145,7 +145,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let error =
             PictureJournal::begin(&folder.path().join("picture.exr"), "", true).map(|_| ()).expect_err("no journal");
-        assert!(error.to_string().contains("nothing to go on with"), "{error}");
+        assert!(error.to_string().contains("nothing to resume"), "{error}");
     }
 
     #[test]

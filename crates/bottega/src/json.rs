@@ -109,7 +109,7 @@ impl JsonError {
             let (needed, number) = needed(expected);
             Self::Value { field: field.to_owned(), value: found, needed, number }
         };
-        let wrong = |problem: String| Self::Field { field: field.to_owned(), problem };
+        let field_error = |problem: String| Self::Field { field: field.to_owned(), problem };
         // A value of the wrong type, or out of range
         let expected = message.rsplit_once(", expected ");
         if let (Some(_), Some((found, expected))) = (starts("invalid type: ").or(starts("invalid value: ")), expected) {
@@ -119,7 +119,7 @@ impl JsonError {
         if let (Some(rest), Some((_, expected))) = (starts("invalid length "), expected) {
             let count = rest.split(',').next().unwrap_or_default();
             return match expected {
-                "fewer elements in array" => wrong(format!("it has {count} values, which are too many")),
+                "fewer elements in array" => field_error(format!("it has {count} values, which are too many")),
                 expected => value(format!("a list of {count}"), expected),
             };
         }
@@ -132,17 +132,17 @@ impl JsonError {
         if let Some(rest) = starts("unknown field ") {
             let (found, list) = rest.split_once(", expected ").unwrap_or((rest, ""));
             let known = list.strip_prefix("one of ").unwrap_or(list);
-            return wrong(match known {
+            return field_error(match known {
                 "" => format!("there is no field {found} here"),
                 known => format!("there is no field {found} here; there are {known}"),
             });
         }
         if let Some(rest) = starts("missing field ") {
-            return wrong(format!("the field {rest} is missing"));
+            return field_error(format!("the field {rest} is missing"));
         }
         match starts("duplicate field ") {
-            Some(rest) => wrong(format!("the field {rest} is given twice")),
-            None => wrong(message.to_owned()),
+            Some(rest) => field_error(format!("the field {rest} is given twice")),
+            None => field_error(message.to_owned()),
         }
     }
 }
@@ -238,7 +238,7 @@ fn syntax(message: &str) -> String {
         "trailing characters" => "something follows the end",
         "recursion limit exceeded" => "too many lists and objects are in each other",
         "invalid number" => "this is not a number",
-        "invalid escape" => "`\\` is followed by what it may not be",
+        "invalid escape" => "the character after `\\` is not allowed there",
         _ if message.starts_with("control character") => "a control character, such as the end of a line, is in a text",
         message => {
             let missing = message.strip_prefix("expected ").map(|sign| format!("{sign} is needed here"));

@@ -97,7 +97,7 @@ impl LoadedScene {
 
     /// Returns the camera of the picture.
     pub fn camera(&self) -> Arc<Camera> {
-        self.prepared.camera(self.view.camera).expect("a view has a camera of its scene")
+        self.prepared.camera(self.view.camera).expect("a view needs a camera of its scene")
     }
 
     /// Returns the cameras of the file, unchanged.
@@ -134,7 +134,7 @@ impl SceneOptions {
 }
 
 fn no_camera() -> Error {
-    Error::usage("the scene has no camera", "put one into it")
+    Error::usage("the scene has no camera", "add one to it")
 }
 
 fn load(request: &Request) -> Result<Loaded, Error> {
@@ -158,18 +158,18 @@ fn load(request: &Request) -> Result<Loaded, Error> {
 
 /// Sets the environment light of a scene from the request, unless it is an image file.
 fn turn_environment(scene: &mut Scene, request: &Request) {
-    let asked = &request.environment;
-    match &asked.light {
+    let options = &request.environment;
+    match &options.light {
         Some(EnvironmentLight::Radiance(radiance)) => {
-            scene.environment = Some(Environment::uniform(Spectrum::from_array(*radiance) * asked.strength));
+            scene.environment = Some(Environment::uniform(Spectrum::from_array(*radiance) * options.strength));
             return;
         }
         Some(EnvironmentLight::Sky) => scene.add_sky(),
         Some(EnvironmentLight::File(_)) | None => {}
     }
     if let Some(environment) = &mut scene.environment {
-        let world_from_environment = Mat3::from_rotation_y(asked.rotate.to_radians());
-        environment.factor *= asked.strength;
+        let world_from_environment = Mat3::from_rotation_y(options.rotate.to_radians());
+        environment.factor *= options.strength;
         environment.world_from_environment = world_from_environment * environment.world_from_environment;
     }
 }
@@ -184,7 +184,7 @@ fn aimed(cameras: &[Camera], origin: DVec3, view: &ViewOptions) -> Result<(usize
     camera.focus_distance = view.focus_distance.unwrap_or(camera.focus_distance);
     let Some(pose) = view.pose else { return Ok((number, camera)) };
     camera.world_from_camera = pose.looking(origin.to_array()).ok_or_else(|| {
-        let problem = "`view.pose` looks nowhere: seen from the middle of the scene, `eye` and `target` are one place";
+        let problem = "`view.pose` has no direction: at the scale of the scene, `eye` and `target` are the same point";
         Error::usage(problem, "move them apart")
     })?;
     if let (Some(fov), Projection::Perspective { vertical_fov }) = (pose.fov, &mut camera.projection) {
@@ -212,21 +212,21 @@ pub(crate) fn check_view<'a>(
     let (name, has_angle) = cameras[number];
     match view.pose.and_then(|pose| pose.fov) {
         Some(fov) if !has_angle => {
-            let problem = format!("`view.pose.fov` is {fov}, and the camera {number} {name:?} has no angle");
+            let problem = format!("`view.pose.fov` is {fov}, but the camera {number} {name:?} has no field of view");
             Err(Error::usage(problem, "leave it out, or choose a camera with perspective"))
         }
         _ => Ok(number),
     }
 }
 
-fn camera_index(cameras: &[(&str, bool)], asked: Option<&str>) -> Result<usize, Error> {
-    let Some(asked) = asked else { return Ok(0) };
-    let by_name = cameras.iter().position(|(name, _)| *name == asked);
-    let by_number = asked.parse().ok().filter(|&index: &usize| index < cameras.len());
+fn camera_index(cameras: &[(&str, bool)], wanted: Option<&str>) -> Result<usize, Error> {
+    let Some(wanted) = wanted else { return Ok(0) };
+    let by_name = cameras.iter().position(|(name, _)| *name == wanted);
+    let by_number = wanted.parse().ok().filter(|&index: &usize| index < cameras.len());
     by_name.or(by_number).ok_or_else(|| {
         let names: Vec<String> =
             cameras.iter().enumerate().map(|(index, (name, _))| format!("{index} {name:?}")).collect();
-        Error::usage(format!("there is no camera `{asked}`"), format!("the scene has: {}", names.join(", ")))
+        Error::usage(format!("there is no camera `{wanted}`"), format!("the scene has: {}", names.join(", ")))
     })
 }
 
@@ -243,7 +243,7 @@ fn size(request: &Request, hints: &RenderHints, camera: &Camera) -> Result<[u32;
         let whose = if request.film.size.is_none() { "the scene file asks for" } else { "the request asks for" };
         Error::usage(
             format!("{whose} a picture of {width}x{height} pixels: {allowed}"),
-            "say another size (`--size`), or which part of it (`--crop`)",
+            "give another size (`--size`), or a part of the picture (`--crop`)",
         )
     })?;
     Ok([width, height])

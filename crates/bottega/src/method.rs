@@ -28,11 +28,11 @@ impl Method {
         let hint = subject.hints.integrator.as_ref();
         // Choose the integrator: the requested one, or the counterpart of the scene file's
         let (integrator, hints, reason) = match (request.integrator.method, hint) {
-            (Some(asked), hint) => {
-                let hints = hint.and_then(photon_hints).filter(|_| asked == IntegratorChoice::Photon);
+            (Some(requested), hint) => {
+                let hints = hint.and_then(photon_hints).filter(|_| requested == IntegratorChoice::Photon);
                 // The file does not make a requested integrator progressive; its settings of photons count if the request is
                 // progressive.
-                (asked, hints.filter(|_| request.photons.progressive), None)
+                (requested, hints.filter(|_| request.photons.progressive), None)
             }
             (None, None) => (IntegratorChoice::Path, None, None),
             (None, Some(hint)) => chosen(hint, subject),
@@ -49,7 +49,7 @@ impl Method {
         let note = hint.filter(|hint| is_replaced(hint)).map(|hint| {
             let at = if hint.place.is_empty() { String::new() } else { format!("{}: ", hint.place) };
             let why = match (reason, request.integrator.method) {
-                (_, Some(_)) => " as it was asked for",
+                (_, Some(_)) => ", as requested",
                 (Some(reason), None) => reason,
                 (None, None) => "",
             };

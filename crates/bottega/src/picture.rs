@@ -15,7 +15,7 @@ use bottega_image::{
 use bottega_scene::RenderHints;
 
 use crate::{
-    brightness::told_brightness,
+    brightness::brightness_warning,
     error::Error,
     events::Event,
     request::{PIXELS_MAX, Request},
@@ -139,8 +139,8 @@ impl Picture {
     /// Warns of a PNG that appears nearly black or white.
     fn warn_of_brightness(&self) {
         let Some(file) = &self.request.output.file else { return };
-        if let Some(told) = wrong_brightness(&self.request, file, self.film()) {
-            self.reporter.warn(format!("{} {told}", shown(file)));
+        if let Some(problem) = wrong_brightness(&self.request, file, self.film()) {
+            self.reporter.warn(format!("{} {problem}", shown(file)));
         }
     }
 }
@@ -148,7 +148,7 @@ impl Picture {
 /// Returns a warning about the brightness of a picture if its file is a PNG; `None`: it is fine.
 pub(crate) fn wrong_brightness(request: &Request, file: &Path, film: &Film) -> Option<String> {
     let is_for_screens = matches!(OutputFormat::of(file), Ok(OutputFormat::Png));
-    if is_for_screens { told_brightness(film, request.output.exposure) } else { None }
+    if is_for_screens { brightness_warning(film, request.output.exposure) } else { None }
 }
 
 /// Returns the number of samples over all pixels. With a goal of error or time only the film knows the number per pixel.
@@ -241,8 +241,8 @@ pub fn request_of(path: &Path) -> Result<Request, Error> {
     let file = bottega_image::read_image(path, ReadLimits { max_pixels: PIXELS_MAX })?;
     let Some(line) = file.metadata.get(REQUEST_KEY) else {
         return Err(Error::usage(
-            format!("`{}` does not say what it is a picture of", path.display()),
-            "it was made by another program, or by an older version of this one: name a scene, or a request",
+            format!("`{}` does not contain its request", path.display()),
+            "it was made by another program or an older version: give a scene or a request",
         ));
     };
     Request::from_json(line.as_bytes())

@@ -53,7 +53,7 @@ pub(crate) fn check_preview(path: &Path) -> Result<(), Error> {
         return Ok(());
     }
     Err(Error::usage(
-        format!("`{}` cannot hold a preview: it is no PNG file", path.display()),
+        format!("`{}` cannot hold a preview: it is not a PNG file", path.display()),
         "name a file that ends in .png",
     ))
 }

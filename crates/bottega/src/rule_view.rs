@@ -132,8 +132,8 @@ fn block(text: &RulesText, inputs: Option<&RuleInputs>) -> Result<FunctionBlock,
 
 /// Returns the rules of a block in their order: label and text.
 fn rule_texts(block: &FunctionBlock) -> Vec<RuleView> {
-    let all = block.to_string();
-    let lines = all.lines().filter_map(|line| line.trim().strip_prefix("RULE "));
+    let text_of_block = block.to_string();
+    let lines = text_of_block.lines().filter_map(|line| line.trim().strip_prefix("RULE "));
     let rule = |line: &str| {
         let (label, text) = line.split_once(" : ")?;
         Some(RuleView { label: label.to_owned(), text: text.trim_end_matches(';').to_owned() })
@@ -187,11 +187,13 @@ impl RuleVerdict {
             (SIZE, zone.size as f64),
             (OPTIMIZATION_LEVEL, level),
         ];
-        let asked: Vec<(&str, f64)> = known.into_iter().filter(|(name, _)| block.input_index(name).is_some()).collect();
-        let why = block.explain(&asked).map_err(|error| Error::usage(error.to_string(), ""))?;
+        let inputs: Vec<(&str, f64)> =
+            known.into_iter().filter(|(name, _)| block.input_index(name).is_some()).collect();
+        let why = block.explain(&inputs).map_err(|error| Error::usage(error.to_string(), ""))?;
         let texts = rule_texts(&block);
         let text_of = |label: &str| texts.iter().find(|rule| rule.label == label).map(|rule| rule.text.clone());
-        let value_of = |name: &str| asked.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|it| it.1);
+        let value_of =
+            |name: &str| inputs.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, value)| *value);
         Ok(Some(Self {
             set: block.name().to_owned(),
             inputs: why
@@ -233,7 +235,7 @@ mod tests {
         RuleInputs { complexity: [0.5, 4.0], neighbor_difference: [0.0, 2.0], size: [64.0, 4096.0], level: Some(4.0) };
 
     #[test]
-    fn a_set_is_shown_over_the_picture_that_it_is_asked_of() {
+    fn a_rule_set_is_shown_over_the_range_of_its_inputs() {
         let shown = RuleSetView::new(&built_in(), Some(&INPUTS)).unwrap();
         let size = shown.inputs.iter().find(|input| input.name.eq_ignore_ascii_case(SIZE)).unwrap();
         assert_eq!(size.range, [64.0, 4096.0]);

@@ -157,7 +157,7 @@ pub fn experts(texts: Vec<RulesText>) -> Result<(Vec<Expert>, Vec<String>), Erro
         notes.extend(source.document.verify().into_iter().map(|warning| format!("{file}, {warning}")));
         if !expert.ignored_outputs().is_empty() {
             let names = expert.ignored_outputs().join(", ");
-            notes.push(format!("{file}: left aside, for they mean nothing in path tracing: {names}"));
+            notes.push(format!("{file}: ignored, because path tracing does not use them: {names}"));
         }
         experts.push(expert);
     }
@@ -192,9 +192,12 @@ fn read_text(path: &Path) -> Result<String, Error> {
     let most = Limits::TEXT_BYTES_MAX as u64 + 1;
     File::open(path).and_then(|file| file.take(most).read_to_end(&mut bytes)).map_err(read)?;
     if bytes.len() > Limits::TEXT_BYTES_MAX {
-        return Err(unusable(&format!("it is longer than {} bytes, which no rules are", Limits::TEXT_BYTES_MAX)));
+        return Err(unusable(&format!(
+            "it is longer than {} bytes, the maximum of a rules file",
+            Limits::TEXT_BYTES_MAX
+        )));
     }
-    String::from_utf8(bytes).map_err(|_| unusable("it is no text in UTF-8"))
+    String::from_utf8(bytes).map_err(|_| unusable("it is not UTF-8 text"))
 }
 
 /// Returns a function block with the terms of some inputs laid out over intervals of values, such as those found in a scene.

@@ -96,7 +96,7 @@ impl Viewport {
     /// The request or its scene cannot be used, or the request names an external engine.
     pub fn open(request: &Request) -> Result<Self, Error> {
         if !request.engine.is_builtin() {
-            return Err(Error::usage("only our own engine shows a scene from elsewhere", "leave out the engine"));
+            return Err(Error::usage("only the built-in engine can change the view", "leave out the engine"));
         }
         let mut request = as_viewed(request, Denoiser::load().is_ok());
         let options = SessionOptions { urgency: Urgency::Look, ..SessionOptions::default() };

@@ -22,7 +22,7 @@ use crate::support::processors;
 struct Notes(Mutex<Vec<Event>>);
 
 impl Watcher for Notes {
-    fn told(&self, event: Event) {
+    fn event(&self, event: Event) {
         self.0.lock().unwrap().push(event);
     }
 }
@@ -64,17 +64,17 @@ fn paint_and_listen(request: &Request) -> (Picture, Option<ResourceUse>, Vec<Str
     let notes = Arc::new(Notes::default());
     let session = Session::open_with(request, SessionOptions::default()).unwrap();
     let picture = session.render(Arc::clone(&notes) as _, &StopSwitch::new()).unwrap();
-    let told = notes.0.lock().unwrap();
-    let used = told.iter().find_map(|event| match event {
+    let events = notes.0.lock().unwrap();
+    let used = events.iter().find_map(|event| match event {
         Event::Resources { resources, .. } => resources.iter().find(|it| it.name.starts_with("tcp://")).cloned(),
         _ => None,
     });
-    let warnings = told.iter().filter_map(|event| match event {
+    let warnings = events.iter().filter_map(|event| match event {
         Event::Warning { message } => Some(message.clone()),
         _ => None,
     });
     let warnings = warnings.collect();
-    drop(told);
+    drop(events);
     (picture, used, warnings)
 }
 
@@ -93,7 +93,7 @@ fn a_board_follows_rays_and_the_picture_has_the_same_bits() {
 }
 
 #[test]
-fn what_passed_on_the_cable_is_told_with_its_bandwidth() {
+fn traffic_and_bandwidth_of_the_cable_are_reported() {
     let _processors = processors();
     let (_, used) = paint_with(&request(&["cpu", &board(Some(10e6), identity())]));
     let cable = used.and_then(|used| used.cable).expect("a board has a cable");
@@ -121,15 +121,15 @@ fn where_a_board_saves_nothing_the_picture_is_painted_in_blocks() {
         let mut request = request(&["cpu", name]);
         request.integrator.wavefront = false;
         let (picture, used, warnings) = paint_and_listen(&request);
-        let is_told = warnings.iter().any(|warning| warning.contains("left alone"));
-        (bits(&picture), used.map_or(0, |used| used.units), is_told)
+        let is_warned = warnings.iter().any(|warning| warning.contains("not used"));
+        (bits(&picture), used.map_or(0, |used| used.units), is_warned)
     };
     let (alone, _) = paint(&request(&["cpu"]));
     // Over 5 MB/s its rays take longer than on the processor.
-    let (slow, units, is_told) = automatic(&board(Some(5e6), identity()));
-    assert!(units == 0 && is_told, "{units} units, told: {is_told}");
-    let (fast, units, is_told) = automatic(&board(None, identity()));
-    assert!((units > 0) != is_told, "{units} units, told: {is_told}");
+    let (slow, units, is_warned) = automatic(&board(Some(5e6), identity()));
+    assert!(units == 0 && is_warned, "{units} units, warned: {is_warned}");
+    let (fast, units, is_warned) = automatic(&board(None, identity()));
+    assert!((units > 0) != is_warned, "{units} units, warned: {is_warned}");
     assert!(slow == bits(&alone) && fast == bits(&alone));
 }
 
@@ -155,7 +155,7 @@ fn a_board_of_another_build_or_none_at_all_is_refused() {
 }
 
 #[test]
-fn what_a_board_is_told_that_cannot_be_ends_the_connection_and_nothing_else() {
+fn an_invalid_message_to_a_board_ends_only_the_connection() {
     let _processors = processors();
     let name = board(None, identity());
     let address = name.strip_prefix("tcp://").unwrap();

@@ -247,7 +247,7 @@ fn wrong_fields_are_refused_with_their_path() {
 }
 
 #[test]
-fn texts_that_are_no_requests_are_told_apart() {
+fn errors_of_invalid_requests_differ() {
     assert!(refused("").contains("line 1, column 0"));
     assert!(refused("[]").contains("it is a list: an object is needed"));
     assert!(refused("{}").contains("the field `scene` is missing"));

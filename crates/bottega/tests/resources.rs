@@ -14,7 +14,7 @@ use crate::support::processors;
 struct Notes(Mutex<Vec<Event>>);
 
 impl Watcher for Notes {
-    fn told(&self, event: Event) {
+    fn event(&self, event: Event) {
         self.0.lock().unwrap().push(event);
     }
 }
@@ -75,22 +75,22 @@ fn where_rays_cannot_be_left_to_others_that_is_said() {
     request.integrator.wavefront = true;
     let (_, notes) = paint(&request, SessionOptions::default());
     assert!(
-        notes.warnings().iter().any(|it| it.contains("integrator.wavefront and boards do nothing here")),
+        notes.warnings().iter().any(|it| it.contains("integrator.wavefront and boards have no effect here")),
         "{:?}",
         notes.warnings()
     );
 }
 
 #[test]
-fn it_is_told_and_drawn_what_processors_were_at() {
+fn utilization_is_reported_and_drawn() {
     let _processors = processors();
     let folder = tempfile::tempdir().unwrap();
     for name in ["timeline.svg", "timeline.json"] {
         let file = folder.path().join(name);
         let options = SessionOptions { timeline: Some(file.clone()), ..SessionOptions::default() };
         let (_, notes) = paint(&request("cornell-box.glb", 64, 4), options);
-        let told = notes.0.lock().unwrap();
-        let used = told.iter().find_map(|event| match event {
+        let events = notes.0.lock().unwrap();
+        let used = events.iter().find_map(|event| match event {
             Event::Resources { resources, .. } => Some(resources),
             _ => None,
         });
@@ -121,8 +121,8 @@ fn the_next_picture_finds_its_scene_on_the_device() {
         return;
     };
     let sent = |notes: &Notes| {
-        let told = notes.0.lock().unwrap();
-        let used = told.iter().find_map(|event| match event {
+        let events = notes.0.lock().unwrap();
+        let used = events.iter().find_map(|event| match event {
             Event::Resources { resources, .. } => resources.iter().find(|it| it.name.contains("llvmpipe")).cloned(),
             _ => None,
         });

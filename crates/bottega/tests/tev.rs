@@ -134,7 +134,7 @@ fn a_viewer_has_all_layers_of_the_picture_in_the_end() {
 }
 
 #[test]
-fn a_viewer_that_is_not_there_is_told_of_and_one_that_goes_costs_no_picture() -> io::Result<()> {
+fn a_missing_viewer_is_reported_and_one_that_quits_costs_no_picture() -> io::Result<()> {
     let _processors = processors();
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let address = listener.local_addr()?;

@@ -97,8 +97,8 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
         Request { goal: bottega::request::GoalOptions { samples: Some(8), ..Default::default() }, ..request() };
     let viewport = Viewport::open(&request).expect("it is opened");
     assert_eq!((viewport.size(), viewport.samples(), viewport.cameras().len()), ((48, 32), 8, 1));
-    let told = Arc::new(AtomicUsize::new(0));
-    let tell = Arc::clone(&told);
+    let calls = Arc::new(AtomicUsize::new(0));
+    let tell = Arc::clone(&calls);
     viewport.watch(move || _ = tell.fetch_add(1, Ordering::Relaxed));
     let (first, took) = frame(&viewport, |_| true);
     eprintln!("first pixels after {} ms", took.as_millis());
@@ -107,15 +107,15 @@ fn a_viewport_shows_the_scene_at_once_finer_and_finer_and_from_elsewhere() {
     let read =
         |frame: &ViewportFrame| read_image_bytes("frame.png", &frame.png, ReadLimits::default()).unwrap().picture;
     assert_eq!((read(&last).size(), last.is_denoised), ((48, 32), viewport.denoises()));
-    assert_eq!(viewport.frame(last.number).unwrap(), None, "nothing new is to be seen");
+    assert_eq!(viewport.frame(last.number).unwrap(), None, "there is no new frame");
     assert_eq!(viewport.due(last.number), None);
     assert!(viewport.due(0).is_some_and(|due| due < Duration::from_secs(1)), "who has seen nothing is shown it");
-    let told_before = told.load(Ordering::Relaxed);
+    let calls_before = calls.load(Ordering::Relaxed);
 
     let look = viewport.look(&from_above()).expect("it looks");
     let (other, took) = frame(&viewport, |frame| frame.look == look);
     eprintln!("another view after {} ms", took.as_millis());
-    assert!(other.number > last.number && told.load(Ordering::Relaxed) > told_before, "it is told of");
+    assert!(other.number > last.number && calls.load(Ordering::Relaxed) > calls_before, "the watcher is called");
     let (there, _) = frame(&viewport, |frame| frame.look == look && frame.samples == 8);
     assert_ne!(read(&there).data, read(&last).data);
     // The pose of the file's camera gives the file's camera.
@@ -157,7 +157,7 @@ fn another_process_renders_samples_of_what_a_viewport_shows() {
     let viewport = Viewport::open(&request).expect("it is opened");
     let (tell, looks) = mpsc::channel();
     viewport.follow(Box::new(Looks(Mutex::new(tell))));
-    let next = || looks.recv_timeout(Duration::from_secs(60)).expect("it is told");
+    let next = || looks.recv_timeout(Duration::from_secs(60)).expect("a look is reported");
     let look = next().expect("a look");
     let sampler = ViewportSampler::open(&look.request, Arc::clone(&look.scene), look.camera.clone()).expect("it opens");
     let end = sampler.end().expect("it has an engine");
@@ -193,13 +193,13 @@ fn another_process_renders_samples_of_what_a_viewport_shows() {
 struct Notes(Mutex<Vec<Event>>);
 
 impl Watcher for Notes {
-    fn told(&self, event: Event) {
+    fn event(&self, event: Event) {
         self.0.lock().unwrap().push(event);
     }
 }
 
 #[test]
-fn a_viewport_beside_a_picture_goes_first_and_what_was_looked_away_from_is_told() {
+fn a_viewport_beside_a_picture_goes_first_and_reports_expired_work() {
     let _alone = processors();
     let long = request().with("goal.samples", "100000").unwrap().with("devices.threads", "1").unwrap();
     let (notes, stop) = (Arc::new(Notes::default()), StopSwitch::new());
@@ -213,7 +213,7 @@ fn a_viewport_beside_a_picture_goes_first_and_what_was_looked_away_from_is_told(
     let wanted = request().with("goal.samples", "1024").unwrap().with("devices.threads", "2").unwrap();
     let viewport = Viewport::open(&wanted).expect("it is opened");
     // At some of these moments work of the view waits until the picture's block ends; at others noise is being removed, or its
-    // next step is being asked for.
+    // next step is being requested.
     for moment in 0..12 {
         let look = viewport.look(&from_above()).expect("it looks");
         let (_, took) = frame(&viewport, |frame| frame.look == look && frame.samples >= 4);
@@ -223,8 +223,8 @@ fn a_viewport_beside_a_picture_goes_first_and_what_was_looked_away_from_is_told(
     drop(viewport);
     stop.request();
     drop(painting.join().expect("no panic"));
-    let told = notes.0.lock().unwrap();
-    let expired = told.iter().find_map(|event| match event {
+    let events = notes.0.lock().unwrap();
+    let expired = events.iter().find_map(|event| match event {
         Event::Resources { expired, .. } => Some(*expired),
         _ => None,
     });

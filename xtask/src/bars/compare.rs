@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_by_chance_alone_is_told_to_be_the_same() {
+    fn differences_by_chance_alone_count_as_equal() {
         let found = found(|_, _| 0.0);
         assert!(found.differing < 0.02 && found.mean_off.abs() < 0.003 && found.no_seams > 1e-3, "{}", found.no_seams);
     }

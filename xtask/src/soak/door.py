@@ -24,9 +24,9 @@ def ask(word: str, job: int, more: dict) -> object:
 
 print(json.dumps({"ready": True}), flush=True)
 for line in sys.stdin:
-    asked = json.loads(line)
+    request = json.loads(line)
     try:
-        told = {"told": ask(asked["word"], asked["job"], asked["more"])}
-    except Exception as error:  # noqa: BLE001 - whatever it is, the soak is told
-        told = {"wrong": str(error)}
-    print(json.dumps(told), flush=True)
+        answer = {"result": ask(request["word"], request["job"], request["more"])}
+    except Exception as error:  # noqa: BLE001 - every error is reported to the soak
+        answer = {"wrong": str(error)}
+    print(json.dumps(answer), flush=True)

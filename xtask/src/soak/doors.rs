@@ -73,22 +73,22 @@ impl Door {
                 let words: Vec<String> =
                     kind.render_words().into_iter().chain(more).chain(["--json".to_owned()]).collect();
                 let words: Vec<&str> = words.iter().map(String::as_str).collect();
-                let asked = cli.lines(&words)?.into_iter().find_map(|event| event["job"].as_u64());
-                asked.context("`render --detach` told no number")
+                let submitted = cli.lines(&words)?.into_iter().find_map(|event| event["job"].as_u64());
+                submitted.context("`render --detach` printed no number")
             }
             Self::Api(api) => {
                 let Some(like) = like else { bail!("no job has the scene yet") };
                 let mut request = kind.request.clone();
                 request["output"] = json!({ "file": output.file_name().map(|name| name.to_string_lossy()) });
                 request["scene"] = json!({ "file": kind.scene_name() });
-                let told = api.ask("POST", "/api/jobs", &json!({ "request": request, "files_of_job": like }))?;
-                told["job"].as_u64().context("the API told no number")
+                let answer = api.ask("POST", "/api/jobs", &json!({ "request": request, "files_of_job": like }))?;
+                answer["job"].as_u64().context("the API returned no number")
             }
             Self::Python(python) => {
                 let mut request = kind.request.clone();
                 request["scene"]["file"] = json!(kind.scene);
                 request["output"]["file"] = json!(output);
-                python.ask("submit", 0, &request)?.as_u64().context("Python told no number")
+                python.ask("submit", 0, &request)?.as_u64().context("Python returned no number")
             }
         }
     }
@@ -129,8 +129,8 @@ impl CommandLine {
 
     pub(super) fn run(&self, words: &[&str]) -> Result<String> {
         let output = self.command(words).output()?;
-        let told = String::from_utf8_lossy(&output.stderr);
-        ensure!(output.status.success(), "bottega {}: {told}", words.join(" "));
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        ensure!(output.status.success(), "bottega {}: {stderr}", words.join(" "));
         Ok(String::from_utf8(output.stdout)?)
     }
 
@@ -155,21 +155,21 @@ impl Api {
             status = status.or_else(|| line.split(' ').nth(1)?.parse().ok());
             line.clear();
         }
-        let mut told = Vec::new();
-        reader.read_to_end(&mut told)?;
-        Ok((status.context("no answer over HTTP")?, told))
+        let mut body = Vec::new();
+        reader.read_to_end(&mut body)?;
+        Ok((status.context("no answer over HTTP")?, body))
     }
 
     pub(super) fn ask(&self, method: &str, path: &str, body: &Value) -> Result<Value> {
         let body = if body.is_null() { Vec::new() } else { body.to_string().into_bytes() };
-        let (status, told) = self.raw(method, path, &body)?;
-        ensure!((200..300).contains(&status), "{method} {path}: {status}: {}", String::from_utf8_lossy(&told));
-        Ok(serde_json::from_slice(&told).unwrap_or_default())
+        let (status, body) = self.raw(method, path, &body)?;
+        ensure!((200..300).contains(&status), "{method} {path}: {status}: {}", String::from_utf8_lossy(&body));
+        Ok(serde_json::from_slice(&body).unwrap_or_default())
     }
 
     pub(super) fn list(&self, path: &str) -> Result<Vec<Value>> {
-        let told = self.ask("GET", path, &Value::Null)?;
-        told.as_array().cloned().with_context(|| format!("{path} is no list"))
+        let rows = self.ask("GET", path, &Value::Null)?;
+        rows.as_array().cloned().with_context(|| format!("{path} is not a list"))
     }
 }
 
@@ -191,11 +191,11 @@ impl Python {
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
         let asks = child.stdin.take().context("a pipe")?;
         let mut python = Self { tells: BufReader::new(child.stdout.take().context("a pipe")?), asks, child };
-        python.told().context("the Python door does not open")?;
+        python.answer().context("the Python door does not open")?;
         Ok(Some(python))
     }
 
-    fn told(&mut self) -> Result<Value> {
+    fn answer(&mut self) -> Result<Value> {
         let mut line = String::new();
         self.tells.read_line(&mut line)?;
         serde_json::from_str(&line).with_context(|| format!("Python says `{line}`"))
@@ -203,15 +203,15 @@ impl Python {
 
     fn ask(&mut self, word: &str, job: u64, more: &Value) -> Result<Value> {
         writeln!(self.asks, "{}", json!({ "word": word, "job": job, "more": more }))?;
-        let told = self.told()?;
-        if let Some(wrong) = told["wrong"].as_str() {
+        let answer = self.answer()?;
+        if let Some(wrong) = answer["wrong"].as_str() {
             bail!("Python, {word} {job}: {wrong}");
         }
-        Ok(told["told"].clone())
+        Ok(answer["result"].clone())
     }
 
     fn list(&mut self, word: &str) -> Result<Vec<Value>> {
-        self.ask(word, 0, &json!({}))?.as_array().cloned().context("Python tells no list")
+        self.ask(word, 0, &json!({}))?.as_array().cloned().context("Python returned no list")
     }
 }
 

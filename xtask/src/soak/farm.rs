@@ -123,7 +123,7 @@ impl SoakFarm {
         let mut words = vec!["up", "--listen", &listen, "--web", &web, "--hidden"];
         let server = self.server.as_ref().map(|server| server.display().to_string());
         words.extend(server.iter().flat_map(|server| ["--server", server]));
-        self.up = Some(self.spawn("up", &words, "look on alone")?);
+        self.up = Some(self.spawn("up", &words, "to look on only")?);
         Ok(())
     }
 
@@ -145,14 +145,14 @@ impl SoakFarm {
     pub(super) fn api(&self) -> Result<Api> {
         let said = self.said_by_up();
         let door = said.lines().find_map(|line| line.trim().strip_prefix("http://")?.split_once("/?token="));
-        let (at, token) = door.context("`bottega up` told no address")?;
+        let (at, token) = door.context("`bottega up` printed no address")?;
         Ok(Api { at: at.to_owned(), token: token.to_owned() })
     }
 
     pub(super) fn lines(&self) -> Result<[String; 2]> {
         let said = self.said_by_up();
         let mut lines = said.lines().filter_map(|line| line.trim().strip_prefix("bottega join "));
-        let mut next = || lines.next().map(str::to_owned).context("`bottega up` told no line to join by");
+        let mut next = || lines.next().map(str::to_owned).context("`bottega up` printed no line to join by");
         Ok([next()?, next()?])
     }
 

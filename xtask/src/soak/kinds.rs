@@ -31,9 +31,9 @@ impl PictureKind {
             let path = folder.join(format!("alone-{number}.exr"));
             let kind = Self { scene: scene.to_owned(), words: words.to_vec(), request: Value::Null, bits: Vec::new() };
             let file = path.display().to_string();
-            let asked: Vec<String> =
+            let words: Vec<String> =
                 kind.render_words().into_iter().chain(["-o".to_owned(), file.clone(), "--quiet".to_owned()]).collect();
-            run(&asked.iter().map(String::as_str).collect::<Vec<_>>())?;
+            run(&words.iter().map(String::as_str).collect::<Vec<_>>())?;
             let request: Value = serde_json::from_str(&run(&["request", "show", &file])?)?;
             Ok(Self { request, bits: bits(&path)?, ..kind })
         };
@@ -54,6 +54,6 @@ impl PictureKind {
 
 /// Returns the bits of an image.
 pub(super) fn bits(path: &Path) -> Result<Vec<[u32; 3]>> {
-    let picture = bottega_image::read_picture(path).with_context(|| format!("{} is no picture", path.display()))?;
+    let picture = bottega_image::read_picture(path).with_context(|| format!("{} is not a picture", path.display()))?;
     Ok(picture.data.iter().map(|pixel| pixel.map(f32::to_bits)).collect())
 }

@@ -177,7 +177,7 @@ struct Soak {
     chance: Chance,
     figures: Figures,
     /// The kind of each job's image.
-    asked: BTreeMap<u64, usize>,
+    submitted: BTreeMap<u64, usize>,
     watch: IdleWatch,
     begun: Instant,
 }
@@ -198,8 +198,8 @@ impl Soak {
             Some(python) => doors.push(Door::Python(Box::new(python))),
             None => eprintln!("SKIPPED the Python door: {} cannot import the module `bottega`", own.display()),
         }
-        let (figures, asked, watch) = (Figures::default(), BTreeMap::new(), IdleWatch::default());
-        Ok(Self { farm, doors, kinds, chance: Chance(args.seed), figures, asked, watch, begun: Instant::now() })
+        let (figures, submitted, watch) = (Figures::default(), BTreeMap::new(), IdleWatch::default());
+        Ok(Self { farm, doors, kinds, chance: Chance(args.seed), figures, submitted, watch, begun: Instant::now() })
     }
 
     fn run(&mut self, steps: u32) -> Result<()> {
@@ -309,7 +309,7 @@ impl Soak {
             return Ok(false);
         }
         let kind = self.chance.below(self.kinds.len());
-        let output = self.farm.path(&format!("asked-{}.exr", self.figures.steps));
+        let output = self.farm.path(&format!("submitted-{}.exr", self.figures.steps));
         let like = self.jobs()?.last().and_then(|job| job["job"].as_u64());
         let place = self.figures.steps as usize % self.doors.len();
         let Self { doors, kinds, .. } = self;
@@ -318,7 +318,7 @@ impl Soak {
         let door = &mut doors[place];
         let number = door.submit(&kinds[kind], &output, like)?;
         *self.figures.by_door.entry(door.name()).or_default() += 1;
-        self.asked.insert(number, kind);
+        self.submitted.insert(number, kind);
         Ok(true)
     }
 
@@ -333,7 +333,7 @@ impl Soak {
         api.ask("POST", &format!("/api/jobs/{number}/zones/{zone}/requeue"), &Value::Null)?;
         let view = api.ask("GET", &format!("/api/jobs/{number}"), &Value::Null)?;
         let begins = view["state"] == "done" || view["done"].as_f64() < Some(0.5) && view["kept"] == true;
-        ensure!(begins, "job {number} is painted again, and it is told as {view}");
+        ensure!(begins, "job {number} is painted again, and is shown as {view}");
         self.compare(number).context("the picture of a job that is painted again")?;
         self.figures.kept_pictures += 1;
         Ok(true)
@@ -433,7 +433,7 @@ impl Soak {
         for job in &jobs[..jobs.len().saturating_sub(JOBS_KEPT)] {
             let number = job["job"].as_u64().context("a number")?;
             self.door().steer(number, "remove")?;
-            self.asked.remove(&number);
+            self.submitted.remove(&number);
         }
         self.figures.quiet_moments += 1;
         eprintln!(
@@ -450,16 +450,16 @@ impl Soak {
             ["job", "state", "done", "zones_done", "zones", "kept", "priority", "stirs", "machines", "seconds_left"];
         let begun = Instant::now();
         loop {
-            let mut told = Vec::new();
+            let mut lists = Vec::new();
             for door in &mut self.doors {
                 let jobs: Vec<Vec<Value>> =
                     door.jobs()?.iter().map(|job| FIELDS.iter().map(|field| job[field].clone()).collect()).collect();
-                told.push((door.name(), jobs));
+                lists.push((door.name(), jobs));
             }
-            if told.windows(2).all(|pair| pair[0].1 == pair[1].1) {
+            if lists.windows(2).all(|pair| pair[0].1 == pair[1].1) {
                 return Ok(());
             }
-            ensure!(begun.elapsed() < SAME_WITHIN, "doors tell otherwise ({FIELDS:?}): {told:?}");
+            ensure!(begun.elapsed() < SAME_WITHIN, "doors show different jobs ({FIELDS:?}): {lists:?}");
             thread::sleep(LOOK_EVERY);
         }
     }
@@ -468,7 +468,7 @@ impl Soak {
     fn compare(&mut self, number: u64) -> Result<()> {
         let path = self.farm.path("fetched.exr");
         self.door().fetch(number, &path)?;
-        let kind = *self.asked.get(&number).with_context(|| format!("nobody asked for job {number}"))?;
+        let kind = *self.submitted.get(&number).with_context(|| format!("nobody submitted job {number}"))?;
         ensure!(bits(&path)? == self.kinds[kind].bits, "the picture of job {number} has other bits");
         self.figures.pictures_compared += 1;
         Ok(())

@@ -88,7 +88,7 @@ pub enum NodeError {
     #[error("cannot start the platform")]
     Start(#[from] io::Error),
     /// The name contains characters not allowed in names of agents.
-    #[error("`{0}` cannot be the name of a platform: letters, digits, and `-._:` are what it may have")]
+    #[error("`{0}` cannot be the name of a platform: use letters, digits and `-._:`")]
     Name(String),
 }
 
@@ -269,7 +269,7 @@ impl Node {
         if self.is_federated && !self.is_served_elsewhere() {
             let quit = ManagementContent::LifeCycle(LifeCycleRequest::Quit);
             if let Err(error) = self.ask(&self.ids.leavers[0], &self.ids.df, quit, FAREWELL_WAIT) {
-                tracing::warn!(%error, "other directories were not told of the end");
+                tracing::warn!(%error, "cannot inform other directories that this one ends");
             }
         }
         let farewell = StoreRequest::Put { key: Ams::node_key(&self.address).into(), value: String::new() };

@@ -369,7 +369,7 @@ where
             let named = self.node(id).and_then(|node| node.machine.as_ref()?.next_deadline());
             assert!(
                 named.is_none_or(|named| named > now),
-                "{} names a deadline again that it was told of",
+                "{} names a deadline that has passed",
                 self.network.name(id)
             );
         } else {

@@ -7,7 +7,7 @@ pub enum FileStoreError {
     #[error("cannot use the file of the store")]
     Io(#[from] std::io::Error),
     /// The file is not a store, or of another version.
-    #[error("this is no file of a store, or one of another version")]
+    #[error("this is not the file of a store, or it has another version")]
     Magic,
     /// A limit on the size is exceeded.
     #[error("too large for the store")]

@@ -26,9 +26,9 @@ pub(super) struct LogRecord {
 }
 
 /// The records since the log was last read.
-pub(super) struct LogNews {
+pub(super) struct LogUpdate {
     /// True if the log was rewritten: earlier records must be discarded first.
-    pub(super) anew: bool,
+    pub(super) is_rewritten: bool,
     pub(super) records: Vec<LogRecord>,
 }
 
@@ -86,11 +86,11 @@ impl RecordLog {
 
     /// Reads new records. `alone`: an incomplete record was left by a crash and is cut off; otherwise it may be in
     /// progress.
-    pub(super) fn news(&mut self, alone: bool) -> Result<LogNews, FileStoreError> {
+    pub(super) fn read_new(&mut self, alone: bool) -> Result<LogUpdate, FileStoreError> {
         let mut now = File::open(&self.path)?;
         let generation = read_generation(&mut now)?;
-        let anew = generation != self.generation || self.sound_bytes == 0;
-        if anew {
+        let is_rewritten = generation != self.generation || self.sound_bytes == 0;
+        if is_rewritten {
             self.file = OpenOptions::new().read(true).write(true).open(&self.path)?;
             // If it was replaced again meanwhile, the next read detects that
             self.generation = read_generation(&mut self.file)?;
@@ -115,10 +115,10 @@ impl RecordLog {
                 self.file.set_len(self.sound_bytes)?;
             }
         }
-        Ok(LogNews { anew, records })
+        Ok(LogUpdate { is_rewritten, records })
     }
 
-    /// Appends a record. Requires the lock, after [`Self::news`].
+    /// Appends a record. Requires the lock, after [`Self::read_new`].
     pub(super) fn append(&mut self, record: &LogRecord) -> Result<(), FileStoreError> {
         let bytes = print_record(record);
         self.file.seek(SeekFrom::Start(self.sound_bytes))?;
@@ -132,7 +132,7 @@ impl RecordLog {
         Ok(())
     }
 
-    /// Rewrites the log with these records only. Requires the lock, after [`Self::news`].
+    /// Rewrites the log with these records only. Requires the lock, after [`Self::read_new`].
     pub(super) fn replace<'a>(&mut self, records: impl Iterator<Item = &'a LogRecord>) -> Result<(), FileStoreError> {
         let path = beside(&self.path, "new");
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&path)?;

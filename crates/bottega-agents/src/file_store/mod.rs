@@ -10,7 +10,7 @@ mod log;
 use std::{collections::BTreeMap, path::Path};
 
 pub use error::FileStoreError;
-use log::{LogNews, LogRecord, RecordLog};
+use log::{LogRecord, LogUpdate, RecordLog};
 
 use crate::{Entry, Key, Revision, StoreReply, StoreRequest, Ticket, entry_store::EntryStore, store::AddressedStore};
 
@@ -65,13 +65,13 @@ where
         self.log.bytes()
     }
 
-    fn take_over(&mut self, news: LogNews, replies: &mut Vec<AddressedStore<V, W>>) {
-        let before = if news.anew { std::mem::take(&mut self.entries) } else { BTreeMap::new() };
-        if news.anew {
+    fn take_over(&mut self, update: LogUpdate, replies: &mut Vec<AddressedStore<V, W>>) {
+        let before = if update.is_rewritten { std::mem::take(&mut self.entries) } else { BTreeMap::new() };
+        if update.is_rewritten {
             self.live_bytes = 0;
         }
         let known = self.last;
-        for LogRecord { revision, key, value } in news.records {
+        for LogRecord { revision, key, value } in update.records {
             let revision = Revision(revision);
             self.last = self.last.max(revision);
             if !key.is_empty() {
@@ -119,8 +119,8 @@ where
         change: impl FnOnce(&mut Self) -> Result<T, FileStoreError>,
     ) -> Result<T, FileStoreError> {
         self.log.lock()?;
-        let outcome = self.log.news(true).and_then(|news| {
-            self.take_over(news, replies);
+        let outcome = self.log.read_new(true).and_then(|update| {
+            self.take_over(update, replies);
             change(self)
         });
         self.log.unlock()?;
@@ -216,8 +216,8 @@ where
 
     fn poll(&mut self, replies: &mut Vec<AddressedStore<V, W>>) {
         // A failed read may succeed later; writers get the error
-        if let Ok(news) = self.log.news(false) {
-            self.take_over(news, replies);
+        if let Ok(update) = self.log.read_new(false) {
+            self.take_over(update, replies);
         }
     }
 }

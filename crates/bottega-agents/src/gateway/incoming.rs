@@ -52,16 +52,16 @@ where
         }
         self.passed(now, Way::In, to, &message, actions);
         let expressions = read_sl(&message);
-        let asked = expressions.0.as_ref().ok().and_then(|terms| terms.first().cloned());
+        let expression = expressions.0.as_ref().ok().and_then(|terms| terms.first().cloned());
         match self.read(now, to, &message, expressions) {
             Read::Nothing => {}
             Read::Content(content) => {
-                let typed = self.typed(now, form, to, sender, message, content, asked, actions);
+                let typed = self.typed(now, form, to, sender, message, content, expression, actions);
                 actions.push(Action::Send(typed));
             }
             Read::Answer(act, content) => {
                 let me = self.with_addresses(to);
-                let text = print_content_of(self.config.calendar, &me, &content, asked.as_ref());
+                let text = print_content_of(self.config.calendar, &me, &content, expression.as_ref());
                 let answer = message.reply(act, me, text);
                 self.send_wire(now, Some(form), &answer, actions);
             }
@@ -155,7 +155,7 @@ where
         sender: AgentId,
         mut message: WireMessage,
         content: C,
-        asked: Option<Term>,
+        expression: Option<Term>,
         actions: &mut GatewayActions<C, V>,
     ) -> AclMessage<C> {
         let salt = self.config.salt;
@@ -167,7 +167,7 @@ where
         message.user.clear();
         let performative = message.performative;
         let (protocol, language) = (known_protocol(message.protocol.as_deref()), known_language(&message));
-        let thread = Thread { message, asked, form: form.to_owned() };
+        let thread = Thread { message, expression, form: form.to_owned() };
         let (reply_with, entry) = self.threads.begin(conversation_id, thread, self.is_service(to));
         if let Some((key, text)) = entry {
             self.put(now, key, text, actions);

@@ -298,7 +298,7 @@ where
         self.known.len() == 2
     }
 
-    /// Writes an entry, until the store confirms it: without its thread a subscription gets its news under a wrong
+    /// Writes an entry, until the store confirms it: without its thread a subscription gets its updates under a wrong
     /// name.
     fn put(&mut self, now: Time, key: String, text: String, actions: &mut GatewayActions<C, V>) {
         let ticket = Ticket(self.next_ticket);

@@ -102,8 +102,8 @@ where
             Performative::Request | Performative::Subscribe | Performative::Cancel => message.receivers.first()?,
             _ => from,
         };
-        let asked = thread.and_then(|thread| thread.asked.as_ref());
-        Some(print_content_of(self.config.calendar, actor, content, asked))
+        let expression = thread.and_then(|thread| thread.expression.as_ref());
+        Some(print_content_of(self.config.calendar, actor, content, expression))
     }
 
     fn number(&self, number: u64) -> Option<String> {

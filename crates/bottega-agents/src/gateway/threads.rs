@@ -32,7 +32,7 @@ pub(super) struct Thread {
     /// The message, without its content.
     pub(super) message: WireMessage,
     /// The first expression of the message's content, which answers repeat.
-    pub(super) asked: Option<Term>,
+    pub(super) expression: Option<Term>,
     /// The representation that the foreign agent uses.
     pub(super) form: String,
 }
@@ -116,7 +116,7 @@ fn key(conversation: u64) -> String {
 
 fn print(thread: &Thread) -> String {
     let mut message = thread.message.clone();
-    message.content = thread.asked.as_ref().map(|asked| sl::print(std::slice::from_ref(asked)));
+    message.content = thread.expression.as_ref().map(|expression| sl::print(std::slice::from_ref(expression)));
     message.user.insert(FORM.to_owned(), thread.form.clone());
     // The message was parsed, so it can be printed; unprintable names of parameters were ignored
     print_string(&message).unwrap_or_default()
@@ -124,9 +124,9 @@ fn print(thread: &Thread) -> String {
 
 fn parse(text: &str) -> Option<Thread> {
     let mut message = parse_string(text).ok()?;
-    let asked = message.content.take().and_then(|content| sl::parse(&content).ok()?.into_iter().next());
+    let expression = message.content.take().and_then(|content| sl::parse(&content).ok()?.into_iter().next());
     let form = message.user.remove(FORM).unwrap_or_else(|| STRING_FORM.to_owned());
-    Some(Thread { message, asked, form })
+    Some(Thread { message, expression, form })
 }
 
 /// Returns the number of a foreign conversation: the same in every process and after a restart. (FNV-1a.)
@@ -155,8 +155,11 @@ mod tests {
 
     #[test]
     fn subscriptions_with_services_are_kept_in_the_store_and_those_with_agents_in_memory() {
-        let thread =
-            || Thread { message: WireMessage::new(Performative::Subscribe), asked: None, form: STRING_FORM.to_owned() };
+        let thread = || Thread {
+            message: WireMessage::new(Performative::Subscribe),
+            expression: None,
+            form: STRING_FORM.to_owned(),
+        };
         let mut threads = Threads::default();
         let (number, entry) = threads.begin(STRANGE | 1, thread(), true);
         assert_eq!((number, entry.map(|(key, _)| key)), (STRANGE | 1, Some(key(STRANGE | 1))));

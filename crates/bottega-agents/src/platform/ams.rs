@@ -192,7 +192,7 @@ impl Ams {
             return Err(RefuseReason::Unauthorised.into());
         }
         let before = self.entry(agent).ok_or(FailureReason::NotRegistered)?;
-        // An agent asked to quit stays registered until it deregisters itself: it may ignore the request
+        // An agent that is requested to quit stays registered until it deregisters itself: it may ignore the request
         let ending = if graceful { LifeCycleRequest::Quit } else { LifeCycleRequest::Destroy };
         Ok(Self::write(&AmsEntry { ending: Some(ending), ..before.clone() }, agent))
     }

@@ -44,7 +44,7 @@ pub enum ManagementContent {
     /// In a subscribe: report all matching offers, now and in the future.
     Subscription(DfAgentDescription, SearchConstraints),
     /// In an inform to a subscriber: its template, and the changes. A removed offer has its name only.
-    News(DfAgentDescription, SearchConstraints, Vec<DfAgentDescription>),
+    Updates(DfAgentDescription, SearchConstraints, Vec<DfAgentDescription>),
     /// In a cancel, and in the inform that confirms it: the conversation is over.
     Cancel,
     /// In a failure from an AMS: a message did not reach a receiver.
@@ -67,7 +67,7 @@ pub enum Function {
     ModifyAgent(AmsAgentDescription),
     /// AMS: find matching agents.
     SearchAgents(AmsAgentDescription, SearchConstraints),
-    /// AMS: end an agent. Graceful: it is asked to quit; else it is destroyed.
+    /// AMS: end an agent. Graceful: it is requested to quit; else it is destroyed.
     TerminateAgent {
         /// The name of the agent.
         agent: AgentId,

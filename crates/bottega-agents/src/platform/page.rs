@@ -34,7 +34,7 @@ pub struct Page<T> {
     wanted: Option<T>,
     known: Known<T>,
     /// The request without an answer, with its number.
-    asked: Option<(u64, PageAsk<T>)>,
+    pending: Option<(u64, PageAsk<T>)>,
     /// No request is sent before this time.
     again: Time,
     /// The time at which the lease must be renewed.
@@ -44,7 +44,7 @@ pub struct Page<T> {
 impl<T: Clone + PartialEq> Page<T> {
     /// Makes an entry that does not exist yet.
     pub fn absent() -> Self {
-        Self { wanted: None, known: Known::Absent, asked: None, again: Time::ZERO, renew: None }
+        Self { wanted: None, known: Known::Absent, pending: None, again: Time::ZERO, renew: None }
     }
 
     /// Makes an entry that another agent has created.
@@ -65,7 +65,7 @@ impl<T: Clone + PartialEq> Page<T> {
     /// Notes that another agent has changed or removed it.
     pub fn changed(&mut self, is_there: bool) {
         self.known = if is_there { Known::There } else { Known::Absent };
-        (self.asked, self.again) = (None, Time::ZERO);
+        (self.pending, self.again) = (None, Time::ZERO);
     }
 
     fn is_due(&self) -> bool {
@@ -88,14 +88,14 @@ impl<T: Clone + PartialEq> Page<T> {
             (None, _) => PageAsk::TakeOut,
         };
         (self.again, self.renew) = (now + AGAIN_AFTER, None);
-        self.asked = Some((number, ask.clone()));
+        self.pending = Some((number, ask.clone()));
         Some(ask)
     }
 
     /// Handles an answer; returns the request that it completes, if any.
     pub fn hear<C: CarriesManagement>(&mut self, now: Time, message: &AclMessage<C>) -> Option<PageAsk<T>> {
         let content = message.content.management()?;
-        let (_, ask) = self.asked.take_if(|(number, _)| *number == message.in_reply_to)?;
+        let (_, ask) = self.pending.take_if(|(number, _)| *number == message.in_reply_to)?;
         match content {
             ManagementContent::Done(_, outcome) => {
                 self.known = match &ask {
@@ -151,8 +151,8 @@ mod tests {
         let at = |seconds| Time::since_start(Duration::from_secs(seconds));
         let function = || Function::RegisterAgent(AmsAgentDescription::default());
         let say = |number, content| {
-            let asked = directory_request::<ManagementContent>(number, &me, &ams, function());
-            asked.reply(Performative::Inform, ams.clone(), content)
+            let request = directory_request::<ManagementContent>(number, &me, &ams, function());
+            request.reply(Performative::Inform, ams.clone(), content)
         };
         let done = |number| say(number, ManagementContent::Done(function(), Outcome::Done));
         let failed = |number, reason| say(number, ManagementContent::Failed(function(), reason));
@@ -160,10 +160,10 @@ mod tests {
         assert_eq!(page.next(at(0), 1), None);
         page.want(Some("a"));
         assert_eq!(page.next(at(0), 1), Some(PageAsk::Enter("a")));
-        assert_eq!(page.next(at(0), 2), None, "it is asked already");
+        assert_eq!(page.next(at(0), 2), None, "the request is pending");
         assert_eq!(page.hear(at(0), &failed(1, FailureReason::AlreadyRegistered)), None);
         assert_eq!((page.next(at(0), 2), page.next(at(1), 2)), (None, Some(PageAsk::Change("a"))));
-        // A late answer to another request is none.
+        // A late answer to another request does not count.
         assert_eq!(page.hear(at(1), &done(1)), None);
         assert_eq!(page.next(at(2), 3), Some(PageAsk::Change("a")), "nothing was heard");
         assert_eq!(page.hear(at(2), &done(3)), Some(PageAsk::Change("a")));

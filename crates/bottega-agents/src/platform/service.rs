@@ -241,7 +241,7 @@ where
         actions: &mut Vec<Action<C, V, E>>,
     ) {
         let step = if tries > TRIES_MAX || self.open.len() >= OPEN_MAX {
-            Err(internal("too many ask at the same time"))
+            Err(internal("too many requests at the same time"))
         } else {
             self.functions.perform(now, &request, function, todo)
         };
@@ -368,7 +368,7 @@ where
         let Some(open) = self.open.remove(&ticket) else { return };
         match open.cause {
             Cause::Request { request, .. } | Cause::Look { request, .. } => {
-                todo.send.push(self.no_result(&request, internal("the store cannot be asked")));
+                todo.send.push(self.no_result(&request, internal("the store does not answer")));
             }
             Cause::Own(mark) => self.functions.settled(now, mark, false, todo),
         }

@@ -50,9 +50,9 @@ pub enum TaskOutcome<C> {
     Lost,
 }
 
-/// News for an initiator.
+/// An event for an initiator.
 #[derive(Clone, Debug, PartialEq)]
-pub enum InitiatorNews<C> {
+pub enum InitiatorEvent<C> {
     /// All proposals are in: call [`ContractNetInitiator::award`]. There may be none.
     Collected(Vec<Proposal<C>>),
     /// An awarded task ended.
@@ -135,7 +135,7 @@ impl<C: Clone> ContractNetInitiator<C> {
         now: Time,
         message: &AclMessage<C>,
         send: &mut Vec<AclMessage<C>>,
-    ) -> Result<Option<InitiatorNews<C>>, OutOfSequence> {
+    ) -> Result<Option<InitiatorEvent<C>>, OutOfSequence> {
         use Participant as P;
         use Performative as A;
         let out_of_sequence = |state| OutOfSequence { from: message.sender.clone(), got: message.performative, state };
@@ -165,7 +165,7 @@ impl<C: Clone> ContractNetInitiator<C> {
                     A::Failure => TaskOutcome::Failed(content()),
                     _ => TaskOutcome::Lost,
                 };
-                return Ok(Some(InitiatorNews::Ended { contractor: message.sender.clone(), outcome }));
+                return Ok(Some(InitiatorEvent::Ended { contractor: message.sender.clone(), outcome }));
             }
             // Ignore duplicates, and messages that crossed ours
             (P::Proposed | P::Accepted | P::Ended, A::Propose)
@@ -179,18 +179,18 @@ impl<C: Clone> ContractNetInitiator<C> {
     }
 
     /// Checks the deadlines of proposals and results.
-    pub fn handle_time(&mut self, now: Time) -> Vec<InitiatorNews<C>> {
-        let mut news: Vec<_> = self.collected(now).into_iter().collect();
+    pub fn handle_time(&mut self, now: Time) -> Vec<InitiatorEvent<C>> {
+        let mut events: Vec<_> = self.collected(now).into_iter().collect();
         if self.results_by.is_some_and(|by| by <= now) {
             self.results_by = None;
             for (contractor, state) in &mut self.participants {
                 if *state == Participant::Accepted {
                     *state = Participant::Ended;
-                    news.push(InitiatorNews::Ended { contractor: contractor.clone(), outcome: TaskOutcome::Lost });
+                    events.push(InitiatorEvent::Ended { contractor: contractor.clone(), outcome: TaskOutcome::Lost });
                 }
             }
         }
-        news
+        events
     }
 
     /// Returns the time at which [`Self::handle_time`] must be called; `None`: never.
@@ -203,7 +203,7 @@ impl<C: Clone> ContractNetInitiator<C> {
     /// `results_by`: the deadline of results. Agents without a proposal are ignored.
     ///
     /// # Panics
-    /// If called before [`InitiatorNews::Collected`], or twice.
+    /// If called before [`InitiatorEvent::Collected`], or twice.
     pub fn award(&mut self, accepted: &[(AgentId, C)], results_by: Time, send: &mut Vec<AclMessage<C>>) {
         assert!(!self.collecting && self.results_by.is_none(), "an award follows the collection of proposals, once");
         for proposal in std::mem::take(&mut self.proposals) {
@@ -230,13 +230,13 @@ impl<C: Clone> ContractNetInitiator<C> {
             && !self.participants.values().any(|state| *state == Participant::Accepted)
     }
 
-    fn collected(&mut self, now: Time) -> Option<InitiatorNews<C>> {
+    fn collected(&mut self, now: Time) -> Option<InitiatorEvent<C>> {
         let awaited = self.participants.values().any(|state| *state == Participant::Called);
         if !self.collecting || (awaited && now < self.call.reply_by) {
             return None;
         }
         self.collecting = false;
-        Some(InitiatorNews::Collected(self.proposals.clone()))
+        Some(InitiatorEvent::Collected(self.proposals.clone()))
     }
 
     fn set(&mut self, agent: &AgentId, state: Participant) {
@@ -256,9 +256,9 @@ impl<C: Clone> ContractNetInitiator<C> {
     }
 }
 
-/// News for a responder.
+/// An event for a responder.
 #[derive(Clone, Debug, PartialEq)]
-pub enum ResponderNews<C> {
+pub enum ResponderEvent<C> {
     /// A call: answer it by [`ContractNetResponder::propose`] or [`ContractNetResponder::refuse`] before its
     /// `reply_by`.
     Called(AclMessage<C>),
@@ -308,7 +308,7 @@ impl<C: Clone> ContractNetResponder<C> {
         now: Time,
         message: AclMessage<C>,
         send: &mut Vec<AclMessage<C>>,
-    ) -> Result<Option<ResponderNews<C>>, OutOfSequence> {
+    ) -> Result<Option<ResponderEvent<C>>, OutOfSequence> {
         use Performative as A;
         let key = (message.sender.clone(), message.conversation_id);
         let performative = message.performative;
@@ -320,25 +320,25 @@ impl<C: Clone> ContractNetResponder<C> {
             }
             (None, A::CallForProposal) => {
                 self.open.insert(key, Response::Called(message.clone()));
-                Ok(Some(ResponderNews::Called(message)))
+                Ok(Some(ResponderEvent::Called(message)))
             }
             (Some(Response::Proposed(call, _)), A::AcceptProposal) => {
                 let call = call.clone();
                 self.open.insert(key, Response::Working(call));
-                Ok(Some(ResponderNews::Accepted(message)))
+                Ok(Some(ResponderEvent::Accepted(message)))
             }
             (Some(Response::Proposed(..) | Response::Called(_)), A::RejectProposal) => {
                 self.open.remove(&key);
-                Ok(Some(ResponderNews::Rejected(message)))
+                Ok(Some(ResponderEvent::Rejected(message)))
             }
             (Some(_), A::Cancel) => {
                 self.open.remove(&key);
                 send.push(message.reply(A::Inform, self.me.clone(), message.content.clone()));
-                Ok(Some(ResponderNews::Cancelled(message)))
+                Ok(Some(ResponderEvent::Cancelled(message)))
             }
             (Some(_), A::NotUnderstood) => {
                 self.open.remove(&key);
-                Ok(Some(ResponderNews::Cancelled(message)))
+                Ok(Some(ResponderEvent::Cancelled(message)))
             }
             // Ignore duplicates, rejections of void or missing proposals, and complaints about ended tasks
             (Some(_), A::CallForProposal)
@@ -403,15 +403,15 @@ impl<C: Clone> ContractNetResponder<C> {
     }
 
     /// Drops calls not answered in time and proposals without an answer.
-    pub fn handle_time(&mut self, now: Time) -> Vec<ResponderNews<C>> {
+    pub fn handle_time(&mut self, now: Time) -> Vec<ResponderEvent<C>> {
         let over = self.open.iter().filter(|(_, response)| response.ends_at().is_some_and(|by| by <= now));
         let over: Vec<Conversation> = over.map(|(conversation, _)| conversation.clone()).collect();
-        let mut news = Vec::new();
+        let mut events = Vec::new();
         for conversation in over {
             self.open.remove(&conversation);
-            news.push(ResponderNews::Expired { conversation });
+            events.push(ResponderEvent::Expired { conversation });
         }
-        news
+        events
     }
 
     /// Returns the time at which [`Self::handle_time`] must be called; `None`: never.
@@ -484,8 +484,8 @@ mod tests {
             (Performative::CallForProposal, 3, Some(at(10)))
         );
         for (bid, responder) in [4, 3, 0].into_iter().zip(&mut responders) {
-            let news = responder.handle_message(at(1), call.clone(), &mut wire).unwrap();
-            assert_eq!(news, Some(ResponderNews::Called(call.clone())));
+            let event = responder.handle_message(at(1), call.clone(), &mut wire).unwrap();
+            assert_eq!(event, Some(ResponderEvent::Called(call.clone())));
             let conversation = (AgentId::new("m"), 5);
             if bid > 0 {
                 assert!(responder.propose(&conversation, bid, at(20), &mut wire));
@@ -493,24 +493,26 @@ mod tests {
                 assert!(responder.refuse(&conversation, 0, &mut wire));
             }
         }
-        let mut news = Vec::new();
+        let mut events = Vec::new();
         for message in std::mem::take(&mut wire) {
-            news.extend(initiator.handle_message(at(2), &message, &mut wire).unwrap());
+            events.extend(initiator.handle_message(at(2), &message, &mut wire).unwrap());
         }
         // All have answered: the deadline is not waited for.
         let proposals = vec![Proposal { from: a.clone(), content: 4 }, Proposal { from: b.clone(), content: 3 }];
-        assert_eq!(news, [InitiatorNews::Collected(proposals)]);
+        assert_eq!(events, [InitiatorEvent::Collected(proposals)]);
         initiator.award(&[(b.clone(), 7)], at(30), &mut wire);
         let mut heard = Vec::new();
         for message in std::mem::take(&mut wire) {
             let to = responders.iter_mut().find(|responder| responder.me == message.receivers[0]).unwrap();
             heard.extend(to.handle_message(at(3), message, &mut wire).unwrap());
         }
-        assert!(matches!(&heard[..], [ResponderNews::Rejected(_), ResponderNews::Accepted(task)] if task.content == 7));
+        assert!(
+            matches!(&heard[..], [ResponderEvent::Rejected(_), ResponderEvent::Accepted(task)] if task.content == 7)
+        );
         assert!(!initiator.is_finished());
         assert!(responders[1].done(&(AgentId::new("m"), 5), 70, &mut wire));
-        let news = initiator.handle_message(at(4), &wire.remove(0), &mut wire).unwrap();
-        assert_eq!(news, Some(InitiatorNews::Ended { contractor: b, outcome: TaskOutcome::Done(70) }));
+        let event = initiator.handle_message(at(4), &wire.remove(0), &mut wire).unwrap();
+        assert_eq!(event, Some(InitiatorEvent::Ended { contractor: b, outcome: TaskOutcome::Done(70) }));
         assert!(initiator.is_finished() && wire.is_empty());
     }
 
@@ -522,14 +524,14 @@ mod tests {
         wire.clear();
         assert_eq!(initiator.next_deadline(), Some(at(10)));
         initiator.handle_message(at(9), &answer(&a, Performative::Propose, 1), &mut wire).unwrap();
-        assert!(matches!(&initiator.handle_time(at(10))[..], [InitiatorNews::Collected(all)] if all.len() == 1));
+        assert!(matches!(&initiator.handle_time(at(10))[..], [InitiatorEvent::Collected(all)] if all.len() == 1));
         let late = initiator.handle_message(at(11), &answer(&b, Performative::Propose, 1), &mut wire).unwrap();
         assert_eq!(late, None);
         assert_eq!((wire.len(), wire[0].performative), (1, Performative::RejectProposal));
         initiator.award(&[(a.clone(), 0)], at(20), &mut wire);
         assert_eq!(initiator.next_deadline(), Some(at(20)));
-        let news = initiator.handle_time(at(20));
-        assert_eq!(news, [InitiatorNews::Ended { contractor: a, outcome: TaskOutcome::Lost }]);
+        let events = initiator.handle_time(at(20));
+        assert_eq!(events, [InitiatorEvent::Ended { contractor: a, outcome: TaskOutcome::Lost }]);
         assert!(initiator.is_finished());
         assert_eq!(initiator.next_deadline(), None);
     }
@@ -575,6 +577,6 @@ mod tests {
         assert!(responder.propose(&(m.clone(), 3), 1, at(8), &mut wire));
         assert_eq!(responder.handle_time(at(5)).len(), RESPONSES_MAX - 1);
         assert_eq!(responder.next_deadline(), Some(at(8)));
-        assert_eq!(responder.handle_time(at(8)), [ResponderNews::Expired { conversation: (m, 3) }]);
+        assert_eq!(responder.handle_time(at(8)), [ResponderEvent::Expired { conversation: (m, 3) }]);
     }
 }

@@ -9,11 +9,11 @@ mod request;
 mod subscribe;
 
 pub use contract_net::{
-    Call, ContractNetInitiator, ContractNetResponder, Conversation, InitiatorNews, Proposal, RESPONSES_MAX,
-    ResponderNews, TaskOutcome,
+    Call, ContractNetInitiator, ContractNetResponder, Conversation, InitiatorEvent, Proposal, RESPONSES_MAX,
+    ResponderEvent, TaskOutcome,
 };
 pub use request::{Answer, RequestInitiator};
-pub use subscribe::{SUBSCRIBERS_MAX, SubscribeNews, Subscriptions, TooManySubscribers};
+pub use subscribe::{PublisherEvent, SUBSCRIBERS_MAX, Subscriptions, TooManySubscribers};
 
 use crate::{AgentId, Performative};
 

@@ -102,13 +102,13 @@ mod tests {
             ..AclMessage::new(Performative::Request, a.clone(), b.clone(), 1)
         };
         let mut send = Vec::new();
-        let mut asked = RequestInitiator::request(request(), &mut send);
+        let mut initiator = RequestInitiator::request(request(), &mut send);
         let say = |performative, content| send[0].reply(performative, b.clone(), content);
-        assert_eq!(asked.handle_message(&say(Performative::Agree, 0)), Ok(None));
-        assert!(asked.handle_message(&say(Performative::Refuse, 0)).is_err());
-        assert_eq!(asked.handle_message(&say(Performative::Inform, 8)), Ok(Some(Answer::Inform(8))));
-        assert!(asked.handle_message(&say(Performative::Inform, 8)).is_err());
-        assert_eq!(asked.next_deadline(), None);
+        assert_eq!(initiator.handle_message(&say(Performative::Agree, 0)), Ok(None));
+        assert!(initiator.handle_message(&say(Performative::Refuse, 0)).is_err());
+        assert_eq!(initiator.handle_message(&say(Performative::Inform, 8)), Ok(Some(Answer::Inform(8))));
+        assert!(initiator.handle_message(&say(Performative::Inform, 8)).is_err());
+        assert_eq!(initiator.next_deadline(), None);
 
         let mut unheard = RequestInitiator::request(request(), &mut Vec::new());
         assert_eq!(unheard.handle_time::<u32>(Time::ZERO), None);

@@ -13,9 +13,9 @@ pub const SUBSCRIBERS_MAX: usize = 4096;
 #[error("there are {SUBSCRIBERS_MAX} subscribers already")]
 pub struct TooManySubscribers;
 
-/// News for the publisher.
+/// An event for the publisher.
 #[derive(Clone, Debug, PartialEq)]
-pub enum SubscribeNews<C> {
+pub enum PublisherEvent<C> {
     /// A subscription to what the content names. Accept it by [`Subscriptions::accept`], or refuse it.
     Wanted(AclMessage<C>),
     /// A subscriber has cancelled; the confirmation is sent.
@@ -43,13 +43,13 @@ impl<C: Clone> Subscriptions<C> {
         &mut self,
         message: AclMessage<C>,
         send: &mut Vec<AclMessage<C>>,
-    ) -> Result<SubscribeNews<C>, OutOfSequence> {
+    ) -> Result<PublisherEvent<C>, OutOfSequence> {
         let key = (message.sender.clone(), message.conversation_id);
         match message.performative {
-            Performative::Subscribe => Ok(SubscribeNews::Wanted(message)),
+            Performative::Subscribe => Ok(PublisherEvent::Wanted(message)),
             Performative::Cancel if self.subscribers.remove(&key).is_some() => {
                 send.push(message.reply(Performative::Inform, self.me.clone(), message.content.clone()));
-                Ok(SubscribeNews::Cancelled(message.sender))
+                Ok(PublisherEvent::Cancelled(message.sender))
             }
             got => Err(OutOfSequence { from: message.sender, got, state: "without a subscription" }),
         }
@@ -68,10 +68,10 @@ impl<C: Clone> Subscriptions<C> {
         Ok(())
     }
 
-    /// Sends each subscriber the news about its subscription, if `news` returns any; in order of names.
-    pub fn tell(&self, mut news: impl FnMut(&C) -> Option<C>, send: &mut Vec<AclMessage<C>>) {
+    /// Sends each subscriber what `update` returns for its subscription, if anything; in order of names.
+    pub fn tell(&self, mut update: impl FnMut(&C) -> Option<C>, send: &mut Vec<AclMessage<C>>) {
         for wish in self.subscribers.values() {
-            if let Some(content) = news(&wish.content) {
+            if let Some(content) = update(&wish.content) {
                 send.push(wish.reply(Performative::Inform, self.me.clone(), content));
             }
         }
@@ -88,20 +88,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_subscriber_is_told_what_concerns_it_until_it_cancels() {
+    fn a_subscriber_gets_its_updates_until_it_cancels() {
         let (a, b) = (AgentId::new("a"), AgentId::new("b"));
         let mut all = Subscriptions::new(b.clone());
         let mut send = Vec::new();
         let say =
             |performative| AclMessage { conversation_id: 1, ..AclMessage::new(performative, a.clone(), b.clone(), 10) };
-        let Ok(SubscribeNews::Wanted(wish)) = all.handle_message(say(Performative::Subscribe), &mut send) else {
+        let Ok(PublisherEvent::Wanted(wish)) = all.handle_message(say(Performative::Subscribe), &mut send) else {
             panic!()
         };
         all.accept(wish).unwrap();
         all.tell(|wish| (*wish == 10).then_some(11), &mut send);
         all.tell(|wish| (*wish == 12).then_some(11), &mut send);
         assert_eq!(send.iter().map(|m| (m.performative, m.content)).collect::<Vec<_>>(), [(Performative::Inform, 11)]);
-        assert_eq!(all.handle_message(say(Performative::Cancel), &mut send), Ok(SubscribeNews::Cancelled(a.clone())));
+        assert_eq!(all.handle_message(say(Performative::Cancel), &mut send), Ok(PublisherEvent::Cancelled(a.clone())));
         assert!(all.handle_message(say(Performative::Cancel), &mut send).is_err());
         assert!(all.handle_message(say(Performative::Propose), &mut send).is_err());
     }

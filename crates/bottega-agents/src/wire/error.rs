@@ -39,7 +39,7 @@ pub enum WireError {
     #[error("`{0}` is given twice")]
     Twice(String),
     /// A value is invalid.
-    #[error("`{value}` is no {what}")]
+    #[error("`{value}` is not a {what}")]
     BadValue {
         /// The kind of value.
         what: &'static str,

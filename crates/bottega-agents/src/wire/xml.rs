@@ -78,14 +78,14 @@ pub(super) fn parse(text: &str) -> Result<XmlElement, WireError> {
             Event::GeneralRef(reference) => {
                 let character = match reference.resolve_char_ref().map_err(|error| fail(error.to_string()))? {
                     Some(character) => character,
-                    None => predefined(&reference).ok_or_else(|| fail("entities are not taken".to_owned()))?,
+                    None => predefined(&reference).ok_or_else(|| fail("entities are not supported".to_owned()))?,
                 };
                 if !is_legal(character) {
                     return Err(fail(format!("the character {character:?} is not allowed")));
                 }
                 open[top].text.push(character);
             }
-            Event::DocType(_) => return Err(fail("document types are not taken".to_owned())),
+            Event::DocType(_) => return Err(fail("document types are not supported".to_owned())),
             Event::Comment(_) | Event::Decl(_) | Event::PI(_) => {}
             Event::Eof => break,
         }

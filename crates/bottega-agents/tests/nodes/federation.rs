@@ -173,7 +173,9 @@ fn two_over(stores: [Box<dyn EntryStore<String, usize> + Send>; 3]) {
     let [first, second, third] = stores;
     let (one, two) = (node_over("p", first), node_over("p", second));
     done(&one, "a@p", one.df(), Function::Register(offer("a@p")));
-    until("the second knows what the first was told", |number| renderers(&two, &format!("x{number}@p"), 0) == ["a@p"]);
+    until("the second knows what was registered at the first", |number| {
+        renderers(&two, &format!("x{number}@p"), 0) == ["a@p"]
+    });
     let platform = || match done(&two, "y@p", two.ams(), Function::GetDescription) {
         Outcome::Platform(platform) => platform.services[0].addresses.clone(),
         other => panic!("{other:?}"),
@@ -209,7 +211,7 @@ fn of_two_over_one_store_in_memory_either_may_die() {
 }
 
 #[test]
-fn a_subscriber_is_told_once_by_whoever_lives() {
+fn a_subscriber_is_informed_once_by_a_live_process() {
     let shared = SharedStore::default();
     let (one, two) = (node_over("bottega", Box::new(shared.member())), node_over("bottega", Box::new(shared.member())));
     let jade = Jade::start();
@@ -318,7 +320,7 @@ fn command(node: &Node, function: Function) {
 }
 
 #[test]
-fn a_message_takes_the_next_address_and_in_the_end_its_sender_is_told() {
+fn a_message_takes_the_next_address_and_in_the_end_its_sender_is_informed() {
     let (jade, bottega) = (Jade::start(), node("bottega"));
     // A port that was free a moment ago.
     let dead = {
@@ -352,7 +354,7 @@ fn a_lease_ends_and_all_that_lasts_survives_a_restart() {
     Line::to(&bottega).ask(&register);
     let heard = jade.hear().message;
     let content = is(&heard, P::Inform);
-    assert!(content.contains(":lease-time +00000000T000001500"), "granted as it was asked: {content}");
+    assert!(content.contains(":lease-time +00000000T000001500"), "granted as requested: {content}");
     assert_eq!(renderers(&bottega, "x@p", 0), ["long@p", "probe@jade"]);
     drop(bottega);
     let bottega = node_over("p", store());

@@ -78,10 +78,10 @@ fn nothing_passes_before_the_pages_are_known_and_then_all_that_waited() {
     // A request without an answer is repeated.
     let mut gateway = border();
     assert_eq!(gateway.next_deadline(), Some(at(10)));
-    let asked = after(&mut gateway, 10, Event::Deadline);
+    let actions = after(&mut gateway, 10, Event::Deadline);
     let is_watch =
         |action: &ActionOf<Border>| matches!(action, Action::Store { request: StoreRequest::Watch { .. }, .. });
-    assert_eq!(asked.iter().filter(|action| is_watch(action)).count(), 2);
+    assert_eq!(actions.iter().filter(|action| is_watch(action)).count(), 2);
 }
 
 #[test]

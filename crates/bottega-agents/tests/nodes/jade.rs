@@ -36,7 +36,7 @@ fn it_asks_the_ams_what_the_platform_is() {
 }
 
 #[test]
-fn it_registers_searches_and_is_told_that_it_did_so_already() {
+fn it_registers_and_searches_and_a_second_registration_is_refused() {
     let (jade, bottega) = (Jade::start(), node("bottega"));
     let mut line = Line::to(&bottega);
     // After each body JADE sends a line end too many, on a connection that it keeps.
@@ -241,7 +241,7 @@ const SUBSCRIBE: &str = "((iota ?x (result (action DF (search (df-agent-descript
                          rendering))) (search-constraints :max-results -1))) ?x)))";
 
 #[test]
-fn it_subscribes_to_the_df_and_is_told_of_each_change_until_it_cancels() {
+fn it_subscribes_to_the_df_and_is_informed_of_each_change_until_it_cancels() {
     let (jade, bottega) = (Jade::start(), node("bottega"));
     let mut line = Line::to(&bottega);
     line.ask(&says(&jade, &bottega, "SUBSCRIBE", SUBSCRIBE, 1));
@@ -257,17 +257,23 @@ fn it_subscribes_to_the_df_and_is_told_of_each_change_until_it_cancels() {
     line.ask(&offer("rendering", 2));
     let mut heard = [jade.hear().message, jade.hear().message];
     heard.sort_by_key(|message| message.conversation_id.clone());
-    let news = is(&heard[0], P::Inform);
+    let inform = is(&heard[0], P::Inform);
     assert_eq!(heard[0].conversation_id.as_deref(), Some("conv-probe@jade1"));
-    assert!(news.starts_with("((= (iota ?x (result (action (agent-identifier :name df@bottega)"), "{news}");
-    assert!(news.contains(" ?x)) (sequence (df-agent-description :name (agent-identifier :name probe@jade)"), "{news}");
+    assert!(inform.starts_with("((= (iota ?x (result (action (agent-identifier :name df@bottega)"), "{inform}");
+    assert!(
+        inform.contains(" ?x)) (sequence (df-agent-description :name (agent-identifier :name probe@jade)"),
+        "{inform}"
+    );
     // The agent is gone: only its name is left.
     let gone = "((action DF (deregister (df-agent-description :name (agent-identifier :name probe@jade)))))";
     line.ask(&says(&jade, &bottega, "REQUEST", gone, 3));
     let mut heard = [jade.hear().message, jade.hear().message];
     heard.sort_by_key(|message| message.conversation_id.clone());
-    let news = is(&heard[0], P::Inform);
-    assert!(news.ends_with("(sequence (df-agent-description :name (agent-identifier :name probe@jade)))))"), "{news}");
+    let inform = is(&heard[0], P::Inform);
+    assert!(
+        inform.ends_with("(sequence (df-agent-description :name (agent-identifier :name probe@jade)))))"),
+        "{inform}"
+    );
     line.ask(&says(&jade, &bottega, "CANCEL", SUBSCRIBE, 1));
     let done = jade.hear().message;
     assert_eq!(done.conversation_id.as_deref(), Some("conv-probe@jade1"));
@@ -278,7 +284,7 @@ fn it_subscribes_to_the_df_and_is_told_of_each_change_until_it_cancels() {
 }
 
 /// Our platform asks; JADE answers with recorded messages.
-fn asked(number: u32, to: &str, content: ManagementContent) -> (P, PlainContent) {
+fn answer_of(number: u32, to: &str, content: ManagementContent) -> (P, PlainContent) {
     let (jade, bottega) = (Jade::start(), node("bottega"));
     let to = jade.agent(to);
     thread::scope(|scope| {
@@ -315,7 +321,7 @@ fn we_ask_its_services_and_read_its_answers() {
         services: vec![service],
         ..Default::default()
     };
-    let done = |number, to, function| match asked(number, to, ManagementContent::Action(function)) {
+    let done = |number, to, function| match answer_of(number, to, ManagementContent::Action(function)) {
         (P::Inform, PlainContent::Management(ManagementContent::Done(_, outcome))) => outcome,
         other => panic!("{number}: {other:?}"),
     };
@@ -333,7 +339,8 @@ fn we_ask_its_services_and_read_its_answers() {
         (27, Function::Register(offer.clone()), P::Refuse),
         (28, Function::Register(offer), P::NotUnderstood),
     ] {
-        let (said, PlainContent::Management(content)) = asked(number, "df", ManagementContent::Action(function)) else {
+        let (said, PlainContent::Management(content)) = answer_of(number, "df", ManagementContent::Action(function))
+        else {
             panic!("{number}")
         };
         assert_eq!(said, act);
@@ -348,7 +355,7 @@ fn we_ask_its_services_and_read_its_answers() {
         assert!(fits, "{number}");
     }
     // Its AMS reports that no agent has that name.
-    let (act, content) = asked(30, "ghost", ManagementContent::Action(Function::GetDescription));
+    let (act, content) = answer_of(30, "ghost", ManagementContent::Action(Function::GetDescription));
     assert_eq!(act, P::Failure);
     assert!(matches!(content, PlainContent::Management(ManagementContent::Undelivered { receiver, .. })
         if receiver.name.as_ref() == "ghost@jade"));

@@ -120,14 +120,14 @@ fn who_changes_an_entry_and_names_no_addresses_leaves_them_as_they_are() {
     assert_eq!(&*entry.name.unwrap().addresses, ["http://here/acc"]);
 }
 
-/// The news of a subscriber in these messages: whether each agent is there.
-fn told(messages: &[AclMessage<M>]) -> Vec<(String, bool)> {
-    let news = messages.iter().filter_map(|message| match &message.content {
-        M::News(_, _, offers) => Some(offers),
+/// The updates for a subscriber in these messages: whether each agent is there.
+fn updates_of(messages: &[AclMessage<M>]) -> Vec<(String, bool)> {
+    let offer_lists = messages.iter().filter_map(|message| match &message.content {
+        M::Updates(_, _, offers) => Some(offers),
         _ => None,
     });
     let name = |offer: &DfAgentDescription| offer.name.as_ref().map(ToString::to_string).unwrap_or_default();
-    news.flatten().map(|offer| (name(offer), !offer.services.is_empty())).collect()
+    offer_lists.flatten().map(|offer| (name(offer), !offer.services.is_empty())).collect()
 }
 
 fn subscribe(df: &mut Desk<Df>, now: Time) -> Vec<AclMessage<M>> {
@@ -143,11 +143,12 @@ fn there(name: &str) -> (String, bool) {
 fn a_directory_that_starts_again_tells_what_was_not_sure_and_what_is_gone() {
     let mut df = Desk::new("df@here", offers(None));
     outcome(&mut df, at(0), "a", Function::Register(offer("a", "smith")));
-    assert_eq!(told(&subscribe(&mut df, at(0))), [there("a")]);
+    assert_eq!(updates_of(&subscribe(&mut df, at(0))), [there("a")]);
     let unsure = df.store.clone();
     df.handle(at(31), Event::Deadline);
     let sure = df.store.clone();
-    let started = |store: &MemoryStore<String, ()>| told(&Desk::over("df@here", offers(None), store.clone()).first);
+    let started =
+        |store: &MemoryStore<String, ()>| updates_of(&Desk::over("df@here", offers(None), store.clone()).first);
     // A service that died at once does not know whether its write arrived.
     assert_eq!(started(&unsure), [there("a")]);
     assert_eq!(started(&sure), []);
@@ -159,19 +160,19 @@ fn a_directory_that_starts_again_tells_what_was_not_sure_and_what_is_gone() {
 }
 
 #[test]
-fn what_did_not_reach_a_subscriber_is_told_again_and_in_the_end_it_is_forgotten() {
+fn updates_that_did_not_arrive_are_repeated_until_the_subscriber_is_forgotten() {
     let mut df = Desk::new("df@here", offers(None));
     outcome(&mut df, at(0), "a", Function::Register(offer("a", "smith")));
     let mut said = subscribe(&mut df, at(0));
     let lost = |said: &[AclMessage<M>], subscriber: &AgentId| {
         let content = M::Undelivered { receiver: subscriber.clone(), reason: "no connection".into() };
-        let inform = said.iter().find(|message| matches!(message.content, M::News(..))).expect("news");
+        let inform = said.iter().find(|message| matches!(message.content, M::Updates(..))).expect("an update");
         Event::Message(inform.reply(Performative::Failure, id("ams@here"), content))
     };
     let is_over = |said: &[AclMessage<M>]| said.iter().any(|message| message.performative == Performative::Failure);
     let mut tries = 0;
     for second in (1..).step_by(6) {
-        assert_eq!(told(&said), [there("a")]);
+        assert_eq!(updates_of(&said), [there("a")]);
         said = df.handle(at(second), lost(&said, &id("s")));
         if is_over(&said) {
             break;
@@ -184,5 +185,5 @@ fn what_did_not_reach_a_subscriber_is_told_again_and_in_the_end_it_is_forgotten(
     assert!(tries > 8, "{tries}");
     let entry = Function::Register(offer("b", "smith"));
     let message = AclMessage::new(Performative::Request, id("b"), id("df@here"), M::Action(entry));
-    assert!(told(&df.handle(at(200), Event::Message(message))).is_empty(), "nobody is told any more");
+    assert!(updates_of(&df.handle(at(200), Event::Message(message))).is_empty(), "nobody is informed any more");
 }

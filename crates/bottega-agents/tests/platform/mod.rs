@@ -242,7 +242,7 @@ fn the_start_service_knows_every_basic_service_once() {
 /// An agent that counts seconds and the messages that it gets.
 struct Clock {
     ticks: u32,
-    told: u32,
+    messages: u32,
     next: Time,
 }
 
@@ -254,7 +254,7 @@ impl StateMachine for Clock {
 
     fn handle(&mut self, now: Time, event: EventOf<Self>, _: &mut Vec<ActionOf<Self>>) {
         match event {
-            Event::Message(_) => self.told += 1,
+            Event::Message(_) => self.messages += 1,
             Event::Deadline if self.next <= now => {
                 self.ticks += 1;
                 self.next = now + Duration::from_secs(1);
@@ -301,7 +301,7 @@ fn a_suspended_agent_keeps_its_messages_and_goes_on_when_resumed() {
     let mut world = Simulator::new(1, Faults::NONE, |_: Time, _: &AgentId, (): (), _: &mut Random, _: &mut Vec<_>| {});
     world.add(&id("ams@here"), false, || Any::Ams(Box::new(Service::new(id("ams@here"), pages()))));
     world.add(&id("clock"), false, || {
-        let clock = Clock { ticks: 0, told: 0, next: Time::ZERO };
+        let clock = Clock { ticks: 0, messages: 0, next: Time::ZERO };
         Any::Clock(StandardAgent::new(id("clock"), id("ams@here"), clock))
     });
     let at = |millis| Time::since_start(Duration::from_millis(millis));
@@ -317,7 +317,7 @@ fn a_suspended_agent_keeps_its_messages_and_goes_on_when_resumed() {
     world.bus().publish(request("x", "clock", M::Action(Function::GetDescription)));
     world.run_until(at(10500));
     let look = |world: &Simulator<Any, _>| match world.machine(&id("clock")) {
-        Some(Any::Clock(clock)) => Some((clock.is_suspended(), clock.machine().ticks, clock.machine().told)),
+        Some(Any::Clock(clock)) => Some((clock.is_suspended(), clock.machine().ticks, clock.machine().messages)),
         _ => None,
     };
     assert_eq!(look(&world), Some((true, 3, 0)));

@@ -6,7 +6,7 @@ use std::{cell::RefCell, collections::BTreeMap, rc::Rc, time::Duration};
 use bottega_agents::{
     AclMessage, Action, ActionOf, AgentId, Event, EventOf, Faults, Key, Performative, Random, Revision, Simulator,
     StateMachine, StoreReply, StoreRequest, Ticket, Time,
-    protocol::{Call, ContractNetInitiator, ContractNetResponder, Conversation, InitiatorNews, ResponderNews},
+    protocol::{Call, ContractNetInitiator, ContractNetResponder, Conversation, InitiatorEvent, ResponderEvent},
 };
 use expect_test::expect;
 
@@ -86,9 +86,9 @@ impl Manager {
         send_all(send, actions);
     }
 
-    fn learn(&mut self, now: Time, news: impl IntoIterator<Item = InitiatorNews<Say>>, actions: &mut Actions) {
-        for one in news {
-            let InitiatorNews::Collected(proposals) = one else { continue };
+    fn learn(&mut self, now: Time, events: impl IntoIterator<Item = InitiatorEvent<Say>>, actions: &mut Actions) {
+        for event in events {
+            let InitiatorEvent::Collected(proposals) = event else { continue };
             let Some((_, task, revision)) = self.auction else { continue };
             let best = proposals.into_iter().min_by_key(|proposal| match proposal.content {
                 Say::Bid(bid) => bid,
@@ -155,7 +155,7 @@ impl StateMachine for Manager {
                 let ours =
                     self.auction.as_mut().filter(|(a, ..)| a.the_call().conversation_id == message.conversation_id);
                 match ours.map(|(auction, ..)| auction.handle_message(now, &message, &mut send)) {
-                    Some(Ok(news)) => self.learn(now, news, actions),
+                    Some(Ok(event)) => self.learn(now, event, actions),
                     Some(Err(_)) => send.extend(message.not_understood(self.id.clone())),
                     None if message.performative == Performative::Propose => {
                         send.push(message.reply(Performative::RejectProposal, self.id.clone(), Say::Nothing));
@@ -168,8 +168,8 @@ impl StateMachine for Manager {
                 if let Some((auction, ..)) = &mut self.auction
                     && self.winner.is_none()
                 {
-                    let news = auction.handle_time(now);
-                    self.learn(now, news, actions);
+                    let events = auction.handle_time(now);
+                    self.learn(now, events, actions);
                 }
                 if self.tick <= now {
                     self.call(now, actions);
@@ -213,9 +213,9 @@ impl Contractor {
         }
     }
 
-    fn learn(&mut self, news: ResponderNews<Say>, send: &mut Vec<AclMessage<Say>>, actions: &mut Actions) {
-        match news {
-            ResponderNews::Called(call) => {
+    fn learn(&mut self, event: ResponderEvent<Say>, send: &mut Vec<AclMessage<Say>>, actions: &mut Actions) {
+        match event {
+            ResponderEvent::Called(call) => {
                 let conversation = (call.sender, call.conversation_id);
                 if self.job.is_none() && self.net.proposed_count() == 0 {
                     let until = call.reply_by.unwrap() + Duration::from_secs(3);
@@ -224,13 +224,13 @@ impl Contractor {
                     self.net.refuse(&conversation, Say::Nothing, send);
                 }
             }
-            ResponderNews::Accepted(award) => {
+            ResponderEvent::Accepted(award) => {
                 let Say::Award { task, token } = award.content else { panic!("managers are of one mind") };
                 assert!(self.job.is_none(), "{} has work already", self.id);
                 self.job = Some(((award.sender, award.conversation_id), task, token));
                 actions.push(Action::Effect(task));
             }
-            ResponderNews::Rejected(_) | ResponderNews::Cancelled(_) | ResponderNews::Expired { .. } => {}
+            ResponderEvent::Rejected(_) | ResponderEvent::Cancelled(_) | ResponderEvent::Expired { .. } => {}
         }
     }
 }
@@ -245,20 +245,20 @@ impl StateMachine for Contractor {
         let mut send = Vec::new();
         match event {
             Event::Message(message) => match self.net.handle_message(now, message.clone(), &mut send) {
-                Ok(Some(news)) => self.learn(news, &mut send, actions),
+                Ok(Some(event)) => self.learn(event, &mut send, actions),
                 Ok(None) => {}
                 Err(_) => send.extend(message.not_understood(self.id.clone())),
             },
             Event::Deadline => {
-                for news in self.net.handle_time(now) {
-                    self.learn(news, &mut send, actions);
+                for event in self.net.handle_time(now) {
+                    self.learn(event, &mut send, actions);
                 }
             }
             Event::Completed(_) => self.finish(actions),
             Event::Store { ticket, reply } if self.job.as_ref().is_some_and(|job| u64::from(job.1) == ticket.0) => {
                 match reply {
                     StoreReply::Written { .. } => self.report(true, &mut send),
-                    // Our lease ran out; or an earlier attempt of ours, whose answer was lost, went through.
+                    // Our lease ran out; or an earlier attempt of ours, whose answer was lost, succeeded.
                     StoreReply::Conflict { entry, .. } => {
                         let ours = entry.is_some_and(|entry| entry.value == TaskState::Done { by: self.id.clone() });
                         self.report(ours, &mut send);
@@ -383,7 +383,7 @@ fn check(seed: u64, seen: &[Step]) {
             (Some((_, TaskState::Awarded { to, .. })), TaskState::Done { by }) => {
                 assert_eq!(to, by, "seed {seed}: only who holds the award may finish task {task}");
             }
-            (before, _) => panic!("seed {seed}: task {task} went from {before:?} to {state:?}"),
+            (before, _) => panic!("seed {seed}: task {task} changed from {before:?} to {state:?}"),
         }
         tasks.insert(*task, (*revision, state));
     }

@@ -151,7 +151,7 @@ fn many_who_count_together_count_right() {
 }
 
 #[test]
-fn a_log_that_grew_long_is_written_anew_and_those_who_watch_lose_nothing() {
+fn a_long_log_is_rewritten_and_watchers_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("state");
     let (mut one, mut two) = (open(&path), open(&path));
@@ -166,9 +166,9 @@ fn a_log_that_grew_long_is_written_anew_and_those_who_watch_lose_nothing() {
         longest = longest.max(one.log_bytes());
     }
     assert!(longest < 40 * (1 << 15), "{longest} bytes for two values of 64 KiB");
-    let told = poll(&mut two);
+    let replies = poll(&mut two);
     let last = |key: &str| {
-        told.iter().rev().find_map(|reply| match reply {
+        replies.iter().rev().find_map(|reply| match reply {
             StoreReply::Changed(entry) if entry.key == key.into() => Some(entry.value.clone()),
             _ => None,
         })

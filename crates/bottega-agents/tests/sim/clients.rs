@@ -49,7 +49,14 @@ pub(crate) trait Plan {
     /// The next request, and its receiver.
     fn next(&mut self, now: Time, random: &mut Random) -> (AgentId, Function);
     /// The conversation has ended with this outcome.
-    fn ended(&mut self, asked: Time, now: Time, function: &Function, answer: &Answer<PlainContent>, notes: &mut Notes);
+    fn ended(
+        &mut self,
+        requested_at: Time,
+        now: Time,
+        function: &Function,
+        answer: &Answer<PlainContent>,
+        notes: &mut Notes,
+    );
 }
 
 /// A client that sends one request after the other.
@@ -74,15 +81,15 @@ impl<W: Plan> Client<W> {
     }
 
     fn end(&mut self, now: Time, answer: &Answer<PlainContent>) {
-        let Some((_, function, asked)) = self.open.take() else { return };
+        let Some((_, function, requested_at)) = self.open.take() else { return };
         let word = word(answer);
         let mut notes = self.notes.lock().unwrap();
         *notes.ends.entry(word).or_default() += 1;
         if *answer == Answer::Silence {
-            notes.unanswered.push((asked, self.me.clone()));
+            notes.unanswered.push((requested_at, self.me.clone()));
         }
         self.ends.insert(self.conversation, word);
-        self.wish.ended(asked, now, &function, answer, &mut notes);
+        self.wish.ended(requested_at, now, &function, answer, &mut notes);
         self.next = now + PAUSE.mul_f64(1.0 + self.random.unit());
     }
 
@@ -212,14 +219,14 @@ impl Registrar {
         }
     }
 
-    fn judge(&self, found: &[DfAgentDescription], asked: Time, now: Time, notes: &mut Notes) {
+    fn judge(&self, found: &[DfAgentDescription], requested_at: Time, now: Time, notes: &mut Notes) {
         for offer in found {
-            if offer.lease_time.is_some_and(|end| end < asked) {
+            if offer.lease_time.is_some_and(|end| end < requested_at) {
                 notes.wrong.push(format!("{} finds an offer whose lease ended: {offer:?}", self.me));
             }
         }
         let own = found.iter().find(|offer| offer.name.as_ref() == Some(&self.me));
-        if self.must_be(asked, now).is_some_and(|must| must != own.is_some()) {
+        if self.must_be(requested_at, now).is_some_and(|must| must != own.is_some()) {
             notes.wrong.push(format!("{} knows {:?} at {now:?} and finds {own:?}", self.me, self.known));
         }
         if let (Known::There(known), Some(own)) = (&self.known, own)
@@ -245,11 +252,18 @@ impl Plan for Registrar {
         (self.df.clone(), function)
     }
 
-    fn ended(&mut self, asked: Time, now: Time, function: &Function, answer: &Answer<PlainContent>, notes: &mut Notes) {
+    fn ended(
+        &mut self,
+        requested_at: Time,
+        now: Time,
+        function: &Function,
+        answer: &Answer<PlainContent>,
+        notes: &mut Notes,
+    ) {
         let wrong = |notes: &mut Notes, what: &str| {
-            notes.wrong.push(format!("{} knows {:?} at {now:?} and is told {what}", self.me, self.known));
+            notes.wrong.push(format!("{} knows {:?} at {now:?} and hears {what}", self.me, self.known));
         };
-        let must = self.must_be(asked, now);
+        let must = self.must_be(requested_at, now);
         let known = match (function, word(answer)) {
             (Function::Register(offer) | Function::Modify(offer), "done") => {
                 match (function, must) {
@@ -263,7 +277,7 @@ impl Plan for Registrar {
                 if must == Some(false) {
                     wrong(notes, "that it is there already");
                 }
-                if self.must_be(asked, now + PAUSE) == Some(true) {
+                if self.must_be(requested_at, now + PAUSE) == Some(true) {
                     return;
                 }
                 // A process that takes the same request when the lease has ended enters it.
@@ -279,7 +293,7 @@ impl Plan for Registrar {
             (Function::Deregister(_), "done" | "not there") => Known::Absent,
             (Function::Search(..), "done") => {
                 if let Answer::Inform(PlainContent::Management(M::Done(_, Outcome::Offers(found)))) = answer {
-                    self.judge(found, asked, now, notes);
+                    self.judge(found, requested_at, now, notes);
                 }
                 return;
             }
@@ -312,14 +326,14 @@ impl Plan for Boss {
 
     fn ended(&mut self, _: Time, _: Time, function: &Function, answer: &Answer<PlainContent>, notes: &mut Notes) {
         let Function::ModifyAgent(AmsAgentDescription { name: Some(agent), state: Some(state), .. }) = function else {
-            unreachable!("nothing else is asked")
+            unreachable!("nothing else is requested")
         };
         match word(answer) {
             "done" => _ = notes.states.insert(agent.clone(), *state),
             "silence" | "failed" => _ = notes.states.remove(agent),
             // Its process has not started yet.
             "not there" => {}
-            other => notes.wrong.push(format!("the boss is told: {other}, {answer:?}")),
+            other => notes.wrong.push(format!("the boss hears: {other}, {answer:?}")),
         }
     }
 }
@@ -351,7 +365,7 @@ impl Plan for Supplier {
                 notes.wrong.extend(missing.iter().map(|entry| format!("the service root has no {}", entry.id)));
             }
             (_, _, "silence" | "failed") => {}
-            (_, _, other) => notes.wrong.push(format!("the supplier is told: {other}, {answer:?}")),
+            (_, _, other) => notes.wrong.push(format!("the supplier hears: {other}, {answer:?}")),
         }
     }
 }
@@ -362,7 +376,7 @@ pub(crate) struct Subscriber {
     pub(crate) df: AgentId,
     pub(crate) notes: Shared,
     pub(crate) conversation: u64,
-    /// The time to subscribe again without news.
+    /// The time to subscribe again without updates.
     pub(crate) again: Option<Time>,
 }
 
@@ -408,7 +422,7 @@ impl StateMachine for Subscriber {
             Event::Deadline if self.again.is_some_and(|again| again <= now) => self.subscribe(now, actions),
             Event::Message(message) if message.conversation_id == self.conversation => {
                 match (&message.content, message.performative) {
-                    (PlainContent::Management(M::News(_, _, offers)), P::Inform) => {
+                    (PlainContent::Management(M::Updates(_, _, offers)), P::Inform) => {
                         self.again = None;
                         self.learn(offers);
                     }

@@ -293,7 +293,13 @@ fn check(play: &Play, second: Second, seed: u64) -> Vec<String> {
     let notes = play.notes.lock().unwrap();
     let mut wrong = notes.wrong.clone();
     let calm = play.until + Duration::from_secs(30);
-    wrong.extend(notes.unanswered.iter().filter(|(asked, _)| *asked > calm).map(|who| format!("no answer: {who:?}")));
+    wrong.extend(
+        notes
+            .unanswered
+            .iter()
+            .filter(|(requested_at, _)| *requested_at > calm)
+            .map(|who| format!("no answer: {who:?}")),
+    );
     let entered = pages(play, "df/agent/");
     let now = play.simulator.now();
     for (agent, offer) in &notes.entered {
@@ -301,7 +307,7 @@ fn check(play: &Play, second: Second, seed: u64) -> Vec<String> {
         let is = entered.get(&*agent.name);
         let says = |text: &String| offer.iter().all(|offer| text.contains(offer.services[0].name.as_deref().unwrap()));
         if must != is.is_some() || must && !is.is_some_and(says) {
-            wrong.push(format!("{agent} was told {offer:?}, and the directory has {is:?}"));
+            wrong.push(format!("{agent} registered {offer:?}, and the directory has {is:?}"));
         }
     }
     let offers: BTreeMap<&String, &String> = entered.iter().filter(|(_, text)| text.contains(KIND)).collect();

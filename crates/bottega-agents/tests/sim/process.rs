@@ -36,8 +36,8 @@ pub(crate) struct Process {
     members: Vec<Member>,
     index: BTreeMap<AgentId, usize>,
     mail: VecDeque<(usize, InnerEvent)>,
-    /// The agent that asked the store, and its ticket.
-    asked: BTreeMap<Ticket, (usize, Ticket)>,
+    /// Requests to the store, with the requesting agent and its ticket.
+    requests: BTreeMap<Ticket, (usize, Ticket)>,
     /// The next ticket, greater than all of the previous life.
     first_ticket: u64,
     watchers: BTreeSet<usize>,
@@ -54,8 +54,8 @@ impl Process {
         let index = agents.iter().enumerate().map(|(number, (id, _))| (id.clone(), number)).collect();
         let member = |(id, machine)| Member { id, machine: Some(machine), deadline: None };
         let members = agents.into_iter().map(member).collect();
-        let (mail, asked, watchers) = (VecDeque::new(), BTreeMap::new(), BTreeSet::from([GATEWAY]));
-        Self { members, index, mail, asked, first_ticket: 0, watchers, folder: format!("{platform}:") }
+        let (mail, requests, watchers) = (VecDeque::new(), BTreeMap::new(), BTreeSet::from([GATEWAY]));
+        Self { members, index, mail, requests, first_ticket: 0, watchers, folder: format!("{platform}:") }
     }
 
     fn is_here(&self, agent: usize) -> bool {
@@ -93,8 +93,8 @@ impl Process {
         match action {
             Action::Send(message) => self.publish(message),
             Action::Store { ticket, request } => {
-                let own = Ticket(self.first_ticket + self.asked.len() as u64);
-                self.asked.insert(own, (agent, ticket));
+                let own = Ticket(self.first_ticket + self.requests.len() as u64);
+                self.requests.insert(own, (agent, ticket));
                 actions.push(Action::Store { ticket: own, request: self.within(request) });
             }
             Action::Effect(effect) => actions.push(Action::Effect(Deed::Channel(effect))),
@@ -169,7 +169,7 @@ impl StateMachine for Process {
             Event::Completed(report) => self.mail.push_back((GATEWAY, Event::Completed(report))),
             Event::Store { ticket, reply } => {
                 // Ignore answers to requests of the previous life.
-                let Some(&(agent, ticket)) = self.asked.get(&ticket) else { return };
+                let Some(&(agent, ticket)) = self.requests.get(&ticket) else { return };
                 self.mail.push_back((agent, Event::Store { ticket, reply: self.without(reply) }));
             }
             Event::Deadline => {

@@ -174,7 +174,7 @@ fn any_text_is_written_as_jade_reads_it() {
 fn hostile_texts_are_refused_by_name() {
     let string = |text: &str| parse_string(text).unwrap_err().to_string();
     assert_eq!(string("(inform"), "byte 7: expected `:` and a parameter, or `)`");
-    assert_eq!(string("(sing :content a)"), "`sing` is no performative");
+    assert_eq!(string("(sing :content a)"), "`sing` is not a performative");
     assert_eq!(string("(inform :content a :content b)"), "`content` is given twice");
     assert_eq!(string("(inform) x"), "byte 9: expected the end of the message");
     assert_eq!(string("(inform :content \"a)"), "byte 17: expected a string that ends");
@@ -182,7 +182,7 @@ fn hostile_texts_are_refused_by_name() {
     assert_eq!(string("(inform :content #1\"é)"), "byte 17: expected as many bytes as were counted");
     // Units of UTF-16, of which one is half a character.
     assert_eq!(string("(inform :content #1\"🎨\\)"), "byte 17: expected as many bytes as were counted");
-    assert_eq!(string("(inform :reply-by 2026-11-21T02:00:00Z)"), "`2026-11-21T02:00:00Z` is no date-time");
+    assert_eq!(string("(inform :reply-by 2026-11-21T02:00:00Z)"), "`2026-11-21T02:00:00Z` is not a date-time");
     assert_eq!(string("(inform :sender (agent-identifier))"), "`agent-identifier` has no `name`");
     // As deep as it likes: what is unknown is passed over without a stack.
     let deep = format!("(inform :other {}{} :content a)", "(x ".repeat(100_000), ")".repeat(100_000));
@@ -195,7 +195,8 @@ fn hostile_texts_are_refused_by_name() {
 
     let xml = |text: &str| parse_xml(text).unwrap_err().to_string();
     assert!(
-        xml("<fipa-message act=\"inform\"><content>&a;</content></fipa-message>").contains("entities are not taken")
+        xml("<fipa-message act=\"inform\"><content>&a;</content></fipa-message>")
+            .contains("entities are not supported")
     );
     assert!(parse_xml("<fipa-message act=\"&a;\"/>").is_err());
     assert!(xml("<fipa-message act=\"inform\"><content>&#1;</content></fipa-message>").contains("is not allowed"));
@@ -240,14 +241,14 @@ fn no_document_type_is_fetched_and_no_entity_expanded() {
                     format!("{declaration}{}{}", trap.replace("ROOT", root), document.replace("TEXT", text))
                 };
                 let set = [set("envelope", envelope), set("fipa-message", message)];
-                refused(envelope_says(&set[0]), "document types are not taken", &set[0]);
-                refused(message_says(&set[1]), "document types are not taken", &set[1]);
+                refused(envelope_says(&set[0]), "document types are not supported", &set[0]);
+                refused(message_says(&set[1]), "document types are not supported", &set[1]);
             }
         }
     }
     // Without a document type no entity is declared; the five of XML itself are letters.
-    refused(envelope_says(&envelope.replace("TEXT", "&a;")), "entities are not taken", "an entity");
-    refused(message_says(&message.replace("TEXT", "&a;")), "entities are not taken", "an entity");
+    refused(envelope_says(&envelope.replace("TEXT", "&a;")), "entities are not supported", "an entity");
+    refused(message_says(&message.replace("TEXT", "&a;")), "entities are not supported", "an entity");
     assert_eq!(
         message_says(&message.replace("TEXT", "&lt;&gt;&amp;&quot;&apos;&#65;&#x42;")),
         Ok(Some("<>&\"'AB".into()))
@@ -306,7 +307,7 @@ fn a_message_reaches_the_mailboxes_that_its_envelope_names() {
 }
 
 #[test]
-fn the_sender_is_told_of_an_agent_that_is_not_there_and_never_of_a_failure_of_a_failure() {
+fn a_missing_receiver_is_reported_to_the_sender_and_a_failure_of_a_failure_is_not() {
     let (mut envelope, payload) = recorded(5);
     envelope.intended_receivers = vec![AgentId::new("nobody@bottega")];
     let routed = receive(&envelope, &payload).unwrap();

@@ -141,7 +141,7 @@ impl Ratios {
 }
 
 fn as_json(report: &AlaReport) -> Value {
-    let told = |result: &MethodResult| {
+    let method_json = |result: &MethodResult| {
         let bytes: serde_json::Map<_, _> =
             result.by_map().into_iter().map(|(name, bytes)| (name.to_owned(), json!(bytes))).collect();
         json!({
@@ -162,9 +162,9 @@ fn as_json(report: &AlaReport) -> Value {
         "width": report.reference.width,
         "height": report.reference.height,
         "samples": report.samples,
-        "photons": told(&report.photons),
-        "others": report.others.iter().map(told).collect::<Vec<_>>(),
-        "budgets": report.budgets.iter().map(told).collect::<Vec<_>>(),
+        "photons": method_json(&report.photons),
+        "others": report.others.iter().map(method_json).collect::<Vec<_>>(),
+        "budgets": report.budgets.iter().map(method_json).collect::<Vec<_>>(),
         "first_at_equal_error": report.baselines().map(|baseline| json!({
             "beside": baseline.way.name,
             "rel_mse": baseline.error(),
@@ -173,10 +173,10 @@ fn as_json(report: &AlaReport) -> Value {
         })).collect::<Vec<_>>(),
         "elsewhere": report.elsewhere.iter().map(|other| json!({
             "scene": other.scene,
-            "photons": told(&other.photons),
+            "photons": method_json(&other.photons),
             "agents": other.agents.iter().map(|result| {
                 let over = Ratios::new(&other.photons, result).as_json();
-                json!({ "agents": told(result), "over_photons": over })
+                json!({ "agents": method_json(result), "over_photons": over })
             }).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
         "useful_data": ludd::as_json(&report.useful_data),

@@ -97,9 +97,9 @@ impl LightMethod {
 
     /// Makes the method that uses lighting agents.
     ///
-    /// - `is_asked_for_shadows`: `false` traces all shadow rays.
-    pub(super) fn agents(oracle: Oracle, cast: u32, is_asked_for_shadows: bool) -> Self {
-        let agents = AgentSettings { cast, oracle, decides_shadows: is_asked_for_shadows, ..AgentSettings::default() };
+    /// - `decides_shadows`: `false` traces all shadow rays.
+    pub(super) fn agents(oracle: Oracle, cast: u32, decides_shadows: bool) -> Self {
+        let agents = AgentSettings { cast, oracle, decides_shadows, ..AgentSettings::default() };
         let lookouts = oracle == Oracle::Error;
         let photons = PhotonSettings { agents: Some(agents), lookouts, ..PhotonSettings::default() };
         let whose = if oracle == Oracle::Paper { " of the paper" } else { "" };

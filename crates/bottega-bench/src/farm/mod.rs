@@ -144,17 +144,18 @@ fn run(options: &FarmOptions, access: &ServerAccess, stop: &StopSwitch) -> Resul
     let painted = lead(&settings, engine, Arc::clone(&watch) as _, stop, None, None, Some(link.clone()));
     let report = painted.map_err(bottega::Error::Job);
     let is_whole = report.as_ref().is_ok_and(|report| !report.stopped);
-    let told = is_whole.then(|| parts.iter_mut().map(PartProcess::report::<PartReport>).collect::<Result<Vec<_>, _>>());
+    let reports =
+        is_whole.then(|| parts.iter_mut().map(PartProcess::report::<PartReport>).collect::<Result<Vec<_>, _>>());
     link.forget();
     let report = report?;
     check(&report)?;
-    let told = told.transpose()?.unwrap_or_default();
+    let reports = reports.transpose()?.unwrap_or_default();
     let traffic = uplink.traffic();
     let own = traffic.messages_in + traffic.messages_out;
     let own_bytes = traffic.bytes_in + traffic.bytes_out;
     let [mut waits, mut answers] = watch.agent.take();
-    waits.extend(told.iter().flat_map(|told| &told.waits));
-    answers.extend(told.iter().flat_map(|told| &told.answers));
+    waits.extend(reports.iter().flat_map(|report| &report.waits));
+    answers.extend(reports.iter().flat_map(|report| &report.answers));
     Ok(FarmRun {
         server: uplink.server_version(),
         agents: options.agents,
@@ -166,8 +167,8 @@ fn run(options: &FarmOptions, access: &ServerAccess, stop: &StopSwitch) -> Resul
         profiles: watch.profiles(),
         waits,
         answers,
-        messages: own + told.iter().map(|told| told.messages).sum::<u64>(),
-        bytes: own_bytes + told.iter().map(|told| told.bytes).sum::<u64>(),
+        messages: own + reports.iter().map(|report| report.messages).sum::<u64>(),
+        bytes: own_bytes + reports.iter().map(|report| report.bytes).sum::<u64>(),
     })
 }
 

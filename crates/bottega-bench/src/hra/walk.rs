@@ -168,8 +168,8 @@ fn in_place(source: PathSource<'_>) -> Result<WalkResult, Error> {
     let mut found = WalkResult::new();
     while let Some(mut batch) = source.batch() {
         let mut work = Some(batch.ask());
-        while let Some(asked) = work {
-            work = batch.go_on(asked.perform(), &mut found)?;
+        while let Some(queries) = work {
+            work = batch.go_on(queries.perform(), &mut found)?;
         }
     }
     Ok(found)

@@ -10,7 +10,7 @@ use bottega_engines::{EngineDescription, EngineError, Painted, RenderEngine, Spe
 use bottega_platform::processor_time::own_seconds;
 
 /// The callback of a zone.
-type Told = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
+type ZoneCallback = Box<dyn FnOnce(Result<Painted, EngineError>) + Send>;
 
 /// Processor time of the fixed picture on the reference machine, in seconds.
 const PROBE_REFERENCE: f64 = 0.014;
@@ -29,7 +29,7 @@ struct ZoneQueue {
     is_busy: bool,
     /// The last time of the fixed picture, in seconds.
     probed: Option<f64>,
-    waiting: VecDeque<(ZoneTask, Told)>,
+    waiting: VecDeque<(ZoneTask, ZoneCallback)>,
 }
 
 impl TimedEngine {
@@ -51,7 +51,7 @@ impl TimedEngine {
         let timed = self.clone();
         let before = before.or_else(probe);
         let begun = own_seconds();
-        let told = move |painted: Result<Painted, EngineError>| {
+        let finish = move |painted: Result<Painted, EngineError>| {
             let spent = own_seconds().zip(begun).map(|(now, begun)| now - begun);
             // Compare the zone with the fixed picture, and begin the next zone
             let after = probe();
@@ -67,7 +67,7 @@ impl TimedEngine {
                 Painted { busy, parts, ..painted }
             }));
         };
-        self.engine.start(task, Box::new(told));
+        self.engine.start(task, Box::new(finish));
     }
 }
 
@@ -92,7 +92,7 @@ impl RenderEngine for TimedEngine {
         self.engine.prepare()
     }
 
-    fn start(&self, task: ZoneTask, done: Told) {
+    fn start(&self, task: ZoneTask, done: ZoneCallback) {
         let mut queue = self.queue();
         queue.waiting.push_back((task, done));
         let is_busy = queue.is_busy;

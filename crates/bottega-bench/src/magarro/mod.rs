@@ -56,7 +56,7 @@ impl Measurement for MagarroOptions {
 }
 
 impl MagarroOptions {
-    /// Starts two agents with a server; `None`: pairs are replayed like more agents, because the user asked for it, or because no
+    /// Starts two agents with a server; `None`: pairs are replayed like more agents, because the options say so, or because no
     /// server was named and none can be started.
     fn pair(&self, log: &mut dyn Write) -> Result<Option<AgentPair>, Error> {
         if self.replay {

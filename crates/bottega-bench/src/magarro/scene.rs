@@ -39,7 +39,7 @@ impl<'a> MagarroScene<'a> {
         let options = self.options;
         let tunables = Tunables { max_depth: options.max_depth, light_samples: options.light_samples };
         let by_the_paper = ways == Ways::Papers;
-        let papers_rules = || Expert::parse(PAPER_RULES).expect("the rules in the repository can be read");
+        let papers_rules = || Expert::parse(PAPER_RULES).expect("the built-in rules are valid");
         JobSettings {
             level,
             optimization,

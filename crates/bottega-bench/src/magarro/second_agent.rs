@@ -128,11 +128,11 @@ impl AgentPair {
         let observer = Arc::clone(&arrivals) as _;
         let painted = lead(&settings, engine, observer, &StopSwitch::new(), None, None, Some(link.clone()));
         let report = painted.map_err(bottega::Error::Job);
-        let told = report.is_ok().then(|| second.report::<SecondAgentReport>());
+        let report_of_second = report.is_ok().then(|| second.report::<SecondAgentReport>());
         link.forget();
         let report = report?;
         // If everything was painted before the Master knew the second agent, there is no pair.
-        let took_part = told.transpose()?.is_some_and(|SecondAgentReport { ended }| ended);
+        let took_part = report_of_second.transpose()?.is_some_and(|SecondAgentReport { ended }| ended);
         let seconds = report.times.total.as_secs_f64();
         let last = arrivals.agents().values().copied().max().unwrap_or_default();
         Ok(took_part.then_some(MeasuredPair { seconds, joins: last }))

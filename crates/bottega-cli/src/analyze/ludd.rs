@@ -99,7 +99,7 @@ fn quantile(sorted: &[f32], share: f64) -> Option<f32> {
 
 /// Returns the density shown in the brightest color, the same for all sets, and greater than 0.
 fn white(found: &[LuddField]) -> f32 {
-    let most = found.iter().filter_map(|it| quantile(&sorted(&it.ludd.pixels, Density::all), 1.0 - CLIPPED));
+    let most = found.iter().filter_map(|field| quantile(&sorted(&field.ludd.pixels, Density::all), 1.0 - CLIPPED));
     Some(most.fold(0.0, f32::max)).filter(|&white| white > 0.0).unwrap_or(1.0)
 }
 
@@ -169,7 +169,8 @@ fn blocks(shares: &[f64]) -> String {
 
 /// Draws the share of the pixels by density, one line per set.
 fn histogram(found: &[LuddField], criteria: &str, white: f32) -> String {
-    let bars: Vec<Vec<f64>> = found.iter().map(|it| bars(&sorted(&it.ludd.pixels, Density::all), white)).collect();
+    let bars: Vec<Vec<f64>> =
+        found.iter().map(|field| bars(&sorted(&field.ludd.pixels, Density::all), white)).collect();
     let top = bars.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
     let [width, height] = SIZE;
     let mut svg = Svg::new(width + 2.0 * MARGIN, height + 2.0 * MARGIN, 11);
@@ -183,7 +184,7 @@ fn histogram(found: &[LuddField], criteria: &str, white: f32) -> String {
         svg.text([x(value), MARGIN + height + 16.0], "text-anchor=\"middle\"", format_args!("{value:.2}"));
     }
     svg.text([8.0, MARGIN + 4.0], "", format_args!("{:.0} %", 100.0 * top));
-    for (i, ((it, bars), color)) in found.iter().zip(&bars).zip(COLORS).enumerate() {
+    for (i, ((field, bars), color)) in found.iter().zip(&bars).zip(COLORS).enumerate() {
         let mut path = String::new();
         for (bar, share) in bars.iter().enumerate() {
             let (left, right) = (bar as f64 / BARS as f64 * width, (bar + 1) as f64 / BARS as f64 * width);
@@ -194,7 +195,7 @@ fn histogram(found: &[LuddField], criteria: &str, white: f32) -> String {
         svg.put(format_args!("<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>"));
         let place = [MARGIN + width - 8.0, MARGIN + 18.0 + 16.0 * i as f64];
         let attributes = format!("text-anchor=\"end\" fill=\"{color}\"");
-        svg.text(place, &attributes, format_args!("{} ({})", it.label, it.ludd.sample_count));
+        svg.text(place, &attributes, format_args!("{} ({})", field.label, field.ludd.sample_count));
     }
     svg.finish()
 }

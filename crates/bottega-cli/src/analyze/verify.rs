@@ -90,7 +90,7 @@ impl Verified {
     }
 
     pub(super) fn report(&self) -> Value {
-        let told = |prediction: Option<Prediction>| {
+        let prediction_json = |prediction: Option<Prediction>| {
             prediction.map(|p| json!({"rank_correlation": p.rank_correlation, "r_squared": p.r_squared}))
         };
         let zone = |(zone, seen): (&Zone, &SurveyPixel)| {
@@ -113,9 +113,9 @@ impl Verified {
         json!({
             "importance": self.function.to_string(),
             "level": self.level,
-            "by_map": told(self.by_map()),
-            "after_profiling": told(self.by_profiling()),
-            "measured_again": told(self.repeated()),
+            "by_map": prediction_json(self.by_map()),
+            "after_profiling": prediction_json(self.by_profiling()),
+            "measured_again": prediction_json(self.repeated()),
             "spread": self.spread(),
             "zones": self.zones.iter().zip(&self.seen).map(zone).collect::<Vec<_>>(),
         })
@@ -226,7 +226,7 @@ pub(super) fn table(verified: &[Verified]) -> String {
     let mut text = "rank correlation (and share of variance explained) of predicted and measured time of zones\n\n\
                     importance  level  zones  spread  by the map       after profiling  measured again\n"
         .to_owned();
-    let told = |prediction: Option<Prediction>| match prediction {
+    let prediction_text = |prediction: Option<Prediction>| match prediction {
         Some(p) => format!("{:.3} ({:.3})", p.rank_correlation, p.r_squared),
         None => "–".to_owned(),
     };
@@ -237,9 +237,9 @@ pub(super) fn table(verified: &[Verified]) -> String {
             row.level,
             row.zones.len(),
             100.0 * row.spread(),
-            told(row.by_map()),
-            told(row.by_profiling()),
-            told(row.repeated()),
+            prediction_text(row.by_map()),
+            prediction_text(row.by_profiling()),
+            prediction_text(row.repeated()),
         );
     }
     text + "\nspread: of the measured times, standard deviation over mean. Zones of nearly equal time have no ranks to predict."

@@ -169,7 +169,7 @@ impl RenderArgs {
         request.validate().map_err(|error| self.invalid(error))?;
         let request = self.scene.set_fields(request)?;
         if request.output.file.is_none() && !self.request.dry_run {
-            return Err(CliError::usage("where is the picture to go?", "name a file with -o: .exr or .png"));
+            return Err(CliError::usage("no output file is given", "give one with -o: .exr or .png"));
         }
         Ok(request)
     }
@@ -212,7 +212,7 @@ impl RenderArgs {
         match (self.fps, &mut request.frames) {
             (Some(fps), Some(frames)) => frames.fps = fps,
             (Some(_), None) => {
-                return Err(CliError::usage("--fps is for --frames", "say which frames, or leave it out"));
+                return Err(CliError::usage("--fps needs --frames", "give the frames, or leave out --fps"));
             }
             (None, _) => {}
         }

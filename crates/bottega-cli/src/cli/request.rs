@@ -14,7 +14,7 @@ use crate::error::CliError;
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Request")]
 pub(crate) struct RequestArgs {
-    /// Paint a request: a JSON file as --dry-run prints it; `-` is standard input. Options given beside it override its
+    /// Paint a request: a JSON file as --dry-run prints it; `-` is standard input. Other options override its
     /// fields.
     #[arg(long = "request", id = "request", value_name = "FILE|-", value_hint = ValueHint::FilePath, conflicts_with = "from")]
     file: Option<PathBuf>,

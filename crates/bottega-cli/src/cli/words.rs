@@ -102,7 +102,9 @@ fn set_text(value: &Value) -> String {
     let is_word = |text: &str| !text.is_empty() && !text.contains(',') && serde_json::from_str::<Value>(text).is_err();
     match value {
         Value::String(text) if is_word(text) => text.clone(),
-        Value::Array(values) if !values.is_empty() && values.iter().all(|it| it.as_str().is_some_and(is_word)) => {
+        Value::Array(values)
+            if !values.is_empty() && values.iter().all(|value| value.as_str().is_some_and(is_word)) =>
+        {
             values.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(",")
         }
         _ => value.to_string(),

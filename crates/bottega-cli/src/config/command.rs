@@ -12,8 +12,8 @@ use crate::error::CliError;
 #[command(after_help = "A table is called like a command and holds its options; a profile adds to them:\n\n  \
     [render]\n  threads = 6\n  preview = \"now.png\"\n\n  [profile.draft.render]\n  spp = 16\n  optimize = \"b\"\n\n  \
     [farm]\n  address = \"bottega://WORD@10.0.0.7:4222\"\n\n\
-    What counts, the first that says something: the command line, the environment (BOTTEGA_RENDER_SPP=16), the profile (--profile draft), \
-    the file, the scene. A whole request (`render --request`, `--from`) takes nothing from the file.")]
+    The first of these that sets an option counts: the command line, the environment (BOTTEGA_RENDER_SPP=16), the profile (--profile draft), \
+    the file, the scene. A whole request (`render --request`, `--from`) uses nothing from the file.")]
 pub(crate) struct ConfigArgs {
     #[command(subcommand)]
     command: ConfigCommand,
@@ -39,7 +39,7 @@ pub(crate) fn run(args: &ConfigArgs, program: &Command) -> Result<ExitCode, CliE
                 print!("{}", file.text);
                 check(&file, program)?;
             }
-            None => println!("# {}: there is none", path().display()),
+            None => println!("# {}: no such file", path().display()),
         },
     }
     Ok(ExitCode::SUCCESS)

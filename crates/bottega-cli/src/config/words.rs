@@ -65,10 +65,7 @@ pub(crate) fn with_config(words: Vec<OsString>, program: &Command) -> Result<Vec
 }
 
 fn whole_and_profile() -> CliError {
-    CliError::usage(
-        "a request is whole, and takes nothing from a profile",
-        "leave out --profile, or --request and --from",
-    )
+    CliError::usage("a request is complete and uses no profile", "leave out --profile, or --request and --from")
 }
 
 fn no_profile(name: &str, file: &str, known: &[String]) -> CliError {
@@ -155,7 +152,8 @@ impl<'a> Typed<'a> {
         for (name, value) in said {
             let options = || self.command.get_arguments();
             let Some(option) = options().find(|known| known.get_long() == Some(name.get_ref())) else { continue };
-            let stands = |other: &&Arg| self.is_said(other.get_id().as_str()) || taken.iter().any(|it| it == other);
+            let stands =
+                |other: &&Arg| self.is_said(other.get_id().as_str()) || taken.iter().any(|known| known == other);
             if options().filter(stands).any(|other| other == option || self.exclude(other, option)) {
                 continue;
             }
@@ -238,7 +236,7 @@ fn check_names(file: &ConfigFile, tables: &DeTable<'_>, program: &Command) -> Re
                 for (name, profile) in profiles {
                     let Some(profile) = table(profile) else {
                         let problem =
-                            format!("`{}` is no table of options, such as [profile.draft.render]", name.get_ref());
+                            format!("`{}` is not a table of options, such as [profile.draft.render]", name.get_ref());
                         return Err(file.wrong(name.span(), &problem));
                     };
                     check_table(file, profile, program)?;
@@ -277,10 +275,11 @@ fn check_entry(file: &ConfigFile, (name, value): NamedValue<'_>, command: &Comma
     let near = known.into_iter().map(|known| (distance(known, key), known)).min().filter(|(far, _)| *far <= 2);
     let near = meant.or(near.map(|(_, known)| known)).map(|known| format!("; did you mean `{known}`?"));
     // Suggest the first command that has the option.
-    let has_it = |it: &&Command| table(value).is_none() && it.get_arguments().any(|one| one.get_long() == Some(key));
+    let has_it =
+        |command: &&Command| table(value).is_none() && command.get_arguments().any(|one| one.get_long() == Some(key));
     let elsewhere = || {
         let name = command.get_subcommands().find(has_it)?.get_name();
-        Some(format!("; `{name}` has: it stands below a table `{name}`"))
+        Some(format!("; `{name}` has it: put it below a table `{name}`"))
     };
     let near = near.or_else(elsewhere).unwrap_or_default();
     let what = if table(value).is_some() { "command" } else { "option" };
@@ -363,8 +362,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_place() {
-        for (config, told) in [
+    fn errors_name_their_place() {
+        for (config, expected) in [
             ("[render]\nssp = 16", "line 2, column 1: `render` has no option `ssp`; did you mean `spp`?"),
             ("[render]\nsamples = 16", "`render` has no option `samples`; did you mean `spp`?"),
             (
@@ -376,13 +375,13 @@ mod tests {
             ("[render]\nspp = 2026-01-01", "line 2, column 7: `spp` cannot be a date"),
             ("[render]\nspp = [[1]]", "`spp` cannot be a list"),
             ("[render\nspp = 16", "line 1"),
-            ("[profile]\ndraft = 3", "line 2, column 1: `draft` is no table"),
+            ("[profile]\ndraft = 3", "line 2, column 1: `draft` is not a table"),
             ("profile = 3", "profiles are tables"),
-            ("spp = 3", "`bottega` has no option `spp`; `render` has: it stands below a table `render`"),
+            ("spp = 3", "`bottega` has no option `spp`; `render` has it: put it below a table `render`"),
             ("[profile.draft]\nsize = \"8x6\"", "`size`; `render` has"),
         ] {
             let error = words_of(config, "bottega render a.glb -o a.png").unwrap_err();
-            assert!(error.contains(told), "{config}: {error}");
+            assert!(error.contains(expected), "{config}: {error}");
         }
     }
 

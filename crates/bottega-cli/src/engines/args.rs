@@ -68,7 +68,7 @@ pub(crate) struct TryArgs {
     /// Keep the two pictures here, as full.exr and windows.exr.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) output: Option<PathBuf>,
-    /// Size of the picture; default: a quarter of what the scene says.
+    /// Size of the picture; default: a quarter of the scene's.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(crate) size: Option<Size>,
     /// Samples per pixel.

@@ -118,14 +118,17 @@ fn rows(entry: &ShelfEntry, answer: Option<EngineAnswer>, wait: Duration) -> Vec
     match answer {
         Some(EngineAnswer::Usable(found)) => {
             let row = format!("{name:<9} {}   {extensions}   {}", found.version, found.program.display());
-            let unused = quarantine(&found).map(|why| format!("{:<9} not used here: {}", "", told(&why, name)));
+            let unused =
+                quarantine(&found).map(|why| format!("{:<9} not used here: {}", "", quarantine_text(&why, name)));
             [row].into_iter().chain(unused).collect()
         }
         Some(EngineAnswer::Unusable(EngineFault::NotFound { .. } | EngineFault::Version { .. })) => {
             vec![format!("{name:<9} not here   {extensions}   {}", install_hint(manifest))]
         }
         // It is installed but does not work.
-        Some(EngineAnswer::Unusable(fault)) => vec![format!("{name:<9} not usable   {extensions}   {}", fault.told())],
+        Some(EngineAnswer::Unusable(fault)) => {
+            vec![format!("{name:<9} not usable   {extensions}   {}", fault.report())]
+        }
         None | Some(EngineAnswer::Found(_)) => {
             vec![format!("{name:<9} starting   {extensions}   {}", late(name, answer.is_some(), wait))]
         }
@@ -144,7 +147,7 @@ fn described(entry: &ShelfEntry, answer: Option<&EngineAnswer>, wait: Duration) 
     let (found, problem) = match answer {
         Some(EngineAnswer::Usable(found)) => (Some(found), None),
         Some(EngineAnswer::Found(found)) => (Some(found), Some(late(&manifest.name, true, wait))),
-        Some(EngineAnswer::Unusable(fault)) => (None, Some(fault.told())),
+        Some(EngineAnswer::Unusable(fault)) => (None, Some(fault.report())),
         None => (None, Some(late(&manifest.name, false, wait))),
     };
     json!({
@@ -163,20 +166,20 @@ fn described(entry: &ShelfEntry, answer: Option<&EngineAnswer>, wait: Duration) 
 /// Lists the protections against engines that this system lacks, one line each.
 fn unguarded() -> Vec<&'static str> {
     let lines = [
-        (is_shut_in(), "Engines have the network of this machine: the system allows no namespaces."),
-        (is_fenced_in(), "Engines see all files that you may read: the system has no Landlock."),
+        (is_shut_in(), "Engines can use the network of this machine: the system allows no namespaces."),
+        (is_fenced_in(), "Engines can read all files that you can: the system has no Landlock."),
     ];
     lines.into_iter().filter(|(holds, _)| !holds).map(|(_, line)| line).collect()
 }
 
 /// Describes the quarantine of an engine, and the remedy.
-fn told(why: &Quarantine, name: &str) -> String {
+fn quarantine_text(why: &Quarantine, name: &str) -> String {
     let Quarantine { failures, reason, since, .. } = why;
     let then = UNIX_EPOCH.checked_add(Duration::from_secs(*since)).unwrap_or(UNIX_EPOCH);
     let ago = SystemTime::now().duration_since(then).unwrap_or_default();
     let first = reason.lines().next().unwrap_or_default();
     format!(
-        "it failed {failures} times in a row, the last time {} ago: {first}; `bottega engines release {name}` lets it in again",
+        "it failed {failures} times in a row, the last time {} ago: {first}; `bottega engines release {name}` releases it",
         duration(ago)
     )
 }
@@ -184,13 +187,16 @@ fn told(why: &Quarantine, name: &str) -> String {
 /// `bottega engines release`: ends an engine's quarantine.
 pub(super) fn release(args: &ReleaseArgs) -> Result<ExitCode, CliError> {
     let name = &entry(&args.folders, &args.name)?.manifest.name.clone();
-    let was_out = bottega_engines::external::release(name).map_err(|error| {
+    let was_quarantined = bottega_engines::external::release(name).map_err(|error| {
         CliError::failed(
-            format!("{name} cannot be let in again: {error}"),
-            "see whose the folder of bottega's state is",
+            format!("cannot release {name} from quarantine: {error}"),
+            "check the permissions of the state folder of bottega",
         )
     })?;
-    println!("{}", if was_out { format!("{name} is used again") } else { format!("{name} was not shut out") });
+    println!(
+        "{}",
+        if was_quarantined { format!("{name} is used again") } else { format!("{name} is not in quarantine") }
+    );
     Ok(ExitCode::SUCCESS)
 }
 
@@ -225,8 +231,8 @@ pub(super) fn check(args: &EngineCheckArgs) -> Result<ExitCode, CliError> {
     println!("found     {}, version {}", located.program.display(), located.version);
     if let Some(why) = quarantine(&located) {
         return Err(CliError::failed(
-            format!("{} is not used on this machine: {}", manifest.title, told(&why, &manifest.name)),
-            "a new version of it, or of its manifest, is used again by itself",
+            format!("{} is not used on this machine: {}", manifest.title, quarantine_text(&why, &manifest.name)),
+            "install a new version of it or of its manifest; that ends the quarantine",
         ));
     }
     if manifest.kind == EngineKind::Worker {
@@ -248,9 +254,9 @@ fn tunables(manifest: &Manifest) -> String {
         ("light samples", tunables.light_samples),
         ("time", tunables.time),
     ];
-    let told = all.map(|(name, range)| match range {
+    let ranges = all.map(|(name, range)| match range {
         Some(range) => format!("{name} {}..{}", range.least, range.most),
         None => format!("no {name}"),
     });
-    told.join(", ")
+    ranges.join(", ")
 }

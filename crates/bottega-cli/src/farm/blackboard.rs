@@ -6,7 +6,7 @@ use bottega::{
     StopSwitch,
     events::{AgentEvent, Event, ZoneEvent},
 };
-use bottega_cluster::{Job, JobBoard, blackboard::RowNews, jobs::known};
+use bottega_cluster::{Job, JobBoard, blackboard::RowUpdate, jobs::known};
 use bottega_image::printable;
 use clap::Args;
 
@@ -50,7 +50,7 @@ fn newest(board: &JobBoard) -> Result<(u32, Job), CliError> {
     let jobs = board.shown_jobs();
     let under_way = jobs.iter().rev().find(|(_, job)| !job.state.is_over());
     under_way.or(jobs.last()).cloned().ok_or_else(|| {
-        CliError::usage("the farm has no jobs", "ask for a picture: bottega render scene.glb -o picture.exr --farm")
+        CliError::usage("the farm has no jobs", "submit a picture: bottega render scene.glb -o picture.exr --farm")
     })
 }
 
@@ -59,16 +59,16 @@ fn watch(board: &JobBoard, number: u32, job: &Job, as_json: bool) -> Result<(), 
     let stop = StopSwitch::new();
     signals::stop_on_signal(&stop)?;
     let mut caught_up = false;
-    board.watch_rows(job, |news| {
-        match news {
-            RowNews::Row(row) if caught_up && as_json => println!("{}", row.to_json()),
-            RowNews::Row(row) if caught_up => match *row {
+    board.watch_rows(job, |update| {
+        match update {
+            RowUpdate::Row(row) if caught_up && as_json => println!("{}", row.to_json()),
+            RowUpdate::Row(row) if caught_up => match *row {
                 Event::Zone(zone) => println!("{}", zone_line(&zone)),
                 Event::Agent(agent) => println!("{}", agent_line(&agent)),
                 _ => {}
             },
-            RowNews::CaughtUp => caught_up = true,
-            RowNews::Row(_) | RowNews::Nothing => {}
+            RowUpdate::CaughtUp => caught_up = true,
+            RowUpdate::Row(_) | RowUpdate::Nothing => {}
         }
         !stop.is_requested() && board.get(number).is_some_and(|job| !job.state.is_over())
     })?;
@@ -86,7 +86,7 @@ fn as_table(number: u32, rows: &[Event]) -> String {
         }
     }
     if zones.is_empty() && agents.is_empty() {
-        return format!("job {number} has no rows: it has not begun, or nobody kept them\n");
+        return format!("job {number} has no rows: it has not begun, or they were not stored\n");
     }
     let mut text = format!(
         "{:>6} {:<10} {:>8} {:>10} {:>9} {:>9} {:>5} {:>5} {:>7}  agent\n",

@@ -45,7 +45,7 @@ pub(super) fn lines(energy: &JobEnergy) -> Vec<String> {
     let currency = energy.currency.as_deref().unwrap_or_default();
     let mut lines = vec![format!("processor time {}", time(energy.processor_seconds))];
     if let Some(kwh) = energy.kwh {
-        let less = if energy.is_partial { ", without machines of which nothing is known" } else { "" };
+        let less = if energy.is_partial { ", without machines that report nothing" } else { "" };
         lines[0] += &format!(", energy {}{less}", amount(kwh, energy.cost, currency));
     }
     lines.extend(energy.machines.iter().filter_map(|machine| {
@@ -117,7 +117,7 @@ mod tests {
         assert_eq!(
             lines(&known),
             [
-                "processor time 3.0 s, energy 0.250 kWh (0.125 EUR), without machines of which nothing is known",
+                "processor time 3.0 s, energy 0.250 kWh (0.125 EUR), without machines that report nothing",
                 "  a.1: 3.0 s, 0.250 kWh",
                 "  zones that took most of it: 2: 0.200 kWh; 1: 0.500 Wh",
             ]

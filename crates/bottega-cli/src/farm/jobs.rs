@@ -88,7 +88,7 @@ fn by() -> String {
 }
 
 fn list(board: &JobBoard, as_json: bool) {
-    let seats = board.shown_machines(board.presences());
+    let present = board.shown_machines(board.presences());
     if !as_json {
         println!(
             "{:>4}  {:<9} {:>5}  {:>8}  {:>8}  {:>8}  {:<24} scene",
@@ -98,13 +98,13 @@ fn list(board: &JobBoard, as_json: bool) {
     let jobs = board.shown_jobs();
     let held = board.held(&jobs);
     for (number, job) in jobs {
-        let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
+        let machines = present.iter().filter(|machine| machine.job == Some(number)).count();
         let view = JobView::of(number, &job, &board.lead(number).unwrap_or_default(), machines);
         let held = held.get(&number).copied().unwrap_or_default();
         if as_json {
-            let mut told = json!(view);
-            told["holds_bytes"] = held.all().into();
-            println!("{told}");
+            let mut json_view = json!(view);
+            json_view["holds_bytes"] = held.all().into();
+            println!("{json_view}");
         } else {
             println!(
                 "{number:>4}  {:<9} {:>4.0}%  {:>8}  {:>8}  {:>8}  {:<24} {}",
@@ -121,7 +121,8 @@ fn list(board: &JobBoard, as_json: bool) {
     if !as_json {
         tell_room(board);
     }
-    let idle = |standing| seats.iter().filter(|seat| seat.job.is_none() && seat.standing == standing).count();
+    let idle =
+        |standing| present.iter().filter(|machine| machine.job.is_none() && machine.standing == standing).count();
     if !as_json {
         let kinds = [
             (PresenceState::Active, ["waits for work", "wait for work"]),
@@ -146,7 +147,7 @@ fn tell_room(board: &JobBoard) {
     if let Some(room) = board.room() {
         println!("the farm's server keeps {} of at most {}", bytes_said(room.used), bytes_said(room.limit));
         if room.is_scarce() {
-            println!("that is nearly all: {MAKE_ROOM}");
+            println!("the store is nearly full: {MAKE_ROOM}");
         }
     }
 }
@@ -154,24 +155,25 @@ fn tell_room(board: &JobBoard) {
 fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     let job = known(board, number)?;
     let lead = board.lead(number).unwrap_or_default();
-    let all = board.shown_machines(board.presences());
+    let present = board.shown_machines(board.presences());
     // A machine that was killed cannot announce that it left.
-    let seats: Vec<_> = all.iter().filter(|seat| seat.job == Some(number) && !job.state.is_over()).collect();
-    let view = JobView::of(number, &job, &lead, seats.len());
+    let working: Vec<_> =
+        present.iter().filter(|machine| machine.job == Some(number) && !job.state.is_over()).collect();
+    let view = JobView::of(number, &job, &lead, working.len());
     let society = board.society(number).unwrap_or_default();
     let mut tariff = board.tariff();
     tariff.price = config::energy_price().or(tariff.price);
     let energy = board.energy(number, &job, &tariff)?;
     if as_json {
-        let mut told = json!(view);
-        told["society"] = json!(society);
-        told["agents"] = json!(board.job_agents(number));
-        told["energy"] = json!(energy);
-        println!("{told}");
+        let mut json_view = json!(view);
+        json_view["society"] = json!(society);
+        json_view["agents"] = json!(board.job_agents(number));
+        json_view["energy"] = json!(energy);
+        println!("{json_view}");
         return Ok(());
     }
     println!("job {number}: {} -> {}", job.scene, job.output);
-    println!("asked for by {}, {} ago", job.from, ago(job.submitted));
+    println!("submitted by {}, {} ago", job.from, ago(job.submitted));
     println!(
         "{}, {:.1} % done, {} of {} zones; priority {}",
         view.state,
@@ -181,12 +183,12 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
         job.priority
     );
     if !job.require.is_empty() {
-        let fit = all.iter().filter(|seat| job.require.iter().all(|tag| seat.tags.contains(tag))).count();
-        println!("for machines tagged {}: {fit} of {} there", job.require.join(" and "), all.len());
+        let fit = present.iter().filter(|machine| job.require.iter().all(|tag| machine.tags.contains(tag))).count();
+        println!("for machines tagged {}: {fit} of {} present", job.require.join(" and "), present.len());
     }
     println!("led by {}", lead.leader.as_deref().unwrap_or("nobody"));
-    for seat in seats {
-        println!("  {} ({} processors)", seat.name, seat.threads);
+    for machine in working {
+        println!("  {} ({} processors)", machine.name, machine.threads);
     }
     tell_society(&society);
     for agent in board.job_agents(number) {
@@ -195,14 +197,14 @@ fn show(board: &JobBoard, number: u32, as_json: bool) -> Result<(), CliError> {
     }
     job.log.iter().filter(|line| line.text.starts_with("learnt: ")).for_each(|line| println!("{}", line.text));
     energy::lines(&energy).iter().for_each(|line| println!("{line}"));
-    for (seat, refusal) in RefusalWatch::default().news(&all, |work| work == job.work) {
-        println!("  {} is left out: {}", seat.name, refusal.reason);
+    for (machine, refusal) in RefusalWatch::default().new_refusals(&present, |work| work == job.work) {
+        println!("  {} is left out: {}", machine.name, refusal.reason);
     }
     if let JobState::Failed { reason } = &job.state {
-        println!("it failed: {reason}");
+        println!("failed: {reason}");
     }
     if job.kept {
-        let which = if job.state == JobState::Done { "the picture" } else { "the picture of the painting before" };
+        let which = if job.state == JobState::Done { "the picture" } else { "the picture of the previous painting" };
         println!("the farm has {which}: bottega jobs fetch {number}");
     }
     Ok(())

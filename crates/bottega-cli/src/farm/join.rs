@@ -71,8 +71,8 @@ pub(crate) struct JoinArgs {
     /// Paint until one job is over, and leave.
     #[arg(long)]
     once: bool,
-    /// Paint only when nobody has touched this machine for this time, such as 10m. Known from logind, `xprintidle` and
-    /// terminals; if neither of the first two can tell, from the work of other programs.
+    /// Paint only when nobody has touched this machine for this time, such as 10m. Detected by logind, `xprintidle` and
+    /// terminals; if the first two are not available, by the load of other programs.
     #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "The machine's owner")]
     when_idle: Option<Duration>,
     /// Paint only in these hours of the day, local time, such as 20:00-08:00; separate several by commas.
@@ -100,12 +100,12 @@ pub(crate) fn run(args: &JoinArgs) -> Result<ExitCode, CliError> {
     }
     if args.tags.len() > TAGS_MAX {
         let problem = format!("{} tags are too many", args.tags.len());
-        return Err(CliError::usage(problem, format!("--tag may be said {TAGS_MAX} times")));
+        return Err(CliError::usage(problem, format!("--tag may be given {TAGS_MAX} times")));
     }
     if let Some(steps) = args.nice {
         // Lower the priority before threads are started.
         bottega_platform::scheduling::step_back(steps).map_err(|error| {
-            CliError::failed(format!("cannot go behind others by {steps} steps: {error}"), "leave out --nice")
+            CliError::failed(format!("cannot lower the priority by {steps} steps: {error}"), "leave out --nice")
         })?;
     }
     let link = args.login.link_as(args.farm.as_ref(), args.name.as_deref())?;

@@ -76,7 +76,7 @@ pub(super) fn forget(machine: Option<&str>, farm: &FarmArgs) -> Result<ExitCode,
     };
     match (farm.json, is_forgotten) {
         (true, _) => println!("{}", json!({ "machine": name, "forgotten": is_forgotten })),
-        (false, true) => println!("{name} begins anew"),
+        (false, true) => println!("{name} starts learning again"),
         (false, false) => println!("{name} has learnt nothing yet"),
     }
     Ok(ExitCode::SUCCESS)
@@ -87,9 +87,9 @@ fn unknown(board: &JobBoard, name: &str) -> CliError {
     known.retain(|machine| board.shows_machine(machine));
     let remedy = match known.is_empty() {
         true => "machines learn in the jobs that they paint for a farm".to_owned(),
-        false => format!("something is known of {}", known.join(", ")),
+        false => format!("there is experience of {}", known.join(", ")),
     };
-    CliError::failed(format!("nothing was learnt of a machine `{name}`"), remedy)
+    CliError::failed(format!("there is no experience of a machine `{name}`"), remedy)
 }
 
 /// - `speed`: by the benchmark; `None`: unknown.
@@ -97,10 +97,10 @@ fn unknown(board: &JobBoard, name: &str) -> CliError {
 fn tell(name: &str, speed: Option<MachineSpeed>, reliability: Option<f64>, experience: &Experience, as_json: bool) {
     let factors = experience.factors();
     if as_json {
-        let told = json!({ "machine": name, "benchmark": speed.map(|speed| speed.power.get()),
+        let report = json!({ "machine": name, "benchmark": speed.map(|speed| speed.power.get()),
             "load": speed.map(|speed| speed.load), "reliability": reliability,
             "jobs": experience.jobs(), "factors": factors });
-        println!("{told}");
+        println!("{report}");
         return;
     }
     println!("{name}: learnt in {} jobs", experience.jobs());

@@ -59,14 +59,17 @@ pub(crate) fn run(args: &MachinesArgs) -> Result<ExitCode, CliError> {
         MachinesCommand::Terminate { name } => (name, PresenceState::Terminated),
     };
     let board = args.farm.board()?;
-    let there = board.shown_machines(board.present());
-    let Some(seat) = there.iter().find(|seat| seat.name == *name) else {
-        let remedy = "`bottega machines list` shows those that are there";
-        return Err(CliError::failed(format!("no machine `{name}` is there"), remedy));
+    let present = board.shown_machines(board.present());
+    let Some(machine) = present.iter().find(|machine| machine.name == *name) else {
+        let remedy = "`bottega machines list` shows the machines that are present";
+        return Err(CliError::failed(format!("there is no machine `{name}`"), remedy));
     };
-    if !seat.takes_orders {
+    if !machine.takes_orders {
         let remedy = "it ends with its job: see `bottega jobs`";
-        return Err(CliError::failed(format!("{name} is the process that asked for what it paints"), remedy));
+        return Err(CliError::failed(
+            format!("{name} takes no commands: it is the process that submitted its job"),
+            remedy,
+        ));
     }
     let order = MachineOrder { standing, by: format!("`bottega machines` on {}", host_name()) };
     board.tell(name, &order)?;
@@ -84,7 +87,7 @@ fn list(board: &JobBoard, as_json: bool) {
         if as_json {
             println!("{}", machine.to_value());
         } else {
-            let Presence { name, threads, version, job, standing, tags, .. } = &machine.seat;
+            let Presence { name, threads, version, job, standing, tags, .. } = &machine.presence;
             let job = job.map_or_else(|| "-".to_owned(), |job| job.to_string());
             let state = standing.word();
             let (name, version) = (printable(name), printable(version));

@@ -85,12 +85,12 @@ pub(crate) fn run(args: &UpArgs) -> Result<ExitCode, CliError> {
     match LocalFarm::claim(&options)? {
         LocalFarm::Free(start) => keep_up(args, start)?,
         LocalFarm::Elsewhere { process, listen, invitation } => {
-            println!("the farm is up already, at {listen}: process {process} has it, and nothing is changed here.");
+            println!("The farm already runs, at {listen}, by process {process}; nothing was changed.");
             print!("{}", invitation_said(&invitation));
             if !args.notifications.is_empty() {
-                println!("Nobody is told of its jobs by this process: give --on to the one that has it.");
+                println!("This process sends no notifications of its jobs: give --on to process {process}.");
             }
-            print!("Another page of it, for as long as it runs: bottega web\n\n");
+            print!("To serve another page of it: bottega web\n\n");
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -147,7 +147,7 @@ impl UpArgs {
 fn invitation_said(Invitation { trusted, guest }: &Invitation) -> String {
     format!(
         "On each other machine:\n\n  bottega join {trusted}\n\n\
-         or, where a machine is to paint and no more:\n\n  bottega join {guest}\n\n\
+         or, on a machine that may only paint:\n\n  bottega join {guest}\n\n\
          and here, or on any that joined by the first line:\n\n  bottega render SCENE -o PICTURE --farm\n\n"
     )
 }

@@ -71,7 +71,7 @@ impl WebArgs {
 /// Formats the address of the page.
 pub(super) fn door_said(door: &Door) -> String {
     format!(
-        "See and steer the farm in a browser:\n\n  {}\n\nor, for those who are to look on alone:\n\n  {}\n\n",
+        "See and steer the farm in a browser:\n\n  {}\n\nor, to look on only:\n\n  {}\n\n",
         door.steering_url(),
         door.seeing_url()
     )

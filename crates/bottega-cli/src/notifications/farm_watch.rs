@@ -28,12 +28,12 @@ const STOP_EVERY: Duration = Duration::from_millis(100);
 pub(super) struct StallClock {
     since: Instant,
     zones_done: usize,
-    is_told: bool,
+    is_reported: bool,
 }
 
 impl StallClock {
     pub(super) fn new(now: Instant) -> Self {
-        Self { since: now, zones_done: 0, is_told: false }
+        Self { since: now, zones_done: 0, is_reported: false }
     }
 
     /// Returns `true` when a stall must be reported: once, until another zone is finished.
@@ -42,7 +42,7 @@ impl StallClock {
             *self = Self { zones_done, ..Self::new(now) };
         }
         let is_stalled = now.saturating_duration_since(self.since) >= after;
-        is_stalled && !std::mem::replace(&mut self.is_told, is_stalled)
+        is_stalled && !std::mem::replace(&mut self.is_reported, is_stalled)
     }
 }
 
@@ -76,7 +76,7 @@ impl FarmWatch {
     /// Takes the current state of the jobs. Returns the events to report; the first poll does not report jobs that are already
     /// over.
     pub(super) fn look(&mut self, now: Instant, jobs: &[JobView]) -> Vec<(WorkEvent, u32)> {
-        let mut news = Vec::new();
+        let mut events = Vec::new();
         let before = self.seen.take();
         let is_first = before.is_none();
         let mut before = before.unwrap_or_default();
@@ -85,10 +85,10 @@ impl FarmWatch {
             let fresh = || SeenJob { is_over: is_first && job.is_over, clock: StallClock::new(now) };
             let mut known = before.remove(&job.number).unwrap_or_else(fresh);
             match job.state {
-                "done" if !known.is_over => news.push((WorkEvent::Done, job.number)),
-                "failed" if !known.is_over => news.push((WorkEvent::Failed, job.number)),
+                "done" if !known.is_over => events.push((WorkEvent::Done, job.number)),
+                "failed" if !known.is_over => events.push((WorkEvent::Failed, job.number)),
                 "active" if known.clock.look(now, job.zones_done, self.after) => {
-                    news.push((WorkEvent::Stalled, job.number));
+                    events.push((WorkEvent::Stalled, job.number));
                 }
                 // The clock does not run while the job is paused.
                 "paused" => known.clock = StallClock { zones_done: job.zones_done, ..StallClock::new(now) },
@@ -97,7 +97,7 @@ impl FarmWatch {
             seen.insert(job.number, SeenJob { is_over: job.is_over, ..known });
         }
         self.seen = Some(seen);
-        news
+        events
     }
 }
 
@@ -182,13 +182,13 @@ mod tests {
     }
 
     #[test]
-    fn ends_are_told_once_and_not_of_jobs_that_were_over_before() {
+    fn each_end_is_reported_once_except_of_jobs_that_were_over_before() {
         let mut watch = FarmWatch::new(AFTER);
         let now = Instant::now();
         assert_eq!(watch.look(now, &[job(1, "done", 9), job(2, "active", 1), job(3, "active", 1)]), []);
-        let news = watch.look(now, &[job(1, "done", 9), job(2, "done", 9), job(3, "failed", 1), job(4, "done", 9)]);
+        let events = watch.look(now, &[job(1, "done", 9), job(2, "done", 9), job(3, "failed", 1), job(4, "done", 9)]);
         // A job that started and ended between two polls is reported, too.
-        assert_eq!(news, [(WorkEvent::Done, 2), (WorkEvent::Failed, 3), (WorkEvent::Done, 4)]);
+        assert_eq!(events, [(WorkEvent::Done, 2), (WorkEvent::Failed, 3), (WorkEvent::Done, 4)]);
         assert_eq!(watch.look(now, &[job(2, "done", 9), job(3, "cancelled", 1), job(4, "done", 9)]), []);
     }
 
@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(look(50, job(1, "active", 1)), []);
         assert_eq!(look(109, job(1, "active", 1)), [], "a zone was finished 59 s ago");
         assert_eq!(look(110, job(1, "active", 1)), [(WorkEvent::Stalled, 1)]);
-        assert_eq!(look(300, job(1, "active", 1)), [], "it was told");
+        assert_eq!(look(300, job(1, "active", 1)), [], "it was reported");
         assert_eq!(look(310, job(1, "active", 2)), []);
         assert_eq!(look(370, job(1, "active", 2)), [(WorkEvent::Stalled, 1)]);
         assert_eq!(look(380, job(1, "paused", 2)), []);

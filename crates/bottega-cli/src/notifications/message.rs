@@ -54,8 +54,8 @@ impl Notification {
     /// - `at`: seconds since 1970.
     pub(super) fn new(kind: WorkEvent, facts: JobFacts, at: u64) -> Self {
         let event = kind.word();
-        let what = format!("{event} {at} {} {:?} {} {}", std::process::id(), facts.job, facts.from, facts.output);
-        let digest = ring::digest::digest(&ring::digest::SHA256, what.as_bytes());
+        let identity = format!("{event} {at} {} {:?} {} {}", std::process::id(), facts.job, facts.from, facts.output);
+        let digest = ring::digest::digest(&ring::digest::SHA256, identity.as_bytes());
         Self { version: VERSION, id: hex(&digest.as_ref()[..16]), event, at, facts, kind }
     }
 

@@ -37,16 +37,19 @@ impl Notifier {
         secret: Option<Secret>,
         tell_loss: TellLoss,
     ) -> Result<Self, CliError> {
-        let has_url = subscriptions.iter().any(|it| matches!(it.target, NotificationTarget::Url(_)));
+        let has_url =
+            subscriptions.iter().any(|subscription| matches!(subscription.target, NotificationTarget::Url(_)));
         let poster = has_url.then(|| Poster::new(secret)).transpose()?;
         let (queue, waiting) = mpsc::sync_channel::<Notification>(WAITING_MAX);
         let tell = Arc::clone(&tell_loss);
         let send = move || {
             for notification in waiting {
-                for subscription in subscriptions.iter().filter(|it| it.events.contains(&notification.kind)) {
+                for subscription in
+                    subscriptions.iter().filter(|subscription| subscription.events.contains(&notification.kind))
+                {
                     if let Err(why) = deliver(&subscription.target, &notification, poster.as_ref()) {
                         tell(format!(
-                            "{} was not told of `{}`: {why}",
+                            "cannot notify {} of `{}`: {why}",
                             subscription.target.label(),
                             notification.event
                         ));
@@ -65,7 +68,7 @@ impl Notifier {
         let Some(queue) = &self.queue else { return };
         if let Err(error) = queue.try_send(notification) {
             let (mpsc::TrySendError::Full(lost) | mpsc::TrySendError::Disconnected(lost)) = error;
-            (self.tell_loss)(format!("nobody was told of `{}`: too many notifications wait", lost.event));
+            (self.tell_loss)(format!("the notification of `{}` is lost: too many notifications wait", lost.event));
         }
     }
 }

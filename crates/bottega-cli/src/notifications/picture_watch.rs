@@ -53,7 +53,7 @@ struct PaintingState {
 impl PaintingState {
     fn take(&mut self, event: &Event) {
         match event {
-            Event::Asked { job, last_job } => (self.facts.job, self.facts.last_job) = (Some(*job), *last_job),
+            Event::Submitted { job, last_job } => (self.facts.job, self.facts.last_job) = (Some(*job), *last_job),
             Event::Started { scene, output, .. } => {
                 (self.facts.scene, self.facts.output) = (scene.clone(), output.clone());
                 self.zones.clear();
@@ -90,7 +90,7 @@ impl PictureWatch {
         names: [String; 2],
     ) -> Result<Self, CliError> {
         let loss = Arc::clone(&inner);
-        let tell_loss = Arc::new(move |message: String| loss.told(Event::Warning { message }));
+        let tell_loss = Arc::new(move |message: String| loss.event(Event::Warning { message }));
         let notifier = Arc::new(Notifier::start(args.subscriptions(), args.secret()?, tell_loss)?);
         let [scene, output] = names;
         let facts = JobFacts { scene, output, from: host_name(), ..JobFacts::default() };
@@ -139,9 +139,9 @@ impl Drop for PictureWatch {
 }
 
 impl Watcher for PictureWatch {
-    fn told(&self, event: Event) {
+    fn event(&self, event: Event) {
         lock(&self.state).take(&event);
-        self.inner.told(event);
+        self.inner.event(event);
     }
 
     fn message(&self, now: Time, message: &FarmMessage) {
@@ -211,8 +211,8 @@ impl StallTicker {
             return Vec::new();
         }
         let jobs: Vec<JobView> = JobView::all(board).into_iter().filter(|job| numbers.contains(&job.number)).collect();
-        let news = watch.look(now, &jobs);
-        let stalled = news.iter().filter(|(event, _)| *event == WorkEvent::Stalled);
+        let events = watch.look(now, &jobs);
+        let stalled = events.iter().filter(|(event, _)| *event == WorkEvent::Stalled);
         let of = |number: u32| jobs.iter().find(|job| job.number == number);
         stalled
             .filter_map(|(_, number)| of(*number))

@@ -71,14 +71,14 @@ impl Poster {
             CliError::failed(format!("cannot send notifications: {error}"), "this is unexpected; report it")
         };
         let runtime =
-            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|it| unexpected(&it))?;
+            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| unexpected(&error))?;
         let mut roots = RootCertStore::empty();
         // Unreadable certificates are ignored; if a server needs one, the error names the server.
         roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
         let provider = Arc::new(rustls::crypto::ring::default_provider());
         let config = ClientConfig::builder_with_provider(provider)
             .with_safe_default_protocol_versions()
-            .map_err(|it| unexpected(&it))?
+            .map_err(|error| unexpected(&error))?
             .with_root_certificates(roots)
             .with_no_client_auth();
         Ok(Self { runtime, tls: TlsConnector::from(Arc::new(config)), secret })
@@ -155,27 +155,29 @@ impl Poster {
         }
         request
             .body(Full::new(Bytes::from(body.to_owned())))
-            .map_err(|error| FailedTry { why: format!("the address is none for HTTP: {error}"), may_pass: false })
+            .map_err(|error| FailedTry { why: format!("not an HTTP address: {error}"), may_pass: false })
     }
 }
 
 /// Describes a failed TLS connection. Trust does not change within seconds, so certificate errors are not retried.
 fn insecure(error: &io::Error) -> FailedTry {
-    let told = error.get_ref().and_then(|inner| inner.downcast_ref::<rustls::Error>());
-    let (reason, may_pass) = match told {
+    let tls_error = error.get_ref().and_then(|inner| inner.downcast_ref::<rustls::Error>());
+    let (reason, may_pass) = match tls_error {
         Some(rustls::Error::InvalidCertificate(problem)) => {
             let reason = match problem {
-                CertificateError::UnknownIssuer => "nobody who is trusted here has signed its certificate",
+                CertificateError::UnknownIssuer => {
+                    "its certificate is not signed by an authority that this machine trusts"
+                }
                 CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. } => {
                     "its certificate is for another name"
                 }
-                CertificateError::Expired | CertificateError::ExpiredContext { .. } => "its certificate is of the past",
+                CertificateError::Expired | CertificateError::ExpiredContext { .. } => "its certificate has expired",
                 _ => "its certificate is not trusted",
             };
             (format!("{reason} ({error}); SSL_CERT_FILE names certificates to trust"), false)
         }
         Some(rustls::Error::InvalidMessage(_)) => {
-            (format!("it does not speak TLS ({error}): write http:// where that is meant"), false)
+            (format!("it does not speak TLS ({error}): use http:// if it serves plain HTTP"), false)
         }
         _ => (error.to_string(), true),
     };
@@ -225,15 +227,15 @@ fn redirect(from: &Uri, place: &str) -> Result<Uri, FailedTry> {
     let to: Uri = if place.starts_with('/') && !place.starts_with("//") {
         let scheme = from.scheme_str().unwrap_or_default();
         let authority = from.authority().map_or("", |authority| authority.as_str());
-        format!("{scheme}://{authority}{place}").parse().map_err(|_| refused("it redirects to no address"))?
+        format!("{scheme}://{authority}{place}").parse().map_err(|_| refused("its redirect has no address"))?
     } else {
-        place.parse().map_err(|_| refused("it redirects to no address"))?
+        place.parse().map_err(|_| refused("its redirect has no address"))?
     };
     let is_same = to.scheme_str() == from.scheme_str() && to.host() == from.host() && port(&to) == port(from);
     if is_same {
         Ok(to)
     } else {
-        Err(refused("it redirects to another server, which is not followed: name that one in --on"))
+        Err(refused("it redirects to another server, which is not followed: give that server in --on"))
     }
 }
 

@@ -44,7 +44,11 @@ impl NotificationTarget {
     pub(super) fn label(&self) -> String {
         match self {
             Self::Url(url) => {
-                format!("{}://{}", url.scheme_str().unwrap_or_default(), url.authority().map_or("", |it| it.as_str()))
+                format!(
+                    "{}://{}",
+                    url.scheme_str().unwrap_or_default(),
+                    url.authority().map_or("", |authority| authority.as_str())
+                )
             }
             Self::Command(line) => format!("`{line}`"),
             Self::Desktop => "the desktop".to_owned(),
@@ -63,7 +67,7 @@ impl FromStr for EventSubscription {
     type Err = InvalidValue;
 
     fn from_str(text: &str) -> Result<Self, InvalidValue> {
-        let form = "write events, `=` and who is told, such as done,failed=https://example.org/hook, done=desktop or \
+        let form = "write events, `=` and a target, such as done,failed=https://example.org/hook, done=desktop or \
                     failed='mail -s failed me'";
         let (events, target) = text.split_once('=').ok_or(form)?;
         let events: Vec<WorkEvent> = events.split(',').map(|word| event(word.trim())).collect::<Result<_, _>>()?;
@@ -72,15 +76,16 @@ impl FromStr for EventSubscription {
 }
 
 fn event(word: &str) -> Result<WorkEvent, InvalidValue> {
-    let all = [WorkEvent::Done, WorkEvent::Failed, WorkEvent::Stalled];
-    all.into_iter()
+    let events = [WorkEvent::Done, WorkEvent::Failed, WorkEvent::Stalled];
+    events
+        .into_iter()
         .find(|event| event.word() == word)
         .ok_or_else(|| format!("there is no event `{word}`: use done, failed or stalled, with commas between").into())
 }
 
 fn parse_target(text: &str) -> Result<NotificationTarget, InvalidValue> {
     if text.is_empty() {
-        return Err("nobody is named after `=`: write a URL, a command or `desktop`".into());
+        return Err("there is no target after `=`: write a URL, a command or `desktop`".into());
     }
     if text == "desktop" {
         return Ok(NotificationTarget::Desktop);
@@ -119,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn urls_commands_and_the_desktop_are_told_apart() {
+    fn urls_commands_and_the_desktop_are_distinguished() {
         let both = parse("done,failed=https://example.org:8443/hook?key=a=b").expect("a URL");
         assert_eq!(both.events, [WorkEvent::Done, WorkEvent::Failed]);
         assert!(matches!(&both.target, NotificationTarget::Url(url) if url.port_u16() == Some(8443)));
@@ -130,21 +135,21 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_remedy() {
-        for (text, told) in [
+    fn errors_name_the_remedy() {
+        for (text, expected) in [
             ("done", "write events"),
             ("", "write events"),
             ("=http://x", "done, failed or stalled"),
             ("finished=http://x", "no event `finished`: use done, failed or stalled"),
             ("done,=http://x", "no event ``"),
-            ("done=", "nobody is named"),
+            ("done=", "there is no target"),
             ("done=ftp://host/x", "use http:// or https://"),
             ("done=http://", "is not a URL"),
             ("done=http:///x", "is not a URL"),
             ("done=http://me:word@host/", "--on-secret-file"),
         ] {
             let error = parse(text).expect_err(text).to_string();
-            assert!(error.contains(told), "{text}: {error}");
+            assert!(error.contains(expected), "{text}: {error}");
         }
     }
 }

@@ -73,11 +73,11 @@ pub(crate) struct ServeArgs {
     #[arg(long, value_name = "HOST:PORT", value_parser = parse_public)]
     pub(crate) public: Option<String>,
     /// Keep the state of the platform in this file. Several processes over one file serve one platform, and any of them may
-    /// die. Default: in memory.
+    /// be killed. Default: in memory.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) state: Option<PathBuf>,
-    /// Search together with the DF of another platform, such as http://host:7779/acc, or NAME=URL where that cannot be
-    /// asked for its name (JADE). May be given several times.
+    /// Search together with the DF of another platform, such as http://host:7779/acc, or NAME=URL if that
+    /// does not report its name (JADE). May be given several times.
     #[arg(long, value_name = "URL", value_parser = parse_peer)]
     pub(crate) federate: Vec<Peer>,
     /// The longest time for which the DF keeps an entry that is not renewed, such as 1h. Default: for ever.
@@ -112,12 +112,12 @@ pub(crate) struct FirstForm {
 
 #[derive(Debug, Args)]
 pub(crate) struct AskArgs {
-    /// The platform, such as http://host:7779/acc, or NAME=URL where that cannot be asked for its name (JADE:
+    /// The platform, such as http://host:7779/acc, or NAME=URL if that does not report its name (JADE:
     /// jade=http://host:7778/acc). Default: that of `bottega up` on this machine, wherever it listens, or else
     /// http://127.0.0.1:7779/acc.
     #[arg(long, value_name = "URL", value_parser = parse_peer)]
     pub(crate) at: Option<Peer>,
-    /// The representation of the message that asks: string, or xml. Platforms answer in the same.
+    /// The representation of the request: string or xml. Platforms answer in the same.
     #[arg(long, value_name = "FORM", value_parser = parse_form, default_value = "string")]
     pub(crate) first_representation: Form,
     /// Time to wait for an answer.

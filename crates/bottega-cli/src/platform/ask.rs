@@ -27,7 +27,7 @@ pub(super) fn agents(args: &AskArgs) -> Result<ExitCode, CliError> {
     let constraints = SearchConstraints { max_results: Some(-1), ..Default::default() };
     let function = Function::SearchAgents(AmsAgentDescription::default(), constraints);
     let at = args.at.clone().unwrap_or_else(Peer::here);
-    let Outcome::Agents(agents) = ask(args, &at, "ams", function)? else { return Err(strange(&at)) };
+    let Outcome::Agents(agents) = ask(args, &at, "ams", function)? else { return Err(unexpected_answer(&at)) };
     if !args.json {
         println!("{:<40} {:<10} addresses", "agent", "state");
     }
@@ -59,7 +59,7 @@ pub(super) fn services(args: &ServicesArgs) -> Result<ExitCode, CliError> {
     };
     let at = args.ask.at.clone().unwrap_or_else(Peer::here);
     let Outcome::Offers(offers) = ask(&args.ask, &at, "df", Function::Search(template, constraints))? else {
-        return Err(strange(&at));
+        return Err(unexpected_answer(&at));
     };
     if !args.ask.json {
         println!("{:<40} {:<24} {:<20} properties", "agent", "service", "type");
@@ -103,8 +103,11 @@ fn name_of(agent: Option<&AgentId>) -> String {
     agent.map_or("-".to_owned(), ToString::to_string)
 }
 
-fn strange(at: &Peer) -> CliError {
-    CliError::failed(format!("{} answers something else than was asked", at.url), "is it a FIPA platform?")
+fn unexpected_answer(at: &Peer) -> CliError {
+    CliError::failed(
+        format!("{} sends an answer that does not fit the request", at.url),
+        "check that it is a FIPA platform",
+    )
 }
 
 /// Sends a request to a service. The answer is a separate message, so this process runs a platform meanwhile.
@@ -127,7 +130,7 @@ fn ask(args: &AskArgs, at: &Peer, service: &str, function: Function) -> Result<O
     let me = AgentId::new(format!("asker@{}", node.ams().name.trim_start_matches("ams@")));
     let answer = node.ask(&me, &to, ManagementContent::Action(function), args.wait);
     let failed = |what: String| {
-        CliError::failed(format!("{to} at {}: {what}", at.url), "is its name right, and does it run there?")
+        CliError::failed(format!("{to} at {}: {what}", at.url), "check its name, and whether it runs there")
     };
     match answer {
         Err(error) => Err(failed(error.to_string())),

@@ -119,7 +119,7 @@ mod tests {
         assert_eq!(drawing.matches("font-weight").count(), 2);
         assert_eq!(drawing.matches("<g><title>").count(), 3);
         assert!(drawing.contains("c&lt;1&gt;: &quot;&amp; </title>") && drawing.contains("#c00"));
-        let told = row(&passed("a@x", "b@y", "in"), 1);
-        assert!(told.starts_with("10:15:00.123  #1") && told.contains("request") && told.contains("b@y"), "{told}");
+        let line = row(&passed("a@x", "b@y", "in"), 1);
+        assert!(line.starts_with("10:15:00.123  #1") && line.contains("request") && line.contains("b@y"), "{line}");
     }
 }

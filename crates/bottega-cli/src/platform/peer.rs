@@ -61,7 +61,7 @@ impl Peer {
 
     /// Asks the platform for its name by HTTP GET; Bottega's platforms answer it.
     fn ask_name(&self) -> Result<String, CliError> {
-        let remedy = "say its name, too: NAME=URL; and look whether it runs there";
+        let remedy = "give its name, too: NAME=URL; check whether it runs there";
         let problem = |what: &str| CliError::failed(format!("{} does not say its name: {what}", self.url), remedy);
         let answer = self.get(None).and_then(|stream| {
             let mut answer = String::new();
@@ -69,13 +69,13 @@ impl Peer {
         });
         let answer = answer.map_err(|error| problem(&error.to_string()))?;
         let body = answer.split_once("\r\n\r\n").map_or("", |(_, body)| body);
-        let term = sl::parse_term(body).map_err(|_| problem("it is no platform of ours"))?;
+        let term = sl::parse_term(body).map_err(|_| problem("it is not a platform of Bottega"))?;
         let arguments = term.arguments_of("ap-description").unwrap_or_default();
         let name = arguments.chunks(2).find_map(|pair| match pair {
             [sl::Term::Bare(key), value] if key == ":name" => value.as_str(),
             _ => None,
         });
-        name.map(str::to_owned).ok_or_else(|| problem("it is no platform of ours"))
+        name.map(str::to_owned).ok_or_else(|| problem("it is not a platform of Bottega"))
     }
 
     /// Starts to read a path of the platform; `None`: the path of its messages.

@@ -55,8 +55,9 @@ pub(super) fn run(args: &ServeArgs) -> Result<ExitCode, CliError> {
         // A second Ctrl-C finds no receiver.
         _ = interrupt.send(());
     });
-    handler
-        .map_err(|error| CliError::failed(format!("cannot hear Ctrl-C: {error}"), "this machine does not allow it"))?;
+    handler.map_err(|error| {
+        CliError::failed(format!("cannot watch for Ctrl-C: {error}"), "this machine does not allow it")
+    })?;
     tell(args, &served);
     // The sender lives as long as the program.
     _ = interrupted.recv();
@@ -151,7 +152,7 @@ fn tell(args: &ServeArgs, served: &ServedPages) {
     match (&args.state, farm) {
         (Some(path), _) => println!("  kept in       {}", path.display()),
         (None, Some(_)) => println!("  kept in       the farm"),
-        (None, None) => println!("  kept in memory only; --state FILE keeps it"),
+        (None, None) => println!("  stored in memory only; --state FILE stores it in a file"),
     }
     match farm {
         Some((platform, _)) if platform.has_agents() => println!("  farm          {}", platform.jobs()),

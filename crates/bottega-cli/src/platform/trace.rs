@@ -25,7 +25,7 @@ pub(super) fn run(args: &TraceArgs) -> Result<ExitCode, CliError> {
     let failed = |what: String| {
         CliError::failed(
             format!("cannot watch {}: {what}", at.url),
-            "only a platform of ours on this machine can be watched",
+            "only a platform of Bottega on this machine can be watched",
         )
     };
     let stream = at.get(Some(TRACE_PATH)).map_err(|error| failed(error.to_string()))?;

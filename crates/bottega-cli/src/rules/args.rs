@@ -64,7 +64,7 @@ pub(crate) struct LaidOutArgs {
 }
 
 impl LaidOutArgs {
-    /// Returns the function block, with the input terms placed as the user asked.
+    /// Returns the function block, with the input terms placed as requested.
     pub(super) fn function_block(&self) -> Result<FunctionBlock, CliError> {
         let source = Source::read(&self.file)?;
         let ranges: Vec<(&str, f64, f64)> =

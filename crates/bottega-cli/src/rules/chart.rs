@@ -46,7 +46,7 @@ impl FigureFormat {
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
             _ => Err(CliError::usage(
-                format!("`{}` names no format of figures", path.display()),
+                format!("`{}` does not name a format of figures", path.display()),
                 "end its name in .svg or .png",
             )),
         }

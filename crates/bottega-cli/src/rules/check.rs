@@ -111,7 +111,7 @@ fn as_json(source: &Source, warnings: &[Warning]) -> Value {
 }
 
 fn error_as_json(path: &Path, error: &bottega::Error) -> Value {
-    let told = match error {
+    let described = match error {
         bottega::Error::RulesText { place, problem, .. } => {
             json!({"line": place.line, "column": place.column, "message": problem})
         }
@@ -120,5 +120,5 @@ fn error_as_json(path: &Path, error: &bottega::Error) -> Value {
             json!({"message": format!("{other}{cause}")})
         }
     };
-    json!({"file": path.display().to_string(), "errors": [told], "warnings": [], "blocks": []})
+    json!({"file": path.display().to_string(), "errors": [described], "warnings": [], "blocks": []})
 }

@@ -26,7 +26,7 @@ pub(super) fn run(args: &PlotArgs) -> Result<ExitCode, CliError> {
         }
         _ if !args.rules.values.is_empty() => {
             return Err(CliError::usage(
-                "values of inputs say nothing of their terms",
+                "values of inputs do not change their terms",
                 "leave them out, or draw a surface: --surface OUTPUT --over INPUT,INPUT",
             ));
         }

@@ -149,7 +149,7 @@ fn as_text(outcome: &SimulationOutcome, took: Duration, measured: Option<Duratio
     let mut text = format!(
         "{} zones, {} of processor time; {} agents\n\
          makespan        {:.3} s\n\
-         lower bounds    {} s by all speed together, {:.3} s by the dearest zone in one piece\n\
+         lower bounds    {} s by all speed together, {:.3} s by the most expensive zone in one piece\n\
          efficiency      {:.1} %\n\
          messages        {messages}, {:.1} a zone\n",
         zones,
@@ -228,13 +228,17 @@ fn as_text(outcome: &SimulationOutcome, took: Duration, measured: Option<Duratio
                 / (measured.as_secs_f64() * agents.iter().map(|agent| agent.lanes).sum::<f64>())
         );
     }
-    text + &format!("simulated in    {:.2} s; all that must hold after a run does\n", took.as_secs_f64())
+    text + &format!("simulated in    {:.2} s; all invariants hold after the run\n", took.as_secs_f64())
 }
 
 /// Returns the utilization of each agent: busy time over the time of its processors.
 fn busy_shares(outcome: &SimulationOutcome) -> Vec<f64> {
-    let all = outcome.makespan.as_secs_f64().max(1e-12);
-    outcome.agents.iter().map(|agent| (agent.busy.as_secs_f64() / (all * agent.lanes.max(1e-12))).min(1.0)).collect()
+    let makespan = outcome.makespan.as_secs_f64().max(1e-12);
+    outcome
+        .agents
+        .iter()
+        .map(|agent| (agent.busy.as_secs_f64() / (makespan * agent.lanes.max(1e-12))).min(1.0))
+        .collect()
 }
 
 fn as_json(outcome: &SimulationOutcome, took: Duration, measured: Option<Duration>) -> Value {

@@ -16,7 +16,7 @@ def picture(path, width, height, color):
     plain_exr.write(path, width, height, channels)
 
 def layers(mode):
-    """What is told of layers."""
+    """The layers of the scene."""
     if mode == "layers":
         return [{"name": "id", "channels": ["Y"], "combine": "pick"}, {"name": "normal", "channels": ["X", "Y", "Z"]},
                 {"name": "two", "channels": ["a", "b"]}]
@@ -36,8 +36,8 @@ def layered(x, y):
 def sound(x, y):
     return (x / 8, y / 8, 1.0)
 
-def told(mode):
-    """More that is told of a scene."""
+def description(mode):
+    """Further fields of the description of a scene."""
     if mode == "wide filter":
         return {"filter": {"kind": "tent", "radius": 1e30}}
     if mode.startswith("dear windows"):
@@ -142,7 +142,7 @@ def main():
                 say(failed={"id": None, "reason": "line 1: I do not know the word `unreadable`", "fatal": False})
                 continue
             size, scratch = (request["width"] or 96, request["height"] or 64), request["scratch"]
-            say(opened={"width": size[0], "height": size[1], "frame": request["frame"], "layers": layers(mode), **told(mode)})
+            say(opened={"width": size[0], "height": size[1], "frame": request["frame"], "layers": layers(mode), **description(mode)})
         elif request["do"] == "paint":
             paint(request, mode, size, scratch)
         elif request["do"] == "files":

@@ -107,7 +107,7 @@ impl Stage {
     }
 }
 
-fn told(output: &Output) -> String {
+fn stderr_of(output: &Output) -> String {
     // Lines are wrapped at the width of a terminal.
     let text = String::from_utf8_lossy(&output.stderr).replace('│', " ");
     text.split_whitespace().collect::<Vec<_>>().join(" ")
@@ -117,7 +117,7 @@ fn told(output: &Output) -> String {
 fn a_picture_in_zones_has_each_pixel_in_its_place() {
     let stage = Stage::new("sound");
     let output = stage.render(&[]);
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
     let expected = Picture::from_fn(96, 64, |x, y| [x as f32 / 8.0, y as f32 / 8.0, 1.0]);
     assert_eq!(stage.picture(), expected);
 }
@@ -126,14 +126,14 @@ fn a_picture_in_zones_has_each_pixel_in_its_place() {
 fn a_crash_costs_a_zone_and_no_picture() {
     let stage = Stage::new("once");
     let output = stage.render(&[]);
-    assert!(output.status.success(), "{}", told(&output));
-    assert!(told(&output).contains("signal 6 (aborted)"), "{}", told(&output));
-    assert!(told(&output).contains("about to fall"), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
+    assert!(stderr_of(&output).contains("signal 6 (aborted)"), "{}", stderr_of(&output));
+    assert!(stderr_of(&output).contains("about to fall"), "{}", stderr_of(&output));
     assert_eq!(stage.picture().pixel(95, 63), [95.0 / 8.0, 63.0 / 8.0, 1.0]);
 }
 
 #[test]
-fn an_engine_that_can_end_early_is_told_what_time_is_left_and_believed() {
+fn an_engine_that_can_end_early_gets_the_remaining_time_and_is_believed() {
     let stage = Stage::new("early");
     let timed = MANIFEST.replace("\"frame\"", "\"statistics\"").replace("most = 64", "most = 4096");
     let timed = format!("{timed}[tunables.time]\nleast = 1\nmost = 100\n");
@@ -143,7 +143,7 @@ fn an_engine_that_can_end_early_is_told_what_time_is_left_and_believed() {
         trace.lines().map(|line| serde_json::from_str(line).expect("an order")).collect()
     };
     let output = stage.render(&["--time", "3s", "--quiet"]);
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
     let zones: Vec<_> = orders().into_iter().filter(|order| !order["time"].is_null()).collect();
     let times: Vec<u64> = zones.iter().filter_map(|order| order["time"].as_u64()).collect();
     assert!(times.first() == Some(&3) && times.is_sorted_by(|a, b| a >= b) && times.len() >= 8, "{times:?}");
@@ -173,14 +173,14 @@ fn windows_that_are_dear_are_not_tried_out() {
         let (scene, output) = (stage.path("scene.toy"), stage.path("out.exr"));
         let words = ["render", text(&scene), "--engine", "hostile", "-o", text(&output), "--quiet"];
         let done = stage.command(&words).output().expect("the program starts");
-        assert!(done.status.success(), "{}", told(&done));
+        assert!(done.status.success(), "{}", stderr_of(&done));
         let painted = fs::read_to_string(stage.path(TRACE)).expect("a trace").split_whitespace().count();
         assert!(windows.contains(&painted), "{seconds} s: {painted} windows");
     }
 }
 
 #[test]
-fn what_engines_do_wrong_is_told() {
+fn faults_of_engines_are_reported() {
     for (scene, says) in [
         ("crash", "signal 6 (aborted)"),
         ("early crash", "signal 6 (aborted)"),
@@ -191,7 +191,7 @@ fn what_engines_do_wrong_is_told() {
         ("nothing", "wrote no picture"),
         ("half", "cannot be read"),
         ("size", "pixels where"),
-        ("nan", "no finite numbers"),
+        ("nan", "not finite numbers"),
         ("black", "all black"),
         ("nonsense", "protocol"),
         ("elsewhere", "not in its folder"),
@@ -202,31 +202,31 @@ fn what_engines_do_wrong_is_told() {
         let stage = Stage::new(scene);
         let begun = Instant::now();
         let output = stage.render(&[]);
-        assert_eq!(output.status.code(), Some(1), "{scene}: {}", told(&output));
-        assert!(told(&output).contains(says), "{scene}: {}", told(&output));
-        assert!(!told(&output).contains("panicked"), "{scene}: {}", told(&output));
+        assert_eq!(output.status.code(), Some(1), "{scene}: {}", stderr_of(&output));
+        assert!(stderr_of(&output).contains(says), "{scene}: {}", stderr_of(&output));
+        assert!(!stderr_of(&output).contains("panicked"), "{scene}: {}", stderr_of(&output));
         assert!(begun.elapsed() < Duration::from_secs(60), "{scene}: it takes too long");
     }
 }
 
 #[test]
-fn an_engine_that_fails_again_and_again_is_left_alone_until_somebody_lets_it_in() {
+fn an_engine_that_fails_repeatedly_is_quarantined_until_it_is_released() {
     let stage = Stage::new("crash");
     let run = |arguments: &[&str]| stage.command(arguments).output().expect("the program starts");
-    let says = |output: &Output| String::from_utf8_lossy(&output.stdout).into_owned() + &told(output);
+    let says = |output: &Output| String::from_utf8_lossy(&output.stdout).into_owned() + &stderr_of(output);
     assert_eq!(stage.render(&[]).status.code(), Some(1));
     // For any command of the next process.
     fs::write(stage.path("scene.toy"), "sound").expect("written");
     let refused = stage.render(&[]);
     assert_eq!(refused.status.code(), Some(1));
-    assert!(told(&refused).contains("engines release hostile"), "{}", told(&refused));
+    assert!(stderr_of(&refused).contains("engines release hostile"), "{}", stderr_of(&refused));
     assert!(says(&run(&["engines", "list", "--wait", "90s"])).contains("not used here: it failed 3 times in a row"));
     let check = run(&["engines", "check", "hostile"]);
-    assert!(!check.status.success() && told(&check).contains("signal 6 (aborted)"), "{}", told(&check));
+    assert!(!check.status.success() && stderr_of(&check).contains("signal 6 (aborted)"), "{}", stderr_of(&check));
     assert!(says(&run(&["engines", "release", "hostile"])).contains("is used again"));
-    assert!(says(&run(&["engines", "release", "hostile"])).contains("was not shut out"));
+    assert!(says(&run(&["engines", "release", "hostile"])).contains("is not in quarantine"));
     let painted = stage.render(&[]);
-    assert!(painted.status.success(), "{}", told(&painted));
+    assert!(painted.status.success(), "{}", stderr_of(&painted));
 }
 
 #[test]
@@ -238,7 +238,7 @@ fn another_version_of_an_engine_is_used_again() {
     let worker = format!("{}# repaired\n", include_str!("hostile.py"));
     fs::write(stage.path("hostile.py"), worker).expect("written");
     let painted = stage.render(&[]);
-    assert!(painted.status.success(), "{}", told(&painted));
+    assert!(painted.status.success(), "{}", stderr_of(&painted));
 }
 
 #[test]
@@ -247,14 +247,14 @@ fn a_file_that_shuts_an_engine_out_and_is_not_ours_is_left_aside() {
     fs::create_dir_all(stage.path("state/bottega/engines")).expect("a folder");
     fs::write(stage.path("state/bottega/engines/hostile.json"), "{\"identity\": [[[").expect("written");
     let painted = stage.render(&[]);
-    assert!(painted.status.success() && told(&painted).contains("is left aside"), "{}", told(&painted));
+    assert!(painted.status.success() && stderr_of(&painted).contains("is ignored"), "{}", stderr_of(&painted));
 }
 
 #[test]
 fn nothing_that_an_engine_started_is_left() {
     let stage = Stage::new("forks");
     let output = stage.render(&[]);
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
     let mark = text(&stage.path(TRACE)).to_owned();
     let lives = || {
         let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
@@ -281,7 +281,7 @@ fn engines_have_no_network_where_the_system_can_shut_them_in() {
     let (scene, output) = (stage.path("scene.toy"), stage.path("out.exr"));
     let arguments = ["render", text(&scene), "--engine", "hostile", "-o", text(&output)];
     let output = stage.command(&arguments).env("PORT", port.to_string()).output().expect("the program starts");
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
     assert_eq!(stage.picture().pixel(3, 3), [0.0, 1.0, 0.0]);
 }
 
@@ -301,21 +301,21 @@ fn layers_and_alpha_come_out_in_their_places() {
     };
     for more in [&[][..], &["--spp", "7"], &["--aov", "all"]] {
         let output = stage.render(more);
-        assert!(output.status.success(), "{}", told(&output));
+        assert!(output.status.success(), "{}", stderr_of(&output));
         let [alpha, id, normal, two, samples] = channels(&stage, ["A", "id.Y", "normal.X", "two.b", "samples"]);
         assert!(is_right(&alpha, |x, _| x / 128.0) && is_right(&two, |x, y| x - y), "{more:?}");
         assert!(is_right(&normal, |x, _| x) && samples.is_none());
-        assert!(is_right(&id, |x, y| x * 1000.0 + y), "an identity is none of two neighbours");
+        assert!(is_right(&id, |x, y| x * 1000.0 + y), "an identity is never a mean of two neighbours");
     }
     let output = stage.render(&["--aov", "two,samples"]);
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
     let [id, normal, two, samples] = channels(&stage, ["id.Y", "normal.X", "two.a", "samples"]);
     assert!(id.is_none() && normal.is_none() && two.is_some() && is_right(&samples, |_, _| 4.0));
     assert!(stage.render(&["--aov", "none"]).status.success());
     assert!(channels(&stage, ["id.Y", "normal.X", "two.a", "samples"]).iter().all(Option::is_none));
     let refused = stage.render(&["--aov", "two,uv"]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(told(&refused).contains("there are id, normal, two, samples"), "{}", told(&refused));
+    assert!(stderr_of(&refused).contains("there are id, normal, two, samples"), "{}", stderr_of(&refused));
 }
 
 #[test]
@@ -323,23 +323,23 @@ fn layers_that_no_picture_can_have_are_refused() {
     for (scene, says) in [
         ("no such layer", "lacks the channel `depth.Z`"),
         ("many layers", "there are 1000 layers, and at most 128 are taken"),
-        ("nameless layer", "is no name for a channel"),
+        ("nameless layer", "is not a valid channel name"),
     ] {
         let stage = Stage::new(scene);
         let output = stage.render(&[]);
-        assert_eq!(output.status.code(), Some(1), "{scene}: {}", told(&output));
-        assert!(told(&output).contains(says), "{scene}: {}", told(&output));
+        assert_eq!(output.status.code(), Some(1), "{scene}: {}", stderr_of(&output));
+        assert!(stderr_of(&output).contains(says), "{scene}: {}", stderr_of(&output));
     }
 }
 
 #[test]
-fn frames_are_numbered_and_told_to_the_engine() {
+fn frames_are_numbered_and_passed_to_the_engine() {
     let stage = Stage::new("frames");
     let scene = stage.path("scene.toy");
     let output = stage.path("out.exr");
     let arguments = ["render", text(&scene), "--engine", "hostile", "-o", text(&output), "--frames", "7..9"];
     let done = stage.command(&arguments).output().expect("the program starts");
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", stderr_of(&done));
     for frame in 7..=9_u8 {
         let picture = read_picture(stage.path(&format!("out.000{frame}.exr"))).expect("a picture");
         assert_eq!(picture.pixel(5, 5)[0], f32::from(frame));
@@ -354,30 +354,30 @@ fn frames_are_numbered_and_told_to_the_engine() {
     fs::remove_file(stage.path("out.0008.exr")).expect("removed");
     fs::write(stage.path("out.0007.exr"), "mine").expect("written");
     let done = stage.command(&[&arguments, ["--resume"].as_slice()].concat()).output().expect("the program starts");
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", stderr_of(&done));
     assert_eq!(read_picture(stage.path("out.0008.exr")).expect("a picture").pixel(5, 5)[0], 8.0);
     assert_eq!(fs::read(stage.path("out.0007.exr")).expect("a file"), b"mine");
 }
 
 #[test]
-fn what_an_engine_lacks_is_told_before_anything_is_painted() {
+fn what_an_engine_lacks_is_reported_before_anything_is_painted() {
     let stage = Stage::new("sound");
     let refuse = |arguments: &[&str], says: &str| {
         let output = stage.render(arguments);
-        assert!(!output.status.success() && told(&output).contains(says), "{arguments:?}: {}", told(&output));
+        assert!(!output.status.success() && stderr_of(&output).contains(says), "{arguments:?}: {}", stderr_of(&output));
     };
-    refuse(&["--camera", "x"], "--camera is for our own engine");
+    refuse(&["--camera", "x"], "only the built-in engine supports --camera");
     refuse(&["--aov", "albedo"], "Hostile makes no layer `albedo` of this scene");
     refuse(&["--engine-option", "speed=11"], "Hostile has no option `speed`");
-    refuse(&["--set", "engine.rules.file=x.fcl"], "for pictures that two engines paint");
-    refuse(&["-D", "a=b"], "--define means nothing to Hostile");
+    refuse(&["--set", "engine.rules.file=x.fcl"], "it needs two engines");
+    refuse(&["-D", "a=b"], "Hostile does not support --define");
     refuse(&["--crop", "0,0,97,64"], "not within the picture");
     fs::rename(stage.path("scene.toy"), stage.path("scene.glb")).expect("renamed");
     let (scene, output) = (stage.path("scene.glb"), stage.path("out.exr"));
     let other = |name: &str, says: &str| {
         let arguments = ["render", text(&scene), "--engine", name, "-o", text(&output)];
         let output = stage.command(&arguments).output().expect("the program starts");
-        assert!(!output.status.success() && told(&output).contains(says), "{name}: {}", told(&output));
+        assert!(!output.status.success() && stderr_of(&output).contains(says), "{name}: {}", stderr_of(&output));
     };
     other("hostile", "does not read");
     other("nobody", "there is no engine `nobody`");
@@ -447,15 +447,15 @@ output = "out.exr"
     let arguments =
         ["render", text(&scene), "--engine", "line", "-o", text(&output), "--size", "40x30", "--set", "work.zones=4"];
     let done = stage.command(&arguments).output().expect("the program starts");
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", stderr_of(&done));
     assert_eq!(stage.picture(), Picture::from_fn(40, 30, |x, y| [x as f32, y as f32, 1.0]));
     let timed = stage.command(&[&arguments[..], &["--time", "1s"]].concat()).output().expect("the program starts");
-    assert!(timed.status.success(), "{}", told(&timed));
+    assert!(timed.status.success(), "{}", stderr_of(&timed));
     assert_eq!(stage.picture(), Picture::from_fn(40, 30, |x, y| [x as f32, y as f32, 2.0]));
     let manifest = fs::read_to_string(stage.path("line.toml")).expect("text").replace("\"sound\"", "\"broken\"");
     fs::write(stage.path("line.toml"), manifest).expect("written");
     let failed = stage.command(&arguments).output().expect("the program starts");
-    assert!(!failed.status.success() && told(&failed).contains("the lamp is missing"), "{}", told(&failed));
+    assert!(!failed.status.success() && stderr_of(&failed).contains("the lamp is missing"), "{}", stderr_of(&failed));
 }
 
 #[test]
@@ -465,17 +465,17 @@ fn an_engine_opens_no_files_but_its_own_and_its_scenes() {
     fs::write(&secret, "the combination of the safe").expect("written");
     let stage = Stage::new(&format!("secret {}", text(&secret)));
     let list = stage.command(&["engines", "list", "--wait", "90s"]).output().expect("the program starts");
-    if String::from_utf8_lossy(&list.stdout).contains("Engines see all files") {
+    if String::from_utf8_lossy(&list.stdout).contains("Engines can read all files") {
         eprintln!("SKIPPED: this kernel has no Landlock, and engines see all files");
         return;
     }
     // Red, green and blue say whether it could read the secret, write beside it, or change its scene.
     let output = stage.render(&["--spp", "1"]);
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
     assert_eq!(stage.picture(), Picture::from_fn(96, 64, |_, _| [0.25; 3]));
     // With `--allow-outside` it reads everything, but still writes nothing.
     let output = stage.render(&["--spp", "1", "--allow-outside"]);
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
     assert_eq!(stage.picture(), Picture::from_fn(96, 64, |_, _| [1.0, 0.25, 0.25]));
     assert_eq!(fs::read_dir(elsewhere.path()).expect("a folder").count(), 1);
 }
@@ -506,7 +506,7 @@ fn an_engine_that_does_not_answer_is_listed_as_starting_and_is_said_to_be_waited
         list.status.success() && line.contains("starting") && line.contains("bottega engines check slow"),
         "{line}"
     );
-    let said = told(&list);
+    let said = stderr_of(&list);
     assert!(said.lines().any(|line| line.starts_with("waiting for") && line.contains("slow")), "{said}");
 }
 
@@ -521,9 +521,9 @@ fn engines_are_listed_and_checked() {
     }
     let check = stage.command(&["engines", "check", "hostile"]).output().expect("the program starts");
     let checked = String::from_utf8_lossy(&check.stdout).into_owned();
-    assert!(check.status.success() && checked.contains("ready after"), "{checked}{}", told(&check));
+    assert!(check.status.success() && checked.contains("ready after"), "{checked}{}", stderr_of(&check));
     let scene = stage.path("scene.toy");
     let tried = stage.command(&["engines", "try", "hostile", text(&scene)]).output().expect("the program starts");
     let said = String::from_utf8_lossy(&tried.stdout).into_owned();
-    assert!(tried.status.success() && said.contains("have the same bits"), "{said}{}", told(&tried));
+    assert!(tried.status.success() && said.contains("have the same bits"), "{said}{}", stderr_of(&tried));
 }

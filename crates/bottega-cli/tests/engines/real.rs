@@ -32,8 +32,8 @@ sphere { <0, 0.7, 0>, 0.7 pigment { rgb <0.6, 0.5, 0.4> } finish { reflection 0.
 fn is_here(name: &str) -> bool {
     let check = bottega(&["engines", "check", name]).output().expect("the program starts");
     if !check.status.success() {
-        let told = String::from_utf8_lossy(&check.stderr);
-        eprintln!("SKIPPED: {name} is not usable here; `cargo xtask engines --all` installs it: {told}");
+        let stderr = String::from_utf8_lossy(&check.stderr);
+        eprintln!("SKIPPED: {name} is not usable here; `cargo xtask engines --all` installs it: {stderr}");
     }
     check.status.success()
 }
@@ -54,14 +54,14 @@ fn mean(picture: &Picture) -> f64 {
 fn check(name: &str, scene: &Path, spp: &str) {
     let tried = bottega(&["engines", "try", name, text(scene), "--size", "96x72", "--spp", spp]).output();
     let tried = tried.expect("the program starts");
-    let told = |output: &[u8]| String::from_utf8_lossy(output).into_owned();
-    assert!(tried.status.success(), "{name}: {}{}", told(&tried.stdout), told(&tried.stderr));
+    let text_of = |output: &[u8]| String::from_utf8_lossy(output).into_owned();
+    assert!(tried.status.success(), "{name}: {}{}", text_of(&tried.stdout), text_of(&tried.stderr));
     let folder = tempfile::tempdir().expect("a folder");
     let paint = |file: &str, more: &[&str]| {
         let output = folder.path().join(file);
         let usual = ["render", text(scene), "--engine", name, "--size", "96x72", "--spp", spp, "--quiet", "-o"];
         let done = bottega(&[usual.as_slice(), &[text(&output)], more].concat()).output().expect("the program starts");
-        assert!(done.status.success(), "{name}: {}", told(&done.stderr));
+        assert!(done.status.success(), "{name}: {}", text_of(&done.stderr));
         read_picture(output).expect("a picture")
     };
     let whole = paint("whole.exr", &["--set", "work.level=0"]);
@@ -233,15 +233,15 @@ fn two_engines_paint_one_picture() {
             text(&output),
         ];
         let done = bottega(&[&words, more].concat()).output().expect("the program starts");
-        let told = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert!(done.status.success(), "{engine}: {told}");
-        assert!(!told.contains("can be seen"), "{engine}: {told}");
-        (output, told)
+        let stderr = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success(), "{engine}: {stderr}");
+        assert!(!stderr.contains("can be seen"), "{engine}: {stderr}");
+        (output, stderr)
     };
     let (own, _) = paint("builtin", &["--aov", "depth,normal"]);
     let (other, _) = paint("mitsuba", &[]);
-    let (both, told) = paint("builtin,mitsuba", &[]);
-    assert!(told.contains("by builtin") && told.contains("by mitsuba"), "{told}");
+    let (both, stderr) = paint("builtin,mitsuba", &[]);
+    assert!(stderr.contains("by builtin") && stderr.contains("by mitsuba"), "{stderr}");
     let names = ["depth.Z", "normal.X", "normal.Y", "normal.Z", "albedo.R", "uv.U"].map(str::to_owned);
     let read = |path: &Path| {
         let (file, planes) = read_channels(path, ReadLimits::default(), &names).expect("a picture");
@@ -275,15 +275,15 @@ fn two_engines_that_would_not_agree_are_refused() {
         let output = folder.path().join("a.exr");
         let words = ["render", text(&scene), "--engine", "builtin,mitsuba", "-o", text(&output)];
         let done = bottega(&[&words, more].concat()).env("NO_COLOR", "1").output().expect("the program starts");
-        let told = String::from_utf8_lossy(&done.stderr).replace('│', " ");
-        let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(!done.status.success() && told.contains(says), "{told}");
+        let stderr = String::from_utf8_lossy(&done.stderr).replace('│', " ");
+        let stderr = stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(!done.status.success() && stderr.contains(says), "{stderr}");
     };
     let film = r#"<film type="hdrfilm">"#;
     let lanczos = MITSUBA.replace(film, &format!(r#"{film}<rfilter type="lanczos"/>"#));
-    refuse(&lanczos, &[], "a pixel filter that our own engine does not have");
+    refuse(&lanczos, &[], "a pixel filter that the built-in engine does not have");
     refuse(&aov_scene(), &["--aov", "depth,albedo"], "do not make the same layer `albedo`");
-    refuse(MITSUBA, &["--filter", "box"], "--filter is for our own engine");
+    refuse(MITSUBA, &["--filter", "box"], "only the built-in engine supports --filter");
 }
 
 #[test]
@@ -298,8 +298,8 @@ fn a_gltf_without_a_camera_is_seen_alike_by_cycles_and_by_our_own_engine() {
         let size = ["--size", "64x64", "--spp", "64", "--max-depth", "8", "--set", "work.zones=4"];
         let words = ["render", text(&scene), "--engine", engine, "-o", text(&output)];
         let done = bottega(&[&words[..], &size].concat()).output().expect("the program starts");
-        let told = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert!(done.status.success() && !told.contains("can be seen"), "{engine}: {told}");
+        let stderr = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success() && !stderr.contains("can be seen"), "{engine}: {stderr}");
         read_picture(output).expect("a picture")
     };
     let (own, other, both) = (paint("builtin"), paint("cycles"), paint("builtin,cycles"));

@@ -44,8 +44,8 @@ fn in_hand(farm: &Farm, agent: &str) -> usize {
 fn services_of_platform(farm: &Farm, kind: &str) -> Vec<Value> {
     let said = farm.said("up.log");
     let url = said.split("platform at ").nth(1).and_then(|rest| rest.split(": ").next()).expect("an address");
-    let told = farm.succeed(&["platform", "services", "--at", url, "--type", kind, "--json"]);
-    told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+    let services = farm.succeed(&["platform", "services", "--at", url, "--type", kind, "--json"]);
+    services.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
 }
 
 #[test]
@@ -91,10 +91,12 @@ fn agents_of_a_job_are_in_the_directories_and_one_of_them_is_suspended_for_real(
     farm.succeed(&["platform", "resume", &its]);
     farm.until("it paints again", || in_hand(&farm, &its) > 0);
     assert_eq!(state(&farm, &its).as_deref(), Some("active"));
-    for (agent, words) in [("nobody@nowhere", "no agent `nobody@nowhere`"), ("ams@bottega", "cannot be changed so")] {
+    for (agent, words) in
+        [("nobody@nowhere", "no agent `nobody@nowhere`"), ("ams@bottega", "the command is impossible in this state")]
+    {
         let output = farm.run(&["platform", "suspend", agent]);
-        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
-        assert!(output.status.code() == Some(1) && told.contains(words), "{agent}: {told}");
+        let stderr = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(output.status.code() == Some(1) && stderr.contains(words), "{agent}: {stderr}");
     }
 
     // The one that leads is killed: its agents go from the pages, and the entry of the Master is that of another one.

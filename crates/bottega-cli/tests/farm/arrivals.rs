@@ -35,8 +35,8 @@ fn machines_that_join_at_the_same_moment_are_all_let_in() {
         let looks: Vec<Child> = (0..LOOKS).map(look).collect();
         for look in looks {
             let output = look.wait_with_output().expect("a child");
-            let told = String::from_utf8_lossy(&output.stderr);
-            assert!(output.status.success(), "{server:?}: {told}{}", farm.logs());
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success(), "{server:?}: {stderr}{}", farm.logs());
         }
         (0..MACHINES).for_each(|number| farm.until_says(&format!("m{number}"), "waiting for work"));
         let members = std::fs::read(farm.path("state/bottega/server/members.json")).expect("members");
@@ -53,11 +53,11 @@ fn a_second_up_says_the_lines_and_leaves_the_farm_alone() {
     let listen = format!("127.0.0.1:{}", farm.port);
     for arguments in [&["up", "--server", text(&server)][..], &["up", "--server", text(&server), "--listen", &listen]] {
         let said = farm.succeed(arguments);
-        assert!(said.contains("up already") && said.contains(&farm.lines()[0]), "{said}");
+        assert!(said.contains("already runs") && said.contains(&farm.lines()[0]), "{said}");
     }
     let other = farm.run(&["up", "--server", text(&server), "--listen", "127.0.0.1:1"]);
-    let told = String::from_utf8_lossy(&other.stderr).replace("\n  │ ", " ");
-    assert!(other.status.code() == Some(1) && told.contains("end that one first"), "{told}");
+    let stderr = String::from_utf8_lossy(&other.stderr).replace("\n  │ ", " ");
+    assert!(other.status.code() == Some(1) && stderr.contains("end it first"), "{stderr}");
     assert!(farm.succeed(&["machines", "list", "--json"]).is_empty(), "the server is there");
     assert!(farm.up.take().expect("a server").end());
     // No process holds it any more.
@@ -78,11 +78,11 @@ fn a_server_that_hangs_is_started_again() {
     farm.until_state(1, "done");
     farm.succeed(&["jobs", "fetch", "1"]);
     assert!(bits(&farm.path("a.exr")) == plain, "{}", farm.logs());
-    assert!(!farm.said("up.log").contains('\u{1b}'), "a file is no terminal");
+    assert!(!farm.said("up.log").contains('\u{1b}'), "a file is not a terminal");
 }
 
 #[test]
-fn whoever_ends_the_asker_at_once_is_told_how_to_go_on() {
+fn a_submitter_that_is_stopped_at_once_says_how_to_continue() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let mut asker = farm.render_by("a.exr", MANY, &[]);

@@ -40,7 +40,7 @@ fn other_build(farm: &Farm) -> (PathBuf, String) {
 }
 
 #[test]
-fn a_machine_of_another_build_is_left_out_and_both_sides_are_told() {
+fn a_machine_of_another_build_is_left_out_and_both_sides_report_it() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let plain = farm.plain();
@@ -67,10 +67,10 @@ fn a_machine_of_another_build_is_left_out_and_both_sides_are_told() {
     let mut asker = farm.spawn(&words, "asker");
     assert!(asker.wait(), "{}", farm.logs());
     assert!(bits(&path) == plain, "{}", farm.logs());
-    let told = |text: String| text.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ");
-    let (asker, log) = (told(farm.said("asker")), told(farm.log_of(1)));
+    let joined_words = |text: String| text.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ");
+    let (asker, log) = (joined_words(farm.said("asker")), joined_words(farm.log_of(1)));
     for name in ["trusted", "guest"] {
-        let machine = told(farm.said(name));
+        let machine = joined_words(farm.said(name));
         let process = machine.split_once(" as ").and_then(|(_, rest)| rest.split([';', ':']).next()).expect("a name");
         for words in [&*format!("install bottega {ours}"), &theirs, "built from different sources"] {
             assert!(machine.contains(words), "{words}: {machine}");

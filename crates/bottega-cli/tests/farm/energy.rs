@@ -38,7 +38,7 @@ fn detach(farm: &Farm, output: &str, samples: &str) {
 }
 
 #[test]
-fn energy_and_cost_are_told_as_far_as_they_are_known() {
+fn energy_and_cost_are_shown_as_far_as_they_are_known() {
     let Some(server) = servers().pop() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let zone = folder.path().join("counters/intel-rapl:0");
@@ -60,15 +60,15 @@ fn energy_and_cost_are_told_as_far_as_they_are_known() {
             }
         })
     };
-    let told = folder.path().join("told");
-    let on = format!("done,failed=cat >> {}", text(&told));
+    let notifications = folder.path().join("notifications");
+    let on = format!("done,failed=cat >> {}", text(&notifications));
     let farm =
         Farm::start_with(&server, &["--price-per-kwh", "0.5", "--currency", "EUR", "--store-size", "1", "--on", &on]);
 
     let mut machine = join(&farm, "one", &folder.path().join("counters"), &[]);
     detach(&farm, "a.exr", "--spp=384");
     farm.until_state(1, "done");
-    farm.until("its energy is told", || farm.job(1)["energy"]["kwh"].is_number());
+    farm.until("its energy is known", || farm.job(1)["energy"]["kwh"].is_number());
     let energy = farm.job(1)["energy"].clone();
     let number = |value: &Value| value.as_f64().expect("a number");
     let kwh = number(&energy["kwh"]);
@@ -90,13 +90,13 @@ fn energy_and_cost_are_told_as_far_as_they_are_known() {
     let mut machine = join(&farm, "two", Path::new("nowhere"), &["--watts", "120"]);
     detach(&farm, "b.exr", "--spp=64");
     farm.until_state(2, "done");
-    farm.until("its energy is told", || farm.job(2)["energy"]["kwh"].is_number());
+    farm.until("its energy is known", || farm.job(2)["energy"]["kwh"].is_number());
     assert_eq!(farm.job(2)["energy"]["machines"][0]["source"], "watts");
     assert!(machine.end());
     let _machine = join(&farm, "three", Path::new("nowhere"), &[]);
     detach(&farm, "c.exr", "--spp=64");
     farm.until_state(3, "done");
-    farm.until("its time is told", || {
+    farm.until("its time is known", || {
         farm.job(3)["energy"]["processor_seconds"].as_f64().is_some_and(|time| time > 0.0)
     });
     let energy = farm.job(3)["energy"].clone();
@@ -105,31 +105,34 @@ fn energy_and_cost_are_told_as_far_as_they_are_known() {
     assert!(said.contains("processor time") && !said.contains("Wh") && !said.contains("EUR"), "{said}");
 
     // The process of `bottega up` reports each job once.
-    farm.until("all three are told of", || {
-        fs::read_to_string(&told).unwrap_or_default().matches("\"done\"").count() >= 3
+    farm.until("all three are reported", || {
+        fs::read_to_string(&notifications).unwrap_or_default().matches("\"done\"").count() >= 3
     });
-    let told = fs::read_to_string(&told).expect("it was told");
+    let notifications = fs::read_to_string(&notifications).expect("it was reported");
     let events: Vec<Value> =
-        serde_json::Deserializer::from_str(&told).into_iter().collect::<Result<_, _>>().expect("JSON");
+        serde_json::Deserializer::from_str(&notifications).into_iter().collect::<Result<_, _>>().expect("JSON");
     let jobs: Vec<(u64, &str)> =
         events.iter().map(|it| (it["job"].as_u64().expect("a job"), it["event"].as_str().expect("an event"))).collect();
     assert_eq!(jobs, [(1, "done"), (2, "done"), (3, "done")]);
-    assert!(events[0]["scene"].as_str().is_some_and(|scene| scene.ends_with("goblets.glb")), "{told}");
+    assert!(events[0]["scene"].as_str().is_some_and(|scene| scene.ends_with("goblets.glb")), "{notifications}");
 }
 
 #[test]
-fn a_job_that_nobody_paints_is_told_as_stalled_to_the_one_who_asked_and_to_the_keeper() {
+fn a_job_that_nobody_paints_is_reported_as_stalled_by_its_submitter_and_by_the_host() {
     let Some(server) = servers().pop() else { return };
     let folder = tempfile::tempdir().expect("a folder");
-    let told = folder.path().join("told");
-    let on = format!("stalled=cat >> {}", text(&told));
+    let notifications = folder.path().join("notifications");
+    let on = format!("stalled=cat >> {}", text(&notifications));
     let farm = Farm::start_with(&server, &["--on", &on, "--stalled-after", "1", "--store-size", "1"]);
     detach(&farm, "a.exr", "--spp=64");
-    farm.until("it is told", || told.is_file() && fs::read_to_string(&told).is_ok_and(|text| !text.is_empty()));
-    let event: Value = serde_json::from_str(&fs::read_to_string(&told).expect("it was told")).expect("JSON");
+    farm.until("it is reported", || {
+        notifications.is_file() && fs::read_to_string(&notifications).is_ok_and(|text| !text.is_empty())
+    });
+    let event: Value =
+        serde_json::from_str(&fs::read_to_string(&notifications).expect("it was reported")).expect("JSON");
     assert_eq!((&event["event"], &event["job"]), (&"stalled".into(), &1.into()));
     assert!(event["reason"].as_str().is_some_and(|why| why.contains("no machine paints it")), "{event}");
-    // The process that asked reports only its own job.
+    // The submitter reports only its own job.
     let own = folder.path().join("own");
     let on = format!("stalled,done=cat >> {}", text(&own));
     let mut asker = farm.render("b.exr", &["--on", &on, "--stalled-after", "0.1"]);
@@ -137,12 +140,12 @@ fn a_job_that_nobody_paints_is_told_as_stalled_to_the_one_who_asked_and_to_the_k
         own.is_file() && fs::read_to_string(&own).is_ok_and(|text| text.contains("\"done\""))
     });
     assert!(asker.wait());
-    let told = fs::read_to_string(&own).expect("it was told");
+    let notifications = fs::read_to_string(&own).expect("it was reported");
     let events: Vec<Value> =
-        serde_json::Deserializer::from_str(&told).into_iter().collect::<Result<_, _>>().expect("JSON");
-    assert!(events.iter().all(|it| it["job"] == 2), "{told}");
+        serde_json::Deserializer::from_str(&notifications).into_iter().collect::<Result<_, _>>().expect("JSON");
+    assert!(events.iter().all(|it| it["job"] == 2), "{notifications}");
     assert!(
         events.len() > 1 && events[0]["event"] == "stalled" && events.last().expect("one")["event"] == "done",
-        "{told}"
+        "{notifications}"
     );
 }

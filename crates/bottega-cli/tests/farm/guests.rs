@@ -46,8 +46,8 @@ fn sees_its_own_work_alone(farm: &Farm, guest_line: &str) {
     let _other = farm.spawn_in("state-of-other", &words, "other");
     farm.until_says("other", "waiting for work");
     let lines = |words: &[&str]| -> Vec<Value> {
-        let told = farm.succeed(&[words, &["--json"]].concat());
-        told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+        let output_lines = farm.succeed(&[words, &["--json"]].concat());
+        output_lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
     };
     let as_guest = ["--farm", guest_line];
     let numbers = |jobs: Vec<Value>| jobs.into_iter().map(|job| job["job"].clone()).collect::<Vec<_>>();
@@ -56,8 +56,8 @@ fn sees_its_own_work_alone(farm: &Farm, guest_line: &str) {
     assert!(farm.succeed(&[&["jobs", "show", "1"], &as_guest[..]].concat()).contains("done"));
     for words in [&["jobs", "show", "2"][..], &["jobs", "log", "2"], &["blackboard", "2"], &["jobs", "fetch", "2"]] {
         let output = farm.run(&[words, &as_guest].concat());
-        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
-        assert!(!output.status.success() && told.contains("sees its own work alone"), "{words:?}: {told}");
+        let stderr = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(!output.status.success() && stderr.contains("sees its own work alone"), "{words:?}: {stderr}");
     }
     let named = |machines: Vec<Value>| {
         machines.iter().any(|it| it["machine"].as_str().is_some_and(|it| it.starts_with("elsewhere-")))
@@ -97,12 +97,12 @@ fn hostile(farm: &Farm) {
     let link = link(farm);
     let before = link.notices().get("job/1").expect("a job");
     let evil = link_of_guest(farm);
-    // Jobs, leads, and the seats of others.
+    // Jobs, leads, and the presences of others.
     let pages = ["page/bottega/df/agent/work-7/master@work-7", "page/bottega/ams/agent/bottega/jobs@bottega"];
     // A server that refuses to store does not answer, so each attempt waits until its timeout.
     let link_of_evil = &evil;
     thread::scope(|scope| {
-        for name in ["job/1", "job/77", "lead/1", "seat/other/other.1"].into_iter().chain(pages) {
+        for name in ["job/1", "job/77", "lead/1", "presence/other/other.1"].into_iter().chain(pages) {
             scope.spawn(move || assert!(link_of_evil.notices().put(name, b"{}").is_err(), "{name}"));
             // It may learn that a notice exists.
             scope.spawn(move || {
@@ -113,8 +113,8 @@ fn hostile(farm: &Farm) {
     });
     // Scenes, orders and pictures.
     assert!(evil.blobs().put("file/x", b"evil").is_err());
-    // Its own seat, and pixels, which are believed only with their digest.
-    assert!(evil.notices().put(&format!("seat/{member}/{member}.1"), b"{}").is_ok());
+    // Its own presence, and pixels, which are believed only with their digest.
+    assert!(evil.notices().put(&format!("presence/{member}/{member}.1"), b"{}").is_ok());
     assert!(evil.payloads().put("work-1/tile-x", b"pixels").is_ok());
     // It cannot overwrite pixels of others; the writer may repeat its own.
     let large = vec![7; 700_000];
@@ -126,7 +126,7 @@ fn hostile(farm: &Farm) {
         assert_eq!(link.payloads().get(&name, 1 << 20).unwrap().as_deref(), Some(own));
     }
     assert_eq!(link.notices().get("job/1").map(|job| job.revision), Some(before.revision));
-    assert!(link.notices().get("job/77").is_none() && link.notices().get("seat/other/other.1").is_none());
+    assert!(link.notices().get("job/77").is_none() && link.notices().get("presence/other/other.1").is_none());
     assert_eq!(link.blobs().has("file/x"), Ok(false));
     let (heard, refused) = forbidden_subjects(farm, &seed, &member);
     assert!(heard.is_empty(), "{heard:?}");
@@ -182,7 +182,7 @@ fn forbidden_subjects(farm: &Farm, seed: &str, member: &str) -> (Vec<String>, us
             evil.publish(subject, "evil".into()).await.expect("sent");
         }
         for subject in ["bottega.>", "_INBOX.>", "$KV.>", "bottega-enrol.>"] {
-            drop(evil.subscribe(subject).await.expect("asked"));
+            drop(evil.subscribe(subject).await.expect("subscribed"));
         }
         evil.flush().await.expect("an answer");
         tokio::time::sleep(Duration::from_millis(300)).await;

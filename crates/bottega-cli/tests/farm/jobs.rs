@@ -10,7 +10,7 @@ use super::{
 };
 
 #[test]
-fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
+fn jobs_are_submitted_paused_resumed_cancelled_and_fetched() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let plain = farm.plain();
@@ -19,7 +19,7 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
     farm.succeed(&["jobs", "pause", "1"]);
     let _one = farm.join("one");
     farm.until_painted(2, 0.1);
-    farm.until("the time that is left is told", || farm.job(2)["seconds_left"].as_f64() > Some(0.0));
+    farm.until("the remaining time is known", || farm.job(2)["seconds_left"].as_f64() > Some(0.0));
     assert_eq!((farm.job(1)["machines"].as_u64(), farm.job(2)["machines"].as_u64()), (Some(0), Some(1)));
     farm.succeed(&["jobs", "pause", "2"]);
     farm.until("nobody paints it", || farm.job(2)["leader"].is_null());
@@ -67,25 +67,26 @@ fn jobs_are_asked_for_paused_resumed_called_off_and_had() {
         (["jobs", "show", "7"], "has no job 7"),
     ] {
         let output = farm.run(&arguments);
-        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
-        assert!(output.status.code() == Some(1) && told.contains(words), "{arguments:?}: {told}");
+        let stderr = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(output.status.code() == Some(1) && stderr.contains(words), "{arguments:?}: {stderr}");
     }
-    // The process that asked reports the whole picture, even if another one leads in the end.
-    let told = farm.path("told.json");
-    let mut asker = farm.render("c.exr", &["--on", &format!("done=cat > {}", text(&told))]);
+    // The submitter reports the whole picture, even if another one leads in the end.
+    let notification = farm.path("notification.json");
+    let mut asker = farm.render("c.exr", &["--on", &format!("done=cat > {}", text(&notification))]);
     farm.until_painted(3, 0.2);
     farm.succeed(&["jobs", "pause", "3"]);
     farm.until("nobody paints it", || farm.job(3)["leader"].is_null());
     farm.succeed(&["jobs", "resume", "3"]);
     assert!(asker.wait(), "{}", farm.logs());
-    let event: Value = serde_json::from_str(&fs::read_to_string(&told).expect("it was told")).expect("JSON");
+    let event: Value =
+        serde_json::from_str(&fs::read_to_string(&notification).expect("it was reported")).expect("JSON");
     assert!(event["zones"].as_u64() > Some(0) && event["zones_done"] == event["zones"], "{event}");
 }
 
 /// The rows of a job's zones, as `bottega blackboard` prints them.
 fn zones(farm: &Farm, job: &str) -> Vec<Value> {
-    let told = farm.succeed(&["blackboard", job, "--json"]);
-    let rows = told.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
+    let output = farm.succeed(&["blackboard", job, "--json"]);
+    let rows = output.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
     rows.filter(|row| row["event"] == "zone").collect()
 }
 
@@ -105,7 +106,7 @@ fn a_machine_that_brings_its_own_rules_paints_by_them() {
         let reasons = zone["reasons"].as_str().unwrap_or_default();
         assert!(reasons.starts_with("of_this_machine: "), "{zone}");
     }
-    // The process that asked is informed that nothing can be seen of it.
+    // The submitter is warned that nothing can be seen.
     assert!(farm.log_of(1).contains("the picture is nearly black"), "{}", farm.log_of(1));
 }
 
@@ -129,7 +130,7 @@ fn the_rules_of_the_one_who_asks_are_those_of_all() {
 }
 
 #[test]
-fn what_cannot_be_is_told() {
+fn impossible_commands_are_refused() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let [line, guest_line] = farm.lines();
@@ -143,7 +144,7 @@ fn what_cannot_be_is_told() {
         (vec!["join", &wrong_secret], 1, "the line that it printed"),
         (vec!["join", &wrong_server], 1, "the line that it printed"),
         (vec!["join", &other], 1, "the line that it printed"),
-        (vec!["join", &line[..40]], 2, "copy all of the line"),
+        (vec!["join", &line[..40]], 2, "copy the whole line"),
         (vec!["join", &line, "--creds", "x"], 2, "leave out --creds"),
         (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", &as_guest], 1, "may paint for the farm"),
         (vec!["jobs", "list", "--farm", &other, "--nkey", "/nowhere"], 1, "cannot read"),
@@ -155,19 +156,19 @@ fn what_cannot_be_is_told() {
         (vec!["render", "goblets.glb", "-o", "/tmp/x.exr", "--verify", "2"], 2, "--farm"),
     ] {
         let output = farm.run(&arguments);
-        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
-        assert!(output.status.code() == Some(code) && told.contains(words), "{arguments:?}: {told}");
+        let stderr = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(output.status.code() == Some(code) && stderr.contains(words), "{arguments:?}: {stderr}");
     }
     // A requirement that no machine meets is reported at once.
     let path = farm.path("tagged.exr");
     let words = ["render", "goblets.glb", "-o", text(&path), "--size", "32x24", "--farm", "--detach"];
-    let asked = farm.run(&[&words[..], &["--require", "mars", "--require", "gpu"]].concat());
-    for told in [String::from_utf8_lossy(&asked.stderr).into_owned(), farm.log_of(1)] {
+    let submission = farm.run(&[&words[..], &["--require", "mars", "--require", "gpu"]].concat());
+    for warning in [String::from_utf8_lossy(&submission.stderr).into_owned(), farm.log_of(1)] {
         let words = "is tagged `mars` and `gpu`: the job waits until one joins by `bottega join --tag mars --tag gpu`";
-        assert!(asked.status.success() && told.contains(words), "{told}");
+        assert!(submission.status.success() && warning.contains(words), "{warning}");
     }
     farm.succeed(&["jobs", "cancel", "1"]);
-    assert!(farm.log_of(1).contains("called off by `bottega jobs` on "), "{}", farm.log_of(1));
+    assert!(farm.log_of(1).contains("cancelled by `bottega jobs` on "), "{}", farm.log_of(1));
     farm.succeed(&["jobs", "remove", "1"]);
     // A job of another version is left to other machines, with a message.
     let job = r#"{"version":"0.0.1","work":9,"scene":"s","output":"o.exr","from":"f","submitted":1,"priority":10,

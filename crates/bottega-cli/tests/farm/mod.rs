@@ -68,7 +68,7 @@ fn machines_that_are_compared_give_the_same_bits_and_one_alone_waits_for_another
         ["render", "goblets.glb", "-o", text(&path), "--threads", "1", "--farm", FEW, "--verify", "2", "--json"];
     let words: Vec<&str> = words.iter().chain(PICTURE.iter().filter(is_loud)).copied().collect();
     let mut asker = farm.spawn(&words, "a.exr.log");
-    farm.until_says("a.exr.log", "cannot be compared: 1 are there, 2 are needed");
+    farm.until_says("a.exr.log", "cannot compare the results of machines: 1 of 2 machines are present");
     assert!(!farm.path("a.exr").exists());
     let (mut one, mut two) = (farm.join("one"), farm.join("two"));
     assert!(asker.wait(), "{}", farm.logs());
@@ -78,7 +78,7 @@ fn machines_that_are_compared_give_the_same_bits_and_one_alone_waits_for_another
 }
 
 #[test]
-fn photons_and_agents_are_cast_by_all_and_whoever_is_killed_the_bits_are_those_of_one() {
+fn all_machines_cast_photons_and_agents_and_after_any_kill_the_bits_are_those_of_one() {
     /// Photons and agents are the same for any number of machines.
     const SAMPLES: &str = "--spp=64";
     let Some(server) = servers().pop() else { return };
@@ -216,7 +216,7 @@ fn when_the_server_goes_all_wait_and_go_on_when_it_is_back() {
 }
 
 #[test]
-fn whoever_is_killed_every_few_seconds_the_picture_has_the_same_bits() {
+fn the_picture_has_the_same_bits_though_processes_are_killed_every_few_seconds() {
     /// Kills each machine once, and the server and `bottega up` as often as all of them: if a machine takes longer to restart than the next
     /// one keeps running, nothing is ever painted.
     const KILLED_MAX: usize = 9;

@@ -110,12 +110,14 @@ fn a_job_that_asks_for_a_tag_is_painted_by_machines_that_have_it_and_one_that_is
     ask("c.exr", "mars");
     assert!(farm.succeed(&["jobs", "show", "2"]).contains("for machines tagged mars: 0 of 2 there"));
     assert!(!farm.log_of(1).contains("is tagged") && farm.log_of(2).contains("is tagged `mars`"), "{}", farm.log_of(2));
-    let asked = farm.run(&["render", "goblets.glb", "-o", "d.exr", "--farm", "--require", "not a tag"]);
-    assert!(!asked.status.success() && String::from_utf8_lossy(&asked.stderr).contains("a tag is of letters"));
+    let refused = farm.run(&["render", "goblets.glb", "-o", "d.exr", "--farm", "--require", "not a tag"]);
+    assert!(
+        !refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("a tag consists of letters")
+    );
     // No machine paints with so little memory.
     assert!(tagged.end(), "{}", farm.logs());
     let _small = joined("small", &["--tag", "small", "--max-memory", "16"]);
     assert!(farm.render_by("e.exr", MANY, &["--detach", "--require", "small"]).wait(), "{}", farm.logs());
-    farm.until_says("small", "the job takes more memory here than");
+    farm.until_says("small", "the job needs more memory here than");
     assert!(farm.succeed(&["jobs", "show", "3"]).contains("is left out: the job takes more memory here"));
 }

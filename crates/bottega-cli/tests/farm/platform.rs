@@ -40,8 +40,8 @@ impl<'a> ShownPage<'a> {
 
     /// The answer of the white or the yellow pages.
     fn pages(&self, which: &str) -> Vec<Value> {
-        let told = self.farm.succeed(&["platform", which, "--at", &self.url(), "--json"]);
-        told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+        let output = self.farm.succeed(&["platform", which, "--at", &self.url(), "--json"]);
+        output.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
     }
 
     /// The state of an agent in the white pages.
@@ -118,8 +118,8 @@ pub(super) fn name_of(farm: &Farm, known: &[String]) -> String {
 }
 
 fn machines(farm: &Farm) -> Vec<Value> {
-    let told = farm.succeed(&["machines", "list", "--json"]);
-    told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+    let output = farm.succeed(&["machines", "list", "--json"]);
+    output.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
 }
 
 fn standing(farm: &Farm, machine: &str) -> Value {
@@ -159,7 +159,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
     farm.succeed(&["machines", "resume", &one]);
     farm.until_says("one", "resumed by");
     farm.until("the AMS knows", || shown.state(&one).as_deref() == Some("active"));
-    // The other one is asked itself; the AMS resumes it.
+    // The other one gets the request itself; the AMS resumes it.
     let agreed = shown.asks("boss", &two, "(suspend-machine)");
     assert!(is(&agreed, P::Agree).ends_with("(suspend-machine)) true)"), "{agreed:?}");
     let done = shown.jade.hear().message;
@@ -175,7 +175,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
     // Ended by the AMS, and killed.
     shown.tells_ams(&format!("(quit (agent-identifier :name {one}@shop))"));
     assert!(first.wait(), "{}", farm.logs());
-    assert!(farm.said("one").contains("told to leave by ams@shop of the platform"), "{}", farm.logs());
+    assert!(farm.said("one").contains("terminated by ams@shop of the platform"), "{}", farm.logs());
     second.kill();
     farm.until("nobody is there", || {
         shown.renderers().is_empty() && shown.state(&one).is_none() && shown.state(&two).is_none()
@@ -183,7 +183,7 @@ fn machines_are_agents_that_are_suspended_resumed_and_ended_for_real() {
 }
 
 #[test]
-fn strangers_ask_for_jobs_are_told_how_they_get_on_and_change_them_if_they_may() {
+fn strangers_list_and_follow_jobs_and_trusted_ones_change_them() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let shown = ShownPage::start(&farm, &["--trust", "boss@jade"]);
@@ -235,7 +235,7 @@ fn strangers_ask_for_jobs_are_told_how_they_get_on_and_change_them_if_they_may()
         let before = std::mem::replace(&mut last, is(&heard, P::Inform).to_owned());
         assert!(last.starts_with("((= (iota") || before.contains(":state done :done 1 "), "{before}\n{last}");
     }
-    // The end of the conversation comes with the last news.
+    // The end of the conversation comes with the last report.
     times.pop();
     let (all, span) = (times.len() as f64, times[times.len() - 1].duration_since(times[0]).as_secs_f64());
     assert!(times.len() >= 2 && (all - 2.0) <= span * 2.0, "{all} in {span} s");
@@ -257,7 +257,7 @@ fn strangers_ask_for_jobs_are_told_how_they_get_on_and_change_them_if_they_may()
 }
 
 #[test]
-fn machines_are_steered_without_a_platform_and_what_cannot_be_is_told() {
+fn machines_are_steered_without_a_platform_and_impossible_commands_are_refused() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let mut first = farm.join("one");
@@ -267,23 +267,27 @@ fn machines_are_steered_without_a_platform_and_what_cannot_be_is_told() {
     let mut render = farm.render_by("a.exr", "--spp=200000", &[]);
     farm.until_painted(1, 0.02);
     assert_eq!(farm.job(1)["machines"], 1);
-    let asker = machines(&farm).into_iter().find(|one| one["takes_orders"] == false).expect("the process that asked");
+    let asker = machines(&farm).into_iter().find(|one| one["takes_orders"] == false).expect("the submitter");
     for (arguments, code, words) in [
-        (vec!["machines", "suspend", "nobody"], 1, "no machine `nobody` is there"),
-        (vec!["machines", "suspend", asker["machine"].as_str().expect("a name")], 1, "is the process that asked"),
+        (vec!["machines", "suspend", "nobody"], 1, "there is no machine `nobody`"),
+        (
+            vec!["machines", "suspend", asker["machine"].as_str().expect("a name")],
+            1,
+            "it is the process that submitted",
+        ),
         (vec!["machines", "suspend"], 2, "<NAME>"),
         (vec!["platform", "serve", "--trust", "boss"], 2, "boss@jade"),
         (vec!["platform", "serve", "--farm=nats://127.0.0.1:1"], 1, "bottega up"),
     ] {
         let output = farm.run(&arguments);
-        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
-        assert!(output.status.code() == Some(code) && told.contains(words), "{arguments:?}: {told}");
+        let stderr = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert!(output.status.code() == Some(code) && stderr.contains(words), "{arguments:?}: {stderr}");
     }
     farm.succeed(&["machines", "resume", &one]);
     farm.until("both paint", || farm.job(1)["machines"] == 2);
-    let told = farm.succeed(&["machines", "terminate", &one, "--json"]);
-    assert_eq!(serde_json::from_str::<Value>(&told).expect("JSON")["ordered"], "terminated");
+    let output = farm.succeed(&["machines", "terminate", &one, "--json"]);
+    assert_eq!(serde_json::from_str::<Value>(&output).expect("JSON")["ordered"], "terminated");
     assert!(first.wait(), "{}", farm.logs());
-    assert!(farm.said("one").contains("told to leave by `bottega machines` on "), "{}", farm.logs());
+    assert!(farm.said("one").contains("terminated by `bottega machines` on "), "{}", farm.logs());
     render.kill();
 }

@@ -10,7 +10,7 @@ use super::{
 };
 
 #[test]
-fn a_port_that_is_taken_is_told_before_anything_is_started_and_nothing_is_left() {
+fn a_port_in_use_is_reported_before_anything_is_started_and_nothing_is_left() {
     let Some(server) = servers().pop() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let state = folder.path().join("state");
@@ -24,10 +24,10 @@ fn a_port_that_is_taken_is_told_before_anything_is_started_and_nothing_is_left()
             words.extend([option, &taken]);
         }
         let output = bottega(&words).env("XDG_STATE_HOME", &state).output().expect("the program starts");
-        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ").replace("\n        ", " ");
-        assert_eq!((output.status.code(), &*output.stdout), (Some(1), &b""[..]), "{option}: {told}");
-        assert!(told.contains(&format!("{what} cannot listen on {taken}")), "{told}");
-        assert!(told.contains(&format!("with {option} ADDRESS:PORT")), "{told}");
+        let stderr = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ").replace("\n        ", " ");
+        assert_eq!((output.status.code(), &*output.stdout), (Some(1), &b""[..]), "{option}: {stderr}");
+        assert!(stderr.contains(&format!("{what} cannot listen on {taken}")), "{stderr}");
+        assert!(stderr.contains(&format!("with {option} ADDRESS:PORT")), "{stderr}");
         assert!(!state.join("bottega/farm").exists(), "{option}");
         assert!(!runs(&state.join("bottega/server/server.pid")), "{option}: a server was left behind");
     }
@@ -40,7 +40,7 @@ fn runs(file: &Path) -> bool {
 }
 
 #[test]
-fn the_page_is_told_first_and_the_platform_is_found_at_any_port() {
+fn the_page_is_printed_first_and_the_platform_is_found_at_any_port() {
     let Some(server) = servers().pop() else { return };
     let mut farm = Farm::start_with(&server, &["--web", "127.0.0.1:0", "--fipa", "127.0.0.1:0"]);
     let said = farm.said("up.log");
@@ -52,13 +52,13 @@ fn the_page_is_told_first_and_the_platform_is_found_at_any_port() {
     // A second `up` for the same farm prints its address.
     let again = farm.up_words(&["--web", "127.0.0.1:0"]);
     let again = farm.succeed(&again.iter().map(String::as_str).collect::<Vec<_>>());
-    assert!(again.starts_with("the farm is up already") && again.contains("bottega join"), "{again}");
+    assert!(again.starts_with("The farm already runs") && again.contains("bottega join"), "{again}");
     assert!(farm.up.as_mut().is_some_and(super::fixture::Process::end), "{}", farm.logs());
     assert!(!farm.path("state/bottega/farm").exists(), "what has ended is not found");
 }
 
 #[test]
-fn a_machine_has_the_name_that_it_is_given_and_is_told_that_its_word_was_not_checked() {
+fn a_machine_has_the_given_name_and_warns_that_its_word_was_not_checked() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start(&server);
     let [line, _] = farm.lines();
@@ -81,16 +81,16 @@ fn a_machine_has_the_name_that_it_is_given_and_is_told_that_its_word_was_not_che
     let _again = named("studio-a", "a-again");
     assert_eq!(member("a-again"), before);
     let refused = farm.run(&["join", "--name", "a b", &line]);
-    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(refused.status.code() == Some(2) && told.contains("letters, digits and hyphens"), "{told}");
+    let stderr = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(2) && stderr.contains("letters, digits and hyphens"), "{stderr}");
 
     // With another word in the line the key counts.
     let at = "bottega://t".len();
     let other = if line[at..].starts_with('0') { "1" } else { "0" };
     let altered = format!("{}{other}{}", &line[..at], &line[at + 1..]);
     let listed = farm.run(&["jobs", "list", "--farm", &altered]);
-    let told = String::from_utf8_lossy(&listed.stderr).into_owned();
-    assert!(listed.status.success() && told.contains("was not checked") && told.contains("studio-a-"), "{told}");
+    let stderr = String::from_utf8_lossy(&listed.stderr).into_owned();
+    assert!(listed.status.success() && stderr.contains("was not checked") && stderr.contains("studio-a-"), "{stderr}");
     let listed = farm.run(&["jobs", "list", "--farm", &line]);
     assert!(listed.status.success() && listed.stderr.is_empty(), "{}", String::from_utf8_lossy(&listed.stderr));
 }

@@ -41,12 +41,12 @@ fn used(farm: &Farm) -> u64 {
 fn a_scene_for_which_there_is_no_room_is_refused_and_leaves_nothing() {
     for server in servers() {
         let farm = Farm::start_with(&server, &["--store-size", "0.02"]);
-        assert!(farm.said("up.log").contains("It keeps at most 20 MB"), "{}", farm.logs());
+        assert!(farm.said("up.log").contains("It stores at most 20 MB"), "{}", farm.logs());
         let (scene, output) = (farm.path("large.obj"), farm.path("large.exr"));
         large_scene(&scene, 30);
         let render = farm.run(&["render", text(&scene), "-o", text(&output), "--quiet", "--farm"]);
-        let told = String::from_utf8_lossy(&render.stderr).replace("\n  │ ", " ");
-        assert!(render.status.code() == Some(1) && told.contains("no room for the scene: 31 MB"), "{told}");
+        let stderr = String::from_utf8_lossy(&render.stderr).replace("\n  │ ", " ");
+        assert!(render.status.code() == Some(1) && stderr.contains("no room for the scene: 31 MB"), "{stderr}");
         assert!(used(&farm) < 1 << 20, "{} bytes are left", used(&farm));
         let [small, plain] = ["small.exr", "plain.exr"].map(|name| farm.path(name));
         farm.succeed(&[&SMALL[..], &[text(&plain)]].concat());
@@ -78,8 +78,9 @@ fn a_server_of_others_that_has_no_room_is_left_as_it_was() {
         let (scene, output) = (other.path("large.obj"), other.path("large.exr"));
         large_scene(&scene, 30);
         let render = other.command(&["render", text(&scene), "-o", text(&output), "--quiet", &address]).output();
-        let told = String::from_utf8(render.expect("the program starts").stderr).expect("text").replace("\n  │ ", " ");
-        assert!(told.contains("no room for the scene: 31 MB"), "{told}");
+        let stderr =
+            String::from_utf8(render.expect("the program starts").stderr).expect("text").replace("\n  │ ", " ");
+        assert!(stderr.contains("no room for the scene: 31 MB"), "{stderr}");
         let [small, plain] = ["small.exr", "plain.exr"].map(|name| other.path(name));
         support::succeed(&[&SMALL[..], &[text(&plain)]].concat());
         let render = other.command(&[&SMALL[..], &[text(&small), &address]].concat()).output();

@@ -299,8 +299,8 @@ fn the_agent_in_python_wins_zones_and_the_picture_agrees_with_ours() {
     let mut render = paint(&farm, "a.exr", "2000", &[]);
     assert!(render.wait(), "{}", farm.logs());
     assert!(agent.wait(), "{}", farm.logs());
-    let told = farm.said("stranger.log");
-    assert!(told.contains("takes part") && told.contains("the picture is painted, "), "{told}");
+    let log = farm.said("stranger.log");
+    assert!(log.contains("takes part") && log.contains("the picture is painted, "), "{log}");
     let rows = farm.succeed(&["blackboard", "1", "--json"]);
     let of_stranger = rows.lines().filter(|row| row.contains("mitsuba@stranger-")).count();
     assert!(of_stranger > 0 && of_stranger < rows.lines().count(), "both paint: {}", farm.logs());

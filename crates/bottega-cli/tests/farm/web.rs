@@ -25,8 +25,8 @@ struct Web {
 impl Web {
     /// The addresses that a process has printed: to steer, and to see.
     fn doors(farm: &Farm, log: &str) -> [Self; 2] {
-        farm.until_says(log, "look on alone");
-        farm.until("both addresses are told", || farm.said(log).matches("?token=").count() == 2);
+        farm.until_says(log, "to look on only");
+        farm.until("both addresses are printed", || farm.said(log).matches("?token=").count() == 2);
         let said = farm.said(log);
         let mut doors = said.lines().filter_map(|line| line.trim().strip_prefix("http://")?.split_once("/?token="));
         [(); 2].map(|()| {
@@ -51,9 +51,9 @@ impl Web {
     fn ask(&self, method: &str, path: &str, kind: &str, body: &[u8]) -> (u16, Vec<u8>) {
         let mut reader = self.send(method, path, kind, body);
         let status = skip_head(&mut reader);
-        let mut told = Vec::new();
-        reader.read_to_end(&mut told).expect("an answer");
-        (status, told)
+        let mut body = Vec::new();
+        reader.read_to_end(&mut body).expect("an answer");
+        (status, body)
     }
 
     fn get(&self, path: &str) -> (u16, Vec<u8>) {
@@ -61,8 +61,8 @@ impl Web {
     }
 
     fn post(&self, path: &str, body: &Value) -> (u16, Value) {
-        let (status, told) = self.ask("POST", path, "application/json", body.to_string().as_bytes());
-        (status, serde_json::from_slice(&told).unwrap_or_default())
+        let (status, body) = self.ask("POST", path, "application/json", body.to_string().as_bytes());
+        (status, serde_json::from_slice(&body).unwrap_or_default())
     }
 
     fn job(&self, number: u64) -> Value {
@@ -74,9 +74,9 @@ impl Web {
         let hash = |bytes: &[u8]| blake3::hash(bytes).to_hex().to_string();
         let chunks: Vec<String> = bytes.chunks(PIECE).map(hash).collect();
         let offer = json!({ "name": name, "size": bytes.len(), "digest": hash(bytes), "chunks": chunks });
-        let (status, told) = self.post("/api/uploads", &offer);
-        assert_eq!(status, 200, "{told}");
-        let missing = told["missing"].as_array().expect("a list").clone();
+        let (status, answer) = self.post("/api/uploads", &offer);
+        assert_eq!(status, 200, "{answer}");
+        let missing = answer["missing"].as_array().expect("a list").clone();
         for piece in bytes.chunks(PIECE).filter(|piece| missing.contains(&json!(hash(piece)))) {
             let path = format!("/api/uploads/chunks/{}", hash(piece));
             let other = format!("/api/uploads/chunks/{}", hash(b"another"));
@@ -104,7 +104,7 @@ fn request(scene: &str, samples: u32) -> Value {
 }
 
 #[test]
-fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
+fn a_picture_is_submitted_watched_and_fetched_over_http_and_has_the_same_bits() {
     let Some(server) = servers().pop() else { return };
     let farm = Farm::start_with(&server, &["--web", "127.0.0.1:0"]);
     let plain = farm.plain();
@@ -113,7 +113,8 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     let (digest, sent) = steer.upload("goblets.glb", &scene);
     assert!(sent > 0);
     assert_eq!(steer.upload("goblets.glb", &scene).1, 0, "it is there");
-    let asked = json!({ "request": request("scenes/goblets.glb", 384), "files": { "scenes/goblets.glb": digest } });
+    let submission =
+        json!({ "request": request("scenes/goblets.glb", 384), "files": { "scenes/goblets.glb": digest } });
     // A request that cannot be rendered is refused before it becomes a job.
     for (change, word) in [
         (json!({ "goal": { "samples": 0 } }), "goal.samples"),
@@ -129,23 +130,23 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
         (json!({ "film": { "size": [4_000_000, 4_000_000] } }), "film.size"),
         (json!({ "work": { "rules": [{ "file": "/etc/passwd" }] } }), "work.rules"),
     ] {
-        let mut wrong = asked.clone();
+        let mut wrong = submission.clone();
         for (key, value) in change.as_object().expect("fields") {
             wrong["request"][key] = value.clone();
         }
-        let (status, told) = steer.post("/api/jobs", &wrong);
+        let (status, body) = steer.post("/api/jobs", &wrong);
         assert!(
-            [409, 422].contains(&status) && told["detail"].as_str().expect("why").contains(word),
-            "{change}: {told}"
+            [409, 422].contains(&status) && body["detail"].as_str().expect("why").contains(word),
+            "{change}: {body}"
         );
     }
-    let mut wrong = asked.clone();
+    let mut wrong = submission.clone();
     wrong["files"] = json!({ "../../x.glb": digest });
     assert_eq!(steer.post("/api/jobs", &wrong).0, 422);
     assert_eq!(see.get("/api/jobs").1, b"[]");
-    assert_eq!(see.post("/api/jobs", &asked).0, 403);
-    let (status, told) = steer.post("/api/jobs", &asked);
-    assert_eq!((status, &told["job"]), (201, &json!(1)), "{told}");
+    assert_eq!(see.post("/api/jobs", &submission).0, 403);
+    let (status, answer) = steer.post("/api/jobs", &submission);
+    assert_eq!((status, &answer["job"]), (201, &json!(1)), "{answer}");
 
     let mut events = see.send("GET", "/api/jobs/1/events", "text/plain", b"");
     assert_eq!(skip_head(&mut events), 200);
@@ -188,8 +189,11 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     let zones: Value = serde_json::from_slice(&see.get("/api/jobs/1/zones").1).expect("JSON");
     assert!(zones.as_array().is_some_and(|zones| zones.iter().all(|zone| zone["state"] == "done")), "{zones}");
     for path in ["/api/jobs", "/api/jobs/1/log", "/api/jobs/1/agents", "/api/machines", "/api/jobs/1/zones"] {
-        let told = String::from_utf8(see.get(path).1).expect("text");
-        assert!(!told.contains(text(&farm.path(""))) && !told.contains("/root") && !told.contains("/home"), "{told}");
+        let answer = String::from_utf8(see.get(path).1).expect("text");
+        assert!(
+            !answer.contains(text(&farm.path(""))) && !answer.contains("/root") && !answer.contains("/home"),
+            "{answer}"
+        );
     }
 
     // Tokens have names, are accepted at all doors, and can be revoked.
@@ -199,8 +203,8 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     assert_eq!(made["url"], format!("http://{}/?token={token}", steer.at));
     let anna = Web { at: steer.at.clone(), token };
     farm.until("the door knows it", || anna.get("/api/jobs").0 == 200);
-    let names = |told: Vec<u8>| {
-        let tokens: Vec<Value> = serde_json::from_slice(&told).expect("JSON");
+    let names = |body: Vec<u8>| {
+        let tokens: Vec<Value> = serde_json::from_slice(&body).expect("JSON");
         tokens.iter().map(|token| format!("{} {}", token["name"], token["role"]).replace('"', "")).collect::<Vec<_>>()
     };
     assert_eq!(names(anna.get("/api/tokens").1), ["see see", "steer steer", "anna steer"]);
@@ -214,9 +218,9 @@ fn a_picture_is_asked_for_watched_and_had_over_http_and_has_the_same_bits() {
     assert_eq!(steer_there.post("/api/jobs/1/pause", &json!({})).0, 409, "it is over");
     assert_eq!(steer_there.post(&format!("/api/machines/{name}/suspend"), &json!({})).0, 200);
     farm.until("it rests", || machine()[0]["state"] == "suspended");
-    let (status, told) =
+    let (status, answer) =
         steer_there.post("/api/jobs", &json!({ "request": request("goblets.glb", 2000), "files_of_job": 1 }));
-    assert_eq!((status, &told["job"]), (201, &json!(2)), "{told}");
+    assert_eq!((status, &answer["job"]), (201, &json!(2)), "{answer}");
     // A change at one door arrives at the other over the farm.
     farm.until("the first door knows it", || steer.job(2)["state"].is_string());
     assert_eq!(anna.post("/api/jobs/2/pause", &json!({})).1["state"], "paused");

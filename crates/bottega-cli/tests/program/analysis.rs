@@ -41,8 +41,8 @@ fn seams(folder: &Path, name: &str, reference: Option<&str>) -> (f64, f64) {
     let mut arguments = vec!["diff", text(&picture)];
     arguments.extend(reference.as_deref().map(text));
     arguments.extend(["--seams", text(&index), "--json"]);
-    let told: Value = serde_json::from_str(&succeed(&arguments)).expect("JSON");
-    (told["seams"]["z"].as_f64().expect("z"), told["seams"]["p"].as_f64().expect("p"))
+    let report: Value = serde_json::from_str(&succeed(&arguments)).expect("JSON");
+    (report["seams"]["z"].as_f64().expect("z"), report["seams"]["p"].as_f64().expect("p"))
 }
 
 #[test]

@@ -5,23 +5,23 @@ use std::{fs, process::Output};
 
 use crate::program::support::{self, run, scenes, succeed, text};
 
-fn told(output: &Output) -> String {
+fn stderr_of(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// Runs the program, which must end with `code` and print all of `words`.
 fn fails(arguments: &[&str], code: i32, words: &[&str]) {
     let output = run(arguments);
-    let told = told(&output);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
+    let stderr = stderr_of(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
     for word in words {
-        assert!(told.contains(word), "{arguments:?} does not tell {word:?}: {told}");
+        assert!(stderr.contains(word), "{arguments:?} does not say {word:?}: {stderr}");
     }
-    assert!(!told.contains("panicked"), "{told}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
 }
 
 #[test]
-fn wrong_usage_is_told_before_any_work() {
+fn wrong_usage_is_reported_before_any_work() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("picture.png");
     let picture = text(&picture);
@@ -75,9 +75,9 @@ fn an_output_that_cannot_be_written_is_found_before_rendering() {
     ] {
         let arguments = ["render", "goblets.glb", "-o", &output, "--spp", "4000000", "--size", "4096x4096"];
         let output = run(&arguments);
-        assert_eq!(output.status.code(), Some(code), "{}", told(&output));
+        assert_eq!(output.status.code(), Some(code), "{}", stderr_of(&output));
         if word != "picture" {
-            assert!(told(&output).contains(word), "{}", told(&output));
+            assert!(stderr_of(&output).contains(word), "{}", stderr_of(&output));
         }
     }
 }
@@ -128,7 +128,7 @@ fn pictures_of_different_sizes_are_not_compared() {
 fn resume_without_anything_to_resume_says_so() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("picture.exr");
-    fails(&["render", "cornell-box.glb", "-o", text(&picture), "--resume"], 1, &["nothing to go on with", "--resume"]);
+    fails(&["render", "cornell-box.glb", "-o", text(&picture), "--resume"], 1, &["nothing to resume", "--resume"]);
 }
 
 /// Commands whose result is their output.
@@ -152,7 +152,7 @@ fn when_nobody_reads_a_result_it_ends_quietly() {
         let (reader, writer) = std::io::pipe().expect("a pipe");
         drop(reader);
         let output = support::bottega(arguments).stdout(writer).output().expect("an end");
-        assert_eq!((output.status.code(), told(&output)), (Some(141), String::new()), "{arguments:?}");
+        assert_eq!((output.status.code(), stderr_of(&output)), (Some(141), String::new()), "{arguments:?}");
     }
 }
 
@@ -167,10 +167,10 @@ fn full() -> fs::File {
 fn a_result_that_cannot_be_written_is_a_failure_and_is_said() {
     for arguments in PRINTING {
         let output = support::bottega(arguments).stdout(full()).output().expect("an end");
-        let told = told(&output);
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {told}");
-        assert!(told.contains("standard output cannot be written"), "{arguments:?}: {told}");
-        assert!(!told.contains("panicked"), "{arguments:?}: {told}");
+        let stderr = stderr_of(&output);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {stderr}");
+        assert!(stderr.contains("cannot write standard output"), "{arguments:?}: {stderr}");
+        assert!(!stderr.contains("panicked"), "{arguments:?}: {stderr}");
     }
     // Output that cannot be written changes no exit code.
     for (arguments, code) in [(&["info", "missing.glb"][..], 1), (&["render"], 2), (&["info", "cornell-box.glb"], 0)] {
@@ -181,21 +181,22 @@ fn a_result_that_cannot_be_written_is_a_failure_and_is_said() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_record_or_trace_that_cannot_be_written_costs_no_picture_and_is_told() {
+fn a_record_or_trace_that_cannot_be_written_costs_no_picture_and_is_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("picture.exr");
     let small = ["render", "cornell-box.glb", "-o", text(&picture), "--size", "8x8", "--spp", "2"];
-    for (option, words) in [("--record", "the record /dev/full is lost"), ("--trace", "trace of messages is not whole")]
+    for (option, words) in
+        [("--record", "the record /dev/full is lost"), ("--trace", "trace of messages is incomplete")]
     {
         let output = support::bottega(&[&small[..], &[option, "/dev/full"]].concat()).output().expect("an end");
-        let told = told(&output);
-        assert!(output.status.success() && told.contains(words) && picture.exists(), "{option}: {told}");
+        let stderr = stderr_of(&output);
+        assert!(output.status.success() && stderr.contains(words) && picture.exists(), "{option}: {stderr}");
         fs::remove_file(&picture).expect("a picture");
     }
     // Without the folder nothing is rendered.
     let missing = folder.path().join("missing/record.json");
     let output = support::bottega(&[&small[..], &["--record", text(&missing)]].concat()).output().expect("an end");
-    assert!(!output.status.success() && !picture.exists(), "{}", told(&output));
+    assert!(!output.status.success() && !picture.exists(), "{}", stderr_of(&output));
 }
 
 #[cfg(target_os = "linux")]
@@ -203,8 +204,8 @@ fn a_record_or_trace_that_cannot_be_written_costs_no_picture_and_is_told() {
 fn a_log_that_cannot_be_written_costs_no_picture() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, more, output_is_full, error_is_full, word) in [
-        ("json.exr", &["--json"][..], true, false, "standard output cannot be written"),
-        ("bar.exr", &[], false, true, "standard error cannot be written"),
+        ("json.exr", &["--json"][..], true, false, "cannot write standard output"),
+        ("bar.exr", &[], false, true, "cannot write standard error"),
         ("neither.exr", &["--json"], true, true, ""),
         ("quiet.exr", &["--quiet"], true, true, ""),
     ] {
@@ -222,26 +223,26 @@ fn a_log_that_cannot_be_written_costs_no_picture() {
         let said = [output.stdout.as_slice(), &output.stderr].concat();
         let said = String::from_utf8_lossy(&said);
         assert_eq!(output.status.code(), Some(0), "{name}: {said}");
-        assert_eq!(said.matches("cannot be written").count(), usize::from(!word.is_empty()), "{name}: {said}");
+        assert_eq!(said.matches("cannot write standard").count(), usize::from(!word.is_empty()), "{name}: {said}");
         assert!(said.contains(word), "{name}: {said}");
         assert!(picture.exists() && !folder.path().join(format!("{name}.bottega-journal")).exists(), "{name}");
     }
 }
 
 #[test]
-fn a_filter_of_the_log_that_is_none_is_told() {
-    for (filter, is_told) in [("bottega=loud", true), ("warn,bottega=debug", false), ("", false)] {
+fn an_invalid_log_filter_is_reported() {
+    for (filter, is_reported) in [("bottega=loud", true), ("warn,bottega=debug", false), ("", false)] {
         let output =
             support::bottega(&["info", "cornell-box.glb"]).env("BOTTEGA_LOG", filter).output().expect("an end");
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{filter}: {said}");
-        assert_eq!(said.contains("BOTTEGA_LOG is not a filter"), is_told, "{filter}: {said}");
+        assert_eq!(said.contains("BOTTEGA_LOG is not a filter"), is_reported, "{filter}: {said}");
     }
 }
 
 #[cfg(target_os = "linux")]
 #[test]
-fn whoever_reads_events_may_leave_before_the_picture_is_done() {
+fn a_reader_of_events_may_leave_before_the_picture_is_done() {
     use std::io::{BufRead, BufReader};
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("picture.exr");
@@ -253,7 +254,7 @@ fn whoever_reads_events_may_leave_before_the_picture_is_done() {
     assert!(lines.next().expect("a line").expect("text").contains("started"));
     drop(lines);
     let output = child.wait_with_output().expect("an end");
-    assert_eq!((output.status.code(), told(&output)), (Some(0), String::new()));
+    assert_eq!((output.status.code(), stderr_of(&output)), (Some(0), String::new()));
     assert!(picture.exists() && !folder.path().join("picture.exr.bottega-journal").exists());
 }
 

@@ -30,7 +30,7 @@ fn render(config: &str, options: &[&str]) -> Command {
     command
 }
 
-fn asked(command: &mut Command) -> Request {
+fn request_of(command: &mut Command) -> Request {
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
     Request::from_json(&output.stdout).unwrap()
@@ -42,19 +42,19 @@ fn the_command_line_goes_before_the_environment_the_profile_and_the_file() {
     let file = folder.path().join("config.toml");
     fs::write(&file, FILE).unwrap();
     let file = file.to_str().unwrap();
-    let plain = asked(&mut render(file, &[]));
+    let plain = request_of(&mut render(file, &[]));
     assert_eq!((plain.film.size, plain.integrator.max_depth, plain.goal.samples), (Some([64, 48]), Some(3), None));
     assert_eq!((plain.goal.time, plain.work.rules.len()), (Some(10.0), 1));
-    let draft = asked(&mut render(file, &["--profile", "draft"]));
+    let draft = request_of(&mut render(file, &["--profile", "draft"]));
     assert_eq!((draft.film.size, draft.integrator.max_depth, draft.goal.samples), (Some([32, 24]), Some(3), Some(2)));
-    let exact = asked(&mut render(file, &["--profile", "exact"]));
+    let exact = request_of(&mut render(file, &["--profile", "exact"]));
     assert_eq!((exact.goal.error, exact.goal.time), (Some(0.2), None));
-    let draft = asked(render(file, &[]).env("BOTTEGA_PROFILE", "draft").env("BOTTEGA_RENDER_SPP", "5"));
+    let draft = request_of(render(file, &[]).env("BOTTEGA_PROFILE", "draft").env("BOTTEGA_RENDER_SPP", "5"));
     assert_eq!((draft.film.size, draft.goal.samples), (Some([32, 24]), Some(5)));
-    let typed = asked(render(file, &["--size=8x6", "--error=0.1"]).env("BOTTEGA_RENDER_SIZE", "9x9"));
+    let typed = request_of(render(file, &["--size=8x6", "--error=0.1"]).env("BOTTEGA_RENDER_SIZE", "9x9"));
     assert_eq!((typed.film.size, typed.goal.error, typed.goal.time), (Some([8, 6]), Some(0.1), None));
     let none = folder.path().join("nothing");
-    let none = asked(
+    let none = request_of(
         bottega(&["render", "goblets.glb", "--dry-run"]).env_remove("BOTTEGA_CONFIG").env("XDG_CONFIG_HOME", none),
     );
     assert_eq!(none.film.size, None);
@@ -68,15 +68,15 @@ fn a_whole_request_takes_nothing_from_the_file() {
     fs::write(&request, Request::new("goblets.glb").to_json().unwrap()).unwrap();
     let mut command = bottega(&["render", "--dry-run", "--request"]);
     command.arg(&request).env("BOTTEGA_CONFIG", &file);
-    assert_eq!(asked(&mut command), Request::new("goblets.glb"));
-    assert_eq!(asked(command.env("BOTTEGA_PROFILE", "draft")), Request::new("goblets.glb"));
+    assert_eq!(request_of(&mut command), Request::new("goblets.glb"));
+    assert_eq!(request_of(command.env("BOTTEGA_PROFILE", "draft")), Request::new("goblets.glb"));
     let output = command.args(["--profile", "draft"]).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("a request is whole"), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("a request is complete"), "{}", text(&output.stderr));
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_place_and_nothing_is_painted() {
+fn errors_name_their_place_and_nothing_is_painted() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("config.toml");
     let refused = |contents: &[u8], options: &[&str]| {
@@ -85,7 +85,7 @@ fn what_is_wrong_is_told_with_its_place_and_nothing_is_painted() {
         assert_eq!(output.status.code(), Some(2), "{}", text(&output.stdout));
         text(&output.stderr).split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ")
     };
-    for (contents, told) in [
+    for (contents, expected) in [
         ("[render]\nssp = 3", "line 2, column 1: `render` has no option `ssp`; did you mean `spp`?"),
         ("[render]\nspp = \"many\"", "invalid value 'many' for '--spp <N>'"),
         ("[render\n", "line 1"),
@@ -93,7 +93,7 @@ fn what_is_wrong_is_told_with_its_place_and_nothing_is_painted() {
         ("[farm]\nadress = \"nats://x\"", "line 2, column 1"),
     ] {
         let error = refused(contents.as_bytes(), &[]);
-        assert!(error.contains(told), "{contents}: {error}");
+        assert!(error.contains(expected), "{contents}: {error}");
     }
     let error = refused(FILE.as_bytes(), &["--profile", "final"]);
     assert!(error.contains("there is no profile `final`") && error.contains("`draft`"), "{error}");

@@ -11,14 +11,14 @@ fn is_here() -> bool {
     match Denoiser::load() {
         Ok(_) => true,
         Err(DenoiseError::NotFound { tried }) => {
-            eprintln!("SKIPPED: there is no Open Image Denoise ({tried}); BOTTEGA_OIDN may name one");
+            eprintln!("SKIPPED: there is not Open Image Denoise ({tried}); BOTTEGA_OIDN may name one");
             false
         }
         Err(error) => panic!("{error}"),
     }
 }
 
-fn told(command: &mut Command) -> (Option<i32>, String) {
+fn run_for_text(command: &mut Command) -> (Option<i32>, String) {
     let output = command.env("NO_COLOR", "1").output().expect("the program starts");
     let text = String::from_utf8_lossy(&output.stderr).replace('│', " ");
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ") + &String::from_utf8_lossy(&output.stdout);
@@ -35,9 +35,9 @@ fn a_picture_is_denoised_when_it_is_finished_and_keeps_its_noisy_color() {
     let (noisy, clean, shown) = (at("noisy.exr"), at("clean.exr"), at("clean.png"));
     let usual = ["render", "cornell-box.glb", "--size", "64x48", "--spp", "4", "-o"];
     let paint = |more: &[&str]| {
-        let (code, told) = told(&mut bottega(&[&usual[..], more].concat()));
-        assert_eq!(code, Some(0), "{more:?}: {told}");
-        told
+        let (code, said) = run_for_text(&mut bottega(&[&usual[..], more].concat()));
+        assert_eq!(code, Some(0), "{more:?}: {said}");
+        said
     };
     paint(&[text(&noisy), "--aov", "albedo,normal"]);
     let json = paint(&[text(&clean), "--denoise", "--json"]);
@@ -66,7 +66,7 @@ fn frames_are_denoised_each_and_color_alone_where_no_layers_are_wanted() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = folder.path().join("##.exr");
     let words = ["render", "cornell-box.glb", "--size", "32x32", "--spp", "2", "--frames", "1..2", "--denoise"];
-    let (code, said) = told(&mut bottega(&[&words[..], &["--aov", "none", "-o", text(&output)]].concat()));
+    let (code, said) = run_for_text(&mut bottega(&[&words[..], &["--aov", "none", "-o", text(&output)]].concat()));
     assert_eq!(code, Some(0), "{said}");
     for name in ["01.exr", "02.exr"] {
         let names = ["noisy.R", "albedo.R"].map(str::to_owned);
@@ -77,7 +77,7 @@ fn frames_are_denoised_each_and_color_alone_where_no_layers_are_wanted() {
 }
 
 #[test]
-fn a_library_that_is_not_there_is_told_before_anything_is_painted() {
+fn a_missing_library_is_reported_before_anything_is_painted() {
     let folder = tempfile::tempdir().expect("a folder");
     let broken = folder.path().join("broken.so");
     fs::write(&broken, "no library").expect("written");
@@ -85,10 +85,10 @@ fn a_library_that_is_not_there_is_told_before_anything_is_painted() {
     for (place, says) in [
         (folder.path().join("nowhere"), "not installed here"),
         (folder.path().to_owned(), "not installed here"),
-        (broken, "is no Open Image Denoise"),
+        (broken, "is not Open Image Denoise"),
     ] {
         let words = ["render", "cornell-box.glb", "--spp", "100000", "-o", text(&output), "--denoise"];
-        let (code, said) = told(bottega(&words).env("BOTTEGA_OIDN", &place));
+        let (code, said) = run_for_text(bottega(&words).env("BOTTEGA_OIDN", &place));
         assert_eq!(code, Some(1), "{said}");
         assert!(said.contains(says) && said.contains("BOTTEGA_OIDN"), "{said}");
     }
@@ -106,11 +106,11 @@ fn what_is_stopped_keeps_its_noise_and_is_denoised_when_it_is_finished() {
     let folder = tempfile::tempdir().expect("a folder");
     let (parts, plain) = (folder.path().join("parts.exr"), folder.path().join("plain.exr"));
     let usual = ["render", "goblets.glb", "--size", "64x48", "--spp", "1000"];
-    let asked = [&usual[..], &["--denoise", "-o", text(&parts)]].concat();
-    assert_eq!(support::interrupt(&asked).code(), Some(130), "it was stopped before its end");
+    let arguments = [&usual[..], &["--denoise", "-o", text(&parts)]].concat();
+    assert_eq!(support::interrupt(&arguments).code(), Some(130), "it was stopped before its end");
     let stopped = read_image(&parts, ReadLimits::default()).expect("what is painted is written");
     assert_eq!(stopped.metadata.get("denoised"), None);
-    support::succeed(&[&asked[..], &["--resume", "--quiet"]].concat());
+    support::succeed(&[&arguments[..], &["--resume", "--quiet"]].concat());
     support::succeed(&[&usual[..], &["--quiet", "-o", text(&plain)]].concat());
     let names = ["noisy.R", "noisy.G", "noisy.B"].map(str::to_owned);
     let (done, noisy) = read_channels(&parts, ReadLimits::default(), &names).expect("a picture");

@@ -33,8 +33,8 @@ fn paint(state: &Path, picture: &Path) -> Vec<Value> {
     ];
     let mut all = vec!["render", "--json", "-o", text(picture)];
     all.extend(arguments);
-    let told = succeed_in(state, &all);
-    told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+    let output = succeed_in(state, &all);
+    output.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
 }
 
 fn forecast(events: &[Value]) -> &Value {
@@ -74,7 +74,7 @@ fn a_second_run_expects_what_the_first_took_and_paints_the_same() {
 }
 
 #[test]
-fn a_file_that_cannot_be_used_is_told_and_left_as_it_is() {
+fn an_unusable_file_is_reported_and_left_as_it_is() {
     let folder = tempfile::tempdir().expect("a folder");
     let (state, picture) = (folder.path().join("state"), folder.path().join("a.exr"));
     let file = state.join("bottega/experience.json");
@@ -83,17 +83,17 @@ fn a_file_that_cannot_be_used_is_told_and_left_as_it_is() {
     let newer = r#"{"format":7,"jobs":3,"paces":{},"powers":{},"more":[]}"#;
     let mad = r#"{"format":3,"jobs":3,"techniques":{},"pictures":[],"powers":{"p":{"log":1e300,"count":3,"job":2}}}"#;
     for (bytes, words) in [
-        (b"{\"format\":3,\"jo".as_slice(), "not what a machine has learnt"),
+        (b"{\"format\":3,\"jo".as_slice(), "not the experience of a machine"),
         (b"\xff\xfe\x00".as_slice(), "valid UTF-8"),
         (long.as_bytes(), "1048577 bytes"),
         (newer.as_bytes(), "form 7"),
-        (mad.as_bytes(), "no number that can be"),
+        (mad.as_bytes(), "is not a valid number"),
     ] {
         fs::write(&file, bytes).expect("a file");
         let events = paint(&state, &picture);
         let warnings: Vec<&str> = events.iter().filter_map(|event| event["message"].as_str()).collect();
-        let is_told = warnings.iter().any(|it| it.contains(words) && it.contains("bottega machines forget"));
-        assert!(is_told, "{words}: {warnings:?}");
+        let is_reported = warnings.iter().any(|it| it.contains(words) && it.contains("bottega machines forget"));
+        assert!(is_reported, "{words}: {warnings:?}");
         assert_eq!(forecast(&events)["jobs_learnt"], 0);
         assert_eq!(fs::read(&file).expect("a file"), bytes, "it is left for the user to look at");
         let output = run_in(&state, &["machines", "show"]);

@@ -75,7 +75,7 @@ fn names_within_scenes_are_escaped() {
     let obj =
         format!("mtllib {0}.mtl\nusemtl {0}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", NAME.replace(['\r', '\n'], ""));
     let files = [("a.gltf", gltf, true), ("a.pbrt", pbrt, true), ("a.xml", xml.to_owned(), true), ("a.obj", obj, true)];
-    for (name, content, is_told) in files {
+    for (name, content, shows_name) in files {
         let path = folder.path().join(name);
         fs::write(&path, content).expect("a scene");
         let picture = folder.path().join("a.png");
@@ -87,8 +87,8 @@ fn names_within_scenes_are_escaped() {
         ] {
             let all = said(&run(arguments));
             // Cameras of the other formats have no names.
-            let is_told = is_told && (name == "a.gltf" || !arguments.contains(&"nobody"));
-            assert!(!is_told || all.contains("31m"), "{arguments:?}: {all}");
+            let shows_name = shows_name && (name == "a.gltf" || !arguments.contains(&"nobody"));
+            assert!(!shows_name || all.contains("31m"), "{arguments:?}: {all}");
         }
     }
     // Output for programs stays JSON, with the name.

@@ -49,8 +49,8 @@ fn lines(text: &str) -> Vec<Value> {
 
 /// Returns the agents that a platform knows, except for the clients that ask, which come and go.
 fn agents(url: &str) -> Vec<String> {
-    let told = succeed(&["platform", "agents", "--at", url, "--json"]);
-    lines(&told).iter().map(|agent| agent["agent"].as_str().expect("a name").to_owned()).collect()
+    let agents_json = succeed(&["platform", "agents", "--at", url, "--json"]);
+    lines(&agents_json).iter().map(|agent| agent["agent"].as_str().expect("a name").to_owned()).collect()
 }
 
 #[cfg(unix)]
@@ -124,7 +124,7 @@ fn what_passes_can_be_watched_and_drawn() {
 }
 
 #[test]
-fn what_cannot_be_is_told() {
+fn impossible_commands_are_refused() {
     for (arguments, code, words) in [
         (vec!["platform", "serve", "--listen", "0.0.0.0:0"], 2, "--public"),
         (vec!["platform", "serve", "--name", "a b", "--listen", "127.0.0.1:0"], 1, "cannot be the name"),
@@ -134,10 +134,10 @@ fn what_cannot_be_is_told() {
         (vec!["platform", "trace", "--at", "http://127.0.0.1:1/acc"], 1, "cannot watch"),
     ] {
         let output = run(&arguments);
-        let told = String::from_utf8_lossy(&output.stderr).replace(['│', '|', '\n'], " ");
-        let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
-        assert!(told.contains(words), "{arguments:?}: {told}");
+        let stderr = String::from_utf8_lossy(&output.stderr).replace(['│', '|', '\n'], " ");
+        let stderr = stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(words), "{arguments:?}: {stderr}");
     }
 }
 
@@ -149,8 +149,8 @@ fn ctrl_c_ends_it_politely() {
     let state = ["--name", "p", "--state", text(&state)];
     let (mut one, two) = (Serving::start(&state), Serving::start(&state));
     let addresses = |of: &Serving| {
-        let told = succeed(&["platform", "agents", "--at", &of.url, "--json"]);
-        lines(&told)[0]["addresses"].as_array().expect("addresses").len()
+        let agents_json = succeed(&["platform", "agents", "--at", &of.url, "--json"]);
+        lines(&agents_json)[0]["addresses"].as_array().expect("addresses").len()
     };
     let begun = Instant::now();
     while addresses(&two) != 2 {

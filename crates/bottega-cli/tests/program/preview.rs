@@ -24,9 +24,9 @@ fn picture(path: &Path) -> Picture {
 fn the_preview_is_complete_at_once_and_in_the_end_the_picture() {
     let folder = tempfile::tempdir().expect("a folder");
     let [output, seen, alone] = ["a.png", "seen.png", "b.png"].map(|name| folder.path().join(name));
-    let told = ["--json", "--preview", text(&seen)];
+    let options = ["--json", "--preview", text(&seen)];
     let mut child =
-        bottega(&arguments("goblets.glb", &output, &told)).stdout(Stdio::piped()).spawn().expect("it starts");
+        bottega(&arguments("goblets.glb", &output, &options)).stdout(Stdio::piped()).spawn().expect("it starts");
     let (mut first, mut kinds) = (None, Vec::new());
     for line in BufReader::new(child.stdout.take().expect("piped")).lines() {
         let event: serde_json::Value = serde_json::from_str(&line.expect("text")).expect("JSON");
@@ -38,7 +38,7 @@ fn the_preview_is_complete_at_once_and_in_the_end_the_picture() {
         kinds.push(event["event"].to_string());
     }
     assert!(child.wait().expect("it ends").success());
-    let of_kind = |kind: &str| kinds.iter().position(|known| known.contains(kind)).expect("told");
+    let of_kind = |kind: &str| kinds.iter().position(|known| known.contains(kind)).expect("the event");
     assert!(of_kind("started") < of_kind("preview") && of_kind("preview") < of_kind("finished"), "{kinds:?}");
 
     let (first, last, painted) = (first.expect("a first preview"), picture(&seen), picture(&output));
@@ -78,8 +78,8 @@ fn who_resumes_sees_what_was_kept_and_ends_with_the_same_bits() {
     assert_eq!(picture(&seen).size(), SIZE);
 
     fs::remove_file(&seen).expect("removed");
-    let told = succeed(&[&command(text(&parts))[..], &["--resume"]].concat());
-    assert!(told.contains(r#""event":"preview","number":1"#), "{told}");
+    let output = succeed(&[&command(text(&parts))[..], &["--resume"]].concat());
+    assert!(output.contains(r#""event":"preview","number":1"#), "{output}");
     assert_eq!(picture(&seen).size(), SIZE);
     succeed(&[&command(text(&whole))[..8], &["--quiet"]].concat());
     assert!(picture(&whole) == picture(&parts));
@@ -163,38 +163,38 @@ fn the_integrator_of_the_file_chooses_ours() {
     let painted = |integrator: &str, more: &str, options: &[&str]| {
         fs::write(&scene, ball_on_table(integrator, more)).expect("a scene");
         let arguments = [&["render", text(&scene), "-o", text(&output), "--json", "--exact"], options].concat();
-        let (mut chosen, mut told) = (String::new(), String::new());
+        let (mut chosen, mut warning) = (String::new(), String::new());
         for line in succeed(&arguments).lines() {
             let event: serde_json::Value = serde_json::from_str(line).expect("JSON");
             match event["event"].as_str() {
                 Some("started") => chosen = format!("{}/{}", event["integrator"], event["progressive"]),
-                Some("warning") => told += event["message"].as_str().expect("a message"),
+                Some("warning") => warning += event["message"].as_str().expect("a message"),
                 _ => {}
             }
         }
         let picture = picture(&output);
         let mean = picture.data.iter().map(|pixel| pixel[1]).sum::<f32>() / picture.data.len() as f32;
-        (chosen, told, mean)
+        (chosen, warning, mean)
     };
     let photons = "\"photon\"/true";
-    let (chosen, told, with_caustic) =
+    let (chosen, warning, with_caustic) =
         painted("sppm", "\"float radius\" 0.1 \"integer photonsperiteration\" 40000", &[]);
     assert_eq!(chosen, photons);
-    assert!(told.contains("scene.pbrt:6:9: the integrator `sppm` is replaced by progressive photons"), "{told}");
-    let (chosen, told, by_paths) = painted("volpath", "", &[]);
-    assert_eq!((chosen.as_str(), told.as_str()), ("\"path\"/false", ""));
+    assert!(warning.contains("scene.pbrt:6:9: the integrator `sppm` is replaced by progressive photons"), "{warning}");
+    let (chosen, warning, by_paths) = painted("volpath", "", &[]);
+    assert_eq!((chosen.as_str(), warning.as_str()), ("\"path\"/false", ""));
     assert!(with_caustic > 1.05 * by_paths, "{with_caustic} and {by_paths}");
     // An integrator that finds the same light from both ends.
-    let (chosen, told, from_both_ends) =
+    let (chosen, warning, from_both_ends) =
         painted("bdpt", "", &["--set", "photons.count=40000", "--set", "photons.radius=0.05"]);
     assert_eq!(chosen, photons);
-    assert!(told.contains("`bdpt` is replaced"), "{told}");
+    assert!(warning.contains("`bdpt` is replaced"), "{warning}");
     assert!((from_both_ends / with_caustic - 1.0).abs() < 0.05, "{from_both_ends} and {with_caustic}");
     // The user's option wins.
-    let (chosen, told, asked) = painted("sppm", "", &["--integrator", "path"]);
+    let (chosen, warning, by_option) = painted("sppm", "", &["--integrator", "path"]);
     assert_eq!(chosen, "\"path\"/false");
-    assert!(told.contains("as it was asked for"), "{told}");
-    assert!((asked / by_paths - 1.0).abs() < 0.02, "{asked} and {by_paths}");
+    assert!(warning.contains(", as requested"), "{warning}");
+    assert!((by_option / by_paths - 1.0).abs() < 0.02, "{by_option} and {by_paths}");
     let (chosen, ..) = painted("sppm", "", &["--set", "photons.final_rays=2", "--set", "photons.count=20000"]);
     assert_eq!(chosen, "\"photon\"/false");
 }

@@ -106,17 +106,17 @@ fn a_request_that_is_none_is_refused_with_its_place_and_the_remedy() {
         ("\u{feff}{}", "line 1, column 1"),
     ] {
         let output = fed(&["render", "--request", "-", "-o", text(&folder.path().join("a.exr"))], json.as_bytes());
-        let told = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
-        assert_eq!(output.status.code(), Some(2), "{json}: {told}");
+        let stderr = String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ");
+        assert_eq!(output.status.code(), Some(2), "{json}: {stderr}");
         assert!(
-            told.contains("standard input") && told.contains(words) && told.contains("request schema"),
-            "{json}: {told}"
+            stderr.contains("standard input") && stderr.contains(words) && stderr.contains("request schema"),
+            "{json}: {stderr}"
         );
     }
     let none = run(&["render", "--request", "nowhere.json"]);
     assert!(!none.status.success() && String::from_utf8_lossy(&none.stderr).contains("nowhere.json"));
     let nowhere = fed(&["render", "--request", "-"], br#"{"scene": {"file": "goblets.glb"}}"#);
-    assert!(String::from_utf8_lossy(&nowhere.stderr).contains("where is the picture to go"));
+    assert!(String::from_utf8_lossy(&nowhere.stderr).contains("no output file is given"));
     assert!(!folder.path().join("a.exr.bottega-journal").exists());
 }
 
@@ -136,7 +136,7 @@ fn a_picture_without_a_sound_request_says_so() {
     };
     // Another program's picture, a damaged one, and a file that is not a picture.
     bottega_image::write_png_rgb8(at("foreign.png"), 2, 2, &[9; 12]).expect("written");
-    assert!(from("foreign.png").contains("does not say what it is a picture of"));
+    assert!(from("foreign.png").contains("does not contain its request"));
     let film = bottega_image::Film::new(
         bottega_image::Rect::of_size(2, 2),
         bottega_image::Layout::new(bottega_image::AovSet::NONE),
@@ -145,8 +145,8 @@ fn a_picture_without_a_sound_request_says_so() {
     metadata.set("request", r#"{"scene": {"file": "a.glb"}, "film": {"size": [0, 0]}}"#);
     bottega_image::write_exr(at("damaged.exr"), &film, &metadata, bottega_image::ExrOptions::default())
         .expect("written");
-    let told = from("damaged.exr");
-    assert!(told.contains("damaged.exr") && told.contains("`film.size` is 0x0"), "{told}");
+    let stderr = from("damaged.exr");
+    assert!(stderr.contains("damaged.exr") && stderr.contains("`film.size` is 0x0"), "{stderr}");
     fs::write(at("text.png"), "no picture").expect("written");
     assert!(from("text.png").contains("text.png"));
 }
@@ -191,9 +191,9 @@ fn what_is_wrong_with_a_request_is_found_before_it_is_painted_or_sent() {
     let json = br#"{"scene": {"file": "cornell-box.glb"}, "goal": {"error": 0.1}}"#;
     let picture = folder.path().join("a.exr");
     let output = fed(&["render", "--request", "-", "--record", text(&record), "-o", text(&picture)], json);
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{told}");
-    assert!(told.contains("--record is for whole pictures") && !picture.exists(), "{told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains("--record needs a whole picture") && !picture.exists(), "{stderr}");
 
     let mut request = Request::new(scenes().join("cornell-box.glb"));
     assert!(Session::examine(&request).is_ok());

@@ -18,7 +18,7 @@ END_RULEBLOCK
 END_FUNCTION_BLOCK
 ";
 
-fn told(output: &Output) -> String {
+fn stderr_of(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
@@ -32,12 +32,12 @@ fn file(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> String {
 fn fails(arguments: &[&str], code: i32, words: &[&str]) {
     let output = run(arguments);
     // Long lines are broken, with a border.
-    let told = told(&output).replace(['│', '|', '\n'], " ").split_whitespace().collect::<Vec<_>>().join(" ");
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
+    let stderr = stderr_of(&output).replace(['│', '|', '\n'], " ").split_whitespace().collect::<Vec<_>>().join(" ");
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
     for word in words {
-        assert!(told.contains(word), "{arguments:?} does not tell {word:?}: {told}");
+        assert!(stderr.contains(word), "{arguments:?} does not say {word:?}: {stderr}");
     }
-    assert!(!told.contains("panicked"), "{told}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn the_rules_that_come_with_the_program_are_sound() {
 }
 
 #[test]
-fn mistakes_are_shown_in_the_text_and_warnings_fail_only_where_asked() {
+fn mistakes_are_shown_in_the_text_and_warnings_fail_only_if_requested() {
     let folder = tempfile::tempdir().expect("a folder");
     let good = file(folder.path(), "good.fcl", FAN);
     let wrong = file(folder.path(), "wrong.fcl", FAN.replace("speed IS fast", "speed IS fsat"));
@@ -76,7 +76,7 @@ fn mistakes_are_shown_in_the_text_and_warnings_fail_only_where_asked() {
 }
 
 #[test]
-fn what_is_no_text_of_rules_is_told_by_name() {
+fn files_that_are_not_rules_are_reported_by_name() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("picture.png");
     let folder_itself = text(folder.path());
@@ -100,7 +100,7 @@ fn what_is_no_text_of_rules_is_told_by_name() {
     for (rules, words) in [
         ("missing.fcl", &["missing.fcl", "No such file"][..]),
         (folder_itself, &[name, "it is a folder"]),
-        (&binary, &["binary.fcl", "it is no text"]),
+        (&binary, &["binary.fcl", "it is not UTF-8 text"]),
         (&long, &["long.fcl", "longer than 1048576 bytes"]),
         (&wrong, &["wrong.fcl", "line 3, column 14", "expected `:`, found `REAL`", "complexity REAL;"]),
     ] {
@@ -138,11 +138,15 @@ fn rules_that_are_doubtful_or_say_too_much_are_used_with_a_note() {
         ]
     };
     let output = run(&arguments("photon-mapping"));
-    assert!(output.status.success(), "{}", told(&output));
-    assert!(told(&output).contains("left aside, for they mean nothing in path tracing: photons"), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
+    assert!(
+        stderr_of(&output).contains("ignored, because path tracing does not use them: photons"),
+        "{}",
+        stderr_of(&output)
+    );
     let output = run(&arguments(&dead));
-    assert!(output.status.success(), "{}", told(&output));
-    assert!(told(&output).contains("rule 1 says nothing: its weight is 0"), "{}", told(&output));
+    assert!(output.status.success(), "{}", stderr_of(&output));
+    assert!(stderr_of(&output).contains("rule 1 says nothing: its weight is 0"), "{}", stderr_of(&output));
 }
 
 fn own_rules(name: &str) -> String {
@@ -170,7 +174,7 @@ fn rules_are_evaluated_and_explained() {
     fails(&["rules", "eval", &fan, "heat=25"], 2, &["the input `noise` has no value", "heat, noise"]);
     fails(&["rules", "eval", &fan, "heat=25", "wind=1"], 2, &["no input `wind`"]);
     fails(&["rules", "eval", &fan, "heat=hot"], 2, &["not a number"]);
-    fails(&["rules", "eval", &fan, "heat=1", "noise=0", "--range", "heat=3..1"], 2, &["[3, 1] is no interval"]);
+    fails(&["rules", "eval", &fan, "heat=1", "noise=0", "--range", "heat=3..1"], 2, &["[3, 1] is not an interval"]);
     let both = file(folder.path(), "both.fcl", format!("{FAN}{}", FAN.replace("BLOCK fan", "BLOCK draught")));
     fails(&["rules", "eval", &both, "heat=1", "noise=0"], 2, &["2 function blocks", "--block: fan, draught"]);
     fails(&["rules", "eval", &both, "heat=1", "noise=0", "--block", "x"], 2, &["no function block `x`"]);
@@ -202,7 +206,7 @@ fn terms_and_surfaces_are_drawn_as_svg_and_png() {
     let (svg, png) = (at("surface.svg"), at("surface.png"));
     for picture in [&svg, &png] {
         let output = surface(picture, &[]);
-        assert!(output.status.success(), "{}", told(&output));
+        assert!(output.status.success(), "{}", stderr_of(&output));
     }
     let drawn = fs::read_to_string(&svg).expect("an SVG");
     for word in ["speed", "heat", "noise", "rect"] {
@@ -229,5 +233,5 @@ fn terms_and_surfaces_are_drawn_as_svg_and_png() {
         2,
         &["has no value"],
     );
-    assert!(told(&surface(&at("x.svg"), &["heat=3"])).contains("cannot be both"));
+    assert!(stderr_of(&surface(&at("x.svg"), &["heat=3"])).contains("cannot be both"));
 }

@@ -9,21 +9,21 @@ use std::{
 
 use crate::program::support::{bottega, run, text};
 
-fn told(output: &Output) -> String {
+fn stderr_of(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 #[test]
-fn a_picture_is_told_in_two_lines_and_how_it_was_shared_out_when_that_is_asked_for() {
+fn a_picture_is_reported_in_two_lines_and_its_division_with_verbose() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("a.png");
     let small =
         ["render", "cornell-box.glb", "-o", text(&picture), "--size", "32x32", "--spp", "2", "--devices", "cpu"];
-    let plain = told(&run(&small));
+    let plain = stderr_of(&run(&small));
     let lines: Vec<&str> = plain.lines().collect();
     let is_right = lines.len() == 2 && lines[0].contains("2 samples each") && lines[1].starts_with(text(&picture));
     assert!(is_right, "{plain}");
-    let verbose = told(&run(&[&small[..], &["-v", "--agents", "2"]].concat()));
+    let verbose = stderr_of(&run(&[&small[..], &["-v", "--agents", "2"]].concat()));
     for words in ["auction:", "work bin", "samples/s", "times of zones", "Render Agent"] {
         assert!(verbose.contains(words) && !plain.contains(words), "{words}: {plain}{verbose}");
     }
@@ -37,15 +37,15 @@ fn a_goal_is_said_in_place_of_the_most_samples() {
         // A pixel gets at most one sample, so no part takes longer.
         let small = ["render", "cornell-box.glb", "-o", text(&picture), "--size", "32x32", "--spp", "1"];
         let output = run(&[&small[..], &goal].concat());
-        let told = told(&output);
-        assert!(output.status.success() && told.contains(words) && !told.contains("samples each"), "{told}");
+        let stderr = stderr_of(&output);
+        assert!(output.status.success() && stderr.contains(words) && !stderr.contains("samples each"), "{stderr}");
     }
 }
 
 #[test]
 fn what_drivers_print_is_no_part_of_the_list_of_devices() {
     let output = bottega(&["devices"]).env_remove("XDG_RUNTIME_DIR").output().expect("the program starts");
-    assert!(output.status.success() && told(&output).is_empty(), "{}", told(&output));
+    assert!(output.status.success() && stderr_of(&output).is_empty(), "{}", stderr_of(&output));
 }
 
 #[test]
@@ -56,14 +56,14 @@ fn a_scene_of_another_program_is_painted_by_its_engine_or_is_to_be_exported() {
         let scene = folder.path().join(name);
         fs::write(&scene, "#usda 1.0").expect("written");
         for command in [&["render", text(&scene), "-o", text(&picture)][..], &["info", text(&scene)]] {
-            let told = told(&run(command)).replace('\n', " ");
-            assert!(told.contains(words) && told.contains("glTF"), "{told}");
+            let stderr = stderr_of(&run(command)).replace('\n', " ");
+            assert!(stderr.contains(words) && stderr.contains("glTF"), "{stderr}");
         }
     }
     let scene = folder.path().join("a.blend");
     fs::write(&scene, "BLENDER").expect("written");
     let output = run(&["render", text(&scene), "-o", text(&picture)]);
-    assert!(!output.status.success() && told(&output).contains("`cycles`"), "{}", told(&output));
+    assert!(!output.status.success() && stderr_of(&output).contains("`cycles`"), "{}", stderr_of(&output));
 }
 
 #[test]
@@ -74,10 +74,10 @@ fn a_picture_that_is_whole_is_not_painted_again_by_resume() {
     assert!(run(&small).status.success());
     let written = fs::metadata(&picture).and_then(|file| file.modified()).expect("a picture");
     let again = run(&[&small[..], &["--resume"]].concat());
-    assert!(again.status.success() && told(&again).contains("nothing is left to paint"), "{}", told(&again));
+    assert!(again.status.success() && stderr_of(&again).contains("nothing is left to paint"), "{}", stderr_of(&again));
     assert_eq!(fs::metadata(&picture).and_then(|file| file.modified()).expect("a picture"), written);
     let other = run(&["render", "cornell-box.glb", "-o", text(&picture), "--size", "16x16", "--spp", "2", "--resume"]);
-    assert!(!other.status.success() && told(&other).contains("nothing to go on with"), "{}", told(&other));
+    assert!(!other.status.success() && stderr_of(&other).contains("nothing to resume"), "{}", stderr_of(&other));
 }
 
 /// A device that pretends to be a GPU compiles its kernels when it has none in its cache, for a minute on a slow machine.

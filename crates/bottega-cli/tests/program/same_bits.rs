@@ -64,7 +64,7 @@ fn a_picture_with_an_error_does_not_depend_on_who_paints_it() {
 }
 
 #[test]
-fn frames_have_the_numbers_that_were_asked_for_and_no_others() {
+fn exactly_the_requested_frames_are_rendered() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = folder.path().join("f.%03d.exr");
     let words = ["render", "goblets.glb", "--size", "8x8", "--spp", "1", "--quiet", "-o", text(&output)];

@@ -6,8 +6,8 @@ use crate::program::support::{run, succeed, text};
 use serde_json::Value;
 
 fn simulate(arguments: &[&str]) -> Value {
-    let told = succeed(&[&["simulate", "--json"], arguments].concat());
-    serde_json::from_str(&told).expect("one JSON object")
+    let json = succeed(&[&["simulate", "--json"], arguments].concat());
+    serde_json::from_str(&json).expect("one JSON object")
 }
 
 fn number(value: &Value, field: &str) -> f64 {
@@ -41,7 +41,7 @@ fn a_recorded_run_is_replayed_with_other_agents() {
     assert_eq!(number(&lame, "zones_failed"), 0.0);
     let alone = run(&["simulate", text(&record), "--agents", "1,agent-0@fail=10ms"]);
     assert_eq!(alone.status.code(), Some(1));
-    assert!(String::from_utf8_lossy(&alone.stderr).contains("anybody left"));
+    assert!(String::from_utf8_lossy(&alone.stderr).contains("no agent is left"));
 }
 
 /// Agents choose by the rules of the recorded agents; otherwise they paint with other settings.
@@ -87,8 +87,8 @@ fn what_cannot_be_simulated_is_refused_with_a_reason() {
         (vec!["simulate", "--synthetic", "5", "--loss", "2"], 2, "--loss"),
     ] {
         let output = run(&arguments);
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
-        assert!(told.contains(reason), "{arguments:?}: {told}");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(reason), "{arguments:?}: {stderr}");
     }
 }

@@ -28,8 +28,8 @@ pub(crate) fn run(arguments: &[&str]) -> Output {
 /// Runs the program, which must succeed.
 pub(crate) fn succeed(arguments: &[&str]) -> String {
     let output = run(arguments);
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?} failed: {told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?} failed: {stderr}");
     String::from_utf8(output.stdout).expect("text")
 }
 

@@ -27,7 +27,7 @@ use crate::{
     agents::platform::NAME,
     error::Error,
     job::{
-        board::{JobBoard, SEAT_EMPTY},
+        board::{JobBoard, PRESENCE_SILENT_AFTER},
         record::JobState,
     },
 };
@@ -116,7 +116,7 @@ impl JobBoard {
         let answer = ask_ams(pages, NAME, function).map_err(|error| {
             Error::failed(format!("cannot start a thread: {error}"), "let fewer programs run at once")
         })?;
-        let see = "`bottega platform agents` shows those that there are, and how they stand";
+        let see = "`bottega platform agents` lists the agents and their states";
         match answer {
             Some(ManagementContent::Done(..)) => Ok(()),
             Some(ManagementContent::Failed(_, FailureReason::NotRegistered)) => {
@@ -124,11 +124,11 @@ impl JobBoard {
             }
             Some(ManagementContent::Refused(..)) => {
                 let state = known.and_then(|agent| agent.state).map_or("unknown", LifeCycleState::word);
-                Err(Error::failed(format!("`{agent}` is {state}: it cannot be changed so"), see))
+                Err(Error::failed(format!("`{agent}` is {state}: the command is impossible in this state"), see))
             }
             other => {
                 tracing::debug!(?other, "the AMS");
-                Err(Error::failed("the farm's server does not take it", "see whether it runs: bottega jobs list"))
+                Err(Error::failed("the farm's server does not store it", "check whether it runs: bottega jobs list"))
             }
         }
     }
@@ -138,7 +138,7 @@ impl JobBoard {
         let taken_out = self.uplink.notices().all(PAGES).into_iter();
         for notice in taken_out.filter(|notice| notice.text.is_empty() && notice.unchanged > EMPTY_KEPT) {
             if let Err(error) = self.uplink.notices().remove(&notice.name) {
-                tracing::debug!(%error, "a page was not let go");
+                tracing::debug!(%error, "cannot release a page");
             }
         }
         self.take_out_lost();
@@ -149,17 +149,17 @@ impl JobBoard {
         if pages.is_empty() {
             return;
         }
-        let seats: BTreeSet<String> = self.presences().iter().map(|seat| seat.name.to_lowercase()).collect();
+        let present: BTreeSet<String> = self.presences().iter().map(|machine| machine.name.to_lowercase()).collect();
         let is_led = |number: u32| {
             let leader = self.lead(number).and_then(|lead| lead.leader);
-            leader.is_some_and(|leader| seats.contains(&leader.to_lowercase()))
+            leader.is_some_and(|leader| present.contains(&leader.to_lowercase()))
         };
         let jobs = self.all().into_iter().filter(|(number, job)| job.state == JobState::Active && is_led(*number));
         let masters: BTreeSet<String> = jobs.map(|(_, job)| format!("work-{}", job.work)).collect();
         let is_lost = |page: &&AgentPage| {
             let place = page.agent.rsplit_once('@').map_or("", |(_, place)| place);
-            let is_there = place == NAME || seats.contains(place) || masters.contains(place);
-            !page.is_empty() && page.notice.unchanged > SEAT_EMPTY && !is_there
+            let is_there = place == NAME || present.contains(place) || masters.contains(place);
+            !page.is_empty() && page.notice.unchanged > PRESENCE_SILENT_AFTER && !is_there
         };
         // A command may have dropped the ownership from one of an agent's entries: one that still has it is enough.
         let lost: BTreeSet<&str> =
@@ -167,7 +167,7 @@ impl JobBoard {
         let notices = self.uplink.notices();
         for page in pages.iter().filter(is_lost).filter(|page| lost.contains(&*page.agent)) {
             if let Err(error) = notices.update(&page.notice.name, b"", page.notice.revision) {
-                tracing::debug!(%error, "a page was not taken out");
+                tracing::debug!(%error, "cannot remove a page");
             }
         }
     }

@@ -173,7 +173,7 @@ fn submit(
     }
     sent.keep();
     if let (Some((&first, _)), Some((&last, _))) = (wanted.first_key_value(), wanted.last_key_value()) {
-        reporter.tell(Event::Asked { job: first, last_job: Some(last) });
+        reporter.tell(Event::Submitted { job: first, last_job: Some(last) });
     }
     Ok(wanted)
 }
@@ -214,9 +214,10 @@ fn collect(
     let (mut failure, mut watch) = (None, RefusalWatch::default());
     while !wanted.is_empty() && !stop.is_requested() {
         let mut over = Vec::new();
-        let seats = board.presences();
-        for (seat, refusal) in watch.news(&seats, |work| wanted.values().any(|frame| frame.work == work)) {
-            reporter.warn(format!("{} leaves frames out: {}", seat.name, refusal.reason));
+        let presences = board.presences();
+        for (machine, refusal) in watch.new_refusals(&presences, |work| wanted.values().any(|frame| frame.work == work))
+        {
+            reporter.warn(format!("{} leaves frames out: {}", machine.name, refusal.reason));
         }
         for (&number, WantedFrame { frame, output, .. }) in &wanted {
             let Some(job) = board.get(number) else {
@@ -249,7 +250,7 @@ fn collect(
     }
     for &number in wanted.keys() {
         board.change(number, |job| {
-            job.say("called off by the one who asked");
+            job.say("cancelled by its submitter");
             job.state = JobState::Cancelled;
             true
         })?;

@@ -45,14 +45,14 @@ pub fn wait_until_known(board: &JobBoard, number: u32) {
 pub fn steer(board: &JobBoard, number: u32, to: &JobState, by: &str) -> Result<(), Error> {
     let done = match to {
         JobState::Active => "resumed",
-        JobState::Cancelled => "called off",
+        JobState::Cancelled => "cancelled",
         state => state.word(),
     };
     let before = known(board, number)?.state;
     if before.is_over() {
         return Err(Error::failed(
             format!("job {number} is over: {}", before.word()),
-            "`bottega jobs list` shows those that are not",
+            "`bottega jobs list` shows the other jobs",
         ));
     }
     board.change(number, |job| {
@@ -101,7 +101,7 @@ pub fn fetch(board: &JobBoard, number: u32, output: Option<PathBuf>) -> Result<P
 /// Returns what a user can do when the farm does not store a job's picture.
 pub fn no_picture(number: u32, job: &Job) -> String {
     match &job.state {
-        _ if job.kept => "somebody has removed it: have it painted again".to_owned(),
+        _ if job.kept => "somebody has removed it: submit it again".to_owned(),
         JobState::Done => format!("{} wrote it to {}", job.from, job.output),
         state => format!("the job is {}: see `bottega jobs show {number}`", state.word()),
     }
@@ -115,7 +115,7 @@ fn forget_journal(board: &JobBoard, job: &Job, output: &Path) {
     if is_journal_of(&path, &name)
         && let Err(error) = fs::remove_file(&path)
     {
-        tracing::warn!("cannot remove {}, which is of no more use: {error}", path.display());
+        tracing::warn!("cannot remove {}, which is not needed any more: {error}", path.display());
     }
 }
 
@@ -128,7 +128,7 @@ pub fn remove(board: &JobBoard, number: u32) -> Result<(), Error> {
     if !job.state.is_over() {
         return Err(Error::failed(
             format!("job {number} is not over"),
-            format!("call it off first: bottega jobs cancel {number}"),
+            format!("cancel it first: bottega jobs cancel {number}"),
         ));
     }
     board.remove_with_scene(number)

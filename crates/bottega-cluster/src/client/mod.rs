@@ -1,8 +1,8 @@
 //! The use of a farm: submitting pictures and animations, sending files, controlling jobs, fetching pictures.
 
 pub mod animation;
-mod asked_again;
 pub mod jobs;
+mod resubmission;
 mod shared_viewport;
 mod shown_farm;
 pub mod submit;

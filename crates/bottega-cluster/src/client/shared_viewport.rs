@@ -124,10 +124,10 @@ pub fn share_viewport(viewport: &Arc<Viewport>, board: &JobBoard) -> Result<Shar
     board.refuse_guests()?;
     let (number, state) = (fresh_number(), Mutex::default());
     let share = Arc::new(ViewportShare { board: board.clone(), number, state, changed: Condvar::new() });
-    let (tell, told) = mpsc::sync_channel::<Vec<u8>>(WAITING_MAX);
+    let (sender, messages) = mpsc::sync_channel::<Vec<u8>>(WAITING_MAX);
     let frames = board.uplink.live().listen(&frames_channel(number), move |bytes| {
-        if tell.try_send(bytes.to_vec()).is_err() {
-            tracing::debug!("samples of a helper were lost: too many wait");
+        if sender.try_send(bytes.to_vec()).is_err() {
+            tracing::debug!("samples of a helper were lost: too many are waiting");
         }
     });
     let shared = SharedViewport { share: Arc::clone(&share), _frames: frames };
@@ -136,7 +136,7 @@ pub fn share_viewport(viewport: &Arc<Viewport>, board: &JobBoard) -> Result<Shar
         started.map(drop).map_err(|error| Error::failed(format!("cannot start a thread: {error}"), "try again"))
     };
     let (merging, weak) = (Arc::clone(&share), Arc::downgrade(viewport));
-    start("viewport-merge", Box::new(move || merging.merge(&weak, &told)))?;
+    start("viewport-merge", Box::new(move || merging.merge(&weak, &messages)))?;
     let sending = Arc::clone(&share);
     start("viewport-send", Box::new(move || sending.send_scenes()))?;
     viewport.follow(Box::new(Follower(share)));
@@ -236,18 +236,18 @@ impl ViewportShare {
     }
 
     /// Receives messages of helpers until the viewport is closed.
-    fn merge(&self, viewport: &Weak<Viewport>, told: &Receiver<Vec<u8>>) {
+    fn merge(&self, viewport: &Weak<Viewport>, messages: &Receiver<Vec<u8>>) {
         loop {
             if self.state().is_over {
                 return;
             }
-            match told.recv_timeout(CALL_EVERY) {
+            match messages.recv_timeout(CALL_EVERY) {
                 Ok(bytes) => {
                     let Some(viewport) = viewport.upgrade() else { return };
                     match decode(&bytes) {
                         Some(HelperMessage::Notice(notice)) => self.hear(notice),
                         Some(HelperMessage::Band(band)) => self.take(&viewport, &band, bytes.len() as u64),
-                        None => tracing::debug!("a message of a helper that cannot be read"),
+                        None => tracing::debug!("cannot read a message of a helper"),
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {}
@@ -258,18 +258,18 @@ impl ViewportShare {
 
     /// Notes what a helper says of itself, and gives it a place.
     fn hear(&self, notice: HelperNotice) {
-        let is_news = {
+        let is_new = {
             let mut state = self.state();
             if notice.leaves && notice.refuses.is_none() {
                 state.helpers.remove(&notice.name).is_some()
             } else {
                 state.is_lacking |= notice.lacks_scene;
-                let (is_new, helper) = state.helper(&notice.name);
+                let (is_added, helper) = state.helper(&notice.name);
                 helper.refused = notice.refuses;
-                is_new
+                is_added
             }
         };
-        if is_news {
+        if is_new {
             self.call();
         }
         self.changed.notify_all();

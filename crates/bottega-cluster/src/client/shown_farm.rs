@@ -24,8 +24,8 @@ impl JobBoard {
         if !self.uplink.is_guest() {
             return jobs;
         }
-        let (own, seats) = (self.own_members(), self.presences());
-        jobs.into_iter().filter(|(number, job)| self.is_work_of(*number, job, &own, &seats)).collect()
+        let (own, present) = (self.own_members(), self.presences());
+        jobs.into_iter().filter(|(number, job)| self.is_work_of(*number, job, &own, &present)).collect()
     }
 
     /// Returns a job, if users may see it here.
@@ -39,17 +39,17 @@ impl JobBoard {
         }
         Err(Error::failed(
             format!("this machine is a guest and sees its own work alone: it has not painted job {number}"),
-            "ask at a machine that joined by the other line that `bottega up` printed",
+            "use a machine that joined by the other line that `bottega up` printed",
         ))
     }
 
     /// Keeps those machines that users may see here.
-    pub fn shown_machines(&self, mut seats: Vec<Presence>) -> Vec<Presence> {
+    pub fn shown_machines(&self, mut machines: Vec<Presence>) -> Vec<Presence> {
         if self.uplink.is_guest() {
             let own = self.own_members();
-            seats.retain(|seat| own.contains(machine_of(&seat.name)));
+            machines.retain(|machine| own.contains(machine_of(&machine.name)));
         }
-        seats
+        machines
     }
 
     /// Returns true if users may see the data of a machine here.
@@ -65,10 +65,10 @@ impl JobBoard {
     }
 
     /// Returns true if one of these machines works on a job, or has rendered a part of it.
-    fn is_work_of(&self, number: u32, job: &Job, machines: &BTreeSet<String>, seats: &[Presence]) -> bool {
+    fn is_work_of(&self, number: u32, job: &Job, machines: &BTreeSet<String>, present: &[Presence]) -> bool {
         let is_of_them = |process: &str| machines.contains(machine_of(process));
-        let has_painted = |seat: &Presence| seat.usages.iter().any(|usage| usage.work == job.origin);
-        seats.iter().any(|seat| is_of_them(&seat.name) && (seat.job == Some(number) || has_painted(seat)))
+        let has_painted = |machine: &Presence| machine.usages.iter().any(|usage| usage.work == job.origin);
+        present.iter().any(|machine| is_of_them(&machine.name) && (machine.job == Some(number) || has_painted(machine)))
             || self.society(number).is_some_and(|society| society.usages.keys().any(|process| is_of_them(process)))
     }
 }

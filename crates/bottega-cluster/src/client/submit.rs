@@ -12,7 +12,7 @@ use bottega::{
     devices::{DeviceChoice, beside_processors, threads},
     engines::SceneFiles,
     request::EnvironmentLight,
-    session::{PaintingTools, Reporter},
+    session::{PaintingSetup, Reporter},
     text::shown,
 };
 use bottega_farm::{JobError, JobReport};
@@ -122,16 +122,16 @@ impl FarmPicture {
         let Self { session, files, name } = self;
         let request = session.request().clone();
         let reporter = Arc::new(Reporter::new(watcher));
-        let (painting, tools) = session.begin(Arc::clone(&reporter))?;
+        let (painting, setup) = session.begin(Arc::clone(&reporter))?;
         let job = SubmittedJob::submit((farm, credentials), &request, &files, Some(&name), stop, &reporter)?;
-        match job.paint(tools, &reporter)? {
+        match job.paint(setup, &reporter)? {
             JobOutcome::Here(report, leading) => {
                 let picture = painting.finish(*report, stop).map_err(|error| job.unwritten(&error.into()))?;
                 let failed = picture.report().failed.len();
                 if let Some(leading) = leading
                     && let Err(error) = job.finish(&leading, failed, &reporter)
                 {
-                    reporter.warn(format!("the picture is written, and the farm does not know of it: {error}"));
+                    reporter.warn(format!("the picture is written, but the farm could not be informed: {error}"));
                 }
                 Ok(RenderOutcome::Local(Box::new(picture.close()?)))
             }
@@ -202,32 +202,32 @@ impl SubmittedJob {
         }
         let number = board.submit(&job, &order)?;
         sent.keep();
-        reporter.tell(Event::Asked { job: number, last_job: None });
+        reporter.tell(Event::Submitted { job: number, last_job: None });
         let member = Member::new(board, name, (threads(request), devices_of(request)), stop);
         Ok(Self { member, number, work: job.work })
     }
 
     /// Renders together with the other machines until the picture is complete or the user stops. Warns of machines that
     /// refuse the job.
-    fn paint(&self, tools: PaintingTools, reporter: &Reporter) -> Result<JobOutcome, Error> {
+    fn paint(&self, setup: PaintingSetup, reporter: &Reporter) -> Result<JobOutcome, Error> {
         let mut watch = RefusalWatch::default();
         let tell = || {
-            let seats = self.member.board.presences();
-            for (seat, refusal) in watch.news(&seats, |work| work == self.work) {
-                reporter.warn(format!("{} is left out: {}", seat.name, refusal.reason));
+            let presences = self.member.board.presences();
+            for (machine, refusal) in watch.new_refusals(&presences, |work| work == self.work) {
+                reporter.warn(format!("{} is left out: {}", machine.name, refusal.reason));
             }
         };
-        meanwhile(LOOK_EVERY, tell, || self.paint_with_others(tools, reporter))
+        meanwhile(LOOK_EVERY, tell, || self.paint_with_others(setup, reporter))
     }
 
-    fn paint_with_others(&self, mut tools: PaintingTools, reporter: &Reporter) -> Result<JobOutcome, Error> {
+    fn paint_with_others(&self, mut setup: PaintingSetup, reporter: &Reporter) -> Result<JobOutcome, Error> {
         let Member { board, stop, .. } = &self.member;
         let say = |line: &str| reporter.say(line);
         let mut said_paused = false;
         let mut helped = None;
         loop {
             let job = board.get(self.number).ok_or_else(|| {
-                Error::failed(format!("job {} is gone", self.number), "somebody has removed it; ask again")
+                Error::failed(format!("job {} is gone", self.number), "somebody has removed it; submit it again")
             })?;
             if let Some(error) = ended_badly(self.number, &job.state) {
                 return Err(error);
@@ -235,13 +235,13 @@ impl SubmittedJob {
             if job.state == JobState::Done {
                 let picture = patiently(stop, say, || board.picture(&job))?;
                 return picture.map(JobOutcome::Elsewhere).ok_or_else(|| {
-                    Error::failed("the job is done, and its picture is nowhere", "see `bottega jobs log`")
+                    Error::failed("the job is done, but its picture is missing", "see `bottega jobs log`")
                 });
             }
             let is_led = board.lead(self.number).is_some_and(|lead| lead.leader.is_some());
             if job.state == JobState::Paused || helped == Some(job.turn()) && is_led {
                 if job.state == JobState::Paused && !std::mem::replace(&mut said_paused, true) {
-                    reporter.say(&format!("paused; go on with `bottega jobs resume {}`", self.number));
+                    reporter.say(&format!("paused; continue with `bottega jobs resume {}`", self.number));
                 }
                 if stop.is_requested() {
                     return Err(self.called_off());
@@ -251,7 +251,7 @@ impl SubmittedJob {
             }
             said_paused = false;
             helped = None;
-            let part = || take_part(&self.member, self.number, &job, &mut tools, || false);
+            let part = || take_part(&self.member, self.number, &job, &mut setup, || false);
             match patiently(stop, say, part) {
                 Ok(PartOutcome::Led(report, leading)) => return Ok(JobOutcome::Here(report, Some(leading))),
                 Ok(PartOutcome::Left(Some(report))) if stop.is_requested() => {
@@ -289,8 +289,8 @@ impl SubmittedJob {
         Error::failed(
             error.error_chain(),
             format!(
-                "the farm has all that is painted: the next machine that leads job {number} has it keep the picture, and \
-                 `bottega jobs fetch {number} -o FILE` writes it, where there is room; `bottega jobs cancel {number}` calls it off"
+                "the farm has all that is painted: the next machine that leads job {number} stores the picture, and \
+                 `bottega jobs fetch {number} -o FILE` writes it to a disk with space; `bottega jobs cancel {number}` cancels the job"
             ),
         )
     }
@@ -305,13 +305,13 @@ impl SubmittedJob {
         let off = self.member.board.change(self.number, |job| {
             let is_over = job.state.is_over();
             if !is_over {
-                job.say("called off by the one who asked");
+                job.say("cancelled by its submitter");
                 job.state = JobState::Cancelled;
             }
             !is_over
         });
         if let Err(error) = off {
-            tracing::warn!(%error, "the job could not be called off");
+            tracing::warn!(%error, "cannot cancel the job");
         }
     }
 }
@@ -325,7 +325,7 @@ impl Drop for SubmittedJob {
 /// Returns the error for a picture that the farm has and that could not be written on this machine.
 pub(crate) fn unfetched(number: u32, error: &Error) -> Error {
     let remedy =
-        format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it, where there is room");
+        format!("the farm has the picture: `bottega jobs fetch {number} -o FILE` writes it to a disk with space");
     Error::failed(error.error_chain(), remedy)
 }
 
@@ -359,7 +359,7 @@ pub(crate) fn new_job(request: &Request, material: &SceneFiles, from: &str) -> J
         state: JobState::Active,
         log: Vec::new(),
     };
-    job.say(format!("asked for by {from}"));
+    job.say(format!("submitted by {from}"));
     material.method.iter().for_each(|method| job.say(method.clone()));
     job
 }
@@ -383,7 +383,7 @@ pub(crate) fn order<'a>(
 ) -> Result<(JobSpec, SentPieces<'a>), Error> {
     if request.goal.time.is_some() {
         return Err(Error::usage(
-            "a farm paints until there are samples enough, or the error is small enough; it keeps no time",
+            "a farm supports a number of samples or an error as the goal, not a time",
             "leave out the time, or the farm",
         ));
     }

@@ -28,7 +28,7 @@ use crate::{
 /// Interval between announcements that a scene is being sent.
 const ANNOUNCE_EVERY: Duration = Duration::from_secs(1);
 /// Time after which progress is reported.
-const TOLD_AFTER: Duration = Duration::from_secs(2);
+const REPORT_AFTER: Duration = Duration::from_secs(2);
 /// Space needed in addition to a scene: for the first rows of its job, and (a divisor of its size) for the overhead of chunks.
 const ROOM_BESIDE: u64 = 512 << 10;
 const ROOM_SHARE: u64 = 64;
@@ -56,7 +56,7 @@ impl Drop for SentPieces<'_> {
         self.board.stop_announcing(self.me);
         let names = std::mem::take(&mut *self.counted.names.lock().unwrap_or_else(PoisonError::into_inner));
         if !self.is_kept && !names.is_empty() {
-            self.board.forget_pieces(self.me, |name| names.iter().any(|it| it == name));
+            self.board.forget_pieces(self.me, |name| names.iter().any(|known| known == name));
         }
     }
 }
@@ -87,7 +87,7 @@ pub(crate) fn send<'a>(
         let tell = || {
             let done = sent.counted.bytes.load(Ordering::Relaxed);
             board.announce(me, &Announcement { bytes, sent: done });
-            if begun.elapsed() > TOLD_AFTER {
+            if begun.elapsed() > REPORT_AFTER {
                 let seconds = begun.elapsed().as_secs_f64();
                 let left = seconds * (bytes as f64 / done.max(1) as f64 - 1.0);
                 let seconds_left = Some(left).filter(|_| done > 0);
@@ -101,7 +101,7 @@ pub(crate) fn send<'a>(
                 |line| reporter.say(line),
                 || {
                     if stop.is_requested() {
-                        return Err(Error::failed("stopped while the scene was sent", "ask again"));
+                        return Err(Error::failed("stopped while sending the scene", "ask again"));
                     }
                     store.put(name, piece).map_err(|error| put_failed(error, board, bytes))
                 },
@@ -131,10 +131,10 @@ fn see_to_room(pieces: &Pieces, board: &JobBoard, me: &str, bytes: u64) -> Resul
 
 fn no_room(board: &JobBoard, bytes: u64) -> Error {
     let kept = board.room().map_or_else(String::new, |room| {
-        format!(", and it keeps {} of at most {}", bytes_said(room.used), bytes_said(room.limit))
+        format!("; it stores {} of at most {}", bytes_said(room.used), bytes_said(room.limit))
     });
     Error::failed(
-        format!("the farm's server has no room for the scene: {} are to be sent{kept}", bytes_said(bytes)),
+        format!("the farm's server has no room for the scene: {} to send{kept}", bytes_said(bytes)),
         MAKE_ROOM,
     )
 }

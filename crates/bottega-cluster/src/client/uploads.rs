@@ -135,7 +135,7 @@ impl JobBoard {
         self.refuse_guests()?;
         if !is_hash(digest) || bytes.len() > CHUNK_BYTES || hash_of(bytes) != digest {
             return Err(Error::usage(
-                format!("a piece of {} bytes is not the one of the digest `{digest}`", bytes.len()),
+                format!("a piece of {} bytes does not have the digest `{digest}`", bytes.len()),
                 "send it again: pieces have 4 MiB, the last one of a file less, and their digests are BLAKE3 in hexadecimal",
             ));
         }
@@ -155,21 +155,27 @@ impl JobBoard {
     ///
     /// # Errors
     /// The request or a name is invalid, a file was not uploaded, or the scene cannot be rendered.
-    pub fn submit_uploaded(&self, asked: Submission, from: &str, by: &str, cache: &Cache) -> Result<Vec<u32>, Error> {
-        let (spec, here) = self.spec_here(asked, cache)?;
+    pub fn submit_uploaded(
+        &self,
+        submission: Submission,
+        from: &str,
+        by: &str,
+        cache: &Cache,
+    ) -> Result<Vec<u32>, Error> {
+        let (spec, local) = self.local_spec(submission, cache)?;
         // Examine the first frame before any is submitted.
-        let here = match here.missing_frames(false)?.first() {
-            Some(first) => here.at_frame(*first)?,
-            None => here,
+        let local = match local.missing_frames(false)?.first() {
+            Some(first) => local.at_frame(*first)?,
+            None => local,
         };
-        let material = Session::examine_for_elsewhere(&here)?;
+        let material = Session::examine_for_elsewhere(&local)?;
         let (stop, reporter) = (StopSwitch::new(), Reporter::new(Arc::new(())));
         // Use the request as sent: local paths of this machine do not belong into the job.
-        let (order, sent) = order(self, from, &here, &material, &stop, &reporter)?;
+        let (order, sent) = order(self, from, &local, &material, &stop, &reporter)?;
         let lacking = self.lacks_tagged(&spec.request.farm.require);
         let new_job = |request: &Request| {
             let mut job = new_job(request, &material, from);
-            job.say(format!("it came over HTTP, by {by}"));
+            job.say(format!("submitted over HTTP, by {by}"));
             material.warnings.iter().chain(&lacking).for_each(|warning| job.say(warning.clone()));
             job
         };
@@ -192,21 +198,21 @@ impl JobBoard {
     ///
     /// # Errors
     /// As for [`Self::submit_uploaded`], except that the scene is not read.
-    pub fn uploaded_here(&self, asked: Submission, cache: &Cache) -> Result<Request, Error> {
-        self.spec_here(asked, cache).map(|(_, here)| here)
+    pub fn uploaded_here(&self, submission: Submission, cache: &Cache) -> Result<Request, Error> {
+        self.local_spec(submission, cache).map(|(_, local)| local)
     }
 
     /// Returns the job's specification, and the request with its files on this machine.
-    fn spec_here(&self, asked: Submission, cache: &Cache) -> Result<(JobSpec, Request), Error> {
+    fn local_spec(&self, submission: Submission, cache: &Cache) -> Result<(JobSpec, Request), Error> {
         self.refuse_guests()?;
-        let Submission { request, files, files_of_job } = asked;
+        let Submission { request, files, files_of_job } = submission;
         let origin = "what was sent".to_owned();
         let request = Request::from_value(request).map_err(|source| bottega::Error::Request { origin, source })?;
         let mut request = request.by_engine_of_scene();
         let is_too_long = |frames: &FrameOptions| frames.list.iter().nth(FRAMES_MAX).is_some();
         if request.frames.as_ref().is_some_and(is_too_long) {
             let problem = format!("`frames.list` has more than {FRAMES_MAX} frames");
-            return Err(Error::usage(problem, "ask for them part by part"));
+            return Err(Error::usage(problem, "request them in parts"));
         }
         let output = request.output.file.get_or_insert_with(|| PathBuf::from(super::PICTURE)).clone();
         check_output(&output.to_string_lossy())?;
@@ -225,8 +231,8 @@ impl JobBoard {
         };
         let (scene, environment) = files.fetch(cache, self.uplink.blobs())?;
         let spec = JobSpec { request, files, engine: None, journal: None };
-        let here = spec.on_this_machine(&scene, environment)?;
-        Ok((spec, here))
+        let local = spec.on_this_machine(&scene, environment)?;
+        Ok((spec, local))
     }
 
     /// Returns the files of an existing job, for another picture of its scene. Folders in the request's names are ignored:
@@ -247,7 +253,7 @@ impl JobBoard {
             let light = light.unwrap_or(Path::new("")).display();
             Error::usage(
                 format!("`environment.light` is `{light}`, which is not among the files of job {number}"),
-                "leave it out, name the picture that job has, or upload all files of the scene",
+                "leave it out, name the picture of that job, or upload all files of the scene",
             )
         })
     }
@@ -265,7 +271,7 @@ impl JobBoard {
             let name = plain_name(field, &path.to_string_lossy())?;
             let contents = known.get(&name).cloned();
             contents.map(|contents| (name, contents)).ok_or_else(|| {
-                Error::usage(format!("`{field}` is `{}`", path.display()), "only what `files` names can be meant")
+                Error::usage(format!("`{field}` is `{}`", path.display()), "only files that `files` names can be used")
             })
         };
         let (scene, contents) = named("scene.file", &request.scene.file)?;
@@ -286,8 +292,8 @@ impl JobBoard {
     fn list(&self, name: &str, digest: &str) -> Result<Contents, Error> {
         let unknown = || {
             Error::usage(
-                format!("`{name}`: no file of the digest `{digest}` was uploaded"),
-                "offer it by /api/uploads, and send the pieces that are missing",
+                format!("`{name}`: no file with the digest `{digest}` was uploaded"),
+                "offer it by /api/uploads, and send the missing pieces",
             )
         };
         if !is_hash(digest) {
@@ -315,7 +321,7 @@ fn check_offer(offer: &UploadOffer) -> Result<(), Error> {
         return refuse(problem, "pieces have 4 MiB, the last one less");
     }
     match std::iter::once(digest).chain(chunks).find(|hash| !is_hash(hash)) {
-        Some(wrong) => refuse(format!("`{wrong}` is no digest"), "BLAKE3 is meant, as 64 hexadecimal digits"),
+        Some(wrong) => refuse(format!("`{wrong}` is not a digest"), "a BLAKE3 digest has 64 hexadecimal digits"),
         None => Ok(()),
     }
 }
@@ -333,7 +339,7 @@ fn plain_name(field: &str, name: &str) -> Result<PathBuf, Error> {
     }
     let said: String = name.chars().take(80).collect();
     Err(Error::usage(
-        format!("`{field}`: `{}` is no plain name", said.escape_debug()),
+        format!("`{field}`: `{}` is not a plain name", said.escape_debug()),
         "a relative name without `..` is needed, such as textures/wood.png",
     ))
 }
@@ -392,15 +398,15 @@ mod tests {
     }
 
     #[test]
-    fn names_are_told_as_the_scene_knows_them() {
-        for (name, folder, told) in [
+    fn file_names_are_relative_to_the_folder_of_the_scene() {
+        for (name, folder, expected) in [
             ("a.png", "", "a.png"),
             ("textures/a.png", "", "textures/a.png"),
             ("textures/a.png", "scenes", "../textures/a.png"),
             ("scenes/t/a.png", "scenes", "t/a.png"),
             ("x/a.png", "s/t", "../../x/a.png"),
         ] {
-            assert_eq!(relative(Path::new(name), Path::new(folder)), told);
+            assert_eq!(relative(Path::new(name), Path::new(folder)), expected);
         }
     }
 

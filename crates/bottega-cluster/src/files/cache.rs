@@ -46,10 +46,10 @@ impl Cache {
     /// Locks the cache against other processes of this machine until the result is dropped.
     pub(crate) fn lock(&self) -> Result<fs::File, Error> {
         let path = self.root.join("lock");
-        let wrong = |source| Error::write(path.clone(), source);
-        fs::create_dir_all(&self.root).map_err(wrong)?;
-        let file = fs::File::create(&path).map_err(wrong)?;
-        file.lock().map_err(wrong)?;
+        let write_error = |source| Error::write(path.clone(), source);
+        fs::create_dir_all(&self.root).map_err(write_error)?;
+        let file = fs::File::create(&path).map_err(write_error)?;
+        file.lock().map_err(write_error)?;
         Ok(file)
     }
 
@@ -79,7 +79,7 @@ impl Cache {
     pub(crate) fn touch(path: &Path) {
         let touched = fs::File::open(path).and_then(|file| file.set_modified(SystemTime::now()));
         if let Err(error) = touched {
-            tracing::debug!(%error, path = %path.display(), "it counts as used longer ago than it was");
+            tracing::debug!(%error, path = %path.display(), "cannot update the time of its last use");
         }
     }
 
@@ -125,17 +125,17 @@ impl Cache {
 fn remove(path: &Path) {
     let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     if let Err(error) = removed {
-        tracing::warn!(%error, path = %path.display(), "the cache keeps more than it should");
+        tracing::warn!(%error, path = %path.display(), "cannot shrink the cache");
     }
 }
 
 /// Writes a file atomically: completely or not at all.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let wrong = |source| Error::write(path.to_owned(), source);
+    let write_error = |source| Error::write(path.to_owned(), source);
     let folder = path.parent().unwrap_or(Path::new("."));
-    fs::create_dir_all(folder).map_err(wrong)?;
+    fs::create_dir_all(folder).map_err(write_error)?;
     let part = path.with_extension(format!("part-{}", std::process::id()));
-    fs::write(&part, bytes).and_then(|()| fs::rename(&part, path)).map_err(wrong)
+    fs::write(&part, bytes).and_then(|()| fs::rename(&part, path)).map_err(write_error)
 }
 
 #[cfg(test)]

@@ -74,8 +74,8 @@ pub(crate) fn holds(path: &Path, contents: &Contents) -> bool {
 pub(crate) fn fetch(name: &str, contents: &Contents, cache: &Cache, store: &dyn ChunkStore) -> Result<(), Error> {
     let other = || {
         Error::failed(
-            format!("what came for `{name}` is not what was sent"),
-            "try again; if it stays so, the store of the NATS server is damaged",
+            format!("the received data of `{name}` differs from what was sent"),
+            "try again; if it fails again, the store of the NATS server is damaged",
         )
     };
     // Validate the hashes
@@ -274,8 +274,8 @@ pub(crate) mod tests {
         let shelf = Shelf::default();
         let contents = send(&path, &shelf).unwrap();
         let wrong = |contents: &Contents| {
-            let told = fetch("f", contents, &cache, &shelf).unwrap_err().to_string();
-            assert!(told.contains("not what was sent"), "{told}");
+            let error = fetch("f", contents, &cache, &shelf).unwrap_err().to_string();
+            assert!(error.contains("differs from what was sent"), "{error}");
             assert!(!cache.file(&contents.hash).exists());
         };
         let mut swapped = contents.clone();
@@ -295,7 +295,7 @@ pub(crate) mod tests {
         assert!(is_unused("chunk/bb", 2 * day, &needed));
         assert!(!is_unused("chunk/bb", day / 2, &needed), "its job may be on the way");
         assert!(!is_unused("chunk/aa", 99 * day, &needed), "a job needs it");
-        assert!(!is_unused("job-7/order", 99 * day, &needed), "it is no piece");
+        assert!(!is_unused("job-7/order", 99 * day, &needed), "it is not a piece");
     }
 
     #[test]

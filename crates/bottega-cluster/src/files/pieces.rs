@@ -41,7 +41,7 @@ impl Piece {
         read.map_err(|source| Error::read(self.path.clone(), source))?;
         if hash_of(&bytes) != hash {
             let problem = format!("`{}` was changed while it was sent", self.path.display());
-            return Err(Error::failed(problem, "ask again when nobody writes to it"));
+            return Err(Error::failed(problem, "try again when no program writes to it"));
         }
         Ok(bytes)
     }
@@ -57,11 +57,11 @@ impl Pieces {
     /// Adds the chunks of a file. It is cut where its contents say so (FastCDC, Xia et al. 2016), so a file that differs in a few
     /// places has most chunks of the old one, also after an insertion.
     pub(crate) fn add(&mut self, path: &Path) -> Result<Contents, Error> {
-        let wrong = |source| Error::read(path.to_owned(), source);
-        let file = File::open(path).map_err(wrong)?;
+        let read_error = |source| Error::read(path.to_owned(), source);
+        let file = File::open(path).map_err(read_error)?;
         let (mut hasher, mut chunks) = (blake3::Hasher::new(), Vec::new());
         for cut in StreamCDC::new(file, CUT_MIN, CUT_MEAN, CHUNK_BYTES) {
-            let ChunkData { offset: at, data, .. } = cut.map_err(|error| wrong(error.into()))?;
+            let ChunkData { offset: at, data, .. } = cut.map_err(|error| read_error(error.into()))?;
             hasher.update(&data);
             let hash = hash_of(&data);
             self.pieces.insert(hash.clone(), Piece { path: path.to_owned(), at, bytes: data.len() });

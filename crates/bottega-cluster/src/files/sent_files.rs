@@ -77,7 +77,10 @@ impl SentFiles {
     /// The list of files is invalid, a file is not on the farm or has another digest, or the cache cannot be written.
     pub fn fetch(&self, cache: &Cache, store: &NatsBlobs) -> Result<(PathBuf, Option<PathBuf>), Error> {
         if self.files.is_empty() || self.files.len() > FILES_MAX {
-            return Err(Error::failed("the work names no scene, or too many files", "who leads it is of another mind"));
+            return Err(Error::failed(
+                "the work names no scene, or too many files",
+                "its leader has another version of Bottega: install the same version on all machines",
+            ));
         }
         // Identify the scene by the names and hashes of its files
         let all = || self.files.iter().chain(&self.environment);
@@ -168,8 +171,8 @@ impl SentFile {
             }
             if !path.starts_with(root) {
                 return Err(Error::failed(
-                    format!("a file of the scene is called `{}`, which leads out of its folder", self.name),
-                    "who leads the work is of another mind, or is not to be trusted",
+                    format!("a file of the scene is called `{}`, a path outside of the scene's folder", self.name),
+                    "its leader has another version of Bottega, or cannot be trusted",
                 ));
             }
         }
@@ -179,9 +182,9 @@ impl SentFile {
 
 /// Places a cached file into a scene's folder, as a hard link if the file system supports it, or else as a copy.
 fn place(kept: &Path, path: &Path) -> Result<(), Error> {
-    let wrong = |source| Error::write(path.to_owned(), source);
-    fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).map_err(wrong)?;
-    fs::hard_link(kept, path).or_else(|_| fs::copy(kept, path).map(|_| ())).map_err(wrong)
+    let write_error = |source| Error::write(path.to_owned(), source);
+    fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).map_err(write_error)?;
+    fs::hard_link(kept, path).or_else(|_| fs::copy(kept, path).map(|_| ())).map_err(write_error)
 }
 
 #[cfg(test)]
@@ -220,8 +223,8 @@ mod tests {
         let file = |name: &str| SentFile { name: name.to_owned(), contents: contents.clone() }.below(root, folder);
         assert_eq!(file("a/b.ply").unwrap(), Path::new("/cache/scenes/1/in/a/b.ply"));
         assert_eq!(file("../b.ply").unwrap(), Path::new("/cache/scenes/1/b.ply"));
-        for wrong in ["../../b.ply", "/etc/passwd", "../../../etc/passwd", "a/../../../x"] {
-            assert!(file(wrong).is_err(), "{wrong}");
+        for write_error in ["../../b.ply", "/etc/passwd", "../../../etc/passwd", "a/../../../x"] {
+            assert!(file(write_error).is_err(), "{write_error}");
         }
     }
 }

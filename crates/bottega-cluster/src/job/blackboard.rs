@@ -9,7 +9,7 @@ use std::{
 };
 
 use bottega::events::{AgentEvent, Event, ZoneEvent};
-use bottega_agents::driver::nats::EntryNews;
+use bottega_agents::driver::nats::EntryUpdate;
 use bottega_farm::{FarmValue, WorkId, WorkKeys, ZoneRow};
 
 use crate::{
@@ -24,7 +24,7 @@ const SILENT: Duration = Duration::from_secs(10);
 
 /// A change of a row, for observers of a Blackboard.
 #[derive(Clone, Debug, PartialEq)]
-pub enum RowNews {
+pub enum RowUpdate {
     /// The current state of a row: an [`Event::Zone`] or an [`Event::Agent`].
     Row(Box<Event>),
     /// All existing rows have been reported.
@@ -39,19 +39,19 @@ impl JobBoard {
     ///
     /// # Errors
     /// The farm does not answer.
-    pub fn watch_rows(&self, job: &Job, mut tell: impl FnMut(RowNews) -> bool) -> Result<(), Error> {
+    pub fn watch_rows(&self, job: &Job, mut tell: impl FnMut(RowUpdate) -> bool) -> Result<(), Error> {
         if job.state.is_over() {
             let rows = self.kept_rows(job)?;
-            _ = rows.into_iter().map(|row| RowNews::Row(Box::new(row))).chain([RowNews::CaughtUp]).all(tell);
+            _ = rows.into_iter().map(|row| RowUpdate::Row(Box::new(row))).chain([RowUpdate::CaughtUp]).all(tell);
             return Ok(());
         }
         let prefix = WorkKeys::new(WorkId(job.work)).prefix();
-        self.uplink.follow_entries(&prefix, |news| match news {
-            EntryNews::Entry(entry) => {
-                tell(as_event(&entry.value).map_or(RowNews::Nothing, |row| RowNews::Row(Box::new(row))))
+        self.uplink.follow_entries(&prefix, |update| match update {
+            EntryUpdate::Entry(entry) => {
+                tell(as_event(&entry.value).map_or(RowUpdate::Nothing, |row| RowUpdate::Row(Box::new(row))))
             }
-            EntryNews::CaughtUp => tell(RowNews::CaughtUp),
-            EntryNews::Nothing => tell(RowNews::Nothing),
+            EntryUpdate::CaughtUp => tell(RowUpdate::CaughtUp),
+            EntryUpdate::Nothing => tell(RowUpdate::Nothing),
         });
         Ok(())
     }
@@ -63,16 +63,16 @@ impl JobBoard {
     pub fn rows(&self, job: &Job) -> Result<Vec<Event>, Error> {
         let mut rows = Vec::new();
         let (begun, mut is_whole) = (Instant::now(), false);
-        self.watch_rows(job, |news| match news {
-            RowNews::Row(row) => {
+        self.watch_rows(job, |update| match update {
+            RowUpdate::Row(row) => {
                 rows.push(*row);
                 true
             }
-            RowNews::CaughtUp => {
+            RowUpdate::CaughtUp => {
                 is_whole = true;
                 false
             }
-            RowNews::Nothing => begun.elapsed() < SILENT,
+            RowUpdate::Nothing => begun.elapsed() < SILENT,
         })?;
         if is_whole { Ok(rows) } else { Err(silent()) }
     }
@@ -84,18 +84,18 @@ impl JobBoard {
     pub(crate) fn zone_rows(&self, job: &Job) -> Result<Vec<Arc<ZoneRow>>, Error> {
         let mut rows = Vec::new();
         let (begun, mut is_whole) = (Instant::now(), false);
-        self.uplink.follow_entries(&WorkKeys::new(WorkId(job.work)).prefix(), |news| match news {
-            EntryNews::Entry(entry) => {
+        self.uplink.follow_entries(&WorkKeys::new(WorkId(job.work)).prefix(), |update| match update {
+            EntryUpdate::Entry(entry) => {
                 if let FarmValue::Zone(row) = &entry.value {
                     rows.push(Arc::clone(row));
                 }
                 true
             }
-            EntryNews::CaughtUp => {
+            EntryUpdate::CaughtUp => {
                 is_whole = true;
                 false
             }
-            EntryNews::Nothing => begun.elapsed() < SILENT,
+            EntryUpdate::Nothing => begun.elapsed() < SILENT,
         });
         if is_whole { Ok(rows) } else { Err(silent()) }
     }
@@ -111,7 +111,7 @@ impl JobBoard {
             self.uplink.blobs().put(&rows_blob(job.work), &text).map_err(Error::Blob)
         });
         if let Err(error) = kept {
-            tracing::debug!(%error, "the rows of the job were not kept");
+            tracing::debug!(%error, "cannot store the rows of the job");
         }
     }
 
@@ -123,7 +123,7 @@ impl JobBoard {
 }
 
 fn silent() -> Error {
-    Error::failed("the farm's server does not tell the rows of the job", "see whether it runs: bottega jobs list")
+    Error::failed("the farm's server does not deliver the rows of the job", "check whether it runs: bottega jobs list")
 }
 
 /// Returns a row as an event; `None`: the row is internal.

@@ -3,7 +3,7 @@
 //! - `job/N`: the job, changed by compare-and-set, so that no change is lost.
 //! - `lead/N`: its leader and progress. The leader renews it; if it does not, the first process that claims the lead gets it.
 //! - `page/PLATFORM/…`: the white and yellow pages: see [`directories`](crate::agents::directories).
-//! - `seat/MEMBER/NAME`: the presence of a machine, and its current job; commands to it: see [`machine`](crate::job::machines).
+//! - `presence/MEMBER/NAME`: the presence of a machine, and its current job; commands to it: see [`machine`](crate::job::machines).
 
 use std::{collections::BTreeMap, sync::Arc, thread, time::Duration};
 
@@ -26,9 +26,9 @@ pub(crate) const RENEW_EVERY: Duration = Duration::from_millis(500);
 /// Time without a renewal after which a leader counts as gone.
 const LEADER_SILENT: Duration = Duration::from_millis(2500);
 /// Time without a renewal after which a machine counts as gone.
-pub(crate) const SEAT_EMPTY: Duration = Duration::from_secs(3);
+pub(crate) const PRESENCE_SILENT_AFTER: Duration = Duration::from_secs(3);
 /// The most processes of one machine that count.
-const SEATS_MAX: usize = 64;
+const PROCESSES_MAX: usize = 64;
 /// The largest job spec, and the largest picture, in bytes.
 const ORDER_BYTES_MAX: usize = 1 << 28;
 const PICTURE_BYTES_MAX: usize = 1 << 32;
@@ -177,7 +177,7 @@ impl JobBoard {
             return Ok(());
         }
         Err(Error::failed(
-            "this machine may paint for the farm, and not steer it",
+            "this machine is a guest: it may paint for the farm, but not steer it",
             "join by the other line that `bottega up` printed",
         ))
     }
@@ -187,12 +187,12 @@ impl JobBoard {
         if self.uplink.is_guest() {
             return;
         }
-        let said = self.change(number, |job| {
+        let logged = self.change(number, |job| {
             job.say(line);
             true
         });
-        if let Err(error) = said {
-            tracing::warn!(%error, line, "the log of the job was not written");
+        if let Err(error) = logged {
+            tracing::warn!(%error, line, "cannot write the log of the job");
         }
     }
 
@@ -202,9 +202,9 @@ impl JobBoard {
     /// The farm does not answer, or has no readable specification of the job.
     pub fn spec(&self, job: &Job) -> Result<JobSpec, Error> {
         let bytes = self.uplink.blobs().get(&order_blob(job.origin), ORDER_BYTES_MAX).map_err(Error::Blob)?;
-        bytes
-            .and_then(|bytes| serde_json::from_slice(&bytes).ok())
-            .ok_or_else(|| Error::failed("the farm does not know what the job asks for", "call it off, and ask again"))
+        bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()).ok_or_else(|| {
+            Error::failed("the farm has lost the request of the job", "cancel the job, and submit it again")
+        })
     }
 
     /// Returns the data that an engine shared about a job's picture, if any.
@@ -215,10 +215,11 @@ impl JobBoard {
     /// Shares the data that an engine has learnt of a picture with the engines of other machines. Failures only cost time, so they are only logged.
     pub(crate) fn teach(&self, work: u64, bytes: &[u8]) {
         let name = learnt_blob(work);
-        let is_told = self.uplink.blobs().has(&name);
-        let told = is_told.and_then(|is_told| if is_told { Ok(()) } else { self.uplink.blobs().put(&name, bytes) });
-        if let Err(error) = told {
-            tracing::debug!(%error, "others will learn themselves");
+        let is_stored = self.uplink.blobs().has(&name);
+        let stored =
+            is_stored.and_then(|is_stored| if is_stored { Ok(()) } else { self.uplink.blobs().put(&name, bytes) });
+        if let Err(error) = stored {
+            tracing::debug!(%error, "cannot share the data of the engine; other machines compute it themselves");
         }
     }
 
@@ -233,7 +234,7 @@ impl JobBoard {
     /// Stores the importance map for observers. Failures are only logged.
     pub(crate) fn keep_importance(&self, work: u64, png: &[u8]) {
         if let Err(error) = self.uplink.blobs().put(&importance_blob(work), png) {
-            tracing::debug!(%error, "nobody sees the importance map");
+            tracing::debug!(%error, "cannot publish the importance map");
         }
     }
 
@@ -321,27 +322,27 @@ impl JobBoard {
 
     /// Returns the machines that are present.
     pub fn presences(&self) -> Vec<Presence> {
-        self.seated().into_iter().map(|(seat, _)| seat).collect()
+        self.presences_with_revision().into_iter().map(|(presence, _)| presence).collect()
     }
 
     /// Returns the machines that are present, with the revision of each one's notice.
-    pub(crate) fn seated(&self) -> Vec<(Presence, u64)> {
-        let notices = self.uplink.notices().all("seat/");
-        let sat_on = notices.iter().filter(|notice| notice.unchanged < SEAT_EMPTY);
-        let read = sat_on.filter_map(|notice| Some((read::<Presence>(notice)?, notice)));
-        let mut seats_of: BTreeMap<String, usize> = BTreeMap::new();
-        let own = read.filter(|(seat, notice)| {
-            let of_member = seats_of.entry(machine_of(&seat.name).to_owned()).or_default();
+    pub(crate) fn presences_with_revision(&self) -> Vec<(Presence, u64)> {
+        let notices = self.uplink.notices().all("presence/");
+        let current = notices.iter().filter(|notice| notice.unchanged < PRESENCE_SILENT_AFTER);
+        let read = current.filter_map(|notice| Some((read::<Presence>(notice)?, notice)));
+        let mut processes_of: BTreeMap<String, usize> = BTreeMap::new();
+        let own = read.filter(|(presence, notice)| {
+            let of_member = processes_of.entry(machine_of(&presence.name).to_owned()).or_default();
             *of_member += 1;
             // A process may only announce itself, and a machine only so many processes.
-            seat_name(&seat.name) == notice.name && *of_member <= SEATS_MAX
+            presence_name(&presence.name) == notice.name && *of_member <= PROCESSES_MAX
         });
-        own.map(|(seat, notice)| (seat, notice.revision)).collect()
+        own.map(|(presence, notice)| (presence, notice.revision)).collect()
     }
 
     /// Announces that a machine is present.
-    pub fn attend(&self, seat: &Presence) {
-        if let Err(error) = self.uplink.notices().put(&seat_name(&seat.name), &text(seat)) {
+    pub fn attend(&self, presence: &Presence) {
+        if let Err(error) = self.uplink.notices().put(&presence_name(&presence.name), &text(presence)) {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
@@ -349,8 +350,8 @@ impl JobBoard {
     /// Removes the presence of a machine and the commands to it.
     pub fn leave(&self, name: &str) {
         let order = order_name(name);
-        let is_told = !self.uplink.is_guest() && self.uplink.notices().get(&order).is_some();
-        for notice in is_told.then_some(order).into_iter().chain([seat_name(name)]) {
+        let has_order = !self.uplink.is_guest() && self.uplink.notices().get(&order).is_some();
+        for notice in has_order.then_some(order).into_iter().chain([presence_name(name)]) {
             if let Err(error) = self.uplink.notices().remove(&notice) {
                 tracing::debug!(%error, "the farm does not answer");
             }
@@ -373,14 +374,14 @@ pub(crate) fn ended_badly(number: u32, state: &JobState) -> Option<Error> {
     let remedy = format!("see `bottega jobs log {number}`");
     match state {
         JobState::Failed { reason } => Some(Error::failed(format!("job {number} failed: {reason}"), remedy)),
-        JobState::Cancelled => Some(Error::failed(format!("job {number} was called off"), remedy)),
+        JobState::Cancelled => Some(Error::failed(format!("job {number} was cancelled"), remedy)),
         JobState::Active | JobState::Paused | JobState::Done => None,
     }
 }
 
 fn read<T: DeserializeOwned>(notice: &Notice) -> Option<T> {
     serde_json::from_slice(&notice.text)
-        .inspect_err(|error| tracing::warn!(%error, name = notice.name, "a notice that cannot be read"))
+        .inspect_err(|error| tracing::warn!(%error, name = notice.name, "cannot read a notice"))
         .ok()
 }
 
@@ -399,8 +400,8 @@ pub(crate) fn lead_name(number: u32) -> String {
 }
 
 /// Returns the notice of a process's presence; the server lets each member write only its own.
-fn seat_name(process: &str) -> String {
-    format!("seat/{}/{process}", machine_of(process))
+fn presence_name(process: &str) -> String {
+    format!("presence/{}/{process}", machine_of(process))
 }
 
 /// Returns the notice of the commands to a machine.
@@ -430,11 +431,11 @@ fn picture_blob(work: u64) -> String {
 
 /// Returns the error for a job number that does not exist.
 pub(crate) fn no_such(number: u32) -> Error {
-    Error::failed(format!("the farm has no job {number}"), "`bottega jobs list` shows those that it has")
+    Error::failed(format!("the farm has no job {number}"), "`bottega jobs list` lists its jobs")
 }
 
 fn too_busy() -> Error {
-    Error::failed("too many change the jobs of the farm at once", "try again")
+    Error::failed("too many changes of jobs at once", "try again")
 }
 
 #[cfg(test)]
@@ -458,11 +459,11 @@ mod tests {
     }
 
     #[test]
-    fn a_painting_that_begins_anew_is_not_as_far_as_the_one_before() {
+    fn a_restarted_painting_begins_without_progress() {
         let before =
             Lead { leader: Some("a".to_owned()), work: 7, done: 1.0, zones_done: 24, zones: 24, ..Lead::default() };
-        let anew = Lead { leader: Some("b".to_owned()), work: 8, ..Lead::default() };
-        assert_eq!(anew.clone().or_as_before(Some(before.clone())), anew);
+        let restarted = Lead { leader: Some("b".to_owned()), work: 8, ..Lead::default() };
+        assert_eq!(restarted.clone().or_as_before(Some(before.clone())), restarted);
         assert_eq!(before.clone().of(7), before);
         assert_eq!(before.of(8), Lead { leader: Some("a".to_owned()), work: 8, ..Lead::default() });
     }

@@ -127,12 +127,12 @@ impl JobEnergy {
 
 /// Returns the energy of a process in kWh, and its source.
 fn known_energy(usage: &JobUsage, watts: Option<f64>) -> Option<(f64, EnergySource)> {
-    let told = usage.millijoules.zip(usage.source).map(|(energy, source)| (energy as f64 / 1e3, source));
+    let measured = usage.millijoules.zip(usage.source).map(|(energy, source)| (energy as f64 / 1e3, source));
     let by_farm = || {
         let seconds = usage.processor_ms as f64 / 1e3 / usage.processors.max(1) as f64;
         watts.map(|watts| (watts * seconds, EnergySource::Watts))
     };
-    told.or_else(by_farm).map(|(joules, source)| (joules / JOULES_PER_KWH, source))
+    measured.or_else(by_farm).map(|(joules, source)| (joules / JOULES_PER_KWH, source))
 }
 
 fn zones(machines: &[MachineEnergy], rows: &[Event], cost: &impl Fn(f64) -> Option<f64>) -> Vec<ZoneEnergy> {
@@ -147,7 +147,8 @@ fn zones(machines: &[MachineEnergy], rows: &[Event], cost: &impl Fn(f64) -> Opti
     for MachineEnergy { machine, kwh, .. } in machines {
         let Some(kwh) = kwh else { continue };
         // The name of an agent ends with the name of its process.
-        let is_of_it = |zone: &&&ZoneEvent| zone.agent.as_deref().and_then(|it| it.split('@').nth(1)) == Some(machine);
+        let is_of_it =
+            |zone: &&&ZoneEvent| zone.agent.as_deref().and_then(|name| name.split('@').nth(1)) == Some(machine);
         let own: Vec<(u32, f64)> =
             painted.iter().filter(is_of_it).filter_map(|zone| Some((zone.id, zone.seconds_measured?))).collect();
         let all: f64 = own.iter().map(|(_, seconds)| seconds).sum();
@@ -237,7 +238,7 @@ mod tests {
         let tariff = Tariff { price: Some(price), watts: None };
         let energy = JobEnergy::of(&usages, &[zone(1, "render-1@a.1", 3.0)], &tariff);
         assert_eq!((energy.kwh, energy.cost, energy.zones.len()), (None, None, 0));
-        let told = serde_json::to_value(&energy).unwrap();
-        assert!(told.get("kwh").is_none() && told["machines"][0].get("source").is_none(), "{told}");
+        let json = serde_json::to_value(&energy).unwrap();
+        assert!(json.get("kwh").is_none() && json["machines"][0].get("source").is_none(), "{json}");
     }
 }

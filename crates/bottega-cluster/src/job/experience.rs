@@ -17,7 +17,7 @@ use crate::{error::Error, job::board::JobBoard};
 const EXPERIENCE: &str = "experience/";
 /// The notice with the experience of all machines together.
 const OF_FARM: &str = "experience-of-farm";
-/// The name by which the experience of all machines together is asked for.
+/// The name that requests the experience of all machines together.
 pub const ALL_MACHINES: &str = "all-machines";
 
 impl JobBoard {
@@ -28,10 +28,7 @@ impl JobBoard {
         read.transpose()
             .unwrap_or_else(|error| {
                 let reason = error_chain(&error);
-                tracing::warn!(
-                    machine,
-                    "what it has learnt is not used: {reason}; `bottega machines forget` removes it"
-                );
+                tracing::warn!(machine, "cannot use its experience: {reason}; `bottega machines forget` removes it");
                 None
             })
             .unwrap_or_default()
@@ -78,7 +75,7 @@ impl JobBoard {
 
     fn keep_experience(&self, notice: &str, experience: &Experience) {
         if let Err(error) = self.uplink.notices().put(notice, experience.to_json().as_bytes()) {
-            tracing::debug!(%error, notice, "what was learnt is not kept");
+            tracing::debug!(%error, notice, "cannot store the experience");
         }
     }
 

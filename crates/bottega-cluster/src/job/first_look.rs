@@ -67,7 +67,7 @@ impl FirstLook {
         let [x1, y1, crop_x0, crop_y0, crop_x1, crop_y1, width, height] = numbers[..] else { return None };
         let (frame, crop) = (Rect::of_size(x1, y1), Rect::new(crop_x0, crop_y0, crop_x1, crop_y1));
         let values: Vec<f32> = colors.iter().map(|word| f32::from_le_bytes(*word)).collect();
-        let data: Vec<[f32; 3]> = values.chunks_exact(3).map(|it| [it[0], it[1], it[2]]).collect();
+        let data: Vec<[f32; 3]> = values.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();
         let is_sound = data.len() as u64 == u64::from(width) * u64::from(height)
             && crop_x0 < crop_x1
             && crop_y0 < crop_y1
@@ -86,7 +86,7 @@ impl JobBoard {
     /// Stores the first look. Returns `true` if it was stored; failures are only logged.
     pub(crate) fn keep_first_look(&self, work: u64, look: &FirstLook) -> bool {
         let kept = self.uplink.blobs().put(&blob(work), &look.to_bytes());
-        kept.inspect_err(|error| tracing::debug!(%error, "nobody sees the first look")).is_ok()
+        kept.inspect_err(|error| tracing::debug!(%error, "cannot publish the first look")).is_ok()
     }
 
     /// Deletes the first look of a finished picture.

@@ -37,7 +37,7 @@ impl JobFilm {
         }
         if let Some(frame) = frame {
             let film = Mutex::new(self.film.take());
-            let fetched = self.fetched.fetch_news(board, job, &rows, &|tile| {
+            let fetched = self.fetched.fetch_new(board, job, &rows, &|tile| {
                 let mut film = film.lock().unwrap_or_else(PoisonError::into_inner);
                 film.get_or_insert_with(|| Film::new(frame, tile.layout().clone())).replace_tile(tile);
             });

@@ -53,7 +53,7 @@ impl JobPreview {
             return Ok(self.png.clone());
         }
         if !is_whole {
-            if self.fetch_news(board, job)?
+            if self.fetch_new(board, job)?
                 && let Some((_, preview)) = &self.canvas
             {
                 self.png = Some(preview.to_png()?);
@@ -78,13 +78,13 @@ impl JobPreview {
     }
 
     /// Fetches the new pixels. Returns `true` if there are any.
-    fn fetch_news(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
+    fn fetch_new(&mut self, board: &JobBoard, job: &Job) -> Result<bool, Error> {
         let rows = board.zone_rows(job)?;
         let Some(rect) = rows.iter().map(|row| row.rect).reduce(around) else { return self.look_first(board, job) };
         if self.canvas.as_ref().is_none_or(|(before, _)| *before != rect) {
             if rect.area() > PIXELS_MAX {
                 let problem = format!("the picture has {} pixels, and at most {PIXELS_MAX} are shown", rect.area());
-                return Err(Error::usage(problem, "wait until it is done, and fetch it"));
+                return Err(Error::usage(problem, "wait until it is done, then fetch it"));
             }
             let preview = Preview::new(rect, self.exposure, self.tone);
             board.first_look(job)?.filter(|look| look.crop() == rect).iter().for_each(|look| look.show(&preview));
@@ -92,7 +92,7 @@ impl JobPreview {
             self.shown = ZonePixels::default();
         }
         let Some((_, preview)) = &self.canvas else { return Ok(false) };
-        self.shown.fetch_news(board, job, &rows, &|tile| preview.show(tile))
+        self.shown.fetch_new(board, job, &rows, &|tile| preview.show(tile))
     }
 }
 

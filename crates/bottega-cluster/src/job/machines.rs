@@ -40,23 +40,23 @@ pub struct Roster {
 
 impl Roster {
     /// Takes the current presences with their revisions. Returns those that are live.
-    pub fn look(&mut self, seats: Vec<(Presence, u64)>) -> Vec<Presence> {
+    pub fn look(&mut self, presences: Vec<(Presence, u64)>) -> Vec<Presence> {
         let mut first = BTreeMap::new();
-        let mut there = Vec::new();
-        for (seat, revision) in seats {
-            let seen = self.first.get(&seat.name).copied().unwrap_or(revision);
-            first.insert(seat.name.clone(), seen);
-            if seen != revision {
-                there.push(seat);
+        let mut live = Vec::new();
+        for (machine, revision) in presences {
+            let first_revision = self.first.get(&machine.name).copied().unwrap_or(revision);
+            first.insert(machine.name.clone(), first_revision);
+            if first_revision != revision {
+                live.push(machine);
             }
         }
         self.first = first;
-        there
+        live
     }
 
     /// Returns the number of presences that are still undecided.
-    fn open(&self, there: usize) -> usize {
-        self.first.len() - there
+    fn open(&self, live: usize) -> usize {
+        self.first.len() - live
     }
 }
 
@@ -80,9 +80,9 @@ impl JobBoard {
         let mut roster = Roster::default();
         let begun = Instant::now();
         loop {
-            let there = roster.look(self.seated());
-            if roster.open(there.len()) == 0 || begun.elapsed() >= LOOK_FOR {
-                return there;
+            let live = roster.look(self.presences_with_revision());
+            if roster.open(live.len()) == 0 || begun.elapsed() >= LOOK_FOR {
+                return live;
             }
             thread::sleep(LOOK_EVERY);
         }
@@ -92,14 +92,14 @@ impl JobBoard {
 impl JobBoard {
     /// Returns the reason why no machine may render a job with these tags: none with all of them is present. `None`: one is.
     pub(crate) fn lacks_tagged(&self, tags: &[String]) -> Option<String> {
-        let has_all = |seat: &Presence| seat.takes_orders && tags.iter().all(|tag| seat.tags.contains(tag));
+        let has_all = |machine: &Presence| machine.takes_orders && tags.iter().all(|tag| machine.tags.contains(tag));
         if tags.is_empty() || self.present().iter().any(has_all) {
             return None;
         }
         let (named, options): (Vec<_>, Vec<_>) =
             tags.iter().map(|tag| (format!("`{tag}`"), format!("--tag {tag}"))).unzip();
         Some(format!(
-            "no machine that is there is tagged {}: the job waits until one joins by `bottega join {}`",
+            "no machine present is tagged {}: the job waits until one joins by `bottega join {}`",
             named.join(" and "),
             options.join(" ")
         ))
@@ -111,12 +111,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_seat_counts_once_it_was_renewed_and_until_it_is_silent() {
+    fn a_machine_is_live_once_it_renews_its_presence_until_it_is_silent() {
         let mut roster = Roster::default();
-        let seat = |name: &str| Presence::new(name, 1, None);
-        let mut look = |seats: &[(&str, u64)]| {
-            let seats = seats.iter().map(|(name, revision)| (seat(name), *revision)).collect();
-            roster.look(seats).into_iter().map(|seat| seat.name).collect::<Vec<_>>()
+        let presence = |name: &str| Presence::new(name, 1, None);
+        let mut look = |presences: &[(&str, u64)]| {
+            let presences = presences.iter().map(|(name, revision)| (presence(name), *revision)).collect();
+            roster.look(presences).into_iter().map(|presence| presence.name).collect::<Vec<_>>()
         };
         assert!(look(&[("a", 1), ("left", 2)]).is_empty());
         assert_eq!(look(&[("a", 3), ("left", 2)]), ["a"]);

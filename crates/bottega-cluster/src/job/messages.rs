@@ -180,7 +180,7 @@ impl MessageRecorder {
         });
         if let Err(error) = sent {
             self.is_sending.store(false, Ordering::Relaxed);
-            tracing::debug!(%error, "nobody sees the messages");
+            tracing::debug!(%error, "cannot publish the messages");
         }
     }
 
@@ -198,7 +198,7 @@ impl MessageRecorder {
         let text = serde_json::to_vec(&SeenMessages { first: 0, messages, lost }).unwrap_or_default();
         match board.uplink.blobs().put(&piece_blob(work, piece), &text) {
             Ok(()) => self.state().pieces = Some(piece + 1),
-            Err(error) => tracing::debug!(%error, "nobody sees these messages"),
+            Err(error) => tracing::debug!(%error, "cannot publish these messages"),
         }
     }
 
@@ -281,13 +281,13 @@ mod tests {
     #[test]
     fn a_message_tells_who_says_what_of_which_zones() {
         let refused = FarmContent::Refused { zone: ZoneId(3), fence: Default::default(), reason: "é".repeat(3000) };
-        let told = MessageEvent::new(Time::ZERO, &message("master@work-1", refused));
+        let event = MessageEvent::new(Time::ZERO, &message("master@work-1", refused));
         assert_eq!(
-            (&*told.sender, &*told.performative, &*told.protocol),
+            (&*event.sender, &*event.performative, &*event.protocol),
             ("master@work-1", "cfp", "fipa-contract-net")
         );
-        assert_eq!((told.zones, told.conversation), (vec![3], "7".to_owned()));
-        assert_eq!(told.content.chars().count(), CONTENT_CHARS_MAX + 2, "the beginning of a long one");
+        assert_eq!((event.zones, event.conversation), (vec![3], "7".to_owned()));
+        assert_eq!(event.content.chars().count(), CONTENT_CHARS_MAX + 2, "the beginning of a long one");
     }
 
     #[test]

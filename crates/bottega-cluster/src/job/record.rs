@@ -232,7 +232,7 @@ impl JobSpec {
             None => Ok(()),
             Some((field, _)) => Err(Error::failed(
                 format!("the job names a file in `{field}` that was not sent with it"),
-                "who asked for it is of another mind, or is not to be trusted",
+                "remove the job; its submitter has another version of Bottega, or cannot be trusted",
             )),
         }
     }

@@ -30,8 +30,8 @@ impl Refusals {
 
     /// Returns the refusals for the presence: those of the last jobs.
     pub(crate) fn last(&self) -> Vec<Refusal> {
-        let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut last: Vec<Refusal> = all.values().cloned().collect();
+        let refusals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last: Vec<Refusal> = refusals.values().cloned().collect();
         last.sort_by_key(|refusal| refusal.job);
         last.split_off(last.len().saturating_sub(REFUSALS_MAX))
     }
@@ -42,21 +42,21 @@ impl Refusals {
 pub struct RefusalWatch(BTreeSet<(String, u64)>);
 
 impl RefusalWatch {
-    /// Returns the new refusals since the last call, of the paintings that `is_asked_for` selects.
-    pub fn news<'a>(
+    /// Returns the new refusals since the last call, of the paintings that `is_wanted` selects.
+    pub fn new_refusals<'a>(
         &mut self,
-        seats: &'a [Presence],
-        is_asked_for: impl Fn(u64) -> bool,
+        machines: &'a [Presence],
+        is_wanted: impl Fn(u64) -> bool,
     ) -> Vec<(&'a Presence, Refusal)> {
-        let mut news = Vec::new();
-        for seat in seats {
-            for refusal in seat.refusals.iter().take(REFUSALS_MAX).filter(|refusal| is_asked_for(refusal.work)) {
-                if self.0.insert((seat.name.clone(), refusal.work)) {
-                    news.push((seat, Refusal { reason: legible(&refusal.reason), ..refusal.clone() }));
+        let mut refusals = Vec::new();
+        for machine in machines {
+            for refusal in machine.refusals.iter().take(REFUSALS_MAX).filter(|refusal| is_wanted(refusal.work)) {
+                if self.0.insert((machine.name.clone(), refusal.work)) {
+                    refusals.push((machine, Refusal { reason: legible(&refusal.reason), ..refusal.clone() }));
                 }
             }
         }
-        news
+        refusals
     }
 }
 
@@ -74,18 +74,18 @@ mod tests {
     }
 
     #[test]
-    fn each_refusal_is_told_once_and_in_one_line() {
-        let mut seat = Presence::new("m", 1, None);
-        seat.refusals = vec![refusal(1, "no\u{1b}[31m\nroom"), refusal(2, "x")];
-        let (mut watch, seats) = (RefusalWatch::default(), [seat]);
-        let news = watch.news(&seats, |work| work == 101);
-        assert_eq!(news.iter().map(|(_, it)| &*it.reason).collect::<Vec<_>>(), ["no [31m room"]);
-        assert!(watch.news(&seats, |work| work == 101).is_empty());
-        assert_eq!(watch.news(&seats, |_| true).len(), 1);
+    fn each_refusal_is_reported_once_and_in_one_line() {
+        let mut presence = Presence::new("m", 1, None);
+        presence.refusals = vec![refusal(1, "no\u{1b}[31m\nroom"), refusal(2, "x")];
+        let (mut watch, presences) = (RefusalWatch::default(), [presence]);
+        let new = watch.new_refusals(&presences, |work| work == 101);
+        assert_eq!(new.iter().map(|(_, refusal)| &*refusal.reason).collect::<Vec<_>>(), ["no [31m room"]);
+        assert!(watch.new_refusals(&presences, |work| work == 101).is_empty());
+        assert_eq!(watch.new_refusals(&presences, |_| true).len(), 1);
     }
 
     #[test]
-    fn the_last_ones_stand_on_the_seat() {
+    fn a_presence_shows_the_last_refusals() {
         let refusals = Refusals::default();
         (1..=40).for_each(|job| refusals.add(refusal(job, "x")));
         let last = refusals.last();

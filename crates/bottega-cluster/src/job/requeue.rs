@@ -65,7 +65,7 @@ impl JobBoard {
             };
             self.refuse_guests()?;
             self.put_notice(&name_of(number, ZoneId(zone)), &WantedZone { fence })?;
-            self.log(number, &format!("zone {zone} is to be painted again, says {by}"));
+            self.log(number, &format!("{by} wants zone {zone} painted again"));
             return Ok(());
         }
         let is_there = |event: &Event| matches!(event, Event::Zone(row) if row.id == zone);
@@ -75,15 +75,15 @@ impl JobBoard {
             return Err(no_zone(number, zone));
         }
         if !job.kept && !matches!(job.state, JobState::Failed { .. }) {
-            let problem = format!("job {number} is {}, and its picture is not at the farm", job.state.word());
-            return Err(Error::failed(problem, "ask for the picture anew"));
+            let problem = format!("job {number} is {}, and the farm does not have its picture", job.state.word());
+            return Err(Error::failed(problem, "submit the picture again"));
         }
         self.change(number, |now| {
             // Another user may have requested it at the same moment.
             let is_as_before = now.turn() == job.turn() && now.state.is_over();
             if is_as_before {
                 now.say(format!(
-                    "zone {zone} is to be painted again, says {by}: so are all, for no zones are kept of what is over"
+                    "{by} wants zone {zone} painted again: all zones are painted again, because the farm keeps no zones of a finished job"
                 ));
                 now.paint_again();
             }
@@ -120,7 +120,7 @@ impl JobBoard {
 }
 
 fn no_zone(number: u32, zone: u32) -> Error {
-    Error::failed(format!("job {number} has no zone {zone}"), "its Blackboard has those that there are")
+    Error::failed(format!("job {number} has no zone {zone}"), "its Blackboard lists its zones")
 }
 
 fn prefix(number: u32) -> String {

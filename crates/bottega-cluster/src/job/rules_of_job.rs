@@ -15,7 +15,7 @@ use bottega::{
     request::{RulesSource, RulesText},
     rule_view::{RuleInputs, RuleSetView, RuleVerdict},
 };
-use bottega_agents::driver::nats::EntryNews;
+use bottega_agents::driver::nats::EntryUpdate;
 use bottega_farm::{FarmValue, Technique, WorkId, WorkKeys, WorkRow};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -106,16 +106,16 @@ impl JobBoard {
     /// Returns the row of a work while it is rendered.
     fn work_row(&self, work: u64) -> Option<Arc<WorkRow>> {
         let (mut found, begun) = (None, Instant::now());
-        self.uplink.follow_entries(&WorkKeys::new(WorkId(work)).prefix(), |news| match news {
-            EntryNews::Entry(entry) => {
+        self.uplink.follow_entries(&WorkKeys::new(WorkId(work)).prefix(), |update| match update {
+            EntryUpdate::Entry(entry) => {
                 if let FarmValue::Work(row) = &entry.value {
                     found = Some(Arc::clone(row));
                 }
                 found.is_none()
             }
             // The row does not exist yet.
-            EntryNews::CaughtUp => false,
-            EntryNews::Nothing => begun.elapsed() < SILENT,
+            EntryUpdate::CaughtUp => false,
+            EntryUpdate::Nothing => begun.elapsed() < SILENT,
         });
         found
     }
@@ -126,7 +126,7 @@ impl JobBoard {
         let inputs = RuleInputs::new(&row.ranges, row.settings.optimization);
         let kept = self.uplink.blobs().put(&inputs_blob(work), &serde_json::to_vec(&inputs).unwrap_or_default());
         if let Err(error) = kept {
-            tracing::debug!(%error, "what the rules were laid out over was not kept");
+            tracing::debug!(%error, "cannot store the ranges of the rules");
         }
     }
 }

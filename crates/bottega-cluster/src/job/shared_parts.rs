@@ -18,7 +18,7 @@ pub(crate) fn forget(board: &JobBoard, work: u64) {
     for notice in board.uplink.notices().all(&prefix) {
         board.uplink.blobs().forget(&format!("job-{work}/{}", notice.name.replacen(&format!("/{work}/"), "/", 1)));
         if let Err(error) = board.uplink.notices().remove(&notice.name) {
-            tracing::debug!(%error, "a notice was not taken down");
+            tracing::debug!(%error, "cannot remove a notice");
         }
     }
 }

@@ -16,7 +16,7 @@ use crate::job::{board::JobBoard, presence::Presence, usage::JobUsage};
 /// Prefix of the notices of credits.
 const CREDITS: &str = "credit/";
 /// The most agents that are published.
-const AGENTS_TOLD_MAX: usize = 256;
+const AGENTS_MAX: usize = 256;
 
 /// The agents of a job, and the result of its auction.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -45,7 +45,7 @@ pub(crate) struct SeenSociety {
     tally: AuctionTally,
     agents: BTreeMap<String, AgentRow>,
     usages: BTreeMap<String, JobUsage>,
-    is_news: bool,
+    has_changed: bool,
 }
 
 impl SeenSociety {
@@ -58,42 +58,42 @@ impl SeenSociety {
     /// Records the row of an agent.
     pub(crate) fn see_agent(&mut self, row: &AgentRow) {
         self.agents.insert(row.agent.to_string(), row.clone());
-        self.is_news = true;
+        self.has_changed = true;
     }
 
     /// Records a round of the auction.
     pub(crate) fn see_round(&mut self, round: &RoundSummary) {
         self.tally.add(round);
-        self.is_news = true;
+        self.has_changed = true;
     }
 
     /// Records the theft of zones.
     pub(crate) fn see_theft(&mut self, theft: &Theft) {
         self.tally.add_theft(theft);
-        self.is_news = true;
+        self.has_changed = true;
     }
 
     /// Records what the machines have used for a work.
-    pub(crate) fn see_usages(&mut self, work: u64, seats: &[Presence]) {
-        for seat in seats {
-            let Some(usage) = seat.usages.iter().find(|usage| usage.work == work) else { continue };
-            let is_known = self.usages.get(&seat.name) == Some(usage);
-            if !is_known && (self.usages.len() < AGENTS_TOLD_MAX || self.usages.contains_key(&seat.name)) {
-                self.usages.insert(seat.name.clone(), usage.clone());
-                self.is_news = true;
+    pub(crate) fn see_usages(&mut self, work: u64, machines: &[Presence]) {
+        for machine in machines {
+            let Some(usage) = machine.usages.iter().find(|usage| usage.work == work) else { continue };
+            let is_known = self.usages.get(&machine.name) == Some(usage);
+            if !is_known && (self.usages.len() < AGENTS_MAX || self.usages.contains_key(&machine.name)) {
+                self.usages.insert(machine.name.clone(), usage.clone());
+                self.has_changed = true;
             }
         }
     }
 
     /// Publishes the record if it has changed.
     pub(crate) fn tell(&mut self, board: &JobBoard, number: u32) {
-        if !std::mem::take(&mut self.is_news) {
+        if !std::mem::take(&mut self.has_changed) {
             return;
         }
-        let told = board.put_notice(&society_name(number), &self.view());
-        if let Err(error) = told {
-            tracing::debug!(%error, "the agents of the job were not told of");
-            self.is_news = true;
+        let published = board.put_notice(&society_name(number), &self.view());
+        if let Err(error) = published {
+            tracing::debug!(%error, "cannot publish the agents of the job");
+            self.has_changed = true;
         }
     }
 
@@ -107,13 +107,13 @@ impl SeenSociety {
         }
         for (machine, held) in held {
             if let Err(error) = board.put_notice(&credit_name(machine), &held) {
-                tracing::debug!(%error, machine, "its credit was not kept");
+                tracing::debug!(%error, machine, "cannot store its credit");
             }
         }
     }
 
     fn view(&self) -> Society {
-        let agents = self.agents.values().take(AGENTS_TOLD_MAX).map(|row| AgentEvent::new(row, None)).collect();
+        let agents = self.agents.values().take(AGENTS_MAX).map(|row| AgentEvent::new(row, None)).collect();
         Society { auction: self.tally, agents, usages: self.usages.clone() }
     }
 }

@@ -52,15 +52,15 @@ impl StallWatch {
             self.jobs.clear();
             return;
         }
-        let seats = board.presences();
-        let all = board.all();
+        let machines = board.presences();
+        let jobs = board.all();
         let active: BTreeSet<u32> =
-            all.iter().filter(|(_, job)| job.state == JobState::Active).map(|(it, _)| *it).collect();
+            jobs.iter().filter(|(_, job)| job.state == JobState::Active).map(|(number, _)| *number).collect();
         self.jobs.retain(|number, _| active.contains(number));
         let now = Time::since_start(self.begun.elapsed());
-        for (number, job) in all.iter().filter(|(number, _)| active.contains(number)) {
+        for (number, job) in jobs.iter().filter(|(number, _)| active.contains(number)) {
             let lead = board.lead(*number).unwrap_or_default();
-            let sight = JobSight::new(*number, job, &lead, &seats);
+            let sight = JobSight::new(*number, job, &lead, &machines);
             let (turn, watchdog) = self.jobs.entry(*number).or_insert_with(|| (job.turn(), Watchdog::default()));
             if *turn != job.turn() {
                 (*turn, *watchdog) = (job.turn(), Watchdog::default());
@@ -72,7 +72,7 @@ impl StallWatch {
                 board.stir(
                     *number,
                     job,
-                    &format!("nothing was begun for {seconds} s, though {free} could have painted it"),
+                    &format!("no work was started for {seconds} s, though {free} could have painted it"),
                 );
             }
         }
@@ -82,26 +82,27 @@ impl StallWatch {
 impl JobSight {
     /// Returns the snapshot of a job.
     ///
-    /// - `seats`: all machines.
-    fn new(number: u32, job: &Job, lead: &Lead, seats: &[Presence]) -> Self {
+    /// - `machines`: all machines.
+    fn new(number: u32, job: &Job, lead: &Lead, machines: &[Presence]) -> Self {
         let is_led = lead.leader.is_some();
         let lead = lead.clone().of(job.work);
-        let of_job = |seat: &&Presence| seat.job == Some(number);
-        let may_paint = |seat: &&Presence| {
-            seat.standing == PresenceState::Active
-                && (seat.takes_orders || of_job(seat))
-                && (is_led || !seat.is_guest)
-                && job.require.iter().all(|tag| seat.tags.contains(tag))
-                && !seat.refusals.iter().any(|refusal| refusal.work == job.work)
+        let of_job = |machine: &&Presence| machine.job == Some(number);
+        let may_paint = |machine: &&Presence| {
+            machine.standing == PresenceState::Active
+                && (machine.takes_orders || of_job(machine))
+                && (is_led || !machine.is_guest)
+                && job.require.iter().all(|tag| machine.tags.contains(tag))
+                && !machine.refusals.iter().any(|refusal| refusal.work == job.work)
         };
-        let is_idle = |seat: &&Presence| seat.activity != Activity::Busy && (seat.job.is_none() || of_job(seat));
-        let free = seats.iter().filter(may_paint).filter(is_idle).map(|seat| seat.name.clone());
+        let is_idle =
+            |machine: &&Presence| machine.activity != Activity::Busy && (machine.job.is_none() || of_job(machine));
+        let free = machines.iter().filter(may_paint).filter(is_idle).map(|machine| machine.name.clone());
         let progress = [lead.zones_done as u64, lead.zones as u64, lead.done.to_bits()];
-        let moves = seats.iter().filter(of_job).map(|seat| seat.moves).chain(progress);
+        let moves = machines.iter().filter(of_job).map(|machine| machine.moves).chain(progress);
         Self {
             // Where results are compared, the machines present have done all that they may.
             free: if lead.lacks_machines { Vec::new() } else { free.collect() },
-            is_worked_at: seats.iter().filter(of_job).any(|seat| seat.activity == Activity::Busy),
+            is_worked_at: machines.iter().filter(of_job).any(|machine| machine.activity == Activity::Busy),
             moves: moves.fold(0, |sum: u64, more| sum.wrapping_mul(31).wrapping_add(more)),
         }
     }
@@ -114,7 +115,7 @@ impl JobBoard {
     /// - `seen`: the job as it was when it was found stalled.
     fn stir(&self, number: u32, seen: &Job, why: &str) {
         let is_last = seen.stirs + 1 >= STIRS_MAX;
-        let how = if is_last { "it is painted from its first sample" } else { "all begin again with it" };
+        let how = if is_last { "restarting it from its first sample" } else { "all machines start it again" };
         let changed = self.change(number, |job| {
             let is_as_seen = job.turn() == seen.turn() && job.state == JobState::Active;
             if is_as_seen {
@@ -131,7 +132,7 @@ impl JobBoard {
                 }
             }
             Ok(_) => {}
-            Err(error) => tracing::debug!(%error, job = number, "it was not begun again"),
+            Err(error) => tracing::debug!(%error, job = number, "cannot restart it"),
         }
     }
 }
@@ -149,7 +150,7 @@ mod tests {
         .unwrap()
     }
 
-    fn seat(name: &str, job: Option<u32>, activity: Activity) -> Presence {
+    fn presence(name: &str, job: Option<u32>, activity: Activity) -> Presence {
         Presence { tags: vec!["fast".to_owned()], activity, ..Presence::new(name, 1, job) }
     }
 
@@ -158,33 +159,33 @@ mod tests {
     }
 
     #[test]
-    fn free_is_who_waits_and_may_paint_the_job() {
+    fn a_machine_is_free_if_it_waits_and_may_paint_the_job() {
         let refusal = Refusal { job: 1, work: 7, reason: String::new() };
-        let seats = [
-            seat("a", Some(1), Activity::Waiting),
-            seat("b", None, Activity::Waiting),
-            seat("c", Some(2), Activity::Waiting),
-            Presence { tags: Vec::new(), ..seat("d", None, Activity::Waiting) },
-            Presence { refusals: vec![refusal], ..seat("e", None, Activity::Waiting) },
-            Presence { standing: PresenceState::Suspended, ..seat("f", None, Activity::Waiting) },
-            Presence { takes_orders: false, ..seat("g", None, Activity::Waiting) },
-            Presence { is_guest: true, ..seat("h", None, Activity::Waiting) },
+        let machines = [
+            presence("a", Some(1), Activity::Waiting),
+            presence("b", None, Activity::Waiting),
+            presence("c", Some(2), Activity::Waiting),
+            Presence { tags: Vec::new(), ..presence("d", None, Activity::Waiting) },
+            Presence { refusals: vec![refusal], ..presence("e", None, Activity::Waiting) },
+            Presence { standing: PresenceState::Suspended, ..presence("f", None, Activity::Waiting) },
+            Presence { takes_orders: false, ..presence("g", None, Activity::Waiting) },
+            Presence { is_guest: true, ..presence("h", None, Activity::Waiting) },
         ];
-        let sight = JobSight::new(1, &job(), &lead(), &seats);
+        let sight = JobSight::new(1, &job(), &lead(), &machines);
         assert_eq!(sight.free, ["a", "b", "h"]);
         assert!(!sight.is_worked_at);
-        assert_eq!(JobSight::new(1, &job(), &Lead::default(), &seats).free, ["a", "b"], "guests paint for somebody");
+        assert_eq!(JobSight::new(1, &job(), &Lead::default(), &machines).free, ["a", "b"], "guests paint for somebody");
         let lacking = Lead { lacks_machines: true, ..lead() };
-        assert!(JobSight::new(1, &job(), &lacking, &seats).free.is_empty());
+        assert!(JobSight::new(1, &job(), &lacking, &machines).free.is_empty());
     }
 
     #[test]
-    fn whoever_is_busy_with_the_job_and_whatever_moves_is_seen() {
-        let busy = [seat("a", Some(1), Activity::Busy), seat("b", Some(2), Activity::Busy)];
+    fn busy_machines_and_progress_are_noticed() {
+        let busy = [presence("a", Some(1), Activity::Busy), presence("b", Some(2), Activity::Busy)];
         assert!(JobSight::new(1, &job(), &lead(), &busy).is_worked_at);
         assert!(!JobSight::new(3, &job(), &lead(), &busy).is_worked_at);
         let moved = [Presence { moves: 9, ..busy[0].clone() }, busy[1].clone()];
-        let moves = |seats: &[Presence], lead: &Lead| JobSight::new(1, &job(), lead, seats).moves;
+        let moves = |machines: &[Presence], lead: &Lead| JobSight::new(1, &job(), lead, machines).moves;
         assert_ne!(moves(&busy, &lead()), moves(&moved, &lead()));
         assert_ne!(moves(&busy, &lead()), moves(&busy, &Lead { zones_done: 1, ..lead() }));
     }

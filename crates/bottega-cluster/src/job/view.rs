@@ -61,9 +61,9 @@ pub struct JobView {
 impl JobView {
     /// Returns the jobs that users may see here, by number.
     pub fn all(board: &JobBoard) -> Vec<Self> {
-        let seats = board.presences();
+        let machines = board.presences();
         let view = |(number, job): (u32, Job)| {
-            let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
+            let machines = machines.iter().filter(|machine| machine.job == Some(number)).count();
             Self::of(number, &job, &board.lead(number).unwrap_or_default(), machines)
         };
         board.shown_jobs().into_iter().map(view).collect()
@@ -107,7 +107,7 @@ impl JobView {
 #[derive(Clone, Debug, PartialEq)]
 pub struct MachineView {
     /// The presence of the machine, as it announces itself.
-    pub seat: Presence,
+    pub presence: Presence,
     /// The state that the machine is commanded to take.
     pub ordered: PresenceState,
 }
@@ -115,13 +115,14 @@ pub struct MachineView {
 impl MachineView {
     /// Returns the live machines that users may see here, for a process that just connected.
     pub fn all(board: &JobBoard) -> Vec<Self> {
-        let view = |seat: Presence| Self { ordered: board.order_to(&seat.name).standing, seat };
+        let view = |presence: Presence| Self { ordered: board.order_to(&presence.name).standing, presence };
         board.shown_machines(board.present()).into_iter().map(view).collect()
     }
 
     /// Returns the machine as JSON.
     pub fn to_value(&self) -> serde_json::Value {
-        let Presence { name, threads, devices, version, job, standing, activity, takes_orders, tags, .. } = &self.seat;
+        let Presence { name, threads, devices, version, job, standing, activity, takes_orders, tags, .. } =
+            &self.presence;
         serde_json::json!({ "machine": name, "state": standing.word(), "ordered": self.ordered.word(),
             "activity": activity.word(), "threads": threads, "devices": devices, "job": job, "version": version, "takes_orders": takes_orders, "tags": tags })
     }
@@ -139,14 +140,14 @@ pub struct FarmView {
 impl FarmView {
     /// Returns the current state of the farm.
     pub fn of(board: &JobBoard, roster: &mut Roster) -> Self {
-        let seats = roster.look(board.seated());
+        let machines = roster.look(board.presences_with_revision());
         let jobs = board.all().into_iter().map(|(number, job)| {
-            let machines = seats.iter().filter(|seat| seat.job == Some(number)).count();
+            let machines = machines.iter().filter(|machine| machine.job == Some(number)).count();
             JobView::of(number, &job, &board.lead(number).unwrap_or_default(), machines)
         });
         let jobs = jobs.collect();
-        let machine = |seat: Presence| MachineView { ordered: board.order_to(&seat.name).standing, seat };
-        Self { jobs, machines: seats.into_iter().map(machine).collect() }
+        let machine = |presence: Presence| MachineView { ordered: board.order_to(&presence.name).standing, presence };
+        Self { jobs, machines: machines.into_iter().map(machine).collect() }
     }
 
     /// Returns a job by its number; `None`: there is none.

@@ -30,24 +30,24 @@ impl ZonePixels {
     ///
     /// # Errors
     /// The farm does not answer.
-    pub(crate) fn fetch_news(
+    pub(crate) fn fetch_new(
         &mut self,
         board: &JobBoard,
         job: &Job,
         rows: &[Arc<ZoneRow>],
         take: &(dyn Fn(&Tile) + Sync),
     ) -> Result<bool, Error> {
-        let is_news = |zone: &ZoneId, result: &ResultRef| self.0.get(zone) != Some(&result.digest);
+        let is_new = |zone: &ZoneId, result: &ResultRef| self.0.get(zone) != Some(&result.digest);
         let results = rows.iter().filter_map(|row| Some((row.zone, row.result?)));
-        let news: Vec<(ZoneId, ResultRef)> =
-            results.filter(|(zone, result)| is_news(zone, result)).take(ZONES_AT_A_TIME).collect();
+        let new_results: Vec<(ZoneId, ResultRef)> =
+            results.filter(|(zone, result)| is_new(zone, result)).take(ZONES_AT_A_TIME).collect();
         let link = job_link(board.uplink.clone(), WorkId(job.work), None, String::new());
         // Do not wait for a server that does not answer.
         let impatient = StopSwitch::new();
         impatient.request();
         let fetched = Mutex::new(Vec::new());
-        several(news.len(), &|i| {
-            let (zone, result) = &news[i];
+        several(new_results.len(), &|i| {
+            let (zone, result) = &new_results[i];
             // Its zone may be rendered again right now; then it comes at the next call.
             if let Ok(tile) = link.get(result, &impatient) {
                 take(&tile);

@@ -55,11 +55,11 @@ impl Member {
     }
 
     /// Returns its presence, with the job that it works on, if any.
-    pub(crate) fn seat(&self, job: Option<u32>) -> Presence {
+    pub(crate) fn presence(&self, job: Option<u32>) -> Presence {
         let (is_guest, refusals, usages) = (self.board.uplink.is_guest(), self.refusals.last(), self.meter.usages());
         let (devices, tags) = (self.devices.clone(), self.tags.clone());
         let (activity, moves) = (self.activity.now(), self.activity.moves());
-        let seat = Presence::new(&self.name, self.threads, job);
-        Presence { is_guest, tags, refusals, usages, devices, activity, moves, ..seat }
+        let presence = Presence::new(&self.name, self.threads, job);
+        Presence { is_guest, tags, refusals, usages, devices, activity, moves, ..presence }
     }
 }

@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bottega::session::PaintingTools;
+use bottega::session::PaintingSetup;
 use bottega_engines::RenderEngine;
 use bottega_farm::{Goal, JobReport, JobSettings, Link, StopSwitch, WorkId};
 use bottega_image::Canvas;
@@ -51,24 +51,24 @@ pub(crate) fn take_part(
     member: &Member,
     number: u32,
     job: &Job,
-    tools: &mut PaintingTools,
+    setup: &mut PaintingSetup,
     elsewhere: impl Fn() -> bool + Send + 'static,
 ) -> Result<PartOutcome, Error> {
     let Member { board, name, activity, .. } = member;
     let occupation = activity.occupy();
     // Learn first: it may take longer than a lease lasts.
-    learn_from_others(board, job, &*tools.engine)?;
+    learn_from_others(board, job, &*setup.engine)?;
     // Claim the lead
     let lease = board.claim(number, job.work, name)?;
     let leads = lease.is_some();
-    let asked = job.from == *name;
+    let is_submitter = job.from == *name;
     if leads {
         board.log(number, &format!("{name} leads"));
     }
     let this = StopSwitch::new();
     // Observe the job, and renew lease and presence on another thread
-    let told = Arc::new(LoggingObserver {
-        inner: Arc::clone(&tools.observer),
+    let observer = Arc::new(LoggingObserver {
+        inner: Arc::clone(&setup.observer),
         work: job.work,
         activity: activity.clone(),
         progress: Mutex::default(),
@@ -87,12 +87,12 @@ pub(crate) fn take_part(
         work: job.work,
         origin: job.origin,
         turn: job.turn(),
-        asked,
+        is_submitter,
         lease,
         has_claimed: false,
         this: this.clone(),
-        told: Arc::clone(&told),
-        learner: Some(Arc::clone(&tools.engine)),
+        observer: Arc::clone(&observer),
+        learner: Some(Arc::clone(&setup.engine)),
         elsewhere: Box::new(elsewhere),
         over: Arc::default(),
         is_silent: false,
@@ -101,10 +101,10 @@ pub(crate) fn take_part(
     let watch = PartWatch::begin(guard)?;
     // Render the first look, and share the preparation with other machines
     let begun = Instant::now();
-    if leads && let Some(look) = FirstLook::take(&tools.settings, &*tools.engine) {
-        told.seen.store(board.keep_first_look(job.work, &look), Ordering::Relaxed);
+    if leads && let Some(look) = FirstLook::take(&setup.settings, &*setup.engine) {
+        observer.seen.store(board.keep_first_look(job.work, &look), Ordering::Relaxed);
     }
-    prepare_together(member, number, job, tools, &this);
+    prepare_together(member, number, job, setup, &this);
     let prepared = begun.elapsed();
     if this.is_requested() {
         return Ok(PartOutcome::Left(None));
@@ -114,16 +114,16 @@ pub(crate) fn take_part(
     let settings = JobSettings {
         experience: board.own_experience(name),
         experience_of_farm: Arc::new(board.experience_of_farm()),
-        ..less(&tools.settings, prepared)
+        ..with_less_time(&setup.settings, prepared)
     };
-    let (settings, engine) = (&settings, Arc::clone(&tools.engine));
+    let (settings, engine) = (&settings, Arc::clone(&setup.engine));
     // From here on the process counts as busy only while zones are in progress.
     drop(occupation);
     if leads {
         let settings = &JobSettings { credits: board.credits(), ..settings.clone() };
-        let (store, kept) = (tools.store.take(), tools.kept.take());
-        let leading = Arc::clone(&told);
-        let report = bottega_farm::lead(settings, engine, told, &this, store, kept, Some(link.clone()));
+        let (store, kept) = (setup.store.take(), setup.kept.take());
+        let leading = Arc::clone(&observer);
+        let report = bottega_farm::lead(settings, engine, observer, &this, store, kept, Some(link.clone()));
         activity.under_way(0);
         // Break the cycle: the Master refers to the agents, and they to this observer.
         *leading.master.lock().unwrap_or_else(PoisonError::into_inner) = None;
@@ -141,14 +141,14 @@ pub(crate) fn take_part(
             PartOutcome::Led(report, Leading { _occupation: activity.occupy(), _watch: watch, link })
         });
     }
-    let helped = bottega_farm::assist(settings, engine, told, &this, link);
+    let helped = bottega_farm::assist(settings, engine, observer, &this, link);
     activity.under_way(0);
     let helped = helped.map_err(Error::job)?;
     Ok(if helped { PartOutcome::Helped } else { PartOutcome::Left(None) })
 }
 
 /// Returns the settings with less time, if the goal is a time.
-fn less(settings: &JobSettings, spent: Duration) -> JobSettings {
+fn with_less_time(settings: &JobSettings, spent: Duration) -> JobSettings {
     /// The least time in which a picture can be rendered.
     const LEAST: Duration = Duration::from_millis(1);
     let goal = match settings.goal {
@@ -159,19 +159,19 @@ fn less(settings: &JobSettings, spent: Duration) -> JobSettings {
 }
 
 /// Computes with the other machines what all zones need, as far as that work can be divided.
-fn prepare_together(member: &Member, number: u32, job: &Job, tools: &PaintingTools, this: &StopSwitch) {
+fn prepare_together(member: &Member, number: u32, job: &Job, setup: &PaintingSetup, this: &StopSwitch) {
     let Member { board, name, .. } = member;
     // Guests may only render, and where results are compared no machine is trusted.
-    if board.uplink.is_guest() || tools.settings.verify > 1 || tools.engine.learnt().is_some() {
+    if board.uplink.is_guest() || setup.settings.verify > 1 || setup.engine.learnt().is_some() {
         return;
     }
     let together = JobPeers::new(member, number, job.work, this);
-    if let Err(error) = tools.engine.prepare_with(&together) {
-        tracing::debug!(%error, "it is made when it is needed");
+    if let Err(error) = setup.engine.prepare_with(&together) {
+        tracing::debug!(%error, "cannot share the preparation; zones prepare what they need");
     }
-    let [here, all] = together.shares();
-    if all > 0 {
-        board.log(number, &format!("{name} did {here} of {all} parts of the work before the first zone"));
+    let [here, total] = together.shares();
+    if total > 0 {
+        board.log(number, &format!("{name} did {here} of {total} parts of the work before the first zone"));
     }
 }
 
@@ -184,7 +184,7 @@ fn learn_from_others(board: &JobBoard, job: &Job, engine: &dyn RenderEngine) -> 
     if let Some(bytes) = board.learnt(job.work)?
         && let Err(error) = engine.learn_from(&bytes)
     {
-        tracing::warn!(%error, "it is learnt anew");
+        tracing::warn!(%error, "cannot use the data that the farm keeps for the engine; the engine computes it again");
     }
     Ok(())
 }
@@ -264,12 +264,12 @@ struct Guard {
     origin: u64,
     turn: PaintingTurn,
     /// True if this process submitted the job.
-    asked: bool,
+    is_submitter: bool,
     lease: Option<Lease>,
     /// True if this process has taken over the lead: it leads once its agents have left.
     has_claimed: bool,
     this: StopSwitch,
-    told: Arc<LoggingObserver>,
+    observer: Arc<LoggingObserver>,
     /// The engine, until it has shared its data with other machines.
     learner: Option<Arc<dyn RenderEngine>>,
     elsewhere: Box<dyn Fn() -> bool + Send>,
@@ -295,26 +295,26 @@ impl Guard {
                 self.clear_pages();
                 self.member.watch_stalls();
             }
-            if !self.this.is_requested() && self.is_to_leave() {
+            if !self.this.is_requested() && self.must_leave() {
                 self.this.request();
             }
             self.leave_to_others();
             self.teach();
             thread::sleep(LOOK_EVERY);
         }
-        self.lay_down();
+        self.release();
     }
 
     /// Makes the Master paint zones again that users requested.
     fn requeue(&self) {
-        let master = self.told.master.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let master = self.observer.master.lock().unwrap_or_else(PoisonError::into_inner).clone();
         if let Some(master) = master.filter(|_| self.lease.is_some()) {
-            let settled = self.told.settled.lock().unwrap_or_else(PoisonError::into_inner);
+            let settled = self.observer.settled.lock().unwrap_or_else(PoisonError::into_inner);
             self.member.board.hand_on_requeues(self.number, &settled, &master);
         }
     }
 
-    fn is_to_leave(&mut self) -> bool {
+    fn must_leave(&mut self) -> bool {
         let Member { board, stop, .. } = &self.member;
         let is_wanted = |job: Job| job.state == JobState::Active && job.turn() == self.turn;
         stop.is_requested() || !board.get(self.number).is_some_and(is_wanted) || (self.elsewhere)() || self.claims()
@@ -324,9 +324,9 @@ impl Guard {
     fn leave_to_others(&mut self) {
         if self.member.board.get(self.number).is_some_and(|job| job.turn() != self.turn)
             && let Some(mut lease) = self.lease.take()
-            && let Err(error) = self.member.board.renew(&mut lease, &self.told.lead())
+            && let Err(error) = self.member.board.renew(&mut lease, &self.observer.lead())
         {
-            tracing::debug!(%error, "the lead was not laid down");
+            tracing::debug!(%error, "cannot give up the lead");
         }
     }
 
@@ -340,7 +340,7 @@ impl Guard {
         }
         match board.claim(self.number, self.work, name) {
             Ok(lease) => self.lease = lease,
-            Err(error) => tracing::debug!(%error, "the lead was not taken"),
+            Err(error) => tracing::debug!(%error, "cannot take the lead"),
         }
         self.has_claimed = self.lease.is_some();
         self.has_claimed
@@ -357,15 +357,15 @@ impl Guard {
         // Use a thread: it may take longer than a lease lasts.
         let sent = thread::Builder::new().name("teach".to_owned()).spawn(move || board.teach(work, &bytes));
         if let Err(error) = sent {
-            tracing::debug!(%error, "others will learn themselves");
+            tracing::debug!(%error, "cannot share the data of the engine");
         }
     }
 
     fn renew(&mut self) {
         let Member { board, name, meter, .. } = &self.member;
         meter.count(Some(self.origin));
-        board.attend(&Presence { takes_orders: !self.asked, ..self.member.seat(Some(self.number)) });
-        let lead = Lead { leader: Some(name.clone()), ..self.told.lead() };
+        board.attend(&Presence { takes_orders: !self.is_submitter, ..self.member.presence(Some(self.number)) });
+        let lead = Lead { leader: Some(name.clone()), ..self.observer.lead() };
         let Some(lease) = &mut self.lease else { return };
         let renewed = board.renew(lease, &lead);
         let was_silent = std::mem::replace(&mut self.is_silent, renewed.is_err());
@@ -379,7 +379,7 @@ impl Guard {
             }
             Err(error) if !was_silent && error.is_full => tracing::warn!(
                 %error,
-                "the farm's server does not do what it is asked, as with a full disk; waiting for it; see which jobs hold how much: bottega jobs list"
+                "the farm's server does not store data, its disk may be full; waiting for it; see how much each job holds: bottega jobs list"
             ),
             Err(error) if !was_silent => tracing::warn!(%error, "the farm does not answer: waiting for it"),
             Err(_) => {}
@@ -392,14 +392,16 @@ impl Guard {
             return;
         }
         let board = &self.member.board;
-        let mut lines = std::mem::take(&mut *self.told.log.lock().unwrap_or_else(PoisonError::into_inner));
-        let seats = board.presences();
-        let news = self.watch.news(&seats, |work| work == self.work).into_iter();
+        let mut lines = std::mem::take(&mut *self.observer.log.lock().unwrap_or_else(PoisonError::into_inner));
+        let presences = board.presences();
+        let refusals = self.watch.new_refusals(&presences, |work| work == self.work).into_iter();
         lines.extend(
-            news.filter(|(seat, _)| seat.is_guest)
-                .map(|(seat, refusal)| format!("{} is left out: {}", seat.name, refusal.reason)),
+            refusals
+                .filter(|(machine, _)| machine.is_guest)
+                .map(|(machine, refusal)| format!("{} is left out: {}", machine.name, refusal.reason)),
         );
-        let is_known = |line: &str| board.get(self.number).is_some_and(|job| job.log.iter().any(|it| it.text == line));
+        let is_known =
+            |line: &str| board.get(self.number).is_some_and(|job| job.log.iter().any(|entry| entry.text == line));
         for line in lines.iter().filter(|line| !is_known(line)) {
             board.log(self.number, line);
         }
@@ -409,9 +411,9 @@ impl Guard {
     fn tell_society(&self) {
         if self.lease.is_some() {
             let board = &self.member.board;
-            let mut society = self.told.society();
+            let mut society = self.observer.society();
             society.see_usages(self.origin, &board.presences());
-            society.see_usages(self.origin, &[self.member.seat(Some(self.number))]);
+            society.see_usages(self.origin, &[self.member.presence(Some(self.number))]);
             society.tell(board, self.number);
         }
     }
@@ -419,7 +421,7 @@ impl Guard {
     /// Stores the agents' messages while an observer watches. Only the leader does so.
     fn tell_messages(&self) {
         if self.lease.is_some() {
-            self.told.recorder.tell(&self.member.board, self.number, self.work);
+            self.observer.recorder.tell(&self.member.board, self.number, self.work);
         }
     }
 
@@ -435,33 +437,33 @@ impl Guard {
         if self.lease.is_none() {
             return;
         }
-        let Some(map) = self.told.importance.lock().unwrap_or_else(PoisonError::into_inner).take() else { return };
+        let Some(map) = self.observer.importance.lock().unwrap_or_else(PoisonError::into_inner).take() else { return };
         let (board, work) = (self.member.board.clone(), self.work);
         // Use a thread: it may take longer than a lease lasts.
         let kept = thread::Builder::new().name("importance".to_owned()).spawn(move || {
             let (width, height) = map.size();
             match Canvas::gray_map(width, height, &map.grey()).to_png() {
                 Ok(png) => board.keep_importance(work, &png),
-                Err(error) => tracing::debug!(%error, "nobody sees the importance map"),
+                Err(error) => tracing::debug!(%error, "cannot publish the importance map"),
             }
         });
         if let Err(error) = kept {
-            tracing::debug!(%error, "nobody sees the importance map");
+            tracing::debug!(%error, "cannot publish the importance map");
         }
     }
 
     /// Releases the lease early, so that no process waits for it to expire; unless this process has just claimed it.
-    fn lay_down(&mut self) {
+    fn release(&mut self) {
         self.member.meter.count(Some(self.origin));
         self.tell_society();
         self.tell_messages();
         if self.lease.is_some() {
-            self.told.society().keep_credits(&self.member.board);
+            self.observer.society().keep_credits(&self.member.board);
         }
         if let Some(lease) = self.lease.as_mut().filter(|_| !self.has_claimed || self.member.stop.is_requested())
-            && let Err(error) = self.member.board.renew(lease, &Lead { leader: None, ..self.told.lead() })
+            && let Err(error) = self.member.board.renew(lease, &Lead { leader: None, ..self.observer.lead() })
         {
-            tracing::debug!(%error, "the lead was not laid down");
+            tracing::debug!(%error, "cannot give up the lead");
         }
     }
 }

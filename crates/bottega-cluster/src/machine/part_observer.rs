@@ -147,8 +147,7 @@ impl Observer for LoggingObserver {
 
     fn stalled(&self, waited: Duration, zones: usize, free: usize) {
         self.say(format!(
-            "nothing was begun for {} s, though {zones} zones waited and {free} agents were free: the Master begins again from the \
-             Blackboard",
+            "no zone was started for {} s, though {zones} zones waited and {free} agents were free: the Master restarts from the Blackboard",
             waited.as_secs()
         ));
         self.inner.stalled(waited, zones, free);
@@ -159,7 +158,7 @@ impl Observer for LoggingObserver {
         self.inner.under_way(count);
     }
 
-    fn not_kept(&self, error: &std::io::Error) {
-        self.inner.not_kept(error);
+    fn store_failed(&self, error: &std::io::Error) {
+        self.inner.store_failed(error);
     }
 }

@@ -7,7 +7,7 @@ use bottega::{
     devices::DeviceChoice,
     identity::{difference, with_commit},
     request::{RulesSource, RulesText},
-    session::{JobPart, PaintingTools},
+    session::{JobPart, PaintingSetup},
 };
 use bottega_farm::JobReport;
 use bottega_image::{Film, Metadata};
@@ -64,13 +64,13 @@ impl PreparedJob {
         own.apply(&mut request);
         let turn = member.name.bytes().map(usize::from).sum::<usize>();
         let files = SentFiles::root_of(&scene);
-        let part = JobPart { asked: &order.request, files: &files, engine: order.engine.as_deref(), turn };
+        let part = JobPart { submitted: &order.request, files: &files, engine: order.engine.as_deref(), turn };
         Ok(Self { origin: job.origin, session: Session::for_others(&request, part)? })
     }
 
     /// Returns what rendering needs.
-    pub(crate) fn tools(&self) -> PaintingTools {
-        self.session.tools()
+    pub(crate) fn setup(&self) -> PaintingSetup {
+        self.session.setup()
     }
 
     /// Returns the samples rendered by this session so far, over all pixels.
@@ -84,10 +84,10 @@ impl PreparedJob {
     pub(crate) fn finish(&self, board: &JobBoard, (number, job): (u32, &Job), report: &mut JobReport) -> Metadata {
         let (metadata, denoised) = self.session.finish_for_others(report);
         if let Err(error) = denoised {
-            board.log(number, &format!("the picture keeps its noise: {}", error.error_chain()));
+            board.log(number, &format!("cannot denoise the picture: {}", error.error_chain()));
         }
-        if let Some(told) = self.session.wrong_brightness(Path::new(&job.output), &report.film) {
-            board.log(number, &format!("the picture {told}"));
+        if let Some(problem) = self.session.wrong_brightness(Path::new(&job.output), &report.film) {
+            board.log(number, &format!("the picture {problem}"));
         }
         metadata
     }
@@ -100,7 +100,9 @@ impl PreparedJob {
         (film, metadata): (&Film, &Metadata),
         cache: &Cache,
     ) -> Result<(), Error> {
-        let name = Path::new(&job.output).extension().map_or_else(String::new, |it| it.to_string_lossy().into_owned());
+        let name = Path::new(&job.output)
+            .extension()
+            .map_or_else(String::new, |extension| extension.to_string_lossy().into_owned());
         let path = cache.root().join(format!("picture-{}-{}.{name}", job.work, std::process::id()));
         let written = || {
             self.session.write_to(&path, film, metadata)?;
@@ -110,7 +112,7 @@ impl PreparedJob {
         let written = written();
         // The file was only temporary.
         if let Err(error) = fs::remove_file(&path) {
-            tracing::debug!(%error, "the picture's file was not removed");
+            tracing::debug!(%error, "cannot remove the picture's file");
         }
         written
     }

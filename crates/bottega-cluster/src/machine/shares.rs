@@ -12,10 +12,10 @@ pub(crate) struct JobClaim {
 /// Returns the job that a free machine should take: the one with the fewest machines for its priority, and the older one of
 /// equals.
 ///
-/// - `seats`: all other machines.
-pub(crate) fn choose(jobs: &[JobClaim], seats: &[Presence]) -> Option<u32> {
+/// - `machines`: all other machines.
+pub(crate) fn choose(jobs: &[JobClaim], machines: &[Presence]) -> Option<u32> {
     jobs.iter()
-        .map(|job| (share(job, seated(job.number, seats) + 1), job.number))
+        .map(|job| (share(job, machines_of(job.number, machines) + 1), job.number))
         .min_by(|a, b| {
             let by_share = a.0.total_cmp(&b.0);
             by_share.then(a.1.cmp(&b.1))
@@ -26,22 +26,22 @@ pub(crate) fn choose(jobs: &[JobClaim], seats: &[Presence]) -> Option<u32> {
 /// Returns true if the machine `me` should leave job `number` for another one. Of the machines of one job, only the last
 /// by name moves, so that they do not all move at once.
 ///
-/// - `seats`: all machines, including this one.
-pub(crate) fn should_move(me: &str, number: u32, jobs: &[JobClaim], seats: &[Presence]) -> bool {
+/// - `machines`: all machines, including this one.
+pub(crate) fn should_move(me: &str, number: u32, jobs: &[JobClaim], machines: &[Presence]) -> bool {
     let Some(own) = jobs.iter().find(|job| job.number == number) else { return true };
-    let is_last = seats.iter().filter(|seat| seat.job == Some(number)).all(|seat| &*seat.name <= me);
-    let mine = share(own, seated(number, seats));
+    let is_last = machines.iter().filter(|machine| machine.job == Some(number)).all(|machine| &*machine.name <= me);
+    let mine = share(own, machines_of(number, machines));
     let others = jobs.iter().filter(|job| job.number != number);
-    is_last && others.map(|job| share(job, seated(job.number, seats) + 1)).any(|share| share < mine)
+    is_last && others.map(|job| share(job, machines_of(job.number, machines) + 1)).any(|share| share < mine)
 }
 
 /// Returns the number of machines that work on a job.
-fn seated(number: u32, seats: &[Presence]) -> usize {
-    seats.iter().filter(|seat| seat.job == Some(number)).count()
+fn machines_of(number: u32, machines: &[Presence]) -> usize {
+    machines.iter().filter(|machine| machine.job == Some(number)).count()
 }
 
-fn share(job: &JobClaim, seats: usize) -> f64 {
-    seats as f64 / f64::from(job.priority.max(1))
+fn share(job: &JobClaim, machines: usize) -> f64 {
+    machines as f64 / f64::from(job.priority.max(1))
 }
 
 #[cfg(test)]
@@ -51,19 +51,19 @@ mod tests {
     use super::*;
 
     fn settle(jobs: &[JobClaim], count: usize) -> Vec<Presence> {
-        let seat = |i: usize| Presence::new(&format!("m{i:03}"), 1, None);
-        let mut seats: Vec<Presence> = (0..count).map(seat).collect();
+        let machine = |i: usize| Presence::new(&format!("m{i:03}"), 1, None);
+        let mut presences: Vec<Presence> = (0..count).map(machine).collect();
         for i in 0..count {
-            seats[i].job = choose(jobs, &seats);
+            presences[i].job = choose(jobs, &presences);
         }
-        seats
+        presences
     }
 
     #[test]
     fn machines_are_shared_by_priority() {
         let jobs = [JobClaim { number: 1, priority: 10 }, JobClaim { number: 2, priority: 30 }];
-        let seats = settle(&jobs, 12);
-        assert_eq!((seated(1, &seats), seated(2, &seats)), (3, 9));
+        let presences = settle(&jobs, 12);
+        assert_eq!((machines_of(1, &presences), machines_of(2, &presences)), (3, 9));
     }
 
     proptest! {
@@ -75,18 +75,18 @@ mod tests {
         ) {
             let numbered = priorities.iter().zip(1..);
             let jobs: Vec<JobClaim> = numbered.map(|(&priority, number)| JobClaim { number, priority }).collect();
-            let mut seats = settle(&jobs[..before.min(jobs.len())], machines);
+            let mut presences = settle(&jobs[..before.min(jobs.len())], machines);
             let mut moves = 0;
-            while let Some(i) = (0..machines).find(|&i| should_move(&seats[i].name, seats[i].job.unwrap(), &jobs, &seats)) {
-                seats[i].job = None;
-                seats[i].job = choose(&jobs, &seats);
+            while let Some(i) = (0..machines).find(|&i| should_move(&presences[i].name, presences[i].job.unwrap(), &jobs, &presences)) {
+                presences[i].job = None;
+                presences[i].job = choose(&jobs, &presences);
                 moves += 1;
                 prop_assert!(moves <= machines * jobs.len(), "machines go round in circles");
             }
             let all: u32 = priorities.iter().sum();
             for job in &jobs {
                 let fair = machines as f64 * f64::from(job.priority) / f64::from(all);
-                prop_assert!(seated(job.number, &seats) as f64 + 1.0 > fair.floor());
+                prop_assert!(machines_of(job.number, &presences) as f64 + 1.0 > fair.floor());
             }
         }
     }

@@ -96,14 +96,15 @@ impl<'a> JobPeers<'a> {
     /// Returns true if another machine could take part.
     fn has_others(&self) -> bool {
         let Member { board, name, .. } = self.member;
-        board.presences().iter().any(|seat| seat.name != *name && seat.standing == PresenceState::Active)
+        board.presences().iter().any(|machine| machine.name != *name && machine.standing == PresenceState::Active)
     }
 
     /// Returns the machines that work on the job now: only they hold parts.
     fn present(&self) -> BTreeSet<String> {
-        let seats = self.member.board.presences().into_iter();
-        let at_work = seats.filter(|seat| seat.job == Some(self.number) && seat.standing == PresenceState::Active);
-        at_work.map(|seat| seat.name).collect()
+        let presences = self.member.board.presences().into_iter();
+        let at_work =
+            presences.filter(|machine| machine.job == Some(self.number) && machine.standing == PresenceState::Active);
+        at_work.map(|machine| machine.name).collect()
     }
 
     fn parts_of(&self, stage: u32, count: u32) -> Vec<SharedPart> {
@@ -183,7 +184,7 @@ impl<'a> JobPeers<'a> {
                 board.log(
                     self.number,
                     &format!(
-                        "{name} could take no part of the shared work for {seconds} s, and does the rest of it alone"
+                        "{name} could not claim a part of the shared work for {seconds} s, and does the rest alone"
                     ),
                 );
                 return Ok(Ok(()));
@@ -234,7 +235,7 @@ impl Sharing for JobPeers<'_> {
             self.member.activity.awaits_others(false);
             match shared {
                 Ok(done) => done?,
-                Err(error) => tracing::warn!(%error, "the farm does not answer: what is left is done here"),
+                Err(error) => tracing::warn!(%error, "the farm does not answer: doing the rest here"),
             }
         }
         // Fetch or compute the parts that are still missing
@@ -279,7 +280,7 @@ mod tests {
     }
 
     fn attend(member: &Member) {
-        member.board.attend(&member.seat(Some(1)));
+        member.board.attend(&member.presence(Some(1)));
     }
 
     /// Lets a machine take part in a stage. Returns the time that it took, and the number of parts that it computed.
@@ -303,8 +304,8 @@ mod tests {
         attend(two);
         attend(one);
         let begun = Instant::now();
-        while !one.board.presences().iter().any(|seat: &Presence| seat.name == "two") {
-            assert!(begun.elapsed() < Duration::from_secs(30), "the other one is not seen");
+        while !one.board.presences().iter().any(|machine: &Presence| machine.name == "two") {
+            assert!(begun.elapsed() < Duration::from_secs(30), "the other machine does not appear");
             thread::sleep(LOOK_EVERY);
         }
         // Long before any claim expires.

@@ -76,7 +76,7 @@ impl ViewportHelper<'_> {
     pub(crate) fn help(&self, is_wanted_elsewhere: &(dyn Fn() -> bool + Sync)) -> Result<(), Error> {
         let Member { board, activity, .. } = self.member;
         let viewing = activity.view();
-        let attend = || board.attend(&Presence { takes_orders: true, ..self.member.seat(None) });
+        let attend = || board.attend(&Presence { takes_orders: true, ..self.member.presence(None) });
         attend();
         let is_called_away = AtomicBool::new(false);
         let mut ticks = 0_u32;
@@ -121,7 +121,7 @@ impl ViewportHelper<'_> {
                 return Ok(());
             }
             // Prepare the scene, or only the look
-            if prepared.as_ref().is_none_or(|it| (it.state, it.look) != (look.state, look.number)) {
+            if prepared.as_ref().is_none_or(|open| (open.state, open.look) != (look.state, look.number)) {
                 prepared = self.prepare(prepared.take(), look)?;
             }
             let Some(PreparedView { sampler, .. }) = &prepared else { continue };
@@ -169,7 +169,7 @@ impl ViewportHelper<'_> {
         let (file, _) = match look.scene.fetch(self.cache, self.member.board.uplink.blobs()) {
             Ok(fetched) => fetched,
             Err(error) => {
-                tracing::debug!(%error, "the scene of a viewport is not there");
+                tracing::debug!(%error, "the scene of a viewport is missing");
                 self.tell(HelperNotice { lacks_scene: true, ..HelperNotice::default() });
                 thread::sleep(CALL_WAIT);
                 return Ok(None);

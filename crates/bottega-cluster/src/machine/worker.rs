@@ -105,7 +105,7 @@ pub(crate) struct Worker {
     cache: Cache,
     own: WorkerDevices,
     /// The last job, whose scene stays loaded.
-    studio: Option<PreparedJob>,
+    prepared: Option<PreparedJob>,
     /// The only jobs to work on, for the process that submitted them, which obeys no commands; none: any job.
     only: Option<BTreeSet<u32>>,
     /// A finished painting, whose picture its leader still has to store.
@@ -141,7 +141,7 @@ impl Worker {
             cache,
             own,
             _engines,
-            studio: None,
+            prepared: None,
             only,
             helped: None,
             owner: None,
@@ -172,7 +172,7 @@ impl Worker {
                         (self.say)(WorkerMessage::Line(&format!("resumed by {by}; waiting for work")));
                     }
                     PresenceState::Suspended => (self.say)(WorkerMessage::Line(&format!("suspended by {by}"))),
-                    PresenceState::Terminated => (self.say)(WorkerMessage::Line(&format!("told to leave by {by}"))),
+                    PresenceState::Terminated => (self.say)(WorkerMessage::Line(&format!("terminated by {by}"))),
                 }
             }
             before = standing;
@@ -187,9 +187,9 @@ impl Worker {
     /// Pauses for a moment, or until another command.
     fn rest(&mut self) {
         // Free the memory, too.
-        self.studio = None;
+        self.prepared = None;
         let Member { board, name, stop, .. } = &self.member;
-        board.attend(&Presence { standing: PresenceState::Suspended, ..self.member.seat(None) });
+        board.attend(&Presence { standing: PresenceState::Suspended, ..self.member.presence(None) });
         let begun = Instant::now();
         while begun.elapsed() < RENEW_EVERY
             && !stop.is_requested()
@@ -207,20 +207,20 @@ impl Worker {
     }
 
     /// Returns true if this machine can work on a job.
-    fn would(&self, number: u32, job: &Job) -> bool {
+    fn can_work_on(&self, number: u32, job: &Job) -> bool {
         may(&self.only, &self.member, number, job) && !self.is_done_with(number, job)
     }
 
     /// Takes part in a job, or waits a moment if there is none. Returns `true` if a job was finished.
     pub(crate) fn work_once(&mut self) -> bool {
         let Member { board, name, .. } = &self.member;
-        let others: Vec<Presence> = board.presences().into_iter().filter(|seat| seat.name != *name).collect();
-        let wanting = wanting(board, |number, job| self.would(number, job));
-        let chosen = choose(&wanting, &others).and_then(|number| Some((number, board.get(number)?)));
+        let others: Vec<Presence> = board.presences().into_iter().filter(|machine| machine.name != *name).collect();
+        let waiting = waiting_jobs(board, |number, job| self.can_work_on(number, job));
+        let chosen = choose(&waiting, &others).and_then(|number| Some((number, board.get(number)?)));
         // Usage since the last job belongs to no job.
         self.member.meter.count(None);
         let Some((number, job)) = chosen else {
-            board.attend(&Presence { takes_orders: self.only.is_none(), ..self.member.seat(None) });
+            board.attend(&Presence { takes_orders: self.only.is_none(), ..self.member.presence(None) });
             match self.called_viewport() {
                 Some(viewport) => self.help(viewport),
                 None => self.wait(),
@@ -238,7 +238,7 @@ impl Worker {
                 board.log(number, &format!("{name} is left out: {reason}"));
                 (self.say)(WorkerMessage::Failure(&error));
                 refusals.add(Refusal { job: number, work: job.work, reason });
-                board.attend(&Presence { takes_orders: self.only.is_none(), ..self.member.seat(None) });
+                board.attend(&Presence { takes_orders: self.only.is_none(), ..self.member.presence(None) });
                 true
             }
         }
@@ -256,7 +256,7 @@ impl Worker {
         let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         while begun.elapsed() < RENEW_EVERY && !self.member.stop.is_requested() {
             thread::sleep(LOOK_EVERY);
-            let has_job = || !wanting(&self.member.board, |number, job| self.would(number, job)).is_empty();
+            let has_job = || !waiting_jobs(&self.member.board, |number, job| self.can_work_on(number, job)).is_empty();
             if is_called_off() || self.called_viewport().is_some() || has_job() {
                 return;
             }
@@ -271,7 +271,7 @@ impl Worker {
     /// Renders samples for a viewport until it is closed, or there is a job.
     fn help(&mut self, viewport: u64) {
         // Free the scene of the last job: two may not fit in memory.
-        self.studio = None;
+        self.prepared = None;
         let Some((calls, _)) = &self.calls else { return };
         (self.say)(WorkerMessage::Line("rendering samples for a viewport"));
         let is_called_off = self.is_called_off();
@@ -280,7 +280,7 @@ impl Worker {
             member.stop.is_requested()
                 || is_called_off()
                 || memory.as_ref().is_some_and(MemoryLimit::is_passed)
-                || !wanting(board, |number, job| may(only, member, number, job)).is_empty()
+                || !waiting_jobs(board, |number, job| may(only, member, number, job)).is_empty()
         };
         let helper = ViewportHelper { member, cache: &self.cache, own: &self.own, calls, viewport };
         match helper.help(&is_wanted_elsewhere) {
@@ -301,18 +301,18 @@ impl Worker {
         let say = |line: &str| teller(WorkerMessage::Line(line));
         let Member { board, stop, .. } = &self.member;
         let occupation = self.member.activity.occupy();
-        let seat = Presence { takes_orders: self.only.is_none(), ..self.member.seat(Some(number)) };
+        let presence = Presence { takes_orders: self.only.is_none(), ..self.member.presence(Some(number)) };
         // Load the scene, unless it is loaded already
-        if self.studio.as_ref().is_none_or(|studio| studio.origin != job.origin) {
+        if self.prepared.as_ref().is_none_or(|prepared| prepared.origin != job.origin) {
             // Free the old scene first: two may not fit in memory.
-            self.studio = None;
+            self.prepared = None;
             let open = || PreparedJob::open(&self.member, job, &self.cache, &self.own);
             // Renew the presence meanwhile, and report devices that compile kernels.
             let (meter, teller) = (&self.member.meter, &self.say);
             let mut reported = BTreeSet::new();
             let stay_present = || {
                 meter.count(Some(job.origin));
-                board.attend(&seat);
+                board.attend(&presence);
                 for (device, _) in compiling() {
                     if !reported.contains(&device) {
                         teller(WorkerMessage::Line(&format!("{device} compiles its kernels for this scene")));
@@ -321,23 +321,23 @@ impl Worker {
                 }
             };
             let is_enough = || stop.is_requested() || !self.is_wanted(number, job);
-            self.studio = Some(meanwhile(RENEW_EVERY, stay_present, || patiently_until(is_enough, say, open))?);
+            self.prepared = Some(meanwhile(RENEW_EVERY, stay_present, || patiently_until(is_enough, say, open))?);
         }
         // Announce that it takes part.
-        board.attend(&seat);
+        board.attend(&presence);
         drop(occupation);
-        let Some(studio) = &self.studio else { return Ok(false) };
+        let Some(prepared) = &self.prepared else { return Ok(false) };
         // Render the job together with the other machines
-        let before = studio.samples_done();
+        let before = prepared.samples_done();
         (self.say)(WorkerMessage::Line(&format!("job {number}: painting {}", job.scene)));
-        let part = || take_part(&self.member, number, job, &mut studio.tools(), self.elsewhere(number));
+        let part = || take_part(&self.member, number, job, &mut prepared.setup(), self.elsewhere(number));
         let is_enough = || stop.is_requested() || !self.is_wanted(number, job);
         let part = patiently_until(is_enough, say, part)?;
         if let (PartOutcome::Left(_), Some(limit)) = (&part, &self.memory)
             && limit.is_passed()
         {
             // Free the scene before the next job.
-            self.studio = None;
+            self.prepared = None;
             limit.forget();
             return Err(limit.error());
         }
@@ -346,9 +346,9 @@ impl Worker {
         if let PartOutcome::Led(mut report, leading) = part {
             let state = match report.failed.len() {
                 0 => {
-                    let metadata = studio.finish(board, (number, job), &mut report);
+                    let metadata = prepared.finish(board, (number, job), &mut report);
                     let picture = (&report.film, &metadata);
-                    patiently(stop, say, || studio.keep_picture(board, job, picture, &self.cache))?;
+                    patiently(stop, say, || prepared.keep_picture(board, job, picture, &self.cache))?;
                     JobState::Done
                 }
                 failed => JobState::Failed { reason: format!("{failed} zones could not be painted") },
@@ -358,7 +358,7 @@ impl Worker {
             self.helped = Some(job.turn());
         }
         let how = if is_over { "done" } else { "left" };
-        let samples = (studio.samples_done() - before) as f64 / 1e6;
+        let samples = (prepared.samples_done() - before) as f64 / 1e6;
         (self.say)(WorkerMessage::Line(&format!("job {number}: {how}, {samples:.1} M samples here")));
         Ok(is_over)
     }
@@ -375,22 +375,22 @@ impl Worker {
         let (only, member, memory) = (self.only.clone(), self.member.clone(), self.memory.clone());
         let (begun, is_called_off) = (Instant::now(), self.is_called_off());
         move || {
-            let wanting = || wanting(&board, |number, job| may(&only, &member, number, job));
+            let waiting = || waiting_jobs(&board, |number, job| may(&only, &member, number, job));
             memory.as_ref().is_some_and(MemoryLimit::is_passed)
                 || is_called_off()
-                || begun.elapsed() > STAYS && should_move(&me, number, &wanting(), &board.presences())
+                || begun.elapsed() > STAYS && should_move(&me, number, &waiting(), &board.presences())
         }
     }
 }
 
 /// Returns the command to a machine; if it is to work, its owner may suspend it.
 fn order_to(board: &JobBoard, me: &str, owner: Option<&OwnerWatch>) -> MachineOrder {
-    let told = board.order_to(me);
+    let order = board.order_to(me);
     match owner.and_then(OwnerWatch::reason) {
-        Some(reason) if told.standing == PresenceState::Active => {
+        Some(reason) if order.standing == PresenceState::Active => {
             MachineOrder { standing: PresenceState::Suspended, by: format!("its owner: {reason}") }
         }
-        _ => told,
+        _ => order,
     }
 }
 
@@ -403,12 +403,12 @@ fn may(only: &Option<BTreeSet<u32>>, member: &Member, number: u32, job: &Job) ->
 }
 
 /// Returns the jobs that need machines.
-fn wanting(board: &JobBoard, is_wanted: impl Fn(u32, &Job) -> bool) -> Vec<JobClaim> {
-    let all = board.all().into_iter();
+fn waiting_jobs(board: &JobBoard, is_wanted: impl Fn(u32, &Job) -> bool) -> Vec<JobClaim> {
+    let jobs = board.all().into_iter();
     let is_led = |number: u32| board.lead(number).is_some_and(|lead| lead.leader.is_some());
     // A guest cannot lead: it needs a leader.
     let is_possible = |number: u32| !board.uplink.is_guest() || is_led(number);
     let active =
-        all.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number, job) && is_possible(*number));
+        jobs.filter(|(number, job)| job.state == JobState::Active && is_wanted(*number, job) && is_possible(*number));
     active.map(|(number, job)| JobClaim { number, priority: job.priority }).collect()
 }

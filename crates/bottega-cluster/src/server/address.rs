@@ -59,7 +59,7 @@ pub struct JoinWord {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ThisError)]
 pub enum AddressError {
     /// The word to join is cut off or damaged.
-    #[error("the word is not whole: copy all of the line that `bottega up` printed")]
+    #[error("the word is incomplete: copy the whole line that `bottega up` printed")]
     Word,
     /// There is no scheme, and the text is not a word to join.
     #[error("an address such as bottega://WORD@host:4222 is needed")]

@@ -19,7 +19,7 @@ use crate::{
 pub(crate) struct Admission {
     members: Mutex<Members>,
     /// The number of members in the server's configuration. Locked during a reload.
-    told: Mutex<usize>,
+    loaded: Mutex<usize>,
     setup: Setup,
     /// The connection options of the server's system account.
     system: NatsOptions,
@@ -30,8 +30,8 @@ impl Admission {
     ///
     /// - `members`: the members that the server's configuration names.
     pub(crate) fn new(members: Members, setup: Setup, system: NatsOptions) -> Self {
-        let told = Mutex::new(members.count());
-        Self { members: Mutex::new(members), told, setup, system }
+        let loaded = Mutex::new(members.count());
+        Self { members: Mutex::new(members), loaded, setup, system }
     }
 
     /// Answers an [`EnrolmentRequest`](crate::server::link::EnrolmentRequest). `None`: `group` is unknown.
@@ -42,28 +42,28 @@ impl Admission {
             (members.answer(group, request), members.count())
         };
         if answer.member.is_some()
-            && let Err(error) = self.tell_server(count)
+            && let Err(error) = self.load_members(count)
         {
-            let reason = format!("its server cannot be told of it: {}", error.error_chain());
+            let reason = format!("the NATS server cannot load the new member: {}", error.error_chain());
             answer = EnrolmentAnswer { member: None, refused: Some(reason) };
         }
         if let Some(member) = &answer.member {
-            tracing::info!(member, group = group.word(), "let in");
+            tracing::info!(member, group = group.word(), "admitted");
         }
         serde_json::to_vec(&answer).ok()
     }
 
     /// Makes the server load the first `count` members, unless another thread has done so.
-    fn tell_server(&self, count: usize) -> Result<(), Error> {
-        let mut told = lock(&self.told);
-        if *told < count {
-            let all = {
+    fn load_members(&self, count: usize) -> Result<(), Error> {
+        let mut loaded = lock(&self.loaded);
+        if *loaded < count {
+            let count = {
                 let members = lock(&self.members);
                 self.setup.write(&members)?;
                 members.count()
             };
             reload(&self.setup, &self.system)?;
-            *told = all;
+            *loaded = count;
         }
         Ok(())
     }

@@ -42,7 +42,7 @@ impl DeedLog {
     pub fn note(&self, token: &str, address: IpAddr, method: &str, path: &str, status: u16) {
         let at = Timestamp::from_second(unix_seconds() as i64).unwrap_or_default();
         if let Err(error) = self.write(&format!("{at} {token} {address} {method} {path} {status}\n")) {
-            tracing::warn!("cannot note in {} what was done: {error}", self.path.display());
+            tracing::warn!("cannot write to the log {}: {error}", self.path.display());
         }
     }
 

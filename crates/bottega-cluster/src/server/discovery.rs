@@ -43,7 +43,7 @@ impl Beacon {
 impl Drop for Beacon {
     fn drop(&mut self) {
         if let Err(error) = self.0.shutdown() {
-            tracing::debug!(%error, "the network is not told that the farm ends");
+            tracing::debug!(%error, "cannot withdraw the farm from the local network");
         }
     }
 }
@@ -89,7 +89,7 @@ pub(crate) fn find(pin: Pin) -> Result<String, Error> {
         found = Some(farm.address);
         ControlFlow::Break(())
     })?;
-    found.ok_or_else(|| nowhere("no machine on the local network answers for it"))
+    found.ok_or_else(|| not_found("no machine on the local network answers for it"))
 }
 
 /// Ranks addresses of one machine, the best one first: those that other machines can use, and IPv4, which needs no zone.
@@ -100,7 +100,7 @@ fn rank(address: &str) -> (bool, bool) {
 
 /// Reports farms as they announce themselves, until a time has passed or `tell` breaks off.
 fn browse(within: Duration, mut tell: impl FnMut(FoundFarm) -> ControlFlow<()>) -> Result<(), Error> {
-    let failed = |error: mdns_sd::Error| nowhere(&format!("the network cannot be asked: {error}"));
+    let failed = |error: mdns_sd::Error| not_found(&format!("cannot search the local network: {error}"));
     let daemon = ServiceDaemon::new().map_err(failed)?;
     let events = daemon.browse(SERVICE).map_err(failed)?;
     let until = Instant::now() + within;
@@ -118,12 +118,12 @@ fn browse(within: Duration, mut tell: impl FnMut(FoundFarm) -> ControlFlow<()>) 
         }
     }
     if let Err(error) = daemon.shutdown() {
-        tracing::debug!(%error, "the search did not end well");
+        tracing::debug!(%error, "cannot end the search");
     }
     Ok(())
 }
 
-fn nowhere(reason: &str) -> Error {
+fn not_found(reason: &str) -> Error {
     Error::failed(
         format!("the farm was not found: {reason}"),
         "name its machine: bottega join bottega://WORD@HOST:4222, the whole line that `bottega up` printed",

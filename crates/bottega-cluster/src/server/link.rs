@@ -101,7 +101,7 @@ pub(crate) struct EnrolmentAnswer {
 /// Connects to the given farm, or else to the one of this machine.
 ///
 /// # Errors
-/// There is no such farm, or it does not let this machine in.
+/// There is no such farm, or it does not admit this machine.
 pub fn link(farm: Option<&FarmAddress>, credentials: &Credentials) -> Result<FarmLink, Error> {
     link_as(farm, credentials, None)
 }
@@ -122,7 +122,7 @@ pub fn link_as(farm: Option<&FarmAddress>, credentials: &Credentials, name: Opti
         Operator::Up(word) if credentials.is_empty() => with_word(&address, word, name)?,
         Operator::Up(_) => {
             return Err(Error::usage(
-                "the word of a farm that `bottega up` runs says all",
+                "a farm that `bottega up` runs needs only its word",
                 "leave out --creds, --nkey and --tls-…",
             ));
         }
@@ -134,7 +134,7 @@ pub fn link_as(farm: Option<&FarmAddress>, credentials: &Credentials, name: Opti
                 tls: credentials.tls(*tls),
                 ..options(&address, &member)
             };
-            connect(&options).map_err(told).map(|uplink| (uplink, member))?
+            connect(&options).map_err(link_error).map(|uplink| (uplink, member))?
         }
     };
     let (uplink, name) = linked;
@@ -171,7 +171,7 @@ fn with_word(
         if linked.is_ok() && known.is_by_other_word(word) {
             tracing::warn!(
                 "the farm knows this machine already, as {}, by a key of its own: the word of the address was not checked, and it is not \
-                 the one by which the machine was let in. To be let in by it, remove {}",
+                 the one by which the machine was admitted. To use it, remove {}",
                 known.member,
                 file.display()
             );
@@ -206,7 +206,7 @@ fn as_known(
         |error: &NatsError| error.is_refusal() || matches!(error, NatsError::Keep { .. }) && error.may_pass();
     match persist(PATIENCE_OF_REFUSED, is_reloading, attempt) {
         Err(error) if error.is_refusal() => None,
-        Err(error) => Some(Err(told(error))),
+        Err(error) => Some(Err(link_error(error))),
         Ok(uplink) => Some(Ok((uplink, process_name(&known.member)))),
     }
 }
@@ -230,7 +230,7 @@ fn memberships() -> PathBuf {
 /// Returns the names of all memberships of this machine, at any farm.
 pub(crate) fn own_members() -> BTreeSet<String> {
     let files = fs::read_dir(memberships()).into_iter().flatten().flatten().map(|file| file.path());
-    let files = files.filter(|file| file.extension().is_some_and(|it| it == "json"));
+    let files = files.filter(|file| file.extension().is_some_and(|extension| extension == "json"));
     files.filter_map(|file| membership(&file)).map(|known| known.member).collect()
 }
 
@@ -289,17 +289,17 @@ fn let_in(address: &FarmAddress, word: &JoinWord, name: Option<&str>) -> Result<
         NatsError::NobodyAnswers { .. } => true,
         error => error.is_refusal() && begun.elapsed() < PATIENCE_OF_REFUSED,
     };
-    let answer = persist(PATIENCE, may_pass, || enrol(&options, group, &request)).map_err(told)?;
+    let answer = persist(PATIENCE, may_pass, || enrol(&options, group, &request)).map_err(link_error)?;
     let answer: Option<EnrolmentAnswer> = serde_json::from_slice(&answer).ok();
     let refused = |reason: String| {
-        Error::failed(format!("the farm does not let this machine in: {reason}"), "see what `bottega up` says")
+        Error::failed(format!("the farm does not admit this machine: {reason}"), "see what `bottega up` says")
     };
     match (answer, key.seed()) {
         (Some(EnrolmentAnswer { member: Some(member), .. }), Some(seed)) => {
             Ok(Membership { member, seed, word: Some(digest_of(word)) })
         }
         (Some(EnrolmentAnswer { refused: Some(reason), .. }), _) => Err(refused(reason)),
-        _ => Err(refused("its answer is not understood".to_owned())),
+        _ => Err(refused("cannot understand its answer".to_owned())),
     }
 }
 
@@ -311,24 +311,24 @@ fn process_name(member: &str) -> String {
 /// Returns the error of a machine that was just admitted and cannot connect.
 fn reloading(source: NatsError) -> Error {
     if !source.may_pass() {
-        return told(source);
+        return link_error(source);
     }
     let remedy = format!(
-        "the farm has let this machine in, and for {} s its server has not taken it: it reads its configuration anew while \
-         machines are let in. Try again in a moment; see what `bottega up` says",
+        "the farm has admitted this machine, but its server has refused it for {} s: it reloads its configuration while \
+         machines are admitted. Try again in a moment; see what `bottega up` says",
         PATIENCE.as_secs()
     );
     Error::Farm { source, remedy }
 }
 
-fn told(source: NatsError) -> Error {
+fn link_error(source: NatsError) -> Error {
     let remedy = match &source {
         NatsError::NobodyAnswers { .. } => {
-            "the NATS server is there and `bottega up` is not, or it has no time: see whether it runs, and try again"
+            "the NATS server runs, but `bottega up` does not, or it is overloaded: see whether it runs, and try again"
         }
         NatsError::Connect { .. } => "is `bottega up` running there, and is this the line that it printed?",
         NatsError::Version { .. } => "install a newer nats-server, see `bottega up --help`",
-        NatsError::Credentials { .. } => "give the file that the keeper of the servers gave you",
+        NatsError::Credentials { .. } => "use the file that the administrator of the servers gave you",
         _ => "see what `bottega up` printed",
     };
     Error::Farm { source, remedy: remedy.to_owned() }
@@ -336,19 +336,19 @@ fn told(source: NatsError) -> Error {
 
 /// Writes a file that only this user may read.
 pub(crate) fn write_secret(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let wrong = |source| Error::write(path.to_owned(), source);
+    let write_error = |source| Error::write(path.to_owned(), source);
     private_folder(path.parent().unwrap_or(Path::new(".")))?;
     let part = path.with_extension(format!("part-{}", std::process::id()));
-    fs::write(&part, bytes).map_err(wrong)?;
-    make_private(&part).map_err(wrong)?;
-    fs::rename(&part, path).map_err(wrong)
+    fs::write(&part, bytes).map_err(write_error)?;
+    make_private(&part).map_err(write_error)?;
+    fs::rename(&part, path).map_err(write_error)
 }
 
 /// Creates a folder that only this user may read.
 pub(crate) fn private_folder(folder: &Path) -> Result<(), Error> {
-    let wrong = |source| Error::write(folder.to_owned(), source);
-    fs::create_dir_all(folder).map_err(wrong)?;
-    make_private(folder).map_err(wrong)
+    let write_error = |source| Error::write(folder.to_owned(), source);
+    fs::create_dir_all(folder).map_err(write_error)?;
+    make_private(folder).map_err(write_error)
 }
 
 impl Credentials {
@@ -383,9 +383,7 @@ fn warn_of_age(version: &str, servers: &[String]) {
     let is_old = numbers.next().zip(numbers.next()).is_some_and(|version| version < FIT_FOR_ALL);
     if is_old && !servers.iter().all(|server| is_near(server)) {
         let (major, minor) = FIT_FOR_ALL;
-        tracing::warn!(
-            "the NATS server is of version {version}: on networks that are not yours alone have {major}.{minor} or newer"
-        );
+        tracing::warn!("the NATS server has version {version}: on untrusted networks use {major}.{minor} or newer");
     }
 }
 
@@ -404,7 +402,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_machine_knows_by_which_word_and_name_it_was_let_in() {
+    fn a_membership_knows_its_word_and_name() {
         let word = |digit: &str| -> JoinWord { format!("t{}{}", digit.repeat(32), "0".repeat(32)).parse().unwrap() };
         let [one, other] = ["1", "2"].map(word);
         let known =

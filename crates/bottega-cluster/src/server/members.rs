@@ -62,7 +62,7 @@ impl Members {
                 let roll = serde_json::from_slice(&text).map_err(|error| {
                     Error::failed(
                         format!("`{}` is damaged: {error}", path.display()),
-                        "remove it: everybody must join anew then, by the new line",
+                        "remove it; every machine must then join again, by the new line",
                     )
                 })?;
                 Ok(Self { path, roll })
@@ -117,10 +117,10 @@ impl Members {
     pub(crate) fn answer(&mut self, group: Group, request: &[u8]) -> EnrolmentAnswer {
         let refuse = |reason: &str| EnrolmentAnswer { member: None, refused: Some(reason.to_owned()) };
         let Ok(EnrolmentRequest { key, host }) = serde_json::from_slice(request) else {
-            return refuse("it says nothing sensible");
+            return refuse("its request is not an enrolment request");
         };
         if !is_public_key(&key) {
-            return refuse("its key is none");
+            return refuse("its key is not a public key of NATS");
         }
         if let Some(known) = self.roll.members.iter().find(|member| member.key == key) {
             return EnrolmentAnswer { member: Some(known.name.clone()), refused: None };
@@ -131,14 +131,14 @@ impl Members {
         // The first letter is the same for all public keys. The directories compare names in lower case.
         let name = format!("{}-{}", plain(&host), &key[1..=KEY_LETTERS]).to_lowercase();
         if self.roll.members.iter().any(|member| member.name == name) {
-            return refuse("another one has its name");
+            return refuse("another member has its name");
         }
         self.roll.members.push(AdmittedMachine { name: name.clone(), key, is_guest: group == Group::Guest });
         match self.save() {
             Ok(()) => EnrolmentAnswer { member: Some(name), refused: None },
             Err(error) => {
                 self.roll.members.pop();
-                refuse(&format!("the farm cannot note it: {error}"))
+                refuse(&format!("the farm cannot store it: {error}"))
             }
         }
     }
@@ -163,14 +163,15 @@ impl Members {
 /// Creates a self-signed certificate, and its private key (PEM).
 pub(crate) fn own_certificate() -> Result<(String, String), Error> {
     let made = rcgen::generate_simple_self_signed(vec!["bottega".to_owned()]).map_err(|error| {
-        Error::failed(format!("no certificate could be made: {error}"), "this is unexpected; report it")
+        Error::failed(format!("cannot make a certificate: {error}"), "this is unexpected; report it")
     })?;
     Ok((made.cert.pem(), made.signing_key.serialize_pem()))
 }
 
 /// Returns permissions in the syntax of the server's configuration.
 fn permissions(rights: &Rights) -> String {
-    let list = |subjects: &[String]| subjects.iter().map(|it| format!("{it:?}")).collect::<Vec<_>>().join(", ");
+    let list =
+        |subjects: &[String]| subjects.iter().map(|subject| format!("{subject:?}")).collect::<Vec<_>>().join(", ");
     format!("{{ publish: [{}], subscribe: [{}] }}", list(&rights.publish), list(&rights.subscribe))
 }
 

@@ -39,13 +39,13 @@ pub struct Entry {
 impl OwnServer {
     /// Starts a server on a free port.
     ///
-    /// - `asked`: the path of `nats-server`; `None`: the installed one.
+    /// - `server_program`: the path of `nats-server`; `None`: the installed one.
     /// - `folder`: the folder for its data and secrets.
     ///
     /// # Errors
     /// There is no `nats-server`, no port is free, or the server does not start in the folder.
-    pub fn start(asked: Option<&Path>, folder: &Path) -> Result<Self, Error> {
-        let program = program(asked)?;
+    pub fn start(server_program: Option<&Path>, folder: &Path) -> Result<Self, Error> {
+        let program = program(server_program)?;
         let entry = Entry { folder: folder.to_owned(), address: free_address()? };
         let setup = Setup { folder: folder.to_owned(), listen: entry.address, store_bytes: None };
         let config = setup.write(&entry.members()?)?;
@@ -62,7 +62,7 @@ impl Entry {
     /// The secrets cannot be read, or the connection fails.
     pub fn link(&self, thread: &Arc<NatsThread>, member: &str) -> Result<NatsUplink<FarmCodec>, Error> {
         let linked = NatsUplink::connect_on(thread, &self.options(member)?, FarmCodec);
-        let remedy = "are there more agents than this machine may have files open? see ulimit -n".to_owned();
+        let remedy = "use fewer agents than this machine may open files (ulimit -n)".to_owned();
         linked.map_err(|source| Error::Farm { source, remedy })
     }
 

@@ -39,7 +39,7 @@ pub(crate) fn patiently_until<T>(
                     say(&if is_full {
                         format!("the farm's server has no room: waiting for it. {MAKE_ROOM}")
                     } else {
-                        "the farm does not do what it is asked: waiting for it".to_owned()
+                        "the farm does not carry out a request: waiting for it".to_owned()
                     });
                 }
                 tracing::debug!(%error, "trying again");
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_pass_is_waited_for_and_told_once() {
+    fn a_passing_failure_is_waited_for_and_reported_once() {
         let (tries, said) = (Cell::new(0), Cell::new(0));
         let done = patiently(
             &StopSwitch::new(),

@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_port_that_is_taken_is_told_with_the_option_that_chooses_another() {
+    fn the_error_of_a_port_in_use_names_the_option_that_chooses_another() {
         let taken = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = taken.local_addr().unwrap();
         for (port, option) in [(Port::Server, "--listen"), (Port::Platform, "--fipa"), (Port::Page, "--web")] {

@@ -28,8 +28,8 @@ const LIMIT: &str = "max_file_store: ";
 
 /// Returns the `nats-server` to run: the given one, the one beside this program (as in a Python environment, whose `bin`
 /// folder need not be on PATH), or the installed one.
-pub(crate) fn program(asked: Option<&Path>) -> Result<PathBuf, Error> {
-    if let Some(program) = asked {
+pub(crate) fn program(given: Option<&Path>) -> Result<PathBuf, Error> {
+    if let Some(program) = given {
         return Ok(program.to_owned());
     }
     let own = env::current_exe().ok();
@@ -64,7 +64,7 @@ impl Setup {
     pub(crate) fn write(&self, members: &Members) -> Result<PathBuf, Error> {
         private_folder(&self.folder)?;
         let (certificate, key) = members.certificate();
-        let [certificate_file, key_file] = ["cert.pem", "key.pem"].map(|it| self.folder.join(it));
+        let [certificate_file, key_file] = ["cert.pem", "key.pem"].map(|name| self.folder.join(name));
         let config = self.config();
         write_secret(&certificate_file, certificate.as_bytes())?;
         write_secret(&key_file, key.as_bytes())?;
@@ -139,7 +139,7 @@ impl Server {
         let child = command.spawn().map_err(|error| {
             Error::failed(
                 format!("cannot start `{}`: {error}", program.display()),
-                "is it a NATS server? name another: --server",
+                "check that it is a NATS server, or give another: --server",
             )
         })?;
         Ok(Self { program: program.to_owned(), process: Process::Child(child) })
@@ -215,7 +215,7 @@ impl Drop for Server {
             Process::Child(_) => self.end(),
             Process::Adopted(number) => {
                 if !processes::end(*number) {
-                    tracing::warn!("the NATS server, process {number}, was not ended");
+                    tracing::warn!("cannot end the NATS server, process {number}");
                 }
             }
         }

@@ -122,7 +122,7 @@ pub(crate) fn fitting_limit(used: u64, disk: DiskSpace) -> u64 {
 
 /// A warning for the user of `bottega up`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum RoomNews {
+pub(crate) enum RoomWarning {
     /// The store is full.
     Full(Room),
     /// The store has room again.
@@ -172,13 +172,13 @@ impl RoomWatch {
         limit: Option<u64>,
         disk: Option<DiskSpace>,
         log_says_so: bool,
-    ) -> (Option<RoomNews>, Cure) {
+    ) -> (Option<RoomWarning>, Cure) {
         let of_disk = |disk: DiskSpace| (disk.free, reserve(disk.total) / 2, END_OF_DISK.min(disk.total / END_SHARE));
         let (free, enough, end) = disk.map_or((u64::MAX, 0, 0), of_disk);
         if free < end || log_says_so {
             let is_new = !std::mem::replace(&mut self.has_met_end, true);
             if free < enough {
-                return (is_new.then_some(RoomNews::DiskFull { free }), Cure::Wait);
+                return (is_new.then_some(RoomWarning::DiskFull { free }), Cure::Wait);
             }
         }
         if self.has_met_end {
@@ -194,7 +194,7 @@ impl RoomWatch {
             ServerState::Stores { bytes } => {
                 self.nothing = 0;
                 let room = Room { used: *bytes, limit: limit.unwrap_or(u64::MAX) };
-                (self.room_news(room).or_else(|| self.disk_news(free, enough)), Cure::Nothing)
+                (self.room_warning(room).or_else(|| self.disk_warning(free, enough)), Cure::Nothing)
             }
         }
     }
@@ -204,20 +204,20 @@ impl RoomWatch {
         self.is_full
     }
 
-    fn room_news(&mut self, room: Room) -> Option<RoomNews> {
+    fn room_warning(&mut self, room: Room) -> Option<RoomWarning> {
         let share = room.used as f64 / room.limit.max(1) as f64;
         if share >= FULL_FROM && !std::mem::replace(&mut self.is_full, true) {
-            return Some(RoomNews::Full(room));
+            return Some(RoomWarning::Full(room));
         }
-        (share < ROOM_FROM && std::mem::replace(&mut self.is_full, false)).then_some(RoomNews::RoomAgain(room))
+        (share < ROOM_FROM && std::mem::replace(&mut self.is_full, false)).then_some(RoomWarning::RoomAgain(room))
     }
 
-    fn disk_news(&mut self, free: u64, enough: u64) -> Option<RoomNews> {
+    fn disk_warning(&mut self, free: u64, enough: u64) -> Option<RoomWarning> {
         if free >= enough {
             self.is_disk_low = false;
         }
         (free < enough / 2 && !std::mem::replace(&mut self.is_disk_low, true))
-            .then_some(RoomNews::DiskNearlyFull { free })
+            .then_some(RoomWarning::DiskNearlyFull { free })
     }
 }
 
@@ -266,8 +266,7 @@ pub fn bytes_said(bytes: u64) -> String {
 }
 
 /// The advice to a user when the store is full.
-pub const MAKE_ROOM: &str = "`bottega jobs list` shows how much each job holds: remove those that are over with \
-     `bottega jobs remove`, or call some off; or start `bottega up` with a larger --store-size";
+pub const MAKE_ROOM: &str = "`bottega jobs list` shows how much each job holds: remove finished jobs with `bottega jobs remove`, or cancel some; or start `bottega up` with a larger --store-size";
 
 #[cfg(test)]
 mod tests {
@@ -291,13 +290,13 @@ mod tests {
     }
 
     #[test]
-    fn a_full_store_is_told_once_and_again_when_it_was_not() {
+    fn a_full_store_is_reported_once_and_again_after_it_had_room() {
         let mut watch = RoomWatch::default();
         let mut look = |bytes| watch.look(&stores(bytes), Some(100), None, false).0;
         assert_eq!(look(50), None);
-        assert_eq!(look(98), Some(RoomNews::Full(Room { used: 98, limit: 100 })));
+        assert_eq!(look(98), Some(RoomWarning::Full(Room { used: 98, limit: 100 })));
         assert_eq!((look(99), look(93)), (None, None));
-        assert_eq!(look(20), Some(RoomNews::RoomAgain(Room { used: 20, limit: 100 })));
+        assert_eq!(look(20), Some(RoomWarning::RoomAgain(Room { used: 20, limit: 100 })));
         assert!(look(100).is_some());
     }
 
@@ -308,7 +307,7 @@ mod tests {
             let mut watch = RoomWatch::default();
             let mut look = |free, log| watch.look(&state, None, Some(DiskSpace { free, total: all }), log);
             assert_eq!(look(50 * GB, false).1, Cure::Nothing);
-            assert_eq!(look(0, false), (Some(RoomNews::DiskFull { free: 0 }), Cure::Wait));
+            assert_eq!(look(0, false), (Some(RoomWarning::DiskFull { free: 0 }), Cure::Wait));
             assert_eq!(look(GB, false), (None, Cure::Wait), "that is too little to begin with");
             assert_eq!(look(3 * GB, false), (None, Cure::StartAgain));
             assert_eq!(look(3 * GB, false).1, Cure::Nothing);
@@ -317,12 +316,12 @@ mod tests {
     }
 
     #[test]
-    fn a_server_that_stores_nothing_is_started_again_and_a_low_disk_is_told() {
+    fn a_server_that_stores_nothing_is_restarted_and_a_low_disk_is_reported() {
         let (mut watch, nothing) = (RoomWatch::default(), ServerState::StoresNothing { reason: "x".to_owned() });
         let disk = Some(DiskSpace { free: GB, total: 100 * GB });
         assert!((1..NOTHING_FROM).all(|_| watch.look(&nothing, None, disk, false) == (None, Cure::Nothing)));
         assert_eq!(watch.look(&nothing, None, disk, false), (None, Cure::StartAgain));
-        assert_eq!(watch.look(&stores(1), None, disk, false).0, Some(RoomNews::DiskNearlyFull { free: GB }));
+        assert_eq!(watch.look(&stores(1), None, disk, false).0, Some(RoomWarning::DiskNearlyFull { free: GB }));
         assert_eq!(watch.look(&stores(1), None, disk, false).0, None);
     }
 

@@ -19,7 +19,7 @@ use crate::{
     server::{
         patience::meanwhile,
         process::{Server, Setup},
-        room::{Cure, MAKE_ROOM, Pulse, RoomNews, RoomWatch, bytes_said},
+        room::{Cure, MAKE_ROOM, Pulse, RoomWarning, RoomWatch, bytes_said},
     },
 };
 
@@ -65,7 +65,7 @@ impl ServerSupervisor {
         if let Some(bytes) = limit
             && let Err(error) = board.tell_limit(bytes)
         {
-            tracing::warn!("the farm is not told how much its server keeps: {}", error.error_chain());
+            tracing::warn!("cannot publish the storage limit of the farm's server: {}", error.error_chain());
         }
         Self {
             server,
@@ -89,28 +89,28 @@ impl ServerSupervisor {
     pub(crate) fn room_said(&self) -> String {
         let folder = self.folder.display();
         match self.limit {
-            Some(limit) => format!("It keeps at most {} in {folder}.", bytes_said(limit)),
-            None => format!("It keeps what it is given in {folder}."),
+            Some(limit) => format!("It stores at most {} in {folder}.", bytes_said(limit)),
+            None => format!("It stores its data in {folder}."),
         }
     }
 
     /// Supervises the server until the user stops.
     pub(crate) fn keep_up(&mut self, stop: &StopSwitch) -> Result<(), Error> {
-        let (tell, told) = mpsc::channel();
+        let (state_sender, states) = mpsc::channel();
         let (board, mut stalls) = (self.board.clone(), StallWatch::new());
         let ask = move || {
             // The receiver is gone once the user stops.
-            _ = tell.send(board.uplink.server_state());
-            board.clear_seats();
+            _ = state_sender.send(board.uplink.server_state());
+            board.clear_presences();
             board.clear_pages();
             stalls.look(&board);
         };
         meanwhile(ASK_EVERY, ask, || {
             while !stop.is_requested() {
-                if let Some(wrong) = self.look(&told)? {
+                if let Some(wrong) = self.look(&states)? {
                     self.start_again(&wrong)?;
                     // Discard states of the previous server.
-                    told.try_iter().for_each(drop);
+                    states.try_iter().for_each(drop);
                 }
                 thread::sleep(LOOK_EVERY);
             }
@@ -119,7 +119,7 @@ impl ServerSupervisor {
     }
 
     /// Returns the reason for a restart, if one is needed.
-    fn look(&mut self, told: &mpsc::Receiver<ServerState>) -> Result<Option<String>, Error> {
+    fn look(&mut self, states: &mpsc::Receiver<ServerState>) -> Result<Option<String>, Error> {
         if let Some(status) = self.server.ended()? {
             let cure = self.see_to_room(&ServerState::Silent);
             return Ok((cure != Cure::Wait).then(|| format!("ended ({status})")));
@@ -131,7 +131,7 @@ impl ServerSupervisor {
         if self.server.is_adopted() && self.linked.elapsed() > LIVES_LONG {
             return Ok(Some("has gone".to_owned()));
         }
-        for state in told.try_iter() {
+        for state in states.try_iter() {
             match self.see_to_room(&state) {
                 Cure::Wait => {
                     self.pulse.forgive();
@@ -144,7 +144,7 @@ impl ServerSupervisor {
                 return Ok(Some("does not answer".to_owned()));
             }
             if self.counts_wrongly(&state) {
-                return Ok(Some("counts as kept what it has let go of, as those before 2.10 do".to_owned()));
+                return Ok(Some("counts deleted data as stored, as versions before 2.10 do".to_owned()));
             }
         }
         Ok(None)
@@ -162,9 +162,9 @@ impl ServerSupervisor {
 
     fn see_to_room(&mut self, state: &ServerState) -> Cure {
         let log_says_so = self.log_says_full();
-        let (news, cure) = self.room.look(state, self.limit, disk::space(&self.folder), log_says_so);
-        if let Some(news) = news {
-            self.say(&news);
+        let (warning, cure) = self.room.look(state, self.limit, disk::space(&self.folder), log_says_so);
+        if let Some(warning) = warning {
+            self.warn(&warning);
         }
         cure
     }
@@ -196,28 +196,27 @@ impl ServerSupervisor {
         Ok(())
     }
 
-    fn say(&self, news: &RoomNews) {
+    fn warn(&self, warning: &RoomWarning) {
         let folder = self.folder.display();
-        match news {
-            RoomNews::Full(room) => tracing::warn!(
+        match warning {
+            RoomWarning::Full(room) => tracing::warn!(
                 "the store is full, {} of at most {}: jobs wait until there is room. {MAKE_ROOM}",
                 bytes_said(room.used),
                 bytes_said(room.limit)
             ),
-            RoomNews::RoomAgain(room) => {
+            RoomWarning::RoomAgain(room) => {
                 tracing::warn!(
-                    "the store has room again, {} of at most {} are kept: jobs go on",
+                    "the store has room again, {} of at most {} are used: jobs continue",
                     bytes_said(room.used),
                     bytes_said(room.limit)
                 );
             }
-            RoomNews::DiskNearlyFull { free } => tracing::warn!(
+            RoomWarning::DiskNearlyFull { free } => tracing::warn!(
                 "the disk of {folder} has {} left: make room there, or the server will soon store nothing",
                 bytes_said(*free)
             ),
-            RoomNews::DiskFull { free } => tracing::warn!(
-                "the disk of {folder} is full ({} left), and the server may have stopped storing: make room there; it is \
-                 started again then, and jobs go on by themselves",
+            RoomWarning::DiskFull { free } => tracing::warn!(
+                "the disk of {folder} is full ({} left), and the server may have stopped storing: make room there; then the server is restarted and jobs continue",
                 bytes_said(*free)
             ),
         }

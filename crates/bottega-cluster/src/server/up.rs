@@ -113,11 +113,11 @@ impl LocalFarm {
     ///
     /// # Errors
     /// The folder cannot be used, or another process runs it with other options.
-    pub fn claim(asked: &UpOptions) -> Result<Self, Error> {
-        let folder = asked.state.clone().unwrap_or_else(|| state_folder().join("server"));
+    pub fn claim(options: &UpOptions) -> Result<Self, Error> {
+        let folder = options.state.clone().unwrap_or_else(|| state_folder().join("server"));
         match lock(&folder)? {
-            Some(alone) => Ok(Self::Free(FarmStart { options: asked.clone(), folder, alone })),
-            None => up_already(asked, folder),
+            Some(alone) => Ok(Self::Free(FarmStart { options: options.clone(), folder, alone })),
+            None => up_already(options, folder),
         }
     }
 }
@@ -128,15 +128,15 @@ impl FarmStart {
     /// # Errors
     /// There is no `nats-server`, or the folder or address cannot be used.
     pub fn begin(self) -> Result<Host, Error> {
-        let Self { options: asked, folder, alone } = self;
+        let Self { options: up, folder, alone } = self;
         // Find the program, the members and the storage limit
-        let program = program(asked.server.as_deref())?;
+        let program = program(up.server.as_deref())?;
         let members = Members::open(folder.join("members.json"))?;
-        let listen = asked.listen.unwrap_or(LISTEN);
+        let listen = up.listen.unwrap_or(LISTEN);
         let words = words(&members)?;
         let options = |listen| options(&members, listen, &words[0]);
         let mut setup = Setup { folder, listen, store_bytes: None };
-        setup.store_bytes = store_bytes(&asked, &setup, &options)?;
+        setup.store_bytes = store_bytes(&up, &setup, &options)?;
         // Start the server, or adopt the one left running
         let config = setup.write(&members)?;
         let (server, uplink) = begin(&program, &config, &setup, &options(listen), members.system_login())?;
@@ -149,7 +149,7 @@ impl FarmStart {
         let admission = Admission::new(members, setup, system);
         let groups = Group::ALL.map(Group::word);
         board.uplink.answer_newcomers(&groups, move |group, request| admission.answer(group, request));
-        let shown = (!asked.hidden && !listen.ip().is_loopback()).then(|| (words[0].pin, listen.port()));
+        let shown = (!up.hidden && !listen.ip().is_loopback()).then(|| (words[0].pin, listen.port()));
         let invitation = Invitation::new(listen, &words);
         let (announced, beacon) = (None, None);
         Ok(Host { invitation, web_secrets, supervisor, board, here, shown, announced, beacon, _alone: alone })
@@ -169,7 +169,7 @@ impl Host {
         self.announced = Some(text);
         self.beacon = self.shown.and_then(|(pin, port)| {
             let lit = Beacon::light(pin, port);
-            lit.inspect_err(|error| tracing::warn!(%error, "the local network is not told where the farm is")).ok()
+            lit.inspect_err(|error| tracing::warn!(%error, "cannot announce the farm on the local network")).ok()
         });
         Ok(())
     }
@@ -210,7 +210,7 @@ impl Drop for Host {
         if fs::read_to_string(address_file()).is_ok_and(|text| text == announced)
             && let Err(error) = fs::remove_file(address_file())
         {
-            tracing::debug!(%error, "the address was not removed");
+            tracing::debug!(%error, "cannot remove the file of the address");
         }
     }
 }
@@ -227,17 +227,17 @@ impl Invitation {
 fn lock(folder: &Path) -> Result<Option<fs::File>, Error> {
     private_folder(folder)?;
     let path = folder.join(LOCK);
-    let wrong = |source| Error::write(path.clone(), source);
-    let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(wrong)?;
+    let write_error = |source| Error::write(path.clone(), source);
+    let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(write_error)?;
     match file.try_lock() {
         Ok(()) => {
             // Store the process ID for others to show.
-            let told = file.set_len(0).and_then(|()| (&file).write_all(std::process::id().to_string().as_bytes()));
-            told.map_err(wrong)?;
+            let written = file.set_len(0).and_then(|()| (&file).write_all(std::process::id().to_string().as_bytes()));
+            written.map_err(write_error)?;
             Ok(Some(file))
         }
         Err(fs::TryLockError::WouldBlock) => Ok(None),
-        Err(fs::TryLockError::Error(error)) => Err(wrong(error)),
+        Err(fs::TryLockError::Error(error)) => Err(write_error(error)),
     }
 }
 
@@ -252,10 +252,10 @@ fn up_already(args: &UpOptions, folder: PathBuf) -> Result<LocalFarm, Error> {
     let members = Members::open(file)?;
     let setup = Setup { folder, listen: args.listen.unwrap_or(LISTEN), store_bytes: None };
     let listen = setup.configured().map_or(setup.listen, |configured| configured.listen);
-    if args.listen.is_some_and(|asked| asked != listen) {
+    if args.listen.is_some_and(|wanted| wanted != listen) {
         return Err(Error::failed(
-            format!("a farm is up already in {}, at {listen}: process {process}", setup.folder.display()),
-            "end that one first, or have another one in another folder: --state",
+            format!("a farm already runs in {}, at {listen}: process {process}", setup.folder.display()),
+            "end it first, or start another farm in another folder: --state",
         ));
     }
     let invitation = Box::new(Invitation::new(listen, &words(&members)?));
@@ -280,26 +280,27 @@ fn store_bytes(
     setup: &Setup,
     options: &dyn Fn(SocketAddr) -> NatsOptions,
 ) -> Result<Option<u64>, Error> {
-    let asked = args.store_bytes;
+    let requested = args.store_bytes;
     if let (Some(before), Some(number)) = (setup.configured(), setup.running())
         // Only our own server has this certificate.
         && let Ok(uplink) = NatsUplink::connect(&options(before.listen), FarmCodec)
     {
-        let is_as_asked = before.listen == setup.listen && asked.is_none_or(|asked| before.store_bytes == Some(asked));
-        if is_as_asked {
+        let is_as_requested =
+            before.listen == setup.listen && requested.is_none_or(|requested| before.store_bytes == Some(requested));
+        if is_as_requested {
             return Ok(before.store_bytes);
         }
-        tracing::warn!("the server that was left behind at {} is ended", before.listen);
+        tracing::warn!("ending the server that an earlier farm left running at {}", before.listen);
         end_of_other(number, &uplink);
     }
     let folder = setup.store();
     let (used, disk) = (bytes_below(&folder), disk::space(&setup.folder));
-    let limit = asked.or_else(|| disk.map(|disk| fitting_limit(used, disk)));
-    if let (Some(asked), Some(DiskSpace { free, .. })) = (asked, disk)
-        && asked > used + free
+    let limit = requested.or_else(|| disk.map(|disk| fitting_limit(used, disk)));
+    if let (Some(requested), Some(DiskSpace { free, .. })) = (requested, disk)
+        && requested > used + free
     {
         let free = bytes_said(used + free);
-        tracing::warn!("--store-size is more than there is room for: the disk of {} has {free}", folder.display());
+        tracing::warn!("--store-size is larger than the free space: the disk of {} has {free}", folder.display());
     }
     Ok(limit)
 }
@@ -310,7 +311,7 @@ pub(crate) fn pin(members: &Members) -> Result<Pin, Error> {
     let certificate = certificate.map_err(|error| {
         Error::failed(
             format!("the certificate of the farm is damaged: {error:?}"),
-            "remove members.json from its folder: everybody must join anew then",
+            "remove members.json from its folder; every machine must then join again",
         )
     })?;
     Ok(Pin::of(&certificate))
@@ -378,8 +379,13 @@ fn reachable_there(listen: SocketAddr) -> String {
         socket.connect("192.0.2.1:9").ok()?;
         socket.local_addr().ok().map(|address| address.ip())
     };
-    let any = || if_addrs::get_if_addrs().ok()?.into_iter().find(|it| it.ip().is_ipv4() && !it.is_loopback());
-    let host = || outwards().or_else(|| any().map(|it| it.ip()));
+    let any = || {
+        if_addrs::get_if_addrs()
+            .ok()?
+            .into_iter()
+            .find(|interface| interface.ip().is_ipv4() && !interface.is_loopback())
+    };
+    let host = || outwards().or_else(|| any().map(|interface| interface.ip()));
     match listen.ip() {
         ip if ip.is_unspecified() => SocketAddr::new(host().unwrap_or(ip), listen.port()).to_string(),
         _ => listen.to_string(),

@@ -24,7 +24,7 @@ const LOOK_FOR: Duration = Duration::from_millis(2500);
 /// Age from which stray data is deleted: by then it is not part of a transfer in progress.
 const STRAY_AFTER: Duration = Duration::from_secs(600);
 /// Time without a renewal after which a presence is deleted.
-const SEAT_LEFT: Duration = Duration::from_secs(15);
+const PRESENCE_EXPIRES_AFTER: Duration = Duration::from_secs(15);
 
 /// Prefix of the lists of pieces of uploads.
 pub(crate) const UPLOAD_PREFIX: &str = "upload/";
@@ -158,14 +158,14 @@ impl JobBoard {
     /// Announces that a process sends a scene. Failures are only logged.
     pub(crate) fn announce(&self, me: &str, what: &Announcement) {
         if let Err(error) = self.put_notice(&transfer_name(me), what) {
-            tracing::debug!(%error, "it is not told that a scene is sent");
+            tracing::debug!(%error, "cannot announce that a scene is being sent");
         }
     }
 
     /// Removes the announcement that a process sends a scene.
     pub(crate) fn stop_announcing(&self, me: &str) {
         if let Err(error) = self.uplink.notices().remove(&transfer_name(me)) {
-            tracing::debug!(%error, "it is not told that no scene is sent any more");
+            tracing::debug!(%error, "cannot remove the announcement of a sent scene");
         }
     }
 
@@ -173,9 +173,9 @@ impl JobBoard {
     /// deleted.
     fn others_send(&self, me: &str) -> bool {
         let look = || {
-            let all = self.uplink.notices().all("transfer/").into_iter();
-            let others = all.filter(|notice| notice.name != transfer_name(me));
-            others.map(|notice| (notice.name, notice.revision)).collect::<BTreeMap<_, _>>()
+            let announcements = self.uplink.notices().all("transfer/").into_iter();
+            let of_others = announcements.filter(|notice| notice.name != transfer_name(me));
+            of_others.map(|notice| (notice.name, notice.revision)).collect::<BTreeMap<_, _>>()
         };
         let before = look();
         if before.is_empty() {
@@ -187,7 +187,7 @@ impl JobBoard {
             if now.get(name) == Some(revision)
                 && let Err(error) = self.uplink.notices().remove(name)
             {
-                tracing::debug!(%error, "a notice was not taken down");
+                tracing::debug!(%error, "cannot remove a notice");
             }
         }
         now.iter().any(|(name, revision)| before.get(name) != Some(revision))
@@ -195,12 +195,12 @@ impl JobBoard {
 
     /// Returns the scenes that are being sent, with the sending processes.
     pub fn transfers(&self) -> Vec<(String, Announcement)> {
-        let all = self.uplink.notices().all("transfer/").into_iter();
-        let read = all.filter_map(|notice| {
+        let announcements = self.uplink.notices().all("transfer/").into_iter();
+        let transfers = announcements.filter_map(|notice| {
             let process = notice.name.strip_prefix("transfer/")?.to_owned();
             Some((process, serde_json::from_slice(&notice.text).ok()?))
         });
-        read.collect()
+        transfers.collect()
     }
 
     /// Returns the storage that each job uses, by number.
@@ -225,11 +225,11 @@ impl JobBoard {
     }
 
     /// Deletes the presences of killed machines.
-    pub(crate) fn clear_seats(&self) {
-        let seats = self.uplink.notices().all("seat/").into_iter();
-        for notice in seats.filter(|notice| notice.unchanged > SEAT_LEFT) {
+    pub(crate) fn clear_presences(&self) {
+        let presences = self.uplink.notices().all("presence/").into_iter();
+        for notice in presences.filter(|notice| notice.unchanged > PRESENCE_EXPIRES_AFTER) {
             if let Err(error) = self.uplink.notices().remove(&notice.name) {
-                tracing::debug!(%error, "a seat was not taken away");
+                tracing::debug!(%error, "cannot remove a presence");
             }
         }
     }

@@ -116,7 +116,7 @@ fn hexadecimal(bytes: &[u8]) -> String {
 fn random<const N: usize>() -> Result<[u8; N], Error> {
     let mut bytes = [0; N];
     getrandom::fill(&mut bytes).map_err(|error| {
-        Error::failed(format!("the system gives no random numbers: {error}"), "see that /dev/urandom is there")
+        Error::failed(format!("the system gives no random numbers: {error}"), "check that /dev/urandom exists")
     })?;
     Ok(bytes)
 }

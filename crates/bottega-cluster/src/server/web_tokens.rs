@@ -56,16 +56,16 @@ struct TokenNotice {
 impl JobBoard {
     /// Returns all tokens: the two derived ones, and then the named ones, by name.
     pub fn web_tokens(&self) -> Vec<WebToken> {
-        let own = TokenRole::ALL.map(|role| {
+        let derived = TokenRole::ALL.map(|role| {
             let revoked = self.token_notice(role.word());
-            let (made, by) = (revoked.as_ref().map(|it| it.made), revoked.map(|it| it.by));
+            let (made, by) = (revoked.as_ref().map(|token| token.made), revoked.map(|token| token.by));
             WebToken { name: role.word().to_owned(), role, made, by }
         });
         let made = self.made_tokens().into_iter().map(|(name, notice)| {
             let TokenNotice { role, made, by, .. } = notice;
             WebToken { name, role, made: Some(made), by: Some(by) }
         });
-        own.into_iter().chain(made).collect()
+        derived.into_iter().chain(made).collect()
     }
 
     /// Returns the current derived token of a role.
@@ -78,9 +78,9 @@ impl JobBoard {
         // Compare hashes, in constant time, so that timing reveals nothing.
         let shown = blake3::hash(token.as_bytes());
         let holder = |name: &str, role| TokenHolder { name: name.to_owned(), role };
-        let own = TokenRole::ALL.into_iter().rev();
-        let mut own = own.filter(|role| blake3::hash(self.own_token(secrets, *role).as_bytes()) == shown);
-        own.next().map(|role| holder(role.word(), role)).or_else(|| {
+        let derived = TokenRole::ALL.into_iter().rev();
+        let mut derived = derived.filter(|role| blake3::hash(self.own_token(secrets, *role).as_bytes()) == shown);
+        derived.next().map(|role| holder(role.word(), role)).or_else(|| {
             let is_shown = |notice: &TokenNotice| {
                 notice.digest.as_ref().and_then(|digest| blake3::Hash::from_hex(digest).ok()) == Some(shown)
             };
@@ -100,7 +100,7 @@ impl JobBoard {
         if !is_tag(name) {
             return Err(Error::usage(
                 format!("`{}` cannot be the name of a token", name.escape_debug()),
-                format!("a name is of {TAG_FORM}"),
+                format!("a name consists of {TAG_FORM}"),
             ));
         }
         let is_own = TokenRole::ALL.iter().any(|role| role.word() == name);
@@ -111,7 +111,7 @@ impl JobBoard {
             ));
         }
         if self.made_tokens().len() >= TOKENS_MAX {
-            return Err(Error::failed(format!("there are {TOKENS_MAX} tokens"), "revoke those that nobody needs"));
+            return Err(Error::failed(format!("there are {TOKENS_MAX} tokens"), "revoke those that are not needed"));
         }
         let token = fresh_token()?;
         let digest = Some(blake3::hash(token.as_bytes()).to_hex().to_string());
@@ -137,7 +137,7 @@ impl JobBoard {
         } else if before.is_some() {
             self.uplink.notices().remove(&notice_name(name)).map_err(Error::Blob)?;
         } else {
-            let remedy = "`bottega tokens list` shows those that there are";
+            let remedy = "`bottega tokens list` lists the tokens";
             return Err(Error::failed(format!("there is no token `{}`", name.escape_debug()), remedy));
         }
         tracing::info!(name, by, "a token was revoked");

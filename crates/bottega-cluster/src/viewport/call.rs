@@ -33,7 +33,7 @@ pub(crate) struct ViewportCall {
     pub(crate) host: String,
     /// The identity of the owner's build: samples of other builds are of other pictures.
     pub(crate) version: String,
-    /// What is to be rendered; `None`: nothing at the moment.
+    /// The view to render; `None`: nothing at the moment.
     pub(crate) look: Option<CalledLook>,
     /// True if the look has ended and another one will be called soon.
     pub(crate) is_moving: bool,

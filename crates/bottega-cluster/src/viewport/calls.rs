@@ -52,12 +52,14 @@ impl HeardCalls {
     fn hear(&self, bytes: &[u8]) {
         let call: ViewportCall = match serde_json::from_slice(bytes) {
             Ok(call) => call,
-            Err(error) => return tracing::debug!(%error, "a call of a viewport that cannot be read"),
+            Err(error) => return tracing::debug!(%error, "cannot read a call of a viewport"),
         };
         let mut state = self.state();
         let look = call.look.as_ref().map(|look| look.number).filter(|_| !call.is_over);
         // End at once what is no longer looked at.
-        if let Some(rendered) = state.rendered.take_if(|it| it.viewport == call.viewport && Some(it.look) != look) {
+        if let Some(rendered) =
+            state.rendered.take_if(|frame| frame.viewport == call.viewport && Some(frame.look) != look)
+        {
             rendered.end.end();
             tracing::debug!(look = rendered.look, "a step of the look before was dropped");
         }

@@ -219,7 +219,7 @@ impl<'a> ZonePainter<'a> {
                 output.tile
             }
             Ok(RenderOutput::Refused(error)) => return Err(self.failure(&error)),
-            Ok(_) => unreachable!("a block was asked for"),
+            Ok(_) => unreachable!("a block was requested"),
             Err(UnitError::Expired) => return self.give_up(ticket),
             Err(error) => return Err(self.failure(&error)),
         };

@@ -195,7 +195,7 @@ impl GuardedChild {
                 Ok(Some(_)) if Instant::now() < until && !self.log.is_whole.load(Ordering::Acquire) => {
                     thread::sleep(Duration::from_millis(5));
                 }
-                Ok(Some(status)) => return Some(processes::told(status)),
+                Ok(Some(status)) => return Some(processes::describe_exit(status)),
                 Ok(None) if Instant::now() < until => thread::sleep(Duration::from_millis(5)),
                 _ => return None,
             }

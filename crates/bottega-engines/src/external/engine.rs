@@ -208,17 +208,17 @@ impl RenderEngine for ExternalEngine {
     }
 
     fn survey(&self, width: u32, height: u32) -> Result<Survey, EngineError> {
-        let seen = self.shared.options.surveyor.as_ref().and_then(|look| look(width, height));
+        let survey_of_builtin = self.shared.options.surveyor.as_ref().and_then(|look| look(width, height));
         let options = &self.shared.options;
         // Measure while the session has the picture open, not the survey.
-        let pace = options.bounds_zones.then(|| self.pace(seen.is_none())).flatten();
-        let (mut survey, pace) = match seen {
+        let pace = options.bounds_zones.then(|| self.pace(survey_of_builtin.is_none())).flatten();
+        let (mut survey, pace) = match survey_of_builtin {
             Some(survey) => (survey, pace),
             None => {
                 let (sender, answer) = mpsc::channel();
                 self.shared.submit(Work::Survey(width, height, pace, sender));
                 let outcome = answer.recv().unwrap_or(Err(EngineFault::Cancelled));
-                outcome.map_err(|fault| EngineError::Survey { engine: self.shared.name(), reason: fault.told() })?
+                outcome.map_err(|fault| EngineError::Survey { engine: self.shared.name(), reason: fault.report() })?
             }
         };
         let windows = if self.is_profiled() { WINDOWS_OF_ZONE } else { 1.0 };
@@ -298,17 +298,17 @@ impl EngineState {
             Ok(()) => *self.health() = Health::default(),
             Err(EngineFault::Cancelled | EngineFault::Quarantined { .. }) => {}
             Err(fault) => {
-                let told = fault.told();
+                let report = fault.report();
                 if let Some(watcher) = self.fault_watcher.get() {
-                    watcher(&told);
+                    watcher(&report);
                 }
                 let mut health = self.health();
                 health.failures += 1;
-                health.last.clone_from(&told);
+                health.last.clone_from(&report);
                 // A refusal is due to the scene; other failures are due to the engine.
                 let is_its_own = !matches!(fault, EngineFault::Refused { .. });
                 if health.failures >= FAILURES_MAX && is_its_own {
-                    quarantine::put(&self.located, health.failures, &told);
+                    quarantine::put(&self.located, health.failures, &report);
                 }
             }
         }
@@ -378,7 +378,7 @@ impl EngineProcess {
                     let (rect, engine) = (task.rect, self.shared.name());
                     let painted = self.zone(task);
                     self.settle(painted.as_ref().map(drop));
-                    done(painted.map_err(|fault| EngineError::Zone { engine, rect, reason: fault.told() }));
+                    done(painted.map_err(|fault| EngineError::Zone { engine, rect, reason: fault.report() }));
                 }
             }
         }
@@ -468,13 +468,13 @@ impl EngineProcess {
         let begun = Instant::now();
         // Render the window
         let request = self.window_request(task.rect, first, count, &task.tunables, task.cancel.clone());
-        let mut told = 0;
+        let mut reported = 0;
         let mut tell = |share: f64| {
             let done = (area as f64 * f64::from(count) * share.clamp(0.0, 1.0)) as u64;
-            let more = done.saturating_sub(told);
-            told += more;
-            task.progress.add(more);
-            shared.samples_done.fetch_add(more, Ordering::Relaxed);
+            let new_samples = done.saturating_sub(reported);
+            reported += new_samples;
+            task.progress.add(new_samples);
+            shared.samples_done.fetch_add(new_samples, Ordering::Relaxed);
         };
         let written = match self.session()?.paint(&request, &mut tell) {
             Err(EngineFault::Cancelled) => {
@@ -502,8 +502,8 @@ impl EngineProcess {
             watcher(&tile);
         }
         // A command line is started for each window: each costs as much as the first.
-        let starts_anew = shared.located.manifest().kind == EngineKind::Command;
-        let is_warm = std::mem::replace(&mut self.is_warm, true) || starts_anew;
+        let starts_again = shared.located.manifest().kind == EngineKind::Command;
+        let is_warm = std::mem::replace(&mut self.is_warm, true) || starts_again;
         Ok(Painted { tile, busy: self.busy(begun), is_warm, parts: Vec::new(), complete: true })
     }
 
@@ -523,9 +523,9 @@ impl EngineProcess {
         let options = &self.shared.options;
         let manifest = self.shared.located.manifest();
         let ranges = &manifest.tunables;
-        let asked = |value: u32, of_scene: Option<u32>| (of_scene != Some(value)).then_some(value);
+        let unless_of_scene = |value: u32, of_scene: Option<u32>| (of_scene != Some(value)).then_some(value);
         // Our depth 0 is emitted light; the protocol's is direct light.
-        let bounces = asked(tunables.max_depth, options.scene_depth).map(|depth| depth.saturating_sub(1));
+        let bounces = unless_of_scene(tunables.max_depth, options.scene_depth).map(|depth| depth.saturating_sub(1));
         let fit = |range: Option<super::manifest::Range>, value: Option<u32>| Some(range?.fit(value?));
         // Whole seconds: a window without time left still renders something.
         let seconds = self.shared.seconds_left().map(|left| left.ceil() as u32);
@@ -540,7 +540,10 @@ impl EngineProcess {
             first_sample,
             seed: (seed & SEED_MASK) as u32,
             max_depth: fit(ranges.max_depth, bounces),
-            light_samples: fit(ranges.light_samples, asked(tunables.light_samples, options.scene_light_samples)),
+            light_samples: fit(
+                ranges.light_samples,
+                unless_of_scene(tunables.light_samples, options.scene_light_samples),
+            ),
             seconds: fit(ranges.time, seconds.or(ranges.time.and_then(|range| range.default))),
             cancel,
         }

@@ -18,7 +18,7 @@ pub enum EngineFault {
         install: String,
     },
     /// The installed version is not supported.
-    #[error("{title} is here as version {found}, and {wanted} is needed; {install}")]
+    #[error("{title} is installed in version {found}, but {wanted} is needed; {install}")]
     Version {
         /// The display name of the engine.
         title: String,
@@ -30,7 +30,7 @@ pub enum EngineFault {
         install: String,
     },
     /// A script of its manifest is missing.
-    #[error("a file of its manifest cannot be put in place: `{}`", .path.display())]
+    #[error("cannot install a file of its manifest: `{}`", .path.display())]
     Files {
         /// The path of the file.
         path: PathBuf,
@@ -95,7 +95,7 @@ pub enum EngineFault {
         most: usize,
     },
     /// The engine's worker violates the protocol.
-    #[error("its worker does not keep to the protocol: {problem}")]
+    #[error("its worker violates the protocol: {problem}")]
     Protocol {
         /// A description of the violation.
         problem: String,
@@ -120,7 +120,7 @@ pub enum EngineFault {
         window: Rect,
     },
     /// The engine's picture holds non-finite values.
-    #[error("{count} values of its picture are no finite numbers")]
+    #[error("{count} values of its picture are not finite numbers")]
     NotFinite {
         /// The number of non-finite values.
         count: usize,
@@ -132,19 +132,19 @@ pub enum EngineFault {
         channel: String,
     },
     /// The layers that it announced are invalid.
-    #[error("the layers that it announces cannot be kept")]
+    #[error("cannot store the layers that it announces")]
     Layers(#[source] bottega_image::LayersError),
     /// The engine's picture is all black, unexpectedly.
-    #[error("its picture of the window {window} is all black, and the whole picture is not there")]
+    #[error("its picture of the window {window} is all black, but the whole picture is not")]
     Black {
         /// The window that was requested.
         window: Rect,
     },
     /// The task was cancelled.
-    #[error("nobody wants it any more")]
+    #[error("it is not needed any more")]
     Cancelled,
     /// The engine is quarantined: it failed too often on this machine.
-    #[error("it is not used here any more: it failed {failures} times in a row, the last time so: {last}{}", remedy(.name))]
+    #[error("it is in quarantine: it failed {failures} times in a row, the last time: {last}{}", remedy(.name))]
     Quarantined {
         /// The number of failures in a row.
         failures: u32,
@@ -171,7 +171,7 @@ impl EngineFault {
     }
 
     /// Returns the error and its chain of causes in one line.
-    pub fn told(&self) -> String {
+    pub fn report(&self) -> String {
         use std::error::Error;
         let mut text = self.to_string();
         let mut source = self.source();
@@ -185,7 +185,7 @@ impl EngineFault {
 
 fn remedy(name: &Option<String>) -> String {
     name.as_ref().map_or_else(String::new, |name| {
-        format!("; install another version of it, or let it in again by `bottega engines release {name}`")
+        format!("; install another version of it, or release it by `bottega engines release {name}`")
     })
 }
 

@@ -129,14 +129,14 @@ pub(super) fn module_hint(engine: &LocatedEngine, said: &str) -> Option<String> 
 fn ask(way: &SearchStep, program: &Path, scratch: &Path) -> Result<Version, String> {
     let values: Values = [("program", program.display().to_string())].into();
     let line = Argument::fill_all(&way.check, &values);
-    let heard = run(&line, scratch, way, &[], CHECK_TIME);
-    let (said, ended_well) = heard.map_err(|fault| fault.told())?;
+    let outcome = run(&line, scratch, way, &[], CHECK_TIME);
+    let (said, ended_well) = outcome.map_err(|fault| fault.report())?;
     if !ended_well {
-        let reason = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it failed without a word");
+        let reason = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it failed without a message");
         return Err(reason.trim().to_owned());
     }
     let version = way.version.find(&said).and_then(Version::parse);
-    version.ok_or_else(|| format!("it tells no version: {:?}", said.lines().next().unwrap_or_default()))
+    version.ok_or_else(|| format!("its output contains no version: {:?}", said.lines().next().unwrap_or_default()))
 }
 
 /// Runs a program to its end. Returns its output, and `true` if it succeeded.

@@ -388,7 +388,7 @@ impl Manifest {
             return Err(("name", format!("the file must be called `{}.toml`", self.name)));
         }
         if self.find.is_empty() {
-            return Err(("find", "there must be a [[find]]: how else is the engine found?".to_owned()));
+            return Err(("find", "a table [[find]] is needed, which says how the engine is found".to_owned()));
         }
         if self.find.iter().any(|way| way.check.is_empty()) {
             return Err(("check", "it must be a program and its arguments".to_owned()));
@@ -427,7 +427,7 @@ impl Manifest {
             (EngineKind::Worker, None) => Ok(()),
             (EngineKind::Command, None) => Err(("kind", "`command` needs the table [command]".to_owned())),
             (EngineKind::Command, Some(_)) if self.scene.refers == Refers::Worker => {
-                Err(("refers", "there is no worker to ask: `scan` or `none`".to_owned()))
+                Err(("refers", "there is no worker that lists files: use `scan` or `none`".to_owned()))
             }
             (EngineKind::Command, Some(command)) => command.check(),
         }
@@ -455,7 +455,7 @@ impl Invocation {
             return Err(("run", "it must be a program and its arguments".to_owned()));
         }
         if !self.run.iter().any(|argument| argument.uses("output") || argument.uses("scratch")) {
-            return Err(("run", "nothing tells the engine where to write: {output} is missing".to_owned()));
+            return Err(("run", "the engine does not know where to write: {output} is missing".to_owned()));
         }
         Ok(())
     }

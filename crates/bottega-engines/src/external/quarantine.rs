@@ -42,7 +42,7 @@ pub fn keep_quarantines_in(folder: PathBuf) {
 }
 
 /// Returns the quarantines that could not be stored, by the name of the engine; they last as long as this process.
-fn unkept() -> MutexGuard<'static, BTreeMap<String, Quarantine>> {
+fn unstored() -> MutexGuard<'static, BTreeMap<String, Quarantine>> {
     static UNKEPT: Mutex<BTreeMap<String, Quarantine>> = Mutex::new(BTreeMap::new());
     UNKEPT.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -60,11 +60,11 @@ pub(super) fn put(engine: &LocatedEngine, failures: u32, last: &str) {
     let found = Quarantine { identity: engine.identity(), failures, reason, since };
     let kept = FOLDER.get().is_some_and(|folder| {
         write(&file_of(folder, name), &found)
-            .inspect_err(|error| tracing::warn!(%error, name, "that the engine fails here is soon forgotten"))
+            .inspect_err(|error| tracing::warn!(%error, name, "cannot store the failures of the engine"))
             .is_ok()
     });
     if !kept {
-        unkept().insert(name.clone(), found);
+        unstored().insert(name.clone(), found);
     }
 }
 
@@ -80,11 +80,11 @@ pub fn quarantine(engine: &LocatedEngine) -> Option<Quarantine> {
     let kept = FOLDER.get().and_then(|folder| {
         let path = file_of(folder, name);
         read(&path).unwrap_or_else(|problem| {
-            tracing::warn!("{} is left aside, and the engine is used: {problem}", path.display());
+            tracing::warn!("{} is ignored, and the engine is used: {problem}", path.display());
             None
         })
     });
-    kept.or_else(|| unkept().get(name).cloned()).filter(|found| found.identity == engine.identity())
+    kept.or_else(|| unstored().get(name).cloned()).filter(|found| found.identity == engine.identity())
 }
 
 /// Reads an untrusted file: limits its size, checks its form, and removes control characters.
@@ -92,7 +92,7 @@ fn read(path: &Path) -> Result<Option<Quarantine>, String> {
     match fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(error.to_string()),
-        Ok(found) if !found.is_file() => return Err("it is no plain file".to_owned()),
+        Ok(found) if !found.is_file() => return Err("it is not a regular file".to_owned()),
         Ok(found) if found.len() > BYTES_MAX => return Err("it is too large".to_owned()),
         Ok(_) => {}
     }
@@ -122,11 +122,11 @@ pub(super) fn check(engine: &LocatedEngine) -> Result<(), EngineFault> {
 /// # Errors
 /// The quarantine file cannot be removed.
 pub fn release(name: &str) -> io::Result<bool> {
-    let was_unkept = unkept().remove(name).is_some();
+    let was_unstored = unstored().remove(name).is_some();
     let removed = FOLDER.get().map_or(Ok(()), |folder| fs::remove_file(file_of(folder, name)));
     match removed {
-        Ok(()) => Ok(FOLDER.get().is_some() || was_unkept),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(was_unkept),
+        Ok(()) => Ok(FOLDER.get().is_some() || was_unstored),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(was_unstored),
         Err(error) => Err(error),
     }
 }

@@ -80,11 +80,15 @@ impl Session {
 
     /// Renders a window.
     ///
-    /// - `told`: receives the rendered fraction in 0..=1, as often as the engine reports it.
-    pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
+    /// - `on_progress`: receives the rendered fraction in 0..=1, as often as the engine reports it.
+    pub(super) fn paint(
+        &mut self,
+        request: &WindowRequest,
+        on_progress: &mut dyn FnMut(f64),
+    ) -> Result<Written, EngineFault> {
         match &mut self.driver {
-            Driver::Worker(worker) => worker.paint(request, told),
-            Driver::Command(line) => line.paint(request, told),
+            Driver::Worker(worker) => worker.paint(request, on_progress),
+            Driver::Command(line) => line.paint(request, on_progress),
         }
     }
 }

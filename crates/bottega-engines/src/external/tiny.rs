@@ -47,7 +47,7 @@ pub(super) fn survey(
     samples: u64,
 ) -> Result<(Survey, Option<WindowCost>), EngineFault> {
     let frame = whole.window;
-    let told = session.opened().window_seconds();
+    let reported = session.opened().window_seconds();
     // Render the small picture
     let begun = Instant::now();
     let written = session.paint(whole, &mut |_| {})?;
@@ -55,7 +55,8 @@ pub(super) fn survey(
     let picture = picture::read(&written, frame)?.picture;
     // Determine the cost of windows and samples
     let seen = frame.area() * u64::from(whole.samples);
-    let pace = pace.or(told.map(|window| WindowCost { window, sample: (took - window).max(LEAST_TIME) / seen as f64 }));
+    let pace =
+        pace.or(reported.map(|window| WindowCost { window, sample: (took - window).max(LEAST_TIME) / seen as f64 }));
     let time = pace.map_or(PROBE_TIME, |pace| pace.probe_time(samples));
     // If windows are that expensive, timing them takes too long and reveals nothing.
     let probes_fit = pace.is_none_or(|pace| pace.window * f64::from(PROBES * PROBES) < time.as_secs_f64());
@@ -128,7 +129,7 @@ pub(super) struct WindowCost {
 impl WindowCost {
     /// Measures windows of the frame that the session has open.
     pub(super) fn measure(session: &mut Session, whole: &WindowRequest) -> Result<Self, EngineFault> {
-        let (frame, told) = (whole.window, session.opened().window_seconds());
+        let (frame, reported) = (whole.window, session.opened().window_seconds());
         let dot = Rect::new(frame.x1 / 2, frame.y1 / 2, frame.x1 / 2 + 1, frame.y1 / 2 + 1);
         let mut timed = |window: Rect, samples: u32| {
             let begun = Instant::now();
@@ -136,7 +137,7 @@ impl WindowCost {
             let written = session.paint(&request, &mut |_| {})?;
             picture::read(&written, window).map(|_| begun.elapsed().as_secs_f64())
         };
-        let window = match told {
+        let window = match reported {
             Some(window) => window,
             None => {
                 // The first window may include compilation, and other programs only add time: use the minimum.

@@ -77,7 +77,7 @@ struct Classes {
     /// `true`: `all` is kept up to date.
     is_kept: bool,
     /// `true`: used since the last [`Field::rest`].
-    was_asked_for: bool,
+    was_used: bool,
 }
 
 /// Agents of nearly the same speed.
@@ -160,7 +160,7 @@ impl Field {
     /// Frees the index by speed if nothing has used it since the last call.
     pub fn rest(&mut self) {
         let classes = self.classes.get_mut();
-        if !std::mem::take(&mut classes.was_asked_for) && std::mem::take(&mut classes.is_kept) {
+        if !std::mem::take(&mut classes.was_used) && std::mem::take(&mut classes.is_kept) {
             classes.all.clear();
         }
     }
@@ -260,7 +260,7 @@ impl Field {
     fn look(&self, now: f64, time: f64, mut limit: f64, mut see: impl FnMut(f64, MemberId) -> f64) {
         let moment = now.max(0.0).to_bits();
         let mut classes = self.classes.borrow_mut();
-        classes.was_asked_for = true;
+        classes.was_used = true;
         // Build the index by speed at the first use
         if !std::mem::replace(&mut classes.is_kept, true) {
             self.members.iter().zip(&self.paces).for_each(|(&member, pace)| classes.insert(member, pace));

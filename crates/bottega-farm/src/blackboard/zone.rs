@@ -257,7 +257,7 @@ impl ZoneRow {
     /// Returns the row with other settings than those of the agent that profiled it. The first samples are discarded,
     /// and T_est scales with the number of samples.
     #[must_use]
-    pub fn decided_anew(&self, choice: Choice) -> Self {
+    pub fn with_choice(&self, choice: Choice) -> Self {
         let before = self.choice.map_or(0, |before| self.goal_samples(&before)).saturating_sub(self.samples_done());
         let ratio = f64::from(choice.samples) / f64::from(before.max(1));
         let time_estimated = self.time_estimated.map(|time| scaled(time, ratio));

@@ -129,7 +129,7 @@ impl Composer {
 
     /// Adds a zone to the film and drops its tile.
     pub(super) fn compose(&mut self, zone: ZoneId, result: &ResultRef, mask: &Mask) -> Result<(), String> {
-        let (id, tile) = self.tiles.remove(&zone).ok_or("its tile is not here")?;
+        let (id, tile) = self.tiles.remove(&zone).ok_or("its pixels are not here")?;
         if id != result.digest {
             return Err("its tile is another one".to_owned());
         }
@@ -137,7 +137,7 @@ impl Composer {
             return Err("its tile holds other values than the film".to_owned());
         }
         if !tile.sums().iter().all(|sum| sum.is_finite()) {
-            return Err("its tile holds values that are no numbers".to_owned());
+            return Err("its tile holds values that are not numbers".to_owned());
         }
         self.film.add_tile(&tile, |x, y| mask.weight(x, y));
         Ok(())

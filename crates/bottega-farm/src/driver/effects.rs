@@ -86,7 +86,7 @@ impl Shared {
     /// Returns the tile of a result, from here or from another machine.
     fn tile_of(&self, zone: ZoneId, result: &ResultRef) -> Result<Tile, String> {
         let here = self.composer().tile(zone, result);
-        let link = self.link.as_ref().ok_or("its tile is not here");
+        let link = self.link.as_ref().ok_or("its pixels are not here");
         here.map_or_else(|| link?.get(result, &self.stop), Ok)
     }
 

@@ -22,7 +22,7 @@ const PACKED: u8 = 1;
 /// The size of a number in a tile, in bytes.
 const LANES: usize = 4;
 /// The numbers of attempts after which the user is warned of a server that is connected and refuses.
-const TOLD_AFTER: [u32; 3] = [20, 240, 2400];
+const WARN_AFTER: [u32; 3] = [20, 240, 2400];
 const BETWEEN_TRIES: Duration = Duration::from_millis(250);
 
 /// The connection of this process to the others that render a work.
@@ -87,7 +87,7 @@ impl Link {
     pub fn get(&self, result: &ResultRef, stop: &StopSwitch) -> Result<Tile, String> {
         let name = self.blob(result.digest);
         let packed = self.patiently(stop, || self.transport.get_tile(&name, TILE_BYTES_MAX))?;
-        let packed = packed.ok_or("its tile is nowhere")?;
+        let packed = packed.ok_or("its pixels are missing")?;
         let bytes = unpack(&packed).map_err(|error| format!("its tile cannot be unpacked: {error}"))?;
         let tile = wire::read_tile(&bytes).map_err(|error| error.to_string())?;
         if digest(&tile) == result.digest { Ok(tile) } else { Err("its tile is another one".to_owned()) }
@@ -101,11 +101,11 @@ impl Link {
             match attempt() {
                 Ok(done) => return Ok(done),
                 Err(error) if error.is_lasting || stop.is_requested() => return Err(error.to_string()),
-                Err(error) if TOLD_AFTER.contains(&tries) && self.transport.is_connected() => {
-                    let remedy = if error.is_full { "; see which jobs hold how much: bottega jobs list" } else { "" };
+                Err(error) if WARN_AFTER.contains(&tries) && self.transport.is_connected() => {
+                    let remedy = if error.is_full { "; see how much each job holds: bottega jobs list" } else { "" };
                     tracing::warn!(
                         %error,
-                        "the farm's server does not do what it is asked, as with a full disk; waiting for it{remedy}"
+                        "the farm's server does not store data, its disk may be full; waiting for it{remedy}"
                     );
                 }
                 Err(error) => tracing::debug!(%error, "trying again"),

@@ -57,7 +57,7 @@ pub trait Observer: Send + Sync {
     /// whenever one starts or ends.
     fn under_way(&self, _count: usize) {}
     /// The job's progress could not be stored: it continues, but cannot be resumed.
-    fn not_kept(&self, _error: &std::io::Error) {}
+    fn store_failed(&self, _error: &std::io::Error) {}
 }
 
 /// An observer that ignores everything.

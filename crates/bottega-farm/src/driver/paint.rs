@@ -164,7 +164,7 @@ impl ZonePainting {
         }
         let PaintOrder { rect, tunables, preference, .. } = self.order;
         let (cancel, progress) = (self.cancel.clone(), self.progress.clone());
-        let task = ZoneTask { rect, samples: start..end, tunables, leaning: preference, tile, parts, cancel, progress };
+        let task = ZoneTask { rect, samples: start..end, tunables, preference, tile, parts, cancel, progress };
         shared.engine.start(task, Box::new(move |painted| self.painted(end, painted)));
     }
 

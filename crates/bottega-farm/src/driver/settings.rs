@@ -176,10 +176,10 @@ pub enum JobError {
         value: usize,
     },
     /// The stored progress is of another job.
-    #[error("what was kept is of other settings than these")]
+    #[error("the stored progress has other settings")]
     OtherWork,
     /// The goal is not a positive finite number.
-    #[error("the error or time asked for must be greater than 0")]
+    #[error("the requested error or time must be greater than 0")]
     Goal,
     /// The scene could not be analyzed, or an internal step failed.
     #[error("the job was given up: {reason}")]
@@ -188,13 +188,13 @@ pub enum JobError {
         reason: String,
     },
     /// Results cannot be compared.
-    #[error("what agents paint cannot be compared: {reason}")]
+    #[error("cannot compare the results of agents: {reason}")]
     Verify {
         /// The reason why they cannot, for display.
         reason: &'static str,
     },
     /// The Master has excluded all agents of this process.
-    #[error("its agents are left out of the job: {reason}")]
+    #[error("its agents are excluded from the job: {reason}")]
     LeftOut {
         /// The Master's reason, for display.
         reason: String,

@@ -33,8 +33,8 @@ impl Shared {
     /// Reports that progress could not be stored.
     pub(super) fn tell_kept(&self, kept: std::io::Result<()>) {
         if let Err(error) = kept {
-            tracing::warn!(%error, "the work could not be kept");
-            self.observer.not_kept(&error);
+            tracing::warn!(%error, "cannot store the work");
+            self.observer.store_failed(&error);
         }
     }
 }

@@ -178,17 +178,17 @@ mod tests {
     }
 
     #[test]
-    fn a_bright_spot_among_dim_ones_stands_out() {
-        let spots = lattice(|odd, dx, dy| disk(dx, dy).then_some(if odd { [0.9; 3] } else { [0.45; 3] }));
-        assert!(stands_out(&spots) > 1.5, "{}", stands_out(&spots));
+    fn a_bright_disk_among_dim_ones_stands_out() {
+        let picture = lattice(|odd, dx, dy| disk(dx, dy).then_some(if odd { [0.9; 3] } else { [0.45; 3] }));
+        assert!(stands_out(&picture) > 1.5, "{}", stands_out(&picture));
     }
 
     #[test]
-    fn a_red_spot_among_green_ones_of_equal_brightness_stands_out() {
+    fn a_red_disk_among_green_ones_of_equal_brightness_stands_out() {
         // Large enough that each is the surround of the others: on grey both hues are as far from it.
         let color = |odd: bool| if odd { [0.6, 0.1, 0.1] } else { [0.1, 0.6, 0.1] };
-        let spots = lattice(|odd, dx, dy| (dx * dx + dy * dy < 180).then_some(color(odd)));
-        assert!(stands_out(&spots) > 1.2, "{}", stands_out(&spots));
+        let picture = lattice(|odd, dx, dy| (dx * dx + dy * dy < 180).then_some(color(odd)));
+        assert!(stands_out(&picture) > 1.2, "{}", stands_out(&picture));
     }
 
     #[test]

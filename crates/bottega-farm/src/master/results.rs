@@ -100,17 +100,17 @@ pub(super) fn accepted(
     if !is_chosen && !assignments.decides(row) {
         return Err("the settings are not what was chosen for the zone");
     }
-    let row = &if is_chosen { row.clone() } else { row.decided_anew(choice) };
+    let row = &if is_chosen { row.clone() } else { row.with_choice(choice) };
     // Check the numbers of samples, the times and the error
     let complete = result.samples == row.goal_samples(&choice);
     if result.samples > choice.samples || row.state == ZoneState::Awarded && !complete || result.samples == 0 {
         return Err("the number of samples is wrong");
     }
     if time_measured.max(time_left).max(busy) > TIME_MAX {
-        return Err("no zone takes so long");
+        return Err("the time is implausible");
     }
     if error.is_some_and(|error| error.is_nan() || error < 0.0) {
-        return Err("the error is no number");
+        return Err("the error is not a number");
     }
     // Compute the samples that the zone needs, by the goal of the work
     let wanted = match work.settings.goal {

@@ -10,7 +10,7 @@ use super::{
     deal,
     pace::{HangingOrder, hanging_order},
     results::{self, Fencing, check_fence, kept_promise},
-    rows::{RowFollowUp, StoreNews, Write},
+    rows::{RowFollowUp, StoreUpdate, Write},
     tail,
     trust::{Excluded, Trust, row_after_failure},
     verify::Verdict,
@@ -177,7 +177,7 @@ impl Master {
                     return;
                 }
                 match self.verification.take_missing(zone, painting) {
-                    true => Err("its pixels cannot be had"),
+                    true => Err("its pixels are not available"),
                     false => self.row_after(report, painting, sender),
                 }
             }
@@ -363,10 +363,10 @@ impl Master {
         actions: &mut Vec<FarmAction>,
     ) -> bool {
         match self.assignments.rows.take_reply(ticket, reply, actions) {
-            StoreNews::Nothing => false,
-            StoreNews::Progress => true,
-            StoreNews::Row(revision, value) => self.see(now, revision, value, actions),
-            StoreNews::Conflict(zone, row) => {
+            StoreUpdate::Nothing => false,
+            StoreUpdate::Progress => true,
+            StoreUpdate::Row(revision, value) => self.see(now, revision, value, actions),
+            StoreUpdate::Conflict(zone, row) => {
                 if let Some((revision, value)) = row {
                     self.see(now, revision, value, actions);
                 }
@@ -411,7 +411,7 @@ impl Master {
     /// Processes the row of a zone: updates the counts and completes a pending write.
     fn see_zone(&mut self, now: Time, revision: Revision, row: &Arc<ZoneRow>, actions: &mut Vec<FarmAction>) -> bool {
         let zone = row.zone;
-        if !self.assignments.rows.board().is_news(zone, revision) {
+        if !self.assignments.rows.board().is_new_revision(zone, revision) {
             return false;
         }
         // Update the board, and cancel orders that the row makes void

@@ -43,7 +43,7 @@ pub(super) enum RowFollowUp {
 
 /// The meaning of a reply of the store.
 #[derive(Clone, Debug)]
-pub(super) enum StoreNews {
+pub(super) enum StoreUpdate {
     /// Nothing new.
     Nothing,
     /// No row, but the state of the subscription or of a write has changed.
@@ -122,37 +122,37 @@ impl Rows {
         ticket: Ticket,
         reply: StoreReply<FarmValue>,
         actions: &mut Vec<FarmAction>,
-    ) -> StoreNews {
+    ) -> StoreUpdate {
         if let Some(value) = self.kept.remove(&ticket) {
             // Written, or it existed already; the subscription delivers it
             if reply == StoreReply::Unavailable {
                 actions.push(self.put_kept(ticket, &value));
                 self.kept.insert(ticket, value);
             }
-            return StoreNews::Nothing;
+            return StoreUpdate::Nothing;
         }
         match reply {
-            StoreReply::Changed(Entry { revision, value, .. }) => StoreNews::Row(revision, value),
+            StoreReply::Changed(Entry { revision, value, .. }) => StoreUpdate::Row(revision, value),
             StoreReply::Written { revision, .. } => {
                 let write = self.tickets.get(&ticket).and_then(|zone| self.writes.get(zone));
                 let row = write.map(|write| FarmValue::Zone(Arc::clone(&write.row)));
-                row.map_or(StoreNews::Nothing, |row| StoreNews::Row(revision, row))
+                row.map_or(StoreUpdate::Nothing, |row| StoreUpdate::Row(revision, row))
             }
             StoreReply::Conflict { entry, .. } => {
-                let Some(&zone) = self.tickets.get(&ticket) else { return StoreNews::Nothing };
-                StoreNews::Conflict(zone, entry.map(|Entry { revision, value, .. }| (revision, value)))
+                let Some(&zone) = self.tickets.get(&ticket) else { return StoreUpdate::Nothing };
+                StoreUpdate::Conflict(zone, entry.map(|Entry { revision, value, .. }| (revision, value)))
             }
             // A subscription from before a restart still delivers changes, but its end of the existing rows does not
             // count
             StoreReply::CaughtUp => {
                 self.caught_up |= ticket == self.subscription;
-                StoreNews::Progress
+                StoreUpdate::Progress
             }
             StoreReply::Unavailable => {
                 self.repeat_write(ticket, actions);
-                StoreNews::Progress
+                StoreUpdate::Progress
             }
-            StoreReply::Got { .. } => StoreNews::Nothing,
+            StoreReply::Got { .. } => StoreUpdate::Nothing,
         }
     }
 

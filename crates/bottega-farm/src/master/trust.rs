@@ -54,7 +54,7 @@ impl Trust {
     pub(super) fn refusal(&mut self, agent: &AgentId, roster: &Roster) -> Option<String> {
         let row = self.excluded.get(agent)?;
         if has_only_failed(row) && roster.count() == 0 {
-            tracing::warn!(%agent, "takes part again, for there is nobody else");
+            tracing::warn!(%agent, "takes part again, because no other agent is left");
             self.excluded.remove(agent);
             return None;
         }

@@ -66,8 +66,8 @@ impl HeldOrder {
 
 impl Order {
     /// Returns the order with the settings that this agent's rules chose.
-    pub(super) fn decided_anew(&self, choice: Choice) -> Self {
-        Self { row: Arc::new(self.row.decided_anew(choice)), ..self.clone() }
+    pub(super) fn with_choice(&self, choice: Choice) -> Self {
+        Self { row: Arc::new(self.row.with_choice(choice)), ..self.clone() }
     }
 
     /// Returns true if the order can be carried out; orders come from peers and are not trusted.

@@ -7,7 +7,7 @@ use crate::{
     FarmAction, FarmContent, FarmMessage,
     contents::{answer, message},
     protocol,
-    registrant::{DirectoryNews, MasterSource, Registrant},
+    registrant::{DirectoryEvent, MasterSource, Registrant},
 };
 
 /// The state of the membership.
@@ -137,7 +137,7 @@ impl FarmMembership {
     }
 
     /// Processes a message of a directory.
-    pub(super) fn hear_directory(&mut self, now: Time, message: &FarmMessage) -> Option<DirectoryNews> {
+    pub(super) fn hear_directory(&mut self, now: Time, message: &FarmMessage) -> Option<DirectoryEvent> {
         self.registrant.as_mut().and_then(|registrant| registrant.hear(now, message))
     }
 

@@ -76,7 +76,7 @@ pub enum IncidentKind {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FarmSpecError {
     /// A word is invalid.
-    #[error("`{item}` says nothing of agents: {problem}")]
+    #[error("`{item}` does not describe agents: {problem}")]
     Item {
         /// The word that cannot be parsed.
         item: String,
@@ -84,7 +84,7 @@ pub enum FarmSpecError {
         problem: &'static str,
     },
     /// There are no agents.
-    #[error("nobody paints: give a number of agents, such as 8 or 4x1.0,4x0.25")]
+    #[error("no agents: give a number of agents, such as 8 or 4x1.0,4x0.25")]
     Empty,
     /// There are more agents than [`SIMULATED_AGENTS_MAX`].
     #[error("{found} agents are too many: a Master takes {SIMULATED_AGENTS_MAX}")]
@@ -268,9 +268,9 @@ fn group(word: &str) -> Result<(usize, MachineSpec), &'static str> {
     let (count, speed) = word.split_once('x').unwrap_or((word, "1"));
     let count = count.parse().ok().filter(|&count| count > 0).ok_or("it must begin with a number of agents")?;
     let speed = speed.parse().ok().filter(|speed| SPEED_RANGE.contains(speed));
-    let speed = speed.ok_or("behind the `x` must stand a speed from 0.001 to 1000")?;
+    let speed = speed.ok_or("a speed from 0.001 to 1000 is needed after the `x`")?;
     let processors = processors.parse().ok().filter(|count| (1..=4096).contains(count));
-    let processors = processors.ok_or("behind the `:` must stand a number of processors from 1 to 4096")?;
+    let processors = processors.ok_or("a number of processors from 1 to 4096 is needed after the `:`")?;
     Ok((count, MachineSpec { processors, speed }))
 }
 
@@ -282,9 +282,10 @@ impl FarmSpec {
         let agent: usize = agent
             .strip_prefix("agent-")
             .and_then(|number| number.parse().ok())
-            .ok_or_else(|| wrong("before the `@` must stand an agent, such as agent-3"))?;
-        let (what, time) =
-            what.split_once('=').ok_or_else(|| wrong("behind the `@` must stand what and when, such as fail=12s"))?;
+            .ok_or_else(|| wrong("an agent is needed before the `@`, such as agent-3"))?;
+        let (what, time) = what
+            .split_once('=')
+            .ok_or_else(|| wrong("an event and its time are needed after the `@`, such as fail=12s"))?;
         let (time, factor) = time.split_once(':').map_or((time, None), |(time, factor)| (time, Some(factor)));
         let at = seconds(time).ok_or_else(|| wrong("the time must be a number of seconds, such as 12s"))?;
         let count = self.agents.len();
@@ -298,21 +299,21 @@ impl FarmSpec {
             "leave" => IncidentKind::Leave,
             "slow" => {
                 let factor = factor.unwrap_or("4").parse().ok().filter(|factor| SPEED_RANGE.contains(factor));
-                IncidentKind::Slow(factor.ok_or_else(|| wrong("behind the `:` must stand how many times slower"))?)
+                IncidentKind::Slow(factor.ok_or_else(|| wrong("a factor of slowness is needed after the `:`"))?)
             }
             "boast" => {
                 let factor = factor.unwrap_or("2").parse().ok().filter(|factor| SPEED_RANGE.contains(factor));
-                IncidentKind::Boast(factor.ok_or_else(|| wrong("behind the `:` must stand how many times too fast"))?)
+                IncidentKind::Boast(factor.ok_or_else(|| wrong("a factor of speed is needed after the `:`"))?)
             }
             "load" => {
                 let seconds =
                     factor.unwrap_or("60").parse().ok().filter(|seconds| (0.0..=SECONDS_MAX).contains(seconds));
-                IncidentKind::Load(seconds.ok_or_else(|| wrong("behind the `:` must stand a number of seconds"))?)
+                IncidentKind::Load(seconds.ok_or_else(|| wrong("a number of seconds is needed after the `:`"))?)
             }
             "hang" => IncidentKind::Hang,
             "break" | "lie" => {
                 let share = factor.unwrap_or("1").parse().ok().filter(|share| (0.0..=1.0).contains(share));
-                let share = share.ok_or_else(|| wrong("behind the `:` must stand a share from 0 to 1"))?;
+                let share = share.ok_or_else(|| wrong("a share from 0 to 1 is needed after the `:`"))?;
                 if what == "lie" { IncidentKind::Lie(share) } else { IncidentKind::Break(share) }
             }
             _ => return Err(wrong("an agent can join, leave, fail, hang, break, lie, boast, load or become slow")),

@@ -136,7 +136,7 @@ pub enum SimulationError {
     #[error("nobody paints")]
     NoAgents,
     /// The run does not end, for example because no agent is left.
-    #[error("after {} s of virtual time {painted} of {zones} zones were in the picture: is anybody left to paint?", .after.as_secs())]
+    #[error("after {} s of virtual time {painted} of {zones} zones were in the picture: no agent is left to paint the rest", .after.as_secs())]
     Unfinished {
         /// Virtual time at which it was stopped.
         after: Duration,
@@ -152,7 +152,7 @@ pub enum SimulationError {
         reason: String,
     },
     /// An invariant does not hold: an error in this program.
-    #[error("what must hold after every run does not: {}", .broken.join("; "))]
+    #[error("an invariant does not hold: {}", .broken.join("; "))]
     Broken {
         /// A description of each violation.
         broken: Vec<String>,

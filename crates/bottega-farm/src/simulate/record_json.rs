@@ -154,7 +154,7 @@ impl Record {
         };
         let head: HeadJson = serde_json::from_str(text).map_err(syntax)?;
         if head.format != FORMAT {
-            let problem = format!("must be `{FORMAT}`: is it what --record wrote?");
+            let problem = format!("must be `{FORMAT}`, as --record writes it");
             return Err(RecordError::Value { field: "format".to_owned(), problem });
         }
         if head.version != VERSION {
@@ -349,7 +349,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn costs_are_those_measured_wherever_they_are_asked_for() {
+    fn costs_are_the_measured_ones_for_any_range() {
         let record = example();
         let [left, right] = [&record.zones[0], &record.zones[1]];
         assert!((left.seconds(0, 2) - 0.06).abs() < 1e-9, "profiling took 2 of 40 samples");

@@ -215,7 +215,7 @@ impl Observer for Recorder {
         self.observer.too_few(present, needed);
     }
 
-    fn not_kept(&self, error: &std::io::Error) {
-        self.observer.not_kept(error);
+    fn store_failed(&self, error: &std::io::Error) {
+        self.observer.store_failed(error);
     }
 }

@@ -92,7 +92,7 @@ impl Default for SyntheticSpread {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WorkpieceError {
     /// The number of zones is zero or too large.
-    #[error("{found} zones cannot be: there may be 1 to {ZONES_MAX}")]
+    #[error("{found} zones are not possible: use 1 to {ZONES_MAX}")]
     ZoneCount {
         /// The number of zones.
         found: usize,
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn synthetic_zones_cover_their_frame_and_have_the_mean_asked_for() {
+    fn synthetic_zones_cover_their_frame_and_have_the_requested_mean() {
         for count in [1, 2, 7, 5000] {
             let piece = Workpiece::synthetic(count, &SyntheticSpread::default(), 3).unwrap();
             let rects: Vec<Rect> = piece.rows(&[]).map(|row| row.rect).collect();

@@ -10,7 +10,7 @@ pub enum WireError {
     #[error("nothing is there")]
     Empty,
     /// The bytes have another version of the layout.
-    #[error("it is of layout {found}, and this build reads layout {WIRE_VERSION}")]
+    #[error("it has layout {found}, but this build reads layout {WIRE_VERSION}")]
     Version {
         /// The version found.
         found: u8,

@@ -348,7 +348,7 @@ impl TryFrom<WorkRecord> for WorkRow {
             samples: record.samples,
             goal: match record.goal {
                 GoalRecord::Samples => Goal::Samples,
-                GoalRecord::Error(error) => Goal::Error(finite("the error that is asked for", error)?),
+                GoalRecord::Error(error) => Goal::Error(finite("the error goal", error)?),
                 GoalRecord::Time(time) => Goal::Time(Duration::from_nanos(time)),
             },
             tunables: Tunables { max_depth: record.max_depth, light_samples: record.light_samples },

@@ -315,7 +315,7 @@ fn numbers_that_cannot_be_computed_with_and_absurd_rectangles_are_refused() {
         );
         let row = work(Goal::Error(value));
         let read = read_work(&written(|bytes| put_work(&row, bytes)));
-        assert!(matches!(read, Err(WireError::NotFinite { what: "the error that is asked for", .. })), "{read:?}");
+        assert!(matches!(read, Err(WireError::NotFinite { what: "the error goal", .. })), "{read:?}");
     }
     let rect = Rect { x0: 5, y0: 0, x1: 4, y1: 9 };
     let row = ZoneRow::open(WorkId(1), ZoneId(1), rect, 1.0, NeighborDifference::default());

@@ -111,7 +111,7 @@ fn work(shared: &Shared) {
         };
         let fails = shared.failures.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)).is_ok();
         if fails {
-            let (rect, reason) = (task.rect, "it was told to".to_owned());
+            let (rect, reason) = (task.rect, "a failure was requested".to_owned());
             done(Err(EngineError::Zone { engine: "fake".to_owned(), rect, reason }));
         } else {
             shared.hold(&task);

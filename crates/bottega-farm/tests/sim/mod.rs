@@ -12,7 +12,7 @@ use bottega_agents::{AgentId, Time, driver::Faults};
 use bottega_farm::{AuctionRule, FarmAgent, Goal};
 use bottega_image::Rect;
 
-use stage::{Play, Scene, Studio, assert_whole, play, play_watched, troubled};
+use stage::{MachineWorld, Play, Scene, assert_whole, play, play_watched, troubled};
 
 #[test]
 fn every_zone_is_composed_once_whatever_goes_wrong() {
@@ -34,7 +34,7 @@ fn every_zone_is_composed_once_where_agents_steal_whatever_goes_wrong() {
     }
 }
 
-/// Agents answer in microseconds, and a row takes milliseconds to be written: agents that would answer the same are not asked again.
+/// Agents answer in microseconds, and a row takes milliseconds to be written: agents that would answer the same are not called again.
 #[test]
 fn agents_are_not_called_again_and_again_while_rows_are_written() {
     let network = Faults { latency_min: Duration::from_micros(5), ..Faults::NONE };
@@ -78,7 +78,7 @@ fn a_zone_that_is_wanted_again_is_painted_once_more_and_the_film_is_whole() {
     let scene = Scene { requeues: 0.3, zones: 16, samples: 512, shares_tail: false, ..Scene::calm(&[1.0, 2.0]) };
     let play = play(9, &scene, false);
     assert_whole(&play, 9);
-    let cost = |rect: &Rect| Studio::cost(rect, 512).as_secs_f64();
+    let cost = |rect: &Rect| MachineWorld::cost(rect, 512).as_secs_f64();
     let first: f64 = play.seen.borrow().zones.values().map(|row| cost(&row.rect)).sum();
     let again = painted_again(&play);
     let wanted = first + again.iter().map(cost).sum::<f64>();
@@ -176,7 +176,7 @@ fn a_work_with_a_time_ends_within_a_twentieth_of_it() {
         let play = play(seed, &scene, false);
         assert_whole(&play, seed);
         let share = play.simulator.now().elapsed().as_secs_f64() / seconds as f64;
-        assert!((0.95..1.05).contains(&share), "{seconds} s asked for, {share} of it taken");
+        assert!((0.95..1.05).contains(&share), "{seconds} s requested, {share} of it taken");
     }
 }
 

@@ -1,4 +1,4 @@
-//! The stage of these tests: a studio of machines, the agents on it, and what must hold on the way and at the end.
+//! The stage of these tests: the machines, the agents on them, and what must hold on the way and at the end.
 
 use std::{
     cell::RefCell,
@@ -38,7 +38,7 @@ pub(crate) struct ObservedAgent {
 }
 
 /// Machines of given speeds that paint one zone after the other.
-pub(crate) struct Studio {
+pub(crate) struct MachineWorld {
     /// V_cp by agent.
     pub(crate) power: BTreeMap<AgentId, f64>,
     /// The time at which each machine is free.
@@ -63,7 +63,7 @@ pub(crate) struct Studio {
 /// in each of them, and took a third of the time.
 pub(crate) const SURVEY_SHRINK: u32 = 4;
 
-impl Studio {
+impl MachineWorld {
     /// The cost of samples on the reference machine: a function of the pixels that no estimate knows exactly.
     pub(crate) fn cost(rect: &Rect, samples: u32) -> Duration {
         let center = |a: u32, b: u32| f64::from(a + b) / 2.0;
@@ -73,7 +73,7 @@ impl Studio {
     }
 }
 
-impl World<FarmAgent> for Studio {
+impl World<FarmAgent> for MachineWorld {
     fn perform(
         &mut self,
         now: Time,
@@ -155,8 +155,8 @@ impl World<FarmAgent> for Studio {
                     self.requeued.insert(zone, result.fence);
                     let fence = Some(result.fence);
                     // A client may repeat its request.
-                    let asked = [50, 250].map(Duration::from_millis);
-                    reports.extend(asked.map(|later| (later, FarmCompletion::Requeue { zone, fence })));
+                    let delays = [50, 250].map(Duration::from_millis);
+                    reports.extend(delays.map(|later| (later, FarmCompletion::Requeue { zone, fence })));
                 }
             }
             FarmEffect::Finish { failed } => {
@@ -223,7 +223,7 @@ impl Scene {
 }
 
 pub(crate) struct Play {
-    pub(crate) simulator: Simulator<FarmAgent, Studio>,
+    pub(crate) simulator: Simulator<FarmAgent, MachineWorld>,
     pub(crate) seen: Rc<RefCell<ObservedAgent>>,
     pub(crate) lower_bound: Duration,
 }
@@ -232,7 +232,7 @@ pub(crate) fn play(seed: u64, scene: &Scene, trace: bool) -> Play {
     run(seed, scene, trace, |_| {})
 }
 
-pub(crate) fn play_watched(seed: u64, scene: &Scene, watch: impl FnMut(&Simulator<FarmAgent, Studio>)) -> Play {
+pub(crate) fn play_watched(seed: u64, scene: &Scene, watch: impl FnMut(&Simulator<FarmAgent, MachineWorld>)) -> Play {
     run(seed, scene, false, watch)
 }
 
@@ -242,7 +242,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
     let (master, analyst) = (AgentId::new("master"), AgentId::new("analyst"));
     let agents: Vec<AgentId> = (0..scene.powers.len()).map(|i| AgentId::new(format!("agent-{i}"))).collect();
     let seen = Rc::new(RefCell::new(ObservedAgent::default()));
-    let studio = Studio {
+    let machines = MachineWorld {
         power: agents.iter().cloned().zip(scene.powers.iter().copied()).collect(),
         free: BTreeMap::new(),
         failures: scene.failures,
@@ -254,7 +254,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
         requeued: BTreeMap::new(),
         survey_shrink: scene.survey_shrink,
     };
-    let mut simulator = Simulator::new(seed, scene.faults.clone(), studio);
+    let mut simulator = Simulator::new(seed, scene.faults.clone(), machines);
     if trace {
         simulator.record_trace();
     }
@@ -303,7 +303,7 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
     simulator.add(&analyst, true, move || Analyst::new(config.clone()).into());
     let (last, others) = agents.split_last().expect("somebody paints");
     let auction = scene.auction;
-    let add = |simulator: &mut Simulator<FarmAgent, Studio>, id: &AgentId| {
+    let add = |simulator: &mut Simulator<FarmAgent, MachineWorld>, id: &AgentId| {
         let own = id.clone();
         let source = place.clone().map_or_else(|| MasterSource::Known(master.clone()), MasterSource::Directory);
         simulator.add(id, true, move || {
@@ -331,13 +331,13 @@ pub(crate) fn stage(seed: u64, scene: &Scene, trace: bool) -> Play {
         simulator.run_until(Time::since_start(late));
         add_directories(&mut simulator);
     }
-    let all = Studio::cost(&frame, scene.samples);
+    let all = MachineWorld::cost(&frame, scene.samples);
     let speed: f64 = scene.powers.iter().map(|power| power.recip()).sum();
     Play { simulator, seen, lower_bound: all.div_f64(speed) }
 }
 
 /// One Start Service, AMS and DF for all agents. They may die as the agents do, and know the pages when they come back.
-fn add_directories(simulator: &mut Simulator<FarmAgent, Studio>) {
+fn add_directories(simulator: &mut Simulator<FarmAgent, MachineWorld>) {
     for name in directory_service_names() {
         let own = name.clone();
         simulator.add(&name, true, move || {
@@ -348,7 +348,7 @@ fn add_directories(simulator: &mut Simulator<FarmAgent, Studio>) {
     }
 }
 
-fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<FarmAgent, Studio>)) -> Play {
+fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<FarmAgent, MachineWorld>)) -> Play {
     let mut play = stage(seed, scene, trace);
     let seen = Rc::clone(&play.seen);
     let end = Time::since_start(Duration::from_secs(3600));
@@ -361,7 +361,7 @@ fn run(seed: u64, scene: &Scene, trace: bool, mut watch: impl FnMut(&Simulator<F
 }
 
 /// Checks the invariants of every step: a zone that is done stays done with the same samples, and the store agrees with the film.
-pub(crate) fn check(simulator: &Simulator<FarmAgent, Studio>) {
+pub(crate) fn check(simulator: &Simulator<FarmAgent, MachineWorld>) {
     let Some(FarmAgent::Master(master)) = simulator.machine(&AgentId::new("master")) else { return };
     let seen = simulator.world().seen.borrow();
     for zone in &seen.composed {

@@ -49,7 +49,7 @@ pub struct FclError {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FclErrorKind {
     /// A character that is part of no token.
-    #[error("the character {0:?} means nothing here")]
+    #[error("the character {0:?} is not allowed here")]
     StrayCharacter(char),
     /// A comment `(*` without `*)`.
     #[error("the comment that begins here does not end")]
@@ -65,7 +65,7 @@ pub enum FclErrorKind {
         suggestion: Option<String>,
     },
     /// A number that is not finite.
-    #[error("`{0}` is not a number that can be used")]
+    #[error("`{0}` is not a usable number")]
     BadNumber(String),
     /// An undeclared name.
     #[error("there is no {what} `{name}`{}", did_you_mean(.suggestion))]

@@ -176,8 +176,8 @@ mod tests {
     #[test]
     fn what_is_no_token_is_named_with_its_place() {
         let error = |text| tokens(text).unwrap_err().to_string();
-        assert_eq!(error("a\n €"), "line 2, column 2: the character '€' means nothing here");
+        assert_eq!(error("a\n €"), "line 2, column 2: the character '€' is not allowed here");
         assert_eq!(error("x (* y"), "line 1, column 3: the comment that begins here does not end");
-        assert_eq!(error("1e999"), "line 1, column 1: `1e999` is not a number that can be used");
+        assert_eq!(error("1e999"), "line 1, column 1: `1e999` is not a usable number");
     }
 }

@@ -534,7 +534,7 @@ fn fits(method: Method, terms: &[Term], range: Option<(f64, f64)>) -> std::resul
     match method {
         Method::Cogs if singletons == 0 => Err("it needs singletons"),
         Method::Cog | Method::Coa if singletons != 0 => Err("singletons have no area; use COGS"),
-        _ if !(extent.1 - extent.0).is_finite() => Err("they lie too far apart to be reckoned with"),
+        _ if !(extent.1 - extent.0).is_finite() => Err("they are too far apart for this method"),
         _ if singletons == 0 && range.is_none() && extent.0 >= extent.1 => Err("they span no range"),
         _ => Ok(()),
     }

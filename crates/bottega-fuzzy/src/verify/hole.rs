@@ -7,7 +7,7 @@ use super::{
 };
 
 /// Maximum number of boxes reported per output; the rest is counted.
-const TOLD_MAX: usize = 4;
+const HOLES_MAX: usize = 4;
 
 impl Verifier<'_> {
     /// Reports the holes of all outputs that have neither a default nor a rule for all cases.
@@ -33,7 +33,7 @@ impl Verifier<'_> {
         let Some(mut empty) = self.empty_cells(&grid, &rules) else { return };
         let mut holes = Vec::new();
         while let Some(found) = empty.iter().position(|empty| *empty)
-            && holes.len() < TOLD_MAX
+            && holes.len() < HOLES_MAX
         {
             holes.push(self.grow(&grid, found, &mut empty, output));
         }
@@ -91,13 +91,13 @@ impl Verifier<'_> {
             }
         }
         cells_of(&sides, &counts).for_each(|cell| empty[cell] = false);
-        let told = grid.axes.iter().zip(&sides).filter_map(|((input, axis), &(low, high))| {
+        let bounds = grid.axes.iter().zip(&sides).filter_map(|((input, axis), &(low, high))| {
             let outside = |range: std::ops::Range<usize>| axis.cells[range].iter().all(|cell| !cell.in_range);
             let whole = outside(0..low) && outside(high + 1..axis.cells.len());
             let name = self.block.inputs[*input].name.clone();
             (!whole).then(|| (name, axis.cells[low].low, axis.cells[high].high))
         });
-        let (output, sides) = (self.block.outputs[output].name.clone(), told.collect());
+        let (output, sides) = (self.block.outputs[output].name.clone(), bounds.collect());
         Hole { output, sides, further_cells: 0 }
     }
 }

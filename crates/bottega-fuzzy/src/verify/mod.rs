@@ -108,13 +108,13 @@ impl<'a> Verifier<'a> {
                 }
             }
         }
-        let mut asked: Vec<Vec<bool>> = block.inputs.iter().map(|input| vec![false; input.terms.len()]).collect();
+        let mut used_terms: Vec<Vec<bool>> = block.inputs.iter().map(|input| vec![false; input.terms.len()]).collect();
         let mut said: Vec<Vec<bool>> = block.outputs.iter().map(|output| vec![false; output.terms.len()]).collect();
         for rule in block.rules() {
-            mark_asked(&rule.condition, &mut asked);
+            mark_used(&rule.condition, &mut used_terms);
             rule.conclusions.iter().for_each(|conclusion| said[conclusion.output][conclusion.term] = true);
         }
-        for ((input, used), places) in block.inputs.iter().zip(&asked).zip(&places.inputs) {
+        for ((input, used), places) in block.inputs.iter().zip(&used_terms).zip(&places.inputs) {
             if !used.contains(&true) {
                 self.warn(places.at, WarningKind::UnusedInput(input.name.clone()));
             } else {
@@ -203,12 +203,12 @@ impl<'a> Verifier<'a> {
     }
 }
 
-fn mark_asked(condition: &crate::Condition, asked: &mut [Vec<bool>]) {
+fn mark_used(condition: &crate::Condition, used_terms: &mut [Vec<bool>]) {
     use crate::Condition;
     match condition {
-        Condition::Is { input, term } | Condition::IsNot { input, term } => asked[*input][*term] = true,
-        Condition::Not(part) => mark_asked(part, asked),
-        Condition::And(parts) | Condition::Or(parts) => parts.iter().for_each(|part| mark_asked(part, asked)),
+        Condition::Is { input, term } | Condition::IsNot { input, term } => used_terms[*input][*term] = true,
+        Condition::Not(part) => mark_used(part, used_terms),
+        Condition::And(parts) | Condition::Or(parts) => parts.iter().for_each(|part| mark_used(part, used_terms)),
     }
 }
 

@@ -19,10 +19,10 @@ impl Verifier<'_> {
     pub(super) fn pairs(&mut self) {
         for second in 0..self.rules.len() {
             self.itself(second);
-            let mut told = RuleFindings { contradiction: false, repetition: false };
+            let mut findings = RuleFindings { contradiction: false, repetition: false };
             for first in 0..second {
                 let both_fire = self.alive[first] && self.alive[second];
-                if both_fire && !self.pair(first, second, &mut told) {
+                if both_fire && !self.pair(first, second, &mut findings) {
                     return;
                 }
             }
@@ -40,10 +40,10 @@ impl Verifier<'_> {
     }
 
     /// Compares two rules. False if the budget is used up.
-    fn pair(&mut self, first: usize, second: usize, told: &mut RuleFindings) -> bool {
+    fn pair(&mut self, first: usize, second: usize, findings: &mut RuleFindings) -> bool {
         let (a, b) = (self.rules[first], self.rules[second]);
-        let odds = self.at_odds(a.rule, b.rule).filter(|_| !told.contradiction);
-        let same = same_conclusions(a.rule, b.rule) && !told.repetition;
+        let odds = self.at_odds(a.rule, b.rule).filter(|_| !findings.contradiction);
+        let same = same_conclusions(a.rule, b.rule) && !findings.repetition;
         if odds.is_none() && !same {
             return true;
         }
@@ -53,10 +53,10 @@ impl Verifier<'_> {
         {
             let kind = self.contradiction(&a.rule.label, &b.rule.label, one, other, order.below && order.above);
             self.warn(b.at, kind);
-            told.contradiction = true;
+            findings.contradiction = true;
         }
         if same {
-            told.repetition = self.repetition(a, b, order);
+            findings.repetition = self.repetition(a, b, order);
         }
         self.work > 0
     }

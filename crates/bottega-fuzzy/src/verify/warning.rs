@@ -149,7 +149,7 @@ impl Display for WarningKind {
             }
             Self::Hole(hole) => write!(f, "{hole}"),
             Self::Unexamined => {
-                write!(f, "the block is too large to be verified whole: dead or contradictory rules may remain")
+                write!(f, "the block is too large to be verified completely: dead or contradictory rules may remain")
             }
         }
     }

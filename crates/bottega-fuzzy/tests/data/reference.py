@@ -9,7 +9,7 @@ Where its definitions are others than those of the standard:
 - NOT before a bracket is none of its words; such conditions are rewritten here by De Morgan's laws, which hold exactly
   for the three pairs of norms.
 - NSUM is joined two by two, with a divisor for each place. The standard's divisor is one for all places, and does not
-  move a center of gravity or a place of the maximum: its UnboundedSum is asked instead.
+  move a center of gravity or a place of the maximum: its UnboundedSum is used instead.
 - Its MeanOfMaximum is the mean over all places of the maximum; the middle between the first and the last is what is
   meant here, and is taken of its SmallestOfMaximum and LargestOfMaximum.
 - It integrates by the midpoint rule. RESOLUTION says over how many steps; COA, LM, RM and MM err by up to one of them.

@@ -28,7 +28,7 @@ pub struct CostBook {
 #[derive(Debug, thiserror::Error)]
 pub enum CostBookError {
     /// The text is longer than the maximum.
-    #[error("the text has {0} bytes, which no book of costs has")]
+    #[error("the text has {0} bytes, more than a book of costs can have")]
     TooLong(usize),
     /// The text is not JSON, or has other fields.
     #[error("not a book of costs")]

@@ -150,7 +150,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_fixed_cost_is_told_from_the_cost_per_item() {
+    fn a_fixed_cost_is_distinguished_from_the_cost_per_item() {
         let mut model = CostModel::default();
         for size in [100_u64, 900, 300, 500, 700].into_iter().cycle().take(100) {
             model.observe(size, Duration::from_nanos(2_000 + 30 * size));

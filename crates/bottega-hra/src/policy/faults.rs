@@ -81,7 +81,7 @@ impl<T> Core<T> {
     pub(crate) fn spare(&mut self, now: Time, id: ResourceId, sequence: u64) {
         let Some(flight) = self.lanes[id].flights.get_mut(&sequence) else { return };
         flight.deadline = now.after(now.since(flight.sent));
-        self.incidents.note(now, id, Fault::Hung, "no answer; its work has no backup, so it is waited for");
+        self.incidents.note(now, id, Fault::Hung, "no answer; waiting for it, because its work has no backup");
     }
 
     /// Handles the return of a near resource from a call that was given up: it may recover at once.

@@ -86,7 +86,7 @@ pub(crate) struct LaneState {
     pub(crate) account: Account,
     /// True if the resource waits to be woken.
     pub(crate) dozes: bool,
-    /// True if the resource was woken and has not asked yet.
+    /// True if the resource was woken and has not requested work yet.
     pub(crate) called: bool,
     /// True if the resource's data survives a time without an answer.
     pub(crate) keeps_data: bool,
@@ -282,7 +282,7 @@ impl LaneState {
             Some(_) => {
                 let answer = self.free_at(now).max(now.plus_ns(self.latency_ns())).plus_ns(predicted_ns).since(now);
                 let spread = 1.0 + 2.0 * cost.uncertainty().unwrap_or(1.0);
-                let times = |factor: f64| if factor * spread > 1.0 { (factor * spread).min(1e3) } else { 1.0 }; // Also where it is no number.
+                let times = |factor: f64| if factor * spread > 1.0 { (factor * spread).min(1e3) } else { 1.0 }; // Also if it is NaN.
                 let patience =
                     answer.mul_f64(times(config.hang_factor)).clamp(config.hang_min.min(self.patience), self.patience);
                 let doubt_after = match (&self.flow, self.backoff.has_failed()) {

@@ -15,7 +15,7 @@ pub(crate) struct ResourceStates {
     pub(super) capabilities: Capabilities,
     /// Number of resources that wait to be woken.
     dozing: usize,
-    /// Number of resources that were woken and have not asked yet.
+    /// Number of resources that were woken and have not requested work yet.
     called: usize,
 }
 

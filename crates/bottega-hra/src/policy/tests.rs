@@ -156,7 +156,7 @@ fn who_declines_a_unit_wakes_who_is_sooner() {
     let mut out = FollowUps::default();
     assert!(matches!(core.next(Time::ZERO, A, &mut out), Next::Wait(None)));
     assert!(matches!(core.next(Time::ZERO, B, &mut out), Next::Wait(None)));
-    submit(&mut core, 0, meta(Intersect, 0, 60_000)); // Wakes the fast one, which has not asked yet.
+    submit(&mut core, 0, meta(Intersect, 0, 60_000)); // Wakes the fast one, which has not requested work yet.
     assert!(matches!(core.next(Time::ZERO, B, &mut out), Next::Wait(Some(_))), "the fast one would be sooner");
     assert_eq!(serve(&mut core, A, Time::ZERO), [0]);
 }
@@ -303,7 +303,7 @@ fn what_a_near_resource_had_no_time_for_is_not_carried_a_long_way() {
 }
 
 #[test]
-fn units_past_their_life_time_are_told() {
+fn units_past_their_life_time_are_reported() {
     let mut core = core(&[PrimitiveSet::ALL]);
     let mut out = FollowUps::default();
     for (load, expires) in [(0, ms(10)), (1, ms(20)), (2, Time::NEVER), (3, Time::NEVER)] {

@@ -81,7 +81,7 @@ impl<W: Work> Reply<W> {
     }
 
     /// Reports that the resource must prepare before it starts this packet, for instance compile kernels, and returns all of the
-    /// packet; other resources may do it meanwhile. The resource is asked to [recover](WindowedResource::recover), which may take
+    /// packet; other resources may do it meanwhile. The resource is requested to [recover](WindowedResource::recover), which may take
     /// any length of time, and gets nothing until then. This is not a failure, and the time before the first answer is not
     /// measured.
     pub fn not_ready(mut self, works: Vec<W>) {

@@ -232,9 +232,9 @@ mod tests {
             (&[("N", &["X", "Y", "Z"]), ("left", &["B", "G", "R"])], 1, "R G B", true),
             (&[("", &["a.B", "a.G", "a.R", "b.B", "b.G", "b.R"])], 0, "a.R a.G a.B", true),
         ];
-        for (parts, part, names, is_told) in cases {
+        for (parts, part, names, has_note) in cases {
             let (found, found_names, note) = taken(parts).unwrap_or_else(|| panic!("{parts:?}"));
-            assert_eq!((found, found_names.as_str(), note.is_some()), (part, names, is_told), "{parts:?}: {note:?}");
+            assert_eq!((found, found_names.as_str(), note.is_some()), (part, names, has_note), "{parts:?}: {note:?}");
         }
         for parts in [&[("", &["Z", "id"][..])][..], &[("", &["A"])], &[("", &["normal.X", "normal.Z"])]] {
             assert_eq!(taken(parts), None, "{parts:?}");

@@ -11,11 +11,11 @@ pub fn idle() -> Option<Duration> {
     };
     let mut last = LASTINPUTINFO { cbSize: size_of::<LASTINPUTINFO>() as u32, dwTime: 0 };
     // SAFETY: the structure is local and contains its size.
-    let is_told = unsafe { GetLastInputInfo(&raw mut last) } != 0;
+    let is_known = unsafe { GetLastInputInfo(&raw mut last) } != 0;
     // SAFETY: the function has no preconditions.
     let now = unsafe { GetTickCount() };
     // Both counters wrap every 49 days.
-    is_told.then(|| Duration::from_millis(now.wrapping_sub(last.dwTime).into()))
+    is_known.then(|| Duration::from_millis(now.wrapping_sub(last.dwTime).into()))
 }
 
 /// Returns `None`: not available here; [`idle`] includes typing in terminals.

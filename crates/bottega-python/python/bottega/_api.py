@@ -164,7 +164,7 @@ def _both(on_event: OnEvent | None, on_progress: OnProgress | None) -> OnEvent |
         return on_event
     last = Progress(0.0, 0, 0, 0.0, None)
 
-    def told(event: Event) -> None:
+    def forward(event: Event) -> None:
         nonlocal last
         if event["event"] == "progress":
             last = Progress(
@@ -176,4 +176,4 @@ def _both(on_event: OnEvent | None, on_progress: OnProgress | None) -> OnEvent |
         if on_event is not None:
             on_event(event)
 
-    return told
+    return forward

@@ -90,7 +90,7 @@ def farms(seconds: float = 2.0) -> list[FoundFarm]:
     """Returns the farms that announce themselves on the local network (mDNS) within some seconds, sorted by host.
 
     Joining one needs its word, which it does not announce: `Farm("WORD")` finds the farm of that word.
-    Raises `FarmError` if the network cannot be asked.
+    Raises `FarmError` if the network cannot be searched.
     """
     return [FoundFarm(**farm) for farm in _native.farms(seconds)]
 
@@ -179,7 +179,7 @@ class Job:
         for view in views:
             if view["job"] == self.number:
                 return view
-        raise FarmError(f"there is no job {self.number}", "farm.jobs() has those that are there")
+        raise FarmError(f"there is no job {self.number}", "farm.jobs() lists the jobs")
 
     def _wait(self, changes: int, seconds: float) -> int:
         """Waits until something changes, at most `seconds`. Returns the number of changes. `changes`: the number returned before."""

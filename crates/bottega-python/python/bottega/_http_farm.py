@@ -177,19 +177,19 @@ class _JobEvents(threading.Thread):
         self._farm, self._number = farm, number
         self._changed = threading.Condition()
         self._count = 0
-        self._asked = time.monotonic()
+        self._last_wait = time.monotonic()
         self.start()
 
     def wait(self, seen: int, seconds: float) -> int:
         """Waits until the number of events is not `seen`, at most `seconds`. Returns the number."""
-        self._asked = time.monotonic()
+        self._last_wait = time.monotonic()
         with self._changed:
             self._changed.wait_for(lambda: self._count != seen, max(seconds, 0.0))
             return self._count
 
     def run(self) -> None:
         while not self._is_idle():
-            # A farm that does not answer for a moment is asked again; who asks for the state gets the error.
+            # Try again if the farm does not answer for a moment; callers that request the state get the error.
             with contextlib.suppress(FarmError, OSError, http.client.HTTPException), self._farm.stream(f"jobs/{self._number}/events") as answer:
                 for line in answer:
                     if line.startswith(b"data:"):
@@ -201,7 +201,7 @@ class _JobEvents(threading.Thread):
             time.sleep(_PAUSE)
 
     def _is_idle(self) -> bool:
-        return time.monotonic() - self._asked > _IDLE
+        return time.monotonic() - self._last_wait > _IDLE
 
     def _note(self) -> None:
         with self._changed:

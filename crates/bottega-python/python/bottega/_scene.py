@@ -99,7 +99,7 @@ class Image:
     """An image for textures and environments; row 0 is the upper row.
 
     - `pixels`: uint8, uint16 or float32, (height, width) or (height, width, 1, 3 or 4), contiguous.
-    - `color_space`: `srgb`: colors are encoded as sRGB; `linear`: linear Rec. 709; `data`: numbers that are no colors, such as normals and
+    - `color_space`: `srgb`: colors are encoded as sRGB; `linear`: linear Rec. 709; `data`: numbers that are not colors, such as normals and
       heights.
     """
 
@@ -393,7 +393,7 @@ _IDENTITY = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 
 
 class Scene:
-    """A scene in memory, which sessions and viewports render as it is when they begin, or when they are told of changes.
+    """A scene in memory, which sessions and viewports render as it is when they begin, or when `update` is called.
 
     Coordinates are right-handed, +y up; the front of a face is the side from which its corners run counter-clockwise. Colors are linear
     R G B (Rec. 709). Every edit either holds as a whole or raises `SceneError`, which names the argument, the row and the remedy, and

@@ -405,7 +405,7 @@ class Texture(Value):
 
 @dataclass
 class TextureKind(Kind):
-    """A texture of numbers that are no color, or `None`."""
+    """A texture of numbers that are not colors, or `None`."""
 
     has_channel: bool = False
 
@@ -435,7 +435,7 @@ class NumberKind(Kind):
     def check(self, value: Any, name: str) -> float | Texture:
         if isinstance(value, Texture):
             if len(set(FactorKind().check(value.factor, f"{name}.factor"))) > 1:
-                raise wrong(f"{name}.factor", value.factor, "one number is needed, because this is no color")
+                raise wrong(f"{name}.factor", value.factor, "one number is needed, because this is not a color")
             return value
         return real(value, name, self.low, self.high)
 

@@ -21,7 +21,7 @@ struct About {
 }
 
 pub(super) fn route() -> Route {
-    Route::told(
+    Route::query(
         "/api/about",
         "The version of the program, and whether a farm or the picture of one process is shown.",
         RouteAnswer::Json(schema::<About>),

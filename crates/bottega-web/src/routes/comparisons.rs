@@ -34,29 +34,29 @@ struct SentPicture {
 
 pub(super) fn routes() -> Vec<Route> {
     vec![
-        Route::done(
+        Route::action(
             "post",
             "/api/pictures",
-            "Send a picture to be compared: PNG, OpenEXR or Radiance. The last ones are kept for a while.",
+            "Send a picture to be compared: PNG, OpenEXR or Radiance. The server keeps the latest ones for a while.",
             RouteBody::Bytes,
             RouteAnswer::Json(schema::<SentPicture>),
             post(keep),
         )
         .with_status(StatusCode::CREATED),
-        Route::told(
+        Route::query(
             "/api/pictures/{picture}/shown.png",
             "A picture that was sent, as a display shows it.",
             RouteAnswer::Media("image/png"),
             get(shown),
         ),
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/difference/{other}",
             "How the picture of the job differs from another one, in figures: that of `job-2`, or `picture-1` which was sent. Linear \
              light is compared.",
             RouteAnswer::Json(schema::<Difference>),
             get(difference),
         ),
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/difference/{other}/flip.png",
             "Where they differ to the eye: FLIP of each pixel, from black, none, to light yellow.",
             RouteAnswer::Media("image/png"),

@@ -15,7 +15,7 @@ use tokio_stream::{StreamExt, wrappers::ReceiverStream};
 
 use crate::{
     limits::{ANSWER_TIME, EVENT_STREAMS_MAX},
-    live::{LiveJob, News},
+    live::{LiveJob, LiveUpdate},
     problem::Problem,
     route::{Param, Route, RouteAnswer},
     state::DoorState,
@@ -31,10 +31,9 @@ const ALIVE_EVERY: Duration = Duration::from_secs(10);
 const RETRY: &str = "retry: 1000\n\n";
 
 pub(super) fn route() -> Route {
-    Route::told(
+    Route::query(
         "/api/jobs/{id}/events",
-        "What happens to the job, as server-sent events. `event: state` has all that is known as a JSON array of events, and comes \
-         first; `event: news` has what has changed since.",
+        "What happens to the job, as server-sent events. `event: state` comes first and has the whole state as a JSON array of events; `event: news` has what has changed since.",
         RouteAnswer::Media("text/event-stream"),
         get(events),
     )
@@ -42,15 +41,15 @@ pub(super) fn route() -> Route {
 
 async fn events(State(door): State<Arc<DoorState>>, Param(id): Param<u32>) -> Result<Response, Problem> {
     let permit = Arc::clone(&door.streams).try_acquire_owned().map_err(|_| {
-        let detail = format!("{EVENT_STREAMS_MAX} streams of events are open, and no more are allowed");
-        Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "close one, or ask for the state now and then")
+        let detail = format!("{EVENT_STREAMS_MAX} streams of events are open, the maximum");
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "close one, or poll the state")
     })?;
     let live = door.ask(ANSWER_TIME, move |farm| farm.live(id)).await?;
     // The channel holds one update, so a slow client holds up only itself.
-    let (told, taken) = mpsc::channel(1);
+    let (sender, taken) = mpsc::channel(1);
     tokio::spawn(async move {
         let _permit = permit;
-        tell(&live, &told).await;
+        tell(&live, &sender).await;
     });
     let body = Body::from_stream(ReceiverStream::new(taken).map(Ok::<Bytes, Infallible>));
     let headers = [(header::CONTENT_TYPE, "text/event-stream"), (header::CACHE_CONTROL, "no-store")];
@@ -70,14 +69,14 @@ async fn tell(live: &LiveJob, client: &mpsc::Sender<Bytes>) {
             tokio::time::sleep(TELL_EVERY).await;
             continue;
         }
-        let said = live.since(cursor).map(|News { is_whole, text, cursor: now }| {
+        let text = live.since(cursor).map(|LiveUpdate { is_whole, text, cursor: now }| {
             cursor = Some(now);
             format!("event: {}\ndata: {text}\n\n", if is_whole { "state" } else { "news" })
         });
-        let said = said.or_else(|| (last.elapsed() > ALIVE_EVERY).then(|| ":\n\n".to_owned()));
-        if let Some(said) = said {
+        let text = text.or_else(|| (last.elapsed() > ALIVE_EVERY).then(|| ":\n\n".to_owned()));
+        if let Some(text) = text {
             last = Instant::now();
-            if client.send(said.into()).await.is_err() {
+            if client.send(text.into()).await.is_err() {
                 return;
             }
         }

@@ -57,100 +57,99 @@ struct AskedJob {
 pub(super) fn routes() -> Vec<Route> {
     let shown = RouteAnswer::Json(schema::<JobView>);
     vec![
-        Route::told("/api/jobs", "All jobs, by number.", RouteAnswer::Json(schema::<Vec<JobView>>), get(list)),
-        Route::told("/api/jobs/{id}", "A job.", shown, get(show)),
+        Route::query("/api/jobs", "All jobs, by number.", RouteAnswer::Json(schema::<Vec<JobView>>), get(list)),
+        Route::query("/api/jobs/{id}", "A job.", shown, get(show)),
         // Scene parameters may name folders, which clients that only see must not learn.
         Route {
             role: TokenRole::Steer,
-            ..Route::told(
+            ..Route::query(
                 "/api/jobs/{id}/request",
                 "The request of a job, to be submitted again with `files_of_job`: the fields that differ from their defaults.",
                 RouteAnswer::Json(schema::<PictureRequest>),
                 get(request),
             )
         },
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/zones",
             "The rows of the job's zones on the Blackboard.",
             RouteAnswer::Json(schema::<Vec<ZoneEvent>>),
             get(zones),
         ),
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/agents",
-            "The agents of the job: V_cp, credit, how far their promises held; and what the auction came to.",
+            "The agents of the job: V_cp, credit, how far their promises held; and the result of the auction.",
             RouteAnswer::Json(schema::<JobAgents>),
             get(agents),
         ),
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/energy",
             "Processor time and energy of the job, by machine and by zone, and what it costs, as far as it is known.",
             RouteAnswer::Json(schema::<JobEnergy>),
             get(energy),
         ),
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/messages/{from}",
-            "Messages between the agents of the job from this number on, some at once. Of a farm those that its leader sees from \
-             the moment on at which somebody asks.",
+            "Messages between the agents of the job from this number on, a limited number per answer. On a farm, recording starts with the first request.",
             RouteAnswer::Json(schema::<SeenMessages>),
             get(messages),
         ),
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/rules",
-            "The rules by which agents decide what zones of the job are painted with.",
+            "The rules by which agents choose the settings of the job's zones.",
             RouteAnswer::Json(schema::<JobRules>),
             get(rules),
         ),
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/zones/{zone}/rules",
-            "What these rules say of a zone, and why.",
+            "The conclusions of these rules for a zone, and why.",
             RouteAnswer::Json(schema::<ZoneRules>),
             get(zone_rules),
         ),
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/log",
-            "What has happened to the job, oldest first.",
+            "The log of the job, oldest line first.",
             RouteAnswer::Json(schema::<Vec<LogLine>>),
             get(log),
         ),
-        Route::done(
+        Route::action(
             "post",
             "/api/jobs",
-            "Ask for a picture, or the frames of an animation, with files that were uploaded or those of another job.",
+            "Submit a picture, or the frames of an animation, with uploaded files or those of another job.",
             RouteBody::Json(schema::<Submission>),
             RouteAnswer::Json(schema::<AskedJob>),
             post(submit),
         )
         .with_status(StatusCode::CREATED),
-        Route::done(
+        Route::action(
             "post",
             "/api/jobs/{id}/pause",
-            "Have nobody paint it until it is resumed.",
+            "Pause it until it is resumed.",
             RouteBody::Nothing,
             shown,
             post(pause),
         ),
-        Route::done("post", "/api/jobs/{id}/resume", "Go on with it.", RouteBody::Nothing, shown, post(resume)),
-        Route::done("post", "/api/jobs/{id}/cancel", "Call it off.", RouteBody::Nothing, shown, post(cancel)),
-        Route::done(
+        Route::action("post", "/api/jobs/{id}/resume", "Resume it.", RouteBody::Nothing, shown, post(resume)),
+        Route::action("post", "/api/jobs/{id}/cancel", "Call it off.", RouteBody::Nothing, shown, post(cancel)),
+        Route::action(
             "put",
             "/api/jobs/{id}/priority",
-            "Say how urgent it is.",
+            "Set its priority.",
             RouteBody::Json(schema::<PriorityChange>),
             shown,
             put(priority),
         ),
-        Route::done(
+        Route::action(
             "post",
             "/api/jobs/{id}/zones/{zone}/requeue",
-            "Have a zone painted again that is done or failed.",
+            "Paint a finished or failed zone again.",
             RouteBody::Nothing,
             shown,
             post(requeue),
         ),
-        Route::done(
+        Route::action(
             "delete",
             "/api/jobs/{id}",
-            "Forget a job that is over, with its picture.",
+            "Remove a job that is over, with its picture.",
             RouteBody::Nothing,
             RouteAnswer::Nothing,
             delete(remove),
@@ -208,15 +207,15 @@ async fn log(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
 }
 
 async fn submit(State(door): AtDoor, Extension(by): By, request: Request) -> RouteResult {
-    let asked: Submission = json_body(request).await?;
+    let submission: Submission = json_body(request).await?;
     let busy = || {
-        let detail = "another scene is looked through";
-        Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "ask again in a moment")
+        let detail = "another scene is being examined";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "try again in a moment")
     };
     let permit = Arc::clone(&door.submissions).try_acquire_owned().map_err(|_| busy())?;
     let job = door.ask(SUBMISSION_TIME, move |farm| {
         let _permit = permit;
-        farm.submit(asked, &by.said())
+        farm.submit(submission, &by.said())
     });
     let mut jobs = job.await?;
     let job = jobs.first().copied().ok_or_else(|| {

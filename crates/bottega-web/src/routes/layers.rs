@@ -29,15 +29,15 @@ struct PictureLayer {
 
 pub(super) fn routes() -> Vec<Route> {
     vec![
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/layers",
-            "The layers that the picture has beside its color, once it is done.",
+            "The layers of the finished picture beside its color.",
             RouteAnswer::Json(schema::<Vec<PictureLayer>>),
             get(list),
         ),
-        Route::told(
+        Route::query(
             "/api/jobs/{id}/layers/{layer}",
-            "A layer of the picture that is done: `albedo.exr` its values, `albedo.png` for people to look at.",
+            "A layer of the finished picture: `albedo.exr` its values, `albedo.png` for display.",
             RouteAnswer::Media("image/png"),
             get(layer),
         ),
@@ -49,8 +49,8 @@ async fn list(State(door): AtDoor, Param(id): Param<u32>) -> RouteResult {
         let PictureFile { name, bytes } = farm.picture(id)?;
         FileLayer::all(name, &bytes).map_err(|error| unread(&error))
     });
-    let told = |FileLayer { name, kind, .. }| PictureLayer { name, kind: word(kind) };
-    Ok(json(&layers.await?.into_iter().map(told).collect::<Vec<_>>()))
+    let described = |FileLayer { name, kind, .. }| PictureLayer { name, kind: word(kind) };
+    Ok(json(&layers.await?.into_iter().map(described).collect::<Vec<_>>()))
 }
 
 async fn layer(
@@ -77,7 +77,7 @@ fn file_of(PictureFile { name, bytes }: PictureFile, wanted: &str) -> Result<(Ve
     match format {
         "exr" => Ok((read.to_exr().map_err(|error| unread(&error))?, "image/x-exr")),
         "png" => Ok((read.canvas(ToneMap::Agx).to_png().map_err(|error| unread(&error))?, "image/png")),
-        _ => Err(Problem::unknown(format!("`{format}` is no format of layers"), "name it .png or .exr")),
+        _ => Err(Problem::unknown(format!("`{format}` is not a format of layers"), "name it .png or .exr")),
     }
 }
 

@@ -24,23 +24,23 @@ pub(super) fn routes() -> Vec<Route> {
                 tell(&door, name, standing, &by).await
             },
         );
-        Route::done("post", path, summary, RouteBody::Nothing, shown, handler)
+        Route::action("post", path, summary, RouteBody::Nothing, shown, handler)
     };
     vec![
-        Route::told(
+        Route::query(
             "/api/machines",
-            "The machines that are there, and what they paint.",
+            "The machines that are present, and what they paint.",
             RouteAnswer::Json(schema::<Vec<MachineStatus>>),
             get(list),
         ),
-        Route::told("/api/machines/{name}", "A machine.", shown, get(show)),
+        Route::query("/api/machines/{name}", "A machine.", shown, get(show)),
         steered(
             "/api/machines/{name}/suspend",
-            "Have it hand back what it paints, and rest.",
+            "Suspend it: it returns its work and pauses.",
             PresenceState::Suspended,
         ),
-        steered("/api/machines/{name}/resume", "Have it paint again.", PresenceState::Active),
-        steered("/api/machines/{name}/terminate", "Have it leave the farm.", PresenceState::Terminated),
+        steered("/api/machines/{name}/resume", "Resume it: it paints again.", PresenceState::Active),
+        steered("/api/machines/{name}/terminate", "Terminate it: it leaves the farm.", PresenceState::Terminated),
     ]
 }
 
@@ -64,6 +64,6 @@ async fn tell(door: &DoorState, name: String, standing: PresenceState, by: &Toke
 fn named(farm: &dyn ShownFarm, name: &str) -> Result<MachineStatus, Problem> {
     let found = farm.machines()?.into_iter().find(|machine| machine.name == name);
     found.ok_or_else(|| {
-        Problem::unknown(format!("no machine `{name}` is there"), "GET /api/machines has those that are")
+        Problem::unknown(format!("there is no machine `{name}`"), "GET /api/machines lists the machines")
     })
 }

@@ -38,15 +38,15 @@ pub fn openapi_document() -> Value {
 
 /// Returns all routes of the API.
 fn all() -> Vec<Route> {
-    let mut all = vec![
-        Route::told(
+    let mut routes = vec![
+        Route::query(
             "/api/openapi.json",
             "This API, as OpenAPI 3.1.",
             RouteAnswer::Media("application/json"),
             get(async || json_text(StatusCode::OK, openapi_document().to_string())),
         )
         .for_all(),
-        Route::told(
+        Route::query(
             "/api/schema/request",
             "The JSON Schema of a request: every field, what it means.",
             RouteAnswer::Media("application/schema+json"),
@@ -54,17 +54,17 @@ fn all() -> Vec<Route> {
         )
         .for_all(),
     ];
-    all.extend(jobs::routes());
-    all.extend(pictures::routes());
-    all.extend(layers::routes());
-    all.extend(comparisons::routes());
-    all.push(events::route());
-    all.extend(uploads::routes());
-    all.extend(machines::routes());
-    all.extend(tokens::routes());
-    all.extend(viewports::routes());
-    all.push(about::route());
-    all
+    routes.extend(jobs::routes());
+    routes.extend(pictures::routes());
+    routes.extend(layers::routes());
+    routes.extend(comparisons::routes());
+    routes.push(events::route());
+    routes.extend(uploads::routes());
+    routes.extend(machines::routes());
+    routes.extend(tokens::routes());
+    routes.extend(viewports::routes());
+    routes.push(about::route());
+    routes
 }
 
 /// Returns the router of a door: page, manual and API.

@@ -42,28 +42,27 @@ struct MadeToken {
 
 pub(super) fn routes() -> Vec<Route> {
     vec![
-        Route::done(
+        Route::action(
             "get",
             "/api/tokens",
-            "The tokens that let one in, by name; not the tokens themselves.",
+            "The names and roles of the tokens, without their secrets.",
             RouteBody::Nothing,
             RouteAnswer::Json(schema::<Vec<WebToken>>),
             get(list),
         ),
-        Route::done(
+        Route::action(
             "post",
             "/api/tokens",
-            "Make a token of a name, for one person or program. It is told this once.",
+            "Make a named token for one person or program. It is shown only once.",
             RouteBody::Json(schema::<NewToken>),
             RouteAnswer::Json(schema::<MadeToken>),
             post(make),
         )
         .with_status(StatusCode::CREATED),
-        Route::done(
+        Route::action(
             "delete",
             "/api/tokens/{name}",
-            "Revoke a token: no door of the farm takes it any more. In place of `see` or `steer` there is another one at once, which \
-             `bottega tokens show` says.",
+            "Revoke a token: no server of the farm accepts it any more. `see` and `steer` are replaced at once; `bottega tokens show` prints the new ones.",
             RouteBody::Nothing,
             RouteAnswer::Nothing,
             delete(revoke),

@@ -20,15 +20,15 @@ use crate::{
 
 pub(super) fn routes() -> Vec<Route> {
     vec![
-        Route::done(
+        Route::action(
             "post",
             "/api/uploads",
-            "Offer a file: the answer names the pieces that are to be sent. Ask again to go on with an upload.",
+            "Offer a file: the answer names the missing pieces. Offer it again to continue an upload.",
             RouteBody::Json(schema::<UploadOffer>),
             RouteAnswer::Json(schema::<UploadState>),
             post(offer),
         ),
-        Route::done(
+        Route::action(
             "put",
             "/api/uploads/chunks/{digest}",
             "Send a piece, of at most 4 MiB, whose BLAKE3 digest is the last part of the path.",

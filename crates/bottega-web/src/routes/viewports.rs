@@ -66,16 +66,16 @@ struct LookNumber {
 
 pub(super) fn routes() -> Vec<Route> {
     vec![
-        Route::done(
+        Route::action(
             "post",
             "/api/viewports",
-            "Look around in a scene: it is rendered again and again, finer and finer, from wherever one wants. The free machines of a farm help.",
+            "Open a viewport: the scene is rendered progressively from any view. Free machines of a farm help.",
             RouteBody::Json(schema::<Submission>),
             RouteAnswer::Json(schema::<OpenViewport>),
             post(open),
         )
         .with_status(StatusCode::CREATED),
-        Route::done(
+        Route::action(
             "put",
             "/api/viewports/{viewport}/view",
             "Look from elsewhere.",
@@ -83,15 +83,15 @@ pub(super) fn routes() -> Vec<Route> {
             RouteAnswer::Json(schema::<LookNumber>),
             put(look),
         ),
-        Route::done(
+        Route::action(
             "get",
             "/api/viewports/{viewport}/frame.png",
-            "What is to be seen now. With If-None-Match it waits up to 5 s for something else. `Bottega-Look` says of which look it is, `Bottega-Machines` how many machines render it.",
+            "The current frame. With If-None-Match it waits up to 5 s for a new one. `Bottega-Look` is the number of its look, `Bottega-Machines` the number of machines that render it.",
             RouteBody::Nothing,
             RouteAnswer::Media("image/png"),
             get(frame),
         ),
-        Route::done(
+        Route::action(
             "delete",
             "/api/viewports/{viewport}",
             "Close it.",
@@ -103,16 +103,16 @@ pub(super) fn routes() -> Vec<Route> {
 }
 
 async fn open(State(door): AtDoor, request: Request) -> RouteResult {
-    let asked: Submission = json_body(request).await?;
+    let submission: Submission = json_body(request).await?;
     let place = door.viewports.place()?;
     let busy = || {
-        let detail = "another scene is looked through";
-        Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "ask again in a moment")
+        let detail = "another scene is being examined";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, detail, "try again in a moment")
     };
     let permit = Arc::clone(&door.submissions).try_acquire_owned().map_err(|_| busy())?;
     let opened = door.ask(SUBMISSION_TIME, move |farm| {
         let _permit = permit;
-        let request = farm.uploaded_here(asked)?;
+        let request = farm.uploaded_here(submission)?;
         let begun = std::time::Instant::now();
         let viewport = Arc::new(Viewport::open(&request).map_err(|error| refused(&error))?);
         let shared = farm.share(&viewport);
@@ -144,13 +144,13 @@ async fn frame(State(door): AtDoor, Param(number): Param<u32>, headers: HeaderMa
     let after: u64 = after.unwrap_or(0);
     let begun = Instant::now();
     loop {
-        let (viewport, mut news) = door.viewports.watched(number)?;
-        news.borrow_and_update();
+        let (viewport, mut frames) = door.viewports.watched(number)?;
+        frames.borrow_and_update();
         let due = viewport.due(after);
         if due == Some(Duration::ZERO) {
             // Encoding the PNG file takes a while
             let shown = tokio::task::spawn_blocking(move || viewport.frame(after)).await;
-            let shown = shown.map_err(|_| Problem::conflict("the viewport cannot be shown", "open it anew"))?;
+            let shown = shown.map_err(|_| Problem::conflict("the viewport cannot be shown", "open it again"))?;
             if let Some(frame) = shown.map_err(|error| refused(&error))? {
                 return Ok(shown_frame(number, frame, &door.viewports.machines(number)));
             }
@@ -163,7 +163,7 @@ async fn frame(State(door): AtDoor, Param(number): Param<u32>, headers: HeaderMa
             return Ok(StatusCode::NOT_MODIFIED.into_response());
         }
         // On timeout, closing or change the next iteration decides
-        _ = tokio::time::timeout(due.unwrap_or(left).min(left), news.changed()).await;
+        _ = tokio::time::timeout(due.unwrap_or(left).min(left), frames.changed()).await;
     }
 }
 

@@ -7,36 +7,36 @@ import { TestFarm } from "./farm.js";
 
 const SCENE = fileURLToPath(new URL("../../../../scenes/cornell-box.glb", import.meta.url));
 const runs = Number(process.argv[2] ?? 5);
-const STEPS = ["address", "page", "form", "asked", "pixels"];
+const STEPS = ["address", "page", "form", "submitted", "pixels"];
 
 /** Seconds since `bottega up` was started, by step. */
 async function measure(browser) {
   const farm = new TestFarm();
   const begun = performance.now();
   const passed = () => (performance.now() - begun) / 1000;
-  const told = {};
+  const times = {};
   try {
     await farm.start();
-    told.address = passed();
+    times.address = passed();
     const page = await openPage(browser);
     await page.goto(farm.steering);
     await page.locator("h1").waitFor();
-    told.page = passed();
+    times.page = passed();
     await page.goto(`http://127.0.0.1:${farm.web}/#/submit`);
     await page.locator("input[type=file]").first().setInputFiles(SCENE);
     await page.getByLabel("Width and height").fill("640 x 480");
     await page.getByLabel("Samples per pixel").fill("256");
-    told.form = passed();
+    times.form = passed();
     await page.getByRole("button", { name: "Paint it", exact: true }).click();
     await page.waitForURL(/#\/job\/\d+$/);
-    told.asked = passed();
+    times.submitted = passed();
     await page.locator(".stage img.picture[src]").waitFor();
-    told.pixels = passed();
+    times.pixels = passed();
     await page.context().close();
   } finally {
     await farm.stop();
   }
-  return told;
+  return times;
 }
 
 const browser = await launch();

@@ -11,8 +11,8 @@ import { SCENE, JOB_WAIT, browser, chip, farm, go, noProblems, number, page, pre
 const [FIRST_MAX, RESTART_MAX] = [10_000, 5_000];
 
 const around = () => page.locator(".stage.around");
-const told = name => around().getAttribute(`data-${name}`);
-const looked = async () => Number(await told("look") ?? -1);
+const attribute = name => around().getAttribute(`data-${name}`);
+const looked = async () => Number(await attribute("look") ?? -1);
 
 /** The picture on the screen, as a text. */
 const shown = selector => page.locator(selector).evaluate(image => {
@@ -38,10 +38,10 @@ test("a scene that was chosen is looked around in, and the view is what is paint
   await (await chooser).setFiles(SCENE);
   await page.getByLabel("Width and height").fill("320 x 240");
   await press("Look around …");
-  await until("something is seen", async () => await told("samples") !== null);
-  console.log(`first pixels of the viewport ${await told("first")} ms after the scene was loaded`);
-  assert.ok(Number(await told("first")) < FIRST_MAX);
-  await until("it gets finer", async () => Number(await told("samples")) >= 4);
+  await until("something is seen", async () => await attribute("samples") !== null);
+  console.log(`first pixels of the viewport ${await attribute("first")} ms after the scene was loaded`);
+  assert.ok(Number(await attribute("first")) < FIRST_MAX);
+  await until("it gets finer", async () => Number(await attribute("samples")) >= 4);
   const before = await shown("img.looked");
   const box = await around().boundingBox();
   const restarts = [];
@@ -52,25 +52,25 @@ test("a scene that was chosen is looked around in, and the view is what is paint
     await page.mouse.move(box.x + box.width / 2 + 20, box.y + box.height / 2 + 4);
     await page.mouse.up();
     await until("another view is seen", async () => await looked() > seen);
-    restarts.push(Number(await told("restart")));
+    restarts.push(Number(await attribute("restart")));
   }
   console.log(`another view after ${restarts.join(", ")} ms`);
   assert.ok(Math.max(...restarts) < RESTART_MAX, `${restarts}`);
   for (const move of [
     () => page.mouse.wheel(0, -240), () => around().press("ArrowLeft"), () => around().press("Shift+ArrowUp"), () => around().press("+"),
   ]) {
-    const eye = await told("eye");
+    const eye = await attribute("eye");
     await move();
-    await until("the camera has moved", async () => await told("eye") !== eye);
+    await until("the camera has moved", async () => await attribute("eye") !== eye);
   }
   // The machine of the farm renders samples, too: it has no job
   await until("a machine helps", async () => {
     await around().press("ArrowLeft");
     await new Promise(done => setTimeout(done, 1000));
-    return Number(await told("machines")) > 1;
+    return Number(await attribute("machines")) > 1;
   });
   await page.getByText(/samples.*, 2 machines, [\d.]+ MB\/s/).waitFor();
-  await until("it is fine again", async () => Number(await told("samples")) >= 16);
+  await until("it is fine again", async () => Number(await attribute("samples")) >= 16);
   assert.notEqual(await shown("img.looked"), before);
   // While the camera stands still, noise is removed: by the test's own library where `cargo xtask test` has installed it.
   assert.ok(opened.denoises || !process.env.BOTTEGA_OIDN, "the library is found");
@@ -171,7 +171,7 @@ test("a zone is painted again while the job goes on and when it is over, and the
   const other = await farm.post("/jobs", { request: { ...request, output: { file: "once.exr" } }, files_of_job: 1 });
   await until("the other is done", async () => (await farm.ask(`/jobs/${other.job}`)).state === "done");
   assert.equal((await farm.ask(`/jobs/${job}/difference/job-${other.job}`)).rmse, 0, "the same bits");
-  // Of a job that is over all zones are painted again, which is asked before.
+  // Of a job that is over all zones are painted again, after a confirmation.
   await page.getByRole("region", { name: "Blackboard, scrolls" }).press("Home");
   await press("Paint it again");
   await page.getByRole("dialog").getByRole("button", { name: "Paint again" }).click();
@@ -183,7 +183,7 @@ test("a zone is painted again while the job goes on and when it is over, and the
   noProblems();
 });
 
-test("an animation is asked for by the form, watched by frame and downloaded", async () => {
+test("an animation is submitted by the form, watched by frame and downloaded", async () => {
   await go("submit/1");
   await page.getByText("which are in the farm").waitFor();
   await page.getByLabel("Width and height").fill("64 x 48");

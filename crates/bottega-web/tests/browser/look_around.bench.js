@@ -23,23 +23,23 @@ async function measure(browser) {
     await page.getByLabel("Width and height").fill(size.replace("x", " x "));
     await page.getByRole("button", { name: "Look around …" }).click();
     const stage = page.locator(".stage.around");
-    const told = async name => Number(await stage.getAttribute(`data-${name}`) ?? -1);
-    await until("something is seen", async () => await told("samples") >= 1);
+    const attribute = async name => Number(await stage.getAttribute(`data-${name}`) ?? -1);
+    await until("something is seen", async () => await attribute("samples") >= 1);
     const box = await stage.boundingBox();
     const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
     const restarts = [];
     for (let move = 0; move < moves; move++) {
       // Now and then it has been still for so long that noise is removed.
       await page.waitForTimeout(move % 5 === 4 ? 2500 : 400);
-      const seen = await told("look");
+      const seen = await attribute("look");
       await page.mouse.move(x, y);
       await page.mouse.down();
       await page.mouse.move(x + 20, y + 4);
       await page.mouse.up();
-      await until("another view is seen", async () => await told("look") > seen);
-      restarts.push(await told("restart"));
+      await until("another view is seen", async () => await attribute("look") > seen);
+      restarts.push(await attribute("restart"));
     }
-    const first = await told("first");
+    const first = await attribute("first");
     await page.context().close();
     return { first, restarts };
   } finally {

@@ -31,17 +31,17 @@ test("a form with something wrong in it says where, and is not sent", async () =
   await page.getByRole("alert").getByText("Choose a scene first").waitFor();
   const chooser = page.waitForEvent("filechooser");
   await page.locator("button", { hasText: "Choose files …" }).click();
-  // A damaged archive is told of; a whole one is as good as its files.
+  // A damaged archive is reported; a whole one is as good as its files.
   const archive = Buffer.from(await zip([["cornell-box.glb", readFileSync(SCENE)]]).arrayBuffer());
   await (await chooser).setFiles({ name: "torn.zip", mimeType: "application/zip", buffer: archive.subarray(0, 999) });
-  await page.getByRole("alert").getByText("no whole zip archive").waitFor();
+  await page.getByRole("alert").getByText("not a complete zip archive").waitFor();
   await page.locator("input[type=file]").first().setInputFiles({ name: "box.zip", mimeType: "application/zip", buffer: archive });
   await page.locator("ul.files").getByText("cornell-box.glb").waitFor();
   await page.getByLabel("Width and height").fill("abc, 120");
   await press("Paint it");
   assert.equal(await page.getByLabel("Width and height").getAttribute("aria-invalid"), "true");
   await page.getByLabel("Width and height").fill("160 x 120");
-  // What only the farm knows to be wrong is told at its field, too.
+  // What only the farm knows to be wrong is shown at its field, too.
   await page.getByLabel("Samples per pixel").fill("0");
   await press("Paint it");
   await page.locator(".field .wrong").getByText("goal.samples").waitFor();
@@ -62,15 +62,15 @@ test("every section of the form opens and has no barrier", async () => {
 
 test("a job is submitted by the form and watched to its end", async () => {
   await page.getByLabel("Samples per pixel").fill("64");
-  const asked = Date.now();
+  const submitted = Date.now();
   const job = await paint();
   await page.locator(".stage img.picture[src]").waitFor(JOB_WAIT);
-  console.log(`first pixels ${((Date.now() - asked) / 1000).toFixed(1)} s after “Paint it” (upload, reading the scene, painting)`);
+  console.log(`first pixels ${((Date.now() - submitted) / 1000).toFixed(1)} s after “Paint it” (upload, reading the scene, painting)`);
   await keep(page, "job-painting");
   await chip("done").waitFor(JOB_WAIT);
-  await until("all zones are told as done", async () => (await page.locator("dd").first().textContent()).match(/^(\d+) of \1$/));
+  await until("all zones are shown as done", async () => (await page.locator("dd").first().textContent()).match(/^(\d+) of \1$/));
   assert.equal((await farm.ask(`/jobs/${job}`)).state, "done");
-  // The image is the picture: its size is the one asked for.
+  // The image is the picture: its size is the requested one.
   const size = await until("the last picture", () => page.locator("img.picture").evaluate(it => [it.naturalWidth, it.naturalHeight]));
   assert.deepEqual(size, [160, 120]);
   noProblems();
@@ -141,7 +141,7 @@ test("a zone that is clicked is shown with all that is known, and marked on the 
   noProblems();
 });
 
-test("the picture is downloaded, as it was asked for and as it is shown", async () => {
+test("the picture is downloaded, as requested and as it is shown", async () => {
   const download = async click => {
     const waiting = page.waitForEvent("download");
     await click();
@@ -156,7 +156,7 @@ test("the picture is downloaded, as it was asked for and as it is shown", async 
   noProblems();
 });
 
-test("energy and cost of a job, a machine and a zone are told", async () => {
+test("energy and cost of a job, a machine and a zone are shown", async () => {
   const facts = page.locator(".facts");
   await facts.getByText(/Wh, 0\.\d+ EUR/).waitFor(JOB_WAIT);
   await page.getByRole("region", { name: "Blackboard, scrolls" }).press("Home");
@@ -212,7 +212,7 @@ test("the list of jobs has pictures, and is filtered and ordered", async () => {
   await go("");
   await page.locator(".thumb img[src]").first().waitFor(JOB_WAIT);
   await page.getByLabel("Filter jobs").fill("no such scene");
-  await page.getByText("No job is like that").waitFor();
+  await page.getByText("No job matches").waitFor();
   await page.getByLabel("Filter jobs").fill("cornell");
   await page.getByLabel("State").selectOption("done");
   for (const order of ["priority", "progress", "newest"]) await page.getByLabel("Order").selectOption(order);
@@ -221,7 +221,7 @@ test("the list of jobs has pictures, and is filtered and ordered", async () => {
   noProblems(isOfRemoved);
 });
 
-test("with optimization the rules that fire for a zone are told, and what the agents say to each other is seen", async () => {
+test("with optimization the rules that fire for a zone and the messages of the agents are shown", async () => {
   const request = {
     scene: { file: "cornell-box.glb" }, film: { size: [160, 120] }, goal: { samples: 600 },
     work: { optimization: "n", zones: 40 }, output: { file: "rules.exr" },
@@ -259,7 +259,7 @@ test("with optimization the rules that fire for a zone are told, and what the ag
   await page.getByText("Choose a zone").waitFor(JOB_WAIT);
   await page.locator(".stage").click({ position: { x: 300, y: 200 } });
   await page.locator(".fired meter").first().waitFor(JOB_WAIT);
-  assert.match(await page.locator(".rules").textContent(), /its agent went by path_tracing: .*IF .* THEN /s);
+  assert.match(await page.locator(".rules").textContent(), /its agent applied path_tracing: .*IF .* THEN /s);
   assert.ok(await page.locator(".membership .mark").count() >= 3);
   await keep(page, "job-rules");
   assert.deepEqual(await barriers(page), []);

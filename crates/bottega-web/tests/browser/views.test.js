@@ -1,5 +1,5 @@
 // Every view of the page at the widths of two usual screens: nothing sticks out, and what the view is for is in sight. A job that the
-// command line asked for is painted again as it was. Of a real farm of two machines, in a real browser.
+// command line submitted is painted again as it was. Of a real farm of two machines, in a real browser.
 //
 // BOTTEGA_MANUAL_PICTURES=docs/pictures makes the pictures of the manual again, finer than tests need.
 
@@ -16,7 +16,7 @@ const [SIZE, SAMPLES] = makesManual ? ["640x400", 40] : ["160x100", 8];
 /** Of a picture that is painted until it is called off; in the manual some zones are done by then. */
 const [LONG_SAMPLES, LONG_ZONES, DONE_ZONES] = makesManual ? [300, 40, 5] : [100_000, 24, 0];
 const WIDTHS = [1440, 1024];
-/** Light from all around, of four pixels. */
+/** Environment light, of four pixels. */
 const LIGHT = Buffer.from("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 2\n\x80\x80\x80\x81\x60\x40\x20\x81\x20\x40\x60\x81\x10\x10\x10\x80", "latin1");
 
 const LIGHT_AROUND = ["--env", "0.25,0.3,0.38"];
@@ -31,7 +31,7 @@ async function look(name, { of = page, isReady = async () => true, isShown = tru
     await of.setViewportSize({ width, height: 900 });
     await until(`${name} is ready`, isReady);
     await of.mouse.move(0, 0);
-    // What was asked for at this size is drawn with the next frames.
+    // A request made at this size is drawn with the next frames.
     await of.evaluate(() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done))));
     await keep(of, `view-${name}-${width}`);
     const excess = await of.evaluate(() => document.documentElement.scrollWidth - innerWidth);
@@ -41,7 +41,7 @@ async function look(name, { of = page, isReady = async () => true, isShown = tru
   await of.setViewportSize({ width: WIDTHS[0], height: 900 });
 }
 
-test("a job that the command line asked for is painted again as it was, and a problem is shown beside its button", async () => {
+test("a job that the command line submitted is painted again as it was, and a problem is shown beside its button", async () => {
   const light = farm.place("sky", "noon.hdr");
   writeFileSync(light, LIGHT);
   const pose = { eye: [0.4, 1.2, 3], target: [0, 1, 0], up: [0, 1, 0], fov: null };
@@ -50,10 +50,10 @@ test("a job that the command line asked for is painted again as it was, and a pr
   await until("it is done", () => isDone(1));
   await go("job/1");
   await page.getByRole("link", { name: "Paint this scene again …" }).click();
-  await page.getByText("The form says what job 1 asked for").waitFor();
+  await page.getByText("The form shows the request of job 1").waitFor();
   assert.equal(await page.getByLabel("Width and height").inputValue(), "96, 72");
   assert.equal(await page.getByLabel("Samples per pixel").inputValue(), "4");
-  assert.equal(await page.getByLabel("Light from all around: File").inputValue(), "noon.hdr");
+  assert.equal(await page.getByLabel("Environment light: File").inputValue(), "noon.hdr");
   const request = JSON.parse(await page.locator("form pre").textContent());
   assert.deepEqual(request.view.pose, pose);
   assert.equal(request.output.file, "room.exr");
@@ -63,10 +63,10 @@ test("a job that the command line asked for is painted again as it was, and a pr
   await press("Paint it");
   await alertIn(".send").getByText("goal.samples").waitFor();
   await page.getByLabel("Samples per pixel").fill("4");
-  await page.getByLabel("Light from all around: File").fill("night.hdr");
+  await page.getByLabel("Environment light: File").fill("night.hdr");
   await press("Look around …");
   await alertIn("fieldset > .row").getByText("night.hdr").waitFor();
-  await page.getByLabel("Light from all around: File").fill("noon.hdr");
+  await page.getByLabel("Environment light: File").fill("noon.hdr");
   await press("Paint it");
   await page.waitForURL(/#\/job\/\d+$/, JOB_WAIT);
   const again = number();
@@ -177,7 +177,7 @@ test("the jobs, a picture that is done and another one beside it fit the screen"
 
 test("the form and the view through a scene fit the screen", async () => {
   await go("submit/3");
-  await page.getByText("The form says what job 3 asked for").waitFor();
+  await page.getByText("The form shows the request of job 3").waitFor();
   await look("submit", { isShown: false });
   await press("Look around …");
   const around = page.locator(".stage.around");

@@ -35,9 +35,9 @@ fn filled(path: &str) -> String {
 fn the_document_and_the_door_know_the_same_routes() {
     let (_, door) = open();
     let at = door.address();
-    let told = get(at, "/api/openapi.json");
-    assert_eq!(told.json(), openapi_document());
-    let document = told.json();
+    let answer = get(at, "/api/openapi.json");
+    assert_eq!(answer.json(), openapi_document());
+    let document = answer.json();
     let paths = document["paths"].as_object().unwrap();
     assert!(paths.len() > 15, "{paths:?}");
     let mut names = BTreeSet::new();
@@ -87,7 +87,7 @@ fn the_document_and_the_door_know_the_same_routes() {
             let path = viewport.map_or_else(|| filled(path), |number| path.replace("{viewport}", &number.to_string()));
             let done = post(at, &method.to_uppercase(), &path, body);
             let (status, said) = (done.status.to_string(), &route["responses"]);
-            assert!(said.get(&status).is_some(), "{method} {path}: {done:?} is none of {said}");
+            assert!(said.get(&status).is_some(), "{method} {path}: {done:?} is not among {said}");
             let content = said[&status]["content"].as_object();
             let kind = content.and_then(|content| content.keys().next().cloned());
             if kind.as_deref() != Some("application/schema+json") {
@@ -117,8 +117,8 @@ fn layers_of_a_picture_are_listed_and_each_is_a_picture() {
     let read = read_image_bytes("albedo.exr", &exr.body, ReadLimits::default()).unwrap();
     assert_eq!((exr.header("content-type"), read.picture.data[1]), (Some("image/x-exr"), [0.2, 0.4, 0.6]));
     for (path, words) in [("nothing.png", "it has albedo"), ("albedo.gif", ".png or .exr")] {
-        let told = get(at, &format!("/api/jobs/1/layers/{path}"));
-        assert!(told.status == 404 && told.text().contains(words), "{told:?}");
+        let answer = get(at, &format!("/api/jobs/1/layers/{path}"));
+        assert!(answer.status == 404 && answer.text().contains(words), "{answer:?}");
     }
     // A file of another kind has none.
     assert_eq!(get(at, "/api/jobs/2/layers").json(), json!([]));
@@ -192,7 +192,7 @@ fn a_viewport_shows_each_look_and_is_closed() {
 }
 
 #[test]
-fn those_who_look_on_are_told_all_and_no_absolute_path() {
+fn read_only_clients_see_everything_but_absolute_paths() {
     let (farm, door) = open();
     let at = door.address();
     farm.live.tell(&Event::Warning { message: format!("cannot read {HIDDEN}/b.png") });
@@ -201,8 +201,8 @@ fn those_who_look_on_are_told_all_and_no_absolute_path() {
             continue;
         }
         // Only for clients that may steer, and without a file: a viewport.
-        let told = get(at, &filled(path));
-        assert!(!told.text().contains("/home/") && !told.text().contains("anna"), "{path}: {}", told.text());
+        let answer = get(at, &filled(path));
+        assert!(!answer.text().contains("/home/") && !answer.text().contains("anna"), "{path}: {}", answer.text());
     }
     let job = get(at, "/api/jobs/1").json();
     assert_eq!((&job["scene"], &job["done"]), (&json!("scene.glb"), &json!(0.25)));
@@ -226,7 +226,7 @@ fn those_who_look_on_are_told_all_and_no_absolute_path() {
 fn jobs_and_machines_are_steered() {
     let (farm, door) = open();
     let at = door.address();
-    for (method, path, body, told) in [
+    for (method, path, body, noted) in [
         ("POST", "/api/jobs/1/pause", "", "1 Pause"),
         ("POST", "/api/jobs/1/resume", "", "1 Resume"),
         ("POST", "/api/jobs/1/cancel", "", "1 Cancel"),
@@ -241,7 +241,7 @@ fn jobs_and_machines_are_steered() {
         let answer = post(at, method, path, body);
         assert!((200..300).contains(&answer.status), "{method} {path}: {answer:?}");
         let by = " by the token `steer` at 127.0.0.1";
-        assert_eq!(farm.noted(), [format!("{told}{by}")]);
+        assert_eq!(farm.noted(), [format!("{noted}{by}")]);
     }
     let created = post(at, "POST", "/api/jobs", r#"{"request":{},"files":{"a":"b"}}"#);
     assert_eq!(
@@ -310,18 +310,18 @@ fn what_is_wrong_is_said_without_words_of_rust_and_with_the_routes_that_help() {
             "the body: it is not JSON: line 1, column 1: the text ends in the middle of an object",
         ),
         ("POST", "/api/tokens", r#"{"name":"a","role":"all"}"#, "`role` is `all`: `see` or `steer` is needed"),
-        ("POST", "/api/jobs/abc/pause", "", "the path names no such thing: a number is needed in place of `abc`"),
+        ("POST", "/api/jobs/abc/pause", "", "the path is invalid: a number is needed in place of `abc`"),
     ] {
-        let told = post(at, method, path, body);
-        let problem = told.json();
-        assert!((400..500).contains(&told.status), "{told:?}");
+        let answer = post(at, method, path, body);
+        let problem = answer.json();
+        assert!((400..500).contains(&answer.status), "{answer:?}");
         assert!(problem["detail"].as_str().unwrap().starts_with(detail), "{path} {body}: {problem}");
         for word in ["u32", "u64", "usize", "expected", "invalid type", "at line", "column 4"] {
-            assert!(!told.text().contains(word), "{word}: {problem}");
+            assert!(!answer.text().contains(word), "{word}: {problem}");
         }
     }
     let unknown = get(at, "/api/machines/nobody").json();
-    assert_eq!(unknown["remedy"], "GET /api/machines has those that are");
+    assert_eq!(unknown["remedy"], "GET /api/machines lists the machines");
     let body = post(at, "POST", "/api/uploads", "{}").json();
     assert_eq!(body["remedy"], "GET /api/openapi.json says what is allowed");
 }
@@ -398,19 +398,19 @@ fn a_stream_begins_with_what_is_known_and_tells_what_changes() {
     farm.live.tell(&zone(1, "done"));
     let request = format!("GET /api/jobs/1/events HTTP/1.1\r\nHost: {at}\r\n{}\r\n", bearer(SEE));
     let mut reader = BufReader::new(send(at, request.as_bytes()));
-    let (status, told) = head(&mut reader);
-    assert!(status == 200 && told.contains("text/event-stream"), "{told}");
+    let (status, head_text) = head(&mut reader);
+    assert!(status == 200 && head_text.contains("text/event-stream"), "{head_text}");
     let (name, state) = event(&mut reader);
     assert_eq!((&*name, state.as_array().unwrap().len(), &state[0]["state"]), ("state", 1, &json!("done")));
     farm.live.tell(&zone(2, "open"));
     farm.live.tell(&Event::Progress(Progress { zones: 2, ..Progress::default() }));
-    let mut news = Vec::new();
-    while news.len() < 2 {
+    let mut changes = Vec::new();
+    while changes.len() < 2 {
         let (name, more) = event(&mut reader);
         assert_eq!(name, "news");
-        news.extend(more.as_array().unwrap().clone());
+        changes.extend(more.as_array().unwrap().clone());
     }
-    assert_eq!((&news[0]["id"], &news[1]["zones"]), (&json!(2), &json!(2)));
+    assert_eq!((&changes[0]["id"], &changes[1]["zones"]), (&json!(2), &json!(2)));
 }
 
 #[test]
@@ -437,9 +437,9 @@ fn the_picture_of_one_process_has_the_same_routes() {
     assert_eq!(get("/api/jobs/1/request").status, 409);
     assert_eq!(get("/api/jobs/1/picture").status, 409);
     // The scene of the picture can be looked around in, once it is known.
-    let asked = br#"{"request":{"view":{"pose":{"eye":[0.4,1.6,2],"target":[0,0.8,0]}}},"files_of_job":1}"#;
+    let submission = br#"{"request":{"view":{"pose":{"eye":[0.4,1.6,2],"target":[0,0.8,0]}}},"files_of_job":1}"#;
     let headers_of_json = format!("{headers}Content-Type: application/json\r\n");
-    let open = || ask(at, "POST", "/api/viewports", &headers_of_json, asked);
+    let open = || ask(at, "POST", "/api/viewports", &headers_of_json, submission);
     assert_eq!(open().status, 409);
     let scene = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell-box.glb");
     let request = bottega::Request::new(scene).with("film.size", "[32, 32]").unwrap();
@@ -469,11 +469,11 @@ fn the_picture_of_one_process_has_the_same_routes() {
     let mut stream = send(at, format!("GET /api/jobs/1/events HTTP/1.1\r\nHost: {at}\r\n{headers}\r\n").as_bytes());
     stream.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
     let mut bytes = vec![0; 4096];
-    let mut told = String::new();
-    while !told.contains("\"finished\"") {
-        let count = stream.read(&mut bytes).expect("what has ended is told");
-        told += &String::from_utf8_lossy(&bytes[..count]);
+    let mut text = String::new();
+    while !text.contains("\"finished\"") {
+        let count = stream.read(&mut bytes).expect("the end is reported");
+        text += &String::from_utf8_lossy(&bytes[..count]);
     }
-    assert!(!told.contains(&*folder.path().to_string_lossy()), "{told}");
+    assert!(!text.contains(&*folder.path().to_string_lossy()), "{text}");
     assert!(Dashboard::serve(at, &stop).is_err(), "the address is taken");
 }

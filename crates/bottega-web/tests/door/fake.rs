@@ -41,7 +41,7 @@ pub(crate) const HIDDEN: &str = "/home/anna/secret";
 #[derive(Default)]
 pub(crate) struct FakeFarm {
     pub(crate) live: Arc<LiveJob>,
-    pub(crate) told: Mutex<Vec<String>>,
+    pub(crate) calls: Mutex<Vec<String>>,
     pub(crate) pieces: Mutex<BTreeMap<String, usize>>,
     /// Tokens that were made, by name.
     made: Mutex<BTreeMap<String, TokenRole>>,
@@ -49,11 +49,11 @@ pub(crate) struct FakeFarm {
 
 impl FakeFarm {
     pub(crate) fn note(&self, what: String) {
-        self.told.lock().unwrap_or_else(PoisonError::into_inner).push(what);
+        self.calls.lock().unwrap_or_else(PoisonError::into_inner).push(what);
     }
 
     pub(crate) fn noted(&self) -> Vec<String> {
-        std::mem::take(&mut self.told.lock().unwrap_or_else(PoisonError::into_inner))
+        std::mem::take(&mut self.calls.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn known(number: u32) -> Result<(), Problem> {
@@ -237,16 +237,16 @@ impl ShownFarm for FakeFarm {
         Ok(())
     }
 
-    fn submit(&self, asked: Submission, by: &str) -> Result<Vec<u32>, Problem> {
-        self.note(format!("submit {} by {by}", asked.files.len()));
-        Ok(if asked.request.get("frames").is_some() { vec![3, 4, 5] } else { vec![3] })
+    fn submit(&self, submission: Submission, by: &str) -> Result<Vec<u32>, Problem> {
+        self.note(format!("submit {} by {by}", submission.files.len()));
+        Ok(if submission.request.get("frames").is_some() { vec![3, 4, 5] } else { vec![3] })
     }
 
     fn share(&self, _: &Arc<Viewport>) -> Option<SharedViewport> {
         None
     }
 
-    fn uploaded_here(&self, _asked: Submission) -> Result<Request, Problem> {
+    fn uploaded_here(&self, _submission: Submission) -> Result<Request, Problem> {
         let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cornell-box.glb");
         let mut request = Request::new(scene);
         (request.film.size, request.goal.samples) = (Some([16, 12]), Some(2));
@@ -328,13 +328,13 @@ pub(crate) fn open_with(log: Option<DeedLog>) -> (Arc<FakeFarm>, Door) {
 
 /// The answer of a door.
 #[derive(Debug)]
-pub(crate) struct Told {
+pub(crate) struct DoorAnswer {
     pub(crate) status: u16,
     pub(crate) head: String,
     pub(crate) body: Vec<u8>,
 }
 
-impl Told {
+impl DoorAnswer {
     pub(crate) fn text(&self) -> String {
         String::from_utf8_lossy(&self.body).into_owned()
     }
@@ -371,17 +371,17 @@ pub(crate) fn head(reader: &mut impl BufRead) -> (u16, String) {
 }
 
 /// Sends a request unchanged. Returns the whole answer.
-pub(crate) fn raw(at: SocketAddr, bytes: &[u8]) -> Told {
+pub(crate) fn raw(at: SocketAddr, bytes: &[u8]) -> DoorAnswer {
     let mut reader = BufReader::new(send(at, bytes));
     let (status, head) = head(&mut reader);
     let mut body = Vec::new();
     // A connection that is reset after the answer has delivered all of it.
     _ = reader.read_to_end(&mut body);
-    let mut told = Told { status, head, body };
-    if told.header("transfer-encoding") == Some("chunked") {
-        told.body = unchunked(&told.body);
+    let mut answer = DoorAnswer { status, head, body };
+    if answer.header("transfer-encoding") == Some("chunked") {
+        answer.body = unchunked(&answer.body);
     }
-    told
+    answer
 }
 
 fn unchunked(mut body: &[u8]) -> Vec<u8> {
@@ -399,7 +399,7 @@ fn unchunked(mut body: &[u8]) -> Vec<u8> {
 }
 
 /// A request with further header lines, each with its line end.
-pub(crate) fn ask(at: SocketAddr, method: &str, path: &str, headers: &str, body: &[u8]) -> Told {
+pub(crate) fn ask(at: SocketAddr, method: &str, path: &str, headers: &str, body: &[u8]) -> DoorAnswer {
     let length = if body.is_empty() { String::new() } else { format!("Content-Length: {}\r\n", body.len()) };
     let head = format!("{method} {path} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n{length}{headers}\r\n");
     raw(at, &[head.as_bytes(), body].concat())
@@ -410,12 +410,12 @@ pub(crate) fn bearer(token: &str) -> String {
 }
 
 /// Makes a request of a client that may look on.
-pub(crate) fn get(at: SocketAddr, path: &str) -> Told {
+pub(crate) fn get(at: SocketAddr, path: &str) -> DoorAnswer {
     ask(at, "GET", path, &bearer(SEE), b"")
 }
 
 /// Makes a request of a client that may steer, with JSON.
-pub(crate) fn post(at: SocketAddr, method: &str, path: &str, json: &str) -> Told {
+pub(crate) fn post(at: SocketAddr, method: &str, path: &str, json: &str) -> DoorAnswer {
     let headers = format!("{}Content-Type: application/json\r\n", bearer(STEER));
     ask(at, method, path, &headers, json.as_bytes())
 }

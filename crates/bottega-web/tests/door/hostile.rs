@@ -8,18 +8,22 @@ use std::{
 
 use bottega_web::{EVENT_STREAMS_MAX, JSON_BYTES_MAX};
 
-use crate::door::fake::{FakeFarm, SEE, STEER, Told, ask, bearer, get, head, open, post, raw, send, zone};
+use crate::door::fake::{DoorAnswer, FakeFarm, SEE, STEER, ask, bearer, get, head, open, post, raw, send, zone};
 
 /// The farm got no call, and honest clients are answered.
 fn is_unharmed(farm: &FakeFarm, at: SocketAddr) {
     assert_eq!(farm.noted(), Vec::<String>::new());
-    let told = get(at, "/api/jobs");
-    assert_eq!(told.status, 200, "{told:?}");
+    let answer = get(at, "/api/jobs");
+    assert_eq!(answer.status, 200, "{answer:?}");
 }
 
-fn is_problem(told: &Told, status: u16) {
-    assert_eq!((told.status, told.header("content-type")), (status, Some("application/problem+json")), "{told:?}");
-    let problem = told.json();
+fn is_problem(answer: &DoorAnswer, status: u16) {
+    assert_eq!(
+        (answer.status, answer.header("content-type")),
+        (status, Some("application/problem+json")),
+        "{answer:?}"
+    );
+    let problem = answer.json();
     assert!(problem["status"] == status && problem["detail"].as_str().is_some_and(|it| !it.is_empty()), "{problem}");
 }
 
@@ -39,9 +43,9 @@ fn foreign_names_and_pages_are_refused_whatever_their_token() {
         String::new(),
     ] {
         for path in ["/", "/api/jobs", "/style.css"] {
-            let told = raw(at, format!("GET {path} HTTP/1.1\r\n{hosts}Connection: close\r\n{token}\r\n").as_bytes());
+            let answer = raw(at, format!("GET {path} HTTP/1.1\r\n{hosts}Connection: close\r\n{token}\r\n").as_bytes());
             // The parser may refuse two of them before the door looks.
-            assert!([400, 421].contains(&told.status), "{hosts:?} {path}: {told:?}");
+            assert!([400, 421].contains(&answer.status), "{hosts:?} {path}: {answer:?}");
         }
     }
     for origin in ["http://evil.example", "null", "http://127.0.0.1:1", "https://evil.example:443", "x"] {
@@ -59,7 +63,7 @@ fn foreign_names_and_pages_are_refused_whatever_their_token() {
 }
 
 #[test]
-fn without_a_token_or_with_the_wrong_one_nothing_is_told_and_nothing_done() {
+fn without_the_right_token_nothing_is_shown_or_done() {
     let (farm, door) = open();
     let at = door.address();
     for path in ["/api/jobs", "/api/tokens", "/api/jobs/1/events", "/api/nothing"] {
@@ -75,7 +79,11 @@ fn without_a_token_or_with_the_wrong_one_nothing_is_told_and_nothing_done() {
     ] {
         is_problem(&ask(at, "POST", "/api/jobs/1/cancel", &headers, b""), 401);
     }
-    assert_eq!(ask(at, "GET", &format!("/api/jobs?token={STEER}"), "", b"").status, 401, "a token is none in a path");
+    assert_eq!(
+        ask(at, "GET", &format!("/api/jobs?token={STEER}"), "", b"").status,
+        401,
+        "a token in a path does not count"
+    );
     for (method, path) in [
         ("POST", "/api/jobs"),
         ("POST", "/api/jobs/1/pause"),
@@ -158,9 +166,9 @@ fn what_is_too_large_is_not_read() {
         bytes.extend([b' '; 65536]);
         bytes.extend(b"\r\n");
     }
-    let told = raw(at, &bytes);
+    let answer = raw(at, &bytes);
     // The door may close the connection while the client still sends.
-    assert!([413, 0].contains(&told.status), "{:?}", told.head);
+    assert!([413, 0].contains(&answer.status), "{:?}", answer.head);
     let piece = ask(at, "PUT", "/api/uploads/chunks/a", &bearer(STEER), &vec![0; (4 << 20) + 1]);
     assert!([413, 0].contains(&piece.status), "{:?}", piece.head);
     let long = format!("X: {}\r\n", "x".repeat(100_000));
@@ -181,11 +189,11 @@ fn ten_thousand_streams_of_events_are_bounded() {
         let mut reader = BufReader::new(send(at, request.as_bytes()));
         match head(&mut reader) {
             (200, _) => open.push(reader),
-            (503, told) => {
-                assert!(told.to_lowercase().contains("retry-after"), "{told}");
+            (503, head_text) => {
+                assert!(head_text.to_lowercase().contains("retry-after"), "{head_text}");
                 refused += 1;
             }
-            (status, told) => panic!("{status}: {told}"),
+            (status, head_text) => panic!("{status}: {head_text}"),
         }
     }
     assert_eq!((open.len(), refused), (EVENT_STREAMS_MAX, 10_000 - EVENT_STREAMS_MAX));
@@ -205,7 +213,7 @@ fn ten_thousand_streams_of_events_are_bounded() {
 }
 
 #[test]
-fn one_who_reads_nothing_is_dropped_and_one_who_reads_slowly_is_told_the_end() {
+fn a_client_that_reads_nothing_is_dropped_and_a_slow_one_gets_the_end() {
     let (farm, door) = open();
     let at = door.address();
     let request = format!("GET /api/jobs/1/events HTTP/1.1\r\nHost: {at}\r\n{}\r\n", bearer(SEE));
@@ -222,13 +230,13 @@ fn one_who_reads_nothing_is_dropped_and_one_who_reads_slowly_is_told_the_end() {
     farm.live.tell(&zone(5000, "the end"));
     is_unharmed(&farm, at);
     // The slow client reads now: it has missed steps, and gets the whole state.
-    let (mut told, mut bytes) = (Vec::new(), vec![0; 1 << 16]);
-    while !String::from_utf8_lossy(&told[told.len().saturating_sub(1 << 18)..]).contains("the end") {
-        let count = slow.read(&mut bytes).expect("it is told");
+    let (mut received, mut bytes) = (Vec::new(), vec![0; 1 << 16]);
+    while !String::from_utf8_lossy(&received[received.len().saturating_sub(1 << 18)..]).contains("the end") {
+        let count = slow.read(&mut bytes).expect("the end arrives");
         assert!(count > 0, "it is dropped too soon");
-        told.extend(&bytes[..count]);
+        received.extend(&bytes[..count]);
     }
-    let rounds = (0..40).filter(|round| String::from_utf8_lossy(&told).contains(&format!("\"{round} x"))).count();
+    let rounds = (0..40).filter(|round| String::from_utf8_lossy(&received).contains(&format!("\"{round} x"))).count();
     assert!(rounds < 40, "it was held up for a reader that takes nothing");
     // A client that read nothing of the picture for long has lost it.
     std::thread::sleep(Duration::from_secs(22));
@@ -264,14 +272,14 @@ fn half_requests_end() {
     is_unharmed(&farm, at);
     open.push(dripping);
     for (number, stream) in open.iter_mut().enumerate() {
-        let mut told = Vec::new();
+        let mut received = Vec::new();
         // The connection ends or is cut off: it does not wait for ever.
         stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-        match stream.read_to_end(&mut told) {
+        match stream.read_to_end(&mut received) {
             Ok(_) => {}
             Err(error) => assert_eq!(error.kind(), std::io::ErrorKind::ConnectionReset, "{number}: {error}"),
         }
-        let text = String::from_utf8_lossy(&told);
+        let text = String::from_utf8_lossy(&received);
         assert!(text.is_empty() || text.contains(" 408 ") || text.contains(" 400 "), "{number}: {text}");
     }
     is_unharmed(&farm, at);

@@ -28,10 +28,10 @@ fn beyond_this_machine_it_speaks_tls_alone_with_the_certificate_that_it_was_give
     assert!(door.steering_url().starts_with("https://127.0.0.1:"), "{}", door.steering_url());
 
     let request = format!("GET /?token={token} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n{}\r\n", bearer(token));
-    let mut told = Vec::new();
+    let mut received = Vec::new();
     // The connection is closed or cut off, at most with an alert, and without HTTP.
-    _ = send(at, request.as_bytes()).read_to_end(&mut told);
-    assert!(!String::from_utf8_lossy(&told).contains("HTTP"), "{told:?}");
+    _ = send(at, request.as_bytes()).read_to_end(&mut received);
+    assert!(!String::from_utf8_lossy(&received).contains("HTTP"), "{received:?}");
 
     let mut roots = RootCertStore::empty();
     roots.add(certificate).expect("a root");
@@ -43,8 +43,8 @@ fn beyond_this_machine_it_speaks_tls_alone_with_the_certificate_that_it_was_give
     socket.set_read_timeout(Some(Duration::from_secs(10))).expect("a time limit");
     let mut stream = StreamOwned::new(client, socket);
     stream.write_all(request.as_bytes()).expect("it is sent");
-    let mut told = Vec::new();
-    _ = stream.read_to_end(&mut told);
-    let told = String::from_utf8_lossy(&told);
-    assert!(told.starts_with("HTTP/1.1 303") && told.contains("SameSite=Strict; Secure"), "{told}");
+    let mut received = Vec::new();
+    _ = stream.read_to_end(&mut received);
+    let received = String::from_utf8_lossy(&received);
+    assert!(received.starts_with("HTTP/1.1 303") && received.contains("SameSite=Strict; Secure"), "{received}");
 }

@@ -74,7 +74,7 @@ test("a picture is called as its scene where it has no name", () => {
   assert.deepEqual(named({}), {});
 });
 
-test("an answer that names a field is told at that field", () => {
+test("an answer that names a field is shown at that field", () => {
   const paths = ["goal.samples", "environment.light", "seed"];
   assert.equal(fieldNamed("`goal.samples` is 0: from 1 to 4194304 is allowed", paths), "goal.samples");
   assert.equal(fieldNamed("`environment.light.file` is `x`", paths), "environment.light");
@@ -89,7 +89,7 @@ test("the scene is found among its files", () => {
   assert.equal(lightOf(["a.glb", "sky.hdr", "sun.hdr"], "a.glb"), null, "either may be meant");
 });
 
-test("what the farm cannot answer now is asked again, what is wrong is not", async () => {
+test("a request that the farm cannot answer now is repeated, a wrong one is not", async () => {
   let calls = 0;
   const waits = [];
   const failing = status => async () => {
@@ -104,7 +104,7 @@ test("what the farm cannot answer now is asked again, what is wrong is not", asy
   assert.equal(calls, 1);
 });
 
-test("a request that is asked for again keeps what the form does not show", () => {
+test("a request that is submitted again keeps what the form does not show", () => {
   const request = { version: 1, scene: { file: "a.glb", strict: true }, goal: { samples: 4 }, devices: { exact: true }, seed: 3 };
   const others = requestWithout(request, ["version", "scene.file", "goal.samples", "seed", "film.size"]);
   assert.deepEqual(others, { scene: { strict: true }, devices: { exact: true } });

@@ -18,7 +18,7 @@ test("the pictures of an animation have a place for the number", () => {
   assert.equal(named({ scene: { file: "walk.glb" }, frames: { list: "1..3" } }).output.file, "walk.####.exr");
 });
 
-test("a difference is told in figures", () => {
+test("a difference is shown in figures", () => {
   assert.equal(differenceText({ flip: 0.01234, flip_visible_share: 0.5, rel_mse: 0.00012, rmse: 3 }),
     "FLIP 0.0123, seen in 50.0 % of the pixels; relMSE 1.20e-4, RMSE 3.00e+0");
 });

@@ -11,7 +11,7 @@ const TRACE = [
   "this is no message", "",
 ].join("\n");
 
-test("a trace is read line by line, and what is no message is counted", () => {
+test("a trace is read line by line, and other lines are counted", () => {
   const { messages, strange } = parseTrace(TRACE);
   assert.deepEqual([messages.length, strange], [3, 1]);
   assert.deepEqual(messages[0].receivers, ["render-1@here", "render-2@here"]);

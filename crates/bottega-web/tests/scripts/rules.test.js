@@ -16,7 +16,7 @@ test("values stand where they are in the range, and at its edge where they are o
   assert.equal(placeX(3, [3, 3], 280), 140, "a range without width");
 });
 
-test("an input is told with its terms, the strongest first", () => {
+test("an input is shown with its terms, the strongest first", () => {
   const input = { name: "neighbor_difference", value: 0.123456, terms: [["small", 0.25], ["big", 0.75]] };
   assert.equal(inputText(input), "neighbor difference is 0.123: big 0.75, small 0.25");
   assert.equal(inputText({ name: "size", value: 64, terms: [] }), "size is 64: no term holds");

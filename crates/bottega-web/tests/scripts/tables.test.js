@@ -43,7 +43,7 @@ test("the speeds of a machine's agents add up", () => {
   assert.equal(powerOf({ agents: [] }), null);
 });
 
-test("a machine that is told something says so until it has done it", () => {
+test("a command to a machine is shown until it is obeyed", () => {
   assert.equal(stateOf({ state: "active", ordered: "suspended", job: 1 }), "active, to be suspended");
   assert.equal(stateOf({ state: "suspended", ordered: "suspended", job: null }), "suspended");
   assert.equal(stateOf({ state: "active", ordered: "active", job: null }), "idle");
@@ -63,10 +63,10 @@ test("a zone tells what it is painted with, and whose rules decided", () => {
   const fields = new Map(zoneFields(zone).map(([name, value]) => [name, value]));
   assert.equal(fields.get("Rules"), "path_tracing: 12 0.83");
   assert.equal(fields.get("Bands"), "0, 1, 2, 3");
-  assert.ok(!fields.has("Error") && !fields.has("Agent"), "what is not known is not told");
+  assert.ok(!fields.has("Error") && !fields.has("Agent"), "what is not known is not shown");
 });
 
-test("agents are told with their work and their color", () => {
+test("agents are shown with their work and their color", () => {
   const rows = agentRows([{ agent: "a" }, { agent: "b" }], new Map([["a", 30]]), new Map([["a", { done: 2, working: 1 }]]));
   assert.deepEqual(rows, [{ done: 2, working: 1, agent: "a", hue: 30 }, { done: 0, working: 0, agent: "b", hue: undefined }]);
   assert.match(auctionLine({ rounds: 3, contested: 2, outbid: 1, credit_decided: 1, bids: 9, awards: 4 }), /3 rounds, 2 with several bidders/);
@@ -85,7 +85,7 @@ test("the bell rings once for each job that ends, and not for those that were ov
   assert.deepEqual(endText(job(3, "done")), ["Job 3: done", "s.glb → p.exr"]);
 });
 
-test("of energy is told what is known", () => {
+test("known energy is shown", () => {
   assert.deepEqual(energyFacts(null), []);
   assert.deepEqual(energyFacts({ processor_seconds: 3, is_partial: true }).map(([name, text]) => [name, text]), [["Processor time", "3.0 s"]]);
   const energy = { processor_seconds: 3, kwh: 0.25, cost: 0.125, currency: "EUR", is_partial: false };

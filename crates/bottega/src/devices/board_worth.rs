@@ -37,24 +37,24 @@ pub(crate) fn are_worth_waves(boards: &[ConnectedBoard], processors: usize) -> b
 /// Returns the message that boards are not used, with the reason.
 ///
 /// - `gpus`: names of the GPUs that render.
-pub(crate) fn left_alone(boards: &[ConnectedBoard], processors: usize, gpus: &[String]) -> String {
-    let one = |board: &ConnectedBoard| {
+pub(crate) fn unused_boards_warning(boards: &[ConnectedBoard], processors: usize, gpus: &[String]) -> String {
+    let named = |board: &ConnectedBoard| {
         let threads = counted(board.threads, "thread");
         format!("{} ({threads}, {:.1} MB/s)", board.name, board.bandwidth / 1e6)
     };
-    let names: Vec<String> = boards.iter().map(one).collect();
+    let names: Vec<String> = boards.iter().map(named).collect();
     let verb = if boards.len() == 1 { "is" } else { "are" };
-    let alone = format!("{} {verb} left alone", names.join(", "));
+    let alone = format!("{} {verb} not used", names.join(", "));
     if !gpus.is_empty() {
         return format!(
-            "{alone}: {} paints whole paths faster; `--set integrator.wavefront=true` uses boards all the same",
+            "{alone}: {} renders whole paths faster; `--set integrator.wavefront=true` uses boards anyway",
             gpus.join(", ")
         );
     }
     let needed = SHARE_MIN * processors as f64;
     let painting = counted(processors as u64, "processor");
     format!(
-        "{alone}: beside {painting} boards save time from {} and {:.0} MB/s on; `--set integrator.wavefront=true` uses them all the same",
+        "{alone}: beside {painting} boards save time from {} and {:.0} MB/s on; `--set integrator.wavefront=true` uses them anyway",
         counted(needed.ceil() as u64, "thread"),
         needed * BYTES_OF_PROCESSOR / 1e6
     )
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     fn board(threads: u64, megabytes: f64) -> ConnectedBoard {
-        ConnectedBoard { name: "tcp://studio:7070".to_owned(), threads, bandwidth: megabytes * 1e6 }
+        ConnectedBoard { name: "tcp://render-2:7070".to_owned(), threads, bandwidth: megabytes * 1e6 }
     }
 
     #[test]
@@ -82,9 +82,9 @@ mod tests {
     }
 
     #[test]
-    fn the_user_is_told_why_a_board_is_left_alone() {
-        let told = left_alone(&[board(1, 5.0)], 4, &[]);
-        assert!(told.starts_with("tcp://studio:7070 (1 thread, 5.0 MB/s) is left alone"), "{told}");
-        assert!(told.contains("3 threads and 600 MB/s"), "{told}");
+    fn the_warning_says_why_a_board_is_not_used() {
+        let message = unused_boards_warning(&[board(1, 5.0)], 4, &[]);
+        assert!(message.starts_with("tcp://render-2:7070 (1 thread, 5.0 MB/s) is not used"), "{message}");
+        assert!(message.contains("3 threads and 600 MB/s"), "{message}");
     }
 }

@@ -16,7 +16,9 @@ fn path() -> PathBuf {
 /// Reads the costs that earlier runs have learned; `None`: there is no usable file.
 pub(crate) fn read() -> Option<CostBook> {
     let text = fs::read_to_string(path()).ok()?;
-    CostBook::from_json(&text, VERSION).inspect_err(|error| tracing::debug!(%error, "costs are learnt anew")).ok()
+    CostBook::from_json(&text, VERSION)
+        .inspect_err(|error| tracing::debug!(%error, "cannot use the stored costs of devices; they are measured again"))
+        .ok()
 }
 
 /// Stores the costs that a run has learned for its devices.
@@ -31,6 +33,6 @@ pub fn keep(report: &HraReport) {
     _ = path.parent().map(fs::create_dir_all);
     if let Err(error) = bottega_image::write_whole(&path, book.to_json().as_bytes()) {
         // The next run learns them again.
-        tracing::debug!(%error, "costs were not kept");
+        tracing::debug!(%error, "cannot store the costs of devices");
     }
 }

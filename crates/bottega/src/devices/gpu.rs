@@ -62,7 +62,8 @@ impl ChosenGpu {
         let room = memory.or_else(|| self.adapter.memory().map(|memory| memory.free.unwrap_or(memory.total)))?;
         let bytes = self.encoded.bytes();
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-        (bytes > room).then(|| format!("the scene takes {:.1} MiB there, and may take {:.1}", mib(bytes), mib(room)))
+        (bytes > room)
+            .then(|| format!("the scene needs {:.1} MiB there; at most {:.1} are available", mib(bytes), mib(room)))
     }
 }
 

@@ -70,7 +70,7 @@ pub struct PrimitiveCost {
 enum LaneError {
     #[error(transparent)]
     Open(#[from] Error),
-    #[error("the device takes no work")]
+    #[error("the device accepts no work")]
     Submit(#[from] SubmitError),
     #[error("the device failed")]
     Unit(#[from] UnitError),
@@ -102,12 +102,12 @@ pub fn measure(gpus: &[String]) -> Result<Vec<DeviceCosts>, Error> {
         let lane = VirtualCpu::new("cpu".to_owned(), PrimitiveSet::from([primitive]), RenderWork::perform);
         Ok(Lane::Direct(Box::new(lane) as _))
     };
-    let mut all = vec![subject.measure("cpu", processors(), processor)];
-    all.extend(gpus.iter().map(|name| subject.measure(name, 1, |primitive| subject.on_gpu(primitive, name))));
-    let costs = all.iter().enumerate().map(|(index, device)| DeviceCosts {
+    let mut devices = vec![subject.measure("cpu", processors(), processor)];
+    devices.extend(gpus.iter().map(|name| subject.measure(name, 1, |primitive| subject.on_gpu(primitive, name))));
+    let costs = devices.iter().enumerate().map(|(index, device)| DeviceCosts {
         name: device.name.clone(),
         count: device.count,
-        primitives: device.primitives(|primitive| shares(&all, primitive)[index]),
+        primitives: device.primitives(|primitive| shares(&devices, primitive)[index]),
         notes: device.notes.clone(),
     });
     Ok(costs.collect())
@@ -119,7 +119,7 @@ impl MeasuredDevice {
     }
 
     fn primitives(&self, share: impl Fn(Primitive) -> f64) -> Vec<PrimitiveCost> {
-        let one = |&(primitive, items_per_second, cost): &(Primitive, f64, CostModel)| PrimitiveCost {
+        let cost_of = |&(primitive, items_per_second, cost): &(Primitive, f64, CostModel)| PrimitiveCost {
             primitive: primitive.name(),
             items_per_second,
             unit_ns: cost.fixed_ns(),
@@ -127,7 +127,7 @@ impl MeasuredDevice {
             uncertainty: cost.uncertainty(),
             share: share(primitive),
         };
-        self.rates.iter().map(one).collect()
+        self.rates.iter().map(cost_of).collect()
     }
 }
 
@@ -222,7 +222,7 @@ impl Subject {
         let seconds = begun.map_or(0.0, |begun| begun.elapsed().as_secs_f64()).max(1e-9);
         let report = hra.report();
         costs::keep(&report);
-        let cost = report.resources.first().and_then(|it| it.costs.iter().find(|(of, _)| *of == primitive));
+        let cost = report.resources.first().and_then(|resource| resource.costs.iter().find(|(of, _)| *of == primitive));
         Ok((items as f64 / seconds, cost.map(|(_, cost)| *cost).unwrap_or_default()))
     }
 

@@ -22,7 +22,7 @@ use std::thread;
 
 use bottega_hra::{HraReport, Incident};
 
-pub(crate) use self::board_worth::{are_worth_waves, left_alone};
+pub(crate) use self::board_worth::{are_worth_waves, unused_boards_warning};
 #[cfg(not(feature = "board"))]
 use self::without_board as board;
 #[cfg(not(feature = "gpu"))]

@@ -19,19 +19,19 @@ pub(super) fn layout(request: &Request, opened: &Opened, title: &str, is_mixed: 
         let announced = opened.layers.iter().find(|announced| announced.name == layer.name);
         announced.is_some_and(|announced| announced.shared) && layer.as_aov().is_some()
     };
-    let there: Vec<Layer> = opened.layers().filter(|layer| !is_mixed || is_shared(layer)).collect();
-    let all = || there.iter().map(|layer| layer.name.as_str()).collect();
+    let available: Vec<Layer> = opened.layers().filter(|layer| !is_mixed || is_shared(layer)).collect();
+    let all = || available.iter().map(|layer| layer.name.as_str()).collect();
     let is_png = || request.output.file.as_deref().map(OutputFormat::of).transpose();
-    let asked = request.film.layers.as_deref();
-    let mut wanted: Vec<&str> = match asked {
+    let requested = request.film.layers.as_deref();
+    let mut wanted: Vec<&str> = match requested {
         Some([word]) if word == ALL_LAYERS => all(),
         Some(names) => names.iter().map(String::as_str).collect(),
         None if is_png()? == Some(OutputFormat::Png) => Vec::new(),
         None => all(),
     };
     let helps = |layer: &&Layer| request.film.denoise && layer.as_aov().is_some_and(|aov| GUIDES.contains(&aov));
-    if asked.is_none_or(|asked| !asked.is_empty()) {
-        wanted.extend(there.iter().filter(helps).map(|layer| layer.name.as_str()));
+    if requested.is_none_or(|requested| !requested.is_empty()) {
+        wanted.extend(available.iter().filter(helps).map(|layer| layer.name.as_str()));
     }
     let mut aovs = AovSet::NONE;
     let mut layers: Vec<Layer> = Vec::new();
@@ -41,8 +41,8 @@ pub(super) fn layout(request: &Request, opened: &Opened, title: &str, is_mixed: 
             aovs = aovs.with(Aov::SampleCount);
             continue;
         }
-        let Some(layer) = there.iter().find(|layer| layer.name == name) else {
-            return Err(lacking(name, &there, title, is_mixed));
+        let Some(layer) = available.iter().find(|layer| layer.name == name) else {
+            return Err(lacking(name, &available, title, is_mixed));
         };
         match layer.as_aov() {
             Some(aov) => aovs = aovs.with(aov),
@@ -50,18 +50,17 @@ pub(super) fn layout(request: &Request, opened: &Opened, title: &str, is_mixed: 
             None => {}
         }
     }
-    Layout::with_layers(aovs, layers).map_err(|error| {
-        Error::failed(format!("the layers of {title} cannot be kept: {error}"), "ask for fewer of them")
-    })
+    Layout::with_layers(aovs, layers)
+        .map_err(|error| Error::failed(format!("cannot store the layers of {title}: {error}"), "request fewer layers"))
 }
 
-fn lacking(name: &str, there: &[Layer], title: &str, is_mixed: bool) -> Error {
+fn lacking(name: &str, available: &[Layer], title: &str, is_mixed: bool) -> Error {
     let who = if is_mixed { format!("{title} and the built-in engine both") } else { title.to_owned() };
-    let names: Vec<&str> = there.iter().map(|layer| layer.name.as_str()).chain([Aov::SampleCount.name()]).collect();
+    let names: Vec<&str> = available.iter().map(|layer| layer.name.as_str()).chain([Aov::SampleCount.name()]).collect();
     let verb = if is_mixed { "do not make the same" } else { "makes no" };
     Error::usage(
         format!("{who} {verb} layer `{name}` of this scene"),
-        format!("there are {}; other engines make the layers that their scene asks for", names.join(", ")),
+        format!("available: {}; other engines make the layers that their scene file requests", names.join(", ")),
     )
 }
 
@@ -87,11 +86,11 @@ mod tests {
         Opened { width: 8, height: 8, layers, ..Opened::default() }
     }
 
-    fn had(output: &str, layers: Option<&[&str]>, is_mixed: bool) -> Result<String, String> {
-        asked(output, layers, is_mixed, false)
+    fn chosen_without_denoising(output: &str, layers: Option<&[&str]>, is_mixed: bool) -> Result<String, String> {
+        chosen(output, layers, is_mixed, false)
     }
 
-    fn asked(output: &str, layers: Option<&[&str]>, is_mixed: bool, denoise: bool) -> Result<String, String> {
+    fn chosen(output: &str, layers: Option<&[&str]>, is_mixed: bool, denoise: bool) -> Result<String, String> {
         let mut request = Request::new("a.blend");
         request.output.file = Some(output.into());
         request.film.denoise = denoise;
@@ -105,22 +104,32 @@ mod tests {
     #[test]
     fn all_that_the_scene_asks_for_is_had_unless_somebody_says_otherwise() {
         let all = Ok("albedo,normal,Shadow,depth".to_owned());
-        assert_eq!(had("a.exr", None, false), all);
-        assert_eq!(had("a.exr", Some(&["all"]), false), all);
-        assert_eq!(had("a.exr", Some(&[]), false), Ok(String::new()));
-        assert_eq!(had("a.png", None, false), Ok(String::new()));
-        assert_eq!(had("a.exr", Some(&["depth", "samples", "depth"]), false), Ok("samples,depth".to_owned()));
-        assert_eq!(asked("a.png", None, false, true), Ok("albedo,normal".to_owned()));
-        assert_eq!(asked("a.exr", Some(&["depth"]), false, true), Ok("albedo,normal,depth".to_owned()));
-        assert_eq!(asked("a.exr", Some(&[]), false, true), Ok(String::new()));
-        let lacking = had("a.exr", Some(&["uv"]), false).unwrap_err();
+        assert_eq!(chosen_without_denoising("a.exr", None, false), all);
+        assert_eq!(chosen_without_denoising("a.exr", Some(&["all"]), false), all);
+        assert_eq!(chosen_without_denoising("a.exr", Some(&[]), false), Ok(String::new()));
+        assert_eq!(chosen_without_denoising("a.png", None, false), Ok(String::new()));
+        assert_eq!(
+            chosen_without_denoising("a.exr", Some(&["depth", "samples", "depth"]), false),
+            Ok("samples,depth".to_owned())
+        );
+        assert_eq!(chosen("a.png", None, false, true), Ok("albedo,normal".to_owned()));
+        assert_eq!(chosen("a.exr", Some(&["depth"]), false, true), Ok("albedo,normal,depth".to_owned()));
+        assert_eq!(chosen("a.exr", Some(&[]), false, true), Ok(String::new()));
+        let lacking = chosen_without_denoising("a.exr", Some(&["uv"]), false).unwrap_err();
         assert!(lacking.contains("X makes no layer `uv`"), "{lacking}");
     }
 
     #[test]
     fn of_two_engines_those_are_had_by_which_both_mean_the_same() {
-        assert_eq!(had("a.exr", None, true), Ok("normal".to_owned()));
-        assert_eq!(had("a.exr", Some(&["normal", "samples"]), true), Ok("normal,samples".to_owned()));
-        assert!(had("a.exr", Some(&["depth"]), true).unwrap_err().contains("do not make the same layer `depth`"));
+        assert_eq!(chosen_without_denoising("a.exr", None, true), Ok("normal".to_owned()));
+        assert_eq!(
+            chosen_without_denoising("a.exr", Some(&["normal", "samples"]), true),
+            Ok("normal,samples".to_owned())
+        );
+        assert!(
+            chosen_without_denoising("a.exr", Some(&["depth"]), true)
+                .unwrap_err()
+                .contains("do not make the same layer `depth`")
+        );
     }
 }

@@ -35,7 +35,7 @@ impl EngineOptions {
             ([name], 1) => Ok((name.as_str(), false)),
             ([name], 2) => Ok((name.as_str(), true)),
             _ => Err(Error::usage(
-                "these engines cannot paint one picture",
+                "these engines cannot render one picture together",
                 "name one engine, or `builtin` and one other that reads the same scene",
             )),
         }
@@ -49,8 +49,8 @@ impl EngineOptions {
 
 /// Returns the shelf of manifests: those of the program, of the user's configuration folder and of `folders`.
 pub fn shelf(folders: &[PathBuf]) -> Shelf {
-    let own = config_folder().join("engines");
-    Shelf::open(&std::iter::once(own).chain(folders.iter().cloned()).collect::<Vec<_>>())
+    let user_folder = config_folder().join("engines");
+    Shelf::open(&std::iter::once(user_folder).chain(folders.iter().cloned()).collect::<Vec<_>>())
 }
 
 /// Stores quarantines of engines in the state folder, so that later processes know which engines not to use on this machine.
@@ -68,8 +68,8 @@ pub fn agent_rules(request: &Request) -> Result<Vec<RulesText>, Error> {
     }
     let (name, is_mixed) = request.engine.other()?;
     // With two engines only the default rules suit both.
-    let own = if is_mixed { None } else { RulesText::of_engine(&entry(&request.engine.manifests, name)?)? };
-    Ok(own.into_iter().collect())
+    let rules_of_engine = if is_mixed { None } else { RulesText::of_engine(&entry(&request.engine.manifests, name)?)? };
+    Ok(rules_of_engine.into_iter().collect())
 }
 
 /// Returns the rules that choose the engine of each zone; `None`: there is only one engine.

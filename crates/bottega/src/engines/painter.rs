@@ -27,7 +27,7 @@ use crate::{
     error::Error,
     identity::identity,
     loaded_scene::LoadedScene,
-    plan::{AgentRules, PicturePart, Plan, check_crop, crop, samples_unasked, shared_settings},
+    plan::{AgentRules, PicturePart, Plan, check_crop, crop, default_sample_limit, shared_settings},
     request::{BUILTIN, DEPTH_MAX, IntegratorChoice, Request, SAMPLES_MAX, check_size},
     settings::agents,
     text::shown,
@@ -69,13 +69,13 @@ impl ExternalPainter {
     ///
     /// # Errors
     /// The engine is not installed, does not read the scene, or does not support what the request asks for.
-    pub fn open(asked: &Request, rules: AgentRules, part: &PicturePart<'_>) -> Result<Self, Error> {
+    pub fn open(request: &Request, rules: AgentRules, part: &PicturePart<'_>) -> Result<Self, Error> {
         // Find the engine, and check that it reads the scene
-        check(asked)?;
-        let (name, is_mixed) = asked.engine.other()?;
-        let located = located(&asked.engine.manifests, name)?;
+        check(request)?;
+        let (name, is_mixed) = request.engine.other()?;
+        let located = located(&request.engine.manifests, name)?;
         let manifest = located.manifest();
-        let scene = &asked.scene.file;
+        let scene = &request.scene.file;
         if !manifest.takes(scene) {
             return Err(Error::usage(
                 format!("{} does not read `{}`", manifest.title, scene.display()),
@@ -84,41 +84,42 @@ impl ExternalPainter {
         }
         let failed = |source| Error::External { engine: name.to_owned(), source };
         // Open the scene; without a camera, again with that of the built-in engine
-        let mut opening = opening(asked, &located, part.sent_files())?;
+        let mut opening = opening(request, &located, part.sent_files())?;
         if is_mixed {
             // Each engine gets half of the processors.
             opening.threads = (opening.threads / 2).max(1);
         }
         let mut session = Session::open_again(&located, &opening).map_err(failed)?;
         if !session.opened().camera {
-            opening.view = Some(own_view(asked, &manifest.title)?);
+            opening.view = Some(own_view(request, &manifest.title)?);
             session.reopen(&located, &opening).map_err(failed)?;
         }
         let opened = session.opened().clone();
         opening.size = Some((opened.width, opened.height));
         // Choose layers and settings, shared with the built-in engine if both render
-        let layout = layers::layout(asked, &opened, &manifest.title, is_mixed)?;
+        let layout = layers::layout(request, &opened, &manifest.title, is_mixed)?;
         let notes = rules.notes.clone();
-        let own = is_mixed.then(|| own(asked, &opened, &manifest.title, rules.clone(), layout.clone())).transpose()?;
+        let own =
+            is_mixed.then(|| own(request, &opened, &manifest.title, rules.clone(), layout.clone())).transpose()?;
         let settings = match &own {
             Some(own) => own.settings.clone(),
-            None => settings(asked, &located, &opened, rules.experts, layout)?,
+            None => settings(request, &located, &opened, rules.experts, layout)?,
         };
-        let depth = asked.integrator.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
+        let depth = request.integrator.max_depth.or(manifest.tunables.max_depth.and_then(|range| range.default));
         // If the scene gives no number of bounces, both engines must use the same one.
         let depth = depth.or(own.as_ref().filter(|own| !own.has_depth).map(|own| own.settings.tunables.max_depth));
         // Make the engine, alone or mixed with the built-in one
         let options = ExternalOptions {
             request: opening.clone(),
-            seed: asked.seed,
+            seed: request.seed,
             // With a goal of error or time the number of samples is unknown; use the usual one.
-            samples: settings.crop.area() * u64::from(asked.goal.samples.unwrap_or_else(|| usual_samples(manifest))),
+            samples: settings.crop.area() * u64::from(request.goal.samples.unwrap_or_else(|| usual_samples(manifest))),
             layout: settings.layout.clone(),
             scene_depth: depth.is_none().then_some(settings.tunables.max_depth),
-            scene_light_samples: (asked.integrator.light_samples == 1).then_some(settings.tunables.light_samples),
-            bounds_zones: asked.work.zones.is_none() && asked.work.level > 0,
-            time: asked.goal.time.map(Duration::from_secs_f64),
-            surveyor: surveyor(asked, &located, &opened),
+            scene_light_samples: (request.integrator.light_samples == 1).then_some(settings.tunables.light_samples),
+            bounds_zones: request.work.zones.is_none() && request.work.level > 0,
+            time: request.goal.time.map(Duration::from_secs_f64),
+            surveyor: surveyor(request, &located, &opened),
         };
         let engine = Arc::new(ExternalEngine::new(Arc::clone(&located), options, session).map_err(failed)?);
         let mix = own.map(|OwnEngine { engine: own, .. }| {
@@ -126,14 +127,14 @@ impl ExternalPainter {
                 (Arc::clone(&own) as _, Arc::clone(&engine) as _);
             let mut both = vec![(ours, 1), (others, engine.lanes())];
             // Order the engines as the user names them: the first one takes simple zones
-            let is_first = asked.engine.names.first().is_some_and(|first| first == BUILTIN);
+            let is_first = request.engine.names.first().is_some_and(|first| first == BUILTIN);
             if !is_first {
                 both.reverse();
             }
             Mix { own, mixed: Arc::new(MixedEngine::new(both, usize::from(!is_first))) }
         });
-        let agents = agents_of(asked, &engine) + usize::from(is_mixed);
-        let settings = JobSettings { agents, goal: part.goal(asked), engine_choice: rules.choice, ..settings };
+        let agents = agents_of(request, &engine) + usize::from(is_mixed);
+        let settings = JobSettings { agents, goal: part.goal(request), engine_choice: rules.choice, ..settings };
         Ok(Self { located, engine, mix, settings, notes, scene: scene.clone(), opening, has_depth: depth.is_some() })
     }
 
@@ -155,7 +156,7 @@ impl ExternalPainter {
     ///
     /// # Errors
     /// The scene file cannot be read.
-    pub fn name(&self, asked: &Request) -> Result<String, Error> {
+    pub fn name(&self, request: &Request) -> Result<String, Error> {
         let settings = &self.settings;
         let bytes = std::fs::read(&self.scene).map_err(|source| Error::Read { path: self.scene.clone(), source })?;
         let mut options = String::new();
@@ -172,23 +173,23 @@ impl ExternalPainter {
             format!("crop={}", settings.crop),
             format!("frame={:?}", self.opening.frame),
             format!("spp={}", settings.samples),
-            format!("max-depth={:?}", asked.integrator.max_depth),
-            format!("light-samples={}", asked.integrator.light_samples),
-            format!("seed={}", asked.seed),
+            format!("max-depth={:?}", request.integrator.max_depth),
+            format!("light-samples={}", request.integrator.light_samples),
+            format!("seed={}", request.seed),
             format!("options={options}"),
             format!("optimize={}", settings.optimization),
-            format!("error={:?}", asked.goal.error),
-            format!("timed={}", asked.goal.time.is_some()),
+            format!("error={:?}", request.goal.error),
+            format!("timed={}", request.goal.time.is_some()),
             format!("layers={}", layer_names(&settings.layout)),
         ];
         Ok(parts.join("; "))
     }
 
     /// Returns the metadata of the picture: how it was made.
-    pub fn metadata(&self, asked: &Request, report: &JobReport) -> Metadata {
+    pub fn metadata(&self, request: &Request, report: &JobReport) -> Metadata {
         let settings = &self.settings;
         let mut metadata = Metadata::new();
-        metadata.set("scene", shown(&asked.scene.file));
+        metadata.set("scene", shown(&request.scene.file));
         metadata.set("engine", self.paints().describe().name);
         metadata.set("engine_version", self.located.version.to_string());
         metadata.set("samples_per_pixel", settings.samples.to_string());
@@ -198,9 +199,9 @@ impl ExternalPainter {
         let depth =
             if self.has_depth { settings.tunables.max_depth.to_string() } else { "as the scene says".to_owned() };
         metadata.set("max_depth", depth);
-        metadata.set("seed", asked.seed.to_string());
+        metadata.set("seed", request.seed.to_string());
         metadata.set("optimize", settings.optimization.to_string());
-        metadata.set("level", asked.work.level.to_string());
+        metadata.set("level", request.work.level.to_string());
         metadata.set("agents", settings.agents.to_string());
         metadata.set("exact", self.paints().describe().exact_by_pixel.to_string());
         metadata.set("render_seconds", format!("{:.3}", report.times.total.as_secs_f64()));
@@ -216,109 +217,109 @@ impl ExternalPainter {
 }
 
 /// Returns the message to the engine that opens the scene.
-fn opening(asked: &Request, located: &LocatedEngine, sent: Option<&Path>) -> Result<SceneRequest, Error> {
-    let mut parameters = parameters(located, &asked.engine.options)?;
-    let defines = &asked.scene.defines;
+fn opening(request: &Request, located: &LocatedEngine, sent: Option<&Path>) -> Result<SceneRequest, Error> {
+    let mut parameters = parameters(located, &request.engine.options)?;
+    let defines = &request.scene.defines;
     if let (Some(define), false) = (parameters.get_mut("define"), defines.is_empty()) {
         let defines: Vec<String> = defines.iter().map(|(name, value)| format!("{name}={value}")).collect();
         *define = defines.join(" ").into();
     } else if !defines.is_empty() {
-        return Err(unfit(located, "--define"));
+        return Err(unsupported_option(located, "--define"));
     }
-    if asked.engine.frame.is_some() && !located.manifest().animation.frames {
+    if request.engine.frame.is_some() && !located.manifest().animation.frames {
         return Err(Error::usage(
-            format!("{} knows no frames of an animation", located.manifest().title),
-            "leave out --frame and --frames, or take another engine",
+            format!("{} does not support frames of an animation", located.manifest().title),
+            "leave out --frame and --frames, or use another engine",
         ));
     }
     Ok(SceneRequest {
-        scene: absolute(&asked.scene.file)?,
-        size: asked.film.size.map(|[width, height]| (width, height)),
-        frame: asked.engine.frame,
-        threads: threads(asked),
+        scene: absolute(&request.scene.file)?,
+        size: request.film.size.map(|[width, height]| (width, height)),
+        frame: request.engine.frame,
+        threads: threads(request),
         view: None,
-        trust: asked.engine.trust,
-        outside: outside(asked, &parameters, sent),
+        trust: request.engine.trust,
+        outside: outside(request, &parameters, sent),
         parameters,
     })
 }
 
 /// Returns the paths that the engine may read in addition to the folder of the scene. For a scene sent by another machine: the
 /// folder of its files. For the user's own: what the user allows, and paths in options.
-fn outside(asked: &Request, parameters: &BTreeMap<String, serde_json::Value>, sent: Option<&Path>) -> Vec<PathBuf> {
+fn outside(request: &Request, parameters: &BTreeMap<String, serde_json::Value>, sent: Option<&Path>) -> Vec<PathBuf> {
     if let Some(sent) = sent {
         return vec![sent.to_owned()];
     }
     let named = parameters.values().filter_map(serde_json::Value::as_str).flat_map(std::env::split_paths);
     let named = named.filter(|path| path.is_absolute());
-    let all = asked.scene.allow_outside.then(|| PathBuf::from("/"));
+    let all = request.scene.allow_outside.then(|| PathBuf::from("/"));
     named.chain(all).collect()
 }
 
-fn unfit(located: &LocatedEngine, option: &str) -> Error {
+fn unsupported_option(located: &LocatedEngine, option: &str) -> Error {
     Error::usage(
-        format!("{option} means nothing to {}", located.manifest().title),
-        "it is for our own engine; other engines do as their scene says",
+        format!("{} does not support {option}", located.manifest().title),
+        "only the built-in engine supports it; other engines follow their scene file",
     )
 }
 
 /// Refuses options that only the built-in engine supports.
-fn check(asked: &Request) -> Result<(), Error> {
+fn check(request: &Request) -> Result<(), Error> {
     let is_other = |method| method != IntegratorChoice::Path;
     let options = [
-        ("--camera", asked.view.camera.is_some()),
-        ("view.pose", asked.view.pose.is_some()),
-        ("--lens-radius", asked.view.lens_radius.is_some()),
-        ("--env", asked.environment.light.is_some()),
-        ("--env-strength", asked.environment.strength != 1.0),
-        ("--filter", asked.film.filter.is_some()),
-        ("--integrator", asked.integrator.method.is_some_and(is_other)),
-        ("--variant", asked.scene.variant.is_some()),
-        ("--animation", asked.scene.animation.is_some()),
-        ("--exact", asked.devices.exact),
+        ("--camera", request.view.camera.is_some()),
+        ("view.pose", request.view.pose.is_some()),
+        ("--lens-radius", request.view.lens_radius.is_some()),
+        ("--env", request.environment.light.is_some()),
+        ("--env-strength", request.environment.strength != 1.0),
+        ("--filter", request.film.filter.is_some()),
+        ("--integrator", request.integrator.method.is_some_and(is_other)),
+        ("--variant", request.scene.variant.is_some()),
+        ("--animation", request.scene.animation.is_some()),
+        ("--exact", request.devices.exact),
     ];
     match options.into_iter().find(|(_, is_given)| *is_given) {
-        None if asked.integrator.max_depth == Some(0) => Err(Error::usage(
-            "--max-depth 0 is for our own engine",
-            "other engines show direct light at least: --max-depth 1",
+        None if request.integrator.max_depth == Some(0) => Err(Error::usage(
+            "only the built-in engine supports --max-depth 0",
+            "other engines render at least direct light: --max-depth 1",
         )),
         None => Ok(()),
         Some((option, _)) => Err(Error::usage(
-            format!("{option} is for our own engine"),
-            "other engines do as their scene says; leave it out, or leave out --engine",
+            format!("only the built-in engine supports {option}"),
+            "other engines follow their scene file; leave it out, or leave out --engine",
         )),
     }
 }
 
 fn settings(
-    asked: &Request,
+    request: &Request,
     located: &LocatedEngine,
     opened: &Opened,
     experts: Vec<Expert>,
     layout: Layout,
 ) -> Result<JobSettings, Error> {
     let frame = Rect::of_size(opened.width, opened.height);
-    let crop = crop(asked).unwrap_or(frame);
+    let crop = crop(request).unwrap_or(frame);
     check_crop(&crop, &frame)?;
-    check_size([opened.width, opened.height], asked.film.crop).map_err(|allowed| {
-        let problem = format!("the scene is a picture of {}x{} pixels: {allowed}", opened.width, opened.height);
-        Error::usage(problem, "say another size (`--size`), or which part of it (`--crop`)")
+    check_size([opened.width, opened.height], request.film.crop).map_err(|allowed| {
+        let problem = format!("the scene sets a picture of {}x{} pixels: {allowed}", opened.width, opened.height);
+        Error::usage(problem, "give another size (`--size`), or a part of the picture (`--crop`)")
     })?;
     let tunables = &located.manifest().tunables;
-    let samples = asked.goal.samples.unwrap_or_else(|| default_samples(asked, located.manifest()));
+    let samples = request.goal.samples.unwrap_or_else(|| default_samples(request, located.manifest()));
     let samples = tunables.samples.map_or(1, |range| range.fit(samples)).clamp(1, SAMPLES_MAX);
-    let depth = asked.integrator.max_depth.or(tunables.max_depth.and_then(|range| range.default));
+    let depth = request.integrator.max_depth.or(tunables.max_depth.and_then(|range| range.default));
     let depth = depth.unwrap_or(DEFAULT_DEPTH).min(DEPTH_MAX);
-    let wanted = Tunables { max_depth: depth, light_samples: asked.integrator.light_samples };
+    let wanted = Tunables { max_depth: depth, light_samples: request.integrator.light_samples };
     let settings = JobSettings::new(frame.width(), frame.height(), samples, wanted, layout);
-    Ok(shared_settings(asked, crop, experts, settings))
+    Ok(shared_settings(request, crop, experts, settings))
 }
 
 /// Returns the samples per pixel if the request gives none: the maximum if error or time ends the picture and the engine can
 /// add samples, else the usual number.
-fn default_samples(asked: &Request, manifest: &Manifest) -> u32 {
+fn default_samples(request: &Request, manifest: &Manifest) -> u32 {
     let usual = usual_samples(manifest);
-    if manifest.adds_up() { samples_unasked(asked, usual) } else { usual }
+    if manifest.adds_up() { default_sample_limit(request, usual) } else { usual }
 }
 
 fn usual_samples(manifest: &Manifest) -> u32 {
@@ -326,33 +327,31 @@ fn usual_samples(manifest: &Manifest) -> u32 {
 }
 
 /// Returns the default camera of the built-in engine, for a scene without a camera.
-fn own_view(asked: &Request, title: &str) -> Result<CameraView, Error> {
+fn own_view(request: &Request, title: &str) -> Result<CameraView, Error> {
     let lacking = |why: String| {
         Error::failed(
-            format!(
-                "the scene has no camera, and {title} cannot be given the one that our own engine would take: {why}"
-            ),
-            "put a camera into the scene",
+            format!("the scene has no camera, and {title} cannot use the default camera of the built-in engine: {why}"),
+            "add a camera to the scene",
         )
     };
-    let subject = LoadedScene::load(asked).map_err(|error| lacking(error.error_chain()))?;
+    let subject = LoadedScene::load(request).map_err(|error| lacking(error.error_chain()))?;
     let camera = subject.camera();
     match camera.projection {
         Projection::Perspective { vertical_fov } => {
             Ok(CameraView { world_from_camera: Mat4::from(camera.world_from_camera).to_cols_array(), vertical_fov })
         }
         Projection::Orthographic { .. } | Projection::Panorama(_) => {
-            Err(lacking("that one has no perspective".to_owned()))
+            Err(lacking("its projection is not perspective".to_owned()))
         }
     }
 }
 
 /// Returns the request for the built-in engine: with the size that the external engine found, without layers.
-fn as_opened(asked: &Request, opened: &Opened) -> Request {
-    let mut asked = asked.clone();
-    asked.film.size = Some([opened.width, opened.height]);
-    asked.film.layers = None;
-    asked
+fn as_opened(request: &Request, opened: &Opened) -> Request {
+    let mut request = request.clone();
+    request.film.size = Some([opened.width, opened.height]);
+    request.film.layers = None;
+    request
 }
 
 /// Returns the names of all layers, in order, joined by commas.
@@ -370,24 +369,24 @@ struct OwnEngine {
 }
 
 /// Prepares the built-in engine for the same picture; it reads size, samples, depth and filter from the same file.
-fn own(asked: &Request, opened: &Opened, title: &str, rules: AgentRules, layout: Layout) -> Result<OwnEngine, Error> {
-    let asked = as_opened(asked, opened);
-    let mut subject = LoadedScene::load(&asked)?;
+fn own(request: &Request, opened: &Opened, title: &str, rules: AgentRules, layout: Layout) -> Result<OwnEngine, Error> {
+    let request = as_opened(request, opened);
+    let mut subject = LoadedScene::load(&request)?;
     if subject.hints.is_sky_added {
         return Err(Error::failed(
-            format!("the scene has no light: our own engine would have a sky shine on it, and {title} none"),
-            "put light into the scene, or let one engine paint it",
+            format!("the scene has no light: the built-in engine would add a sky, and {title} would not"),
+            "add a light to the scene, or render it with one engine",
         ));
     }
     // Both engines must use the same pixel filter.
     let Some(filter) = opened.filter else {
         return Err(Error::failed(
-            format!("{title} paints this scene with a pixel filter that our own engine does not have"),
-            "give the scene's film another one, such as a Gaussian, or let one engine paint it",
+            format!("{title} renders this scene with a pixel filter that the built-in engine does not have"),
+            "choose another filter in the scene, such as a Gaussian, or render it with one engine",
         ));
     };
     subject.hints.filter = Some(filter);
-    let plan = Plan::of(&asked, &subject, rules, &PicturePart::BesideEngine)?;
+    let plan = Plan::of(&request, &subject, rules, &PicturePart::BesideEngine)?;
     let settings = JobSettings { layout, ..plan.job };
     // Each engine gets half of the processors.
     let half = JobSettings { processors: (settings.processors / 2).max(1), ..settings.clone() };
@@ -397,26 +396,30 @@ fn own(asked: &Request, opened: &Opened, title: &str, rules: AgentRules, layout:
 }
 
 /// Returns the number of agents: one per process of the engine, as more have to wait for each other.
-fn agents_of(asked: &Request, engine: &ExternalEngine) -> usize {
-    asked.work.agents.map_or(engine.lanes(), |asked| agents(Some(asked), 1))
+fn agents_of(request: &Request, engine: &ExternalEngine) -> usize {
+    request.work.agents.map_or(engine.lanes(), |count| agents(Some(count), 1))
 }
 
 /// Returns a surveyor by the built-in engine; `None` if the manifest does not declare that it reads the same format.
-fn surveyor(asked: &Request, located: &LocatedEngine, opened: &Opened) -> Option<Surveyor> {
+fn surveyor(request: &Request, located: &LocatedEngine, opened: &Opened) -> Option<Surveyor> {
     use bottega_engines::external::manifest::Importance;
     if located.manifest().scene.importance != Importance::Builtin {
         return None;
     }
-    let asked = as_opened(asked, opened);
+    let request = as_opened(request, opened);
     let once = Mutex::new(());
     Some(Box::new(move |width, height| {
         let _one = once.lock().unwrap_or_else(PoisonError::into_inner);
         let look = || -> Result<Survey, Error> {
-            let subject = LoadedScene::load(&asked)?;
-            let plan = Plan::of(&asked, &subject, AgentRules::built_in(), &PicturePart::BesideEngine)?;
+            let subject = LoadedScene::load(&request)?;
+            let plan = Plan::of(&request, &subject, AgentRules::built_in(), &PicturePart::BesideEngine)?;
             Ok(BuiltinPainter::open(plan, subject)?.engine.survey(width, height)?)
         };
         // If the built-in engine cannot read the scene, the external one surveys it.
-        look().inspect_err(|error| tracing::debug!(%error, "the scene is surveyed by its engine")).ok()
+        look()
+            .inspect_err(
+                |error| tracing::debug!(%error, "the built-in engine cannot survey the scene; its own engine does"),
+            )
+            .ok()
     }))
 }

@@ -58,7 +58,7 @@ impl SceneFiles {
         let files = files.into_iter().map(|path| SceneFile { name: relative(folder, &path), path, hash: [0; 32] });
         let warnings = missing.iter().map(|file| {
             format!(
-                "`{file}`, to which {} refers, is not there",
+                "`{file}`, to which {} refers, does not exist",
                 own.as_deref().unwrap_or(Path::new("the scene")).display()
             )
         });

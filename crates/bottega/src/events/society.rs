@@ -112,7 +112,7 @@ pub struct RoundEvent {
     pub bids: u32,
     /// Number of zones, or parts of zones, awarded.
     pub awards: u32,
-    /// Number of zones that went to another agent than the first that needed one, because it finishes them sooner.
+    /// Number of zones awarded to another agent than the first that needed one, because it finishes them sooner.
     pub outbid: u32,
     /// True if credit changed the outcome: with equal credit for all, other agents win.
     pub credit_decided: bool,
@@ -140,7 +140,7 @@ pub struct AuctionEvent {
     pub contested: u64,
     /// Share of the rounds in the first half that had several bidders, 0 to 1.
     pub contested_of_first_half: f64,
-    /// Number of zones that went to another agent than the first that needed one, because it finishes them sooner.
+    /// Number of zones awarded to another agent than the first that needed one, because it finishes them sooner.
     pub outbid: u64,
     /// Number of rounds whose outcome was changed by credit.
     pub credit_decided: u64,

@@ -35,19 +35,19 @@ pub enum FramesError {
         found: String,
     },
     /// A number is not a frame number.
-    #[error("`{found}` is no number of a frame: they are whole numbers from -{most} to {most}", most = NUMBER_MAX)]
+    #[error("`{found}` is not a frame number: these are whole numbers from -{most} to {most}", most = NUMBER_MAX)]
     Number {
         /// The text in place of the number.
         found: String,
     },
     /// A step of 0.
-    #[error("`{found}` has a step of 0, and would never come to its end; leave it out for every frame")]
+    #[error("`{found}` has a step of 0 and never ends; leave the step out for every frame")]
     NoStep {
         /// The range as written in the list.
         found: String,
     },
     /// A step whose sign leads away from the last frame.
-    #[error("`{found}` goes from {first} {there} to {last} in steps that lead away from it; write {right}")]
+    #[error("`{found}` goes from {first} {direction} to {last} in steps that lead away from it; write {right}")]
     WrongWay {
         /// The range as written in the list.
         found: String,
@@ -56,12 +56,12 @@ pub enum FramesError {
         /// Number of the last frame.
         last: i32,
         /// The direction from the first to the last frame: `up` or `down`.
-        there: &'static str,
+        direction: &'static str,
         /// The range with the correct sign of the step.
         right: String,
     },
     /// More frames than one request may have.
-    #[error("more than {most} frames: ask for fewer at a time", most = COUNT_MAX)]
+    #[error("more than {most} frames: request fewer at a time", most = COUNT_MAX)]
     TooMany,
 }
 
@@ -122,17 +122,17 @@ impl FromStr for FrameSelection {
     type Err = FramesError;
 
     fn from_str(text: &str) -> Result<Self, FramesError> {
-        let wrong = || FramesError::Selection { found: text.to_owned() };
+        let not_a_selection = || FramesError::Selection { found: text.to_owned() };
         let Some((first, rest)) = text.split_once("..") else {
             return if text.is_empty() || text.contains(':') {
-                Err(wrong())
+                Err(not_a_selection())
             } else {
                 Ok(Self { next: number(text)?, count: 1, step: 1 })
             };
         };
         let (last, step) = rest.split_once(':').map_or((rest, None), |(last, step)| (last, Some(step)));
         if [first, last].iter().any(|end| end.trim().is_empty()) || step.is_some_and(|step| step.trim().is_empty()) {
-            return Err(wrong());
+            return Err(not_a_selection());
         }
         let (first, last) = (number(first)?, number(last)?);
         let step = step.map_or(Ok(1), number)?;
@@ -141,9 +141,9 @@ impl FromStr for FrameSelection {
         }
         let way = last - first;
         if way != 0 && (way > 0) != (step > 0) {
-            let there = if way > 0 { "up" } else { "down" };
+            let direction = if way > 0 { "up" } else { "down" };
             let right = if step == -1 { format!("{first}..{last}") } else { format!("{first}..{last}:{}", -step) };
-            return Err(FramesError::WrongWay { found: text.to_owned(), first, last, there, right });
+            return Err(FramesError::WrongWay { found: text.to_owned(), first, last, direction, right });
         }
         Ok(Self { next: first, count: way.unsigned_abs() / step.unsigned_abs() + 1, step })
     }
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn what_names_no_frames_is_told_with_its_place_and_the_remedy() {
+    fn errors_in_a_list_of_frames_name_place_and_remedy() {
         for (text, words) in [
             ("", "neither"),
             ("1,", "neither"),
@@ -194,9 +194,9 @@ mod tests {
             ("..4", "neither"),
             ("3:2", "`3:2` is neither"),
             ("1..4:", "neither"),
-            ("a..b", "`a` is no number"),
-            ("1.5", "`1.5` is no number"),
-            ("1..2..3", "`2..3` is no number"),
+            ("a..b", "`a` is not a frame number"),
+            ("1.5", "`1.5` is not a frame number"),
+            ("1..2..3", "`2..3` is not a frame number"),
             ("1..9999999", "to 1000000"),
             ("1..99999999999999999999", "to 1000000"),
             ("1..9:0", "a step of 0"),
@@ -205,7 +205,7 @@ mod tests {
             ("3..5:-1", "write 3..5"),
             ("1,5..2", "`5..2` goes from 5 down"),
             ("-1000000..1000000", "more than 1000000"),
-            ("1-5", "`1-5` is no number"),
+            ("1-5", "`1-5` is not a frame number"),
         ] {
             let error = text.parse::<Frames>().expect_err(text).to_string();
             assert!(error.contains(words), "{text}: {error}");

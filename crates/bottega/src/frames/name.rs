@@ -25,7 +25,7 @@ pub(crate) struct FrameName {
 pub(crate) enum NameError {
     #[error("`{name}` has several places for the number of a frame")]
     SeveralPlaces { name: String },
-    #[error("`{field}` in `{name}` is no place for the number of a frame")]
+    #[error("`{field}` in `{name}` is not a place for a frame number")]
     NoPlace { name: String, field: String },
     #[error("the name of the output is not Unicode, so it has no place for the number of a frame")]
     NotUnicode,

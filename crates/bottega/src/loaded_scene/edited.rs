@@ -61,7 +61,7 @@ impl LoadedScene {
 
     /// Returns true if the scene was prepared for a camera in the same medium that sees the same things.
     fn has_alike(&self, camera: &Camera) -> bool {
-        let is_alike = |it: &Camera| it.medium == camera.medium && it.hides_emitters == camera.hides_emitters;
+        let is_alike = |other: &Camera| other.medium == camera.medium && other.hides_emitters == camera.hides_emitters;
         self.scene().cameras.iter().any(is_alike)
     }
 }

@@ -41,7 +41,7 @@ pub(super) fn settings(
     let goal = &request.goal;
     let hinted = scene.hints.samples.filter(|_| goal.error.is_none() && goal.time.is_none());
     let samples =
-        goal.samples.or(hinted).unwrap_or_else(|| samples_unasked(request, DEFAULT_SAMPLES)).clamp(1, SAMPLES_MAX);
+        goal.samples.or(hinted).unwrap_or_else(|| default_sample_limit(request, DEFAULT_SAMPLES)).clamp(1, SAMPLES_MAX);
     let layout = Layout::new(own_layers(request.film.layers.as_deref(), request.film.denoise)?);
     Ok(JobSettings {
         agents: agents(request.work.agents, threads),
@@ -101,7 +101,7 @@ pub(crate) fn check_crop(crop: &Rect, frame: &Rect) -> Result<(), Error> {
 }
 
 /// Returns the samples per pixel if the request gives none: `usual`, or the maximum if an error or a time ends the picture.
-pub(crate) fn samples_unasked(request: &Request, usual: u32) -> u32 {
+pub(crate) fn default_sample_limit(request: &Request, usual: u32) -> u32 {
     match (request.goal.error, request.goal.time) {
         (Some(_), _) => MOST_SAMPLES.max(usual),
         (_, Some(_)) => MOST_SAMPLES_IN_TIME.max(usual),

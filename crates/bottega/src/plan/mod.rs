@@ -13,7 +13,7 @@ use bottega_render::PathSettings;
 
 pub use self::{agent_rules::AgentRules, part::PicturePart};
 pub(crate) use self::{
-    job::{check_crop, crop, samples_unasked, shared_settings},
+    job::{check_crop, crop, default_sample_limit, shared_settings},
     part::time_goal,
 };
 use crate::{

@@ -25,7 +25,7 @@ pub enum DeviceNamesError {
     )]
     Names,
     /// Boards stand without the processors.
-    #[error("`{cpu}` beside boards, which follow rays and shade nothing", cpu = PROCESSORS)]
+    #[error("`{cpu}` beside boards, which trace rays but do not shade", cpu = PROCESSORS)]
     NoProcessors,
     /// The address of a board cannot be used.
     #[error(transparent)]
@@ -66,7 +66,7 @@ impl DeviceChoice {
             Self::These { gpus, .. } if !gpus.is_empty() => Err(InvalidField::new(
                 "devices.names",
                 format!("`{}`", self.names().join(",")),
-                "a GPU does not paint to the last bit what processors paint: leave out `devices.exact` (--exact), or the GPU",
+                "the pixels of a GPU are not bit-identical to those of processors: leave out `devices.exact` (--exact), or the GPU",
             )),
             // Boards give the same bits.
             Self::These { .. } => Ok(self.clone()),
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn devices_are_asked_for_by_name_or_are_whatever_is_there() {
+    fn devices_are_chosen_by_name_or_all_that_the_machine_has() {
         let these = |processors, gpus: &[&str]| {
             let gpus = gpus.iter().map(|gpu| (*gpu).to_owned()).collect();
             Ok(DeviceChoice::These { processors, gpus, boards: Vec::new() })

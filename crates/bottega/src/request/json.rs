@@ -13,7 +13,7 @@ pub const REQUEST_BYTES_MAX: usize = 16 << 20;
 #[derive(Debug, thiserror::Error)]
 pub enum RequestError {
     /// The text is longer than [`REQUEST_BYTES_MAX`].
-    #[error("it is longer than {REQUEST_BYTES_MAX} bytes, which no request is")]
+    #[error("it is longer than {REQUEST_BYTES_MAX} bytes, the maximum of a request")]
     TooLong,
     /// The text is not JSON, or its fields are not those of a request.
     #[error("{}{problem}", at(.field))]
@@ -25,7 +25,7 @@ pub enum RequestError {
     },
     /// The request has a newer version than this library supports.
     #[error(
-        "it is a request of version {0}, and versions up to {REQUEST_VERSION} are known here: install a newer bottega"
+        "it is a request of version {0}; this program supports versions up to {REQUEST_VERSION}: install a newer bottega"
     )]
     Newer(u64),
     /// A value that is not allowed.

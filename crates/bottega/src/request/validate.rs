@@ -95,7 +95,7 @@ impl FarmOptions {
             return Err(InvalidField::new("farm.require", found, format!("at most {TAGS_MAX} are allowed")));
         }
         match self.require.iter().find(|tag| !is_tag(tag)) {
-            Some(tag) => Err(InvalidField::new("farm.require", tag, format!("a tag is of {TAG_FORM}"))),
+            Some(tag) => Err(InvalidField::new("farm.require", tag, format!("a tag consists of {TAG_FORM}"))),
             None => Ok(()),
         }
     }
@@ -193,7 +193,7 @@ impl ViewOptions {
             (Some(radius), None) => Err(InvalidField::new(
                 "view.lens_radius",
                 radius,
-                "it needs `view.focus_distance`, at which things are sharp",
+                "it needs `view.focus_distance`, the distance in focus",
             )),
             _ => Ok(()),
         }
@@ -211,7 +211,7 @@ impl CameraPose {
             }
         }
         if self.looking([0.0; 3]).is_none() {
-            let allowed = "it may not lie at `eye`, nor straight in the direction of `up`";
+            let allowed = "it must differ from `eye` and not lie in the direction of `up`";
             return Err(InvalidField::new("view.pose.target", format!("{target:?}"), allowed));
         }
         match fov {
@@ -331,7 +331,7 @@ impl GuideOptions {
                     "guide.uses",
                     "given",
                     format!(
-                        "it says what lighting agents are asked for, and `{}` asks none: leave it out, or make `guide.by` `ala`",
+                        "it says what lighting agents are used for, and `{}` uses none: leave it out, or set `guide.by` to `ala`",
                         super::WordChoice::word(by)
                     ),
                 ))
@@ -352,11 +352,7 @@ impl EngineOptions {
             ));
         }
         if self.rules.is_some() && self.names.len() == 1 {
-            return Err(InvalidField::new(
-                "engine.rules",
-                "given",
-                "it is for pictures that two engines paint: name both, or leave it out",
-            ));
+            return Err(InvalidField::new("engine.rules", "given", "it needs two engines: name both, or leave it out"));
         }
         Ok(())
     }
@@ -389,7 +385,7 @@ impl DeviceOptions {
             DeviceChoice::These { gpus, .. } if self.exact && !gpus.is_empty() => Err(InvalidField::new(
                 "devices.names",
                 names(),
-                "a GPU does not paint to the last bit what processors paint: leave out `devices.exact`, or the GPU",
+                "the pixels of a GPU are not bit-identical to those of processors: leave out `devices.exact`, or the GPU",
             )),
             _ => Ok(()),
         }

@@ -33,7 +33,7 @@ impl Session {
         let Self { options, painter, denoiser, .. } = self;
         Self::check(request, &options)?;
         let Painter::Own(own) = painter else {
-            return Err(Error::usage("other engines see a scene as its file says", "leave out the engine"));
+            return Err(Error::usage("other engines render the view of the scene file", "leave out the engine"));
         };
         let BuiltinPainter { subject, .. } = *own;
         let rules = AgentRules::of(request)?;
@@ -56,7 +56,7 @@ impl Session {
         let Self { options, painter, denoiser, .. } = self;
         Self::check(request, &options)?;
         let Painter::Own(own) = painter else {
-            return Err(Error::usage("other engines see a scene as its file says", "leave out the engine"));
+            return Err(Error::usage("other engines render the view of the scene file", "leave out the engine"));
         };
         // Give up the engine first: an acceleration structure without other references can be refitted.
         let BuiltinPainter { subject, engine, .. } = *own;

@@ -67,7 +67,7 @@ pub struct SessionOptions {
 #[derive(Clone, Copy, Debug)]
 pub struct JobPart<'a> {
     /// The request as it was submitted, before file paths were changed to this machine's; stored in the picture.
-    pub asked: &'a Request,
+    pub submitted: &'a Request,
     /// The folder on this machine that holds all files of the scene.
     pub files: &'a Path,
     /// Identity of the external engine that the job needs, the same on all machines; `None`: the built-in engine.
@@ -80,7 +80,7 @@ pub struct JobPart<'a> {
 pub struct Session {
     request: Request,
     /// The request that is stored in the picture.
-    asked: Request,
+    submitted: Request,
     options: SessionOptions,
     painter: Painter,
     settings: JobSettings,
@@ -92,7 +92,7 @@ pub struct Session {
 }
 
 /// The values that [`bottega_farm::run`] needs for a job.
-pub struct PaintingTools {
+pub struct PaintingSetup {
     /// The settings of the job.
     pub settings: JobSettings,
     /// The engine that renders zones.
@@ -151,12 +151,15 @@ impl Session {
         Self::check(request, &options)?;
         if options.resume {
             return Err(Error::usage(
-                "nothing is kept of a picture whose scene is in no file, so there is nothing to go on with",
+                "there is nothing to resume: a picture whose scene is not in a file has no journal",
                 "do not resume",
             ));
         }
         if !request.engine.is_builtin() {
-            return Err(Error::usage("only our own engine paints a scene that is in no file", "leave out the engine"));
+            return Err(Error::usage(
+                "only the built-in engine renders a scene that is not in a file",
+                "leave out the engine",
+            ));
         }
         let part = PicturePart::Whole { begun, urgency: options.urgency };
         let rules = AgentRules::of(request)?;
@@ -176,18 +179,18 @@ impl Session {
         request.validate()?;
         let painter = Painter::open(request, &PicturePart::Zones { files: part.files, turn: part.turn })?;
         // All machines must have the same engine
-        let here = painter.identity();
-        if here.as_deref() != part.engine {
-            let name = |engine: Option<&str>| engine.unwrap_or("our own engine").to_owned();
+        let identity = painter.identity();
+        if identity.as_deref() != part.engine {
+            let name = |engine: Option<&str>| engine.unwrap_or("the built-in engine").to_owned();
             return Err(Error::failed(
-                format!("the job is for {}, this machine has {}", name(part.engine), name(here.as_deref())),
+                format!("the job needs {}, but this machine has {}", name(part.engine), name(identity.as_deref())),
                 "install the same version of the engine, and the same manifest, on all machines",
             ));
         }
         painter.log_faults();
         let notes = painter.notes();
         let session = Self::new(request, SessionOptions::default(), painter, notes, begun);
-        Ok(Self { asked: part.asked.clone(), ..session })
+        Ok(Self { submitted: part.submitted.clone(), ..session })
     }
 
     /// Makes a session without denoiser and journal.
@@ -195,7 +198,7 @@ impl Session {
         let settings = painter.settings().clone();
         Self {
             request: request.clone(),
-            asked: request.clone(),
+            submitted: request.clone(),
             options,
             settings: JobSettings {
                 technique: painter.technique(&settings).into(),
@@ -246,7 +249,7 @@ impl Session {
         request.validate()?;
         if request.frames.is_some() {
             return Err(Error::usage(
-                "the request is of several frames, and a session paints one picture",
+                "the request has several frames, but a session renders one picture",
                 "open a session for each of them: Request::at_frame",
             ));
         }
@@ -257,7 +260,7 @@ impl Session {
         let is_recordable = request.goal.error.is_none() && request.goal.time.is_none() && !options.resume;
         if options.record.is_some() && !(is_recordable && request.engine.is_builtin()) {
             return Err(Error::usage(
-                "--record is for whole pictures of our own engine with a fixed number of samples",
+                "--record needs a whole picture by the built-in engine with a fixed number of samples",
                 "leave it out, or the error, the time, --resume or the engine",
             ));
         }
@@ -265,7 +268,7 @@ impl Session {
         if let Some(timeline) = &options.timeline {
             if !request.engine.is_builtin() {
                 return Err(Error::usage(
-                    "--timeline is for our own engine: what processes of others are at is not known",
+                    "--timeline needs the built-in engine: the activity of other engines' processes is unknown",
                     "leave it out, or the engine",
                 ));
             }
@@ -326,13 +329,13 @@ impl Session {
         }
         self.settings.experience = Arc::new(learnt);
         // Run the job on this machine
-        let (painting, tools) = self.begin(reporter)?;
-        let PaintingTools { settings, engine, observer, store, kept } = tools;
+        let (painting, setup) = self.begin(reporter)?;
+        let PaintingSetup { settings, engine, observer, store, kept } = setup;
         let report = bottega_farm::run(&settings, engine, observer, stop, store, kept).map_err(failed)?;
         // Keep what this job has learned
         for lesson in report.lessons.values() {
             if let Err(reason) = experience::keep(lesson) {
-                painting.reporter().warn(format!("what was learnt in this job is not kept: {reason}"));
+                painting.reporter().warn(format!("cannot store the experience of this job: {reason}"));
             }
         }
         painting.finish(report, stop)?.close()
@@ -343,7 +346,7 @@ impl Session {
     ///
     /// # Errors
     /// The preview cannot be started, or the time limit has passed already.
-    pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(ActiveSession, PaintingTools), Error> {
+    pub fn begin(mut self, reporter: Arc<Reporter>) -> Result<(ActiveSession, PaintingSetup), Error> {
         // Report warnings and the start
         self.notes.iter().for_each(|note| reporter.warn(note.clone()));
         reporter.tell(self.painter.started(&self.request, &self.settings));
@@ -368,18 +371,28 @@ impl Session {
             Some((_, recorder)) => (Arc::clone(recorder) as _, Arc::clone(recorder) as _),
             None => (engine, observer),
         };
-        let tools = PaintingTools { settings: measured(self.settings.clone()), engine, observer, store, kept };
-        let Self { request, asked, painter, settings, denoiser, options, .. } = self;
+        let setup = PaintingSetup { settings: measured(self.settings.clone()), engine, observer, store, kept };
+        let Self { request, submitted, painter, settings, denoiser, options, .. } = self;
         let timeline = options.timeline;
-        let active =
-            ActiveSession { request, asked, painter, settings, denoiser, reporter, recorder, journal, timeline, tev };
-        Ok((active, tools))
+        let active = ActiveSession {
+            request,
+            submitted,
+            painter,
+            settings,
+            denoiser,
+            reporter,
+            recorder,
+            journal,
+            timeline,
+            tev,
+        };
+        Ok((active, setup))
     }
 
     /// Returns the values that an agent needs to render zones for another process, without observer and store.
-    pub fn tools(&self) -> PaintingTools {
+    pub fn setup(&self) -> PaintingSetup {
         let (settings, engine) = (measured(self.settings.clone()), self.painter.engine());
-        PaintingTools { settings, engine, observer: Arc::new(()), store: None, kept: None }
+        PaintingSetup { settings, engine, observer: Arc::new(()), store: None, kept: None }
     }
 
     /// Denoises a picture whose job this machine has led for others, if the request asks for it. Returns the metadata of the
@@ -388,7 +401,7 @@ impl Session {
     /// # Errors
     /// The denoiser is not installed or fails; the picture then stays noisy.
     pub fn finish_for_others(&self, report: &mut JobReport) -> (Metadata, Result<(), Error>) {
-        let mut metadata = self.painter.metadata(&self.asked, report);
+        let mut metadata = self.painter.metadata(&self.submitted, report);
         let denoised = denoise::here(&self.request, report, &mut metadata);
         (metadata, denoised)
     }
@@ -478,7 +491,7 @@ fn failed(error: JobError) -> Error {
     match error {
         JobError::OtherWork => Error::failed(
             "the interrupted picture was made with other settings",
-            "give the same options as then, or leave out --resume to start anew",
+            "give the same options as before, or leave out --resume to start again",
         ),
         error => Error::Job(error),
     }

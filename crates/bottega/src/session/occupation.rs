@@ -38,8 +38,8 @@ impl TimelineForm {
 pub(super) fn check_timeline(path: &Path) -> Result<(), Error> {
     TimelineForm::of(path).map(|_| ()).ok_or_else(|| {
         Error::usage(
-            format!("the timeline {} has no form that is known", path.display()),
-            "give its name the end .svg (a drawing) or .json (the same as data)",
+            format!("the format of the timeline {} is unknown", path.display()),
+            "end its name in .svg (a drawing) or .json (data)",
         )
     })
 }
@@ -47,7 +47,7 @@ pub(super) fn check_timeline(path: &Path) -> Result<(), Error> {
 /// Reports the utilization, and writes the timeline if a file is given. If that file cannot be written, only warns.
 pub(super) fn tell(painter: &BuiltinPainter, timeline: Option<&Path>, reporter: &Reporter) {
     let report = painter.engine.report();
-    reporter.tell(told(painter, &report));
+    reporter.tell(resources_event(painter, &report));
     let Some((path, form)) = timeline.and_then(|path| Some((path, TimelineForm::of(path)?))) else { return };
     let text = match form {
         TimelineForm::Svg => timeline_svg(&report, None),
@@ -59,11 +59,11 @@ pub(super) fn tell(painter: &BuiltinPainter, timeline: Option<&Path>, reporter: 
     }
 }
 
-fn told(painter: &BuiltinPainter, report: &HraReport) -> Event {
+fn resources_event(painter: &BuiltinPainter, report: &HraReport) -> Event {
     let seconds = report.uptime.as_secs_f64().max(f64::MIN_POSITIVE);
-    // The resources list the processors first, then the devices in the order of `crew.scenes`.
-    let scenes = painter.crew.scenes.iter().map(Some);
-    let scenes = std::iter::repeat_n(None, painter.crew.threads).chain(scenes).chain(std::iter::repeat(None));
+    // The resources list the processors first, then the devices in the order of `devices.scenes`.
+    let scenes = painter.devices.scenes.iter().map(Some);
+    let scenes = std::iter::repeat_n(None, painter.devices.threads).chain(scenes).chain(std::iter::repeat(None));
     let resources = report.resources.iter().zip(scenes).map(|(resource, scenes)| ResourceUse {
         name: resource.descriptor.name.clone(),
         occupation: resource.occupation(),
@@ -74,8 +74,8 @@ fn told(painter: &BuiltinPainter, report: &HraReport) -> Event {
         sent_bytes: scenes.map(GpuScenes::sent_bytes),
         cable: resource
             .cable
-            .filter(|_| painter.crew.boards.iter().any(|board| board.name == resource.descriptor.name))
-            .map(|it| traffic(&it)),
+            .filter(|_| painter.devices.boards.iter().any(|board| board.name == resource.descriptor.name))
+            .map(|cable| traffic(&cable)),
     });
     Event::Resources {
         resources: resources.collect(),

@@ -67,7 +67,7 @@ impl Painter {
     /// Logs the faults of devices and engines on this machine, which has no user.
     pub(super) fn log_faults(&self) {
         match self {
-            Self::Own(own) => own.crew.notes.iter().for_each(|note| tracing::warn!("{note}")),
+            Self::Own(own) => own.devices.notes.iter().for_each(|note| tracing::warn!("{note}")),
             Self::Other(painter) => painter.engine.watch_faults(|fault| tracing::warn!("{fault}")),
         }
     }
@@ -100,7 +100,7 @@ impl Painter {
         let mut technique = match self {
             Self::Own(own) => {
                 let progressive = own.plan.method.photons.is_some_and(|photons| photons.progressive);
-                let devices = own.crew.gpus.iter().map(|gpu| format!(" on {gpu}")).collect::<String>();
+                let devices = own.devices.gpus.iter().map(|gpu| format!(" on {gpu}")).collect::<String>();
                 format!("builtin {}{}{devices}", own.plan.method.word(), if progressive { " progressive" } else { "" })
             }
             Self::Other(painter) => painter.title(),
@@ -167,7 +167,7 @@ impl Painter {
         match request.to_line() {
             Ok(line) => metadata.set(REQUEST_KEY, line),
             // A file name that is not Unicode cannot be written as JSON; the picture then lacks its request.
-            Err(error) => tracing::debug!(%error, "the picture does not hold its request"),
+            Err(error) => tracing::debug!(%error, "the picture does not contain its request"),
         }
         metadata
     }
@@ -177,10 +177,10 @@ impl Painter {
             Self::Own(own) => (
                 own.plan.method.word().to_owned(),
                 own.plan.method.name().to_owned(),
-                own.crew.names(),
+                own.devices.names(),
                 Some(own.subject.scene().triangle_count()),
-                own.crew.threads,
-                own.crew.gpus.clone(),
+                own.devices.threads,
+                own.devices.gpus.clone(),
                 own.plan.method.photons.is_some_and(|photons| photons.progressive),
             ),
             Self::Other(painter) => {

@@ -23,7 +23,7 @@ use crate::{
 pub struct ActiveSession {
     pub(super) request: Request,
     /// The request that is stored in the picture.
-    pub(super) asked: Request,
+    pub(super) submitted: Request,
     pub(super) painter: Painter,
     pub(super) settings: JobSettings,
     pub(super) denoiser: Option<Denoiser>,
@@ -58,7 +58,7 @@ impl ActiveSession {
     /// # Errors
     /// The picture cannot be denoised, recorded or written.
     pub fn finish(self, report: JobReport, stop: &StopSwitch) -> Result<Picture, Error> {
-        let Self { request, asked, painter, settings, denoiser, reporter, recorder, journal, timeline, tev } = self;
+        let Self { request, submitted, painter, settings, denoiser, reporter, recorder, journal, timeline, tev } = self;
         reporter.finish();
         if let Some(forecast) = &report.forecast {
             reporter.tell(Event::Forecast(ForecastEvent::new(forecast, report.jobs_learnt)));
@@ -80,7 +80,7 @@ impl ActiveSession {
         }
         // Denoise the picture if requested
         let mut report = report;
-        let mut metadata = painter.metadata(&asked, &report);
+        let mut metadata = painter.metadata(&submitted, &report);
         denoise::finish(denoiser.as_ref(), &request, &mut report, &mut metadata, &reporter, stop)?;
         if let Painter::Own(own) = &painter
             && let Some(swarm) = own.engine.lighting_agents()

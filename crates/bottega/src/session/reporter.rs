@@ -105,7 +105,7 @@ impl Reporter {
 
     /// Sends an event to the watcher.
     pub fn tell(&self, event: Event) {
-        self.watcher.told(event);
+        self.watcher.event(event);
     }
 
     /// Starts progress events, from the farm's reports and the number of samples that the engine has taken.
@@ -134,7 +134,7 @@ impl Reporter {
                 reporter.tell(Event::Preview { number, seconds: loaded.elapsed().as_secs_f64() });
             };
             if let (Err(error), Some(reporter)) = (showing.keep_fresh(renewed), reporter.upgrade()) {
-                reporter.warn(format!("the preview is not shown any more: {error}"));
+                reporter.warn(format!("cannot update the preview any more: {error}"));
             }
         });
         // The first call wins: `show` is called once per job.
@@ -204,8 +204,8 @@ impl WorkRate {
         // Interpolate the cost done since the farm's last report
         let said = self.said.as_ref()?;
         let under_way = (self.kept + samples_done).saturating_sub(said.samples_done);
-        let left = said.samples.saturating_sub(said.samples_done).max(1);
-        let share = (under_way as f64 / left as f64).min(1.0);
+        let samples_left = said.samples.saturating_sub(said.samples_done).max(1);
+        let share = (under_way as f64 / samples_left as f64).min(1.0);
         let cost_done = said.cost_done + (1.0 - said.cost_done) * share;
         // Extrapolate the remaining time from the cost done in this job
         let elapsed = self.begun.elapsed();
@@ -213,9 +213,9 @@ impl WorkRate {
         let to_go = Some(to_go).filter(|_| cost_done > self.kept_cost);
         // Early in the job, mix in the farm's estimate from earlier jobs
         let known = said.left.map(|left| left.saturating_sub(self.said_at.elapsed()).as_secs_f64());
-        let seen = ((cost_done - self.kept_cost) / SHARE_SEEN).clamp(0.0, 1.0);
+        let weight = ((cost_done - self.kept_cost) / SHARE_SEEN).clamp(0.0, 1.0);
         let to_go = match (to_go, known) {
-            (Some(to_go), Some(known)) => Some(seen * to_go + (1.0 - seen) * known),
+            (Some(to_go), Some(known)) => Some(weight * to_go + (1.0 - weight) * known),
             (to_go, known) => to_go.or(known),
         };
         let progress = Progress {
@@ -284,11 +284,11 @@ impl Observer for Reporter {
 
     fn too_few(&self, present: usize, needed: usize) {
         self.warn(format!(
-            "what machines paint cannot be compared: {present} are there, {needed} are needed; zones wait for `bottega join`"
+            "cannot compare the results of machines: {present} of {needed} machines are present; zones wait for `bottega join`"
         ));
     }
 
-    fn not_kept(&self, error: &std::io::Error) {
-        self.warn(format!("the work cannot be kept for --resume: {error}"));
+    fn store_failed(&self, error: &std::io::Error) {
+        self.warn(format!("cannot store the work for --resume: {error}"));
     }
 }

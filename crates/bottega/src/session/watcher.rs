@@ -9,7 +9,7 @@ use crate::events::Event;
 /// Receives the events of a job. The methods are called from rendering threads and must return quickly.
 pub trait Watcher: Send + Sync {
     /// Receives an event of the job.
-    fn told(&self, event: Event);
+    fn event(&self, event: Event);
 
     /// Receives a message that an agent sends; `_now`: time of the job.
     fn message(&self, _now: Time, _message: &FarmMessage) {}
@@ -26,12 +26,12 @@ pub trait Watcher: Send + Sync {
 
 /// A watcher that ignores all events.
 impl Watcher for () {
-    fn told(&self, _event: Event) {}
+    fn event(&self, _event: Event) {}
 }
 
 /// A function that is called with each event.
 impl<F: Fn(Event) + Send + Sync> Watcher for F {
-    fn told(&self, event: Event) {
+    fn event(&self, event: Event) {
         self(event);
     }
 }

@@ -35,8 +35,8 @@ pub fn max_depth(request: &Request, subject: &LoadedScene) -> u32 {
 }
 
 /// Returns the number of Render Agents: the requested one, else one per two CPU threads.
-pub fn agents(asked: Option<u16>, threads: usize) -> usize {
-    asked.map_or(threads.div_ceil(2), usize::from)
+pub fn agents(requested: Option<u16>, threads: usize) -> usize {
+    requested.map_or(threads.div_ceil(2), usize::from)
 }
 
 /// Returns the level of division into zones; numbers above the highest level give that.

@@ -64,7 +64,7 @@ impl ViewportLook {
     /// Checks that a request can be used for a look that another process shows.
     pub(super) fn check(request: &Request) -> Result<(), Error> {
         if !request.engine.is_builtin() {
-            return Err(Error::usage("only our own engine renders samples for viewports", "leave out the engine"));
+            return Err(Error::usage("only the built-in engine renders samples for viewports", "leave out the engine"));
         }
         Ok(request.validate()?)
     }

@@ -194,12 +194,12 @@ impl NoiseRemover {
         let denoiser = session.denoiser()?.clone();
         self.wait();
         let (threads, ended) = (threads(session.request()), cancel.clone());
-        let (told, removed) = mpsc::channel();
+        let (sender, removed) = mpsc::channel();
         let remove = move || {
             let mut go_on = |_| if ended.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
             let denoised = denoiser.denoise(&film, GuideUse::AsPainted, threads, &mut go_on);
             // The receiver is gone if another look is wanted.
-            _ = told.send(denoised.ok().map(|denoised| denoised.film.to_picture()));
+            _ = sender.send(denoised.ok().map(|denoised| denoised.film.to_picture()));
         };
         self.under_way = thread::Builder::new().name("viewport-noise".to_owned()).spawn(remove).ok();
         while !cancel.is_cancelled() {
@@ -250,15 +250,15 @@ pub(super) fn pass(
         rect: settings.crop,
         samples,
         tunables: settings.tunables,
-        leaning: EnginePreference::default(),
+        preference: EnginePreference::default(),
         tile,
         parts: None,
         cancel,
         progress: TaskProgress::default(),
     };
-    let (told, painted) = mpsc::channel();
-    engine.start(task, Box::new(move |painted| _ = told.send(painted)));
-    let gone = |_| Error::failed("the engine does not answer", "look at the scene anew");
+    let (sender, painted) = mpsc::channel();
+    engine.start(task, Box::new(move |painted| _ = sender.send(painted)));
+    let gone = |_| Error::failed("the engine does not answer", "open the viewport again");
     let painted = painted.recv().map_err(gone)??;
     Ok(painted.complete.then_some(painted.tile))
 }

@@ -90,7 +90,7 @@ impl ViewportSampler {
     }
 
     fn engine(&self) -> Result<&Arc<BuiltinEngine>, Error> {
-        let none = || Error::usage("only our own engine renders samples for viewports", "leave out the engine");
+        let none = || Error::usage("only the built-in engine renders samples for viewports", "leave out the engine");
         self.session.own_engine().ok_or_else(none)
     }
 }

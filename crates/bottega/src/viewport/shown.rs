@@ -249,7 +249,7 @@ impl ViewportShared {
         if self.follower.set(follower).is_err() {
             return;
         }
-        // The lock is held meanwhile, so that no later look is told first.
+        // The lock is held meanwhile, so that no later look is reported first.
         let state = self.state();
         if let (Some((look, region)), Some(follower)) = (&state.current, self.follower.get()) {
             self.pool().begin(look.number, *region);

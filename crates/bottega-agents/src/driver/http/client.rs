@@ -26,7 +26,7 @@ pub enum SendError {
     #[error("there is no address to try")]
     NoAddress,
     /// The address is not an HTTP address.
-    #[error("`{0}` is no address of HTTP")]
+    #[error("`{0}` is not an HTTP address")]
     Address(String),
     /// The connection failed.
     #[error("no connection")]
@@ -38,7 +38,7 @@ pub enum SendError {
     #[error("the answer is {0}")]
     Status(u16),
     /// The response is not HTTP.
-    #[error("the answer is no HTTP")]
+    #[error("the answer is not HTTP")]
     Answer(#[source] HttpError),
     /// The message cannot be written.
     #[error("the message cannot be written")]

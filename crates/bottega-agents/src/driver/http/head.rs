@@ -12,7 +12,7 @@ pub enum HttpError {
     #[error("nothing is here")]
     NotFound,
     /// 405: the method is not supported for this path.
-    #[error("this method is not for this path")]
+    #[error("this path does not support the method")]
     Method,
     /// 411: the length is missing.
     #[error("a length is needed")]
@@ -21,7 +21,7 @@ pub enum HttpError {
     #[error("too large")]
     TooLarge,
     /// 503: the server is overloaded.
-    #[error("too much to do")]
+    #[error("too many requests")]
     Busy,
 }
 
@@ -107,7 +107,7 @@ fn read_head(text: &str) -> Result<Head, HttpError> {
             "content-type" => content_type = Some(value),
             "content-length" => {
                 let length = if value.bytes().all(|byte| byte.is_ascii_digit()) { value.parse().ok() } else { None };
-                let length: usize = length.ok_or(HttpError::Bad("the length is no number"))?;
+                let length: usize = length.ok_or(HttpError::Bad("the length is not a number"))?;
                 if content_length.replace(length).is_some_and(|other| other != length) {
                     return Err(HttpError::Bad("two lengths"));
                 }
@@ -193,7 +193,7 @@ mod tests {
             ("POST / HTTP/1.1\r\n\r\n", HttpError::Length),
             ("POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\nContent-Length: 3\r\n\r\n", HttpError::Length),
             ("POST / HTTP/1.1\r\nContent-Length: 3\r\nContent-Length: 4\r\n\r\n", HttpError::Bad("two lengths")),
-            ("POST / HTTP/1.1\r\nContent-Length: +3\r\n\r\n", HttpError::Bad("the length is no number")),
+            ("POST / HTTP/1.1\r\nContent-Length: +3\r\n\r\n", HttpError::Bad("the length is not a number")),
             ("POST /\r\n\r\n", HttpError::Bad("no request line")),
             ("GET / HTTP/2\r\n\r\n", HttpError::Bad("not HTTP/1")),
             ("GET / HTTP/1.1\r\n folded\r\n\r\n", HttpError::Bad("a fold of nothing")),

@@ -14,7 +14,7 @@ const MALFORMED: HttpError = HttpError::Bad("the body does not have the two part
 /// The parts, the envelope or the message are invalid.
 pub fn open(content_type: &str, body: &[u8]) -> Result<Letter, HttpError> {
     let (envelope, payload) = split(content_type, body)?;
-    let envelope = std::str::from_utf8(envelope).map_err(|_| HttpError::Bad("the envelope is no text"))?;
+    let envelope = std::str::from_utf8(envelope).map_err(|_| HttpError::Bad("the envelope is not text"))?;
     let envelope = parse_envelope(envelope).map_err(|_| HttpError::Bad("the envelope cannot be read"))?;
     Letter::open(envelope, payload).map_err(|_| HttpError::Bad("the message cannot be read"))
 }

@@ -218,7 +218,9 @@ impl Connection {
             };
             let text = match line {
                 Ok(line) => format!("{line}\n"),
-                Err(broadcast::error::RecvError::Lagged(count)) => format!("# {count} messages were too fast\n"),
+                Err(broadcast::error::RecvError::Lagged(count)) => {
+                    format!("# {count} messages were skipped: too many at once\n")
+                }
                 Err(broadcast::error::RecvError::Closed) => return Ok(()),
             };
             match timeout(ANSWER_WAIT, writer.write_all(text.as_bytes())).await {

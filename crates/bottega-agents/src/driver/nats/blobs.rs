@@ -47,7 +47,7 @@ impl BlobError {
 
     /// Makes the error that the server stopped sending in the middle of the blob.
     fn silent(name: &str) -> Self {
-        let reason = format!("the server has sent nothing of it for {} s", SILENT.as_secs());
+        let reason = format!("the server has sent nothing for {} s", SILENT.as_secs());
         Self { name: name.to_owned(), reason, is_lasting: false, is_full: false }
     }
 
@@ -124,7 +124,7 @@ pub(super) async fn open(
         None => Ok((store, stream)),
         Some((other, _)) => Err(NatsError::Keep {
             what,
-            reason: format!("its stream OBJ_{bucket} has another {other} than was asked for"),
+            reason: format!("the {other} of its stream OBJ_{bucket} differs from the requested one"),
             is_lasting: true,
         }),
     }
@@ -221,7 +221,7 @@ impl NatsBlobs {
     /// Deletes messages. Unlike other ways of deletion this needs no room, so it works on a full server.
     async fn purge(&self, subject: String) {
         if let Err(error) = self.stream.purge().filter(&subject).await {
-            tracing::debug!(%error, subject, "messages were not let go");
+            tracing::debug!(%error, subject, "cannot delete messages");
         }
     }
 

@@ -16,13 +16,13 @@ pub enum NatsError {
         source: async_nats::ConnectError,
     },
     /// An address is invalid.
-    #[error("`{address}` is no address of a NATS server, such as nats://host:4222")]
+    #[error("`{address}` is not the address of a NATS server, such as nats://host:4222")]
     Address {
         /// The address as given.
         address: String,
     },
     /// A name is invalid.
-    #[error("`{name}` is no name of a farm: letters, digits, - and _ make one")]
+    #[error("`{name}` is not a valid name of a farm: use letters, digits, - and _")]
     Name {
         /// The name as given.
         name: String,
@@ -36,13 +36,13 @@ pub enum NatsError {
         source: std::io::Error,
     },
     /// The server is older than the oldest supported version.
-    #[error("the NATS server is of version {version}; 2.9 or newer is needed")]
+    #[error("the NATS server has version {version}; 2.9 or newer is needed")]
     Version {
         /// The version that the server reports.
         version: String,
     },
     /// The server has no storage, or a different one than requested.
-    #[error("the NATS server does not keep {what} for the farm: {reason}")]
+    #[error("the NATS server does not store {what} of the farm: {reason}")]
     Keep {
         /// The kind of storage.
         what: &'static str,
@@ -52,7 +52,7 @@ pub enum NatsError {
         is_lasting: bool,
     },
     /// Nobody answers the request for enrolment.
-    #[error("nobody lets machines into the farm: {reason}")]
+    #[error("no process admits machines to the farm: {reason}")]
     NobodyAnswers {
         /// The server's message.
         reason: String,

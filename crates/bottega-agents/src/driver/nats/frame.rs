@@ -17,7 +17,7 @@ const NO_WORD: u8 = u8::MAX;
 pub(super) enum CodecError<E: std::error::Error + 'static> {
     #[error("it is empty")]
     Empty,
-    #[error("it is of layout {found}, and this build reads layout {WIRE_VERSION}")]
+    #[error("it has layout {found}, but this build reads layout {WIRE_VERSION}")]
     Version { found: u8 },
     #[error("its head is cut off or has another layout")]
     Head(#[source] postcard::Error),

@@ -72,7 +72,7 @@ impl NatsLive {
         let task = self.handle.spawn(async move {
             let mut messages = match client.subscribe(subject.clone()).await {
                 Ok(messages) => messages,
-                Err(error) => return tracing::warn!(subject, %error, "live messages cannot be read"),
+                Err(error) => return tracing::warn!(subject, %error, "cannot read live messages"),
             };
             while let Some(message) = messages.next().await {
                 if ended.load(Ordering::Relaxed) {

@@ -52,7 +52,7 @@ pub use self::{
     pin::Pin,
     reload::reload_server,
     rights::Rights,
-    store::EntryNews,
+    store::EntryUpdate,
 };
 use self::{options::ANSWER_TIME, store::Bucket};
 use super::{Mailbox, Uplink};
@@ -188,12 +188,12 @@ impl<K: Codec> NatsUplink<K> {
 
     /// Returns the traffic over the link so far.
     pub fn traffic(&self) -> Traffic {
-        let told = self.client.statistics();
+        let statistics = self.client.statistics();
         Traffic {
-            messages_out: told.out_messages.load(Ordering::Relaxed),
-            messages_in: told.in_messages.load(Ordering::Relaxed),
-            bytes_out: told.out_bytes.load(Ordering::Relaxed),
-            bytes_in: told.in_bytes.load(Ordering::Relaxed),
+            messages_out: statistics.out_messages.load(Ordering::Relaxed),
+            messages_in: statistics.in_messages.load(Ordering::Relaxed),
+            bytes_out: statistics.out_bytes.load(Ordering::Relaxed),
+            bytes_in: statistics.in_bytes.load(Ordering::Relaxed),
         }
     }
 
@@ -204,8 +204,8 @@ impl<K: Codec> NatsUplink<K> {
 
     /// Asks the server for the state of its storage; blocks at most two seconds.
     pub fn server_state(&self) -> ServerState {
-        let asked = Request::new().timeout(Some(ANSWER_TIME));
-        match self.handle.block_on(self.client.send_request(STORE_INFO, asked)) {
+        let request = Request::new().timeout(Some(ANSWER_TIME));
+        match self.handle.block_on(self.client.send_request(STORE_INFO, request)) {
             Ok(answer) => ServerState::read(&answer.payload),
             Err(error) if error.kind() == RequestErrorKind::NoResponders => {
                 ServerState::StoresNothing { reason: error.to_string() }
@@ -216,7 +216,7 @@ impl<K: Codec> NatsUplink<K> {
 
     /// Reports all entries of the store whose keys start with `prefix`, and then every write to one, until `tell`
     /// returns false; it is called at least every few seconds. Blocks meanwhile.
-    pub fn follow_entries(&self, prefix: &Key, tell: impl FnMut(EntryNews<K::Value>) -> bool) {
+    pub fn follow_entries(&self, prefix: &Key, tell: impl FnMut(EntryUpdate<K::Value>) -> bool) {
         self.handle.block_on(self.bucket.follow(prefix, tell));
     }
 
@@ -262,12 +262,12 @@ pub enum ServerState {
 
 impl ServerState {
     /// Parses an answer. The library's own type does not support all servers.
-    fn read(answer: &[u8]) -> Self {
-        let told: serde_json::Value = serde_json::from_slice(answer).unwrap_or_default();
-        match told["storage"].as_u64() {
+    fn read(bytes: &[u8]) -> Self {
+        let answer: serde_json::Value = serde_json::from_slice(bytes).unwrap_or_default();
+        match answer["storage"].as_u64() {
             Some(bytes) => Self::Stores { bytes },
             None => {
-                Self::StoresNothing { reason: told["error"]["description"].as_str().unwrap_or_default().to_owned() }
+                Self::StoresNothing { reason: answer["error"]["description"].as_str().unwrap_or_default().to_owned() }
             }
         }
     }
@@ -362,7 +362,7 @@ where
                 };
                 match frame::read_message(&*codec, mailbox.now(), sender, me.clone(), &message.payload) {
                     Ok(message) => mailbox.deliver(Event::Message(message)),
-                    Err(error) => tracing::warn!(subject = %message.subject, %error, "a message that cannot be read"),
+                    Err(error) => tracing::warn!(subject = %message.subject, %error, "cannot read a message"),
                 }
             }
         });
@@ -373,7 +373,7 @@ where
         let subject = names::message_to(&self.farm, receiver, &message.sender.name);
         let bytes = frame::write_message(&*self.codec, now, message);
         if self.outbox.try_send((subject, bytes)).is_err() {
-            tracing::warn!(%receiver, "a message was lost: too many wait");
+            tracing::warn!(%receiver, "a message was lost: too many are waiting");
         }
     }
 

@@ -17,7 +17,7 @@ use super::{
     blobs::BlobError,
     names,
     options::ANSWER_TIME,
-    watch::{WatchNews, WrittenEntry, follow},
+    watch::{WatchUpdate, WrittenEntry, follow},
 };
 use crate::Key;
 
@@ -78,17 +78,17 @@ impl NatsNotices {
         let changed = Arc::clone(&board.changed);
         let mut read = Some(read);
         board.handle.spawn(async move {
-            let tell = |news| {
+            let tell = |update| {
                 let Some(seen) = seen.upgrade() else { return false };
-                match news {
-                    WatchNews::Begins => lock(&seen).listing += 1,
-                    WatchNews::Entry(entry) => lock(&seen).told(&entry),
-                    WatchNews::CaughtUp => {
+                match update {
+                    WatchUpdate::Begins => lock(&seen).listing += 1,
+                    WatchUpdate::Entry(entry) => lock(&seen).record(&entry),
+                    WatchUpdate::CaughtUp => {
                         lock(&seen).forget_unlisted();
                         // The opener may have given up
                         _ = read.take().map(|read| read.send(()));
                     }
-                    WatchNews::Nothing => {}
+                    WatchUpdate::Nothing => {}
                 }
                 changed.notify_all();
                 true
@@ -246,7 +246,7 @@ impl KnownNotices {
         Self { notices, listing: 0, changes, all_changes: 0, connects: 0, connected: now() }
     }
 
-    fn told(&mut self, entry: &WrittenEntry) {
+    fn record(&mut self, entry: &WrittenEntry) {
         let Some(name) = names::entry(&entry.key).map(|key| key.to_string()) else { return };
         let known = self.notices.get(&name).map(|heard| (heard.listing, heard.revision));
         if let Some(value) = &entry.value {
@@ -300,7 +300,7 @@ fn lock(seen: &Mutex<KnownNotices>) -> MutexGuard<'_, KnownNotices> {
     seen.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-#[allow(clippy::disallowed_methods, reason = "how long ago something was heard is no matter of protocols")]
+#[allow(clippy::disallowed_methods, reason = "the age of a notice does not affect protocols")]
 fn now() -> Instant {
     Instant::now()
 }
@@ -319,30 +319,30 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_never_goes_back_in_time_but_where_the_server_lists_all_again() {
+    fn entries_never_go_back_in_time_except_if_the_server_lists_all_again() {
         let mut known = KnownNotices::new();
         known.listing += 1;
-        for told in [entry("a", 3, Some("x")), entry("a", 2, Some("old")), entry("b", 9, Some("y"))] {
-            known.told(&told);
+        for written in [entry("a", 3, Some("x")), entry("a", 2, Some("old")), entry("b", 9, Some("y"))] {
+            known.record(&written);
         }
-        known.told(&entry("b", 8, None));
+        known.record(&entry("b", 8, None));
         assert_eq!(texts(&known), [("a", 3), ("b", 9)]);
         // The server has lost its last writings: `b` had none, and `a` an earlier one.
         known.listing += 1;
-        known.told(&entry("a", 1, Some("first")));
+        known.record(&entry("a", 1, Some("first")));
         known.forget_unlisted();
         assert_eq!(texts(&known), [("a", 1)]);
-        known.told(&entry("a", 2, None));
+        known.record(&entry("a", 2, None));
         assert_eq!(texts(&known), []);
     }
 
     #[test]
     fn a_notice_that_is_listed_again_as_it_was_stays_as_old_as_it_is() {
         let mut known = KnownNotices::new();
-        known.told(&entry("a", 3, Some("x")));
+        known.record(&entry("a", 3, Some("x")));
         let (at, changes) = (known.notices["a"].at, known.changes.clone());
         known.listing += 1;
-        known.told(&entry("a", 3, Some("x")));
+        known.record(&entry("a", 3, Some("x")));
         known.forget_unlisted();
         assert_eq!((known.notices["a"].at, known.changes), (at, changes));
     }

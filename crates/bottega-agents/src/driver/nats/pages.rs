@@ -27,7 +27,7 @@ struct PageWatch {
     ticket: Ticket,
     who: usize,
     /// The last reported write of each entry.
-    told: BTreeMap<String, u64>,
+    reported: BTreeMap<String, u64>,
 }
 
 type Replies = Vec<AddressedStore<String, usize>>;
@@ -97,22 +97,22 @@ impl PageWatch {
     }
 
     fn tell(&mut self, entries: &[Entry<String>], replies: &mut Replies) {
-        let mut gone = std::mem::take(&mut self.told);
-        let mut told = BTreeMap::new();
+        let mut gone = std::mem::take(&mut self.reported);
+        let mut reported = BTreeMap::new();
         for entry in entries.iter().filter(|entry| entry.key.starts_with(&self.prefix)) {
             let name = entry.key.to_string();
             let before = gone.remove(&name).unwrap_or(0);
             if before < entry.revision.0 {
                 replies.push(self.say(StoreReply::Changed(entry.clone())));
             }
-            told.insert(name, before.max(entry.revision.0));
+            reported.insert(name, before.max(entry.revision.0));
         }
         // A deleted notice had no text before; report it in any case
         for (name, revision) in gone {
             let entry = Entry { key: name.into(), revision: Revision(revision), value: String::new() };
             replies.push(self.say(StoreReply::Changed(entry)));
         }
-        self.told = told;
+        self.reported = reported;
     }
 }
 
@@ -130,7 +130,7 @@ impl EntryStore<String, usize> for NoticePages {
             StoreRequest::Watch { prefix } => {
                 self.watches.retain(|watch| (watch.ticket, watch.who) != (ticket, from));
                 self.changes = None;
-                self.watches.push(PageWatch { prefix, ticket, who: from, told: BTreeMap::new() });
+                self.watches.push(PageWatch { prefix, ticket, who: from, reported: BTreeMap::new() });
                 StoreReply::CaughtUp
             }
         };
@@ -205,7 +205,7 @@ fn entry_name(name: &str) -> Option<String> {
 }
 
 fn unavailable(error: &super::BlobError) -> StoreReply<String> {
-    tracing::debug!(%error, "a page was not written");
+    tracing::debug!(%error, "cannot write a page");
     StoreReply::Unavailable
 }
 

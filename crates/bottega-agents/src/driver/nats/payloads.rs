@@ -74,7 +74,7 @@ pub(super) async fn open(context: &Context, farm: &str, may_make: bool) -> Resul
         None => Ok(stream),
         Some((other, _)) => Err(NatsError::Keep {
             what: "payloads",
-            reason: format!("its stream {name} has another {other} than was asked for"),
+            reason: format!("the {other} of its stream {name} differs from the requested one"),
             is_lasting: true,
         }),
     }
@@ -118,7 +118,7 @@ impl NatsPayloads {
         match self.part(name, part).await? {
             Some(there) if *there == *bytes => Ok(()),
             Some(_) => {
-                let reason = "there is another one of this name".to_owned();
+                let reason = "there is another payload of this name".to_owned();
                 Err(BlobError::lasting(name, reason))
             }
             None => Err(BlobError::passing(name, &error)),
@@ -152,17 +152,17 @@ impl NatsPayloads {
             let last = count.saturating_sub(first.len()).div_ceil(PART_BYTES);
             for begin in (1..=last).step_by(UNDER_WAY_MAX) {
                 let parts = begin..=last.min(begin + UNDER_WAY_MAX - 1);
-                let asked = parts.map(|part| {
+                let fetches = parts.map(|part| {
                     let (payloads, name) = (self.clone(), name.to_owned());
                     tokio::spawn(async move { payloads.part(&name, part).await })
                 });
-                for part in asked.collect::<Vec<_>>() {
+                for part in fetches.collect::<Vec<_>>() {
                     let part = part.await.map_err(|error| BlobError::passing(name, &error))??;
                     bytes.extend_from_slice(&part.ok_or_else(|| wrong("a part of it is missing".to_owned()))?);
                 }
             }
             if bytes.len() != count {
-                return Err(wrong(format!("it has {} bytes, and should have {count}", bytes.len())));
+                return Err(wrong(format!("it has {} bytes instead of {count}", bytes.len())));
             }
             Ok(Some(bytes))
         })
@@ -215,7 +215,7 @@ impl NatsPayloads {
         let subjects = format!("{}{}.>", self.prefix, names::token(folder));
         let purged = self.handle.block_on(async { self.stream.purge().filter(subjects).await });
         if let Err(error) = purged {
-            tracing::warn!(%error, folder, "payloads were not let go");
+            tracing::warn!(%error, folder, "cannot delete payloads");
         }
     }
 }

@@ -77,7 +77,7 @@ impl ServerCertVerifier for OnlyThis {
         if Pin::of(certificate) == self.pin {
             Ok(ServerCertVerified::assertion())
         } else {
-            Err(Error::General("the server has another certificate than that of the farm".to_owned()))
+            Err(Error::General("the server's certificate is not that of the farm".to_owned()))
         }
     }
 

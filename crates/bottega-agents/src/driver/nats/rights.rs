@@ -30,7 +30,7 @@ impl Rights {
         let (objects, payloads) = (format!("OBJ_{}", names::objects(farm)), names::payloads(farm));
         let mut publish = vec![
             names::said_by(farm, member),
-            format!("$KV.{}.seat.{}.>", names::notices(farm), names::token(member)),
+            format!("$KV.{}.presence.{}.>", names::notices(farm), names::token(member)),
             // In white and yellow pages, the entries of its own agents only
             format!("$KV.{}.page.*.*.agent.{}.*", names::notices(farm), names::token(member)),
             format!("{}>", names::payloads_prefix(farm)),

@@ -14,7 +14,7 @@ use async_nats::{
 use super::{
     error::NatsError,
     frame, names,
-    watch::{WatchNews, WrittenEntry, follow},
+    watch::{WatchUpdate, WrittenEntry, follow},
 };
 use crate::{
     Entry, Event, Key, Revision, StateMachine, StoreReply, StoreRequest, Ticket, codec::Codec, driver::Mailbox,
@@ -73,7 +73,7 @@ pub(super) async fn open(
         None => Ok(store),
         Some((other, _)) => Err(NatsError::Keep {
             what,
-            reason: format!("its stream KV_{bucket} has another {other} than was asked for"),
+            reason: format!("the {other} of its stream KV_{bucket} differs from the requested one"),
             is_lasting: true,
         }),
     }
@@ -81,7 +81,7 @@ pub(super) async fn open(
 
 /// A change of entries, for followers.
 #[derive(Clone, Debug, PartialEq)]
-pub enum EntryNews<V> {
+pub enum EntryUpdate<V> {
     /// The current or new state of an entry.
     Entry(Entry<V>),
     /// All existing entries have been reported.
@@ -157,13 +157,13 @@ impl<K: Codec> Bucket<K> {
     /// Decodes an entry; `None`: it is invalid.
     fn read(&self, key: &str, revision: u64, value: &[u8]) -> Option<Entry<K::Value>> {
         let Some(read_key) = names::entry(key) else {
-            tracing::warn!(key, "an entry whose name cannot be read");
+            tracing::warn!(key, "cannot read the name of an entry");
             return None;
         };
         match frame::read_entry(&*self.codec, value) {
             Ok(value) => Some(Entry { key: read_key, revision: Revision(revision), value }),
             Err(error) => {
-                tracing::warn!(key, %error, "an entry that cannot be read");
+                tracing::warn!(key, %error, "cannot read an entry");
                 None
             }
         }
@@ -176,11 +176,11 @@ impl<K: Codec> Bucket<K> {
         M: StateMachine<Content = K::Content, Value = K::Value>,
     {
         let tell = |reply| mailbox.deliver(Event::Store { ticket, reply });
-        self.follow(prefix, |news| {
-            match news {
-                EntryNews::Entry(entry) => tell(StoreReply::Changed(entry)),
-                EntryNews::CaughtUp => tell(StoreReply::CaughtUp),
-                EntryNews::Nothing => {}
+        self.follow(prefix, |update| {
+            match update {
+                EntryUpdate::Entry(entry) => tell(StoreReply::Changed(entry)),
+                EntryUpdate::CaughtUp => tell(StoreReply::CaughtUp),
+                EntryUpdate::Nothing => {}
             }
             !mailbox.is_closed()
         })
@@ -189,16 +189,16 @@ impl<K: Codec> Bucket<K> {
 
     /// Reports all entries under `prefix`, and then every write to one, until `tell` returns false. After an
     /// interruption all are reported again.
-    pub(super) async fn follow(&self, prefix: &Key, mut tell: impl FnMut(EntryNews<K::Value>) -> bool) {
+    pub(super) async fn follow(&self, prefix: &Key, mut tell: impl FnMut(EntryUpdate<K::Value>) -> bool) {
         let mut caught_up = false;
-        follow(&self.client, &self.store, &names::below(prefix), |news| match news {
-            WatchNews::Entry(WrittenEntry { key, revision, value: Some(value) }) => {
+        follow(&self.client, &self.store, &names::below(prefix), |update| match update {
+            WatchUpdate::Entry(WrittenEntry { key, revision, value: Some(value) }) => {
                 let entry = self.read(&key, revision, &value).filter(|it| it.key.starts_with(prefix));
-                tell(entry.map_or(EntryNews::Nothing, EntryNews::Entry))
+                tell(entry.map_or(EntryUpdate::Nothing, EntryUpdate::Entry))
             }
-            WatchNews::CaughtUp if !std::mem::replace(&mut caught_up, true) => tell(EntryNews::CaughtUp),
-            WatchNews::Entry(_) | WatchNews::Begins | WatchNews::CaughtUp | WatchNews::Nothing => {
-                tell(EntryNews::Nothing)
+            WatchUpdate::CaughtUp if !std::mem::replace(&mut caught_up, true) => tell(EntryUpdate::CaughtUp),
+            WatchUpdate::Entry(_) | WatchUpdate::Begins | WatchUpdate::CaughtUp | WatchUpdate::Nothing => {
+                tell(EntryUpdate::Nothing)
             }
         })
         .await;
@@ -208,12 +208,12 @@ impl<K: Codec> Bucket<K> {
     pub(super) async fn forget(&self, prefix: &Key) {
         let subject = format!("{}{}", self.store.prefix, names::below(prefix));
         if let Err(error) = self.store.stream.purge().filter(subject).await {
-            tracing::warn!(%error, "entries were not let go");
+            tracing::warn!(%error, "cannot delete entries");
         }
     }
 }
 
 fn unavailable<V>(error: &impl std::fmt::Display) -> StoreReply<V> {
-    tracing::debug!(%error, "the store did not take an entry");
+    tracing::debug!(%error, "the store did not accept an entry");
     StoreReply::Unavailable
 }

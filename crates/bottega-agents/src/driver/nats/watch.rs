@@ -17,7 +17,7 @@ use tokio_stream::StreamExt;
 
 /// Delay before a broken watch is restarted.
 const AGAIN_AFTER: Duration = Duration::from_millis(250);
-/// Interval of calls to a follower without news.
+/// Interval of calls to a follower without updates.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// Maximum number of questions per second to the server about missing numbers. If entries are rewritten faster than
 /// they are reported, numbers are missing between nearly all of them: then everything is reported again.
@@ -25,8 +25,8 @@ const QUESTIONS_MAX: u32 = 200;
 /// The header of a message that says that an entry was removed.
 const OPERATION: &str = "KV-Operation";
 
-/// News for a follower.
-pub(super) enum WatchNews {
+/// An update for a follower.
+pub(super) enum WatchUpdate {
     /// A report of all existing entries begins, followed by changes.
     Begins,
     /// The current or new state of an entry.
@@ -52,10 +52,10 @@ pub(super) struct WrittenEntry {
 /// Neither the number of pending entries, which the server gives with each one, nor complete delivery by a consumer is
 /// reliable: servers (2.9.10) may count wrongly and never reach 0 if entries are written while a consumer starts, and
 /// under load entries were skipped. So the last number received is compared with that of the last existing entry, and
-/// if numbers are missing between two entries the server is asked for them.
-pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut tell: impl FnMut(WatchNews) -> bool) {
+/// if numbers are missing between two entries they are requested from the server.
+pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut tell: impl FnMut(WatchUpdate) -> bool) {
     let filter = format!("{}{below}", store.prefix);
-    while tell(WatchNews::Nothing) {
+    while tell(WatchUpdate::Nothing) {
         // Existing entries are reported by the last write of each name; later writes must all be reported
         let Ok(there) = last_written(store, &filter).await else {
             tokio::time::sleep(AGAIN_AFTER).await;
@@ -63,11 +63,11 @@ pub(super) async fn follow(client: &Client, store: &kv::Store, below: &str, mut 
         };
         match open(client, store, &filter).await {
             Ok(messages) => {
-                if !tell(WatchNews::Begins) || !listen(store, &filter, messages, there, &mut tell).await {
+                if !tell(WatchUpdate::Begins) || !listen(store, &filter, messages, there, &mut tell).await {
                     return;
                 }
             }
-            Err(reason) => tracing::debug!(reason, "entries cannot be watched"),
+            Err(reason) => tracing::debug!(reason, "cannot watch entries"),
         }
         tokio::time::sleep(AGAIN_AFTER).await;
     }
@@ -81,52 +81,49 @@ async fn listen(
     filter: &str,
     mut messages: push::Ordered,
     there: u64,
-    tell: &mut impl FnMut(WatchNews) -> bool,
+    tell: &mut impl FnMut(WatchUpdate) -> bool,
 ) -> bool {
     // Entries arrive in the order of their writes: with this one, all that existed at the start have arrived
     let Ok(mut last) = last_written(store, filter).await else { return true };
-    let (mut told, mut is_caught_up) = (0, false);
+    let (mut last_reported, mut is_caught_up) = (0, false);
     // A write was missing at the last check
     let mut is_late = false;
-    let mut questions = Questions { begun: Instant::now(), asked: 0 };
+    let mut questions = Questions { begun: Instant::now(), count: 0 };
     loop {
-        if told >= last && !std::mem::replace(&mut is_caught_up, true) && !tell(WatchNews::CaughtUp) {
+        if last_reported >= last && !std::mem::replace(&mut is_caught_up, true) && !tell(WatchUpdate::CaughtUp) {
             return false;
         }
         match tokio::time::timeout(LOOK_EVERY, messages.next()).await {
             Ok(Some(Ok(message))) => {
                 let Some(entry) = written(store, &message) else { continue };
-                let missing = told.max(there) + 1..entry.revision;
+                let missing = last_reported.max(there) + 1..entry.revision;
                 if !missing.is_empty() {
                     if !questions.may_ask() {
                         return true;
                     }
                     let Ok(passed_over) = passed_over(store, filter, missing).await else { return true };
                     for entry in passed_over {
-                        if !tell(WatchNews::Entry(entry)) {
+                        if !tell(WatchUpdate::Entry(entry)) {
                             return false;
                         }
                     }
                 }
-                told = told.max(entry.revision);
+                last_reported = last_reported.max(entry.revision);
                 is_late = false;
-                if !tell(WatchNews::Entry(entry)) {
+                if !tell(WatchUpdate::Entry(entry)) {
                     return false;
                 }
             }
             Ok(_) => return true,
             Err(_) => {
-                if !tell(WatchNews::Nothing) {
+                if !tell(WatchUpdate::Nothing) {
                     return false;
                 }
                 // Ask again later if the server does not answer
                 let Ok(now) = last_written(store, filter).await else { continue };
                 last = now;
-                if std::mem::replace(&mut is_late, told < last) && is_late {
-                    tracing::warn!(
-                        filter,
-                        "entries were written that a consumer does not deliver: another one is begun"
-                    );
+                if std::mem::replace(&mut is_late, last_reported < last) && is_late {
+                    tracing::warn!(filter, "a consumer does not deliver written entries: starting another one");
                     return true;
                 }
             }
@@ -137,17 +134,17 @@ async fn listen(
 /// The number of questions to the server in the current second.
 struct Questions {
     begun: Instant,
-    asked: u32,
+    count: u32,
 }
 
 impl Questions {
     /// Counts one more question. False if there are too many.
     fn may_ask(&mut self) -> bool {
         if self.begun.elapsed() > LOOK_EVERY {
-            *self = Self { begun: Instant::now(), asked: 0 };
+            *self = Self { begun: Instant::now(), count: 0 };
         }
-        self.asked += 1;
-        self.asked <= QUESTIONS_MAX
+        self.count += 1;
+        self.count <= QUESTIONS_MAX
     }
 }
 
@@ -178,7 +175,7 @@ async fn last_written(store: &kv::Store, filter: &str) -> Result<u64, String> {
         Ok(message) => Ok(message.sequence),
         Err(error) if error.kind() == LastRawMessageErrorKind::NoMessageFound => Ok(0),
         Err(error) => {
-            tracing::debug!(%error, "the last entry is not known");
+            tracing::debug!(%error, "cannot read the last entry");
             Err(error.to_string())
         }
     }
@@ -207,8 +204,8 @@ async fn open(client: &Client, store: &kv::Store, filter: &str) -> Result<push::
         ("content", !got.headers_only),
     ];
     if let Some((other, _)) = same.iter().find(|(_, same)| !same) {
-        tracing::warn!("the consumer of {filter_subject} has another {other} than was asked for");
-        return Err(format!("the consumer has another {other} than was asked for"));
+        tracing::warn!("the {other} of the consumer of {filter_subject} differs from the requested one");
+        return Err(format!("the {other} of the consumer differs from the requested one"));
     }
     consumer.messages().await.map_err(|error| error.to_string())
 }

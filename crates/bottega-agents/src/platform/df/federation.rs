@@ -21,7 +21,7 @@ use crate::{AclMessage, AgentId, Performative, Time, sl, wire::Calendar};
 
 /// Maximum number of searches in progress; further ones are answered from this directory alone.
 const SEARCHES_MAX: usize = 256;
-/// Maximum number of directories asked for one search.
+/// Maximum number of directories queried for one search.
 const DIRECTORIES_MAX: usize = 32;
 /// Maximum number of search ids remembered.
 const SEEN_MAX: usize = 4096;
@@ -57,7 +57,7 @@ struct Search {
 #[derive(Clone, Debug)]
 struct Join {
     other: AgentId,
-    /// The current conversation; 0: never asked.
+    /// The current conversation; 0: none yet.
     conversation: u64,
     again: Time,
     /// True if this directory is registered there, as far as known.

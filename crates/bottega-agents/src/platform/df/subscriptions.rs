@@ -1,9 +1,9 @@
 //! Subscriptions to the yellow pages.
 //!
 //! A subscription is an entry of the store. It names the process that informs the subscriber, the revision up to which
-//! it has sent news, and the one up to which they have certainly arrived: no error was reported for some time. If that
-//! process fails, another takes over and repeats all that is not confirmed; if a subscriber is unreachable, news are
-//! repeated for some time. So in the end a subscriber knows the current state, whatever fails. News may arrive twice.
+//! it has sent updates, and the one up to which they have certainly arrived: no error was reported for some time. If that
+//! process fails, another takes over and repeats all that is not confirmed; if a subscriber is unreachable, updates are
+//! repeated for some time. So in the end a subscriber knows the current state, whatever fails. Updates may arrive twice.
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -16,7 +16,7 @@ use super::{
     },
     entry::{DfEntry, index, is_for, largest_of},
     subscription::{
-        PATIENCE, SearchRequest, Subscription, SubscriptionNews, SubscriptionState, TRY_AGAIN_AFTER,
+        PATIENCE, SearchRequest, Subscription, SubscriptionState, SubscriptionUpdate, TRY_AGAIN_AFTER,
         UnreachableSubscriber,
     },
 };
@@ -128,7 +128,7 @@ impl DfSubscriptions {
             teller: self.teller.clone(),
             begun,
             sure: Revision::ABSENT,
-            told: Revision::ABSENT,
+            sent: Revision::ABSENT,
         };
         let text = self.print(&standing);
         self.write(Pending::Begin { message: message.clone(), wish, begun, tries }, &Self::key(message), text, todo);
@@ -155,10 +155,10 @@ impl DfSubscriptions {
     /// Notes that the message with this number did not arrive.
     pub(super) fn lost(&mut self, now: Time, number: u64) {
         for subscription in self.by_key.values_mut() {
-            let in_it = |news: &&mut SubscriptionNews| news.said.is_some_and(|(_, said)| said == number);
-            let mut unsaid = subscription.news.iter_mut().filter(in_it).peekable();
+            let in_it = |update: &&mut SubscriptionUpdate| update.said.is_some_and(|(_, said)| said == number);
+            let mut unsaid = subscription.updates.iter_mut().filter(in_it).peekable();
             if unsaid.peek().is_some() {
-                unsaid.for_each(|news| news.said = None);
+                unsaid.for_each(|update| update.said = None);
                 let since = subscription.lost.map_or(now, |lost| lost.since);
                 subscription.lost = Some(UnreachableSubscriber { since, again: now + TRY_AGAIN_AFTER });
                 self.due = Some(now);
@@ -190,10 +190,10 @@ impl DfSubscriptions {
                 (false, false) => continue,
             };
             // The revision of an unnoticed removal is unknown
-            let newest = subscription.news.last().map_or(*sure, |news| news.revision);
+            let newest = subscription.updates.last().map_or(*sure, |update| update.revision);
             let revision = if revision == Revision::ABSENT { Revision(newest.0 + 1) } else { revision };
             if revision > *sure {
-                subscription.add(SubscriptionNews { revision, offer, bytes, since: now, said: None });
+                subscription.add(SubscriptionUpdate { revision, offer, bytes, since: now, said: None });
                 self.due = Some(now);
             }
         }
@@ -208,7 +208,7 @@ impl DfSubscriptions {
                 self.begin(&message, wish, begun, tries + 1, todo);
             }
             Some(Pending::Begin { message, wish, .. }) => {
-                todo.send.push(self.failure(&message, wish, "the store does not take it"));
+                todo.send.push(self.failure(&message, wish, "the store does not accept it"));
             }
             Some(Pending::Move(key)) => {
                 if let Some(subscription) = self.by_key.get_mut(&key) {
@@ -226,7 +226,7 @@ impl DfSubscriptions {
         }
     }
 
-    /// Does what is due: sends news, records what was sent, takes over from other processes.
+    /// Does what is due: sends updates, records what was sent, takes over from other processes.
     pub(super) fn tick(&mut self, now: Time, todo: &mut ServiceOutbox) {
         if self.due.is_none_or(|due| now < due) {
             return;
@@ -287,29 +287,29 @@ impl DfSubscriptions {
         let begins = match self.by_key.get_mut(key) {
             Some(known) => {
                 // A restarted process knows nothing, and one taken over from may have sent more than recorded
-                let begins = standing.sure < known.standing.sure || standing.told < known.standing.told;
+                let begins = standing.sure < known.standing.sure || standing.sent < known.standing.sent;
                 if standing.teller != known.standing.teller {
                     // The process in charge gets its full time
-                    known.news.iter_mut().for_each(|news| (news.since, news.said) = (now, None));
+                    known.updates.iter_mut().for_each(|update| (update.since, update.said) = (now, None));
                     known.lost = None;
                 }
-                known.news.retain(|news| news.revision > standing.sure);
+                known.updates.retain(|update| update.revision > standing.sure);
                 known.standing = standing;
                 begins
             }
             None => {
-                let new = Subscription { standing, news: Vec::new(), lost: None, is_written: false };
+                let new = Subscription { standing, updates: Vec::new(), lost: None, is_written: false };
                 self.by_key.insert(key.to_owned(), new);
                 true
             }
         };
         if begins && self.pages_known {
-            self.look_for_news(now, key, pages);
+            self.collect_updates(now, key, pages);
         }
     }
 
-    /// Collects all news that are not confirmed.
-    fn look_for_news(&mut self, now: Time, key: &str, pages: &Pages<'_>) {
+    /// Collects all updates that are not confirmed.
+    fn collect_updates(&mut self, now: Time, key: &str, pages: &Pages<'_>) {
         let Some(subscription) = self.by_key.get_mut(key) else { return };
         let SubscriptionState { message, wish, begun, sure, .. } = &subscription.standing;
         let fits = |offer: &DfAgentDescription| wish.0.matches(offer) && is_for(&self.me, &message.sender, offer);
@@ -320,30 +320,30 @@ impl DfSubscriptions {
             let name = Some(AgentId::new(name.as_str()));
             (*revision, DfAgentDescription { name, ..Default::default() }, 0)
         });
-        let news = offered.chain(gone).map(|(revision, offer, bytes)| SubscriptionNews {
+        let updates = offered.chain(gone).map(|(revision, offer, bytes)| SubscriptionUpdate {
             revision,
             offer,
             bytes,
             since: now,
             said: None,
         });
-        subscription.news = news.collect();
-        subscription.news.sort_by_key(|news| news.revision);
+        subscription.updates = updates.collect();
+        subscription.updates.sort_by_key(|update| update.revision);
     }
 
-    /// Notes that all pages are known: entries from now on are news.
+    /// Notes that all pages are known: entries from now on are updates.
     pub(super) fn pages_are_known(&mut self, now: Time, pages: &Pages<'_>) {
         if std::mem::replace(&mut self.pages_known, true) {
             return;
         }
         for key in self.by_key.keys().cloned().collect::<Vec<_>>() {
-            self.look_for_news(now, &key, pages);
+            self.collect_updates(now, &key, pages);
         }
         self.due = Some(now);
     }
 
     fn print(&self, standing: &SubscriptionState) -> String {
-        let SubscriptionState { message, wish, teller, begun, sure, told } = standing;
+        let SubscriptionState { message, wish, teller, begun, sure, sent } = standing;
         let content = ManagementContent::Subscription(wish.0.clone(), wish.1.clone());
         let wish = print_content(self.calendar, &self.me, &content);
         let number = |number: u64| Term::Bare(number.to_string());
@@ -363,7 +363,7 @@ impl DfSubscriptions {
             key("sure"),
             number(sure.0),
             key("told"),
-            number(told.0),
+            number(sent.0),
             key("wish"),
             Term::text(wish),
         ]))
@@ -391,7 +391,7 @@ impl DfSubscriptions {
             teller: object.get("teller")?.as_str()?.to_owned(),
             begun: Revision(number("begun")?),
             sure: Revision(number("sure")?),
-            told: Revision(number("told")?),
+            sent: Revision(number("told")?),
         })
     }
 }

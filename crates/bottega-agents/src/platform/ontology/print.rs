@@ -15,15 +15,15 @@ pub fn print_content(calendar: Calendar, actor: &AgentId, content: &ManagementCo
     print_content_of(calendar, actor, content, None)
 }
 
-/// Formats an answer to `asked`, the first expression of the request or subscription, which is repeated unchanged.
+/// Formats an answer to `expression`, the first expression of the request or subscription, which is repeated unchanged.
 pub fn print_content_of(
     calendar: Calendar,
     actor: &AgentId,
     content: &ManagementContent,
-    asked: Option<&Term>,
+    expression: Option<&Term>,
 ) -> String {
-    let action = |function: &Function| match asked {
-        Some(asked) if asked.arguments_of("action").is_some() => asked.clone(),
+    let action = |function: &Function| match expression {
+        Some(expression) if expression.arguments_of("action").is_some() => expression.clone(),
         _ => action(calendar, actor, function),
     };
     use ManagementContent as M;
@@ -37,15 +37,15 @@ pub fn print_content_of(
         M::LifeCycleDone(request) => vec![Term::call("done", [life_cycle(actor, *request)])],
         M::NotUnderstood(reason) => {
             // Repeat the act that was not understood, if possible
-            asked.cloned().into_iter().chain([not_understood_reason(reason)]).collect()
+            expression.cloned().into_iter().chain([not_understood_reason(reason)]).collect()
         }
         M::Subscription(template, constraints) => vec![iota(calendar, actor, template, constraints)],
-        M::News(template, constraints, offers) => {
-            let wish = asked.cloned().unwrap_or_else(|| iota(calendar, actor, template, constraints));
+        M::Updates(template, constraints, offers) => {
+            let wish = expression.cloned().unwrap_or_else(|| iota(calendar, actor, template, constraints));
             let offers = offers.iter().map(|offer| df_description(calendar, offer));
             vec![Term::call("=", [wish, Term::call("sequence", offers)])]
         }
-        M::Cancel => asked.map(|asked| Term::call("done", [asked.clone()])).into_iter().collect(),
+        M::Cancel => expression.map(|expression| Term::call("done", [expression.clone()])).into_iter().collect(),
         M::Undelivered { receiver, reason } => {
             let error = Term::call("internal-error", [Term::text(reason)]);
             let act = Term::call("action", [agent_term(actor), Term::call("ACLMessage", [])]);
@@ -60,23 +60,23 @@ fn done(
     actor: &AgentId,
     function: &Function,
     outcome: &Outcome,
-    as_asked: impl Fn(&Function) -> Term,
+    as_requested: impl Fn(&Function) -> Term,
 ) -> Term {
     // JADE writes and reads a sequence where the standard has a set
     let result = |function: &Function, found: Vec<Term>| {
-        Term::call("result", [as_asked(function), Term::call("sequence", found)])
+        Term::call("result", [as_requested(function), Term::call("sequence", found)])
     };
     match outcome {
-        Outcome::Done => Term::call("done", [as_asked(function)]),
+        Outcome::Done => Term::call("done", [as_requested(function)]),
         // The directory returns the granted offer if it differs from the requested one
         Outcome::Entered(granted) => match function {
-            Function::Register(asked) if asked.lease_time != granted.lease_time => {
+            Function::Register(wanted) if wanted.lease_time != granted.lease_time => {
                 Term::call("done", [action(calendar, actor, &Function::Register(granted.clone()))])
             }
-            Function::Modify(asked) if asked.lease_time != granted.lease_time => {
+            Function::Modify(wanted) if wanted.lease_time != granted.lease_time => {
                 Term::call("done", [action(calendar, actor, &Function::Modify(granted.clone()))])
             }
-            _ => Term::call("done", [as_asked(function)]),
+            _ => Term::call("done", [as_requested(function)]),
         },
         Outcome::Agents(agents) => result(function, agents.iter().map(ams_description).collect()),
         Outcome::Offers(offers) => {

@@ -170,7 +170,7 @@ impl TermReader {
         }
         if let Some([wish, found]) = said.arguments_of("=") {
             let (template, constraints) = self.iota(wish)?;
-            return Ok(ManagementContent::News(template, constraints, self.offers(found)?));
+            return Ok(ManagementContent::Updates(template, constraints, self.offers(found)?));
         }
         Err(senseless())
     }

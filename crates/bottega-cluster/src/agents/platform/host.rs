@@ -30,7 +30,7 @@ pub struct PlatformHost {
 
 /// The right to host the agents of a platform.
 #[derive(Debug)]
-pub(super) struct HostSeat {
+pub(super) struct HostClaim {
     name: String,
     host: PlatformHost,
     renewed: Option<Instant>,
@@ -42,7 +42,7 @@ pub fn host_of(board: &JobBoard, platform: &str) -> Option<PlatformHost> {
     serde_json::from_slice(&notice.text).ok()
 }
 
-impl HostSeat {
+impl HostClaim {
     /// Claims the right. `None`: another process has it, or the farm's server cannot store it, as with a full disk.
     pub(super) fn claim(board: &JobBoard, platform: &str) -> Option<Self> {
         let name = name_of(platform);
@@ -52,7 +52,7 @@ impl HostSeat {
         let host = PlatformHost { process: fresh_number(), address: String::new() };
         let revision = board.uplink.notices().get(&name).map_or(0, |notice| notice.revision);
         let taken = board.uplink.notices().update(&name, &text(&host), revision).unwrap_or_else(|error| {
-            tracing::warn!(%error, "the farm's server does not take that the platform's agents are here: they are not");
+            tracing::warn!(%error, "this process cannot host the platform's agents: the farm's server does not store its claim");
             None
         });
         taken.map(|_| Self { name, host, renewed: None })
@@ -69,14 +69,14 @@ impl HostSeat {
             return;
         }
         self.renewed = Some(Instant::now());
-        let told = board.uplink.notices().put(&self.name, &text(&self.host));
-        if let Err(error @ BlobError { .. }) = told {
+        let renewed = board.uplink.notices().put(&self.name, &text(&self.host));
+        if let Err(error @ BlobError { .. }) = renewed {
             tracing::debug!(%error, "the farm does not answer");
         }
     }
 
     /// Releases the claim, so that no process waits for it to expire.
-    pub(super) fn lay_down(&self, board: &JobBoard) {
+    pub(super) fn release(&self, board: &JobBoard) {
         if let Err(error) = board.uplink.notices().remove(&self.name) {
             tracing::debug!(%error, "the farm does not answer");
         }

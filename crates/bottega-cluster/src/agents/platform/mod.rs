@@ -28,7 +28,7 @@ use bottega_agents::{
 pub use self::host::{PlatformHost, host_of};
 use self::{
     farm_agents::{FarmAgents, jobs_id},
-    host::HostSeat,
+    host::HostClaim,
     strangers::Strangers,
 };
 
@@ -73,8 +73,8 @@ impl PlatformOptions {
     pub fn validate(&self) -> Result<(), Error> {
         match self.listen.filter(|listen| listen.ip().is_unspecified() && self.public.is_none()) {
             Some(listen) => Err(Error::usage(
-                format!("nobody can connect to {listen}"),
-                "say what others shall connect to: the address of this machine, or with `platform serve` --public HOST:PORT",
+                format!("other machines cannot connect to {listen}"),
+                "give the address to which others connect: that of this machine, or with `platform serve` --public HOST:PORT",
             )),
             None => Ok(()),
         }
@@ -114,11 +114,11 @@ impl FarmPlatform {
         board.refuse_guests()?;
         // The jobs agent acts for the farm: it resumes machines, which only the platform may do.
         let jobs = jobs_id(&options.name);
-        let seat = HostSeat::claim(&board, &options.name);
-        let node = Arc::new(start_node(listener, &board, options, &jobs, seat.is_some())?);
-        let Some(seat) = seat else { return Ok(Self { agents: None, strangers: None, node, jobs }) };
-        let seat = seat.at(node.address());
-        let agents = FarmAgents::begin(&node, &options.name, board.clone(), seat, &options.trusted)?;
+        let claim = HostClaim::claim(&board, &options.name);
+        let node = Arc::new(start_node(listener, &board, options, &jobs, claim.is_some())?);
+        let Some(claim) = claim else { return Ok(Self { agents: None, strangers: None, node, jobs }) };
+        let claim = claim.at(node.address());
+        let agents = FarmAgents::begin(&node, &options.name, board.clone(), claim, &options.trusted)?;
         let strangers = Strangers::begin(strangers::StrangersConfig {
             node: Arc::clone(&node),
             board,

@@ -68,40 +68,40 @@ pub(super) fn answer(message: &Message, me: &AgentId, act: Performative, terms: 
     message.reply(act, me.clone(), PlainContent::Foreign(Arc::new(content)))
 }
 
-/// Returns the answer to a request that is not carried out; `asked` is repeated if it could be read.
-pub(super) fn no(message: &Message, me: &AgentId, asked: Option<&Term>, why: Unread) -> Message {
+/// Returns the answer to a request that is not carried out; `request` is repeated if it could be read.
+pub(super) fn rejection(message: &Message, me: &AgentId, request: Option<&Term>, why: Unread) -> Message {
     let (act, why) = match why {
         Unread::Refused(why) => (Performative::Refuse, why),
         Unread::NotUnderstood(why) => (Performative::NotUnderstood, why),
     };
-    let terms: Vec<Term> = asked.cloned().into_iter().chain([why]).collect();
+    let terms: Vec<Term> = request.cloned().into_iter().chain([why]).collect();
     answer(message, me, act, &terms)
 }
 
 /// Returns an `agree`: the request will be carried out.
-pub(super) fn agree(message: &Message, me: &AgentId, asked: &Term) -> Message {
-    answer(message, me, Performative::Agree, &[asked.clone(), Term::Bare("true".to_owned())])
+pub(super) fn agree(message: &Message, me: &AgentId, request: &Term) -> Message {
+    answer(message, me, Performative::Agree, &[request.clone(), Term::Bare("true".to_owned())])
 }
 
 /// Returns an `inform`: the request was carried out.
-pub(super) fn done(message: &Message, me: &AgentId, asked: &Term) -> Message {
-    answer(message, me, Performative::Inform, &[Term::call("done", [asked.clone()])])
+pub(super) fn done(message: &Message, me: &AgentId, request: &Term) -> Message {
+    answer(message, me, Performative::Inform, &[Term::call("done", [request.clone()])])
 }
 
 /// Returns an `inform` with the requested result.
-pub(super) fn result(message: &Message, me: &AgentId, asked: &Term, what: Term) -> Message {
-    answer(message, me, Performative::Inform, &[Term::call("result", [asked.clone(), what])])
+pub(super) fn result(message: &Message, me: &AgentId, request: &Term, what: Term) -> Message {
+    answer(message, me, Performative::Inform, &[Term::call("result", [request.clone(), what])])
 }
 
 /// Returns a `failure`: the request could not be carried out.
-pub(super) fn failure(message: &Message, me: &AgentId, asked: &Term, why: &str) -> Message {
+pub(super) fn failure(message: &Message, me: &AgentId, request: &Term, why: &str) -> Message {
     let why = Term::call("internal-error", [Term::text(why)]);
-    answer(message, me, Performative::Failure, &[asked.clone(), why])
+    answer(message, me, Performative::Failure, &[request.clone(), why])
 }
 
 /// Returns a `failure`: the farm's server has not answered for `silent_for`.
-pub(super) fn silent(message: &Message, me: &AgentId, asked: &Term, silent_for: Duration) -> Message {
-    failure(message, me, asked, &format!("the farm has not answered for {} s", silent_for.as_secs()))
+pub(super) fn silent(message: &Message, me: &AgentId, request: &Term, silent_for: Duration) -> Message {
+    failure(message, me, request, &format!("the farm has not answered for {} s", silent_for.as_secs()))
 }
 
 /// Returns the reason for an unsupported communicative act.

@@ -51,8 +51,8 @@ impl MemoryLimit {
 
     /// Returns the error of a job that exceeds the limit.
     pub(crate) fn error(&self) -> Error {
-        let problem = format!("the job takes more memory here than {}", bytes_said(self.bytes));
-        Error::failed(problem, "let the machine take more: --max-memory")
+        let problem = format!("the job needs more memory here than {}", bytes_said(self.bytes));
+        Error::failed(problem, "raise the limit of the machine: --max-memory")
     }
 }
 

@@ -228,14 +228,14 @@ mod kernel {
     /// Starts a program within its fence, on a thread with the same restrictions.
     pub(in super::super) fn spawn(mut command: Command, fence: Fence) -> io::Result<(Child, ChildGuard)> {
         let (release, held) = mpsc::channel::<()>();
-        let (tell, told) = mpsc::sync_channel(1);
+        let (sender, receiver) = mpsc::sync_channel(1);
         thread::Builder::new().name("engine".to_owned()).spawn(move || {
             let started = restrict(&fence).map_err(io::Error::other).and_then(|_| command.spawn());
             // The caller waits for it.
-            _ = tell.send(started);
+            _ = sender.send(started);
             _ = held.recv();
         })?;
-        let started = told.recv().map_err(io::Error::other)?;
+        let started = receiver.recv().map_err(io::Error::other)?;
         Ok((started?, ChildGuard { _release: release }))
     }
 

@@ -85,7 +85,7 @@ fn nothing_of_a_child_is_left() {
 }
 
 #[test]
-fn signals_are_told_by_name() {
+fn signals_are_reported_by_name() {
     let (_scratch, mut child) = spawn("kill -ABRT $$", Limits::default());
     assert!(listen_to_end(&mut child).expect("nothing").is_empty());
     assert_eq!(child.ended().expect("an end"), "signal 6 (aborted)");

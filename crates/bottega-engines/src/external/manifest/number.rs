@@ -38,7 +38,7 @@ impl TryFrom<RangeText> for Range {
     fn try_from(text: RangeText) -> Result<Self, String> {
         let RangeText { least, most, default, powers_of_two, squares } = text;
         if least > most {
-            return Err(format!("least is {least} and most {most}: nothing is left"));
+            return Err(format!("least is {least} and most {most}: the range is empty"));
         }
         if default.is_some_and(|default| default < least || default > most) {
             return Err(format!("the default must be from {least} to {most}"));
@@ -117,7 +117,7 @@ impl fmt::Display for Version {
 impl<'de> Deserialize<'de> for Version {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let text = String::deserialize(from)?;
-        Self::parse(&text).ok_or_else(|| D::Error::custom(format!("`{text}` is no version such as 3.5.1")))
+        Self::parse(&text).ok_or_else(|| D::Error::custom(format!("`{text}` is not a version such as 3.5.1")))
     }
 }
 

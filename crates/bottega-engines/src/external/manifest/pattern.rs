@@ -50,6 +50,6 @@ impl<'de> Deserialize<'de> for Pattern {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let text = String::deserialize(from)?;
         let pattern = regex::RegexBuilder::new(&text).size_limit(SIZE_MAX).build();
-        pattern.map(Self).map_err(|error| D::Error::custom(format!("this is no regular expression: {error}")))
+        pattern.map(Self).map_err(|error| D::Error::custom(format!("this is not a regular expression: {error}")))
     }
 }

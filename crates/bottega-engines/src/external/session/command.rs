@@ -117,7 +117,11 @@ impl CommandLine {
     }
 
     /// Renders a window: starts the process, watches its log and its limits, and returns the file that it wrote.
-    pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
+    pub(super) fn paint(
+        &mut self,
+        request: &WindowRequest,
+        on_progress: &mut dyn FnMut(f64),
+    ) -> Result<Written, EngineFault> {
         let engine = Arc::clone(&self.engine);
         let (manifest, way) = (engine.manifest(), engine.way());
         let invocation = self.invocation()?.clone();
@@ -143,7 +147,7 @@ impl CommandLine {
         let mut child = GuardedChild::spawn(&program)?;
         child.close_stdin();
         let begun = Instant::now();
-        let mut heard = (begun, 0);
+        let mut last_output = (begun, 0);
         let ended_well = loop {
             match child.listen()? {
                 ChildOutput::End if let Some(ended_well) = child.outcome() => break ended_well,
@@ -151,16 +155,16 @@ impl CommandLine {
                 ChildOutput::Line(_) | ChildOutput::Silence => {}
             }
             let written = child.log().written();
-            if written != heard.1 {
-                heard = (Instant::now(), written);
+            if written != last_output.1 {
+                last_output = (Instant::now(), written);
                 let share = manifest.progress.as_ref().and_then(|text| text.pattern.share(&child.log().text()));
-                share.into_iter().for_each(&mut *told);
+                share.into_iter().for_each(&mut *on_progress);
             }
             if request.cancel.is_cancelled() {
                 return Err(EngineFault::Cancelled);
             }
             let late = limit(manifest.limits.zone_seconds).filter(|time| begun.elapsed() > *time);
-            let silent = limit(manifest.limits.silence_seconds).filter(|time| heard.0.elapsed() > *time);
+            let silent = limit(manifest.limits.silence_seconds).filter(|time| last_output.0.elapsed() > *time);
             if let Some(time) = late.or(silent) {
                 let what = if late.is_some() { "a picture" } else { "a word" };
                 let log = log_tail(&engine, child.log());

@@ -87,7 +87,7 @@ impl WorkerSession {
                 Ok(worker)
             }
             WorkerReply::Ready(Ready { protocol, .. }) => {
-                Err(protocol_error(format!("it speaks version {protocol} of it, and {VERSION} is needed")))
+                Err(protocol_error(format!("it speaks version {protocol}, but {VERSION} is needed")))
             }
             WorkerReply::Failed(failed) => Err(worker.refusal(failed)),
             other => Err(out_of_turn(&other)),
@@ -143,7 +143,11 @@ impl WorkerSession {
     }
 
     /// Renders a window. Returns the file that the worker wrote.
-    pub(super) fn paint(&mut self, request: &WindowRequest, told: &mut dyn FnMut(f64)) -> Result<Written, EngineFault> {
+    pub(super) fn paint(
+        &mut self,
+        request: &WindowRequest,
+        on_progress: &mut dyn FnMut(f64),
+    ) -> Result<Written, EngineFault> {
         let id = self.next_id;
         self.next_id += 1;
         let Rect { x0, y0, x1, y1 } = request.window;
@@ -168,7 +172,7 @@ impl WorkerSession {
         };
         let answer = self.wait(&patience, &mut |progress| {
             if let (true, share) = (progress.0 == id, progress.1) {
-                told(share);
+                on_progress(share);
             }
         })?;
         let PaintedFile { file, window, samples, once, .. } = match answer {
@@ -179,7 +183,7 @@ impl WorkerSession {
         let [x0, y0, x1, y1] = window;
         let shows = Rect { x0, y0, x1, y1 };
         if x0 >= x1 || y0 >= y1 || !shows.encloses(&request.window) {
-            return Err(protocol_error(format!("it painted {shows} where {} was asked for", request.window)));
+            return Err(protocol_error(format!("it painted {shows} instead of {}", request.window)));
         }
         self.check_place(&file)?;
         Ok(Written { file, shows, is_upside_down: false, samples, once })
@@ -207,16 +211,20 @@ impl WorkerSession {
         }
     }
 
-    fn wait(&mut self, patience: &Patience<'_>, told: &mut dyn FnMut((u64, f64))) -> Result<WorkerReply, EngineFault> {
+    fn wait(
+        &mut self,
+        patience: &Patience<'_>,
+        on_progress: &mut dyn FnMut((u64, f64)),
+    ) -> Result<WorkerReply, EngineFault> {
         let begun = Instant::now();
-        let mut heard = (begun, self.child.log().written());
+        let mut last_output = (begun, self.child.log().written());
         let mut cancelled = None;
         loop {
             match self.child.listen()? {
                 ChildOutput::Line(line) => {
-                    heard.0 = Instant::now();
+                    last_output.0 = Instant::now();
                     match WorkerReply::parse(&line) {
-                        Ok(WorkerReply::Progress(progress)) => told((progress.id, progress.share)),
+                        Ok(WorkerReply::Progress(progress)) => on_progress((progress.id, progress.share)),
                         Ok(answer) => return Ok(answer),
                         Err(error) if line.starts_with('{') => self.wrong_line(&line, &error)?,
                         Err(_) => {}
@@ -226,8 +234,8 @@ impl WorkerSession {
                 ChildOutput::Silence => {}
             }
             let written = self.child.log().written();
-            if written != heard.1 {
-                heard = (Instant::now(), written);
+            if written != last_output.1 {
+                last_output = (Instant::now(), written);
             }
             if patience.cancel.is_some_and(CancelSwitch::is_cancelled) {
                 let since = *cancelled.get_or_insert_with(Instant::now);
@@ -236,7 +244,7 @@ impl WorkerSession {
                 }
             }
             let late = patience.whole.filter(|whole| begun.elapsed() > *whole);
-            let silent = patience.silence.filter(|silence| heard.0.elapsed() > *silence);
+            let silent = patience.silence.filter(|silence| last_output.0.elapsed() > *silence);
             if let Some(time) = late.or(silent) {
                 let what = if late.is_some() { patience.what } else { "a word" };
                 let log = log_tail(&self.engine, self.child.log());
@@ -282,5 +290,5 @@ fn protocol_error(problem: String) -> EngineFault {
 fn out_of_turn(answer: &WorkerReply) -> EngineFault {
     let mut text = format!("{answer:?}");
     text.truncate(text.char_indices().nth(200).map_or(text.len(), |(at, _)| at));
-    protocol_error(format!("it says out of turn: {text}"))
+    protocol_error(format!("it sends a message out of turn: {text}"))
 }

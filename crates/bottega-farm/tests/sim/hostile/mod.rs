@@ -274,7 +274,7 @@ fn assert_whole(platform: &Platform, siege: &Siege, seed: u64) {
 }
 
 #[test]
-fn the_work_ends_and_the_film_is_whole_whoever_takes_part() {
+fn the_work_ends_and_the_film_is_whole_with_any_agents() {
     let (mut failed, mut zones, mut missing, mut left_out) = (0, 0, 0, 0);
     let mut longest = Duration::ZERO;
     for seed in 0..1000 {
@@ -291,7 +291,7 @@ fn the_work_ends_and_the_film_is_whole_whoever_takes_part() {
 
 /// The same with stealing: zones are dealt out, and agents take waiting zones from each other.
 #[test]
-fn the_work_ends_and_the_film_is_whole_where_agents_steal_whoever_takes_part() {
+fn the_work_ends_and_the_film_is_whole_with_any_agents_that_steal() {
     let (mut failed, mut zones) = (0, 0);
     for seed in 0..400 {
         let mut siege = Siege { auction: AuctionRule::Stealing, ..Siege::of_seed(seed) };

@@ -14,7 +14,7 @@ use bottega_farm::{
 use bottega_image::Rect;
 
 use super::cast::{AnyAgent, AnyCompletion, AnyEffect};
-use crate::sim::{stage::Studio, survey::survey};
+use crate::sim::{stage::MachineWorld, survey::survey};
 
 type Reports = Vec<(Duration, AnyCompletion)>;
 
@@ -72,7 +72,7 @@ impl HostileWorld {
         // Without the samples before, it begins with the first, to the same bits.
         let has_before = |from: ResultRef| self.tiles.get(&from.digest) == Some(&(order.rect, from.samples));
         let start = if order.from.is_some_and(has_before) { order.samples.start } else { 0 };
-        let cost = Studio::cost(&order.rect, order.samples.end - start);
+        let cost = MachineWorld::cost(&order.rect, order.samples.end - start);
         let begin = self.free.get(agent).copied().unwrap_or_default().max(now);
         let power = self.power.get(agent).copied().unwrap_or(1.0);
         let busy = cost.mul_f64(power * (0.9 + 0.2 * random.unit()));

@@ -4,7 +4,7 @@ use thiserror::Error as ThisError;
 
 use crate::error::Error;
 
-/// The reason why the farm did not do what an agent asked for, as the agent's answer gives it.
+/// The reason why the farm did not carry out the request of an agent, as the agent's answer gives it.
 #[derive(Clone, Debug, PartialEq, Eq, ThisError)]
 pub(super) enum FarmFailure {
     /// The farm refused, or does not answer.

@@ -137,33 +137,33 @@ impl JobsAgent {
         if message.performative == Performative::Cancel {
             // The conversation says which subscription is cancelled.
             if let Err(why) = self.progress.cancel(message, &self.id, send) {
-                send.push(talk::no(message, &self.id, None, why));
+                send.push(talk::rejection(message, &self.id, None, why));
             }
             return;
         }
-        let asked = match message.performative {
+        let request = match message.performative {
             Performative::Request | Performative::Subscribe => talk::expression(wire, ONTOLOGY),
             act => Err(talk::unsupported(act)),
         };
-        let asked = match asked {
-            Ok(asked) => asked,
+        let request = match request {
+            Ok(request) => request,
             Err(why) => {
-                send.push(talk::no(message, &self.id, None, why));
+                send.push(talk::rejection(message, &self.id, None, why));
                 return;
             }
         };
         let heard = match message.performative {
-            Performative::Subscribe => self.subscribe(now, message, &asked, send),
-            _ => self.perform(now, message, &asked, send, actions),
+            Performative::Subscribe => self.subscribe(now, message, &request, send),
+            _ => self.perform(now, message, &request, send, actions),
         };
         if let Err(why) = heard {
-            send.push(talk::no(message, &self.id, Some(&asked), why));
+            send.push(talk::rejection(message, &self.id, Some(&request), why));
         }
     }
 
     /// Answers with a failure while the farm does not answer, because its state may be outdated. Returns `true` if so.
-    fn fails_silent(&self, now: Time, message: &Message, asked: &Term, send: &mut Vec<Message>) -> bool {
-        let silent = self.silent.map(|since| talk::silent(message, &self.id, asked, now.since(since)));
+    fn fails_silent(&self, now: Time, message: &Message, request: &Term, send: &mut Vec<Message>) -> bool {
+        let silent = self.silent.map(|since| talk::silent(message, &self.id, request, now.since(since)));
         let fails = silent.is_some();
         send.extend(silent);
         fails
@@ -184,12 +184,12 @@ impl JobsAgent {
         &mut self,
         now: Time,
         message: &Message,
-        asked: &Term,
+        request: &Term,
         send: &mut Vec<Message>,
         actions: &mut JobsActions,
     ) -> Result<(), Unread> {
-        let function = read_jobs_function(asked)?;
-        if self.fails_silent(now, message, asked, send) {
+        let function = read_jobs_function(request)?;
+        if self.fails_silent(now, message, request, send) {
             return Ok(());
         }
         let found = match function {
@@ -197,20 +197,22 @@ impl JobsAgent {
             JobsFunction::ListMachines => {
                 Term::call("sequence", self.farm.machines.iter().map(|machine| machine_term(machine, None)))
             }
-            JobsFunction::Describe(number) => job_term(self.farm.job(number).ok_or_else(|| no_such_job(asked))?),
+            JobsFunction::Describe(number) => job_term(self.farm.job(number).ok_or_else(|| no_such_job(request))?),
             JobsFunction::ReadRows(number, zone) => {
-                return self.read_rows(message, asked, (number, zone), send, actions);
+                return self.read_rows(message, request, (number, zone), send, actions);
             }
-            JobsFunction::Change(number, change) => return self.change(message, asked, number, change, send, actions),
+            JobsFunction::Change(number, change) => {
+                return self.change(message, request, number, change, send, actions);
+            }
         };
-        send.push(talk::result(message, &self.id, asked, found));
+        send.push(talk::result(message, &self.id, request, found));
         Ok(())
     }
 
     fn change(
         &mut self,
         message: &Message,
-        asked: &Term,
+        request: &Term,
         number: u32,
         change: JobChange,
         send: &mut Vec<Message>,
@@ -219,17 +221,17 @@ impl JobsAgent {
         if !talk::is_trusted(&self.around.trusted, &message.sender) {
             return Err(Unread::Refused(reason("unauthorised", [])));
         }
-        let job = self.farm.job(number).ok_or_else(|| no_such_job(asked))?;
+        let job = self.farm.job(number).ok_or_else(|| no_such_job(request))?;
         if job.is_over {
             return Err(Unread::Refused(reason("job-is-over", [job.state])));
         }
         if self.changing.len() >= CHANGES_MAX {
-            send.push(talk::failure(message, &self.id, asked, "too many ask at the same time"));
+            send.push(talk::failure(message, &self.id, request, "too many requests at the same time"));
             return Ok(());
         }
-        send.push(talk::agree(message, &self.id, asked));
+        send.push(talk::agree(message, &self.id, request));
         let ticket = self.number();
-        self.changing.insert(ticket, (message.clone(), asked.clone()));
+        self.changing.insert(ticket, (message.clone(), request.clone()));
         let by = message.sender.name.to_string();
         actions.push(bottega_agents::Action::Effect(JobsEffect::Change(ChangeJob { ticket, number, change, by })));
         Ok(())
@@ -238,30 +240,30 @@ impl JobsAgent {
     fn read_rows(
         &mut self,
         message: &Message,
-        asked: &Term,
+        request: &Term,
         (number, zone): (u32, Option<u32>),
         send: &mut Vec<Message>,
         actions: &mut JobsActions,
     ) -> Result<(), Unread> {
-        self.farm.job(number).ok_or_else(|| no_such_job(asked))?;
+        self.farm.job(number).ok_or_else(|| no_such_job(request))?;
         if self.reading.len() >= READS_MAX {
-            send.push(talk::failure(message, &self.id, asked, "too many read at the same time"));
+            send.push(talk::failure(message, &self.id, request, "too many read at the same time"));
             return Ok(());
         }
         let ticket = self.number();
-        self.reading.insert(ticket, RowReader::Asker(Box::new(message.clone()), asked.clone(), zone));
+        self.reading.insert(ticket, RowReader::Asker(Box::new(message.clone()), request.clone(), zone));
         actions.push(bottega_agents::Action::Effect(JobsEffect::ReadRows { ticket, number }));
         Ok(())
     }
 
     fn read(&mut self, now: Time, ticket: u64, rows: Result<JobRows, FarmFailure>, send: &mut Vec<Message>) {
         match self.reading.remove(&ticket) {
-            Some(RowReader::Asker(message, asked, zone)) => send.push(match rows {
+            Some(RowReader::Asker(message, request, zone)) => send.push(match rows {
                 Ok(rows) => {
                     let wanted = row_terms(&rows, zone).into_values();
-                    talk::result(&message, &self.id, &asked, Term::call("sequence", wanted))
+                    talk::result(&message, &self.id, &request, Term::call("sequence", wanted))
                 }
-                Err(why) => talk::failure(&message, &self.id, &asked, &why.to_string()),
+                Err(why) => talk::failure(&message, &self.id, &request, &why.to_string()),
             }),
             Some(RowReader::Subscriber(key)) => self.progress.report_rows(now, &key, rows.as_ref(), &self.id, send),
             None => {}
@@ -280,14 +282,14 @@ impl JobsAgent {
     }
 
     fn changed(&mut self, ticket: u64, result: Result<(), FarmFailure>, send: &mut Vec<Message>) {
-        let Some((message, asked)) = self.changing.remove(&ticket) else { return };
+        let Some((message, request)) = self.changing.remove(&ticket) else { return };
         send.push(match result {
-            Ok(()) => talk::done(&message, &self.id, &asked),
-            Err(why) => talk::failure(&message, &self.id, &asked, &why.to_string()),
+            Ok(()) => talk::done(&message, &self.id, &request),
+            Err(why) => talk::failure(&message, &self.id, &request, &why.to_string()),
         });
     }
 
-    fn told(&mut self, now: Time, message: &Message, content: &ManagementContent, send: &mut Vec<Message>) {
+    fn hear_management(&mut self, now: Time, message: &Message, content: &ManagementContent, send: &mut Vec<Message>) {
         self.yellow.hear(now, message);
         match content {
             ManagementContent::Undelivered { receiver, .. } => self.progress.lost(now, receiver, &self.id, send),
@@ -303,7 +305,7 @@ impl JobsAgent {
     fn clean(&mut self, agents: &[AmsAgentDescription], send: &mut Vec<Message>) {
         for name in agents.iter().filter_map(|agent| agent.name.as_ref()) {
             let local = name.name.strip_suffix(&format!("@{}", self.platform));
-            let is_there = |machine: &crate::job::view::MachineView| local == Some(&*machine.seat.name);
+            let is_there = |machine: &crate::job::view::MachineView| local == Some(&*machine.presence.name);
             if local.is_none() || self.farm.machines.iter().any(is_there) {
                 continue;
             }
@@ -350,7 +352,7 @@ impl StateMachine for JobsAgent {
         match event {
             Event::Start => self.clean_at = Some(now + SETTLED_AFTER),
             Event::Message(message) => match &message.content {
-                PlainContent::Management(content) => self.told(now, &message, content, &mut send),
+                PlainContent::Management(content) => self.hear_management(now, &message, content, &mut send),
                 PlainContent::Foreign(_) => self.hear(now, &message, &mut send, actions),
             },
             Event::Completed(JobsReport::Farm(farm)) => (self.farm, self.silent) = (farm, None),

@@ -35,7 +35,7 @@ use rows::JobRows;
 
 use bottega::Event;
 
-use super::{host::HostSeat, talk, terms};
+use super::{host::HostClaim, talk, terms};
 use crate::{
     client::jobs::{set_priority, steer},
     error::Error,
@@ -79,7 +79,7 @@ trait Farm: Send + 'static {
 struct BoardFarm {
     board: JobBoard,
     roster: Roster,
-    seat: HostSeat,
+    claim: HostClaim,
 }
 
 impl Farm for BoardFarm {
@@ -120,11 +120,11 @@ impl Farm for BoardFarm {
     }
 
     fn attend(&mut self) {
-        self.seat.renew(&self.board);
+        self.claim.renew(&self.board);
     }
 
     fn leave(&mut self) {
-        self.seat.lay_down(&self.board);
+        self.claim.release(&self.board);
     }
 }
 
@@ -155,10 +155,10 @@ impl FarmAgents {
         node: &Arc<Node>,
         platform: &str,
         board: JobBoard,
-        seat: HostSeat,
+        claim: HostClaim,
         trusted: &[AgentId],
     ) -> Result<Self, Error> {
-        Self::over(node, platform, BoardFarm { board, roster: Roster::default(), seat }, trusted)
+        Self::over(node, platform, BoardFarm { board, roster: Roster::default(), claim }, trusted)
     }
 
     fn over(node: &Arc<Node>, platform: &str, mut farm: impl Farm, trusted: &[AgentId]) -> Result<Self, Error> {
@@ -182,7 +182,7 @@ impl FarmAgents {
             _ = wish.send(wanted);
         };
         let jobs = node.add_worldly(&around.jobs, agent, perform).map_err(|taken| {
-            Error::failed(taken.to_string(), "this cannot be: it is the first agent of its platform")
+            Error::failed(taken.to_string(), "report this as a bug: it is the first agent of its platform")
         })?;
         let (node, platform, wish) = (Arc::clone(node), platform.to_owned(), wishes.clone());
         let watch = Watch {
@@ -217,10 +217,10 @@ impl Drop for FarmAgents {
 }
 
 /// The agent of a machine.
-struct Known {
+struct KnownMachine {
     reports: Reports<MachineReport>,
     /// The last report to the agent; `None`: that the machine is gone.
-    told: Option<(MachineView, Option<Box<JobView>>)>,
+    reported: Option<(MachineView, Option<Box<JobView>>)>,
 }
 
 struct Watch<F> {
@@ -231,10 +231,10 @@ struct Watch<F> {
     around: Surroundings,
     jobs: Reports<JobsReport>,
     seen: Arc<FarmView>,
-    /// True if the agents were told that the farm does not answer.
+    /// True if the agents know that the farm does not answer.
     is_silent: bool,
     /// The agents by name in lower case, as the platform compares names. `None`: the name cannot be an agent's.
-    machines: BTreeMap<String, Option<Known>>,
+    machines: BTreeMap<String, Option<KnownMachine>>,
     wishes: Sender<SteeringWish>,
 }
 
@@ -290,14 +290,14 @@ impl<F: Farm> Watch<F> {
         let again = std::mem::take(&mut self.is_silent);
         let mut gone: Vec<String> = self.machines.keys().cloned().collect();
         for machine in &now.machines {
-            let name = machine.seat.name.to_lowercase();
+            let name = machine.presence.name.to_lowercase();
             gone.retain(|other| *other != name);
-            let job = machine.seat.job.and_then(|number| now.job(number));
+            let job = machine.presence.job.and_then(|number| now.job(number));
             self.see(name, (machine.clone(), job.cloned().map(Box::new)), again);
         }
         for name in gone {
             if let Some(Some(known)) = self.machines.get_mut(&name)
-                && known.told.take().is_some()
+                && known.reported.take().is_some()
             {
                 known.reports.tell(MachineReport::Gone);
             }
@@ -322,23 +322,23 @@ impl<F: Farm> Watch<F> {
     fn see(&mut self, name: String, seen: (MachineView, Option<Box<JobView>>), again: bool) {
         match self.machines.get_mut(&name) {
             Some(None) => {}
-            Some(Some(known)) if known.told.as_ref() == Some(&seen) && !again => {}
+            Some(Some(known)) if known.reported.as_ref() == Some(&seen) && !again => {}
             Some(Some(known)) => {
-                known.told = Some(seen.clone());
+                known.reported = Some(seen.clone());
                 known.reports.tell(MachineReport::Seen(seen.0, seen.1));
             }
             None => {
                 let reports = self.add(&seen.0, seen.1.clone());
-                self.machines.insert(name, reports.map(|reports| Known { reports, told: Some(seen) }));
+                self.machines.insert(name, reports.map(|reports| KnownMachine { reports, reported: Some(seen) }));
             }
         }
     }
 
     /// Adds an agent for a machine.
     fn add(&self, machine: &MachineView, job: Option<Box<JobView>>) -> Option<Reports<MachineReport>> {
-        let name = &machine.seat.name;
+        let name = &machine.presence.name;
         if !can_be_name(name) {
-            tracing::warn!(name, "a machine whose name cannot be that of an agent");
+            tracing::warn!(name, "no agent represents this machine: its name is not a valid agent name");
             return None;
         }
         let id = AgentId { name: format!("{name}@{}", self.platform).into(), addresses: Arc::clone(&self.address) };
@@ -350,7 +350,7 @@ impl<F: Farm> Watch<F> {
         };
         self.node
             .add_worldly(&id, agent, perform)
-            .inspect_err(|error| tracing::warn!(%error, "a machine that cannot be an agent"))
+            .inspect_err(|error| tracing::warn!(%error, "no agent represents this machine"))
             .ok()
     }
 }

@@ -1,6 +1,6 @@
 //! The ontology `bottega-farm`: requests of other platforms' agents to a farm, between FIPA SL and types.
 //!
-//! Requests use `fipa-request`, in SL0. An agent that is asked for a change first agrees, and then confirms that it is
+//! Requests use `fipa-request`, in SL0. An agent that receives a request for a change first agrees, and then confirms that it is
 //! done. Parameters are named; names of functions, objects and parameters are compared without case, and unknown parameters
 //! are ignored. Below, `AID` is the agent that receives the request.
 //!
@@ -45,8 +45,8 @@
 //!
 //! A job's `state` is `active`, `paused`, `done`, `failed` (with a `reason`) or `cancelled`; `done` is the share of its
 //! cost that is painted, 0 to 1; `kept` is true if `bottega jobs fetch` can get its picture. A machine's `state` is
-//! `active` or `suspended`; a suspended machine answers only `describe-machine` and keeps other requests. A machine that is
-//! asked directly includes the job that it `paints`, with its progress.
+//! `active` or `suspended`; a suspended machine answers only `describe-machine` and keeps other requests. The answer
+//! to a direct request includes the job that the machine `paints`, with its progress.
 //!
 //! A request and its answers, for example:
 //!
@@ -256,18 +256,18 @@ pub(super) fn row_term(row: &ZoneEvent, agent: Option<&AgentEvent>) -> Term {
 
 /// Returns a machine as an object.
 ///
-/// - `job`: the job that it works on, if it is to be included.
+/// - `job`: the job that it works on, if it is included.
 pub(super) fn machine_term(machine: &MachineView, job: Option<&JobView>) -> Term {
-    let seat = &machine.seat;
+    let presence = &machine.presence;
     let fields = Fields::of("machine")
-        .text("name", &seat.name)
-        .text("state", seat.standing.word())
-        .number("threads", &seat.threads);
-    let fields = match seat.job {
+        .text("name", &presence.name)
+        .text("state", presence.standing.word())
+        .number("threads", &presence.threads);
+    let fields = match presence.job {
         Some(job) => fields.number("job", &job),
         None => fields,
     };
-    let fields = fields.text("version", &seat.version);
+    let fields = fields.text("version", &presence.version);
     let fields = match job {
         Some(job) => fields.put("paints", job_term(job)),
         None => fields,
@@ -277,7 +277,7 @@ pub(super) fn machine_term(machine: &MachineView, job: Option<&JobView>) -> Term
 
 /// Returns the content of a request to an agent, in SL.
 #[cfg(test)]
-pub(super) fn asked(agent: &bottega_agents::AgentId, function: &str) -> String {
+pub(super) fn request_content(agent: &bottega_agents::AgentId, function: &str) -> String {
     use bottega_agents::sl;
     let aid = Term::call("agent-identifier", [Term::Bare(":name".to_owned()), Term::text(&*agent.name)]);
     let function = sl::parse_term(function).unwrap();
@@ -291,7 +291,7 @@ mod tests {
     use super::*;
 
     fn read(function: &str) -> Result<JobsFunction, String> {
-        let content = asked(&AgentId::new("jobs@b"), function);
+        let content = request_content(&AgentId::new("jobs@b"), function);
         read_jobs_function(&sl::parse(&content).unwrap()[0]).map_err(|unread| match unread {
             Unread::Refused(reason) => sl::print_term(&reason),
             Unread::NotUnderstood(reason) => format!("not understood: {}", sl::print_term(&reason)),
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_asked_is_read_and_what_is_absurd_is_refused_in_the_words_of_the_standard() {
+    fn requests_are_read_and_absurd_ones_refused_with_the_reasons_of_fipa() {
         assert_eq!(read("(list-jobs)"), Ok(JobsFunction::ListJobs));
         assert_eq!(read("(List-Machines)"), Ok(JobsFunction::ListMachines));
         assert_eq!(read("(describe-job :job 3)"), Ok(JobsFunction::Describe(3)));

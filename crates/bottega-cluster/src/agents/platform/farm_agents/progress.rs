@@ -166,7 +166,8 @@ impl JobSubscriptions {
         me: &AgentId,
         send: &mut Vec<Message>,
     ) {
-        let is_over = self.subscriptions.get_mut(key).is_some_and(|it| it.report_rows(now, rows, me, send));
+        let is_over =
+            self.subscriptions.get_mut(key).is_some_and(|subscription| subscription.report_rows(now, rows, me, send));
         if is_over {
             self.subscriptions.remove(key);
         }
@@ -188,8 +189,8 @@ impl Subscription {
         if self.due.is_none_or(|due| now < due) {
             return true;
         }
-        let news = Term::call("=", [self.wish.clone(), job_term(job)]);
-        send.push(talk::answer(&self.message, me, Performative::Inform, &[news]));
+        let report = Term::call("=", [self.wish.clone(), job_term(job)]);
+        send.push(talk::answer(&self.message, me, Performative::Inform, &[report]));
         *reported = Some(Box::new(job.clone()));
         (self.last, self.due) = (Some(now), None);
         if job.is_over {
@@ -238,12 +239,12 @@ impl Subscription {
             return reported.is_last;
         };
         let rows = row_terms(rows, reported.zone);
-        let is_news =
+        let is_changed =
             |(zone, row): &(&u32, &Term)| reported.rows.as_ref().is_none_or(|known| known.get(zone) != Some(row));
-        let changed: Vec<Term> = rows.iter().filter(is_news).map(|(_, row)| row.clone()).collect();
+        let changed: Vec<Term> = rows.iter().filter(is_changed).map(|(_, row)| row.clone()).collect();
         if reported.rows.is_none() || !changed.is_empty() {
-            let news = Term::call("=", [self.wish.clone(), Term::call("sequence", changed)]);
-            send.push(talk::answer(&self.message, me, Performative::Inform, &[news]));
+            let report = Term::call("=", [self.wish.clone(), Term::call("sequence", changed)]);
+            send.push(talk::answer(&self.message, me, Performative::Inform, &[report]));
         }
         reported.rows = Some(rows);
         if reported.is_last {

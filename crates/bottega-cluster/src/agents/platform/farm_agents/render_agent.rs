@@ -77,7 +77,7 @@ pub(super) enum MachineReport {
 #[derive(Debug)]
 struct Change {
     message: Message,
-    asked: Term,
+    request: Term,
     standing: PresenceState,
     until: Time,
 }
@@ -160,7 +160,7 @@ impl RenderAgent {
     }
 
     fn takes_orders(&self) -> bool {
-        self.machine.as_ref().is_some_and(|machine| machine.seat.takes_orders)
+        self.machine.as_ref().is_some_and(|machine| machine.presence.takes_orders)
     }
 
     fn give(&mut self, standing: PresenceState, by: String, change: Option<Change>, actions: &mut RenderActions) {
@@ -213,7 +213,7 @@ impl RenderAgent {
             Performative::Request => talk::expression(wire, ONTOLOGY),
             act => Err(talk::unsupported(act)),
         };
-        let describes = |asked: &Term| read_machine_function(asked) == Ok(MachineFunction::Describe);
+        let describes = |request: &Term| read_machine_function(request) == Ok(MachineFunction::Describe);
         if self.is_suspended && !read.as_ref().is_ok_and(describes) {
             if self.kept.len() < KEPT_MAX {
                 self.kept.push_back(message.clone());
@@ -221,35 +221,35 @@ impl RenderAgent {
             return;
         }
         match read {
-            Ok(asked) => {
-                if let Err(why) = self.perform(message, &asked, now, actions) {
-                    actions.push(talk::send(talk::no(message, &self.id, Some(&asked), why)));
+            Ok(request) => {
+                if let Err(why) = self.perform(message, &request, now, actions) {
+                    actions.push(talk::send(talk::rejection(message, &self.id, Some(&request), why)));
                 }
             }
-            Err(why) => actions.push(talk::send(talk::no(message, &self.id, None, why))),
+            Err(why) => actions.push(talk::send(talk::rejection(message, &self.id, None, why))),
         }
     }
 
     fn perform(
         &mut self,
         message: &Message,
-        asked: &Term,
+        request: &Term,
         now: Time,
         actions: &mut RenderActions,
     ) -> Result<(), Unread> {
-        let function = read_machine_function(asked)?;
+        let function = read_machine_function(request)?;
         if let Some(since) = self.silent {
-            actions.push(talk::send(talk::silent(message, &self.id, asked, now.since(since))));
+            actions.push(talk::send(talk::silent(message, &self.id, request, now.since(since))));
             return Ok(());
         }
         let Some(machine) = &self.machine else {
-            actions.push(talk::send(talk::failure(message, &self.id, asked, "the machine has gone")));
+            actions.push(talk::send(talk::failure(message, &self.id, request, "the machine has gone")));
             return Ok(());
         };
         let standing = match function {
             MachineFunction::Describe => {
                 let machine = machine_term(machine, self.job.as_deref());
-                actions.push(talk::send(talk::result(message, &self.id, asked, machine)));
+                actions.push(talk::send(talk::result(message, &self.id, request, machine)));
                 return Ok(());
             }
             MachineFunction::Suspend => PresenceState::Suspended,
@@ -262,11 +262,11 @@ impl RenderAgent {
             return Err(Unread::Refused(reason("takes-no-orders", [])));
         }
         if self.giving.len() + self.changes.len() >= CHANGES_MAX {
-            actions.push(talk::send(talk::failure(message, &self.id, asked, "too many ask at the same time")));
+            actions.push(talk::send(talk::failure(message, &self.id, request, "too many requests at the same time")));
             return Ok(());
         }
-        actions.push(talk::send(talk::agree(message, &self.id, asked)));
-        let change = Change { message: message.clone(), asked: asked.clone(), standing, until: now + OBEYS_WITHIN };
+        actions.push(talk::send(talk::agree(message, &self.id, request)));
+        let change = Change { message: message.clone(), request: request.clone(), standing, until: now + OBEYS_WITHIN };
         self.give(standing, message.sender.to_string(), Some(change), actions);
         Ok(())
     }
@@ -276,7 +276,7 @@ impl RenderAgent {
         match (change, result) {
             (Some(change), Ok(())) => self.changes.push(change),
             (Some(change), Err(why)) => {
-                actions.push(talk::send(talk::failure(&change.message, &self.id, &change.asked, &why.to_string())));
+                actions.push(talk::send(talk::failure(&change.message, &self.id, &change.request, &why.to_string())));
             }
             // The machine stays as it was, and the directories will show so.
             (None, Err(_)) => self.is_destroyed = false,
@@ -287,17 +287,17 @@ impl RenderAgent {
 
     /// Answers the requests that were carried out, or that have failed.
     fn settle(&mut self, now: Time, actions: &mut RenderActions) {
-        let standing = self.machine.as_ref().map(|machine| machine.seat.standing);
+        let standing = self.machine.as_ref().map(|machine| machine.presence.standing);
         for change in std::mem::take(&mut self.changes) {
-            let Change { message, asked, .. } = &change;
+            let Change { message, request, .. } = &change;
             let is_so = match change.standing {
                 PresenceState::Terminated => standing.is_none(),
                 wanted => standing == Some(wanted),
             };
             if is_so {
-                actions.push(talk::send(talk::done(message, &self.id, asked)));
+                actions.push(talk::send(talk::done(message, &self.id, request)));
             } else if change.until <= now || standing.is_none() {
-                actions.push(talk::send(talk::failure(message, &self.id, asked, "the machine has not obeyed")));
+                actions.push(talk::send(talk::failure(message, &self.id, request, "the machine did not obey")));
             } else {
                 self.changes.push(change);
             }
@@ -389,16 +389,16 @@ impl StateMachine for RenderAgent {
 
 /// Returns the services of a machine.
 fn offer(id: &AgentId, machine: &MachineView) -> DfAgentDescription {
-    let seat = &machine.seat;
+    let presence = &machine.presence;
     let property = |name: &str, value| Property { name: name.to_owned(), value };
     let number = |number: u64| Term::Bare(number.to_string());
     let mut properties = vec![
-        property("threads", number(seat.threads as u64)),
-        property("version", Term::text(&seat.version)),
-        property("state", Term::text(seat.standing.word())),
+        property("threads", number(presence.threads as u64)),
+        property("version", Term::text(&presence.version)),
+        property("state", Term::text(presence.standing.word())),
     ];
-    properties.extend(seat.job.map(|job| property("job", number(job.into()))));
-    described(id, &seat.name, SERVICE_TYPE, &["fipa-request"], properties)
+    properties.extend(presence.job.map(|job| property("job", number(job.into()))));
+    described(id, &presence.name, SERVICE_TYPE, &["fipa-request"], properties)
 }
 
 /// Returns the yellow page entry of an agent of the farm.

@@ -16,7 +16,7 @@ use bottega::events::{AgentEvent, ZoneChoice, ZoneEvent};
 use super::{
     failure::FarmFailure,
     jobs_agent::{ChangeJob, JobsAgent, JobsEffect, JobsReport},
-    ontology::{JobChange, ONTOLOGY, asked},
+    ontology::{JobChange, ONTOLOGY, request_content},
     render_agent::{GiveOrder, MachineReport, RenderAgent, Surroundings},
     rows::JobRows,
     talk::Message,
@@ -57,15 +57,15 @@ fn of_management(from: &str, to: &str, act: P, content: ManagementContent) -> Me
 
 /// The actions that an event has caused; the directories carry out requests at once.
 #[derive(Debug)]
-struct ReceivedEnvelope<E> {
+struct AgentOutput<E> {
     /// Messages to agents of other platforms: receiver, act, content.
-    told: Vec<(String, P, String)>,
+    messages: Vec<(String, P, String)>,
     /// Requests to the directories: sender and function.
-    asked: Vec<(String, Function)>,
+    requests: Vec<(String, Function)>,
     effects: Vec<E>,
 }
 
-fn after<M>(machine: &mut M, now: Time, event: EventOf<M>) -> ReceivedEnvelope<M::Effect>
+fn after<M>(machine: &mut M, now: Time, event: EventOf<M>) -> AgentOutput<M::Effect>
 where
     M: StateMachine<Content = PlainContent>,
 {
@@ -76,17 +76,17 @@ where
         actions.extend(more);
     };
     handle(machine, event, &mut actions);
-    let mut came = ReceivedEnvelope { told: Vec::new(), asked: Vec::new(), effects: Vec::new() };
+    let mut output = AgentOutput { messages: Vec::new(), requests: Vec::new(), effects: Vec::new() };
     while let Some(action) = actions.pop_front() {
         match action {
-            Action::Effect(effect) => came.effects.push(effect),
+            Action::Effect(effect) => output.effects.push(effect),
             Action::Send(message) => match &message.content {
                 PlainContent::Foreign(wire) => {
                     let content = wire.content.clone().unwrap_or_default();
-                    came.told.push((message.receivers[0].to_string(), message.performative, content));
+                    output.messages.push((message.receivers[0].to_string(), message.performative, content));
                 }
                 PlainContent::Management(ManagementContent::Action(function)) => {
-                    came.asked.push((message.sender.to_string(), function.clone()));
+                    output.requests.push((message.sender.to_string(), function.clone()));
                     if is_answered(&message, function) {
                         let done = ManagementContent::Done(function.clone(), Outcome::Done);
                         let done = message.reply(P::Inform, id("x@b"), PlainContent::Management(done));
@@ -94,14 +94,14 @@ where
                     }
                 }
                 PlainContent::Management(ManagementContent::Cancel) => {
-                    came.told.push((message.receivers[0].to_string(), message.performative, "over".to_owned()));
+                    output.messages.push((message.receivers[0].to_string(), message.performative, "over".to_owned()));
                 }
                 PlainContent::Management(_) => {}
             },
             _ => panic!("nothing else is done"),
         }
     }
-    came
+    output
 }
 
 /// Changes that a machine requests in the name of the jobs agent are answered to that agent, not to the machine.
@@ -110,14 +110,14 @@ fn is_answered(message: &Message, function: &Function) -> bool {
 }
 
 fn machine(standing: PresenceState, ordered: PresenceState) -> MachineView {
-    let seat = Presence { standing, ..Presence::new("m-1", 8, Some(3)) };
-    MachineView { seat, ordered }
+    let presence = Presence { standing, ..Presence::new("m-1", 8, Some(3)) };
+    MachineView { presence, ordered }
 }
 
 fn render_agent(view: MachineView) -> RenderAgent {
     let mut agent = RenderAgent::new(id("m-1@b"), around(), view, None);
-    let came = after(&mut agent, millis(0), Event::Start);
-    assert!(matches!(&came.asked[..], [(_, Function::ModifyAgent(_)), (_, Function::Register(_))]), "{came:?}");
+    let output = after(&mut agent, millis(0), Event::Start);
+    assert!(matches!(&output.requests[..], [(_, Function::ModifyAgent(_)), (_, Function::Register(_))]), "{output:?}");
     agent
 }
 
@@ -130,7 +130,7 @@ fn life_cycle(request: LifeCycleRequest) -> EventOf<RenderAgent> {
 }
 
 fn to_machine(from: &str, function: &str) -> EventOf<RenderAgent> {
-    Event::Message(says(from, "m-1@b", P::Request, &asked(&id("m-1@b"), function)))
+    Event::Message(says(from, "m-1@b", P::Request, &request_content(&id("m-1@b"), function)))
 }
 
 const AID: &str = "(agent-identifier :name m-1@b)";
@@ -138,32 +138,32 @@ const AID: &str = "(agent-identifier :name m-1@b)";
 #[test]
 fn what_the_ams_wants_of_a_machine_becomes_an_order_and_what_strangers_want_waits_until_it_is_resumed() {
     let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
-    let came = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
-    let [GiveOrder { ticket, order }] = &came.effects[..] else { panic!("{came:?}") };
+    let output = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
+    let [GiveOrder { ticket, order }] = &output.effects[..] else { panic!("{output:?}") };
     assert_eq!((order.standing, &*order.by), (PresenceState::Suspended, "ams@b of the platform"));
     // A state seen before the command was applied changes nothing in the white pages.
-    let came = after(&mut agent, millis(2000), seen(machine(PresenceState::Active, PresenceState::Active)));
-    assert!(came.asked.iter().all(|(_, function)| !resumes(function)), "{came:?}");
+    let output = after(&mut agent, millis(2000), seen(machine(PresenceState::Active, PresenceState::Active)));
+    assert!(output.requests.iter().all(|(_, function)| !resumes(function)), "{output:?}");
     after(&mut agent, millis(2001), seen(machine(PresenceState::Active, PresenceState::Suspended)));
     after(&mut agent, millis(2002), Event::Completed(MachineReport::Given { ticket: *ticket, result: Ok(()) }));
-    let came = after(&mut agent, millis(2003), to_machine("boss@jade", "(suspend-machine)"));
-    assert!(came.told.is_empty() && came.effects.is_empty(), "{came:?}");
+    let output = after(&mut agent, millis(2003), to_machine("boss@jade", "(suspend-machine)"));
+    assert!(output.messages.is_empty() && output.effects.is_empty(), "{output:?}");
     after(&mut agent, millis(2500), seen(machine(PresenceState::Suspended, PresenceState::Suspended)));
-    let came = after(&mut agent, millis(3000), to_machine("probe@jade", "(describe-machine)"));
+    let output = after(&mut agent, millis(3000), to_machine("probe@jade", "(describe-machine)"));
     let result = format!(
         "((result (action {AID} (describe-machine)) (machine :name m-1 :state suspended :threads 8 :job 3 :version \
          \"{}\")))",
         crate::build::build().identity()
     );
-    assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)], "only painting is suspended");
+    assert_eq!(output.messages, [("probe@jade".to_owned(), P::Inform, result)], "only painting is suspended");
     // It is resumed elsewhere in the farm: only the platform may change its entry.
-    let came = after(&mut agent, millis(4000), seen(machine(PresenceState::Suspended, PresenceState::Active)));
-    assert!(matches!(&came.asked[0], (by, function) if by == "jobs@b" && resumes(function)), "{came:?}");
-    let came = after(&mut agent, millis(4001), life_cycle(LifeCycleRequest::Resume));
+    let output = after(&mut agent, millis(4000), seen(machine(PresenceState::Suspended, PresenceState::Active)));
+    assert!(matches!(&output.requests[0], (by, function) if by == "jobs@b" && resumes(function)), "{output:?}");
+    let output = after(&mut agent, millis(4001), life_cycle(LifeCycleRequest::Resume));
     // Requests that waited are carried out now.
-    let told: Vec<_> = came.told.iter().map(|(to, act, _)| (to.as_str(), *act)).collect();
-    assert_eq!(told, [("boss@jade", P::Agree)], "{came:?}");
-    assert!(matches!(&came.effects[..], [GiveOrder { order, .. }] if *order.by == *"boss@jade"), "{came:?}");
+    let messages: Vec<_> = output.messages.iter().map(|(to, act, _)| (to.as_str(), *act)).collect();
+    assert_eq!(messages, [("boss@jade", P::Agree)], "{output:?}");
+    assert!(matches!(&output.effects[..], [GiveOrder { order, .. }] if *order.by == *"boss@jade"), "{output:?}");
 }
 
 fn resumes(function: &Function) -> bool {
@@ -173,81 +173,88 @@ fn resumes(function: &Function) -> bool {
 #[test]
 fn an_order_that_the_farm_does_not_take_is_undone_in_the_white_pages() {
     let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
-    let came = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
-    let ticket = came.effects[0].ticket;
+    let output = after(&mut agent, millis(1), life_cycle(LifeCycleRequest::Suspend));
+    let ticket = output.effects[0].ticket;
     let result = Err(nobody_answers());
-    let came = after(&mut agent, millis(3000), Event::Completed(MachineReport::Given { ticket, result }));
-    assert!(matches!(&came.asked[..], [(by, function)] if by == "jobs@b" && resumes(function)), "{came:?}");
+    let output = after(&mut agent, millis(3000), Event::Completed(MachineReport::Given { ticket, result }));
+    assert!(matches!(&output.requests[..], [(by, function)] if by == "jobs@b" && resumes(function)), "{output:?}");
     // The AMS destroys it, but the command fails: it registers again.
-    let came = after(&mut agent, millis(3001), life_cycle(LifeCycleRequest::Destroy));
-    let ticket = came.effects[0].ticket;
-    assert!(came.asked.iter().any(|(_, function)| matches!(function, Function::Deregister(_))), "{came:?}");
+    let output = after(&mut agent, millis(3001), life_cycle(LifeCycleRequest::Destroy));
+    let ticket = output.effects[0].ticket;
+    assert!(output.requests.iter().any(|(_, function)| matches!(function, Function::Deregister(_))), "{output:?}");
     let result = Err(nobody_answers());
-    let came = after(&mut agent, millis(9000), Event::Completed(MachineReport::Given { ticket, result }));
-    assert!(came.asked.iter().any(|(_, function)| matches!(function, Function::RegisterAgent(_))), "{came:?}");
+    let output = after(&mut agent, millis(9000), Event::Completed(MachineReport::Given { ticket, result }));
+    assert!(output.requests.iter().any(|(_, function)| matches!(function, Function::RegisterAgent(_))), "{output:?}");
 }
 
 #[test]
-fn a_stranger_has_a_machine_suspended_if_it_may_and_is_told_when_it_is_so() {
+fn a_trusted_stranger_can_suspend_a_machine_and_is_informed_when_it_is_suspended() {
     let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     let action = format!("(action {AID} (suspend-machine))");
-    let came = after(&mut agent, millis(1), to_machine("probe@jade", "(suspend-machine)"));
-    assert_eq!(came.told, [("probe@jade".to_owned(), P::Refuse, format!("({action} (unauthorised))"))]);
-    let came = after(&mut agent, millis(2), to_machine("Boss@jade", "(suspend-machine)"));
-    assert_eq!(came.told, [("Boss@jade".to_owned(), P::Agree, format!("({action} true)"))]);
-    let [GiveOrder { ticket, order }] = &came.effects[..] else { panic!("{came:?}") };
+    let output = after(&mut agent, millis(1), to_machine("probe@jade", "(suspend-machine)"));
+    assert_eq!(output.messages, [("probe@jade".to_owned(), P::Refuse, format!("({action} (unauthorised))"))]);
+    let output = after(&mut agent, millis(2), to_machine("Boss@jade", "(suspend-machine)"));
+    assert_eq!(output.messages, [("Boss@jade".to_owned(), P::Agree, format!("({action} true)"))]);
+    let [GiveOrder { ticket, order }] = &output.effects[..] else { panic!("{output:?}") };
     assert_eq!(&*order.by, "Boss@jade");
-    let came = after(&mut agent, millis(3), Event::Completed(MachineReport::Given { ticket: *ticket, result: Ok(()) }));
-    assert!(came.told.is_empty(), "it paints yet: {came:?}");
-    let came = after(&mut agent, millis(4), seen(machine(PresenceState::Suspended, PresenceState::Suspended)));
-    assert_eq!(came.told, [("Boss@jade".to_owned(), P::Inform, format!("((done {action}))"))]);
+    let output =
+        after(&mut agent, millis(3), Event::Completed(MachineReport::Given { ticket: *ticket, result: Ok(()) }));
+    assert!(output.messages.is_empty(), "it paints yet: {output:?}");
+    let output = after(&mut agent, millis(4), seen(machine(PresenceState::Suspended, PresenceState::Suspended)));
+    assert_eq!(output.messages, [("Boss@jade".to_owned(), P::Inform, format!("((done {action}))"))]);
 
     // A machine that does not obey, and one that disappears meanwhile.
     for (event, at) in [(Event::Deadline, 61_001), (Event::Completed(MachineReport::Gone), 5)] {
         let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
-        let came = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
-        let ticket = came.effects[0].ticket;
+        let output = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
+        let ticket = output.effects[0].ticket;
         after(&mut agent, millis(2), Event::Completed(MachineReport::Given { ticket, result: Ok(()) }));
-        let came = after(&mut agent, millis(at), event);
-        assert!(matches!(&came.told[..], [(_, P::Failure, _)]), "{came:?}");
+        let output = after(&mut agent, millis(at), event);
+        assert!(matches!(&output.messages[..], [(_, P::Failure, _)]), "{output:?}");
     }
 }
 
 #[test]
 fn what_a_machine_does_not_do_is_refused() {
     let mut fixed = machine(PresenceState::Active, PresenceState::Active);
-    fixed.seat.takes_orders = false;
+    fixed.presence.takes_orders = false;
     let mut agent = render_agent(fixed);
-    let came = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
-    assert!(matches!(&came.told[..], [(_, P::Refuse, why)] if why.ends_with("(takes-no-orders))")), "{came:?}");
+    let output = after(&mut agent, millis(1), to_machine("boss@jade", "(suspend-machine)"));
+    assert!(matches!(&output.messages[..], [(_, P::Refuse, why)] if why.ends_with("(takes-no-orders))")), "{output:?}");
     // The AMS cannot suspend it either; its entry is set back.
-    let came = after(&mut agent, millis(3000), life_cycle(LifeCycleRequest::Suspend));
-    assert!(came.effects.is_empty() && matches!(&came.asked[0], (by, function) if by == "jobs@b" && resumes(function)));
+    let output = after(&mut agent, millis(3000), life_cycle(LifeCycleRequest::Suspend));
+    assert!(
+        output.effects.is_empty()
+            && matches!(&output.requests[0], (by, function) if by == "jobs@b" && resumes(function))
+    );
     after(&mut agent, millis(3001), life_cycle(LifeCycleRequest::Resume));
-    let came = after(&mut agent, millis(3002), to_machine("boss@jade", "(dance :well true)"));
-    assert!(matches!(&came.told[..], [(_, P::Refuse, why)] if why.ends_with("(unsupported-function dance))")));
+    let output = after(&mut agent, millis(3002), to_machine("boss@jade", "(dance :well true)"));
+    assert!(matches!(&output.messages[..], [(_, P::Refuse, why)] if why.ends_with("(unsupported-function dance))")));
     for (act, content, why) in [
         (P::Request, "((action", "((unrecognised-value content))"),
         (P::Request, "(a b)", "((a b) (unrecognised-value content))"),
         (P::CallForProposal, "()", "((unsupported-act cfp))"),
     ] {
-        let came = after(&mut agent, millis(4000), Event::Message(says("boss@jade", "m-1@b", act, content)));
-        assert_eq!(came.told, [("boss@jade".to_owned(), P::NotUnderstood, why.to_owned())], "{content}");
+        let output = after(&mut agent, millis(4000), Event::Message(says("boss@jade", "m-1@b", act, content)));
+        assert_eq!(output.messages, [("boss@jade".to_owned(), P::NotUnderstood, why.to_owned())], "{content}");
     }
-    let came = after(&mut agent, millis(5000), Event::Message(says("boss@jade", "m-1@b", P::Inform, "((what))")));
-    assert!(came.told.is_empty(), "nobody answers an answer");
+    let output = after(&mut agent, millis(5000), Event::Message(says("boss@jade", "m-1@b", P::Inform, "((what))")));
+    assert!(output.messages.is_empty(), "nobody answers an answer");
 }
 
 #[test]
-fn a_machine_leaves_the_directories_when_its_seat_is_silent_and_comes_back() {
+fn a_silent_machine_leaves_the_directories_and_comes_back() {
     let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
-    let came = after(&mut agent, millis(2000), Event::Completed(MachineReport::Gone));
+    let output = after(&mut agent, millis(2000), Event::Completed(MachineReport::Gone));
     let out = |function: &Function| matches!(function, Function::DeregisterAgent(_) | Function::Deregister(_));
-    assert!(came.asked.len() == 2 && came.asked.iter().all(|(_, function)| out(function)), "{came:?}");
-    let came = after(&mut agent, millis(2500), to_machine("probe@jade", "(describe-machine)"));
-    assert!(matches!(&came.told[..], [(_, P::Failure, _)]), "{came:?}");
-    let came = after(&mut agent, millis(9000), seen(machine(PresenceState::Active, PresenceState::Active)));
-    assert!(matches!(&came.asked[..2], [(_, Function::RegisterAgent(_)), (_, Function::Register(_))]), "{came:?}");
+    assert!(output.requests.len() == 2 && output.requests.iter().all(|(_, function)| out(function)), "{output:?}");
+    let output = after(&mut agent, millis(2500), to_machine("probe@jade", "(describe-machine)"));
+    assert!(matches!(&output.messages[..], [(_, P::Failure, _)]), "{output:?}");
+    let output = after(&mut agent, millis(9000), seen(machine(PresenceState::Active, PresenceState::Active)));
+    assert!(
+        matches!(&output.requests[..2], [(_, Function::RegisterAgent(_)), (_, Function::Register(_))]),
+        "{output:?}"
+    );
 }
 
 fn job(number: u32, state: &'static str, done: f64) -> JobView {
@@ -286,26 +293,26 @@ fn jobs_agent(jobs: Vec<JobView>) -> JobsAgent {
 }
 
 fn to_jobs(from: &str, function: &str) -> EventOf<JobsAgent> {
-    Event::Message(says(from, "jobs@b", P::Request, &asked(&id("jobs@b"), function)))
+    Event::Message(says(from, "jobs@b", P::Request, &request_content(&id("jobs@b"), function)))
 }
 
-fn news(jobs: Vec<JobView>) -> EventOf<JobsAgent> {
+fn farm_report(jobs: Vec<JobView>) -> EventOf<JobsAgent> {
     Event::Completed(JobsReport::Farm(farm(jobs)))
 }
 
 #[test]
-fn jobs_are_told_of_and_changed_by_those_who_may() {
+fn anybody_may_list_jobs_and_trusted_agents_may_change_them() {
     let mut agent = jobs_agent(vec![job(1, "done", 1.0), job(2, "active", 0.25)]);
     let one = "(job :number 2 :state active :done 0.25 :zones-done 0 :zones 24 :priority 10 :machines 1 :from m-1 \
                :submitted 5 :scene \"a scene.glb\" :output o.exr :kept false)";
     let action = |function: &str| format!("(action (agent-identifier :name jobs@b) {function})");
-    let came = after(&mut agent, millis(1), to_jobs("probe@jade", "(describe-job :job 2)"));
+    let output = after(&mut agent, millis(1), to_jobs("probe@jade", "(describe-job :job 2)"));
     let result = format!("((result {} {one}))", action("(describe-job :job 2)"));
-    assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, result)]);
-    let came = after(&mut agent, millis(1), to_jobs("probe@jade", "(list-jobs)"));
-    assert!(came.told[0].2.ends_with(&format!(" {one})))")), "{came:?}");
-    let came = after(&mut agent, millis(1), to_jobs("probe@jade", "(list-machines)"));
-    assert!(came.told[0].2.contains("(sequence (machine :name m-1 "), "{came:?}");
+    assert_eq!(output.messages, [("probe@jade".to_owned(), P::Inform, result)]);
+    let output = after(&mut agent, millis(1), to_jobs("probe@jade", "(list-jobs)"));
+    assert!(output.messages[0].2.ends_with(&format!(" {one})))")), "{output:?}");
+    let output = after(&mut agent, millis(1), to_jobs("probe@jade", "(list-machines)"));
+    assert!(output.messages[0].2.contains("(sequence (machine :name m-1 "), "{output:?}");
     for (from, function, why) in [
         ("probe@jade", "(pause-job :job 2)", "(unauthorised)"),
         ("boss@jade", "(pause-job :job 1)", "(job-is-over done)"),
@@ -317,22 +324,22 @@ fn jobs_are_told_of_and_changed_by_those_who_may() {
             "(unrecognised-parameter-value set-priority priority)",
         ),
     ] {
-        let came = after(&mut agent, millis(2), to_jobs(from, function));
-        let told = [(from.to_owned(), P::Refuse, format!("({} {why})", action(function)))];
-        assert_eq!((&came.told[..], came.effects.len()), (&told[..], 0), "{function}");
+        let output = after(&mut agent, millis(2), to_jobs(from, function));
+        let refusal = [(from.to_owned(), P::Refuse, format!("({} {why})", action(function)))];
+        assert_eq!((&output.messages[..], output.effects.len()), (&refusal[..], 0), "{function}");
     }
     for (result, act) in [(Ok(()), P::Inform), (Err(nobody_answers()), P::Failure)] {
-        let came = after(&mut agent, millis(3), to_jobs("boss@jade", "(set-priority :job 2 :priority 30)"));
-        assert_eq!(came.told[0].1, P::Agree);
+        let output = after(&mut agent, millis(3), to_jobs("boss@jade", "(set-priority :job 2 :priority 30)"));
+        assert_eq!(output.messages[0].1, P::Agree);
         let [JobsEffect::Change(ChangeJob { ticket, number: 2, change: JobChange::Priority(30), by })] =
-            &came.effects[..]
+            &output.effects[..]
         else {
-            panic!("{came:?}")
+            panic!("{output:?}")
         };
         assert_eq!(by, "boss@jade");
         let ticket = *ticket;
-        let came = after(&mut agent, millis(4), Event::Completed(JobsReport::Changed { ticket, result }));
-        assert_eq!(came.told[0].1, act, "{came:?}");
+        let output = after(&mut agent, millis(4), Event::Completed(JobsReport::Changed { ticket, result }));
+        assert_eq!(output.messages[0].1, act, "{output:?}");
     }
 }
 
@@ -373,43 +380,46 @@ fn a_subscriber_of_rows_is_informed_of_changes_and_of_the_end() {
     let mut agent = jobs_agent(vec![job(2, "active", 0.25)]);
     let wish = "((iota ?x (result (action (agent-identifier :name jobs@b) (read-rows :job 2)) ?x)))";
     // The rows that are read for the subscriber at a time, if any are.
-    let read = |came: &ReceivedEnvelope<JobsEffect>| match came.effects[..] {
+    let read = |output: &AgentOutput<JobsEffect>| match output.effects[..] {
         [JobsEffect::ReadRows { ticket, number: 2 }] => Some(ticket),
         _ => None,
     };
     let report = |agent: &mut JobsAgent, at, ticket, zones| {
-        after(agent, millis(at), Event::Completed(JobsReport::Rows { ticket, rows: Ok(rows(zones)) })).told
+        after(agent, millis(at), Event::Completed(JobsReport::Rows { ticket, rows: Ok(rows(zones)) })).messages
     };
-    let came = after(&mut agent, millis(100), Event::Message(says("probe@jade", "jobs@b", P::Subscribe, wish)));
-    assert_eq!(came.told[0].1, P::Agree);
-    let ticket = read(&came).expect("rows are read at once");
+    let output = after(&mut agent, millis(100), Event::Message(says("probe@jade", "jobs@b", P::Subscribe, wish)));
+    assert_eq!(output.messages[0].1, P::Agree);
+    let ticket = read(&output).expect("rows are read at once");
     // All rows
-    let told = report(&mut agent, 110, ticket, vec![row(0, "open"), row(1, "open")]);
-    assert!(told.len() == 1 && told[0].2.matches(":state open").count() == 2, "{told:?}");
+    let messages = report(&mut agent, 110, ticket, vec![row(0, "open"), row(1, "open")]);
+    assert!(messages.len() == 1 && messages[0].2.matches(":state open").count() == 2, "{messages:?}");
     // Nothing is read before half a second is over, and nothing is sent if nothing changed
     assert_eq!(read(&after(&mut agent, millis(300), Event::Deadline)), None);
     let ticket = read(&after(&mut agent, millis(610), Event::Deadline)).expect("rows are read again");
     assert_eq!(report(&mut agent, 620, ticket, vec![row(0, "open"), row(1, "open")]), []);
     // The row that changed
     let ticket = read(&after(&mut agent, millis(1120), Event::Deadline)).expect("rows are read again");
-    let told = report(&mut agent, 1130, ticket, vec![row(0, "open"), row(1, "awarded")]);
-    assert!(told.len() == 1 && told[0].2.contains(":zone 1") && !told[0].2.contains(":zone 0"), "{told:?}");
+    let messages = report(&mut agent, 1130, ticket, vec![row(0, "open"), row(1, "awarded")]);
+    assert!(
+        messages.len() == 1 && messages[0].2.contains(":zone 1") && !messages[0].2.contains(":zone 0"),
+        "{messages:?}"
+    );
     // The farm does not answer once; the subscription lasts
     let ticket = read(&after(&mut agent, millis(1630), Event::Deadline)).expect("rows are read again");
     let lost = Event::Completed(JobsReport::Rows { ticket, rows: Err(nobody_answers()) });
-    assert_eq!(after(&mut agent, millis(1640), lost).told, []);
+    assert_eq!(after(&mut agent, millis(1640), lost).messages, []);
     // The end
-    after(&mut agent, millis(1700), news(vec![job(2, "done", 1.0)]));
+    after(&mut agent, millis(1700), farm_report(vec![job(2, "done", 1.0)]));
     let ticket = read(&after(&mut agent, millis(2200), Event::Deadline)).expect("rows are read a last time");
-    let told = report(&mut agent, 2210, ticket, vec![row(0, "done"), row(1, "done")]);
-    assert!(told.len() == 2 && told[1].2 == "over", "{told:?}");
+    let messages = report(&mut agent, 2210, ticket, vec![row(0, "done"), row(1, "done")]);
+    assert!(messages.len() == 2 && messages[1].2 == "over", "{messages:?}");
     assert_eq!(read(&after(&mut agent, millis(3000), Event::Deadline)), None);
 }
 
 #[test]
 fn the_rows_of_a_job_are_read_by_anybody() {
     let mut agent = jobs_agent(vec![job(2, "active", 0.25)]);
-    for (function, rows, act, told) in [
+    for (function, rows, act, expected) in [
         (
             "(read-rows :job 2 :zone 4)",
             Ok(rows(vec![row(3, "done"), row(4, "done")])),
@@ -420,14 +430,14 @@ fn the_rows_of_a_job_are_read_by_anybody() {
         ),
         ("(read-rows :job 2)", Err(nobody_answers()), P::Failure, "(internal-error \"nobody answers\")"),
     ] {
-        let came = after(&mut agent, millis(1), to_jobs("probe@jade", function));
-        let [JobsEffect::ReadRows { ticket, number: 2 }] = came.effects[..] else { panic!("{came:?}") };
-        assert!(came.told.is_empty());
-        let came = after(&mut agent, millis(2), Event::Completed(JobsReport::Rows { ticket, rows }));
-        assert!(came.told[0].1 == act && came.told[0].2.contains(told), "{came:?}");
+        let output = after(&mut agent, millis(1), to_jobs("probe@jade", function));
+        let [JobsEffect::ReadRows { ticket, number: 2 }] = output.effects[..] else { panic!("{output:?}") };
+        assert!(output.messages.is_empty());
+        let output = after(&mut agent, millis(2), Event::Completed(JobsReport::Rows { ticket, rows }));
+        assert!(output.messages[0].1 == act && output.messages[0].2.contains(expected), "{output:?}");
     }
-    let came = after(&mut agent, millis(3), to_jobs("probe@jade", "(read-rows :job 9)"));
-    assert!(came.told[0].1 == P::Refuse && came.effects.is_empty(), "{came:?}");
+    let output = after(&mut agent, millis(3), to_jobs("probe@jade", "(read-rows :job 9)"));
+    assert!(output.messages[0].1 == P::Refuse && output.effects.is_empty(), "{output:?}");
 }
 
 #[test]
@@ -436,107 +446,123 @@ fn while_the_farm_does_not_answer_every_question_is_a_failure() {
     after(&mut agent, millis(1000), Event::Completed(JobsReport::Silent));
     after(&mut agent, millis(2000), Event::Completed(JobsReport::Silent));
     for function in ["(list-jobs)", "(list-machines)", "(describe-job :job 2)", "(pause-job :job 2)"] {
-        let came = after(&mut agent, millis(8500), to_jobs("boss@jade", function));
-        assert_eq!((came.told.len(), came.told[0].1, came.effects.len()), (1, P::Failure, 0), "{came:?}");
-        assert!(came.told[0].2.ends_with("(internal-error \"the farm has not answered for 7 s\"))"), "{came:?}");
+        let output = after(&mut agent, millis(8500), to_jobs("boss@jade", function));
+        assert_eq!(
+            (output.messages.len(), output.messages[0].1, output.effects.len()),
+            (1, P::Failure, 0),
+            "{output:?}"
+        );
+        assert!(
+            output.messages[0].2.ends_with("(internal-error \"the farm has not answered for 7 s\"))"),
+            "{output:?}"
+        );
     }
-    let told = subscribe(&mut agent, millis(8600)).told;
-    assert!(matches!(&told[..], [(_, P::Failure, _)]), "{told:?}");
-    let came = after(&mut agent, millis(8700), to_jobs("boss@jade", "(dance)"));
-    assert_eq!(came.told[0].1, P::Refuse, "what is never done is refused: {came:?}");
-    after(&mut agent, millis(9000), news(vec![job(2, "active", 0.5)]));
-    let came = after(&mut agent, millis(9001), to_jobs("boss@jade", "(list-machines)"));
-    assert_eq!(came.told[0].1, P::Inform);
+    let messages = subscribe(&mut agent, millis(8600)).messages;
+    assert!(matches!(&messages[..], [(_, P::Failure, _)]), "{messages:?}");
+    let output = after(&mut agent, millis(8700), to_jobs("boss@jade", "(dance)"));
+    assert_eq!(output.messages[0].1, P::Refuse, "what is never done is refused: {output:?}");
+    after(&mut agent, millis(9000), farm_report(vec![job(2, "active", 0.5)]));
+    let output = after(&mut agent, millis(9001), to_jobs("boss@jade", "(list-machines)"));
+    assert_eq!(output.messages[0].1, P::Inform);
 
     let mut agent = render_agent(machine(PresenceState::Active, PresenceState::Active));
     after(&mut agent, millis(1000), Event::Completed(MachineReport::Silent));
     for function in ["(describe-machine)", "(suspend-machine)"] {
-        let came = after(&mut agent, millis(3000), to_machine("boss@jade", function));
-        assert!(matches!(&came.told[..], [(_, P::Failure, why)] if why.contains("for 2 s")), "{came:?}");
+        let output = after(&mut agent, millis(3000), to_machine("boss@jade", function));
+        assert!(matches!(&output.messages[..], [(_, P::Failure, why)] if why.contains("for 2 s")), "{output:?}");
     }
     after(&mut agent, millis(4000), seen(machine(PresenceState::Active, PresenceState::Active)));
-    assert_eq!(after(&mut agent, millis(4001), to_machine("boss@jade", "(describe-machine)")).told[0].1, P::Inform);
+    assert_eq!(after(&mut agent, millis(4001), to_machine("boss@jade", "(describe-machine)")).messages[0].1, P::Inform);
 }
 
 const WISH: &str = "((iota ?x (result (action (agent-identifier :name jobs@b) (describe-job :job 2)) ?x)))";
 
-fn subscribe(agent: &mut JobsAgent, now: Time) -> ReceivedEnvelope<JobsEffect> {
+fn subscribe(agent: &mut JobsAgent, now: Time) -> AgentOutput<JobsEffect> {
     after(agent, now, Event::Message(says("probe@jade", "jobs@b", P::Subscribe, WISH)))
 }
 
 #[test]
-fn a_subscriber_is_told_twice_a_second_at_most_and_always_of_the_end() {
+fn a_subscriber_is_informed_twice_a_second_at_most_and_always_of_the_end() {
     let mut agent = jobs_agent(vec![job(2, "active", 0.0)]);
-    let came = subscribe(&mut agent, millis(100));
-    let acts: Vec<P> = came.told.iter().map(|(_, act, _)| *act).collect();
-    assert_eq!(acts, [P::Agree, P::Inform], "{came:?}");
-    assert_eq!(came.told[0].2, format!("({} true)", &WISH[1..WISH.len() - 1]));
-    let mut told = vec![100];
+    let output = subscribe(&mut agent, millis(100));
+    let acts: Vec<P> = output.messages.iter().map(|(_, act, _)| *act).collect();
+    assert_eq!(acts, [P::Agree, P::Inform], "{output:?}");
+    assert_eq!(output.messages[0].2, format!("({} true)", &WISH[1..WISH.len() - 1]));
+    let mut report_times = vec![100];
     let mut last = String::new();
     // A change every 70 ms for 7 s; the last one is the end.
     for step in 1..=100_u32 {
         let state = if step == 100 { "done" } else { "active" };
         let (from, to) = (u64::from(step) * 70 + 100, u64::from(step) * 70 + 170);
-        let mut came = after(&mut agent, millis(from), news(vec![job(2, state, f64::from(step) / 100.0)])).told;
+        let mut output =
+            after(&mut agent, millis(from), farm_report(vec![job(2, state, f64::from(step) / 100.0)])).messages;
         let deadline = agent.next_deadline().filter(|at| *at < millis(to));
-        let mut times: Vec<u64> = came.iter().map(|_| from).collect();
+        let mut times: Vec<u64> = output.iter().map(|_| from).collect();
         if let Some(at) = deadline {
-            let later = after(&mut agent, at, Event::Deadline).told;
+            let later = after(&mut agent, at, Event::Deadline).messages;
             times.extend(later.iter().map(|_| at.elapsed().as_millis() as u64));
-            came.extend(later);
+            output.extend(later);
         }
-        for ((_, act, content), time) in came.into_iter().zip(times) {
+        for ((_, act, content), time) in output.into_iter().zip(times) {
             assert_eq!(act, P::Inform);
             if content != "over" {
-                told.push(time);
+                report_times.push(time);
             }
             last = content;
         }
     }
     while let Some(at) = agent.next_deadline().filter(|at| *at < millis(9000)) {
-        for (_, _, content) in after(&mut agent, at, Event::Deadline).told {
+        for (_, _, content) in after(&mut agent, at, Event::Deadline).messages {
             last = content;
         }
     }
     assert_eq!(last, "over");
-    assert!(told.windows(2).all(|pair| pair[1] - pair[0] >= 500), "{told:?}");
-    assert!(told.len() >= 13, "{told:?}");
-    let came = after(&mut agent, millis(9999), news(vec![job(2, "done", 0.5)]));
-    assert!(came.told.is_empty(), "it is over: {came:?}");
+    assert!(report_times.windows(2).all(|pair| pair[1] - pair[0] >= 500), "{report_times:?}");
+    assert!(report_times.len() >= 13, "{report_times:?}");
+    let output = after(&mut agent, millis(9999), farm_report(vec![job(2, "done", 0.5)]));
+    assert!(output.messages.is_empty(), "it is over: {output:?}");
 }
 
 #[test]
 fn the_last_that_a_subscriber_hears_of_a_job_is_how_it_stands() {
     let mut agent = jobs_agent(vec![job(2, "active", 0.0)]);
     subscribe(&mut agent, millis(0));
-    assert!(after(&mut agent, millis(100), news(vec![job(2, "active", 0.1)])).told.is_empty());
-    assert!(after(&mut agent, millis(200), news(vec![job(2, "done", 1.0)])).told.is_empty());
+    assert!(after(&mut agent, millis(100), farm_report(vec![job(2, "active", 0.1)])).messages.is_empty());
+    assert!(after(&mut agent, millis(200), farm_report(vec![job(2, "done", 1.0)])).messages.is_empty());
     assert_eq!(agent.next_deadline(), Some(millis(500)));
-    let told = after(&mut agent, millis(500), Event::Deadline).told;
-    assert!(told.len() == 2 && told[0].2.contains(":state done :done 1 ") && told[1].2 == "over", "{told:?}");
+    let messages = after(&mut agent, millis(500), Event::Deadline).messages;
+    assert!(
+        messages.len() == 2 && messages[0].2.contains(":state done :done 1 ") && messages[1].2 == "over",
+        "{messages:?}"
+    );
     // For a job that is over already, there is a single report, at once.
-    let told = subscribe(&mut agent, millis(600)).told;
-    assert_eq!(told.iter().map(|(_, act, _)| *act).collect::<Vec<_>>(), [P::Agree, P::Inform, P::Inform]);
+    let messages = subscribe(&mut agent, millis(600)).messages;
+    assert_eq!(messages.iter().map(|(_, act, _)| *act).collect::<Vec<_>>(), [P::Agree, P::Inform, P::Inform]);
 }
 
 #[test]
 fn a_subscription_is_refused_cancelled_or_forgotten() {
     let mut agent = jobs_agent(vec![job(2, "active", 0.0)]);
     let says = |act, content: &str| Event::Message(says("probe@jade", "jobs@b", act, content));
-    let came = after(&mut agent, millis(0), says(P::Subscribe, &WISH.replace(":job 2", ":job 9")));
+    let output = after(&mut agent, millis(0), says(P::Subscribe, &WISH.replace(":job 2", ":job 9")));
     assert!(
-        matches!(&came.told[..], [(_, P::Refuse, why)] if why.ends_with("(unrecognised-parameter-value describe-job job))"))
+        matches!(&output.messages[..], [(_, P::Refuse, why)] if why.ends_with("(unrecognised-parameter-value describe-job job))"))
     );
-    let came = after(&mut agent, millis(0), says(P::Subscribe, &WISH.replace("describe", "pause")));
-    assert!(matches!(&came.told[..], [(_, P::Refuse, why)] if why.ends_with("(unsupported-function pause-job))")));
-    let came = after(&mut agent, millis(0), says(P::Subscribe, "((all ?x ?x))"));
-    assert!(matches!(&came.told[..], [(_, P::NotUnderstood, _)]), "{came:?}");
-    let came = after(&mut agent, millis(0), says(P::Cancel, WISH));
-    assert!(matches!(&came.told[..], [(_, P::NotUnderstood, why)] if why == "((unexpected-act cancel))"), "{came:?}");
+    let output = after(&mut agent, millis(0), says(P::Subscribe, &WISH.replace("describe", "pause")));
+    assert!(
+        matches!(&output.messages[..], [(_, P::Refuse, why)] if why.ends_with("(unsupported-function pause-job))"))
+    );
+    let output = after(&mut agent, millis(0), says(P::Subscribe, "((all ?x ?x))"));
+    assert!(matches!(&output.messages[..], [(_, P::NotUnderstood, _)]), "{output:?}");
+    let output = after(&mut agent, millis(0), says(P::Cancel, WISH));
+    assert!(
+        matches!(&output.messages[..], [(_, P::NotUnderstood, why)] if why == "((unexpected-act cancel))"),
+        "{output:?}"
+    );
     subscribe(&mut agent, millis(1));
-    let came = after(&mut agent, millis(2), says(P::Cancel, "no SL ("));
-    assert_eq!(came.told, [("probe@jade".to_owned(), P::Inform, "over".to_owned())]);
-    assert!(after(&mut agent, millis(2000), news(vec![job(2, "active", 0.5)])).told.is_empty());
+    let output = after(&mut agent, millis(2), says(P::Cancel, "no SL ("));
+    assert_eq!(output.messages, [("probe@jade".to_owned(), P::Inform, "over".to_owned())]);
+    assert!(after(&mut agent, millis(2000), farm_report(vec![job(2, "active", 0.5)])).messages.is_empty());
 
     // An unreachable subscriber is tried again, for a while.
     subscribe(&mut agent, millis(10_000));
@@ -546,27 +572,27 @@ fn a_subscription_is_refused_cancelled_or_forgotten() {
     };
     let mut tries = 0;
     let mut now = millis(10_000);
-    let told = loop {
-        let told = after(&mut agent, now + Duration::from_secs(3), lost()).told;
-        if !told.is_empty() {
-            break told;
+    let messages = loop {
+        let messages = after(&mut agent, now + Duration::from_secs(3), lost()).messages;
+        if !messages.is_empty() {
+            break messages;
         }
         now = agent.next_deadline().expect("another try");
-        assert_eq!(after(&mut agent, now, Event::Deadline).told.len(), 1);
+        assert_eq!(after(&mut agent, now, Event::Deadline).messages.len(), 1);
         tries += 1;
         assert!(tries < 10);
     };
-    assert!(tries >= 2 && matches!(&told[..], [(_, P::Failure, _)]), "{tries}: {told:?}");
-    let came = after(&mut agent, now + Duration::from_secs(60), news(vec![job(2, "active", 0.9)]));
-    assert!(came.told.is_empty(), "it is forgotten: {came:?}");
+    assert!(tries >= 2 && matches!(&messages[..], [(_, P::Failure, _)]), "{tries}: {messages:?}");
+    let output = after(&mut agent, now + Duration::from_secs(60), farm_report(vec![job(2, "active", 0.9)]));
+    assert!(output.messages.is_empty(), "it is forgotten: {output:?}");
     // A job that was removed from the farm is a failure.
     subscribe(&mut agent, now + Duration::from_secs(61));
-    let came = after(&mut agent, now + Duration::from_secs(62), news(Vec::new()));
-    assert!(matches!(&came.told[..], [(_, P::Failure, _)]), "{came:?}");
+    let output = after(&mut agent, now + Duration::from_secs(62), farm_report(Vec::new()));
+    assert!(matches!(&output.messages[..], [(_, P::Failure, _)]), "{output:?}");
 }
 
 #[test]
-fn machines_that_went_while_nobody_looked_are_taken_out() {
+fn entries_of_machines_that_left_unnoticed_are_removed() {
     let mut agent = jobs_agent(Vec::new());
     let mut actions = Vec::new();
     agent.handle(millis(5000), Event::Deadline, &mut actions);
@@ -583,9 +609,9 @@ fn machines_that_went_while_nobody_looked_are_taken_out() {
     let PlainContent::Management(ManagementContent::Action(function)) = &search.content else { unreachable!() };
     let found = ManagementContent::Done(function.clone(), Outcome::Agents(agents.to_vec()));
     let answer = search.reply(P::Inform, id("ams@b"), PlainContent::Management(found));
-    let came = after(&mut agent, millis(5001), Event::Message(answer));
-    let gone: Vec<String> = came
-        .asked
+    let output = after(&mut agent, millis(5001), Event::Message(answer));
+    let gone: Vec<String> = output
+        .requests
         .iter()
         .map(|(_, function)| match function {
             Function::DeregisterAgent(agent) => agent.name.as_ref().unwrap().to_string(),

@@ -43,7 +43,7 @@ pub(super) struct ExpectedDelivery {
     /// The link that stores its samples.
     pub(super) link: Link,
     /// Reports the stored result.
-    pub(super) told: Arc<dyn Fn(ResultRef) + Send + Sync>,
+    pub(super) on_stored: Arc<dyn Fn(ResultRef) + Send + Sync>,
 }
 
 /// The files offered, and the results expected.
@@ -146,18 +146,20 @@ async fn model(State(shared): State<DeskState>, Path((name, number)): Path<(Stri
 /// Receives the picture of a zone.
 async fn deliver(State(shared): State<DeskState>, Path(key): Path<String>, body: Body) -> Response {
     let expected = lock(&shared.shelves.expected).get(&key).cloned();
-    let Some(expected) = expected else { return (StatusCode::NOT_FOUND, "nobody waits for this").into_response() };
+    let Some(expected) = expected else {
+        return (StatusCode::NOT_FOUND, "no order waits for this delivery").into_response();
+    };
     let Ok(_permit) = shared.deliveries.try_acquire() else {
-        return (StatusCode::SERVICE_UNAVAILABLE, "too many deliver at once: try again").into_response();
+        return (StatusCode::SERVICE_UNAVAILABLE, "too many deliveries at once: try again").into_response();
     };
     let limit = HEAD_BYTES_MAX + expected.order.rect.area() * PIXEL_BYTES_MAX;
     let bytes = match timeout(DELIVERS_WITHIN, to_bytes(body, limit as usize)).await {
         Ok(Ok(bytes)) => bytes,
         Ok(Err(_)) => {
-            let most = format!("a picture of this zone has at most {limit} bytes");
+            let most = format!("a picture of this zone may have at most {limit} bytes");
             return (StatusCode::PAYLOAD_TOO_LARGE, most).into_response();
         }
-        Err(_) => return (StatusCode::REQUEST_TIMEOUT, "the picture did not come in time").into_response(),
+        Err(_) => return (StatusCode::REQUEST_TIMEOUT, "the picture did not arrive in time").into_response(),
     };
     let taken = tokio::task::spawn_blocking(move || take(&bytes, &expected)).await;
     match taken {
@@ -178,10 +180,10 @@ enum UnfitPicture {
     #[error("{}", error_chain(.0))]
     Unreadable(#[from] ImageError),
     /// The size is not that of the zone.
-    #[error("the picture has {width}x{height} pixels, and {wanted_width}x{wanted_height} are wanted")]
+    #[error("the picture has {width}x{height} pixels, but {wanted_width}x{wanted_height} are required")]
     Size { width: u32, height: u32, wanted_width: u32, wanted_height: u32 },
     /// A pixel is not finite, or too bright.
-    #[error("the pixel ({x}, {y}) of the picture is no number")]
+    #[error("the pixel ({x}, {y}) of the picture is not a number")]
     Pixel { x: u32, y: u32 },
 }
 
@@ -194,7 +196,7 @@ fn take(bytes: &[u8], expected: &ExpectedDelivery) -> Result<(), DeliveryRefusal
     let tile = tile_of(bytes, order).map_err(unfit)?;
     let digest = bottega_farm::digest(&tile);
     expected.link.put(digest, &tile, &stop).map_err(away)?;
-    (expected.told)(ResultRef { fence: order.fence, samples: order.samples.end, digest });
+    (expected.on_stored)(ResultRef { fence: order.fence, samples: order.samples.end, digest });
     Ok(())
 }
 

@@ -139,7 +139,7 @@ impl MasterDoor {
         if let Err(why) = read
             && !matches!(message.performative, Performative::NotUnderstood | Performative::Refuse)
         {
-            actions.push(Action::Send(talk::no(message, &self.config.id, None, why)));
+            actions.push(Action::Send(talk::rejection(message, &self.config.id, None, why)));
         }
     }
 
@@ -271,7 +271,7 @@ impl MasterDoor {
     }
 
     fn failed(&mut self, message: &Message, terms: &[Term], actions: &mut DoorActions) -> Result<(), Unread> {
-        let why = terms.get(1).map_or_else(|| "it does not say why".to_owned(), sl::print_term);
+        let why = terms.get(1).map_or_else(|| "it gives no reason".to_owned(), sl::print_term);
         let why: String = why.chars().take(200).collect();
         match terms.first().map(read_order) {
             Some(Ok(order)) => self.fail(message, order, &why, actions),
@@ -319,10 +319,10 @@ impl MasterDoor {
     /// - `why`: why the Master excludes it; `None`: the job is over or it has left.
     fn end(&mut self, agent: &str, why: Option<Term>, actions: &mut DoorActions) {
         let Some(guest) = self.guests.remove(agent) else { return };
-        let (told, me) = (&guest.subscription, &self.config.id);
+        let (subscription, me) = (&guest.subscription, &self.config.id);
         actions.push(Action::Send(match why {
-            Some(why) => talk::answer(told, me, Performative::Failure, &[guest.wish.clone(), why]),
-            None => talk::over(told, me),
+            Some(why) => talk::answer(subscription, me, Performative::Failure, &[guest.wish.clone(), why]),
+            None => talk::over(subscription, me),
         }));
         for open in guest.orders.into_values() {
             actions.push(Action::Effect(DoorEffect::Forget { key: open.key }));
@@ -351,8 +351,8 @@ impl MasterDoor {
         let (me, model) = (&self.config.id, &self.config.model);
         let Some(guest) = self.guests.get_mut(agent).filter(|guest| !guest.is_welcome) else { return };
         guest.is_welcome = true;
-        let told = Term::call("=", [guest.wish.clone(), work_term(model, work)]);
-        actions.push(Action::Send(talk::answer(&guest.subscription, me, Performative::Inform, &[told])));
+        let report = Term::call("=", [guest.wish.clone(), work_term(model, work)]);
+        actions.push(Action::Send(talk::answer(&guest.subscription, me, Performative::Inform, &[report])));
     }
 
     fn call(
@@ -381,7 +381,7 @@ impl MasterDoor {
     fn rejected(&mut self, agent: &str, call: u64, actions: &mut DoorActions) {
         let me = self.config.id.clone();
         let Some(guest) = self.guests.get_mut(agent) else { return };
-        let Some(place) = guest.calls.iter().position(|it| it.number == call) else { return };
+        let Some(place) = guest.calls.iter().position(|open| open.number == call) else { return };
         let conversation = guest.calls.remove(place).conversation;
         let terms = [no_order_term(&guest.agent), Term::call("given-to-others", [])];
         let act = Performative::RejectProposal;
@@ -428,7 +428,7 @@ impl MasterDoor {
     fn lost(&mut self, receiver: &AgentId, actions: &mut DoorActions) {
         let agent = index(receiver);
         if self.guests.contains_key(&agent) {
-            tracing::info!(agent, "a stranger cannot be reached: it takes no part any more");
+            tracing::info!(agent, "a stranger is unreachable and no longer takes part");
             self.end(&agent, Some(Term::call("unreachable", [])), actions);
         }
     }
@@ -465,11 +465,11 @@ impl StateMachine for MasterDoor {
         match event {
             Event::Message(message) => match &message.content {
                 PlainContent::Management(content) => {
-                    let asked = self.yellow.hear(now, &message);
+                    let answered = self.yellow.hear(now, &message);
                     if let ManagementContent::Undelivered { receiver, .. } = content {
                         self.lost(&receiver.clone(), actions);
                     }
-                    if self.is_over && asked == Some(PageAsk::TakeOut) {
+                    if self.is_over && answered == Some(PageAsk::TakeOut) {
                         actions.push(Action::Stop);
                     }
                 }

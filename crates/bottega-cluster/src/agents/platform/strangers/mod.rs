@@ -170,9 +170,9 @@ impl JobWatch {
         }
         let name = format!("{:016x}{:016x}", fresh_number(), fresh_number());
         let files = self.put_out(&spec, &name, cache)?;
-        let asked = &spec.request;
-        let filter = asked.film.filter.map(|filter| filter.word().to_owned());
-        let model = Model { number, seed: asked.seed, camera: asked.view.camera.clone(), filter, files };
+        let request = &spec.request;
+        let filter = request.film.filter.map(|filter| filter.word().to_owned());
+        let model = Model { number, seed: request.seed, camera: request.view.camera.clone(), filter, files };
         let id = AgentId::new(format!("master-{number}@{platform}"));
         let id = AgentId { addresses: Arc::new([node.address().to_owned()]), ..id };
         let secret = fresh_number();
@@ -186,8 +186,8 @@ impl JobWatch {
         let bridge = Arc::new(Bridge::begin(&board.uplink, WorkId(job.work), number, self.desk.clone())?);
         let performer = Arc::clone(&bridge);
         let reports = node.add_worldly(&id, door, move |effect| performer.perform(effect));
-        let reports = reports
-            .map_err(|taken| Error::failed(taken.to_string(), "begin the farm's platform anew: `bottega up`"))?;
+        let reports =
+            reports.map_err(|taken| Error::failed(taken.to_string(), "restart the farm's platform: `bottega up`"))?;
         bridge.tells(reports.clone());
         board.log(number, &format!("agents of other platforms may take part: {id} at {}", node.address()));
         Ok(Some(OpenDoor { reports, model: name }))
@@ -237,8 +237,9 @@ impl Bridge {
             DoorEffect::Expect { key, order } => {
                 let reports = self.reports.lock().unwrap_or_else(PoisonError::into_inner).clone();
                 let (Some(reports), name) = (reports, key.clone()) else { return };
-                let told = move |result| reports.tell(DoorReport::Delivered { key: name.clone(), result });
-                self.desk.expect(key, ExpectedDelivery { order, link: self.link.clone(), told: Arc::new(told) });
+                let on_stored = move |result| reports.tell(DoorReport::Delivered { key: name.clone(), result });
+                self.desk
+                    .expect(key, ExpectedDelivery { order, link: self.link.clone(), on_stored: Arc::new(on_stored) });
             }
             DoorEffect::Forget { key } => self.desk.forget(&key),
         }
@@ -285,7 +286,10 @@ impl Bridge {
 fn visitor_name(agent: &str) -> String {
     let (local, platform) = agent.rsplit_once('@').unwrap_or((agent, "nowhere"));
     let plain = |text: &str| -> String {
-        text.chars().map(|it| if it.is_ascii_alphanumeric() || "-_".contains(it) { it } else { '-' }).take(64).collect()
+        text.chars()
+            .map(|letter| if letter.is_ascii_alphanumeric() || "-_".contains(letter) { letter } else { '-' })
+            .take(64)
+            .collect()
     };
     let name = format!("{}@stranger-{}", plain(local), plain(platform));
     debug_assert!(machine_of(&name).starts_with("stranger-"));

@@ -28,7 +28,7 @@ struct Door {
 
 /// The actions that an event has caused.
 #[derive(Default)]
-struct ReceivedEnvelope {
+struct DoorOutput {
     /// The act and the content of each message.
     said: Vec<(P, String)>,
     conversations: Vec<u64>,
@@ -43,29 +43,29 @@ impl Door {
         Self { door: MasterDoor::new(DoorConfig { id, df, model, deliver, secret: 7 }), now: 0 }
     }
 
-    fn take(&mut self, event: Event<PlainContent, String, DoorReport>) -> ReceivedEnvelope {
-        let (mut actions, mut came) = (Vec::new(), ReceivedEnvelope::default());
+    fn take(&mut self, event: Event<PlainContent, String, DoorReport>) -> DoorOutput {
+        let (mut actions, mut output) = (Vec::new(), DoorOutput::default());
         self.door.handle(at(self.now), event, &mut actions);
         for action in actions {
             match action {
-                Action::Effect(effect) => came.effects.push(effect),
+                Action::Effect(effect) => output.effects.push(effect),
                 Action::Send(message) => match &message.content {
                     PlainContent::Foreign(wire) => {
-                        came.conversations.push(message.conversation_id);
-                        came.said.push((message.performative, wire.content.clone().unwrap_or_default()));
+                        output.conversations.push(message.conversation_id);
+                        output.said.push((message.performative, wire.content.clone().unwrap_or_default()));
                     }
                     PlainContent::Management(ManagementContent::Cancel) => {
-                        came.said.push((message.performative, "over".to_owned()));
+                        output.said.push((message.performative, "over".to_owned()));
                     }
                     PlainContent::Management(_) => {}
                 },
                 _ => {}
             }
         }
-        came
+        output
     }
 
-    fn hears(&mut self, from: &str, act: P, conversation: u64, content: &str) -> ReceivedEnvelope {
+    fn hears(&mut self, from: &str, act: P, conversation: u64, content: &str) -> DoorOutput {
         let wire = WireMessage {
             content: Some(content.to_owned()),
             ontology: Some(ONTOLOGY.to_owned()),
@@ -80,15 +80,15 @@ impl Door {
         self.take(Event::Message(message))
     }
 
-    fn puts(&mut self, effect: VisitorEffect) -> ReceivedEnvelope {
+    fn puts(&mut self, effect: VisitorEffect) -> DoorOutput {
         self.take(Event::Completed(DoorReport::Visitor { agent: S.to_owned(), effect }))
     }
 
     fn subscribed() -> Self {
         let mut door = Self::new();
-        let came = door.hears(S, P::Subscribe, 1, "((iota ?w (paints :power 2 :work ?w)))");
-        assert_eq!(came.said[0].0, P::Agree);
-        assert!(matches!(came.effects.last(), Some(DoorEffect::Admit { agent, applicant })
+        let output = door.hears(S, P::Subscribe, 1, "((iota ?w (paints :power 2 :work ?w)))");
+        assert_eq!(output.said[0].0, P::Agree);
+        assert!(matches!(output.effects.last(), Some(DoorEffect::Admit { agent, applicant })
             if agent == S && applicant.power.get() == 2.0));
         door
     }
@@ -97,10 +97,10 @@ impl Door {
     fn calls(&mut self, call: u64, zones: &[u32]) -> u64 {
         let offer = |&zone| Offer { zone: ZoneId(zone), complexity: 10.0, time_estimated: Duration::from_secs(3) };
         let offers = zones.iter().map(offer).collect();
-        let came = self.puts(VisitorEffect::Offers { call, offers, room: 2, within: Duration::from_millis(500) });
-        assert_eq!(came.said[0].0, P::CallForProposal);
-        assert!(came.said[0].1.contains(":seconds 6"), "{}", came.said[0].1);
-        came.conversations[0]
+        let output = self.puts(VisitorEffect::Offers { call, offers, room: 2, within: Duration::from_millis(500) });
+        assert_eq!(output.said[0].0, P::CallForProposal);
+        assert!(output.said[0].1.contains(":seconds 6"), "{}", output.said[0].1);
+        output.conversations[0]
     }
 
     fn orders(&mut self, fence: u64, call: Option<u64>) -> (P, String) {
@@ -116,17 +116,17 @@ impl Door {
             samples_max: 4,
             time_estimated: None,
         });
-        let came = self.puts(VisitorEffect::Paint { order, call });
-        let key = came.effects.iter().find_map(|effect| match effect {
+        let output = self.puts(VisitorEffect::Paint { order, call });
+        let key = output.effects.iter().find_map(|effect| match effect {
             DoorEffect::Expect { key, .. } => Some(key.clone()),
             _ => None,
         });
-        (came.said[0].0, key.expect("it is expected"))
+        (output.said[0].0, key.expect("it is expected"))
     }
 }
 
-fn report(came: &ReceivedEnvelope) -> Option<&VisitorReport> {
-    came.effects.iter().find_map(|effect| match effect {
+fn report(output: &DoorOutput) -> Option<&VisitorReport> {
+    output.effects.iter().find_map(|effect| match effect {
         DoorEffect::Tell { report, .. } => Some(report),
         _ => None,
     })
@@ -136,14 +136,14 @@ fn report(came: &ReceivedEnvelope) -> Option<&VisitorReport> {
 fn a_stranger_promises_paints_and_delivers() {
     let mut door = Door::subscribed();
     let conversation = door.calls(71, &[4, 5]);
-    let came = door.hears(
+    let output = door.hears(
         S,
         P::Propose,
         conversation,
         "((action S (paint :zones (sequence (zone :number 4 :seconds 2.5)))) (room 1))",
     );
-    assert!(came.said.is_empty());
-    match report(&came) {
+    assert!(output.said.is_empty());
+    match report(&output) {
         Some(VisitorReport::Bids { call: 71, room: 1, bids }) => {
             assert_eq!((bids[0].zone, bids[0].finish), (ZoneId(4), Duration::from_millis(2500)));
         }
@@ -151,19 +151,19 @@ fn a_stranger_promises_paints_and_delivers() {
     }
     let (act, key) = door.orders(345, Some(71));
     assert_eq!(act, P::AcceptProposal);
-    let came = door.hears(S, P::Inform, conversation, "((done (action S (paint :zone 4 :order 345))))");
-    assert!(came.said[0].0 == P::Disconfirm && came.said[0].1.contains("(nothing-delivered)"), "{:?}", came.said);
+    let output = door.hears(S, P::Inform, conversation, "((done (action S (paint :zone 4 :order 345))))");
+    assert!(output.said[0].0 == P::Disconfirm && output.said[0].1.contains("(nothing-delivered)"), "{:?}", output.said);
     door.now = 2000;
     let result = ResultRef { fence: Revision(345), samples: 4, digest: bottega_agents::BlobId([1; 32]) };
     door.take(Event::Completed(DoorReport::Delivered { key, result }));
-    let came = door.hears(S, P::Inform, conversation, "((done (action S (paint :zone 4 :order 345))))");
-    assert!(matches!(report(&came), Some(VisitorReport::Painted { outcome: Ok((_, taken)), .. })
+    let output = door.hears(S, P::Inform, conversation, "((done (action S (paint :zone 4 :order 345))))");
+    assert!(matches!(report(&output), Some(VisitorReport::Painted { outcome: Ok((_, taken)), .. })
         if *taken == Duration::from_secs(2)));
     // The order has been completed and no longer exists.
-    let came = door.hears(S, P::Inform, conversation, "((done (action S (paint :zone 4 :order 345))))");
-    assert!(came.said[0].0 == P::Disconfirm && came.said[0].1.contains("(not-your-order)"));
-    let came = door.take(Event::Completed(DoorReport::Over { why: None }));
-    assert_eq!(came.said, [(P::Inform, "over".to_owned())]);
+    let output = door.hears(S, P::Inform, conversation, "((done (action S (paint :zone 4 :order 345))))");
+    assert!(output.said[0].0 == P::Disconfirm && output.said[0].1.contains("(not-your-order)"));
+    let output = door.take(Event::Completed(DoorReport::Over { why: None }));
+    assert_eq!(output.said, [(P::Inform, "over".to_owned())]);
 }
 
 #[test]
@@ -181,9 +181,9 @@ fn what_is_absurd_is_refused_in_the_words_of_the_standard_and_nothing_is_lost() 
     ] {
         let mut door = Door::subscribed();
         let conversation = door.calls(71, &[4, 5]);
-        let came = door.hears(S, P::Propose, conversation, &proposal);
-        assert!(matches!(report(&came), Some(VisitorReport::Refuses { call: 71 })), "{proposal}");
-        let (act, text) = &came.said[0];
+        let output = door.hears(S, P::Propose, conversation, &proposal);
+        assert!(matches!(report(&output), Some(VisitorReport::Refuses { call: 71 })), "{proposal}");
+        let (act, text) = &output.said[0];
         assert!(*act == P::RejectProposal && text.contains(&why.replace('"', "")) || text.contains(why), "{text}");
         // A second proposal to the same call is rejected.
         let again = door.hears(S, P::Propose, conversation, &zones("(zone :number 4 :seconds 1)"));
@@ -192,8 +192,8 @@ fn what_is_absurd_is_refused_in_the_words_of_the_standard_and_nothing_is_lost() 
     let mut door = Door::subscribed();
     let conversation = door.calls(71, &[4]);
     door.now = 501;
-    let came = door.hears(S, P::Propose, conversation, &zones("(zone :number 4 :seconds 1)"));
-    assert!(came.said[0].1.contains("(too-late)") && came.effects.is_empty());
+    let output = door.hears(S, P::Propose, conversation, &zones("(zone :number 4 :seconds 1)"));
+    assert!(output.said[0].1.contains("(too-late)") && output.effects.is_empty());
     // Messages from an agent that has not subscribed, without a call, and without valid SL.
     for (from, act, content, answer, why) in [
         ("x@y", P::Propose, zones("(zone :number 4 :seconds 1)"), P::Refuse, "(not-subscribed)"),
@@ -211,9 +211,9 @@ fn what_is_absurd_is_refused_in_the_words_of_the_standard_and_nothing_is_lost() 
             "(unrecognised-parameter-value paints power)",
         ),
     ] {
-        let came = door.hears(from, act, 99, &content);
-        assert!(came.said[0].0 == answer && came.said[0].1.contains(why), "{act} {content}: {:?}", came.said);
-        assert!(came.effects.is_empty(), "{act} {content}");
+        let output = door.hears(from, act, 99, &content);
+        assert!(output.said[0].0 == answer && output.said[0].1.contains(why), "{act} {content}: {:?}", output.said);
+        assert!(output.effects.is_empty(), "{act} {content}");
     }
 }
 
@@ -223,15 +223,15 @@ fn who_leaves_fails_or_cannot_be_reached_gives_back_what_it_has() {
     let mut door = Door::subscribed();
     let (act, _) = door.orders(345, None);
     assert_eq!(act, P::Request);
-    let came = door.hears(S, P::Failure, 5, failed);
+    let output = door.hears(S, P::Failure, 5, failed);
     assert!(
-        matches!(report(&came), Some(VisitorReport::Painted { outcome: Err(why), .. }) if why == "(out-of-memory)")
+        matches!(report(&output), Some(VisitorReport::Painted { outcome: Err(why), .. }) if why == "(out-of-memory)")
     );
     door.orders(346, None);
-    let came = door.hears(S, P::Cancel, 1, "");
-    assert!(matches!(report(&came), Some(VisitorReport::Leaves)));
-    assert!(came.effects.iter().any(|effect| matches!(effect, DoorEffect::Forget { .. })));
-    assert_eq!(came.said, [(P::Inform, "over".to_owned())]);
+    let output = door.hears(S, P::Cancel, 1, "");
+    assert!(matches!(report(&output), Some(VisitorReport::Leaves)));
+    assert!(output.effects.iter().any(|effect| matches!(effect, DoorEffect::Forget { .. })));
+    assert_eq!(output.said, [(P::Inform, "over".to_owned())]);
 
     let mut door = Door::subscribed();
     door.orders(345, None);
@@ -240,12 +240,12 @@ fn who_leaves_fails_or_cannot_be_reached_gives_back_what_it_has() {
         reason: "no connection".to_owned(),
     });
     let message = AclMessage::new(P::Failure, AgentId::new("acc@b"), AgentId::new("master-3@b"), lost);
-    let came = door.take(Event::Message(message));
-    assert!(matches!(report(&came), Some(VisitorReport::Leaves)));
+    let output = door.take(Event::Message(message));
+    assert!(matches!(report(&output), Some(VisitorReport::Leaves)));
     // A withdrawn order cannot be delivered any more.
     let mut door = Door::subscribed();
     door.orders(345, None);
-    let came = door.puts(VisitorEffect::Withdrawn { zone: ZoneId(4), fence: Revision(345) });
-    assert_eq!(came.said[0].0, P::Cancel);
-    assert!(matches!(&came.effects[..], [DoorEffect::Forget { .. }]));
+    let output = door.puts(VisitorEffect::Withdrawn { zone: ZoneId(4), fence: Revision(345) });
+    assert_eq!(output.said[0].0, P::Cancel);
+    assert!(matches!(&output.effects[..], [DoorEffect::Forget { .. }]));
 }

@@ -14,15 +14,15 @@ fn said_to_a_request(language: Option<&str>, ontology: Option<&str>, content: Op
     };
     let mut message = says("boss@jade", "m-1@b", P::Request, "");
     message.content = PlainContent::Foreign(Arc::new(wire));
-    let came = after(&mut agent, millis(1), Event::Message(message));
-    assert!(came.effects.is_empty(), "{came:?}");
-    let [(_, act, said)] = &came.told[..] else { panic!("one answer: {came:?}") };
+    let output = after(&mut agent, millis(1), Event::Message(message));
+    assert!(output.effects.is_empty(), "{output:?}");
+    let [(_, act, said)] = &output.messages[..] else { panic!("one answer: {output:?}") };
     (*act, said.clone())
 }
 
 #[test]
 fn what_a_stranger_gets_wrong_is_answered_by_what_is_wrong() {
-    let describe = asked(&id("m-1@b"), "(describe-machine)");
+    let describe = request_content(&id("m-1@b"), "(describe-machine)");
     let (describe, ours) = (Some(&*describe), Some(ONTOLOGY));
     for (language, ontology) in [(Some("fipa-sl0"), ours), (Some("FIPA-SL"), Some("Bottega-Farm")), (None, None)] {
         assert_eq!(said_to_a_request(language, ontology, describe).0, P::Inform, "{language:?} {ontology:?}");
@@ -47,13 +47,13 @@ fn a_machine_tells_what_it_paints_and_how_far_that_is() {
         Event::Completed(MachineReport::Seen(view, Some(Box::new(job(3, "active", done)))))
     };
     for done in [0.25, 0.5] {
-        let came = after(&mut agent, millis(1), paints(done));
-        assert!(came.asked.is_empty(), "how far it is, no directory needs to know: {came:?}");
-        let came = after(&mut agent, millis(2), to_machine("probe@jade", "(describe-machine)"));
+        let output = after(&mut agent, millis(1), paints(done));
+        assert!(output.requests.is_empty(), "progress does not change the directories: {output:?}");
+        let output = after(&mut agent, millis(2), to_machine("probe@jade", "(describe-machine)"));
         let part = format!(
             ":job 3 :version \"{}\" :paints (job :number 3 :state active :done {done} ",
             crate::build::build().identity()
         );
-        assert!(came.told[0].2.contains(&part), "{came:?}");
+        assert!(output.messages[0].2.contains(&part), "{output:?}");
     }
 }

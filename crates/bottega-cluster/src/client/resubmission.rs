@@ -88,7 +88,7 @@ mod tests {
     use crate::files::sent_files::SentFiles;
 
     #[test]
-    fn a_request_that_is_submitted_again_names_no_folder_of_the_one_who_asked_first() {
+    fn a_resubmitted_request_names_no_folder_of_the_first_submitter() {
         let contents = || serde_json::from_value(json!({ "hash": "", "chunks": [] })).unwrap();
         let files =
             SentFiles::at_farm(vec![("room.glb".to_owned(), contents())], Some(("noon.hdr".to_owned(), contents())));
