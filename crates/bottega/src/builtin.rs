@@ -84,7 +84,7 @@ impl BuiltinPainter {
         let learns_paths =
             plan.paths.photons.is_none() && subject.prepared.can_learn(subject.view, plan.paths.planned_samples);
         if plan.wants_agents && !learns_paths {
-            let why = "--guide ala does nothing here: it is for paths in clear air, pictures of 128 × 128 pixels or more, \
+            let why = "--guide ala does nothing here: it is for paths in clear air where nothing moves, pictures of 128 × 128 pixels or more, \
                        and 524288 samples or more, all pixels together";
             notes.push(why.to_owned());
         }

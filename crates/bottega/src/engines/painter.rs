@@ -275,6 +275,7 @@ fn check(asked: &Request) -> Result<(), Error> {
         ("--integrator", asked.integrator.method.is_some_and(is_other)),
         ("--variant", asked.scene.variant.is_some()),
         ("--animation", asked.scene.animation.is_some()),
+        ("--shutter", asked.scene.shutter.is_some()),
         ("--exact", asked.devices.exact),
     ];
     match options.into_iter().find(|(_, is_given)| *is_given) {
