@@ -42,6 +42,8 @@ fn as_json(summary: &SceneSummary, integrator: Option<&str>, warnings: &[String]
         "triangles": summary.triangle_count,
         "triangles_stored": summary.stored_triangle_count,
         "spheres": summary.sphere_count,
+        "moving": summary.moving_count,
+        "shutter": summary.shutter,
         "bounds": [summary.bounds.0.to_array(), summary.bounds.1.to_array()],
         "memory_bytes": summary.memory_bytes,
         "cameras": named(&summary.cameras),
@@ -71,6 +73,10 @@ fn print(summary: &SceneSummary, integrator: Option<&str>, warnings: &[String]) 
         summary.triangle_count, summary.instance_count, summary.stored_triangle_count, summary.mesh_count
     );
     println!("bounds      {:.4} to {:.4}", summary.bounds.0, summary.bounds.1);
+    if summary.moving_count > 0 {
+        let [open, close] = summary.shutter;
+        println!("moving      {} parts; the shutter is open from {open} to {close}", summary.moving_count);
+    }
     println!("memory      {:.1} MB", summary.memory_bytes as f64 / 1e6);
     println!("cameras     {}", list(named(&summary.cameras)));
     println!("lights      {}", list(named(&summary.lights)));

@@ -223,6 +223,7 @@ mod tests {
                 world_from_object: glam::Quat::IDENTITY,
                 material: 0,
                 visibility: bottega_scene::Visibility::ALL,
+                motion: Vec::new(),
             }],
             materials: vec![Material { name: "leaf".into(), ..Material::default() }],
             ..Scene::default()

@@ -6,7 +6,9 @@ use crate::traverse::avx2::{self, Avx2};
 use crate::traverse::portable::Portable;
 use crate::traverse::{self, Any, Closest, CountedQuery, Filtered, Query};
 use crate::tree::SceneTrees;
-use crate::{Aabb, BuildError, BuildOptions, Hit, InstanceGeometry, MeshGeometry, Precision, Ray, SphereGeometry};
+use crate::{
+    Aabb, BuildError, BuildOptions, Hit, InstanceGeometry, MeshGeometry, MotionGeometry, Precision, Ray, SphereGeometry,
+};
 
 /// The vector unit to use, detected once when a structure is built.
 #[derive(Clone, Copy, Debug)]
@@ -53,14 +55,29 @@ impl Accel {
         spheres: &[SphereGeometry],
         options: &BuildOptions,
     ) -> Result<Self, BuildError> {
-        let BuiltTree { tree, bounds, triangles } = build::build(meshes, instances, spheres, options)?;
+        Self::build_moving(meshes, instances, spheres, &MotionGeometry::default(), options)
+    }
+
+    /// Builds the structure of a scene of which parts move; see [`Accel::build`]. Queries at a time from 0 to 1 find the
+    /// geometry as it is then; those without a time find it at time 0.
+    ///
+    /// # Errors
+    /// As for [`Accel::build`], and [`BuildError::BadMotion`].
+    pub fn build_moving(
+        meshes: &[MeshGeometry<'_>],
+        instances: &[InstanceGeometry],
+        spheres: &[SphereGeometry],
+        motion: &MotionGeometry<'_>,
+        options: &BuildOptions,
+    ) -> Result<Self, BuildError> {
+        let BuiltTree { tree, bounds, triangles } = build::build(meshes, instances, spheres, motion, options)?;
         let topology = refit::topology(meshes, instances);
         Ok(Self { tree, bounds, triangles, topology, precision: options.precision, isa: Isa::detect() })
     }
 
     /// Refits the structure to moved geometry: other positions, transforms and spheres, with the same counts and
     /// triangle indices. The farther things move from where they were at the build, the slower rays get. Triangles
-    /// without area and spheres of radius 0 at the build stay unhittable.
+    /// without area and spheres of radius 0 at the build stay unhittable. A structure of moving geometry cannot be refitted.
     ///
     /// An error leaves the structure unchanged.
     pub fn refit(
@@ -75,33 +92,53 @@ impl Accel {
 
     /// Returns the closest hit. At equal distance, the lower instance wins, then the lower primitive.
     pub fn intersect(&self, ray: &Ray) -> Hit {
-        self.query(ray, &mut Closest)
+        self.query(ray, 0.0, &mut Closest)
     }
 
     /// Returns true if the ray hits anything.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.query(ray, &mut Any).is_some()
+        self.query(ray, 0.0, &mut Any).is_some()
     }
 
     /// Returns the closest hit that `accept` lets pass (an alpha test). It is called for candidates in no particular
     /// order, possibly including some that are not the closest, and must be a pure function of the candidate.
     pub fn intersect_filtered(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Hit {
-        self.query(ray, &mut Filtered::<_, false>(accept))
+        self.intersect_filtered_at(ray, 0.0, accept)
     }
 
     /// Returns true if there is a hit that `accept` lets pass; see [`Accel::intersect_filtered`].
     pub fn occluded_filtered(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> bool {
-        self.query(ray, &mut Filtered::<_, true>(accept)).is_some()
+        self.occluded_filtered_at(ray, 0.0, accept)
+    }
+
+    /// Returns the closest hit at a time from 0 to 1.
+    pub fn intersect_at(&self, ray: &Ray, time: f32) -> Hit {
+        self.query(ray, time, &mut Closest)
+    }
+
+    /// Returns true if the ray hits anything at a time from 0 to 1.
+    pub fn occluded_at(&self, ray: &Ray, time: f32) -> bool {
+        self.query(ray, time, &mut Any).is_some()
+    }
+
+    /// Returns the closest hit at a time from 0 to 1 that `accept` lets pass; see [`Accel::intersect_filtered`].
+    pub fn intersect_filtered_at(&self, ray: &Ray, time: f32, accept: impl Fn(&Hit) -> bool) -> Hit {
+        self.query(ray, time, &mut Filtered::<_, false>(accept))
+    }
+
+    /// Returns true if there is a hit at a time from 0 to 1 that `accept` lets pass; see [`Accel::intersect_filtered`].
+    pub fn occluded_filtered_at(&self, ray: &Ray, time: f32, accept: impl Fn(&Hit) -> bool) -> bool {
+        self.query(ray, time, &mut Filtered::<_, true>(accept)).is_some()
     }
 
     /// Returns the closest hit; adds the number of nodes and leaves visited to `steps`.
     pub fn intersect_counted(&self, ray: &Ray, steps: &mut u32) -> Hit {
-        self.query(ray, &mut CountedQuery::<false>(steps))
+        self.query(ray, 0.0, &mut CountedQuery::<false>(steps))
     }
 
     /// Returns true if the ray hits anything; adds the number of nodes and leaves visited to `steps`.
     pub fn occluded_counted(&self, ray: &Ray, steps: &mut u32) -> bool {
-        self.query(ray, &mut CountedQuery::<true>(steps)).is_some()
+        self.query(ray, 0.0, &mut CountedQuery::<true>(steps)).is_some()
     }
 
     /// Computes the closest hit of every ray. Panics if the lengths differ.
@@ -136,14 +173,14 @@ impl Accel {
     }
 
     #[inline(always)]
-    fn query<Q: Query>(&self, ray: &Ray, query: &mut Q) -> Hit {
+    fn query<Q: Query>(&self, ray: &Ray, time: f32, query: &mut Q) -> Hit {
         match (self.isa, self.precision) {
             #[cfg(target_arch = "x86_64")]
-            (Isa::Avx2(unit), Precision::Robust) => avx2::run::<Q, true>(unit, &self.tree, ray, query),
+            (Isa::Avx2(unit), Precision::Robust) => avx2::run::<Q, true>(unit, &self.tree, ray, time, query),
             #[cfg(target_arch = "x86_64")]
-            (Isa::Avx2(unit), Precision::Fast) => avx2::run::<Q, false>(unit, &self.tree, ray, query),
-            (Isa::Portable, Precision::Robust) => traverse::run::<_, Q, true>(Portable, &self.tree, ray, query),
-            (Isa::Portable, Precision::Fast) => traverse::run::<_, Q, false>(Portable, &self.tree, ray, query),
+            (Isa::Avx2(unit), Precision::Fast) => avx2::run::<Q, false>(unit, &self.tree, ray, time, query),
+            (Isa::Portable, Precision::Robust) => traverse::run::<_, Q, true>(Portable, &self.tree, ray, time, query),
+            (Isa::Portable, Precision::Fast) => traverse::run::<_, Q, false>(Portable, &self.tree, ray, time, query),
         }
     }
 }
@@ -153,7 +190,7 @@ mod tests {
     use glam::{Affine3A, Vec3};
 
     use super::*;
-    use crate::SplitMix64;
+    use crate::{KeySpan, MeshKeyGeometry, MovingTransform, SphereKeyGeometry, SplitMix64};
     use proptest::prelude::*;
 
     impl Accel {
@@ -239,6 +276,134 @@ mod tests {
             }
             assert!((600..2300).contains(&hits), "{hits} of 2400 rays hit something");
         }
+    }
+
+    /// Moving instances, vertices and spheres, and the same geometry as it is at a time.
+    fn commotion(
+        random: &mut SplitMix64,
+    ) -> (Vec<Vec<Vec3>>, Vec<[u32; 3]>, [MovingTransform; 2], [[SphereGeometry; 2]; 2]) {
+        let (positions, triangles) = clutter(random, 2000);
+        let mut point = |size: f32| Vec3::from_array([(); 3].map(|()| size * (2.0 * random.unit_f32() - 1.0)));
+        let waved = |positions: &[Vec3], point: &mut dyn FnMut(f32) -> Vec3| {
+            positions
+                .chunks(3)
+                .flat_map(|corners| {
+                    let by = point(0.3);
+                    corners.iter().map(move |&p| p + by).collect::<Vec<_>>()
+                })
+                .collect::<Vec<Vec3>>()
+        };
+        let second = waved(&positions, &mut point);
+        let third = waved(&second, &mut point);
+        let mut pose = || {
+            let axis = point(1.0).normalize_or(Vec3::X);
+            let turn = glam::Quat::from_axis_angle(axis, 2.0 * point(1.0).x);
+            Affine3A::from_scale_rotation_translation(Vec3::splat(0.7) + point(0.3), turn, point(1.5))
+        };
+        let moving = [(); 2].map(|()| MovingTransform::new(&[(-0.2, pose()), (0.4, pose()), (1.0, pose())]).unwrap());
+        let mut sphere = || SphereGeometry { center: point(2.0), radius: 0.2 + point(0.1).x.abs() };
+        let spheres = [(); 2].map(|()| [sphere(), sphere()]);
+        (vec![positions, second, third], triangles, moving, spheres)
+    }
+
+    #[test]
+    fn moving_geometry_is_hit_where_it_is_at_the_time() {
+        let mut random = SplitMix64::new(11);
+        let (keys, triangles, moving, spheres) = commotion(&mut random);
+        let still = MeshGeometry { positions: &keys[0], triangles: &triangles };
+        let times = [0.0, 0.3, 1.0];
+        let mesh_keys = keys.iter().zip(times).map(|(positions, time)| MeshKeyGeometry { time, positions }).collect();
+        // A still mesh that moves, a waving mesh that stands, and a waving one that moves
+        let instances = [(0, Affine3A::IDENTITY), (1, moving[1].at(0.5)), (1, Affine3A::IDENTITY)];
+        let instances = instances.map(|(mesh, map)| instance(mesh, map));
+        let sphere_keys = |ends: [SphereGeometry; 2]| {
+            [0.0, 1.0].iter().zip(ends).map(|(&time, sphere)| SphereKeyGeometry { time, sphere }).collect()
+        };
+        let motion = MotionGeometry {
+            instances: vec![(0, moving[0].clone()), (2, moving[1].clone())],
+            meshes: vec![(1, mesh_keys)],
+            spheres: vec![(0, sphere_keys(spheres[0])), (1, sphere_keys(spheres[1]))],
+        };
+        for precision in [Precision::Robust, Precision::Fast] {
+            let options = BuildOptions { precision, threads: 1, ..BuildOptions::default() };
+            let firsts = spheres.map(|ends| ends[0]);
+            let build = || Accel::build_moving(&[still, still], &instances, &firsts, &motion, &options).unwrap();
+            let (own, portable) = (build(), build().portable());
+            let (mut hits, mut others) = (0, 0);
+            for time in [0.0, 0.1, 0.3, 0.55, 0.9, 1.0] {
+                // The same geometry, built as it is at that time
+                let KeySpan { key, share } = KeySpan::find(&times, time);
+                let posed: Vec<Vec3> =
+                    keys[key].iter().zip(&keys[key + 1]).map(|(&a, &b)| a * (1.0 - share) + b * share).collect();
+                let waving = MeshGeometry { positions: &posed, triangles: &triangles };
+                let mut at = instances;
+                (at[0].world_from_object, at[2].world_from_object) = (moving[0].at(time), moving[1].at(time));
+                let balls = spheres.map(|[a, b]| SphereGeometry {
+                    center: a.center * (1.0 - time) + b.center * time,
+                    radius: a.radius * (1.0 - time) + b.radius * time,
+                });
+                let then = Accel::build(&[still, waving], &at, &balls, &options).unwrap();
+                let inside = own.bounds();
+                let bounds = then.bounds();
+                assert!(inside.min.cmple(bounds.min).all() && inside.max.cmpge(bounds.max).all());
+                for _ in 0..400 {
+                    let mut next = || Vec3::from_array([(); 3].map(|()| 2.0 * random.unit_f32() - 1.0));
+                    let (from, to) = (next() * 3.0, next());
+                    let ray = Ray::new(from, to - from);
+                    let (found, expected) = (own.intersect_at(&ray, time), then.intersect(&ray));
+                    assert_eq!(found, portable.intersect_at(&ray, time));
+                    assert_eq!(found.is_some(), own.occluded_at(&ray, time));
+                    assert_eq!(found, own.intersect_filtered_at(&ray, time, |_| true));
+                    hits += u32::from(found.is_some());
+                    let is_near = (found.t - expected.t).abs() < 1e-4 * (1.0 + expected.t) || found.t == expected.t;
+                    // Rays along an edge may hit either side of it
+                    others += u32::from(
+                        (found.instance, found.primitive) != (expected.instance, expected.primitive) || !is_near,
+                    );
+                }
+            }
+            assert!(hits > 600 && others < 4, "{hits} {others}");
+        }
+    }
+
+    #[test]
+    fn motion_that_cannot_be_followed_is_refused() {
+        let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let mesh = MeshGeometry { positions: &positions, triangles: &[[0, 1, 2]] };
+        let sphere = SphereGeometry { center: Vec3::ZERO, radius: 1.0 };
+        let build = |motion: MotionGeometry<'_>| {
+            let instances = [instance(0, Affine3A::IDENTITY)];
+            Accel::build_moving(&[mesh], &instances, &[sphere], &motion, &BuildOptions::default()).map(drop)
+        };
+        let key = |time: f32, positions: &'static [Vec3]| MeshKeyGeometry { time, positions };
+        static TWO: [Vec3; 2] = [Vec3::ZERO, Vec3::X];
+        static THREE: [Vec3; 3] = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let meshes =
+            |keys: Vec<MeshKeyGeometry<'static>>| MotionGeometry { meshes: vec![(0, keys)], ..Default::default() };
+        assert!(build(meshes(vec![key(0.0, &THREE), key(1.0, &THREE)])).is_ok());
+        assert!(build(meshes(vec![key(0.0, &THREE)])).is_err());
+        assert!(build(meshes(vec![key(0.0, &THREE), key(0.0, &THREE)])).is_err());
+        assert!(build(meshes(vec![key(0.0, &THREE), key(1.0, &TWO)])).is_err());
+        let still = MovingTransform::new(&[(0.0, Affine3A::IDENTITY)]).unwrap();
+        let skew = glam::Mat3::from_cols(Vec3::X, Vec3::new(1.0, 1e-8, 0.0), Vec3::Z);
+        let flat = MovingTransform::new(&[(0.0, Affine3A::from_mat3(skew))]).unwrap();
+        let instances = |list| MotionGeometry { instances: list, ..Default::default() };
+        assert!(build(instances(vec![(0, still.clone())])).is_ok());
+        assert!(build(instances(vec![(1, still.clone())])).is_err());
+        assert!(build(instances(vec![(0, still.clone()), (0, still)])).is_err());
+        assert!(build(instances(vec![(0, flat)])).is_err());
+        let bad = SphereKeyGeometry { time: 1.0, sphere: SphereGeometry { radius: f32::NAN, ..sphere } };
+        let keys = vec![SphereKeyGeometry { time: 0.0, sphere }, bad];
+        assert!(build(MotionGeometry { spheres: vec![(0, keys)], ..Default::default() }).is_err());
+        let mut accel = Accel::build_moving(
+            &[mesh],
+            &[instance(0, Affine3A::IDENTITY)],
+            &[],
+            &meshes(vec![key(0.0, &THREE), key(1.0, &THREE)]),
+            &BuildOptions::default(),
+        )
+        .unwrap();
+        assert_eq!(accel.refit(&[mesh], &[instance(0, Affine3A::IDENTITY)], &[]), Err(BuildError::Changed));
     }
 
     /// Coordinates, often integers and −0, which tend to expose errors.

@@ -10,6 +10,7 @@ mod bins;
 mod collapse;
 mod emit;
 mod item;
+mod moving;
 mod presplit;
 pub(crate) mod refit;
 mod reinsert;
@@ -21,6 +22,8 @@ pub use bins::Binary;
 use crate::arena::Arena;
 use crate::geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::instance::{self, Affine};
+use crate::motion::MotionGeometry;
+use crate::moving_tree::{KeyTrees, SphereMotion, TreeMotion};
 use crate::tree::{Child, PlacedTree, SceneTrees, Sphere, TriangleBlock, WIDTH, WideNode};
 use crate::{Aabb, Hit};
 use glam::Vec3;
@@ -49,11 +52,13 @@ pub(crate) fn build(
     meshes: &[MeshGeometry<'_>],
     instances: &[InstanceGeometry],
     spheres: &[SphereGeometry],
+    motion: &MotionGeometry<'_>,
     options: &BuildOptions,
 ) -> Result<BuiltTree, BuildError> {
     with_threads(options.threads, |parallel| {
         instance::validate(meshes, instances, spheres)?;
-        TreeBuilder { meshes, instances, options, parallel, tree: empty_tree() }.build(spheres)
+        moving::validate(meshes, instances, spheres, motion)?;
+        TreeBuilder { meshes, instances, motion, options, parallel, tree: empty_tree() }.build(spheres)
     })
 }
 
@@ -71,12 +76,20 @@ fn with_threads<T: Send>(threads: usize, run: impl Fn(bool) -> T + Sync) -> T {
 }
 
 fn empty_tree() -> SceneTrees {
-    SceneTrees { arena: Arena::new(), spheres: Vec::new(), placed: Vec::new(), root: Child::EMPTY, flat: Vec::new() }
+    SceneTrees {
+        arena: Arena::new(),
+        spheres: Vec::new(),
+        placed: Vec::new(),
+        root: Child::EMPTY,
+        flat: Vec::new(),
+        motion: TreeMotion::default(),
+    }
 }
 
 struct TreeBuilder<'a> {
     meshes: &'a [MeshGeometry<'a>],
     instances: &'a [InstanceGeometry],
+    motion: &'a MotionGeometry<'a>,
     options: &'a BuildOptions,
     parallel: bool,
     tree: SceneTrees,
@@ -84,7 +97,7 @@ struct TreeBuilder<'a> {
 
 impl TreeBuilder<'_> {
     fn build(mut self, spheres: &[SphereGeometry]) -> Result<BuiltTree, BuildError> {
-        let inverses = self.choose_shared();
+        let inverses = self.choose_shared()?;
         let flat: Vec<usize> = (0..self.instances.len()).filter(|&i| inverses[i].is_none()).collect();
         let parts = [self.instance_tree(&inverses)?, self.world_triangles(&flat)?, self.sphere_tree(spheres)?];
         let bounds = parts.iter().fold(Aabb::EMPTY, |b, part| b.union(&part.1));
@@ -94,7 +107,7 @@ impl TreeBuilder<'_> {
     }
 
     /// Returns for each instance the map from world to object space, or `None` if it is flattened into the world.
-    fn choose_shared(&self) -> Vec<Option<Affine>> {
+    fn choose_shared(&self) -> Result<Vec<Option<Affine>>, BuildError> {
         let mut uses = vec![0usize; self.meshes.len()];
         for instance in self.instances {
             uses[instance.mesh as usize] += 1;
@@ -106,32 +119,63 @@ impl TreeBuilder<'_> {
         let inverse = |i: &InstanceGeometry| {
             shared(i.mesh as usize).then(|| Affine::new(&i.world_from_object).inverse()).flatten()
         };
-        self.instances.iter().map(inverse).collect()
+        let mut inverses: Vec<Option<Affine>> = self.instances.iter().map(inverse).collect();
+        // What moves is not flattened
+        for (index, instance) in self.instances.iter().enumerate() {
+            let moving = self.motion.instances.binary_search_by_key(&(index as u32), |moving| moving.0).ok();
+            let map = match moving {
+                Some(place) => self.motion.instances[place].1.at(0.0),
+                None if self.keys_of(instance.mesh as usize).is_some() => instance.world_from_object,
+                None => continue,
+            };
+            let problem = "its transform flattens it";
+            let inverse = Affine::new(&map).inverse();
+            inverses[index] = Some(inverse.ok_or(BuildError::BadMotion { what: "instance", index, problem })?);
+        }
+        Ok(inverses)
     }
 
     /// Builds the trees of the shared meshes, and one over their instances.
     fn instance_tree(&mut self, inverses: &[Option<Affine>]) -> Result<(Child, Aabb), BuildError> {
-        let mut roots: Vec<Option<(Child, Aabb)>> = vec![None; self.meshes.len()];
+        let mut roots: Vec<Option<(Child, Aabb, Option<KeyTrees>)>> = vec![None; self.meshes.len()];
         let mut items = Vec::new();
         for (index, inverse) in inverses.iter().enumerate() {
             let Some(inverse) = inverse else { continue };
             let mesh = self.instances[index].mesh as usize;
-            let (root, bounds) = match roots[mesh] {
-                Some(known) => known,
-                None => *roots[mesh].insert(self.mesh_tree(mesh)?),
+            let (root, bounds, keys) = match &roots[mesh] {
+                Some(known) => known.clone(),
+                None => roots[mesh].insert(self.mesh_trees(mesh)?).clone(),
             };
             if root == Child::EMPTY {
                 continue;
             }
-            let bounds = Affine::new(&self.instances[index].world_from_object).bounds(&bounds);
+            let (bounds, motion) = match self.placed_motion(index, &bounds, keys) {
+                None => (Affine::new(&self.instances[index].world_from_object).bounds(&bounds), PlacedTree::STILL),
+                Some(motion) => {
+                    let bounds = motion.boxes.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds));
+                    self.tree.motion.placements.push(motion);
+                    (bounds, self.tree.motion.placements.len() as u32 - 1)
+                }
+            };
             if !(bounds.min.is_finite() && bounds.max.is_finite()) {
                 return Err(BuildError::TransformNotFinite { instance: index });
             }
             items.push(Item::new(&bounds, self.tree.placed.len() as u32));
-            self.tree.placed.push(PlacedTree { object_from_world: inverse.rows, root, instance: index as u32 });
+            self.tree.placed.push(PlacedTree { object_from_world: inverse.rows, root, instance: index as u32, motion });
         }
         emit::check("instances", self.tree.placed.len())?;
         self.single_item_tree(&mut items, Child::instance)
+    }
+
+    /// Builds the tree of a mesh, or those of its keys if its vertices move.
+    fn mesh_trees(&mut self, mesh: usize) -> Result<(Child, Aabb, Option<KeyTrees>), BuildError> {
+        let motion = self.motion;
+        if let Ok(place) = motion.meshes.binary_search_by_key(&(mesh as u32), |moving| moving.0) {
+            let moving::MovingMesh { root, bounds, keys } = self.moving_mesh_tree(mesh, &motion.meshes[place].1)?;
+            return Ok((root, bounds, Some(keys)));
+        }
+        let (root, bounds) = self.mesh_tree(mesh)?;
+        Ok((root, bounds, None))
     }
 
     fn mesh_tree(&mut self, mesh: usize) -> Result<(Child, Aabb), BuildError> {
@@ -208,7 +252,14 @@ impl TreeBuilder<'_> {
         let mut items = Vec::new();
         for (index, s) in spheres.iter().enumerate() {
             self.tree.spheres.push(Sphere { center: s.center.to_array(), radius: s.radius });
-            if s.radius > 0.0 {
+            let moving = self.motion.spheres.binary_search_by_key(&(index as u32), |moving| moving.0);
+            if let Ok(place) = moving {
+                let keys = &self.motion.spheres[place].1;
+                let around = |bounds: Aabb, s: &SphereGeometry| bounds.union(&Aabb::around(s.center, s.radius));
+                let bounds = keys.iter().fold(Aabb::EMPTY, |bounds, key| around(bounds, &key.sphere));
+                self.tree.motion.spheres.push((index as u32, SphereMotion::new(keys)));
+                items.push(Item::new(&padded(&bounds), index as u32));
+            } else if s.radius > 0.0 {
                 items.push(Item::new(&Aabb::around(s.center, s.radius), index as u32));
             }
         }
@@ -245,6 +296,12 @@ impl TreeBuilder<'_> {
         *self.tree.arena.at_mut(line) = node;
         Child::node(line)
     }
+}
+
+/// Returns a box with room for the rounding of an interpolation.
+fn padded(bounds: &Aabb) -> Aabb {
+    let room = bounds.min.abs().max(bounds.max.abs()) * (4.0 * f32::EPSILON);
+    Aabb { min: bounds.min - room, max: bounds.max + room }
 }
 
 /// Returns true if a triangle has no area. In double precision both products of each component round alike, so

@@ -106,6 +106,16 @@ pub enum BuildError {
         /// Index of the sphere.
         sphere: usize,
     },
+    /// Something that moves has keys that cannot be followed.
+    #[error("{what} {index} moves, but {problem}")]
+    BadMotion {
+        /// Kind of part, such as "mesh".
+        what: &'static str,
+        /// Its index.
+        index: usize,
+        /// What is wrong.
+        problem: &'static str,
+    },
     /// A refit has other geometry than the build, or flattens an instance to nothing.
     #[error("meshes, instances or spheres are others than those built: build again instead of refitting")]
     Changed,

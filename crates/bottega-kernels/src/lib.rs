@@ -21,6 +21,7 @@
 //! | traversal: closest hit and occlusion, one source for all vector units | `src/traverse.rs`, `src/traverse/` |
 //! | tree build; binary trees for other node formats | `src/build.rs`, `src/build/`; `src/build/binary.rs` |
 //! | the tree in memory | `src/tree.rs`, `src/arena.rs` |
+//! | geometry that moves; its trees | `src/motion.rs`; `src/moving_tree.rs`, `src/build/moving.rs`, `src/traverse/moving.rs` |
 //! | bit-identical functions; SplitMix64 | `src/math.rs`; `src/split_mix.rs` |
 //! | other code compiled for the available vector unit | `src/compiled.rs` |
 //! | tests against brute force; rays that must not leave closed meshes | `tests/rays.rs`; `tests/support/leaks.rs`,
@@ -35,6 +36,8 @@ pub mod compiled;
 mod geometry;
 mod instance;
 mod memory;
+mod motion;
+mod moving_tree;
 mod ray;
 mod split_mix;
 mod traverse;
@@ -44,5 +47,6 @@ pub use accel::Accel;
 pub use build::{Binary, BinaryTree, Shape};
 pub use geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, Precision, SphereGeometry};
 pub use memory::prefetch;
+pub use motion::{KeySpan, MeshKeyGeometry, MotionGeometry, MovingTransform, SphereKeyGeometry};
 pub use ray::{Aabb, Hit, Ray};
 pub use split_mix::{SplitMix64, mix64};

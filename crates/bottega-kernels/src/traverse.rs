@@ -13,6 +13,7 @@
 //! is monotone). So the lowest (t, instance, primitive) wins in any order.
 
 pub(crate) mod lanes;
+mod moving;
 pub(crate) mod portable;
 pub(crate) mod setup;
 mod sphere;
@@ -22,9 +23,11 @@ mod triangle;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
 
+use crate::moving_tree::KeyPose;
 use crate::tree::{Child, PlacedTree, SceneTrees, TriangleBlock, WIDTH, WideNode};
 use crate::{Hit, Ray};
 use lanes::{LaneJob, Lanes};
+use moving::KeysJob;
 use setup::Wide;
 use stack::{Stack, Storage};
 use triangle::BlockHits;
@@ -154,15 +157,21 @@ impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for OddJob<'_, S, Q, ROBUST
 /// Traverses the whole scene. Returns [`Hit::NONE`] if nothing was hit; for [`Query::ANY`] only `is_some` is
 /// meaningful.
 #[inline(always)]
-pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
+pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(
+    s: S,
+    tree: &SceneTrees,
+    ray: &Ray,
+    time: f32,
+    query: &mut Q,
+) -> Hit {
     let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
     if ray.t_max.is_nan() || ray.t_max <= t_min {
         return Hit::NONE;
     }
     let [u, v, det] = [[0.0; WIDTH]; 3];
     let mut best = NearestHit { t: ray.t_max, space: WORLD, id: NOTHING, lane: 0, u, v, det };
-    let found =
-        Walk::<S, ROBUST> { s, tree, ray, t_min, space: WORLD }.walk::<Q, true>(tree.root, t_min, query, &mut best);
+    let walk = Walk::<S, ROBUST> { s, tree, ray, t_min, time, space: WORLD, pose: KeyPose::NONE };
+    let found = walk.walk::<Q, true, false>(tree.root, t_min, query, &mut best);
     if !found {
         return Hit::NONE;
     }
@@ -175,20 +184,34 @@ pub(crate) fn run<S: Lanes, Q: Query, const ROBUST: bool>(s: S, tree: &SceneTree
 }
 
 /// The constant state of traversing one tree.
+#[derive(Clone, Copy)]
 struct Walk<'a, S, const ROBUST: bool> {
     s: S,
     tree: &'a SceneTrees,
     /// The ray in the tree's space.
     ray: &'a Ray,
     t_min: f32,
+    /// Time of the ray.
+    time: f32,
     /// [`WORLD`] or an instance.
     space: u32,
+    /// The place of the time between the trees of a mesh whose vertices move.
+    pose: KeyPose,
 }
 
 impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     /// Traverses the tree below `root`, which the ray enters at `floor`. Returns true if `best` was improved.
+    ///
+    /// - `TOP`: the tree of the world, which has spheres and instances.
+    /// - `KEYS`: trees of a mesh whose vertices move.
     #[inline(always)]
-    fn walk<Q: Query, const TOP: bool>(&self, root: Child, floor: f32, query: &mut Q, best: &mut NearestHit) -> bool {
+    fn walk<Q: Query, const TOP: bool, const KEYS: bool>(
+        &self,
+        root: Child,
+        floor: f32,
+        query: &mut Q,
+        best: &mut NearestHit,
+    ) -> bool {
         let s = self.s;
         // Prepare the ray for the box and triangle tests
         let Some(wide) = Wide::<S, ROBUST>::new(s, self.ray, floor, self.t_min) else { return false };
@@ -200,11 +223,15 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         loop {
             if current.is_node() {
                 query.visit();
-                let node = self.tree.node(current);
+                let node = if KEYS { self.key_node(current) } else { self.tree.node(current) };
                 // Prefetch the children, needed once the boxes are tested.
                 s.prefetch::<1>((&raw const node.children).cast());
                 // Test the boxes of the children, and continue with the nearest
-                let (near, miss) = wide.boxes(s, &node.planes, limit);
+                let (near, miss) = if KEYS {
+                    wide.boxes(s, &self.planes_between_keys(current), limit)
+                } else {
+                    wide.boxes(s, &node.planes, limit)
+                };
                 if let Some(next) = self.choose::<Q>(node, near, miss, wide.octant, &mut stack) {
                     (current, entry) = next;
                     continue;
@@ -216,7 +243,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
                         break;
                     }
                     query.visit();
-                    self.triangles(current, entry, &wide, limit, query, best)
+                    self.triangles::<Q, KEYS>(current, entry, &wide, limit, query, best)
                 } else if current == Child::EMPTY {
                     break;
                 } else {
@@ -299,7 +326,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
 
     /// Tests a block of triangles. Returns true if `best` was improved.
     #[inline(always)]
-    fn triangles<Q: Query>(
+    fn triangles<Q: Query, const KEYS: bool>(
         &self,
         leaf: Child,
         entry: f32,
@@ -309,7 +336,13 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
         best: &mut NearestHit,
     ) -> bool {
         let s = self.s;
-        let block = self.tree.block(leaf);
+        let between;
+        let block = if KEYS {
+            between = self.block_between_keys(leaf);
+            &between
+        } else {
+            self.tree.block(leaf)
+        };
         // Test all triangles of the block
         let Some(BlockHits { t, u, v, det, mut bits }) = wide.triangles(s, block, limit) else { return false };
         if Q::BLIND {
@@ -348,7 +381,8 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     }
 
     fn sphere<Q: Query>(&self, index: usize, entry: f32, query: &mut Q, best: &mut NearestHit) -> bool {
-        let sphere = &self.tree.spheres[index];
+        let moved = self.tree.motion.sphere(index, self.time);
+        let sphere = moved.as_ref().unwrap_or(&self.tree.spheres[index]);
         let space = Hit::SPHERE | index as u32;
         for t in sphere::roots(sphere, self.ray) {
             if t.is_nan() || t <= self.t_min {
@@ -373,12 +407,25 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     #[inline(always)]
     fn instance<Q: Query>(&self, placed: &PlacedTree, entry: f32, query: &mut Q, best: &mut NearestHit) -> bool {
         let ([ox, oy, oz], [dx, dy, dz]) = (self.ray.origin.to_array(), self.ray.direction.to_array());
-        let m = &placed.object_from_world;
+        let moved;
+        let (mut m, mut keys) = (&placed.object_from_world, None);
+        // Find the pose of a moving instance
+        if placed.motion != PlacedTree::STILL {
+            let motion = &self.tree.motion.placements[placed.motion as usize];
+            let Some(map) = motion.object_from_world(m, self.ray, self.time) else { return false };
+            moved = map;
+            (m, keys) = (&moved, motion.keys.as_ref());
+        }
         // Transform the ray to object space
         let origin = m.map(|r| r[0] * ox + r[1] * oy + r[2] * oz + r[3]);
         let direction = m.map(|r| r[0] * dx + r[1] * dy + r[2] * dz);
         let ray = Ray { origin: origin.into(), direction: direction.into(), ..*self.ray };
-        Walk::<S, ROBUST> { s: self.s, tree: self.tree, ray: &ray, t_min: self.t_min, space: placed.instance }
-            .walk::<Q, false>(placed.root, entry, query, best)
+        let pose = keys.map_or(KeyPose::NONE, |keys| keys.at(self.time));
+        let walk = Walk::<S, ROBUST> { ray: &ray, space: placed.instance, pose, ..*self };
+        if keys.is_some() {
+            self.s.apart(KeysJob { walk: &walk, root: placed.root, entry, query, best })
+        } else {
+            walk.walk::<Q, false, false>(placed.root, entry, query, best)
+        }
     }
 }

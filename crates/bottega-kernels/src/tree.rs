@@ -1,6 +1,7 @@
 //! The memory layout of the 8-wide tree.
 
 use crate::arena::{Arena, lines_of};
+use crate::moving_tree::TreeMotion;
 use crate::{Aabb, Precision};
 use bytemuck::{Pod, Zeroable};
 
@@ -189,6 +190,13 @@ pub(crate) struct PlacedTree {
     pub(crate) root: Child,
     /// Index of the instance in the caller's numbering.
     pub(crate) instance: u32,
+    /// Index into [`TreeMotion::placements`]; [`Self::STILL`]: nothing of it moves.
+    pub(crate) motion: u32,
+}
+
+impl PlacedTree {
+    /// The value of [`Self::motion`] of an instance that stands still.
+    pub(crate) const STILL: u32 = u32::MAX;
 }
 
 /// All trees of a scene.
@@ -203,6 +211,8 @@ pub(crate) struct SceneTrees {
     pub(crate) root: Child,
     /// Instances flattened into world space: number of the first triangle and instance, ascending in both.
     pub(crate) flat: Vec<(u32, u32)>,
+    /// What moves.
+    pub(crate) motion: TreeMotion,
 }
 
 impl SceneTrees {
@@ -224,6 +234,7 @@ impl SceneTrees {
             + self.spheres.capacity() * size_of::<Sphere>()
             + self.placed.capacity() * size_of::<PlacedTree>()
             + self.flat.capacity() * size_of::<(u32, u32)>()
+            + self.motion.memory_bytes()
     }
 
     /// Returns instance and primitive of a world-space triangle.

@@ -6,8 +6,8 @@ use bottega::{
     glam::Affine3A,
     scene::{
         Camera, CornerMesh, CurveLook, CurveStrands, Density, EditedLight, EntryKind, Environment, ImageId, Loaded,
-        Material, Medium, MediumId, PlacedObject, Placing, RenderHints, Scene, SceneEditor, Sphere, Variation,
-        Visibility, load, save_scene,
+        Material, Medium, MediumId, PlacedObject, Placing, RenderHints, Scene, SceneEditor, Shutter, Sphere,
+        TransformKey, Variation, Visibility, load, save_scene,
     },
 };
 use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
@@ -22,6 +22,9 @@ use crate::{
     values::path_of,
     waiting::Caller,
 };
+
+/// A key of a moving mesh: time, positions and normals.
+type MeshKeyInput<'py> = (f64, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>);
 
 /// A scene in memory. The Python class `bottega.Scene` wraps it; values come and go as JSON, arrays as they are.
 #[pyclass(name = "Scene", module = "bottega._native", frozen)]
@@ -237,7 +240,7 @@ impl PyScene {
     /// Adds or replaces a mesh by corner.
     #[pyo3(signature = (
         key, positions, triangles, corner_vertices, normals, uvs, uvs2, colors, triangle_materials, materials, drop_empty,
-        is_new
+        is_new, motion
     ))]
     fn put_mesh(
         &self,
@@ -253,6 +256,7 @@ impl PyScene {
         materials: Vec<String>,
         drop_empty: bool,
         is_new: bool,
+        motion: Vec<MeshKeyInput<'_>>,
     ) -> PyResult<()> {
         let positions = InputArray::<f32>::table("positions", positions, 3)?;
         let triangles = InputArray::<i32>::table("triangles", triangles, 3)?;
@@ -271,7 +275,21 @@ impl PyScene {
             triangle_materials: slots.as_ref().map(InputArray::values).transpose()?,
             drop_empty,
         };
-        let put = self.editor().put_mesh(key, &mesh, materials, placing(is_new));
+        let mut keys = Vec::with_capacity(motion.len());
+        for (time, positions, normals) in &motion {
+            let positions = InputArray::<f32>::table("motion", positions, 3)?;
+            keys.push((*time, positions, InputArray::<f32>::maybe("motion", normals.as_ref(), 3)?));
+        }
+        let mut moved = Vec::with_capacity(keys.len());
+        for (time, positions, key_normals) in &keys {
+            let normals = maybe_rows(key_normals.as_ref())?.or(mesh.normals);
+            moved.push((*time, CornerMesh { positions: positions.rows()?, normals, ..mesh }));
+        }
+        let put = if moved.is_empty() {
+            self.editor().put_mesh(key, &mesh, materials, placing(is_new))
+        } else {
+            self.editor().put_moving_mesh(key, &mesh, &moved, materials, placing(is_new))
+        };
         put.map_err(|error| errors::edit(&error))
     }
 
@@ -333,6 +351,7 @@ impl PyScene {
         let object = PlacedObject {
             mesh,
             transforms: self::transforms(transforms)?,
+            motion: Vec::new(),
             materials,
             instance_materials: choice.iter().map(|&choice| choice as u32).collect(),
             hidden,
@@ -388,6 +407,43 @@ impl PyScene {
     fn move_object(&self, key: &str, transforms: &Bound<'_, PyAny>) -> PyResult<()> {
         let transforms = self::transforms(transforms)?;
         self.editor().move_object(key, transforms).map_err(|error| errors::edit(&error))
+    }
+
+    /// Sets the path of an object: times, and its matrices then.
+    fn set_object_motion(&self, key: &str, motion: Vec<(f64, Bound<'_, PyAny>)>) -> PyResult<()> {
+        let key_of = |(time, matrices): &(f64, Bound<'_, PyAny>)| Ok((*time, self::transforms(matrices)?));
+        let motion = motion.iter().map(key_of).collect::<PyResult<Vec<_>>>()?;
+        self.editor().set_object_motion(key, motion).map_err(|error| errors::edit(&error))
+    }
+
+    /// Sets the path of a camera or a light: times, and the matrix then.
+    fn set_motion(&self, kind: &str, key: &str, motion: Vec<(f64, Bound<'_, PyAny>)>) -> PyResult<()> {
+        let mut keys = Vec::with_capacity(motion.len());
+        for (time, matrix) in &motion {
+            let [transform] = self::transforms(matrix)?[..] else {
+                return Err(PyValueError::new_err("a key has one matrix, (4, 4)"));
+            };
+            keys.push(TransformKey { time: *time, transform });
+        }
+        self.editor().set_motion(kind_of(kind)?, key, keys).map_err(|error| errors::edit(&error))
+    }
+
+    /// Sets the path of a sphere: times, centers and radii.
+    fn set_sphere_motion(&self, key: &str, motion: Vec<(f64, [f32; 3], f32)>) -> PyResult<()> {
+        let motion = motion.into_iter().map(|(time, center, radius)| (time, center.into(), radius)).collect();
+        self.editor().set_sphere_motion(key, motion).map_err(|error| errors::edit(&error))
+    }
+
+    /// Returns when the shutter opens and is closed, and its ramp.
+    fn shutter(&self) -> (f64, f64, f64) {
+        let Shutter { open, close, ramp } = self.editor().shutter();
+        (open, close, ramp)
+    }
+
+    /// Sets when the shutter opens and is closed, and its ramp.
+    #[pyo3(signature = (open, close, ramp = 0.0))]
+    fn set_shutter(&self, open: f64, close: f64, ramp: f64) -> PyResult<()> {
+        self.editor().set_shutter(Shutter { open, close, ramp }).map_err(|error| errors::edit(&error))
     }
 
     /// Adds or replaces an image.

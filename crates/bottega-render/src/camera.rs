@@ -1,9 +1,9 @@
 //! Camera rays: perspective and orthographic cameras with thin lens, panoramas.
 
-use bottega_kernels::math;
+use bottega_kernels::{MovingTransform, math};
 use bottega_scene::{Camera, Clip, Panorama, Projection};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
-use std::f32::consts::PI;
+use std::{f32::consts::PI, sync::Arc};
 
 use crate::{
     flat::{CameraRecord, code},
@@ -64,6 +64,8 @@ pub struct CameraRays {
     focus_distance: f32,
     cone: RayCone,
     clip: Clip,
+    /// The path of the camera while the shutter is open; `None`: it stands still.
+    motion: Option<Arc<MovingTransform>>,
 }
 
 /// The kind of projection.
@@ -108,7 +110,13 @@ impl CameraRays {
             focus_distance: camera.focus_distance,
             cone,
             clip: if matches!(kind, ProjectionKind::Panorama(_)) { Clip::NONE } else { camera.clip },
+            motion: None,
         }
+    }
+
+    /// Returns these rays for a camera that moves.
+    pub(crate) fn moving(self, motion: Option<MovingTransform>) -> Self {
+        Self { motion: motion.map(Arc::new), ..self }
     }
 
     /// Returns the record of the camera, see [`FlatPicture`](crate::flat::FlatPicture).
@@ -140,6 +148,19 @@ impl CameraRays {
     /// - `lens`: random numbers for the position on the lens, if it has a radius.
     #[inline(always)]
     pub fn ray(&self, place: Vec2, lens: [f32; 2]) -> CameraRay {
+        self.ray_from(&self.world_from_camera, place, lens)
+    }
+
+    /// Returns the ray through a position of the picture at a time of the shutter, from 0 to 1; see [`Self::ray`].
+    pub(crate) fn ray_at(&self, place: Vec2, lens: [f32; 2], time: f32) -> CameraRay {
+        match &self.motion {
+            None => self.ray(place, lens),
+            Some(motion) => self.ray_from(&motion.at(time), place, lens),
+        }
+    }
+
+    #[inline(always)]
+    fn ray_from(&self, world_from_camera: &Affine3A, place: Vec2, lens: [f32; 2]) -> CameraRay {
         let offset = place * self.double_pixel - 1.0;
         let film = (Vec2::new(offset.x, -offset.y) - self.lens_shift) * self.half_extent;
         // Map the film position to a ray in camera space
@@ -163,8 +184,8 @@ impl CameraRays {
             origin += direction * (self.clip.near / -direction.z);
         }
         CameraRay {
-            origin: self.world_from_camera.transform_point3(origin),
-            direction: self.world_from_camera.transform_vector3(direction).normalize(),
+            origin: world_from_camera.transform_point3(origin),
+            direction: world_from_camera.transform_vector3(direction).normalize(),
             cone: self.cone,
             start,
             reach,

@@ -22,9 +22,9 @@ pub enum RenderError {
     /// The scene violates an invariant of the model, such as an index out of range.
     #[error("the scene is not sound")]
     UnsoundScene(#[source] Box<bottega_scene::SceneError>),
-    /// Photon mapping does not support the scene's media.
+    /// Photon mapping does not support the scene's media, or its motion.
     #[error(
-        "photons and lighting agents know nothing of media that scatter, emit or have no surface, nor of what is visible after some kinds of bounce alone; paint this scene by path tracing"
+        "photons and lighting agents know nothing of media that scatter, emit or have no surface, nor of what is visible after some kinds of bounce alone, nor of motion blur; paint this scene by path tracing"
     )]
     PhotonsInMedia,
     /// The acceleration structure cannot be built.

@@ -81,6 +81,9 @@ pub enum NotFlat {
     /// An environment behind portals.
     #[error("an environment behind portals")]
     Portals,
+    /// Motion while the shutter is open.
+    #[error("motion blur")]
+    Motion,
     /// More words than a `u32` offset can address.
     #[error("more than 2³² words of geometry")]
     TooMuch,
@@ -101,6 +104,9 @@ impl FlatScene {
         }
         if prepared.has_panes() {
             missing.push(NotFlat::Panes);
+        }
+        if prepared.moves() {
+            missing.push(NotFlat::Motion);
         }
         if prepared.scene().cameras.iter().any(|camera| camera.hides_emitters) {
             missing.push(NotFlat::HiddenEmitters);

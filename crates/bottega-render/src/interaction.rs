@@ -2,6 +2,7 @@
 
 mod curve;
 mod mesh;
+mod moving;
 mod relief;
 
 use bottega_kernels::{Hit, Ray, math};
@@ -9,11 +10,11 @@ use bottega_scene::{
     ColorParam, FacingCurves, Material, Relief, ReliefRule, ReliefSource, Scene, Spectrum, Sphere, Surface, TextureMap,
     Visibility,
 };
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Affine3A, Mat3, Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
 use curve::{CurveSurface, meeting};
-use mesh::{derivatives, footprint, interpolate, lift_off_facets, tangent_at, uvs_at};
+use mesh::{TriangleShape, derivatives, footprint, interpolate, lift_off_facets, tangent_at, uvs_at};
 pub(crate) use mesh::{request_triangle, request_vertices};
 use relief::{bumped_normal, mapped_normal};
 
@@ -82,17 +83,29 @@ impl Interaction {
     #[inline(always)]
     pub(crate) fn new(surfaces: &Surfaces, hit: &Hit, origin: Vec3, direction: Vec3, cone: RayCone) -> Self {
         match hit.sphere() {
-            Some(sphere) => Self::on_sphere(surfaces, sphere, hit, origin, direction, cone),
+            Some(sphere) => {
+                let sphere = &surfaces.scene().spheres[sphere as usize];
+                Self::on_sphere(surfaces, sphere, hit, origin, direction, cone)
+            }
             None => match &surfaces.mesh(hit.instance).curves {
-                None => Self::on_triangle(surfaces, hit, direction, cone),
-                Some(curves) => Self::on_curve(surfaces, curves, hit, (origin, direction), cone),
+                None => Self::on_still_triangle(surfaces, hit, direction, cone),
+                Some(curves) => {
+                    let world_from_object = &surfaces.scene().instances[hit.instance as usize].world_from_object;
+                    Self::on_curve(surfaces, curves, world_from_object, hit, (origin, direction), cone)
+                }
             },
         }
     }
 
-    fn on_sphere(surfaces: &Surfaces, index: u32, hit: &Hit, origin: Vec3, direction: Vec3, cone: RayCone) -> Self {
+    fn on_sphere(
+        surfaces: &Surfaces,
+        sphere: &Sphere,
+        hit: &Hit,
+        origin: Vec3,
+        direction: Vec3,
+        cone: RayCone,
+    ) -> Self {
         let scene = surfaces.scene();
-        let sphere = &scene.spheres[index as usize];
         let ng = (origin + hit.t * direction - sphere.center).normalize_or(-direction);
         let (material, known) = surfaces.material(sphere.material);
         let uv = if known.is_textured { sphere_uv(sphere, ng) } else { Vec2::ZERO };
@@ -137,11 +150,19 @@ impl Interaction {
 
     #[cold]
     #[inline(never)]
-    fn on_curve(surfaces: &Surfaces, curves: &FacingCurves, hit: &Hit, ray: (Vec3, Vec3), cone: RayCone) -> Self {
+    fn on_curve(
+        surfaces: &Surfaces,
+        curves: &FacingCurves,
+        world_from_object: &Affine3A,
+        hit: &Hit,
+        ray: (Vec3, Vec3),
+        cone: RayCone,
+    ) -> Self {
         let scene = &**surfaces.scene();
         let material_index = surfaces.material_of(hit.instance);
         let (material, known) = surfaces.material(material_index);
-        let CurveSurface { p, normal, tangent, uv, stretch, clearance } = CurveSurface::new(scene, curves, hit, ray);
+        let CurveSurface { p, normal, tangent, uv, stretch, clearance } =
+            CurveSurface::new(curves, world_from_object, hit, ray);
         let mut point = Self {
             p,
             p_outside: p,
@@ -166,25 +187,47 @@ impl Interaction {
     }
 
     #[inline(always)]
-    fn on_triangle(surfaces: &Surfaces, hit: &Hit, direction: Vec3, cone: RayCone) -> Self {
+    fn on_still_triangle(surfaces: &Surfaces, hit: &Hit, direction: Vec3, cone: RayCone) -> Self {
         let scene = &**surfaces.scene();
         let instance = &scene.instances[hit.instance as usize];
         let known_instance = surfaces.instance(hit.instance);
         let mesh = &scene.meshes[instance.mesh as usize];
         let triangle = mesh.triangles[hit.primitive as usize];
+        let pose = TrianglePose {
+            world_from_object: &instance.world_from_object,
+            world_from_normal: known_instance.world_from_normal,
+            scale: known_instance.scale,
+            corners: triangle.map(|vertex| mesh.positions[vertex as usize]),
+            normals: || triangle.map(|vertex| mesh.normals[vertex as usize]),
+        };
+        Self::on_triangle(surfaces, &pose, hit, direction, cone)
+    }
+
+    #[inline(always)]
+    fn on_triangle<N: Fn() -> [Vec3; 3]>(
+        surfaces: &Surfaces,
+        pose: &TrianglePose<'_, N>,
+        hit: &Hit,
+        direction: Vec3,
+        cone: RayCone,
+    ) -> Self {
+        let scene = &**surfaces.scene();
+        let instance = &scene.instances[hit.instance as usize];
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let triangle = mesh.triangles[hit.primitive as usize];
         let (u, v) = (hit.u, hit.v);
-        let [p0, p1, p2] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+        let [p0, p1, p2] = pose.corners;
         let (e1, e2) = (p1 - p0, p2 - p0);
         let local = p0 + e1 * u + e2 * v;
-        let to_normal = known_instance.world_from_normal;
+        let to_normal = pose.world_from_normal;
         // Twice the area, along the normal
         let area_vector = to_normal * e1.cross(e2);
         let ng = area_vector.normalize_or(-direction);
-        let p = instance.world_from_object.transform_point3(local);
+        let p = pose.world_from_object.transform_point3(local);
         let material_index = scene.material_of(instance);
         let (material, known) = surfaces.material(material_index);
         // Rounding errors of this hit and of the next test are relative to the triangle's size and to its position
-        let extent = e1.abs().max(e2.abs()).max_element() * known_instance.scale;
+        let extent = e1.abs().max(e2.abs()).max_element() * pose.scale;
         let mut point = Self {
             p,
             p_outside: p,
@@ -212,22 +255,24 @@ impl Interaction {
         // Interpolate the normal, and lift the origin of rays off the facets
         let mut ns = ng;
         if !mesh.normals.is_empty() {
-            let normals = triangle.map(|vertex| mesh.normals[vertex as usize]);
+            let normals = (pose.normals)();
             let smooth = normals[0] * (1.0 - u - v) + normals[1] * u + normals[2] * v;
             ns = (to_normal * smooth).normalize_or(ng);
             if !known.transmits {
                 let lift = lift_off_facets(local, &[p0, p1, p2], &normals, [1.0 - u - v, u, v], point.front);
-                point.p_outside = p + instance.world_from_object.transform_vector3(lift);
+                point.p_outside = p + pose.world_from_object.transform_vector3(lift);
             }
         }
         let sides = UvFrame {
             tangent: |uv_set| {
-                let (tangent, sign) = tangent_at(mesh, triangle, u, v, uv_set);
-                (instance.world_from_object.transform_vector3(tangent), sign)
+                let shape = TriangleShape { triangle, corners: pose.corners };
+                let (tangent, sign) = tangent_at(mesh, &shape, u, v, uv_set);
+                (pose.world_from_object.transform_vector3(tangent), sign)
             },
             derivatives: |uv_set| {
-                let derivatives = derivatives(mesh, triangle, uv_set)?;
-                Some(derivatives.map(|along| instance.world_from_object.transform_vector3(along)))
+                let shape = TriangleShape { triangle, corners: pose.corners };
+                let derivatives = derivatives(mesh, &shape, uv_set)?;
+                Some(derivatives.map(|along| pose.world_from_object.transform_vector3(along)))
             },
         };
         point.set_frames(scene, material, known, ns, &sides);
@@ -392,6 +437,18 @@ impl Interaction {
     }
 }
 
+/// A triangle as it is at a time.
+struct TrianglePose<'a, N> {
+    world_from_object: &'a Affine3A,
+    /// See [`PreparedInstance`](crate::surfaces::PreparedInstance).
+    world_from_normal: Mat3,
+    scale: f32,
+    /// Corners in object space.
+    corners: [Vec3; 3],
+    /// Returns the normals of the corners in object space; called only if the mesh has normals.
+    normals: N,
+}
+
 /// The parametrization of a surface by texture coordinates, as functions of the coordinate set.
 struct UvFrame<T, D> {
     /// Returns the tangent of increasing u, and the sign of its bitangent.
@@ -431,6 +488,12 @@ pub(crate) fn emitted(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32)
 
 /// Returns the opacity of a triangle at barycentric coordinates, in [0, 1].
 pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32)) -> f32 {
+    let world_from_object = &scene.instances[instance as usize].world_from_object;
+    posed_opacity_at(scene, instance, triangle, b, world_from_object)
+}
+
+/// Returns the opacity of a triangle of an instance with this transformation.
+fn posed_opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f32), world_from_object: &Affine3A) -> f32 {
     let instance = &scene.instances[instance as usize];
     let mesh = &scene.meshes[instance.mesh as usize];
     let vertices = mesh.triangles[triangle as usize];
@@ -442,7 +505,7 @@ pub(crate) fn opacity_at(scene: &Scene, instance: u32, triangle: u32, b: (f32, f
         return material.opacity_at(scene, uvs, 0.0, alpha);
     }
     let local = interpolate(&mesh.positions, vertices, b.0, b.1).unwrap_or_default();
-    let mapping_point = MappingPoint::sharp(instance.world_from_object.transform_point3(local));
+    let mapping_point = MappingPoint::sharp(world_from_object.transform_point3(local));
     material.opacity_at(scene, TexturePlace { uvs, mapping_point }, 0.0, alpha)
 }
 
@@ -526,6 +589,7 @@ fn visibility_of(scene: &Scene, hit: &Hit) -> Visibility {
 pub(crate) fn is_there(
     surfaces: &Surfaces,
     ray: &Ray,
+    time: f32,
     hit: &Hit,
     query: SurfaceQuery,
     chance: impl FnOnce(u64) -> f32,
@@ -533,42 +597,45 @@ pub(crate) fn is_there(
     if surfaces.has_visibility() && !visibility_of(surfaces.scene(), hit).has(query.ray()) {
         return false;
     }
-    if query == SurfaceQuery::Camera && surfaces.culls_backs() && is_culled(surfaces.scene(), ray, hit) {
+    if query == SurfaceQuery::Camera && surfaces.culls_backs() && is_culled(surfaces, ray, time, hit) {
         return false;
     }
-    let (opacity, is_left) = opacity_of(surfaces, ray, hit);
+    let (opacity, is_left) = opacity_of(surfaces, ray, time, hit);
     opacity >= 1.0 || (opacity > 0.0 && chance(query.number_of(hit, is_left)) < opacity)
 }
 
 /// Returns true if a candidate hit is the back of a surface that is invisible to the camera from there.
-fn is_culled(scene: &Scene, ray: &Ray, hit: &Hit) -> bool {
-    if let Some(sphere) = hit.sphere() {
-        let sphere = &scene.spheres[sphere as usize];
+fn is_culled(surfaces: &Surfaces, ray: &Ray, time: f32, hit: &Hit) -> bool {
+    let scene = &**surfaces.scene();
+    if let Some(index) = hit.sphere() {
+        let moved = surfaces.moved_sphere(index, time);
+        let sphere = moved.as_ref().unwrap_or(&scene.spheres[index as usize]);
         let ng = ray.origin + hit.t * ray.direction - sphere.center;
         return scene.materials[sphere.material as usize].culls_back && ng.dot(ray.direction) > 0.0;
     }
-    let instance = &scene.instances[hit.instance as usize];
-    let mesh = &scene.meshes[instance.mesh as usize];
-    if !scene.materials[scene.material_of(instance) as usize].culls_back {
+    if !scene.materials[surfaces.material_of(hit.instance) as usize].culls_back {
         return false;
     }
-    let corner = |vertex: u32| instance.world_from_object.transform_point3(mesh.positions[vertex as usize]);
-    let [a, b, c] = mesh.triangles[hit.primitive as usize].map(corner);
+    let world_from_object = surfaces.world_from_object(hit.instance, time);
+    let corners = surfaces.corners(hit.instance, hit.primitive, time);
+    let [a, b, c] = corners.map(|corner| world_from_object.transform_point3(corner));
     (b - a).cross(c - a).dot(ray.direction) > 0.0
 }
 
-/// Returns the opacity at a candidate hit, and true if a ray leaves a sphere there.
-pub(crate) fn opacity_of(surfaces: &Surfaces, ray: &Ray, hit: &Hit) -> (f32, bool) {
+/// Returns the opacity at a candidate hit at a time, and true if a ray leaves a sphere there.
+pub(crate) fn opacity_of(surfaces: &Surfaces, ray: &Ray, time: f32, hit: &Hit) -> (f32, bool) {
     let scene = &**surfaces.scene();
-    let sphere = hit.sphere().map(|sphere| &scene.spheres[sphere as usize]);
+    let moved = hit.sphere().and_then(|index| surfaces.moved_sphere(index, time));
+    let sphere = hit.sphere().map(|index| moved.as_ref().unwrap_or(&scene.spheres[index as usize]));
     let material = match sphere {
         Some(sphere) => sphere.material,
         None => {
             let mesh = surfaces.mesh(hit.instance);
-            if let Some(curves) = &mesh.curves
-                && meeting(scene, curves, hit, (ray.origin, ray.direction), ray.t_max).is_none()
-            {
-                return (0.0, false);
+            if let Some(curves) = &mesh.curves {
+                let world_from_object = surfaces.world_from_object(hit.instance, time);
+                if meeting(curves, &world_from_object, hit, (ray.origin, ray.direction), ray.t_max).is_none() {
+                    return (0.0, false);
+                }
             }
             surfaces.material_of(hit.instance)
         }
@@ -582,7 +649,11 @@ pub(crate) fn opacity_of(surfaces: &Surfaces, ray: &Ray, hit: &Hit) -> (f32, boo
             let ng = ray.origin + hit.t * ray.direction - sphere.center;
             (opacity_of_sphere(scene, sphere, ng), ng.dot(ray.direction) > 0.0)
         }
-        None => (opacity_at(scene, hit.instance, hit.primitive, (hit.u, hit.v)), false),
+        None => {
+            let world_from_object = surfaces.world_from_object(hit.instance, time);
+            let place = (hit.u, hit.v);
+            (posed_opacity_at(scene, hit.instance, hit.primitive, place, &world_from_object), false)
+        }
     }
 }
 

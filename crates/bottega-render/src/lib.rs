@@ -51,6 +51,7 @@ mod interaction;
 mod lights;
 mod mapping;
 mod media;
+mod motion;
 mod parts;
 mod prepare;
 mod prepass;

@@ -245,7 +245,7 @@ mod tests {
             let ray = Ray::new(origin, -2.0 * axis * origin.dot(axis).signum());
             let hit = prepared.accel().intersect(&ray);
             assert!(!hit.is_none());
-            assert_eq!(is_there(&prepared, &ray, &hit, SurfaceQuery::Path, |_| 0.5), there, "{kind:?} {origin}");
+            assert_eq!(is_there(&prepared, &ray, 0.0, &hit, SurfaceQuery::Path, |_| 0.5), there, "{kind:?} {origin}");
         }
     }
 

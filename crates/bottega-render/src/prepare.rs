@@ -19,6 +19,7 @@ use crate::{
         Filling, Homogeneous,
         varying::{Majorants, Varying},
     },
+    motion::SceneMotion,
     settings::View,
     surfaces::{Surfaces, used_materials, visibilities},
 };
@@ -77,7 +78,7 @@ impl PreparedScene {
     pub fn with_accel(scene: Arc<Scene>, accel: impl Into<Arc<Accel>>, options: &PrepareOptions) -> Self {
         let mut surfaces = Surfaces::new(scene);
         let scene = Arc::clone(surfaces.scene());
-        let lights = Lights::new(&scene, &surfaces.materials, &mut surfaces.instances, options.compensate_environment);
+        let lights = Lights::new(&mut surfaces, options.compensate_environment);
         let materials = &surfaces.materials;
         let has_opacity = surfaces.culls_backs()
             || surfaces.has_curves()
@@ -184,6 +185,12 @@ impl PreparedScene {
         self.has_opacity
     }
 
+    /// Returns true if something moves while the shutter is open, so that every path has a time.
+    #[inline(always)]
+    pub fn moves(&self) -> bool {
+        self.motion().moves()
+    }
+
     /// Returns true if the scene needs volume integration: a medium scatters or emits, or is not bounded by refracting
     /// surfaces.
     #[inline(always)]
@@ -199,9 +206,9 @@ impl PreparedScene {
     }
 
     /// Returns true if there is something that photon mapping does not support: media that scatter, emit, or are not bounded
-    /// by refracting surfaces, and surfaces or lights that are there after one kind of event and not after another.
+    /// by refracting surfaces, surfaces or lights that are there after one kind of event and not after another, and motion.
     pub fn has_media(&self) -> bool {
-        self.needs_volume || self.tells_bounces_apart
+        self.needs_volume || self.tells_bounces_apart || self.moves()
     }
 
     /// Returns true if light sampling must look behind some surfaces: boundaries of media without a surface, and panes.
@@ -247,7 +254,7 @@ impl PreparedScene {
     }
 
     /// Returns true if paths of a view can learn in a prepass: it has enough pixels and samples, no media, no
-    /// panes, and nothing that tells the kinds of event apart.
+    /// panes, no motion, and nothing that tells the kinds of event apart.
     pub fn can_learn(&self, view: View, planned_samples: u32) -> bool {
         /// Smallest number of pixels: fewer give too few paths to learn from, and a poor guide adds noise.
         const PIXELS_MIN: u64 = 128 * 128;
@@ -256,7 +263,7 @@ impl PreparedScene {
         const SAMPLES_MIN: u64 = 1 << 19;
         let pixels = u64::from(view.width) * u64::from(view.height);
         let is_large = pixels >= PIXELS_MIN && pixels * u64::from(planned_samples) >= SAMPLES_MIN;
-        is_large && !self.needs_volume && !self.has_panes && !self.tells_bounces_apart
+        is_large && !self.needs_volume && !self.has_panes && !self.tells_bounces_apart && !self.moves()
     }
 }
 
@@ -300,7 +307,12 @@ impl<'a> SceneGeometry<'a> {
 /// [`Scene::validate`] finds a fault, or the geometry cannot be built.
 pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, RenderError> {
     scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
-    let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(scene);
     let build = BuildOptions { threads: options.threads, ..BuildOptions::default() };
+    if scene.has_motion() {
+        let (opened, motion) = SceneMotion::of(&Arc::new(scene.clone()));
+        let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(&opened);
+        return Ok(Accel::build_moving(&meshes, &instances, &spheres, &motion.geometry(&opened), &build)?);
+    }
+    let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(scene);
     Ok(Accel::build(&meshes, &instances, &spheres, &build)?)
 }

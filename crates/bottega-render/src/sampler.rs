@@ -22,6 +22,9 @@ impl DimensionSet {
     /// The camera: position in the pixel (2), position on the lens (2).
     pub const CAMERA: Self = Self(0);
 
+    /// The time of the path (1), spare (3). Beyond all other sets.
+    pub(crate) const TIME: Self = Self(u32::MAX);
+
     /// Returns the dimensions of light sampling at a path's vertex, counted from the camera: choice of the light (1),
     /// position on it (2), spare (1).
     pub fn light(vertex: u32) -> Self {

@@ -21,6 +21,8 @@ pub(crate) struct SegmentRays<'a> {
     key: u64,
     /// Kind of the rays that look for the next vertex.
     kind: SurfaceQuery,
+    /// Time of the rays, from 0 to 1.
+    time: f32,
 }
 
 impl<'a> SegmentRays<'a> {
@@ -38,7 +40,13 @@ impl<'a> SegmentRays<'a> {
     #[inline(always)]
     pub(crate) fn of_photon(prepared: &'a PreparedScene, sampler: &'a PixelSampler, vertex: u32) -> Self {
         let kind = if vertex == 0 { SurfaceQuery::Photon } else { SurfaceQuery::Path };
-        Self { prepared, sampler, key: u64::from(vertex) << DEPTH_SHIFT, kind }
+        Self { prepared, sampler, key: u64::from(vertex) << DEPTH_SHIFT, kind, time: 0.0 }
+    }
+
+    /// Returns these rays at a time of the shutter, from 0 to 1.
+    #[inline(always)]
+    pub(crate) fn at(self, time: f32) -> Self {
+        Self { time, ..self }
     }
 
     /// Returns these rays for a path that left an event of this kind; the rays of the camera stay what they are.
@@ -69,7 +77,7 @@ impl<'a> SegmentRays<'a> {
 
     #[inline(always)]
     fn is_there(&self, ray: &Ray, hit: &Hit, query: SurfaceQuery) -> bool {
-        is_there(self.prepared, ray, hit, query, |surface| self.sampler.hashed(surface ^ self.key))
+        is_there(self.prepared, ray, self.time, hit, query, |surface| self.sampler.hashed(surface ^ self.key))
     }
 
     /// Returns the closest hit of a ray.

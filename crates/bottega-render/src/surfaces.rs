@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use bottega_scene::{AlphaMode, Material, MediumId, Mesh, Scene, Spectrum, Surface, Visibility};
-use glam::{Affine3A, Mat3};
+use bottega_scene::{AlphaMode, Material, MediumId, Mesh, Scene, Spectrum, Sphere, Surface, Visibility};
+use glam::{Affine3A, Mat3, Vec3};
 
 use crate::{
     bsdf::{Bsdf, SurfacePoint, scattering},
     lights::{NO_LIGHT, Profile},
+    motion::SceneMotion,
 };
 
 /// A scene with precomputed data of its instances and materials.
@@ -23,20 +24,23 @@ pub struct Surfaces {
     has_curves: bool,
     /// `true`: some surface is not there for some kind of ray.
     has_visibility: bool,
+    /// What moves while the shutter is open.
+    motion: SceneMotion,
 }
 
 impl Surfaces {
-    /// Precomputes the data of a scene; the lights are set later.
+    /// Precomputes the data of a scene; the lights are set later. Takes the scene as it is when the shutter opens.
     pub(crate) fn new(scene: Arc<Scene>) -> Self {
+        let (scene, motion) = SceneMotion::of(&scene);
         let materials = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
         let instances = scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
         let culls_backs = used_materials(&scene).any(|material| scene.materials[material].culls_back);
         let has_curves = scene.instances.iter().any(|it| scene.meshes[it.mesh as usize].curves.is_some());
         let has_visibility = visibilities(&scene).any(|visibility| visibility != Visibility::ALL);
-        Self { scene, instances, materials, culls_backs, has_curves, has_visibility }
+        Self { scene, instances, materials, culls_backs, has_curves, has_visibility, motion }
     }
 
-    /// Returns the scene as it was imported.
+    /// Returns the scene as it was imported; of what moves, as it is when the shutter opens.
     #[inline(always)]
     pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
@@ -56,6 +60,46 @@ impl Surfaces {
     #[inline(always)]
     pub(crate) fn has_visibility(&self) -> bool {
         self.has_visibility
+    }
+
+    /// Returns what moves while the shutter is open.
+    #[inline(always)]
+    pub(crate) fn motion(&self) -> &SceneMotion {
+        &self.motion
+    }
+
+    /// Returns the transformation of an instance to world space at a time.
+    #[inline(always)]
+    pub(crate) fn world_from_object(&self, instance: u32, time: f32) -> Affine3A {
+        match self.motion.instance(instance) {
+            Some(moving) => moving.at(time),
+            None => self.scene.instances[instance as usize].world_from_object,
+        }
+    }
+
+    /// Returns the corners of a triangle in object space at a time.
+    pub(crate) fn corners(&self, instance: u32, triangle: u32, time: f32) -> [Vec3; 3] {
+        let index = self.scene.instances[instance as usize].mesh;
+        let mesh = &self.scene.meshes[index as usize];
+        let triangle = mesh.triangles[triangle as usize];
+        match self.motion.corners(&self.scene, index, triangle, time) {
+            Some([positions, _]) => positions,
+            None => triangle.map(|vertex| mesh.positions[vertex as usize]),
+        }
+    }
+
+    /// Returns a sphere at a time, if it moves.
+    #[inline(always)]
+    pub(crate) fn moved_sphere(&self, index: u32, time: f32) -> Option<Sphere> {
+        self.motion.sphere(&self.scene, index, time)
+    }
+
+    /// Returns true if a surface moves, by its instance or by the vertices of its mesh.
+    #[inline(always)]
+    pub(crate) fn is_moving(&self, instance: u32) -> bool {
+        self.motion.moves()
+            && (self.motion.instance(instance).is_some()
+                || self.motion.moves_mesh(self.scene.instances[instance as usize].mesh))
     }
 
     pub(crate) fn memory_bytes(&self) -> usize {
@@ -130,7 +174,8 @@ pub(crate) struct PreparedMaterial {
     pub(crate) absorption: [Spectrum; 2],
 }
 
-fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
+/// Precomputes the data of an instance with this transformation.
+pub(crate) fn prepare_instance(world_from_object: &Affine3A) -> PreparedInstance {
     let linear = Mat3::from(world_from_object.matrix3);
     // det M · M⁻ᵀ without a division, accurate for nearly singular matrices, too
     let world_from_normal = Mat3::from_cols(

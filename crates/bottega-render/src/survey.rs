@@ -211,7 +211,9 @@ fn follow(scene: &PreparedScene, chain: Chain, hit: &Hit) -> Option<(Chain, f32)
     let point = Interaction::new(scene, hit, chain.origin, chain.direction, cone);
     let ray = chain.ray();
     let chain = Chain { reach: f32::INFINITY, ..chain };
-    if !is_there(scene, &ray, hit, SurfaceQuery::Path.of_vertex(chain.step), |surface| chain.sampler.hashed(surface)) {
+    if !is_there(scene, &ray, 0.0, hit, SurfaceQuery::Path.of_vertex(chain.step), |surface| {
+        chain.sampler.hashed(surface)
+    }) {
         let origin = point.ray_origin(chain.direction);
         return Some((Chain { origin, cone, step, ..chain }, 0.0));
     }

@@ -4,6 +4,7 @@ use glam::{Affine3A, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::medium::MediumId;
+use crate::motion::TransformKey;
 
 /// The projection of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -98,6 +99,9 @@ pub struct Camera {
     /// `true`: the camera does not see emitters. Emissive surfaces let camera rays pass and the environment is black,
     /// but both still light the scene (Mitsuba's `hide_emitters`).
     pub hides_emitters: bool,
+    /// Keys of [`Self::world_from_camera`], if the camera moves.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motion: Vec<TransformKey>,
 }
 
 /// The near and far clip planes of a camera; distances along its axis, in scene units. A camera ray starts at the near
@@ -161,6 +165,7 @@ impl Default for Camera {
             medium: None,
             clip: Clip::NONE,
             hides_emitters: false,
+            motion: Vec::new(),
         }
     }
 }

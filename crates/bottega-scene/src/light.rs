@@ -4,6 +4,7 @@ use glam::{Affine3A, Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::color::Spectrum;
+use crate::motion::TransformKey;
 use crate::texture::{ImageId, TextureMap};
 use crate::visibility::Visibility;
 
@@ -18,6 +19,10 @@ pub struct Light {
     /// effect.
     #[serde(default)]
     pub visibility: Visibility,
+    /// Keys of a transformation of the light from where [`Self::kind`] puts it, world space to world space, if it moves.
+    /// Lights at infinity stand still.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motion: Vec<TransformKey>,
 }
 
 /// The kinds of light without extent. Directions are of unit length, in world space.
@@ -158,7 +163,36 @@ pub struct Environment {
 impl Light {
     /// Returns a light that every kind of ray finds.
     pub fn new(name: impl Into<String>, kind: LightKind) -> Self {
-        Self { name: name.into(), kind, visibility: Visibility::ALL }
+        Self { name: name.into(), kind, visibility: Visibility::ALL, motion: Vec::new() }
+    }
+}
+
+impl LightKind {
+    /// Returns the light, moved by a transformation of world space. Lights at infinity stay.
+    #[must_use]
+    pub fn moved(mut self, by: &Affine3A) -> Self {
+        match &mut self {
+            Self::Point { position, .. } => *position = by.transform_point3(*position),
+            Self::Spot { position, direction, .. } => {
+                *position = by.transform_point3(*position);
+                *direction = by.transform_vector3(*direction).normalize_or(*direction);
+            }
+            Self::Projector { world_from_light, .. } => {
+                let matrix = by.matrix3 * world_from_light.matrix3;
+                let unit = |axis: glam::Vec3A| axis.normalize_or(glam::Vec3A::Z);
+                world_from_light.matrix3 =
+                    glam::Mat3A::from_cols(unit(matrix.x_axis), unit(matrix.y_axis), unit(matrix.z_axis));
+                world_from_light.translation = by.transform_point3a(world_from_light.translation);
+            }
+            Self::Goniometric { position, world_from_light, .. } => {
+                *position = by.transform_point3(*position);
+                let matrix = Mat3::from(by.matrix3) * *world_from_light;
+                let unit = |axis: Vec3| axis.normalize_or(Vec3::Z);
+                *world_from_light = Mat3::from_cols(unit(matrix.x_axis), unit(matrix.y_axis), unit(matrix.z_axis));
+            }
+            Self::Directional { .. } => {}
+        }
+        self
     }
 }
 

@@ -108,6 +108,12 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
         return Err(SceneError::Unsupported { path: path.into(), places: unsupported });
     }
     drop(file);
+    if let Some(shutter) = options.open_shutter() {
+        scene.shutter = shutter;
+        if !shutter.is_instant() && !scene.has_motion() {
+            warnings.add("", "nothing moves while the shutter is open");
+        }
+    }
     if scene.instances.is_empty() && scene.spheres.is_empty() {
         warnings.add("", "the scene has no surface");
     }

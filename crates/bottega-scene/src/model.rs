@@ -13,6 +13,7 @@ use crate::image::Image;
 use crate::light::{Environment, Light};
 use crate::material::Material;
 use crate::medium::{Medium, MediumId, Variation};
+use crate::motion::{MeshKey, Shutter, SphereKey, TransformKey};
 use crate::shared_list::SharedList;
 use crate::texture::Mapping;
 use crate::visibility::Visibility;
@@ -39,6 +40,8 @@ pub struct Mesh {
     pub material: u32,
     /// Curves, if the triangles are only the hull around them.
     pub curves: Option<Box<FacingCurves>>,
+    /// Keys of vertices that move; empty: they stand still. Tangents stay as they are.
+    pub motion: Vec<MeshKey>,
 }
 
 /// A mesh placed in the world.
@@ -53,12 +56,14 @@ pub struct Instance {
     pub world_from_object: Affine3A,
     /// Kinds of ray for which the instance exists.
     pub visibility: Visibility,
+    /// Keys of [`Self::world_from_object`], if the instance moves. None is singular or mirrors.
+    pub motion: Vec<TransformKey>,
 }
 
 impl Instance {
     /// Returns an instance with the material of its mesh.
     pub fn new(mesh: u32, world_from_object: Affine3A) -> Self {
-        Self { mesh, material: None, world_from_object, visibility: Visibility::ALL }
+        Self { mesh, material: None, world_from_object, visibility: Visibility::ALL, motion: Vec::new() }
     }
 }
 
@@ -78,6 +83,9 @@ pub struct Sphere {
     /// Kinds of ray for which the sphere exists.
     #[serde(default)]
     pub visibility: Visibility,
+    /// Keys of centre, radius and rotation, if the sphere moves. Between them all change linearly.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motion: Vec<SphereKey>,
 }
 
 /// A complete scene: everything that a render needs except its settings.
@@ -103,6 +111,8 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// Cameras, at least one after import: a scene file without a camera gets one that frames the scene.
     pub cameras: Vec<Camera>,
+    /// The span of time that pictures show. Motion outside of it is not seen.
+    pub shutter: Shutter,
     /// Origin of the scene in the world space of its file. 0, except for scenes far from their origin, which are moved
     /// so that their camera is near 0.
     pub origin: DVec3,
@@ -184,15 +194,23 @@ impl Mesh {
             triangles: (0..triangles.len() as u32).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]).collect(),
             material: self.material,
             curves: self.curves.clone(),
+            motion: (self.motion.iter())
+                .map(|key| MeshKey {
+                    time: key.time,
+                    positions: spread(&key.positions, triangles),
+                    normals: spread(&key.normals, triangles),
+                })
+                .collect(),
         }
     }
 
-    /// Returns the least and greatest coordinates of the positions, object space. Infinite and inverted if there are
+    /// Returns the least and greatest coordinates of the positions, at all keys, object space. Infinite and inverted if there are
     /// none.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         let pieces = self.positions.par_chunks(1 << 16).map(|piece| piece.iter().copied().fold(EMPTY, grow));
         let pieces: Vec<(Vec3, Vec3)> = pieces.collect();
-        pieces.into_iter().fold(EMPTY, |whole, (min, max)| grow(grow(whole, min), max))
+        let moved = self.motion.iter().flat_map(|key| &key.positions).map(|&p| (p, p));
+        pieces.into_iter().chain(moved).fold(EMPTY, |whole, (min, max)| grow(grow(whole, min), max))
     }
 
     /// Returns the memory of the mesh's vertices, triangles and curves, in bytes.
@@ -204,12 +222,16 @@ impl Mesh {
             + bytes_of(&self.colors)
             + bytes_of(&self.triangles)
             + self.curves.as_ref().map_or(0, |curves| curves.memory_bytes())
+            + self.motion.iter().map(|key| bytes_of(&key.positions) + bytes_of(&key.normals)).sum::<usize>()
     }
 
     /// Mirrors the mesh in the plane x = 0; front sides stay outside.
     pub fn mirrored(mut self) -> Self {
         self.positions.iter_mut().for_each(|p| p.x = -p.x);
         self.normals.iter_mut().for_each(|n| n.x = -n.x);
+        for key in &mut self.motion {
+            key.positions.iter_mut().chain(&mut key.normals).for_each(|v| v.x = -v.x);
+        }
         // The bitangent is cross(n, t)·w; mirroring flips the sign of the cross product.
         self.tangents.iter_mut().for_each(|t| (t.x, t.w) = (-t.x, -t.w));
         self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
@@ -272,7 +294,8 @@ impl Scene {
     /// Adds an analytic sphere without rotation.
     pub fn push_sphere(&mut self, center: Vec3, radius: f32, material: u32) {
         let visibility = Visibility::ALL;
-        self.spheres.push(Sphere { center, radius, world_from_object: Quat::IDENTITY, material, visibility });
+        let world_from_object = Quat::IDENTITY;
+        self.spheres.push(Sphere { center, radius, world_from_object, material, visibility, motion: Vec::new() });
     }
 
     /// Removes all media. Returns true if there were any.
@@ -288,15 +311,23 @@ impl Scene {
         had_media
     }
 
-    /// Returns the least and greatest coordinates of all surfaces, world space; both 0 if there are none. The box of an
+    /// Returns the least and greatest coordinates of all surfaces, at all keys, world space; both 0 if there are none. The box of an
     /// instance is that of its mesh's transformed box, so it may be larger than needed.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         let bounds: Vec<(Vec3, Vec3)> = self.meshes.shared().par_iter().map(|mesh| mesh.bounds()).collect();
         let instances =
             self.instances.iter().filter(|instance| !self.meshes[instance.mesh as usize].positions.is_empty());
         let boxes = instances
-            .map(|instance| transformed_bounds(bounds[instance.mesh as usize], &instance.world_from_object))
-            .chain(self.spheres.iter().map(|sphere| (sphere.center - sphere.radius, sphere.center + sphere.radius)));
+            .flat_map(|instance| {
+                let keys = instance.motion.iter().map(|key| &key.transform);
+                let poses = std::iter::once(&instance.world_from_object).chain(keys);
+                poses.map(|pose| transformed_bounds(bounds[instance.mesh as usize], pose))
+            })
+            .chain(self.spheres.iter().flat_map(|sphere| {
+                let keys = sphere.motion.iter().map(|key| (key.center, key.radius));
+                let poses = std::iter::once((sphere.center, sphere.radius)).chain(keys);
+                poses.map(|(center, radius)| (center - radius, center + radius))
+            }));
         let (min, max) = boxes.fold(EMPTY, |whole, (min, max)| grow(grow(whole, min), max));
         if min.cmple(max).all() { (min, max) } else { (Vec3::ZERO, Vec3::ZERO) }
     }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::motion::Shutter;
+
 /// The options for loading a scene, and the limits on its size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
@@ -14,6 +16,9 @@ pub struct LoadOptions {
     /// Time at which animations are evaluated, in seconds. `None`: the scene as the file describes it, or the start of
     /// [`animation`](Self::animation) if that is set.
     pub at: Option<f32>,
+    /// The span of time that the picture shows, relative to [`at`](Self::at); `None`: that of the file, which for glTF is
+    /// one moment.
+    pub shutter: Option<Shutter>,
     /// Name or number of the only animation to use. `None`: all; if several move the same thing, the first one.
     pub animation: Option<String>,
     /// Name or number of the material variant to use.
@@ -44,6 +49,7 @@ impl Default for LoadOptions {
             environment_rotation: 0.0,
             environment_intensity: 1.0,
             at: None,
+            shutter: None,
             animation: None,
             variant: None,
             add_sky: true,
@@ -59,10 +65,20 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
+    /// Returns the chosen shutter in the time of the file.
+    pub(crate) fn open_shutter(&self) -> Option<Shutter> {
+        let at = f64::from(self.at.unwrap_or(0.0));
+        self.shutter.map(|shutter| Shutter { open: at + shutter.open, close: at + shutter.close, ..shutter })
+    }
+
     /// Adds the options that change the scene to its digest.
     pub(crate) fn add_choices(&self, digest: &mut blake3::Hasher) {
         if let Some(at) = self.at {
             digest.update(b"at").update(&at.to_le_bytes());
+        }
+        if let Some(Shutter { open, close, ramp }) = self.shutter {
+            digest.update(b"shutter");
+            [open, close, ramp].iter().for_each(|number| _ = digest.update(&number.to_le_bytes()));
         }
         for (what, choice) in [("animation", &self.animation), ("variant", &self.variant)] {
             if let Some(choice) = choice {

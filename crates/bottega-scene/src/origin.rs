@@ -51,7 +51,8 @@ pub(crate) fn far_center(mesh: &Mesh) -> Option<DVec3> {
 pub(crate) fn centered(mesh: &mut Mesh) -> Option<DVec3> {
     let center = far_center(mesh)?;
     let moved = |p: Vec3| (p.as_dvec3() - center).as_vec3();
-    mesh.positions.iter_mut().for_each(|p| *p = moved(*p));
+    let keys = mesh.motion.iter_mut().flat_map(|key| &mut key.positions);
+    mesh.positions.iter_mut().chain(keys).for_each(|p| *p = moved(*p));
     if let Some(curves) = &mut mesh.curves {
         curves.map(moved, |tangent| tangent);
     }

@@ -7,7 +7,7 @@ use crate::hints::Metadata;
 use crate::light::LightKind;
 use crate::load::Loaded;
 use crate::material::Material;
-use crate::model::Scene;
+use crate::model::{Instance, Scene};
 
 /// A summary of a scene: counts, bounds and names.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,6 +26,10 @@ pub struct SceneSummary {
     pub stored_triangle_count: u64,
     /// Number of spheres that are not triangulated.
     pub sphere_count: usize,
+    /// Number of placed meshes, spheres, lights and cameras that have keys of motion.
+    pub moving_count: usize,
+    /// When the shutter opens and is closed.
+    pub shutter: [f64; 2],
     /// Least and greatest coordinates, world space.
     pub bounds: (Vec3, Vec3),
     /// Memory of meshes, instances and pictures, in bytes.
@@ -72,6 +76,8 @@ impl SceneSummary {
             triangle_count: scene.triangle_count(),
             stored_triangle_count: scene.meshes.iter().map(|mesh| mesh.triangles.len() as u64).sum(),
             sphere_count: scene.spheres.len(),
+            moving_count: moving_count(scene),
+            shutter: [scene.shutter.open, scene.shutter.close],
             bounds: scene.bounds(),
             memory_bytes: scene.memory_bytes(),
             cameras: scene.cameras.iter().map(|c| (c.name.clone(), camera_kind(&c.projection))).collect(),
@@ -83,6 +89,16 @@ impl SceneSummary {
             environment,
         }
     }
+}
+
+/// Counts the parts of a scene that have keys.
+fn moving_count(scene: &Scene) -> usize {
+    let moves =
+        |instance: &&Instance| !instance.motion.is_empty() || !scene.meshes[instance.mesh as usize].motion.is_empty();
+    scene.instances.iter().filter(moves).count()
+        + scene.spheres.iter().filter(|sphere| !sphere.motion.is_empty()).count()
+        + scene.lights.iter().filter(|light| !light.motion.is_empty()).count()
+        + scene.cameras.iter().filter(|camera| !camera.motion.is_empty()).count()
 }
 
 impl Loaded {

@@ -12,6 +12,7 @@ use crate::light::{Environment, LightKind, Portal};
 use crate::material::{AlphaMode, Back, Material, ReliefSource};
 use crate::medium::{Medium, MediumId};
 use crate::model::{COORDINATE_MAX, Mesh, Scene, Sphere, is_placeable};
+use crate::motion::{check_instance_keys, check_times, check_transform_keys};
 use crate::param::ColorParam;
 use crate::surface::Surface;
 use crate::texture::SURFACE_UV_SETS;
@@ -41,7 +42,10 @@ impl Scene {
                 Some(_) if instance.material.is_some_and(|material| material as usize >= self.materials.len()) => {
                     "its material does not exist".into()
                 }
-                Some(_) => continue,
+                Some(&bounds) => match check_instance_keys(bounds, &instance.motion) {
+                    Err(Violation(problem)) => problem.into_owned(),
+                    Ok(()) => continue,
+                },
             };
             return Err(broken("instances", index, problem));
         }
@@ -52,11 +56,16 @@ impl Scene {
         each("materials", &self.materials, |material| self.check_parameters(material))?;
         each("mappings", &self.mappings, |mapping| check(mapping.mapping_from_world.is_finite(), "it is not finite"))?;
         each("media", &self.media, check_medium)?;
-        each("lights", &self.lights, |light| self.check_light(&light.kind))?;
+        each("lights", &self.lights, |light| {
+            self.check_light(&light.kind)?;
+            check_transform_keys(&light.motion)
+        })?;
         if let Some(environment) = &self.environment {
             self.check_environment(environment).map_err(|problem| place("environment", problem))?;
         }
-        each("cameras", &self.cameras, |camera| self.check_camera(camera))
+        each("cameras", &self.cameras, |camera| self.check_camera(camera))?;
+        let problem = "it closes before it opens, its times are not finite, or its ramp is not from 0 to 0.5";
+        check(self.shutter.is_sound(), problem).map_err(|problem| place("shutter", problem))
     }
 
     /// Checks an environment of the scene.
@@ -83,7 +92,8 @@ impl Scene {
             Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
             Projection::Panorama(_) => true,
         };
-        check(is_sound, "its projection shows nothing")
+        check(is_sound, "its projection shows nothing")?;
+        check_transform_keys(&camera.motion)
     }
 
     fn check_material(&self, material: u32) -> Result<(), Violation> {
@@ -107,6 +117,7 @@ impl Scene {
         check(mesh.uvs.iter().flatten().all(|uv| uv.is_finite()), "a texture coordinate is not finite")?;
         let is_color = |c: &glam::Vec4| c.is_finite() && c.min_element() >= 0.0 && c.max_element() <= VALUE_MAX;
         check(mesh.colors.iter().all(is_color), "a vertex colour is not a colour")?;
+        mesh.check_keys()?;
         mesh.curves.as_ref().map_or(Ok(()), |curves| curves.check(mesh.triangles.len()))
     }
 
@@ -209,7 +220,18 @@ pub(crate) fn check_sphere(sphere: &Sphere) -> Result<(), Violation> {
     check(sphere.radius > 0.0 && sphere.radius <= COORDINATE_MAX, "its radius is not above 0")?;
     let is_in_reach = sphere.center.abs().max_element() <= COORDINATE_MAX && sphere.center.is_finite();
     check(is_in_reach, "its centre is out of reach")?;
-    check(sphere.world_from_object.is_normalized(), "its orientation is no rotation")
+    check(sphere.world_from_object.is_normalized(), "its orientation is no rotation")?;
+    check_times(sphere.motion.iter().map(|key| key.time))?;
+    for key in &sphere.motion {
+        check_sphere(&Sphere {
+            center: key.center,
+            radius: key.radius,
+            world_from_object: key.world_from_object,
+            motion: Vec::new(),
+            ..*sphere
+        })?;
+    }
+    Ok(())
 }
 
 /// Checks a medium.

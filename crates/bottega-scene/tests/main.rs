@@ -3,6 +3,7 @@
 mod gltf;
 mod meshes;
 mod mitsuba;
+mod motion;
 mod mutation;
 mod pbrt;
 mod pbrt_mappings;

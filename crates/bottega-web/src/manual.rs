@@ -28,7 +28,7 @@ macro_rules! pictures {
 /// The pages: name relative to `docs/`, and text.
 const PAGES: &[(&str, &str)] = pages! {
     "ala" "api" "decisions" "devices" "engines" "explanation/agents" "explanation/exact" "explanation/nats" "explanation/platform"
-    "explanation/reading" "farm" "guides/blender" "guides/hair" "guides/quality" "guides/scenes"
+    "explanation/reading" "farm" "guides/blender" "guides/hair" "guides/motion" "guides/quality" "guides/scenes"
     "guides/security" "guides/studio" "guides/systems" "guides/trouble" "hra" "index" "magarro" "python" "reference/commands"
     "reference/configuration" "reference/events" "reference/files" "reference/models" "reference/request" "render" "requests" "strangers" "symbols"
     "tools" "tutorials/first-picture" "tutorials/from-blender" "tutorials/own-rules" "tutorials/paper-table"

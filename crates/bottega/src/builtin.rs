@@ -84,7 +84,7 @@ impl BuiltinPainter {
         let learns_paths =
             plan.paths.photons.is_none() && subject.prepared.can_learn(subject.view, plan.paths.planned_samples);
         if plan.wants_agents && !learns_paths {
-            let why = "--guide ala has no effect here: it needs path tracing without media, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
+            let why = "--guide ala has no effect here: it needs path tracing without media and motion, at least 128 × 128 pixels, and at least 524288 samples over all pixels";
             notes.push(why.to_owned());
         }
         notes

@@ -7,14 +7,15 @@ use std::{sync::Arc, time::Instant};
 use bottega_image::Rect;
 use bottega_render::{PrepareOptions, PreparedScene, Prepass, View, build_accel};
 use bottega_scene::{
-    Camera, Environment, LoadOptions, Loaded, Panorama, Projection, RenderHints, Scene, SceneFile, Spectrum, Warning,
+    Camera, Environment, LoadOptions, Loaded, Panorama, Projection, RenderHints, Scene, SceneFile, Shutter, Spectrum,
+    Warning,
 };
 use glam::{DVec3, Mat3};
 
 use crate::{
     devices::threads,
     error::Error,
-    request::{EnvironmentLight, Request, SceneOptions, ViewOptions, check_size},
+    request::{EnvironmentLight, Request, SceneOptions, ShutterTimes, ViewOptions, check_size},
 };
 
 /// Height in pixels of a picture for which neither request nor file gives a size.
@@ -126,6 +127,7 @@ impl SceneOptions {
             cull_backfaces: self.cull_backfaces,
             defines: self.defines.clone().into_iter().collect(),
             at: self.time,
+            shutter: self.shutter.map(|ShutterTimes { open, close, ramp }| Shutter { open, close, ramp }),
             animation: self.animation.clone(),
             variant: self.variant.clone(),
             ..LoadOptions::default()
@@ -187,6 +189,7 @@ fn aimed(cameras: &[Camera], origin: DVec3, view: &ViewOptions) -> Result<(usize
         let problem = "`view.pose` has no direction: at the scale of the scene, `eye` and `target` are the same point";
         Error::usage(problem, "move them apart")
     })?;
+    camera.motion.clear();
     if let (Some(fov), Projection::Perspective { vertical_fov }) = (pose.fov, &mut camera.projection) {
         *vertical_fov = fov.to_radians();
     }

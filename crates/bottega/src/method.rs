@@ -86,8 +86,12 @@ fn chosen(
     subject: &LoadedScene,
 ) -> (IntegratorChoice, Option<PhotonHints>, Option<&'static str>) {
     const MEDIA: &str = ", since photons do not go through media; caustics may lack light";
+    const MOTION: &str = ", since photons know no time; caustics may lack light";
     let has_media = subject.prepared.has_media();
     match hint.follows {
+        Follows::Photons(_) | Follows::BothEnds if subject.prepared.moves() => {
+            (IntegratorChoice::Path, None, Some(MOTION))
+        }
         Follows::Photons(_) | Follows::BothEnds if has_media => (IntegratorChoice::Path, None, Some(MEDIA)),
         Follows::Photons(hints) => (IntegratorChoice::Photon, Some(hints), None),
         Follows::BothEnds if hides_light(subject.scene()) => {

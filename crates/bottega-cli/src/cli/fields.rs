@@ -24,6 +24,8 @@ pub(super) enum OptionForm {
     Environment,
     /// One option per file of rules.
     Rules,
+    /// Times with colons between.
+    Times,
 }
 
 /// A request field and its option of `bottega render`.
@@ -50,6 +52,7 @@ pub(super) const FIELD_OPTIONS: &[FieldOption] = &[
     row("scene.cull_backfaces", "--cull-backfaces", OptionForm::Switch),
     row("scene.defines", "--define", OptionForm::Pairs),
     row("scene.time", "--at", OptionForm::Plain),
+    row("scene.shutter", "--shutter", OptionForm::Times),
     row("scene.animation", "--animation", OptionForm::Plain),
     row("scene.variant", "--variant", OptionForm::Plain),
     row("view.camera", "--camera", OptionForm::Plain),

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use bottega::{
     Error,
-    request::{EnvironmentLight, EnvironmentOptions, Request, SceneOptions},
+    request::{EnvironmentLight, EnvironmentOptions, Request, SceneOptions, ShutterTimes},
 };
 use clap::{Args, ValueHint};
 
 use super::{
     fields::help,
-    values::{Size, parse_define, parse_environment, parse_size},
+    values::{Size, parse_define, parse_environment, parse_shutter, parse_size},
 };
 use crate::error::CliError;
 
@@ -30,6 +30,10 @@ pub(crate) struct ImportArgs {
     defines: Vec<(String, String)>,
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, help = help("scene.time"))]
     at: Option<f32>,
+    /// The span of time that the picture shows, in seconds from --at on; what moves is blurred. RAMP, from 0 to 0.5, is the share
+    /// of it that the shutter takes to open, and to close.
+    #[arg(long, value_name = "OPEN:CLOSE[:RAMP]", allow_hyphen_values = true, value_parser = parse_shutter)]
+    shutter: Option<ShutterTimes>,
     #[arg(long, value_name = "NAME", help = help("scene.animation"))]
     animation: Option<String>,
     #[arg(long, value_name = "NAME", help = help("scene.variant"))]
@@ -45,6 +49,7 @@ impl ImportArgs {
         scene.cull_backfaces |= self.cull_backfaces;
         scene.defines.extend(self.defines.iter().cloned());
         set(&mut scene.time, self.at);
+        set(&mut scene.shutter, self.shutter);
         set(&mut scene.animation, self.animation.clone());
         set(&mut scene.variant, self.variant.clone());
     }

@@ -2,7 +2,7 @@
 
 use std::{convert::Infallible, path::PathBuf, str::FromStr};
 
-use bottega::request::{EnvironmentLight, check_sides};
+use bottega::request::{EnvironmentLight, ShutterTimes, check_sides};
 use bottega_image::Rect;
 use bottega_render::ala::Criterion;
 
@@ -37,6 +37,17 @@ pub(crate) fn parse_size(text: &str) -> Result<Size, InvalidValue> {
     // A crop may reduce the number of pixels, so only the sides are checked.
     check_sides([size.width, size.height]).map_err(|error| error.to_string())?;
     Ok(size)
+}
+
+/// Parses the times of a shutter: `OPEN:CLOSE` or `OPEN:CLOSE:RAMP`.
+pub(super) fn parse_shutter(text: &str) -> Result<ShutterTimes, InvalidValue> {
+    let number = |part: &str| part.trim().parse::<f64>().map_err(|_| format!("`{part}` is not a number"));
+    let numbers: Vec<f64> = text.split(':').map(number).collect::<Result<_, String>>()?;
+    match numbers[..] {
+        [open, close] => Ok(ShutterTimes { open, close, ramp: 0.0 }),
+        [open, close, ramp] => Ok(ShutterTimes { open, close, ramp }),
+        _ => Err("two times with a colon between, such as 0:0.02".into()),
+    }
 }
 
 /// Parses a share above 0 and at most 1.

@@ -65,6 +65,10 @@ fn option_words(row: &FieldOption, value: &Value) -> Option<Vec<String>> {
             };
             Some(vec![with(written)])
         }
+        OptionForm::Times => {
+            let part = |name: &str| plain(value.get(name)?);
+            Some(vec![with([part("open")?, part("close")?, part("ramp")?].join(":"))])
+        }
         OptionForm::Rules => value.as_array()?.iter().map(|rules| Some(with(plain(rules.get("file")?)?))).collect(),
     }
 }

@@ -22,7 +22,7 @@ pub(crate) fn refit(
     precision: Precision,
 ) -> Result<Aabb, BuildError> {
     instance::validate(meshes, instances, spheres)?;
-    if spheres.len() != tree.spheres.len() || *topology(meshes, instances) != *known {
+    if !tree.motion.is_empty() || spheres.len() != tree.spheres.len() || *topology(meshes, instances) != *known {
         return Err(BuildError::Changed);
     }
     let world = BuildWorld::new(meshes, instances, tree.flat.iter().map(|f| f.1 as usize))?;

@@ -24,13 +24,25 @@ impl Avx2 {
 
 /// Runs [`super::run`], compiled for this unit.
 #[inline(always)]
-pub(crate) fn run<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
+pub(crate) fn run<Q: Query, const ROBUST: bool>(
+    unit: Avx2,
+    tree: &SceneTrees,
+    ray: &Ray,
+    time: f32,
+    query: &mut Q,
+) -> Hit {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn compiled<Q: Query, const ROBUST: bool>(unit: Avx2, tree: &SceneTrees, ray: &Ray, query: &mut Q) -> Hit {
-        super::run::<_, Q, ROBUST>(unit, tree, ray, query)
+    fn compiled<Q: Query, const ROBUST: bool>(
+        unit: Avx2,
+        tree: &SceneTrees,
+        ray: &Ray,
+        time: f32,
+        query: &mut Q,
+    ) -> Hit {
+        super::run::<_, Q, ROBUST>(unit, tree, ray, time, query)
     }
     // SAFETY: `unit` proves that the processor has these features.
-    unsafe { compiled::<Q, ROBUST>(unit, tree, ray, query) }
+    unsafe { compiled::<Q, ROBUST>(unit, tree, ray, time, query) }
 }
 
 /// The positions of the set bits of each eight-bit mask: lowest first, and highest first.

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from ._values import Matrix, Vector
+
     Floats = NDArray[np.float32]
     Ints = NDArray[np.int32]
 
@@ -39,6 +41,8 @@ class Mesh:
     - `materials`: key, or keys by slot; `triangle_materials`: int32, (T,), the slot of each triangle; `None`: slot 0. Without a key a
       slot is gray.
     - `drop_empty`: leave out triangles without area, which are an error otherwise.
+    - `motion`: keys of vertices that move while the shutter of the scene is open: (time, positions) or (time, positions, normals), with
+      as many rows as the mesh has, at times that ascend. Between two keys vertices move straight.
 
     Corners of a vertex with equal values become one vertex.
     """
@@ -53,6 +57,7 @@ class Mesh:
     materials: Keys = ()
     triangle_materials: Ints | None = None
     drop_empty: bool = False
+    motion: Sequence[tuple[Any, ...]] = ()
 
 
 @dataclass
@@ -84,6 +89,8 @@ class Object:
     - `materials`: keys in place of the mesh's, by slot.
     - `instance_materials`: int32, (N,), the material of each instance, as an index into `materials`, for all of its slots.
     - `hidden`: it is not in the picture. `visibility`: the kinds of ray for which it is there; `None`: all.
+    - `motion`: keys of its path while the shutter of the scene is open: (time, transforms), at times that ascend. Between two keys it is
+      shifted, turned and stretched evenly, and turned by less than half a turn.
     """
 
     mesh: str
@@ -92,6 +99,7 @@ class Object:
     instance_materials: Ints | None = None
     hidden: bool = False
     visibility: Visibility | None = None
+    motion: Sequence[tuple[float, ArrayLike]] = ()
 
 
 @dataclass
@@ -219,8 +227,24 @@ class ValueCollection(Collection[V]):
         self._native.put(self._kind, key, json.dumps(value.plain_fields(self._native)), is_new)
 
 
+class MovingCollection(ValueCollection[V]):
+    """Cameras or lights, which may move."""
+
+    def set_motion(self, key: str, keys: Sequence[tuple[float, Matrix]]) -> None:
+        """Sets the path of a camera or a light while the shutter of the scene is open: (time, matrix), at times that ascend.
+
+        The matrices of a camera are like its `transform`. Those of a light move it, in world space, from where it was put. What is put
+        again, or changed, stands still until this is called again.
+        """
+        self._native.set_motion(self._kind, key, [(float(time), matrix) for time, matrix in keys])
+
+
 class Spheres(ValueCollection[Sphere]):
     """The spheres of a scene."""
+
+    def set_motion(self, key: str, keys: Sequence[tuple[float, Vector, float]]) -> None:
+        """Sets the path of a sphere while the shutter of the scene is open: (time, center, radius), at times that ascend."""
+        self._native.set_sphere_motion(key, [(float(time), tuple(center), float(radius)) for time, center, radius in keys])
 
     def _read(self, key: str) -> Sphere:
         text, material = self._native.sphere(key)
@@ -317,6 +341,7 @@ class Meshes(Collection["Mesh | Curves"]):
             _keys(value.materials),
             value.drop_empty,
             is_new,
+            [_mesh_key(key) for key in value.motion],
         )
 
 
@@ -349,6 +374,10 @@ class PlacedObject:
     @transforms.setter
     def transforms(self, matrices: ArrayLike) -> None:
         self._native.move_object(self._key, matrices)
+
+    def set_motion(self, keys: Sequence[tuple[float, ArrayLike]]) -> None:
+        """Sets its path while the shutter is open; see `Object`. No keys: it stands still, as it does after a change of `transforms`."""
+        self._native.set_object_motion(self._key, [(float(time), matrices) for time, matrices in keys])
 
     @property
     def hidden(self) -> bool:
@@ -387,6 +416,8 @@ class Objects(Collection[Object]):
         self._native.put_object(
             key, value.mesh, transforms, materials, value.instance_materials, value.hidden, visibility.bits, is_new
         )
+        if value.motion:
+            self[key].set_motion(value.motion)
 
 
 _IDENTITY = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
@@ -411,8 +442,8 @@ class Scene:
         self.meshes = Meshes(self, "mesh")
         self.objects = Objects(self, "object")
         self.spheres = Spheres(self, "sphere", Sphere)
-        self.lights: ValueCollection[Light] = ValueCollection(self, "light", Light, light_of_plain)
-        self.cameras: ValueCollection[Camera] = ValueCollection(self, "camera", Camera)
+        self.lights: MovingCollection[Light] = MovingCollection(self, "light", Light, light_of_plain)
+        self.cameras: MovingCollection[Camera] = MovingCollection(self, "camera", Camera)
         self._environment: Environment | None = None
 
     @classmethod
@@ -474,6 +505,18 @@ class Scene:
         self._native.set_environment(json.dumps(plain))
 
     @property
+    def shutter(self) -> tuple[float, float, float]:
+        """The span of time that pictures show: when the shutter opens and is closed, and the share of that time, from 0 to 0.5, that it
+        takes to open and to close. May be set, also to two numbers; at first it is closed, and nothing is blurred."""
+        return self._native.shutter()
+
+    @shutter.setter
+    def shutter(self, times: Sequence[float]) -> None:
+        if len(times) not in (2, 3):
+            raise SceneError(f"`shutter` has {len(times)} numbers: when it opens and closes, and perhaps a ramp")
+        self._native.set_shutter(*(float(time) for time in times))
+
+    @property
     def triangle_count(self) -> int:
         """The number of triangles that are shown, once per instance."""
         return self._native.triangle_count()
@@ -481,6 +524,12 @@ class Scene:
     def __repr__(self) -> str:
         counts = f"{len(self.objects)} objects, {self.triangle_count} triangles, {len(self.cameras)} cameras"
         return f"<bottega.Scene of {counts}>"
+
+
+def _mesh_key(key: tuple[Any, ...]) -> tuple[float, Floats, Floats | None]:
+    if len(key) not in (2, 3):
+        raise SceneError(f"a key of `motion` has {len(key)} members: a time and positions, and perhaps normals")
+    return float(key[0]), key[1], key[2] if len(key) == 3 else None
 
 
 def _keys(keys: Keys) -> list[str]:

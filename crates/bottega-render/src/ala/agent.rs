@@ -191,7 +191,9 @@ impl Casting<'_> {
 /// Returns the closest hit of an agent or a sensor; surfaces that are less than half opaque do not count.
 pub(super) fn meets(prepared: &PreparedScene, ray: &Ray) -> Hit {
     if prepared.has_opacity() {
-        prepared.accel().intersect_filtered(ray, |hit| is_there(prepared, ray, hit, SurfaceQuery::Path, |_| OPAQUE))
+        prepared
+            .accel()
+            .intersect_filtered(ray, |hit| is_there(prepared, ray, 0.0, hit, SurfaceQuery::Path, |_| OPAQUE))
     } else {
         prepared.accel().intersect(ray)
     }

@@ -39,12 +39,16 @@ pub(super) fn survives(throughput: &mut Spectrum, scale: f32, is_sure: bool, u: 
     u < survival
 }
 
-/// Returns the emission of the surface at a point, on the side that was hit.
+/// Returns the emission of the surface at a point and a time, on the side that was hit.
 #[inline(always)]
-pub(super) fn emitted_at(surfaces: &Surfaces, point: &Interaction) -> Spectrum {
+pub(super) fn emitted_at(surfaces: &Surfaces, point: &Interaction, time: f32) -> Spectrum {
     let (scene, hit) = (&**surfaces.scene(), &point.hit);
     let radiance = match hit.sphere() {
-        Some(sphere) => emitted_by_sphere(scene, &scene.spheres[sphere as usize], point.ng, 0.0),
+        Some(index) => {
+            let moved = surfaces.moved_sphere(index, time);
+            let sphere = moved.as_ref().unwrap_or(&scene.spheres[index as usize]);
+            emitted_by_sphere(scene, sphere, point.ng, 0.0)
+        }
         None => emitted(scene, hit.instance, hit.primitive, (hit.u, hit.v), 0.0),
     };
     match surfaces.material(point.material).1.profile {

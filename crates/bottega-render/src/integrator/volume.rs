@@ -54,21 +54,25 @@ fn event_of(sample: &BsdfSample) -> Visibility {
 }
 
 impl PathIntegrator<'_> {
-    /// Traces one sample of a scene with media.
+    /// Traces one sample of a scene with media or motion.
     pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
         let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
-        let (ray, factor) = self.camera_ray(&sampler, x, y);
-        trace(self, sampler, &ray).scaled(factor)
+        // Draw the time of the path, if something moves
+        let motion = self.prepared().motion();
+        let time = if motion.moves() { motion.time(sampler.quad(DimensionSet::TIME)[0]) } else { 0.0 };
+        let (ray, factor) = self.camera_ray_at(&sampler, x, y, time);
+        trace(self, sampler, &ray, time).scaled(factor)
     }
 }
 
 /// Traces one path. The integrator gives the camera and the settings.
-fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay) -> PathRecord {
+fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay, time: f32) -> PathRecord {
     let (prepared, settings) = (integrator.prepared(), integrator.settings());
     let mut path = MediumPath {
         prepared,
         settings,
         sampler,
+        time,
         throughput: Spectrum::ONE,
         radiance: Spectrum::ZERO,
         medium: integrator.camera_medium(),
@@ -100,12 +104,13 @@ impl MediumPath<'_> {
         let reach = std::mem::replace(&mut self.reach, f32::INFINITY);
         let ray = Ray { t_max: reach, ..Ray::new(self.origin, self.direction) };
         // Intersect the ray with the scene
-        let hit = prepared.accel().intersect_filtered(&ray, |hit| self.meets(&ray, hit));
+        let hit = prepared.accel().intersect_filtered_at(&ray, self.time, |hit| self.meets(&ray, hit));
         self.record.values.cost += STEPS;
         self.record.counts.media += u32::from(self.medium.is_some());
         self.segment += 1;
         let cone = self.cone.at(hit.t);
-        let point = hit.is_some().then(|| Interaction::new(prepared, &hit, self.origin, self.direction, cone));
+        let interaction = || Interaction::at(prepared, &hit, self.origin, self.direction, cone, self.time);
+        let point = hit.is_some().then(interaction);
         // Compute the emission at the end of the segment
         let arriving = match &point {
             Some(point) => self.emission(point),

@@ -1,8 +1,8 @@
 //! Hits on curves that face each ray.
 
 use bottega_kernels::Hit;
-use bottega_scene::{CurveLook, CurveMeeting, FacingCurves, Scene, ray_in_object};
-use glam::{Vec2, Vec3};
+use bottega_scene::{CurveLook, CurveMeeting, FacingCurves, ray_in_object};
+use glam::{Affine3A, Vec2, Vec3};
 
 /// Clearance of new rays from a round curve, as a share of its radius.
 const ROUND_CLEARANCE: f32 = 1e-3;
@@ -11,14 +11,13 @@ const ROUND_CLEARANCE: f32 = 1e-3;
 ///
 /// - `t_max`: length of the ray, in lengths of its direction.
 pub(super) fn meeting(
-    scene: &Scene,
     curves: &FacingCurves,
+    world_from_object: &Affine3A,
     hit: &Hit,
     (origin, direction): (Vec3, Vec3),
     t_max: f32,
 ) -> Option<CurveMeeting> {
-    let instance = &scene.instances[hit.instance as usize];
-    let (origin, direction) = ray_in_object(&instance.world_from_object, origin, direction);
+    let (origin, direction) = ray_in_object(world_from_object, origin, direction);
     curves.meet(hit.primitive as usize, origin, direction, [hit.t, t_max])
 }
 
@@ -41,8 +40,13 @@ pub(super) struct CurveSurface {
 impl CurveSurface {
     /// Reconstructs the surface at a hit. `opacity_of` must have accepted the hit: it tests whether the curve itself is
     /// hit.
-    pub(super) fn new(scene: &Scene, curves: &FacingCurves, hit: &Hit, (origin, direction): (Vec3, Vec3)) -> Self {
-        let met = meeting(scene, curves, hit, (origin, direction), f32::INFINITY).unwrap_or(CurveMeeting {
+    pub(super) fn new(
+        curves: &FacingCurves,
+        world_from_object: &Affine3A,
+        hit: &Hit,
+        (origin, direction): (Vec3, Vec3),
+    ) -> Self {
+        let met = meeting(curves, world_from_object, hit, (origin, direction), f32::INFINITY).unwrap_or(CurveMeeting {
             t: hit.t,
             tangent: Vec3::X,
             radius: 0.0,
@@ -50,7 +54,6 @@ impl CurveSurface {
             along: 0.0,
             stretch: 1.0,
         });
-        let world_from_object = &scene.instances[hit.instance as usize].world_from_object;
         let (_, looking) = ray_in_object(world_from_object, origin, direction);
         // In object space: `side` to the edge where `across` is 1, `towards` to the origin of the ray
         let side = looking.cross(met.tangent).normalize_or_zero();

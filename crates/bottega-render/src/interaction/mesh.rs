@@ -28,6 +28,12 @@ pub(crate) fn request_vertices(surfaces: &Surfaces, hit: &Hit) {
     }
 }
 
+/// A triangle: the indices of its vertices, and where they are in object space.
+pub(super) struct TriangleShape {
+    pub(super) triangle: [u32; 3],
+    pub(super) corners: [Vec3; 3],
+}
+
 /// Returns the offset from a point of a facet to the curved surface that the vertex normals describe; zero if it lies
 /// above.
 ///
@@ -80,13 +86,14 @@ pub(super) fn footprint(mesh: &Mesh, triangle: [u32; 3], double_area: f32, width
 }
 
 /// Returns the tangent of increasing u in object space, and the sign of the bitangent.
-pub(super) fn tangent_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32, uv_set: u8) -> (Vec3, f32) {
+pub(super) fn tangent_at(mesh: &Mesh, shape: &TriangleShape, u: f32, v: f32, uv_set: u8) -> (Vec3, f32) {
+    let &TriangleShape { triangle, corners } = shape;
     if let Some(tangent) = interpolate(&mesh.tangents, triangle, u, v) {
         // One vertex is enough: all three have the same sign in a valid mesh
         return (tangent.truncate(), mesh.tangents[triangle[0] as usize].w);
     }
     let uvs = &mesh.uvs[usize::from(uv_set & 1)];
-    let [p0, p1, p2] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+    let [p0, p1, p2] = corners;
     if uvs.is_empty() {
         return (p1 - p0, 1.0);
     }
@@ -101,12 +108,13 @@ pub(super) fn tangent_at(mesh: &Mesh, triangle: [u32; 3], u: f32, v: f32, uv_set
 
 /// Returns the derivatives of the position by u and v in object space; `None`: texture coordinates are missing or
 /// degenerate.
-pub(super) fn derivatives(mesh: &Mesh, triangle: [u32; 3], uv_set: u8) -> Option<[Vec3; 2]> {
+pub(super) fn derivatives(mesh: &Mesh, shape: &TriangleShape, uv_set: u8) -> Option<[Vec3; 2]> {
+    let &TriangleShape { triangle, corners } = shape;
     let uvs = &mesh.uvs[usize::from(uv_set & 1)];
     if uvs.is_empty() {
         return None;
     }
-    let [p0, p1, p2] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+    let [p0, p1, p2] = corners;
     let [a, b, c] = triangle.map(|vertex| uvs[vertex as usize]);
     let (e1, e2, d1, d2) = (p1 - p0, p2 - p0, b - a, c - a);
     let inverse = 1.0 / d1.perp_dot(d2);

@@ -121,7 +121,7 @@ fn a_sphere_is_there_where_its_texture_says() {
         let ray = Ray::new(Vec3::new(x, 0.0, 3.0), 2.0 * Vec3::NEG_Z);
         let hit = prepared
             .accel()
-            .intersect_filtered(&ray, |hit| is_there(&prepared, &ray, hit, SurfaceQuery::Path, |_| 0.5));
+            .intersect_filtered(&ray, |hit| is_there(&prepared, &ray, 0.0, hit, SurfaceQuery::Path, |_| 0.5));
         assert_eq!(hit.is_some(), is_met, "{x}");
     }
 }
@@ -155,7 +155,7 @@ fn the_camera_sees_through_backs_and_nothing_else_does() {
                 (SurfaceQuery::Shadow, false),
             ] {
                 let hit =
-                    prepared.accel().intersect_filtered(&ray, |hit| is_there(&prepared, &ray, hit, asks, |_| 0.5));
+                    prepared.accel().intersect_filtered(&ray, |hit| is_there(&prepared, &ray, 0.0, hit, asks, |_| 0.5));
                 assert_eq!(hit.is_none(), passes, "{origin} {asks:?} {culls_back}");
             }
         }

@@ -203,7 +203,7 @@ impl Emission {
                 match &prepared.lights().lights[*number as usize] {
                     Light::Surface(surface) => near(surface.ball().0),
                     Light::Sphere(index) => near(scene.spheres[*index as usize].center),
-                    Light::Punctual(index) => near(punctual::position(scene, *index)),
+                    Light::Punctual(index) => near(punctual::position(&scene.lights[*index as usize].kind)),
                 }
             }
             EmissionSource::Portal(portal) => near(portal.corner + 0.5 * (portal.edges[0] + portal.edges[1])),

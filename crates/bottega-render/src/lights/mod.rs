@@ -11,6 +11,7 @@ mod emission;
 mod environment;
 mod far;
 mod flat;
+mod moving;
 mod portal;
 mod profile;
 mod punctual;
@@ -30,11 +31,7 @@ use bottega_kernels::Hit;
 use bottega_scene::{LightKind, Scene, Sphere, Visibility};
 use glam::Vec3;
 
-use crate::{
-    bsdf::warp::ONE_MINUS_EPSILON,
-    sampler::Quad,
-    surfaces::{PreparedInstance, PreparedMaterial, Surfaces},
-};
+use crate::{bsdf::warp::ONE_MINUS_EPSILON, sampler::Quad, surfaces::Surfaces};
 use bounds::LightBounds;
 pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
 pub(crate) use emission::{Aim, Emission, EmissionPlan, EmittedPhoton};
@@ -113,12 +110,8 @@ impl CollectedLights {
 
 impl Lights {
     /// Collects the lights, and sets the first light of each emitting instance.
-    pub(crate) fn new(
-        scene: &Scene,
-        materials: &[PreparedMaterial],
-        instances: &mut [PreparedInstance],
-        compensate_environment: bool,
-    ) -> Self {
+    pub(crate) fn new(surfaces: &mut Surfaces, compensate_environment: bool) -> Self {
+        let scene = &*std::sync::Arc::clone(surfaces.scene());
         let environment = scene
             .environment
             .as_ref()
@@ -131,22 +124,23 @@ impl Lights {
                 lights.suns.push(Sun::new(direction, irradiance, angle, light.visibility));
             } else if !light.visibility.has_bounces() {
                 continue;
-            } else if let Some(bounds) = punctual::bounds(scene, index) {
+            } else if let Some(bounds) = punctual::bounds(scene, &light.kind) {
+                let bounds = moving::along_light(surfaces, index, bounds);
                 collected.push(Light::Punctual(index), bounds);
             }
         }
         // Collect emitting spheres and meshes
-        let shines = |material: u32| materials[material as usize].shines;
-        let is_light = |sphere: &Sphere| shines(sphere.material) && sphere.visibility.has_bounces();
+        let shines = |surfaces: &Surfaces, material: u32| surfaces.materials[material as usize].shines;
+        let is_light = |sphere: &Sphere| shines(surfaces, sphere.material) && sphere.visibility.has_bounces();
         for (sphere, index) in scene.spheres.iter().zip(0..).filter(|(sphere, _)| is_light(sphere)) {
-            let number = collected.push(Light::Sphere(index), sphere::bounds(scene, sphere));
+            let bounds = moving::along_sphere(surfaces, index, sphere::bounds(scene, sphere));
+            let number = collected.push(Light::Sphere(index), bounds);
             lights.spheres.push((index, number));
         }
-        for (index, instance) in instances.iter_mut().enumerate() {
-            let placed = &scene.instances[index];
-            if shines(scene.material_of(placed)) && placed.visibility.has_bounces() {
-                instance.first_light = lights.triangles.len() as u32;
-                lights.add_instance(scene, index as u32, &mut collected);
+        for (index, placed) in scene.instances.iter().enumerate() {
+            if shines(surfaces, scene.material_of(placed)) && placed.visibility.has_bounces() {
+                surfaces.instances[index].first_light = lights.triangles.len() as u32;
+                lights.add_instance(surfaces, index as u32, &mut collected);
             }
         }
         lights.hang(&collected);
@@ -172,8 +166,9 @@ impl Lights {
         self.visibilities.get(light as usize).copied().unwrap_or(Visibility::ALL)
     }
 
-    fn add_instance(&mut self, scene: &Scene, instance: u32, collected: &mut CollectedLights) {
-        let panels = Panel::of_instance(scene, instance);
+    fn add_instance(&mut self, surfaces: &Surfaces, instance: u32, collected: &mut CollectedLights) {
+        let scene = &**surfaces.scene();
+        let panels = Panel::of_instance(scene, instance, surfaces.is_moving(instance));
         for panel in &panels {
             let grid = panel.grid(scene, panels.len());
             let first_part = self.parts.len() as u32;
@@ -184,7 +179,10 @@ impl Lights {
                 grid,
             }));
             let parts = panel.lights(scene, grid).into_iter();
-            self.parts.extend(parts.map(|(light, bounds)| collected.push(Light::Surface(light), bounds)));
+            self.parts.extend(parts.map(|(light, bounds)| {
+                let bounds = moving::along_panel(surfaces, panel, bounds);
+                collected.push(Light::Surface(light), bounds)
+            }));
         }
     }
 
@@ -242,6 +240,18 @@ impl Lights {
     /// Samples one light and a point on it. `None`: no light for these random numbers.
     #[inline(always)]
     pub(crate) fn sample(&self, surfaces: &Surfaces, receiver: &Receiver, u: Quad) -> Option<LightSample> {
+        self.sample_in::<false>(surfaces, receiver, u, 0.0)
+    }
+
+    /// Samples one light and a point on it, at a time if `MOVES` is set.
+    #[inline(always)]
+    fn sample_in<const MOVES: bool>(
+        &self,
+        surfaces: &Surfaces,
+        receiver: &Receiver,
+        u: Quad,
+        time: f32,
+    ) -> Option<LightSample> {
         // Choose between lights at infinity and those of the tree
         let share = self.far_share(receiver);
         if u[0] < share {
@@ -251,7 +261,12 @@ impl Lights {
         let choice = if share > 0.0 { ((u[0] - share) / (1.0 - share)).min(ONE_MINUS_EPSILON) } else { u[0] };
         let (light, pmf) = self.tree.sample(receiver, choice)?;
         let pmf = pmf * (1.0 - share);
-        let sample = self.sample_place(surfaces, light, receiver.p, [u[1], u[2]])?;
+        let place = [u[1], u[2]];
+        let sample = if MOVES {
+            self.sample_place_at(surfaces, light, receiver.p, place, time)?
+        } else {
+            self.sample_place(surfaces, light, receiver.p, place)?
+        };
         Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 
@@ -260,8 +275,11 @@ impl Lights {
     pub(crate) fn sample_place(&self, surfaces: &Surfaces, light: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let sample = match &self.lights[light as usize] {
             Light::Surface(surface) => surface.sample(surfaces, from, u)?,
-            Light::Sphere(index) => sphere::sample(surfaces, *index, from, u)?,
-            Light::Punctual(index) => punctual::sample(surfaces.scene(), *index, from)?,
+            Light::Sphere(index) => sphere::sample(surfaces, &surfaces.scene().spheres[*index as usize], from, u)?,
+            Light::Punctual(index) => {
+                let scene = &**surfaces.scene();
+                punctual::sample(scene, &scene.lights[*index as usize].kind, from)?
+            }
         };
         Some(LightSample { light, visibility: self.visibility_of(light), ..sample })
     }
@@ -270,7 +288,7 @@ impl Lights {
     pub(crate) fn place_pdf(&self, scene: &Scene, light: u32, from: Vec3, p: Vec3) -> f32 {
         match &self.lights[light as usize] {
             Light::Surface(surface) => surface.pdf(from, p),
-            Light::Sphere(index) => sphere::pdf(scene, *index, from, p),
+            Light::Sphere(index) => sphere::pdf(&scene.spheres[*index as usize], from, p),
             Light::Punctual(_) => 0.0,
         }
     }
@@ -388,7 +406,7 @@ impl Lights {
                 let sphere = &scene.spheres[*index as usize];
                 (sphere.center, sphere.radius * sphere.radius)
             }
-            Light::Punctual(index) => (punctual::position(scene, *index), 0.0),
+            Light::Punctual(index) => (punctual::position(&scene.lights[*index as usize].kind), 0.0),
         };
         Arc::new(segment, middle, radius_squared)
     }

@@ -22,13 +22,13 @@ use crate::{color::luminance, sampling::around};
 pub(super) const FADE_MIN: f32 = 0.01;
 
 /// Returns the bounds of the light, for the light tree; `None` for a light at infinity.
-pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
+pub(super) fn bounds(scene: &Scene, kind: &LightKind) -> Option<LightBounds> {
     let cone = |position, axis, angle: f32, fade: f32, intensity| LightBounds {
         cone: Cone { axis, angle },
         emission_angle: fade.max(FADE_MIN),
         ..LightBounds::point(position, intensity)
     };
-    match scene.lights[index as usize].kind {
+    match *kind {
         LightKind::Point { position, intensity } => Some(LightBounds::point(position, luminance(intensity))),
         LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, .. } => {
             let [inner, outer] = [cos_inner, cos_outer].map(math::acos);
@@ -54,8 +54,8 @@ pub(super) fn bounds(scene: &Scene, index: u32) -> Option<LightBounds> {
 }
 
 /// Returns the position of the light; the origin for a light at infinity.
-pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
-    match scene.lights[index as usize].kind {
+pub(super) fn position(kind: &LightKind) -> Vec3 {
+    match *kind {
         LightKind::Point { position, .. }
         | LightKind::Spot { position, .. }
         | LightKind::Goniometric { position, .. } => position,
@@ -65,8 +65,8 @@ pub(super) fn position(scene: &Scene, index: u32) -> Vec3 {
 }
 
 /// Returns the light that arrives at `p`. `None` if that is dark, and for light from infinity.
-pub(super) fn sample(scene: &Scene, index: u32, p: Vec3) -> Option<LightSample> {
-    match scene.lights[index as usize].kind {
+pub(super) fn sample(scene: &Scene, kind: &LightKind, p: Vec3) -> Option<LightSample> {
+    match *kind {
         LightKind::Point { position, intensity } => from_point(position, p, |_| intensity),
         LightKind::Spot { position, direction, intensity, cos_inner, cos_outer, falloff } => {
             from_point(position, p, |wi| intensity * fall_off(falloff, -wi.dot(direction), cos_inner, cos_outer))
@@ -186,9 +186,9 @@ mod tests {
     fn a_point_light_falls_off_with_the_square_of_the_distance() {
         let light = LightKind::Point { position: Vec3::new(0.0, 4.0, 0.0), intensity: Vec3::splat(8.0) };
         let scene = with(light);
-        let sample = sample(&scene, 0, Vec3::new(0.0, 2.0, 0.0)).unwrap();
+        let sample = sample(&scene, &scene.lights[0].kind, Vec3::new(0.0, 2.0, 0.0)).unwrap();
         assert_eq!((sample.wi, sample.distance, sample.radiance), (Vec3::Y, 2.0, Vec3::splat(2.0)));
-        assert!(super::sample(&scene, 0, Vec3::new(0.0, 4.0, 0.0)).is_none());
+        assert!(super::sample(&scene, &scene.lights[0].kind, Vec3::new(0.0, 4.0, 0.0)).is_none());
     }
 
     #[test]
@@ -204,9 +204,12 @@ mod tests {
         };
         let image = bottega_scene::Image::from_linear_rgb("lamp", 8, 8, texels.collect());
         let scene = Scene { images: vec![image].into(), ..with(kind) };
-        assert_eq!(sample(&scene, 0, 2.0 * Vec3::X).unwrap().radiance, Vec3::splat(3.0));
-        assert!(sample(&scene, 0, 2.0 * Vec3::Y).is_none() && sample(&scene, 0, 2.0 * Vec3::NEG_X).is_none());
-        let bounds = bounds(&scene, 0).unwrap();
+        assert_eq!(sample(&scene, &scene.lights[0].kind, 2.0 * Vec3::X).unwrap().radiance, Vec3::splat(3.0));
+        assert!(
+            sample(&scene, &scene.lights[0].kind, 2.0 * Vec3::Y).is_none()
+                && sample(&scene, &scene.lights[0].kind, 2.0 * Vec3::NEG_X).is_none()
+        );
+        let bounds = bounds(&scene, &scene.lights[0].kind).unwrap();
         assert!((bounds.intensity - 12.0 / 16.0).abs() < 0.01, "{}", bounds.intensity);
     }
 
@@ -222,7 +225,7 @@ mod tests {
                 falloff,
             });
             let p = Vec3::new((1.0 - cosine * cosine).sqrt(), -cosine, 0.0);
-            sample(&scene, 0, p).map_or(0.0, |sample| sample.radiance.x)
+            sample(&scene, &scene.lights[0].kind, p).map_or(0.0, |sample| sample.radiance.x)
         };
         let linear = (0.7f32.acos() - 0.8f32.acos()) / (0.7f32.acos() - 0.9f32.acos());
         for (falloff, middle) in

@@ -69,9 +69,8 @@ impl VisibleCone {
 }
 
 /// Samples a point on the sphere for the point `from`.
-pub(super) fn sample(surfaces: &Surfaces, index: u32, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
+pub(super) fn sample(surfaces: &Surfaces, sphere: &Sphere, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
     let scene = &**surfaces.scene();
-    let sphere = &scene.spheres[index as usize];
     let (wi, distance, pdf) = match VisibleCone::new(sphere, from) {
         Some(cone) => {
             let (direction, distance) = sample_cone(&cone, sphere.radius, u);
@@ -129,8 +128,7 @@ fn area_pdf(sphere: &Sphere, wi: Vec3, distance: f32, n: Vec3) -> Option<f32> {
 }
 
 /// Returns the density per solid angle with which [`sample`] draws the point `p` from `from`.
-pub(super) fn pdf(scene: &Scene, index: u32, from: Vec3, p: Vec3) -> f32 {
-    let sphere = &scene.spheres[index as usize];
+pub(super) fn pdf(sphere: &Sphere, from: Vec3, p: Vec3) -> f32 {
     if let Some(cone) = VisibleCone::new(sphere, from) {
         return cone.pdf();
     }
@@ -161,11 +159,17 @@ mod tests {
                 world_from_object: Quat::IDENTITY,
                 material: 0,
                 visibility: Visibility::ALL,
+                motion: Vec::new(),
             }],
             materials: vec![material],
             ..Scene::default()
         };
         Surfaces::new(std::sync::Arc::new(scene))
+    }
+
+    /// Samples the only sphere of a scene.
+    fn sample(surfaces: &Surfaces, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
+        super::sample(surfaces, &surfaces.scene().spheres[0], from, u)
     }
 
     proptest! {
@@ -175,10 +179,10 @@ mod tests {
         ) {
             let scene = scene(0.5, true);
             let from = Vec3::new(1.0, 2.0, 3.0) + distance * Vec3::new(azimuth.cos(), 0.6, azimuth.sin());
-            if let Some(sample) = sample(&scene, 0, from, [u, v]) {
+            if let Some(sample) = sample(&scene, from, [u, v]) {
                 let p = from + sample.wi * sample.distance;
                 prop_assert!(((p - Vec3::new(1.0, 2.0, 3.0)).length() - 0.5).abs() < 1e-3 + 1e-5 * distance);
-                let again = pdf(scene.scene(), 0, from, p);
+                let again = pdf(&scene.scene().spheres[0], from, p);
                 prop_assert!((again - sample.pdf).abs() < 2e-2 * sample.pdf, "{again} {}", sample.pdf);
             }
         }
@@ -194,7 +198,7 @@ mod tests {
             let mut irradiance = 0.0;
             for i in 0..steps * steps {
                 let u = [((i % steps) as f32 + 0.5) / steps as f32, ((i / steps) as f32 + 0.5) / steps as f32];
-                if let Some(sample) = sample(&scene, 0, from, u) {
+                if let Some(sample) = sample(&scene, from, u) {
                     irradiance += sample.radiance.x * sample.wi.y.max(0.0) / sample.pdf / (steps * steps) as f32;
                 }
             }
@@ -206,12 +210,12 @@ mod tests {
     #[test]
     fn from_inside_only_a_double_sided_sphere_is_seen() {
         let inside = Vec3::new(1.2, 2.0, 3.0);
-        assert!(sample(&scene(1.0, false), 0, inside, [0.3, 0.4]).is_none());
+        assert!(sample(&scene(1.0, false), inside, [0.3, 0.4]).is_none());
         let scene = scene(1.0, true);
         let steps = 100;
         let sum: f32 = (0..steps * steps)
             .map(|i| [((i % steps) as f32 + 0.5) / steps as f32, ((i / steps) as f32 + 0.5) / steps as f32])
-            .filter_map(|u| sample(&scene, 0, inside, u))
+            .filter_map(|u| sample(&scene, inside, u))
             .map(|sample| 1.0 / sample.pdf)
             .sum();
         assert!((sum / (steps * steps) as f32 - 4.0 * PI).abs() < 0.02);

@@ -53,6 +53,8 @@ pub(super) struct Panel {
     y: Vec3,
     /// Shape that the sides span.
     pub(super) shape: PanelShape,
+    /// `true`: it moves while the shutter is open; corner and sides are those when it opens.
+    pub(super) moves: bool,
 }
 
 /// The shape that `x` and `y` span.
@@ -102,14 +104,15 @@ struct PanelPart {
 pub(super) struct Grid(u32);
 
 impl Panel {
-    /// Returns the panels of an instance's mesh, in the order of its triangles.
-    pub(super) fn of_instance(scene: &Scene, instance: u32) -> Vec<Self> {
+    /// Returns the panels of an instance's mesh, in the order of its triangles. What moves has triangles only, as a
+    /// rectangle may not stay one.
+    pub(super) fn of_instance(scene: &Scene, instance: u32, moves: bool) -> Vec<Self> {
         let mesh = &scene.meshes[scene.instances[instance as usize].mesh as usize];
         let mut panels = Vec::with_capacity(mesh.triangles.len());
         let mut triangle = 0;
         while triangle < mesh.triangles.len() as u32 {
-            let panel = Self::rectangle(scene, instance, triangle);
-            let panel = panel.unwrap_or_else(|| Self::triangle(scene, instance, triangle));
+            let panel = if moves { None } else { Self::rectangle(scene, instance, triangle) };
+            let panel = panel.unwrap_or_else(|| Self { moves, ..Self::triangle(scene, instance, triangle) });
             triangle += panel.triangle_count();
             panels.push(panel);
         }
@@ -118,7 +121,17 @@ impl Panel {
 
     fn triangle(scene: &Scene, instance: u32, triangle: u32) -> Self {
         let [a, b, c] = corners(scene, instance, triangle);
-        Self { instance, triangle, corner: a, x: b - a, y: c - a, shape: PanelShape::Triangle }
+        Self { instance, triangle, corner: a, x: b - a, y: c - a, shape: PanelShape::Triangle, moves: false }
+    }
+
+    /// Returns the index of the instance.
+    pub(super) fn instance(&self) -> u32 {
+        self.instance
+    }
+
+    /// Returns this triangle with other corners.
+    fn with_corners(self, [a, b, c]: [Vec3; 3]) -> Self {
+        Self { corner: a, x: b - a, y: c - a, ..self }
     }
 
     /// Returns the rectangle that a triangle and the next one form; `None` if they do not.
@@ -140,7 +153,7 @@ impl Panel {
             && (world[corner] + x + y - fourth).length() <= RECTANGLE_TOLERANCE * size
             && x.cross(y) != Vec3::ZERO;
         let shape = PanelShape::Rectangle { corner: corner as u8, opposite: opposite as u8 };
-        is_rectangle.then_some(Self { instance, triangle, corner: world[corner], x, y, shape })
+        is_rectangle.then_some(Self { instance, triangle, corner: world[corner], x, y, shape, moves: false })
     }
 
     /// Returns the number of the panel's triangles: 1 or 2.
@@ -278,7 +291,7 @@ impl SurfaceLight {
     /// Returns the record of the light: instance, triangle, shape, corner and sides of the panel, position and size of
     /// the part, material.
     pub(super) fn record(&self) -> SurfaceLightRecord {
-        let Panel { instance, triangle, corner, x, y, shape } = self.panel;
+        let Panel { instance, triangle, corner, x, y, shape, .. } = self.panel;
         let (shape, part) = (shape.code(), Vec3::new(self.part.s, self.part.t, self.part.size));
         let material = self.material;
         SurfaceLightRecord { kind: code::LIGHT_SURFACE, instance, triangle, shape, corner, x, y, part, material }
@@ -287,6 +300,20 @@ impl SurfaceLight {
     /// Returns the index of the instance.
     pub(super) fn instance(&self) -> u32 {
         self.panel.instance
+    }
+
+    /// Returns true if the light moves while the shutter is open.
+    #[inline(always)]
+    pub(super) fn moves(&self) -> bool {
+        self.panel.moves
+    }
+
+    /// Returns the light as it is at a time.
+    pub(super) fn at(&self, surfaces: &Surfaces, time: f32) -> Self {
+        let world_from_object = surfaces.world_from_object(self.panel.instance, time);
+        let corners = surfaces.corners(self.panel.instance, self.panel.triangle, time);
+        let corners = corners.map(|corner| world_from_object.transform_point3(corner));
+        Self { panel: self.panel.with_corners(corners), ..*self }
     }
 
     /// Returns the index of the material.

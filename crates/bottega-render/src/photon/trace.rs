@@ -219,7 +219,7 @@ impl Tracer<'_> {
     fn opacity(&self, ray: &Ray, hit: &Hit) -> f32 {
         /// Least opacity, which bounds the factor.
         const OPACITY_MIN: f32 = 1.0 / 64.0;
-        if self.prepared.has_opacity() { opacity_of(self.prepared, ray, hit).0.max(OPACITY_MIN) } else { 1.0 }
+        if self.prepared.has_opacity() { opacity_of(self.prepared, ray, 0.0, hit).0.max(OPACITY_MIN) } else { 1.0 }
     }
 
     /// Stores shadow photons at all surfaces along the photon's ray, and marks the first one as lit.

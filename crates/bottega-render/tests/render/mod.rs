@@ -9,6 +9,7 @@ mod lighting_agents;
 mod lookouts;
 mod media;
 mod mitsuba;
+mod motion;
 mod no_negative_light;
 mod pbrt;
 mod photon_options;

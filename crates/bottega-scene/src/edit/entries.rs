@@ -10,6 +10,7 @@ use crate::light::Environment;
 use crate::material::Material;
 use crate::medium::{Medium, MediumId};
 use crate::model::Sphere;
+use crate::motion::check_transform_keys;
 use crate::texture::ImageId;
 
 /// Greatest deviation of the product of a camera's axes from that of a rotation.
@@ -72,6 +73,7 @@ impl SceneEditor {
             EditedLightKind::Area(lamp) => lamp.material().map(drop).map_err(Cow::from),
         };
         checked.map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;
+        check_transform_keys(&light.motion).map_err(|problem| EditError::value(EntryKind::Light, key, &problem))?;
         let hidden = self.lights.find(key).is_some_and(|before| before.hidden);
         self.lights.put(key, EditedLight { hidden, ..light });
         Ok(())

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::corner_mesh::CornerMesh;
 use super::error::EditError;
 use crate::model::Mesh;
+use crate::motion::{MeshKey, check_times};
 
 /// The most vertices at one position that a corner is compared with. Beyond them a corner gets a vertex of its own, so that
 /// the time stays proportional to the number of corners.
@@ -75,6 +76,29 @@ impl MeshParts {
             bounds = (bounds.0.min(min), bounds.1.max(max));
         }
         Self { parts, bounds, mirrored: OnceLock::new() }
+    }
+
+    /// Returns these parts with keys of their vertices.
+    pub(super) fn moving(self, keys: &[(f64, Self)]) -> Result<Self, EditError> {
+        let wrong =
+            |problem: String| EditError::argument("motion", problem, "keys differ in positions and normals alone");
+        check_times(keys.iter().map(|key| key.0)).map_err(|problem| wrong(problem.to_string()))?;
+        let mut parts = Vec::with_capacity(self.parts.len());
+        for (index, (slot, mesh)) in self.parts.iter().enumerate() {
+            let mut mesh = Mesh::clone(mesh);
+            for (time, key) in keys {
+                let same = key.parts.get(index).filter(|(other, key)| {
+                    other == slot && key.triangles == mesh.triangles && key.normals.len() == mesh.normals.len()
+                });
+                let Some((_, key)) = same else {
+                    return Err(wrong(format!("the key at time {time} has other triangles than the mesh")));
+                };
+                let (positions, normals) = (key.positions.clone(), key.normals.clone());
+                mesh.motion.push(MeshKey { time: *time, positions, normals });
+            }
+            parts.push((*slot, Arc::new(mesh)));
+        }
+        Ok(Self::of(parts))
     }
 
     /// Returns the mirrored meshes, in the order of the parts; they are made when they are first needed.

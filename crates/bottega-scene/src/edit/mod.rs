@@ -17,7 +17,7 @@ mod users;
 
 use std::sync::Arc;
 
-use glam::Affine3A;
+use glam::{Affine3A, Vec3};
 use serde::{Deserialize, Serialize};
 
 pub use self::{
@@ -34,8 +34,10 @@ use crate::light::LightKind;
 use crate::material::Material;
 use crate::medium::MediumId;
 use crate::model::{Mesh, Scene, Sphere};
+use crate::motion::{Shutter, SphereKey, TransformKey, check_transform_keys};
 use crate::shaped_light::{AreaLamp, SphereLamp};
 use crate::texture::ImageId;
+use crate::validate::check_sphere;
 use crate::visibility::Visibility;
 
 /// A scene whose parts have keys.
@@ -76,6 +78,9 @@ pub struct EditedLight {
     /// Kinds of ray that the thing reaches.
     #[serde(default)]
     pub visibility: Visibility,
+    /// Keys of a transformation of the light from where [`Self::kind`] puts it, world space to world space, if it moves.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motion: Vec<TransformKey>,
     #[serde(skip)]
     hidden: bool,
 }
@@ -95,7 +100,7 @@ pub enum EditedLightKind {
 
 impl From<LightKind> for EditedLight {
     fn from(kind: LightKind) -> Self {
-        Self { kind: EditedLightKind::Plain(kind), visibility: Visibility::ALL, hidden: false }
+        Self { kind: EditedLightKind::Plain(kind), visibility: Visibility::ALL, motion: Vec::new(), hidden: false }
     }
 }
 
@@ -159,6 +164,28 @@ impl SceneEditor {
         self.put_parts(key, parts, materials)
     }
 
+    /// Adds or replaces a mesh whose vertices move.
+    ///
+    /// - `keys`: times, ascending, and the mesh then: it differs from `mesh` in positions and normals alone.
+    ///
+    /// # Errors
+    /// As for [`Self::put_mesh`], and a key has other triangles than the mesh.
+    pub fn put_moving_mesh(
+        &mut self,
+        key: &str,
+        mesh: &CornerMesh<'_>,
+        keys: &[(f64, CornerMesh<'_>)],
+        materials: Vec<String>,
+        placing: Placing,
+    ) -> Result<(), EditError> {
+        self.meshes.check(key, placing)?;
+        self.check_materials(&materials)?;
+        let mut parts = MeshParts::new(key, mesh, materials.len())?;
+        let keys = keys.iter().map(|(time, mesh)| Ok((*time, MeshParts::new(key, mesh, materials.len())?)));
+        parts = parts.moving(&keys.collect::<Result<Vec<_>, EditError>>()?)?;
+        self.put_parts(key, parts, materials)
+    }
+
     /// Adds or replaces a mesh of curves, with one material slot. Objects that place it are changed with it.
     ///
     /// - `materials`: the key of the material, or none: gray.
@@ -181,6 +208,7 @@ impl SceneEditor {
     fn put_parts(&mut self, key: &str, parts: MeshParts, materials: Vec<String>) -> Result<(), EditError> {
         for (_, object) in self.objects.iter().filter(|(_, object)| object.mesh == key) {
             check_transforms(&object.transforms, parts.bounds)?;
+            object.check_motion(parts.bounds)?;
         }
         self.meshes.put(key, EditedMesh { parts, materials });
         Ok(())
@@ -212,7 +240,9 @@ impl SceneEditor {
     /// The mesh or a material does not exist, or a matrix is singular.
     pub fn put_object(&mut self, key: &str, object: PlacedObject, placing: Placing) -> Result<(), EditError> {
         self.objects.check(key, placing)?;
-        check_transforms(&object.transforms, self.meshes.get(&object.mesh)?.parts.bounds)?;
+        let bounds = self.meshes.get(&object.mesh)?.parts.bounds;
+        check_transforms(&object.transforms, bounds)?;
+        object.check_motion(bounds)?;
         self.check_materials(&object.materials)?;
         object.check_choice()?;
         self.objects.put(key, object);
@@ -227,7 +257,8 @@ impl SceneEditor {
         self.objects.get(key)
     }
 
-    /// Moves an object. If the number of its instances changes, materials by instance must be set again.
+    /// Moves an object, which then stands still. If the number of its instances changes, materials by instance must be set
+    /// again.
     ///
     /// # Errors
     /// There is no such object, or a matrix is singular.
@@ -242,8 +273,74 @@ impl SceneEditor {
             );
             return Err(EditError::argument("transforms", problem, "put the object again, with both"));
         }
-        self.objects.get_mut(key)?.transforms = transforms;
+        let object = self.objects.get_mut(key)?;
+        (object.transforms, object.motion) = (transforms, Vec::new());
         Ok(())
+    }
+
+    /// Sets the path of an object while the shutter is open: times, ascending, each with the matrices of all instances. Empty:
+    /// it stands still.
+    ///
+    /// # Errors
+    /// There is no such object, the times do not ascend, or a matrix is singular.
+    pub fn set_object_motion(&mut self, key: &str, motion: Vec<(f64, Vec<Affine3A>)>) -> Result<(), EditError> {
+        let object = PlacedObject { motion, ..self.objects.get(key)?.clone() };
+        object.check_motion(self.meshes.get(&object.mesh)?.parts.bounds)?;
+        self.objects.put(key, object);
+        Ok(())
+    }
+
+    /// Sets the path of a camera or a light while the shutter is open. Keys of a camera are its matrices; those of a light
+    /// move it, in world space, from where it was put. None: it stands still.
+    ///
+    /// # Errors
+    /// There is no such thing, or of a kind that has other keys; the times do not ascend, or a matrix is singular.
+    pub fn set_motion(&mut self, kind: EntryKind, key: &str, motion: Vec<TransformKey>) -> Result<(), EditError> {
+        check_transform_keys(&motion).map_err(|problem| EditError::value(kind, key, &problem))?;
+        match kind {
+            EntryKind::Camera => {
+                let camera = Camera { motion, ..self.cameras.get(key)?.clone() };
+                self.cameras.put(key, camera);
+            }
+            EntryKind::Light => self.lights.get_mut(key)?.motion = motion,
+            _ => return Err(EditError::value(kind, key, &"it is neither a camera nor a light")),
+        }
+        Ok(())
+    }
+
+    /// Sets the path of a sphere while the shutter is open: times, centres and radii. None: it stands still.
+    ///
+    /// # Errors
+    /// There is no such sphere, the times do not ascend, or a radius is not above 0.
+    pub fn set_sphere_motion(&mut self, key: &str, motion: Vec<(f64, Vec3, f32)>) -> Result<(), EditError> {
+        let sphere = &self.spheres.get(key)?.sphere;
+        let world_from_object = sphere.world_from_object;
+        let keys =
+            motion.into_iter().map(|(time, center, radius)| SphereKey { time, center, radius, world_from_object });
+        let moving = Sphere { motion: keys.collect(), ..sphere.clone() };
+        check_sphere(&moving).map_err(|problem| EditError::value(EntryKind::Sphere, key, &problem))?;
+        self.spheres.get_mut(key)?.sphere = moving;
+        Ok(())
+    }
+
+    /// Sets the span of time that pictures show.
+    ///
+    /// # Errors
+    /// It closes before it opens, a time is not finite, or its ramp is not from 0 to 0.5.
+    pub fn set_shutter(&mut self, shutter: Shutter) -> Result<(), EditError> {
+        if !shutter.is_sound() {
+            let problem =
+                format!("it opens at {}, closes at {} and has a ramp of {}", shutter.open, shutter.close, shutter.ramp);
+            let remedy = "finite times in order are needed, and a ramp from 0 to 0.5";
+            return Err(EditError::argument("shutter", problem, remedy));
+        }
+        self.base.shutter = shutter;
+        Ok(())
+    }
+
+    /// Returns the span of time that pictures show.
+    pub fn shutter(&self) -> Shutter {
+        self.base.shutter
     }
 
     /// Sets the kinds of ray for which an object exists.

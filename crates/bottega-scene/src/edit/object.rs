@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::error::EditError;
 use crate::model::is_placeable;
+use crate::motion::check_times;
 use crate::visibility::Visibility;
 
 /// A mesh placed in the world, once or many times.
@@ -14,6 +15,9 @@ pub struct PlacedObject {
     pub mesh: String,
     /// Object space to world space of each instance; may mirror.
     pub transforms: Vec<Affine3A>,
+    /// The transformations at later keys, if the object moves: times, ascending, each with one transformation for each
+    /// instance. At the first key, `transforms` should be the same.
+    pub motion: Vec<(f64, Vec<Affine3A>)>,
     /// Keys of materials in place of the mesh's, by slot. A slot beyond them keeps the mesh's.
     pub materials: Vec<String>,
     /// The material of each instance, as an index into `materials`, for all its slots. Empty: materials go by slot.
@@ -96,6 +100,30 @@ pub(super) fn check_transforms(transforms: &[Affine3A], bounds: (Vec3, Vec3)) ->
 }
 
 impl PlacedObject {
+    /// Checks the keys of the motion.
+    ///
+    /// - `bounds`: of the mesh.
+    pub(super) fn check_motion(&self, bounds: (Vec3, Vec3)) -> Result<(), EditError> {
+        let times = self.motion.iter().map(|key| key.0);
+        check_times(times).map_err(|problem| {
+            EditError::argument("motion", problem.to_string(), "give finite times that ascend, 4096 at most")
+        })?;
+        for (time, transforms) in &self.motion {
+            if transforms.len() != self.transforms.len() {
+                let (found, needed) = (transforms.len(), self.transforms.len());
+                let problem = format!("the key at time {time} has {found} matrices, and there are {needed} instances");
+                return Err(EditError::argument("motion", problem, "give one for each instance"));
+            }
+            check_transforms(transforms, bounds)?;
+            let turns = transforms.iter().zip(&self.transforms).position(|(key, own)| mirrors(key) != mirrors(own));
+            if let Some(row) = turns {
+                let problem = format!("the matrix at time {time} mirrors where others do not");
+                return Err(EditError::row("motion", row, problem, "all keys of an instance must mirror, or none"));
+            }
+        }
+        Ok(())
+    }
+
     /// Checks the choice of materials by instance.
     pub(super) fn check_choice(&self) -> Result<(), EditError> {
         let (rows, count) = (self.instance_materials.len(), self.transforms.len());

@@ -3,14 +3,13 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::Affine3A;
-
 use super::keyed_list::KeyedList;
 use super::mesh_parts::MeshParts;
 use super::object::PlacedObject;
 use super::{EditedLight, EditedMesh, EditedSphere, SceneEditor};
 use crate::medium::MediumId;
 use crate::model::{Instance, Scene};
+use crate::motion::TransformKey;
 use crate::texture::ImageId;
 
 impl SceneEditor {
@@ -23,7 +22,8 @@ impl SceneEditor {
         let Scene { meshes, instances, spheres, materials, lights, cameras, .. } = &scene;
         let material_keys = put_all(&mut editor.materials, materials, |material| (&material.name, material.clone()));
         put_all(&mut editor.lights, lights, |light| {
-            (&light.name, EditedLight { visibility: light.visibility, ..EditedLight::from(light.kind) })
+            let motion = light.motion.clone();
+            (&light.name, EditedLight { visibility: light.visibility, motion, ..EditedLight::from(light.kind) })
         });
         put_all(&mut editor.cameras, cameras, |camera| (&camera.name, camera.clone()));
         let (images, media) = (scene.images.iter(), scene.media.iter());
@@ -41,17 +41,21 @@ impl SceneEditor {
             (&mesh.name, EditedMesh { parts, materials: vec![key_of(mesh.material)] })
         });
         // Successive instances of a mesh with the same material are one object, so that their order stays
-        let mut runs: Vec<(&Instance, Vec<Affine3A>)> = Vec::new();
+        let mut runs: Vec<Vec<&Instance>> = Vec::new();
         for instance in instances {
             match runs.last_mut() {
-                Some((first, transforms)) if is_alike(first, instance) => {
-                    transforms.push(instance.world_from_object);
-                }
-                _ => runs.push((instance, vec![instance.world_from_object])),
+                Some(run) if is_alike(run[0], instance) => run.push(instance),
+                _ => runs.push(vec![instance]),
             }
         }
         let mut counts: HashMap<u32, u32> = HashMap::new();
-        for (instance, transforms) in runs {
+        for run in runs {
+            let instance = run[0];
+            let transforms = run.iter().map(|it| it.world_from_object).collect();
+            let key = |(index, key): (usize, &TransformKey)| {
+                (key.time, run.iter().map(|it| it.motion[index].transform).collect())
+            };
+            let motion = instance.motion.iter().enumerate().map(key).collect();
             let mesh = mesh_keys[instance.mesh as usize].clone();
             // Number the objects of a mesh from the second on
             let count = counts.entry(instance.mesh).or_default();
@@ -60,8 +64,15 @@ impl SceneEditor {
             let key = editor.objects.fresh_key(&name);
             let materials = instance.material.map(key_of).into_iter().collect();
             let visibility = instance.visibility;
-            let object =
-                PlacedObject { mesh, transforms, materials, instance_materials: Vec::new(), hidden: false, visibility };
+            let object = PlacedObject {
+                mesh,
+                transforms,
+                motion,
+                materials,
+                instance_materials: Vec::new(),
+                hidden: false,
+                visibility,
+            };
             editor.objects.put(&key, object);
         }
         put_all(&mut editor.spheres, spheres, |sphere| {
@@ -81,9 +92,10 @@ impl SceneEditor {
     }
 }
 
-/// Returns true if two instances differ in their place alone.
+/// Returns true if two instances differ in their place alone, and move at the same times.
 fn is_alike(a: &Instance, b: &Instance) -> bool {
     (a.mesh, a.material, a.visibility) == (b.mesh, b.material, b.visibility)
+        && a.motion.iter().map(|key| key.time).eq(b.motion.iter().map(|key| key.time))
 }
 
 /// Puts values into a list under keys made of their names. Returns the keys.

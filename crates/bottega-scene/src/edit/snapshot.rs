@@ -10,6 +10,7 @@ use crate::camera::Camera;
 use crate::light::Light;
 use crate::material::Material;
 use crate::model::{Instance, Mesh, Scene};
+use crate::motion::{SphereKey, TransformKey};
 use crate::shaped_light::ShapedLight;
 
 /// A scene while it is filled from an editor.
@@ -65,13 +66,21 @@ impl<'a> SceneFiller<'a> {
             } else {
                 (&upright, *transform)
             };
+            let motion: Vec<TransformKey> = (object.motion.iter())
+                .filter_map(|(time, transforms)| {
+                    let transform = transforms.get(index)?;
+                    let transform = if mirrors(transform) { unmirrored(transform) } else { *transform };
+                    Some(TransformKey { time: *time, transform })
+                })
+                .collect();
             let choice = object.instance_materials.get(index).map(|&choice| palette[choice as usize]);
             for (&mesh, &material) in meshes.iter().zip(&materials) {
                 let material = choice.unwrap_or(material);
                 let is_own = self.scene.meshes[mesh as usize].material == material;
                 let material = (!is_own).then_some(material);
                 let visibility = object.visibility;
-                self.scene.instances.push(Instance { mesh, material, world_from_object, visibility });
+                let motion = motion.clone();
+                self.scene.instances.push(Instance { mesh, material, world_from_object, visibility, motion });
             }
         }
     }
@@ -79,13 +88,33 @@ impl<'a> SceneFiller<'a> {
     fn add_light(&mut self, key: &str, light: &EditedLight) {
         let shape = match &light.kind {
             EditedLightKind::Plain(kind) => {
-                self.scene.lights.push(Light { visibility: light.visibility, ..Light::new(key, *kind) });
+                self.scene.lights.push(Light {
+                    visibility: light.visibility,
+                    motion: light.motion.clone(),
+                    ..Light::new(key, *kind)
+                });
                 return;
             }
             EditedLightKind::Sphere(lamp) => ShapedLight::Sphere(lamp),
             EditedLightKind::Area(lamp) => ShapedLight::Area(lamp),
         };
+        let counts = (self.scene.spheres.len(), self.scene.instances.len());
         self.scene.push_shaped_light(key, &shape, light.visibility);
+        // The surface of the light moves with it
+        for sphere in &mut self.scene.spheres[counts.0..] {
+            let key = |key: &TransformKey| SphereKey {
+                time: key.time,
+                center: key.transform.transform_point3(sphere.center),
+                radius: sphere.radius,
+                world_from_object: sphere.world_from_object,
+            };
+            sphere.motion = light.motion.iter().map(key).collect();
+        }
+        for instance in &mut self.scene.instances[counts.1..] {
+            let place = instance.world_from_object;
+            let key = |key: &TransformKey| TransformKey { transform: key.transform * place, ..*key };
+            instance.motion = light.motion.iter().map(key).collect();
+        }
     }
 
     fn mirrored(&mut self, parts: &MeshParts) -> Vec<u32> {

@@ -55,12 +55,16 @@ pub(super) fn moment(source: &GltfSource<'_>, warnings: &mut Warnings) -> Result
             index..index + 1
         }
     };
-    let time = match (source.options.at, &source.options.animation) {
+    let opens = source.options.open_shutter().map(|shutter| shutter.open as f32);
+    let time = match (opens.or(source.options.at), &source.options.animation) {
         (Some(time), _) => time,
         (None, Some(_)) => 0.0,
         (None, None) => {
             if !animations.is_empty() {
-                warnings.add("animations", "the scene is shown as its nodes stand; name a time to see it animated");
+                warnings.add(
+                    "animations",
+                    "the scene is shown as its nodes stand; name a time or a shutter to see it animated",
+                );
             }
             return Ok(None);
         }
@@ -72,6 +76,36 @@ pub(super) fn moment(source: &GltfSource<'_>, warnings: &mut Warnings) -> Result
 }
 
 impl Moment {
+    /// Returns the time, in seconds.
+    pub(super) fn time(&self) -> f32 {
+        self.time
+    }
+
+    /// Returns the same animations at later times, up to the one when the shutter is closed. Empty if it is open for no time
+    /// or if nothing is animated.
+    pub(super) fn later(&self, source: &GltfSource<'_>) -> Vec<Self> {
+        /// Least number of steps per second, and most steps in all.
+        const STEPS: (f64, f64) = (60.0, 16.0);
+        let Some(shutter) = source.options.open_shutter().filter(|shutter| shutter.is_sound()) else {
+            return Vec::new();
+        };
+        let has_channels = self.channels(source).next().is_some();
+        if shutter.is_instant() || !has_channels {
+            return Vec::new();
+        }
+        let span = shutter.close - shutter.open;
+        let steps = (span * STEPS.0).ceil().clamp(1.0, STEPS.1) as u32;
+        let time = |step: u32| (shutter.open + span * f64::from(step) / f64::from(steps)) as f32;
+        let mut later: Vec<Self> = Vec::new();
+        for time in (1..=steps).map(time) {
+            // Times that are one in single precision count once
+            if time > later.last().map_or(self.time, |last| last.time) {
+                later.push(Self { animations: self.animations.clone(), time });
+            }
+        }
+        later
+    }
+
     /// Iterates over all channels, in file order.
     fn channels<'a, 's>(&self, source: &'s GltfSource<'a>) -> impl Iterator<Item = AnimationChannel<'a, 's>> {
         self.animations.clone().flat_map(move |animation| {

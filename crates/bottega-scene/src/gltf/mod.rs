@@ -10,8 +10,8 @@
 //! `KHR_texture_transform`, `EXT_texture_webp`; `KHR_node_visibility`, `KHR_animation_pointer`. Another extension that
 //! the file requires is an error that names it; one that it only uses is ignored with a warning.
 //!
-//! Animations are evaluated at one time: meshes are posed by skins and morph targets on import, and the scene has
-//! neither.
+//! Animations are evaluated at one time, or at several while a shutter is open: meshes are posed by skins and morph
+//! targets on import, and the scene has neither. Values of `KHR_animation_pointer` are those when the shutter opens.
 //!
 //! Light units: candela and lux are taken as W·sr⁻¹ and W·m⁻², one to one, and `emissiveFactor` as radiance, so the
 //! ratio of emissive surfaces and punctual lights is as in other glTF viewers.
@@ -48,7 +48,9 @@ use source::GltfSource;
 use crate::budget::MemoryBudget;
 use crate::error::{SceneError, Warnings};
 use crate::hints::{Metadata, RenderHints};
+use crate::import::merge::{StillParts, merge};
 use crate::import::request::{ImportRequest, Imported};
+use crate::material::Material;
 use crate::model::Scene;
 use crate::objects_only;
 use crate::text::{decode_utf8, shortened};
@@ -119,7 +121,7 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
         animated = pointer::replaced(path, json.as_bytes(), pointed, budget, warnings)?;
         source.document = &animated;
     }
-    let pose = moment.map(|moment| moment.pose(&source, warnings)).transpose()?.unwrap_or_default();
+    let pose = moment.as_ref().map(|moment| moment.pose(&source, warnings)).transpose()?.unwrap_or_default();
     let hierarchy = Hierarchy::new(&source, pose, warnings)?;
     let placements = node::placements(&source, &hierarchy, warnings)?;
     let used: BTreeSet<Option<usize>> = placements.shapes.iter().map(|shape| shape.material).collect();
@@ -138,16 +140,48 @@ pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Re
     let (meshes, instances) =
         node::build(&source, &hierarchy, &placements, &draco, &materials, &material_of, warnings)?;
     drop(draco);
+    let mut stills = Vec::new();
+    for later in moment.iter().flat_map(|moment| moment.later(&source)) {
+        stills.push(still_parts(&source, &later, &materials, &material_of)?);
+    }
     let (meshes, images) = (meshes.into(), images.into());
     let mut scene = Scene { meshes, instances, materials, media, images, ..Scene::default() };
     punctual::add_cameras(&source, &hierarchy, &mut scene, warnings)?;
     punctual::add_lights(&source, &hierarchy, &mut scene, warnings)?;
+    if let Some(moment) = &moment
+        && !stills.is_empty()
+    {
+        for problem in merge(&mut scene, moment.time().into(), &stills) {
+            warnings.unsupported("animations", problem);
+        }
+    }
     let metadata = Metadata {
         format: if parts.bin.is_some() { "glTF 2.0 (binary)" } else { "glTF 2.0" },
         generator: document.asset.generator.clone(),
         extensions: document.extensions_used.clone(),
     };
     Ok((scene, metadata, RenderHints::default()))
+}
+
+/// Reads the parts that may move at another time. What is wrong with them was reported for the first time.
+fn still_parts(
+    source: &GltfSource<'_>,
+    moment: &animation::Moment,
+    materials: &[Material],
+    material_of: &BTreeMap<Option<usize>, u32>,
+) -> Result<StillParts, SceneError> {
+    let mut warnings = Warnings::default();
+    let pose = moment.pose(source, &mut warnings)?;
+    let hierarchy = Hierarchy::new(source, pose, &mut warnings)?;
+    let placements = node::placements(source, &hierarchy, &mut warnings)?;
+    let draco = draco::decompress(source, &placements.shapes)?;
+    let (meshes, instances) =
+        node::build(source, &hierarchy, &placements, &draco, materials, material_of, &mut warnings)?;
+    let mut others = Scene::default();
+    punctual::add_cameras(source, &hierarchy, &mut others, &mut warnings)?;
+    punctual::add_lights(source, &hierarchy, &mut others, &mut warnings)?;
+    let Scene { cameras, lights, .. } = others;
+    Ok(StillParts { time: moment.time().into(), meshes, instances, cameras, lights })
 }
 
 fn parse(path: &Path, json: &[u8], budget: &MemoryBudget) -> Result<Document, SceneError> {

@@ -1,6 +1,8 @@
 //! Parts that the importers share, whatever the format: each importer only translates its own syntax and parameters.
 
 pub(crate) mod bezier;
+pub(crate) mod merge;
+pub(crate) mod path;
 pub(crate) mod placed_meshes;
 pub(crate) mod projector;
 pub(crate) mod request;

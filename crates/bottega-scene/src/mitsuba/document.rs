@@ -2,10 +2,11 @@
 
 use std::cell::Cell;
 
-use glam::{DMat4, DVec3};
+use glam::{DAffine3, DMat4, DVec3};
 
 use super::placement::Transform;
 use super::value::Value;
+use crate::import::path::TransformPath;
 use crate::import::text_place::{TextFault, TextPlace};
 use crate::text::shortened;
 
@@ -173,13 +174,20 @@ impl Object {
         self.full_transform(name).map(|transform| transform.matrix)
     }
 
-    /// Returns a transformation with Mitsuba's inverse of it.
+    /// Returns a transformation with Mitsuba's inverse of it; of one that is animated, the first.
     pub(super) fn full_transform(&self, name: &str) -> Result<Transform, TextFault> {
         match self.property(name) {
             None => Ok(Transform::IDENTITY),
             Some(ObjectProperty { value: Value::Transform(transform), .. }) => Ok(**transform),
+            Some(ObjectProperty { value: Value::Animation(keys), .. }) => Ok(keys[0].1),
             Some(property) => Err(property.wrong("a transformation")),
         }
+    }
+
+    /// Returns the path of a transformation that is animated; `None`: it is not.
+    pub(super) fn animation(&self, name: &str) -> Option<TransformPath> {
+        let Some(ObjectProperty { value: Value::Animation(keys), .. }) = self.property(name) else { return None };
+        TransformPath::new(keys.iter().map(|(time, key)| (*time, DAffine3::from_mat4(key.matrix))).collect())
     }
 
     /// Returns a number property; `None`: the object lacks it.

@@ -1,6 +1,6 @@
 //! Emitters at the top of the scene: lights without extent, and environments.
 
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 use super::context::ImportContext;
 use super::document::{Object, ObjectId};
@@ -28,8 +28,29 @@ pub(super) struct Emitters {
 }
 
 impl Emitters {
-    /// Adds an emitter at the top of the scene.
+    /// Adds an emitter at the top of the scene, with its motion.
     pub(super) fn add(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        textures: &mut MitsubaTextures<'_>,
+        id: ObjectId,
+    ) -> ImportResult<()> {
+        let before = self.lights.len();
+        self.add_still(context, textures, id)?;
+        let object = context.document.get(id);
+        let Some(path) = object.animation("to_world") else { return Ok(()) };
+        match self.lights.get_mut(before) {
+            Some(light) if !matches!(light.kind, LightKind::Directional { .. }) => {
+                let path = path.then(&DAffine3::from_translation(-context.origin));
+                light.motion = path.after(&path.first().inverse()).motion(DAffine3::as_affine3a);
+            }
+            _ => context.warn(object.at, format!("the {} moves; it stays as it is at first", object.describe())),
+        }
+        Ok(())
+    }
+
+    /// Adds an emitter as it is at first.
+    fn add_still(
         &mut self,
         context: &mut ImportContext<'_>,
         textures: &mut MitsubaTextures<'_>,

@@ -105,7 +105,7 @@ fn convert<'a>(context: &mut ImportContext<'_>, pictures: Pictures<'a>) -> Impor
     let mut looks = Looks::new(MitsubaTextures::new(pictures));
     let mut shapes = Shapes::new(context);
     let mut emitters = Emitters::default();
-    let mut cameras = Vec::new();
+    let (mut cameras, mut shutters) = (Vec::new(), Vec::new());
     let (mut hints, mut effects) = (RenderHints::default(), None);
     for &root in &context.document.roots {
         let object = context.document.get(root);
@@ -115,7 +115,11 @@ fn convert<'a>(context: &mut ImportContext<'_>, pictures: Pictures<'a>) -> Impor
                 shapes.add(context, &mut looks, root, to_world)?;
             }
             Class::Emitter => emitters.add(context, &mut looks.textures, root)?,
-            Class::Sensor => cameras.push(read_sensor(context, &mut looks, &mut hints, root)?),
+            Class::Sensor => {
+                let (camera, shutter) = read_sensor(context, &mut looks, &mut hints, root)?;
+                shutters.push((shutter, object.at));
+                cameras.push(camera);
+            }
             Class::Integrator => effects = read_integrator(context, &mut hints, root)?.or(effects),
             // Converted where they are referred to.
             Class::Bsdf | Class::Texture | Class::Medium | Class::Phase | Class::Volume => {}
@@ -133,6 +137,17 @@ fn convert<'a>(context: &mut ImportContext<'_>, pictures: Pictures<'a>) -> Impor
         cameras,
         ..shapes.scene
     };
+    if scene.has_motion()
+        && let Some(&(shutter, at)) = shutters.first()
+    {
+        scene.shutter = shutter;
+        if shutter.is_instant() {
+            context.note(at, "the shutter is open for no time, so nothing moves; --shutter opens it");
+        }
+        if shutters.iter().any(|other| other.0 != shutter) {
+            context.warn(at, "the sensors have different shutters; that of the first one counts");
+        }
+    }
     effects.unwrap_or_default().apply(context, &mut scene);
     context.report_unused();
     Ok(Converted { pictures: looks.textures.pictures, scene, slides, hints })

@@ -15,7 +15,6 @@ const fn row(
 /// The table by class, plugins and names, in snake case.
 pub(super) const NEEDLESS: &[Needless<Class>] = &[
     row(Class::Sampler, &[], &[], Reason::Estimate),
-    row(Class::Sensor, &[], &["shutter_open", "shutter_close"], Reason::Meaningless),
     row(Class::Sensor, &[], &["srf"], Reason::Spectra),
     row(
         Class::Sensor,

@@ -10,6 +10,7 @@ use super::transform;
 use super::value::{self, Value};
 use super::xml::{self, XmlElement};
 use crate::import::text_place::{ImportResult, TextFault, TextPlace};
+use crate::motion::KEYS_MAX;
 use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::{decode_xml, shortened};
@@ -202,12 +203,7 @@ impl DocumentReader<'_, '_> {
         self.report_attributes(element, &[]);
         let value = match element.name.as_str() {
             "transform" => transform::read(element, self.is_old, self.report).map(|it| Value::Transform(Box::new(it))),
-            "animation" => {
-                self.report.warn(at, "nothing moves: the first transformation of an <animation> stands for all");
-                let first = element.children.iter().find(|child| child.name == "transform");
-                let read = |first| transform::read(first, self.is_old, self.report);
-                first.map_or(Ok(Transform::IDENTITY), read).map(|it| Value::Transform(Box::new(it)))
-            }
+            "animation" => self.animation(element),
             _ => value::read(element).map_err(|error| at.fault(error)),
         };
         match value {
@@ -225,6 +221,31 @@ impl DocumentReader<'_, '_> {
             Err(fault) => return Err(fault.into()),
         }
         Ok(())
+    }
+
+    /// Reads the transformations of an `<animation>`, each with its time.
+    fn animation(&mut self, element: &XmlElement) -> Result<Value, TextFault> {
+        let mut keys: Vec<(f64, Transform)> = Vec::new();
+        for child in &element.children {
+            if child.name != "transform" {
+                let message = format!("<{}> in an <animation> is left out", shortened(&child.name));
+                self.report.warn(child.at, message);
+                continue;
+            }
+            let time = child.required("time").and_then(value::number).map_err(|error| child.at.fault(error))?;
+            if keys.last().is_some_and(|last| last.0 >= time) {
+                return Err(child.at.fault("the times of an <animation> must ascend"));
+            }
+            if keys.len() >= KEYS_MAX {
+                return Err(child.at.fault(format!("an <animation> has more than {KEYS_MAX} transformations")));
+            }
+            keys.push((time, transform::read(child, self.is_old, self.report)?));
+        }
+        Ok(match keys.as_slice() {
+            [] => Value::Transform(Box::new(Transform::IDENTITY)),
+            [only] => Value::Transform(Box::new(only.1)),
+            _ => Value::Animation(keys),
+        })
     }
 
     /// Reports unused attributes of an object, a property or the operations of a transformation.

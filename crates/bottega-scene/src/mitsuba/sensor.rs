@@ -1,6 +1,6 @@
 //! Cameras and render hints: film, sampler, filter.
 
-use glam::Vec2;
+use glam::{DAffine3, DMat4, Vec2};
 
 use super::context::ImportContext;
 use super::document::{Class, Object, ObjectId};
@@ -10,18 +10,19 @@ use super::orientation::{looking, standing};
 use crate::camera::{Camera, Clip, FovAxis, Projection};
 use crate::hints::{FilmFilter, RenderHints};
 use crate::import::text_place::{ImportError, ImportResult};
+use crate::motion::{Shutter, TransformKey};
 use crate::text::shortened;
 
 /// Default columns and rows of a film.
 const FILM: [u32; 2] = [768, 576];
 
-/// Returns the camera of a sensor. The first film and sampler give the render hints.
+/// Returns the camera of a sensor, and when it is open. The first film and sampler give the render hints.
 pub(super) fn read_sensor(
     context: &mut ImportContext<'_>,
     looks: &mut Looks<'_>,
     hints: &mut RenderHints,
     id: ObjectId,
-) -> ImportResult<Camera> {
+) -> ImportResult<(Camera, Shutter)> {
     let object = context.visit(id)?;
     let mut film = None;
     let mut medium = None;
@@ -82,7 +83,19 @@ pub(super) fn read_sensor(
     if !is_sound {
         return Err(object.at.fault("the sensor sees nothing").into());
     }
-    Ok(camera)
+    if let Some(path) = object.animation("to_world") {
+        let path = path.then(&DAffine3::from_translation(-context.origin));
+        let pose = |(time, to_world): &(f64, DAffine3)| {
+            let (rotation, position, _) = standing(&DMat4::from(*to_world))?;
+            Some(TransformKey { time: *time, transform: looking(&rotation, position) })
+        };
+        let keys = path.keys().iter().map(pose).collect::<Option<Vec<_>>>();
+        camera.motion = keys.ok_or_else(|| object.at.fault("a transformation of the sensor is singular"))?;
+    }
+    let open = object.float("shutter_open")?.unwrap_or(0.0);
+    let close = object.float("shutter_close")?.unwrap_or(open);
+    let shutter = Shutter::new(open, close).ok_or_else(|| object.at.fault("the shutter closes before it opens"))?;
+    Ok((camera, shutter))
 }
 
 /// Reads the clip planes of a projective sensor.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 use super::attribute::with_attributes;
 use super::context::ImportContext;
@@ -15,10 +15,11 @@ use super::sdf::{self, SdfGrid, SdfNormals};
 use super::shared::{Ball, Group, MeshKey, mesh_key, shared_meshes};
 use super::solids;
 use super::volume::{self, Numbers, VolumeError};
+use crate::import::path::TransformPath;
 use crate::import::placed_meshes::{MIRROR, PlacedMeshes};
-use crate::import::sphere::orientation;
 use crate::import::text_place::{ImportResult, TextPlace};
-use crate::model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
+use crate::model::{Instance, Mesh, Scene, Sphere};
+use crate::motion::SphereKey;
 use crate::text::shortened;
 use crate::visibility::Visibility;
 
@@ -46,6 +47,8 @@ pub(super) struct Shapes {
     /// shape gets its own.
     shared: BTreeMap<MeshKey, (usize, Option<u32>)>,
     placed: PlacedMeshes,
+    /// The shape whose own transformation is left out, because it moves by it.
+    posed: Option<ObjectId>,
 }
 
 impl Shapes {
@@ -56,6 +59,7 @@ impl Shapes {
             groups: BTreeMap::new(),
             shared: shared_meshes(context.document),
             placed: PlacedMeshes::new(context.origin),
+            posed: None,
         }
     }
 
@@ -71,12 +75,48 @@ impl Shapes {
             // Placed by its instances.
             return Ok(());
         }
+        if let Some(path) = context.document.get(id).animation("to_world") {
+            return self.add_moving(context, looks, id, &path.then(&DAffine3::from_mat4(to_world)));
+        }
         for part in self.parts(context, looks, id, to_world)? {
             match part {
                 GroupPart::Mesh(mesh) => self.scene.push_surface(mesh),
                 GroupPart::Shared(mesh, matrix) => self.place(context, mesh, &matrix, context.document.get(id).at)?,
                 GroupPart::Sphere(ball) => self.add_ball(context, looks, ball, context.document.get(id).at)?,
-                GroupPart::Group(group, matrix) => self.add_instance(context, looks, group, matrix)?,
+                GroupPart::Group(group, matrix) => {
+                    let path = TransformPath::still(DAffine3::from_mat4(matrix));
+                    self.add_instance(context, looks, group, &path)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a shape that moves along a path, as if it were an instance of itself.
+    fn add_moving(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        looks: &mut Looks<'_>,
+        id: ObjectId,
+        path: &TransformPath,
+    ) -> ImportResult<()> {
+        let at = context.document.get(id).at;
+        self.posed = Some(id);
+        let parts = self.parts(context, looks, id, DMat4::IDENTITY);
+        self.posed = None;
+        for part in parts? {
+            match part {
+                GroupPart::Mesh(mesh) => {
+                    let mesh = self.scene.push_mesh(mesh);
+                    self.place_on(context, mesh, path, at)?;
+                }
+                GroupPart::Shared(mesh, inside) => {
+                    self.place_on(context, mesh, &path.after(&DAffine3::from_mat4(inside)), at)?;
+                }
+                GroupPart::Sphere(ball) => self.add_ball_on(context, looks, ball, path, at)?,
+                GroupPart::Group(group, inside) => {
+                    self.add_instance(context, looks, group, &path.after(&DAffine3::from_mat4(inside)))?;
+                }
             }
         }
         Ok(())
@@ -91,7 +131,11 @@ impl Shapes {
         to_group: DMat4,
     ) -> ImportResult<Vec<GroupPart>> {
         let object = context.visit(id)?;
-        let own = object.full_transform("to_world")?;
+        let is_posed = self.posed == Some(id);
+        if !is_posed && object.animation("to_world").is_some() {
+            context.warn(object.at, format!("the {} within a group stands still", object.describe()));
+        }
+        let own = if is_posed { Transform::IDENTITY } else { object.full_transform("to_world")? };
         let matrix = to_group * own.matrix;
         if !matrix.is_finite() || DMat3::from_mat4(matrix).determinant() == 0.0 {
             context.warn(object.at, format!("the {} is squeezed flat by `to_world`, and left out", object.describe()));
@@ -177,17 +221,33 @@ impl Shapes {
 
     /// Places a mesh of the scene.
     fn place(&mut self, context: &mut ImportContext<'_>, mesh: u32, matrix: &DMat4, at: TextPlace) -> ImportResult<()> {
-        context.take(at, size_of::<Instance>())?;
+        self.place_on(context, mesh, &TransformPath::still(DAffine3::from_mat4(*matrix)), at)
+    }
+
+    /// Places a mesh of the scene on a path.
+    fn place_on(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        mesh: u32,
+        path: &TransformPath,
+        at: TextPlace,
+    ) -> ImportResult<()> {
         let center = self.placed.center(&mut self.scene, mesh, |warning| context.warn(at, warning));
-        let mut matrix = *matrix * DMat4::from_translation(center);
+        let mut path = path.after(&DAffine3::from_translation(center));
         let mut mesh = mesh;
-        if DMat3::from_mat4(matrix).determinant() < 0.0 {
+        if path.first().matrix3.determinant() < 0.0 {
             mesh = self.placed.mirrored(&mut self.scene, mesh, |bytes| context.take(at, bytes))?;
-            matrix *= DMat4::from_scale(MIRROR);
+            path = path.after(&DAffine3::from_scale(MIRROR));
         }
-        let world_from_object = affine(&matrix);
+        let mut motion = path.motion(DAffine3::as_affine3a);
+        context.take(at, size_of::<Instance>() + size_of_val(&*motion))?;
+        if motion.iter().any(|key| !self.placed.is_placeable(&self.scene, mesh, &key.transform)) {
+            context.warn(at, "a moving shape becomes flat, mirrored or too large, so it stands where it starts");
+            motion.clear();
+        }
+        let world_from_object = path.first().as_affine3a();
         if self.placed.is_placeable(&self.scene, mesh, &world_from_object) {
-            self.scene.instances.push(Instance::new(mesh, world_from_object));
+            self.scene.instances.push(Instance { motion, ..Instance::new(mesh, world_from_object) });
         } else {
             context.warn(at, "a shape or an instance is squeezed flat or out of reach, and left out");
         }
@@ -242,7 +302,7 @@ impl Shapes {
         context: &mut ImportContext<'_>,
         looks: &mut Looks<'_>,
         id: ObjectId,
-        matrix: DMat4,
+        path: &TransformPath,
     ) -> ImportResult<()> {
         self.load_group(context, looks, id)?;
         let at = context.document.get(id).at;
@@ -252,12 +312,12 @@ impl Shapes {
             return Err(at.fault("there is no memory for what is in this group").into());
         }
         for &(mesh, inside) in &group.meshes {
-            self.place(context, mesh, &(matrix * inside), at)?;
+            self.place_on(context, mesh, &path.after(&DAffine3::from_mat4(inside)), at)?;
         }
         let bytes = group.balls.len() * size_of::<Sphere>();
         context.take(at, bytes)?;
         for &ball in &group.balls {
-            self.add_ball(context, looks, Ball { to_group: matrix * ball.to_group, ..ball }, at)?;
+            self.add_ball_on(context, looks, ball, path, at)?;
         }
         self.groups.insert(id, group);
         Ok(())
@@ -271,34 +331,39 @@ impl Shapes {
         ball: Ball,
         at: TextPlace,
     ) -> ImportResult<()> {
-        let linear = DMat3::from_mat4(ball.to_group);
-        let center = ball.to_group.w_axis.truncate();
-        let determinant = linear.determinant();
-        let radius = determinant.abs().cbrt();
-        let rotation = linear * (1.0 / (radius * determinant.signum()));
-        let gram = rotation.transpose() * rotation;
-        let is_round = gram.abs_diff_eq(DMat3::IDENTITY, 1e-5);
-        // Only a texture distinguishes a mirrored sphere from a rotated one.
-        let is_mirrored_picture = determinant < 0.0 && ball.needs.uvs;
-        let in_reach = center.abs().max_element() + radius < f64::from(COORDINATE_MAX) && radius as f32 > 0.0;
-        if is_round && !is_mirrored_picture && in_reach {
-            let material = if ball.inward { looks.materials.turned(ball.material) } else { Some(ball.material) };
-            if let Some(material) = material {
-                self.scene.spheres.push(Sphere {
-                    center: center.as_vec3(),
-                    radius: radius as f32,
-                    world_from_object: orientation(&rotation),
-                    material,
-                    visibility: Visibility::ALL,
-                });
-                return Ok(());
-            }
+        self.add_ball_on(context, looks, ball, &TransformPath::still(DAffine3::IDENTITY), at)
+    }
+
+    /// Adds a sphere on a path.
+    fn add_ball_on(
+        &mut self,
+        context: &mut ImportContext<'_>,
+        looks: &mut Looks<'_>,
+        ball: Ball,
+        outer: &TransformPath,
+        at: TextPlace,
+    ) -> ImportResult<()> {
+        let path = outer.after(&DAffine3::from_mat4(ball.to_group));
+        let key = |(time, to_world): &(f64, DAffine3)| ball.round_at(to_world, *time);
+        if let Some(keys) = path.keys().iter().map(key).collect::<Option<Vec<SphereKey>>>()
+            && let Some(material) =
+                if ball.inward { looks.materials.turned(ball.material) } else { Some(ball.material) }
+        {
+            let SphereKey { center, radius, world_from_object, .. } = keys[0];
+            let (visibility, motion) = (Visibility::ALL, if path.is_still() { Vec::new() } else { keys });
+            self.scene.spheres.push(Sphere { center, radius, world_from_object, material, visibility, motion });
+            return Ok(());
         }
         let normals = Normals { flipped: ball.inward, ..Normals::default() };
         let mesh = Mesh { name: "sphere".into(), material: ball.material, ..solids::sphere() };
         context.take(at, mesh.memory_bytes())?;
-        if let Some(mesh) = mesh::place(mesh, &ball.to_group, normals, ball.needs) {
-            self.scene.push_surface(mesh);
+        if path.is_still() {
+            if let Some(mesh) = mesh::place(mesh, &DMat4::from(path.first()), normals, ball.needs) {
+                self.scene.push_surface(mesh);
+            }
+        } else if let Some(mesh) = mesh::place(mesh, &DMat4::IDENTITY, normals, ball.needs) {
+            let mesh = self.scene.push_mesh(mesh);
+            self.place_on(context, mesh, &path, at)?;
         }
         Ok(())
     }
@@ -452,9 +517,4 @@ fn scaled_along_axes(placed: &DMat4, axes: [usize; 3]) -> DMat4 {
     let (scale, rotation) = polar(&DMat3::from_mat4(*placed));
     let scale = DVec3::from_array(axes.map(|axis| scale.col(axis)[axis]));
     DMat4::from(DAffine3::from_mat3_translation(rotation * DMat3::from_diagonal(scale), placed.w_axis.truncate()))
-}
-
-fn affine(matrix: &DMat4) -> Affine3A {
-    let column = |index: usize| -> Vec3 { matrix.col(index).truncate().as_vec3() };
-    Affine3A::from_cols(column(0).into(), column(1).into(), column(2).into(), column(3).into())
 }

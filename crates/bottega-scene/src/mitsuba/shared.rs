@@ -2,9 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use glam::DMat4;
+use glam::{DAffine3, DMat3, DMat4};
 
 use super::document::{Class, Document, Object, ObjectId};
+use crate::import::sphere::orientation;
+use crate::model::COORDINATE_MAX;
+use crate::motion::SphereKey;
 
 /// The key of a mesh from a file, without its transformation: plugin, properties and nested objects.
 pub(super) type MeshKey = (String, Vec<String>, Vec<ObjectId>);
@@ -45,6 +48,29 @@ pub(super) struct Ball {
     /// Index of the material.
     pub(super) material: u32,
     pub(super) needs: MeshNeeds,
+}
+
+impl Ball {
+    /// Returns the sphere that a transformation of the unit sphere makes, as a key; `None`: it is not round, or only
+    /// triangles can show its picture.
+    pub(super) fn round_at(&self, to_world: &DAffine3, time: f64) -> Option<SphereKey> {
+        let linear = to_world.matrix3;
+        let center = to_world.translation;
+        let determinant = linear.determinant();
+        let radius = determinant.abs().cbrt();
+        let rotation = linear * (1.0 / (radius * determinant.signum()));
+        let gram = rotation.transpose() * rotation;
+        let is_round = gram.abs_diff_eq(DMat3::IDENTITY, 1e-5);
+        // Only a texture distinguishes a mirrored sphere from a rotated one.
+        let is_mirrored_picture = determinant < 0.0 && self.needs.uvs;
+        let in_reach = center.abs().max_element() + radius < f64::from(COORDINATE_MAX) && radius as f32 > 0.0;
+        (is_round && !is_mirrored_picture && in_reach).then(|| SphereKey {
+            time,
+            center: center.as_vec3(),
+            radius: radius as f32,
+            world_from_object: orientation(&rotation),
+        })
+    }
 }
 
 /// The contents of a group; nested groups are flattened.

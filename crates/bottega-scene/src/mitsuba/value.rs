@@ -16,6 +16,8 @@ pub(super) enum Value {
     String(String),
     Vector(DVec3),
     Transform(Box<Transform>),
+    /// Transformations at times, ascending; two at least.
+    Animation(Vec<(f64, Transform)>),
     /// A colour, linear Rec. 709.
     Rgb(Vec3),
     /// A constant spectrum.

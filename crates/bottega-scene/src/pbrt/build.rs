@@ -11,7 +11,7 @@ use super::light::{Emission, Lights, emission, mean_luminance};
 use super::material::Materials;
 use super::medium::Media;
 use super::needless::Directive;
-use super::place::{JoinedMeshes, baked, scaling, sphere, with_own_corners};
+use super::place::{JoinedMeshes, baked, moving_sphere, scaling, with_own_corners};
 use super::shape::geometry::Geometry;
 use super::shape::sphere_mesh;
 use super::texture::PbrtTextures;
@@ -20,6 +20,7 @@ use super::world::{Alpha, PbrtWorld, PlacedShape};
 use crate::emission::EmissionProfile;
 use crate::error::SceneError;
 use crate::hints::RenderHints;
+use crate::import::path::TransformPath;
 use crate::import::placed_meshes::{MIRROR, PlacedMeshes};
 use crate::import::text_place::{ImportResult, TextPlace};
 use crate::material::{AlphaMode, Back, Material, ReliefSource};
@@ -57,8 +58,8 @@ struct PlyKey {
 
 /// A part of the scene that can be placed repeatedly.
 enum PlaceablePart {
-    Mesh { mesh: u32, world_from_mesh: DAffine3, at: TextPlace },
-    Sphere { radius: f64, world_from_sphere: DAffine3, material: u32, tessellated_material: u32, at: TextPlace },
+    Mesh { mesh: u32, world_from_mesh: TransformPath, at: TextPlace },
+    Sphere { radius: f64, world_from_sphere: TransformPath, material: u32, tessellated_material: u32, at: TextPlace },
 }
 
 /// The scene under construction.
@@ -117,7 +118,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         self.read_files(shapes.iter().chain(objects.values().flatten()))?;
 
         for part in self.parts(shapes)? {
-            self.place(&part, DAffine3::IDENTITY)?;
+            self.place(&part, &TransformPath::still(DAffine3::IDENTITY))?;
         }
         let mut parts_of = BTreeMap::new();
         for (name, shapes) in objects {
@@ -131,7 +132,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             let bytes = parts.len() * (size_of::<Instance>() + size_of::<Sphere>());
             self.context.take(instance.at, bytes)?;
             for part in parts {
-                self.place(part, instance.world_from_instance)?;
+                self.place(part, &instance.world_from_instance)?;
             }
         }
         let lights = Lights::new(self.context, &mut self.textures, self.world, self.exposure)?;
@@ -160,9 +161,8 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             }
         }
         lights.finish(self.context, &mut self.scene)?;
-        if let Some((at, count)) = self.world.moving {
-            let message = format!("{count} things move while the shutter is open; they stand where they start");
-            self.context.unsupported(at, message);
+        if self.scene.has_motion() {
+            self.scene.shutter = self.world.shutter()?;
         }
         Ok(self.scene)
     }
@@ -235,12 +235,15 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
                         continue;
                     }
                     // The width of a curve is measured in its own space.
-                    let keeps_space = mesh.curves.is_some() && scaling(&shape.world_from_object).is_none();
-                    if mesh.triangles.len() < SMALL && !keeps_space {
-                        let mesh = baked(self.context, mesh, &shape.world_from_object, at)?;
+                    let transform = shape.world_from_object.first();
+                    let keeps_space = mesh.curves.is_some() && scaling(&transform).is_none();
+                    let moves = !shape.world_from_object.is_still();
+                    if mesh.triangles.len() < SMALL && !keeps_space && !moves {
+                        let mesh = baked(self.context, mesh, &transform, at)?;
                         if let Some(full) = joined.add(mesh, at) {
                             let mesh = self.scene.push_mesh(full);
-                            parts.push(PlaceablePart::Mesh { mesh, world_from_mesh: DAffine3::IDENTITY, at });
+                            let world_from_mesh = TransformPath::still(DAffine3::IDENTITY);
+                            parts.push(PlaceablePart::Mesh { mesh, world_from_mesh, at });
                         }
                     } else {
                         let mesh = self.scene.push_mesh(mesh);
@@ -250,8 +253,8 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             }
         }
         for (mesh, at) in joined.finish() {
-            let mesh = self.scene.push_mesh(mesh);
-            parts.push(PlaceablePart::Mesh { mesh, world_from_mesh: DAffine3::IDENTITY, at });
+            let (mesh, world_from_mesh) = (self.scene.push_mesh(mesh), TransformPath::still(DAffine3::IDENTITY));
+            parts.push(PlaceablePart::Mesh { mesh, world_from_mesh, at });
         }
         Ok(parts)
     }
@@ -391,7 +394,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
     /// Returns the area of a shape in world space, and the number of its primitives.
     fn area(&self, shape: &PlacedShape) -> (f64, usize) {
         let of_mesh = |mesh: &Mesh| -> f64 {
-            let linear = shape.world_from_object.matrix3;
+            let linear = shape.world_from_object.first().matrix3;
             let area = |&triangle: &[u32; 3]| {
                 let [a, b, c] = triangle.map(|vertex| linear * mesh.positions[vertex as usize].as_dvec3());
                 0.5 * (b - a).cross(c - a).length()
@@ -405,7 +408,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
                 _ => (0.0, 1),
             },
             Geometry::Sphere { radius } => {
-                let (_, scale) = axes_and_scale(&shape.world_from_object);
+                let (_, scale) = axes_and_scale(&shape.world_from_object.first());
                 // Exact for uniform scales.
                 let scale = scale.element_product().abs().powf(2.0 / 3.0);
                 (4.0 * std::f64::consts::PI * radius * radius * scale, 1)
@@ -414,14 +417,15 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
     }
 
     /// Places a part of the scene.
-    fn place(&mut self, part: &PlaceablePart, world_from_parent: DAffine3) -> ImportResult<()> {
-        match *part {
+    fn place(&mut self, part: &PlaceablePart, world_from_parent: &TransformPath) -> ImportResult<()> {
+        match part {
             PlaceablePart::Mesh { mesh, world_from_mesh, at } => {
-                self.place_mesh(mesh, &(world_from_parent * world_from_mesh), at)
+                self.place_mesh(*mesh, &world_from_parent.of(world_from_mesh), *at)
             }
             PlaceablePart::Sphere { radius, world_from_sphere, material, tessellated_material, at } => {
-                let world_from_sphere = world_from_parent * world_from_sphere;
-                match sphere(radius, &world_from_sphere, self.needs_azimuth(material)) {
+                let world_from_sphere = world_from_parent.of(world_from_sphere);
+                let (&radius, &material, &tessellated_material, &at) = (radius, material, tessellated_material, at);
+                match moving_sphere(radius, &world_from_sphere, self.needs_azimuth(material)) {
                     Some(sphere) => self.scene.spheres.push(Sphere { material, ..sphere }),
                     None => {
                         let mut mesh = sphere_mesh(radius);
@@ -443,23 +447,35 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
         !material.textures().is_empty() || material.needs_tangents()
     }
 
-    fn place_mesh(&mut self, mesh: u32, world_from_mesh: &DAffine3, at: TextPlace) -> ImportResult<()> {
+    fn place_mesh(&mut self, mesh: u32, world_from_mesh: &TransformPath, at: TextPlace) -> ImportResult<()> {
         let center = self.placed.center(&mut self.scene, mesh, |warning| self.context.warn(at, warning));
-        let world_from_mesh = &(*world_from_mesh * DAffine3::from_translation(center));
-        let Ok(mut world_from_object) = rounded(world_from_mesh, at) else {
-            return self.place_flattened(mesh, world_from_mesh, at);
+        let path = &world_from_mesh.after(&DAffine3::from_translation(center));
+        let Ok(mut world_from_object) = rounded(&path.first(), at) else {
+            if !path.is_still() {
+                self.context.warn(at, "the shape is flat at first, so it stands still");
+            }
+            return self.place_flattened(mesh, &path.first(), at);
         };
+        let mut motion = path.motion(DAffine3::as_affine3a);
         let mut mesh = mesh;
         if world_from_object.matrix3.determinant() < 0.0 {
             let context = &*self.context;
             mesh = self.placed.mirrored(&mut self.scene, mesh, |bytes| context.take(at, bytes))?;
-            world_from_object *= Affine3A::from_scale(MIRROR.as_vec3());
+            let mirror = Affine3A::from_scale(MIRROR.as_vec3());
+            world_from_object *= mirror;
+            motion.iter_mut().for_each(|key| key.transform *= mirror);
         }
         let is_empty = self.scene.meshes[mesh as usize].positions.is_empty();
         if !is_empty && !self.placed.is_placeable(&self.scene, mesh, &world_from_object) {
             return Err(at.fault("the shape is out of reach, or scaled beyond what can be computed with").into());
         }
-        self.scene.instances.push(Instance::new(mesh, world_from_object));
+        self.context.take(at, size_of_val(&*motion))?;
+        if motion.iter().any(|key| !self.placed.is_placeable(&self.scene, mesh, &key.transform)) {
+            let problem = "the moving shape becomes flat, mirrored or too large, so it stands where it starts";
+            self.context.unsupported(at, problem);
+            motion.clear();
+        }
+        self.scene.instances.push(Instance { motion, ..Instance::new(mesh, world_from_object) });
         Ok(())
     }
 
@@ -474,7 +490,7 @@ impl<'c, 'a, 'w> SceneBuilder<'c, 'a, 'w> {
             *position = world_from_mesh.transform_point3(position.as_dvec3()).as_vec3();
         }
         let mesh = self.scene.push_mesh(flat);
-        self.place_mesh(mesh, &DAffine3::IDENTITY, at)
+        self.place_mesh(mesh, &TransformPath::still(DAffine3::IDENTITY), at)
     }
 }
 

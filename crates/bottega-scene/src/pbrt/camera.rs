@@ -1,6 +1,6 @@
 //! Cameras of a pbrt scene, with their screen windows and films.
 
-use glam::{Affine3A, DMat3, DVec3, Mat3A, Vec2, Vec3A};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3A};
 
 use super::context::Context;
 use super::needless::Directive;
@@ -9,9 +9,20 @@ use super::world::{Entity, PbrtWorld};
 use crate::camera::{Camera, Clip, FovAxis, Panorama, Projection};
 use crate::import::text_place::ImportResult;
 use crate::medium::MediumId;
+use crate::motion::Shutter;
 use crate::text::shortened;
 
 impl PbrtWorld {
+    /// Returns the span of time that the camera sees.
+    pub(super) fn shutter(&self) -> ImportResult<Shutter> {
+        let plain = Entity::plain("perspective");
+        let params = &self.camera.as_ref().unwrap_or(&plain).params;
+        let open = params.float("shutteropen")?.unwrap_or(0.0);
+        let close = params.float("shutterclose")?.unwrap_or(1.0);
+        let wrong = || params.place_of("shutterclose").fault("the shutter closes before it opens");
+        Shutter::new(open, close).ok_or_else(|| wrong().into())
+    }
+
     /// Returns the camera of the file; pbrt's default if it has none.
     ///
     /// - `resolution`: columns and rows of the picture.
@@ -91,9 +102,6 @@ impl PbrtWorld {
                 Projection::Perspective { vertical_fov: (2.0 * (tan * half.y / half.z).atan()) as f32 }
             }
         };
-        // Mark as read: the film uses them.
-        params.float("shutteropen")?;
-        params.float("shutterclose")?;
         let lens_radius = params.float("lensradius")?.unwrap_or(0.0) * scale.x;
         let focus_distance = params.float("focaldistance")?.unwrap_or(1e6) * scale.z;
         if !(lens_radius >= 0.0 && focus_distance > 0.0) {
@@ -104,7 +112,15 @@ impl PbrtWorld {
         }
         context.report_unused(Directive::Camera, &entity.kind, params);
         // pbrt's camera looks along +z, ours along −z.
-        let axes = axes * DMat3::from_diagonal(DVec3::new(flip.x, flip.y, -1.0));
+        let turned = DMat3::from_diagonal(DVec3::new(flip.x, flip.y, -1.0));
+        let upright = |world_from_camera: &DAffine3| Affine3A {
+            matrix3: Mat3A::from((axes_and_scale(world_from_camera).0 * turned).as_mat3()),
+            translation: Vec3A::from(world_from_camera.translation.as_vec3()),
+        };
+        let motion = entity.path(self, DAffine3::inverse).motion(upright);
+        if !motion.iter().all(|key| key.transform.is_finite()) {
+            return Err(at.fault("the transformation of the camera is singular when the shutter closes").into());
+        }
         let is_sound = match projection {
             Projection::Perspective { vertical_fov } => vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI,
             Projection::Orthographic { height } => height > 0.0 && height.is_finite(),
@@ -117,10 +133,7 @@ impl PbrtWorld {
         }
         Ok(Camera {
             name: String::new(),
-            world_from_camera: Affine3A {
-                matrix3: Mat3A::from(axes.as_mat3()),
-                translation: Vec3A::from(world_from_camera.translation.as_vec3()),
-            },
+            world_from_camera: upright(&world_from_camera),
             projection,
             aspect: Some(film_aspect as f32),
             pixel_aspect: pixel_aspect as f32,
@@ -131,6 +144,7 @@ impl PbrtWorld {
             medium,
             clip: Clip::NONE,
             hides_emitters: false,
+            motion,
         })
     }
 }

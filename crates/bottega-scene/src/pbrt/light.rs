@@ -47,7 +47,9 @@ impl Lights {
     ) -> ImportResult<Self> {
         let mut lights = Self::default();
         for entity in &world.lights {
+            let before = lights.list.len();
             lights.add(context, textures, entity, exposure)?;
+            lights.set_motion(context, world, entity, before);
             context.report_unused(Directive::Light, &entity.kind, &entity.params);
         }
         Ok(lights)
@@ -103,6 +105,22 @@ impl Lights {
         }
         self.list.push(Light::new("", kind));
         Ok(())
+    }
+
+    /// Sets the motion of the light that was added for an entity.
+    ///
+    /// - `before`: number of lights before it.
+    fn set_motion(&mut self, context: &mut Context<'_>, world: &PbrtWorld, entity: &Entity, before: usize) {
+        if !entity.moves() {
+            return;
+        }
+        match self.list[before..].last_mut() {
+            Some(light) if !matches!(light.kind, LightKind::Directional { .. }) => {
+                let path = entity.path(world, |ctm| *ctm).after(&entity.ctm.inverse());
+                light.motion = path.motion(DAffine3::as_affine3a);
+            }
+            _ => context.unsupported(entity.at, "the light at infinity moves; it stays as it is at first"),
+        }
     }
 
     fn goniometric(

@@ -63,7 +63,11 @@ impl Parser<'_, '_> {
                 _ => return Err(at.fault("ActiveTransform is All, StartTime or EndTime").into()),
             },
             _ => {
-                let _times: [f64; 2] = numbers(tokens, at, word)?;
+                let [start, end]: [f64; 2] = numbers(tokens, at, word)?;
+                if !(start < end && start.is_finite() && end.is_finite()) {
+                    return Err(at.fault("TransformTimes needs an earlier and a later time").into());
+                }
+                self.world.transform_times = Some([start, end]);
             }
         }
         if self.state.ctm.iter().all(DAffine3::is_finite) {

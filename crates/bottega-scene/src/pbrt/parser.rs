@@ -235,7 +235,6 @@ impl<'c, 'a> Parser<'c, 'a> {
             "LightSource" => {
                 self.only_in_world(at, word)?;
                 let entity = self.entity(word, at, tokens, Some(Target::Light))?;
-                self.note_motion(at);
                 self.world.lights.push(entity);
             }
             "AreaLightSource" => {
@@ -258,7 +257,6 @@ impl<'c, 'a> Parser<'c, 'a> {
         let entity = Some(self.entity(word, at, tokens, None)?);
         match word {
             "Camera" => {
-                self.note_motion(at);
                 self.coordinate_systems.insert("camera".into(), self.state.ctm.map(|ctm| ctm.inverse()));
                 self.world.camera = entity;
                 self.world.camera_media = self.state.media.clone();
@@ -285,9 +283,8 @@ impl<'c, 'a> Parser<'c, 'a> {
             return Err(at.fault(format!("{word} within an object")).into());
         }
         if word == "ObjectInstance" {
-            self.note_motion(at);
             self.book(at, size_of::<ObjectInstance>() + name.len())?;
-            let world_from_instance = self.state.ctm[0];
+            let world_from_instance = self.world.path(self.state.ctm);
             self.world.instances.push(ObjectInstance { name, world_from_instance, at });
             return Ok(());
         }
@@ -303,7 +300,6 @@ impl<'c, 'a> Parser<'c, 'a> {
     fn shape(&mut self, at: TextPlace, tokens: &mut Tokens<'_>) -> ImportResult<()> {
         self.only_in_world(at, "Shape")?;
         let entity = self.entity("Shape", at, tokens, Some(Target::Shape))?;
-        self.note_motion(at);
         let params = &entity.params;
         let alpha = match params.texture("alpha")? {
             Some((name, at)) => Some(Alpha::Texture(name.into(), at)),
@@ -322,7 +318,7 @@ impl<'c, 'a> Parser<'c, 'a> {
         let shape = super::world::PlacedShape {
             geometry,
             at,
-            world_from_object: entity.ctm,
+            world_from_object: self.world.path([entity.ctm, entity.end_ctm]),
             reverse_orientation: self.state.reverse_orientation,
             material: self.state.material.clone(),
             area_light,
@@ -418,7 +414,8 @@ impl<'c, 'a> Parser<'c, 'a> {
         if word != "Shape" {
             self.book(at, size_of::<Entity>() + params.memory_bytes())?;
         }
-        Ok(Entity { kind, params, at, ctm: self.state.ctm[0] })
+        let [ctm, end_ctm] = self.state.ctm;
+        Ok(Entity { kind, params, at, ctm, end_ctm })
     }
 
     /// Reads the parameters after a name; the type is one of them.
@@ -429,19 +426,14 @@ impl<'c, 'a> Parser<'c, 'a> {
         };
         dialect::check(word, kind, params.place_of("type"))?;
         self.book(at, size_of::<Entity>() + params.memory_bytes())?;
-        Ok(Entity { kind: kind.into(), params, at, ctm: self.state.ctm[0] })
+        let [ctm, end_ctm] = self.state.ctm;
+        Ok(Entity { kind: kind.into(), params, at, ctm, end_ctm })
     }
 
     /// Books memory for the data of a directive.
     fn book(&self, at: TextPlace, bytes: usize) -> ImportResult<()> {
         let (path, place) = (self.context.path(at.file), self.context.place(at));
         Ok(self.context.resources.budget().take(path, &place, bytes)?)
-    }
-
-    fn note_motion(&mut self, at: TextPlace) {
-        if self.state.ctm[0] != self.state.ctm[1] {
-            self.world.moving = Some(self.world.moving.map_or((at, 1), |(first, count)| (first, count + 1)));
-        }
     }
 
     fn only_in_world(&self, at: TextPlace, word: &str) -> Result<(), TextFault> {
@@ -461,6 +453,7 @@ impl Entity {
             params: Params::default(),
             at: TextPlace { file: 0, line: 1, column: 1 },
             ctm: DAffine3::IDENTITY,
+            end_ctm: DAffine3::IDENTITY,
         }
     }
 }

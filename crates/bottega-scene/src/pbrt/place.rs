@@ -7,9 +7,11 @@ use glam::{DAffine3, DMat3, DVec3, Mat3, Vec2};
 use super::context::Context;
 use super::transform::axes_and_scale;
 use crate::facing_curves::CurveLook;
+use crate::import::path::TransformPath;
 use crate::import::sphere::orientation;
 use crate::import::text_place::{ImportResult, TextPlace};
 use crate::model::{COORDINATE_MAX, Mesh, Sphere};
+use crate::motion::SphereKey;
 use crate::visibility::Visibility;
 
 /// Vertex count from which no more meshes are joined to a mesh.
@@ -31,7 +33,22 @@ pub(super) fn sphere(radius: f64, world_from_sphere: &DAffine3, needs_azimuth: b
     let is_in_reach = center.abs().max_element() < COORDINATE_MAX && radius < COORDINATE_MAX;
     let world_from_object = orientation(&axes);
     let visibility = Visibility::ALL;
-    (is_in_reach && radius.is_normal()).then_some(Sphere { center, radius, world_from_object, material: 0, visibility })
+    let sphere = Sphere { center, radius, world_from_object, material: 0, visibility, motion: Vec::new() };
+    (is_in_reach && radius.is_normal()).then_some(sphere)
+}
+
+/// Returns the sphere on a path; `None` if it is not a sphere at some time.
+pub(super) fn moving_sphere(radius: f64, path: &TransformPath, needs_azimuth: bool) -> Option<Sphere> {
+    let first = sphere(radius, &path.first(), needs_azimuth)?;
+    if path.is_still() {
+        return Some(first);
+    }
+    let key = |(time, transform): &(f64, DAffine3)| {
+        let Sphere { center, radius, world_from_object, .. } = sphere(radius, transform, needs_azimuth)?;
+        Some(SphereKey { time: *time, center, radius, world_from_object })
+    };
+    let motion = path.keys().iter().map(key).collect::<Option<Vec<SphereKey>>>()?;
+    Some(Sphere { motion, ..first })
 }
 
 /// Returns the uniform scale of a transformation; `None` if it is not uniform.

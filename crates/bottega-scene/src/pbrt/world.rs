@@ -7,6 +7,7 @@ use glam::{DAffine3, DVec3};
 
 use super::params::{Param, Params};
 use super::shape::geometry::Geometry;
+use crate::import::path::TransformPath;
 use crate::import::text_place::TextPlace;
 use crate::spectrum::color_space::ColorSpace;
 
@@ -18,8 +19,10 @@ pub(super) struct Entity {
     pub(super) params: Params,
     /// Location of the directive.
     pub(super) at: TextPlace,
-    /// Object space to world space; for the camera, world space to camera space.
+    /// Object space to world space; for the camera, world space to camera space. At the start of the motion.
     pub(super) ctm: DAffine3,
+    /// The same at its end.
+    pub(super) end_ctm: DAffine3,
 }
 
 /// A reference to a material.
@@ -37,7 +40,7 @@ pub(super) struct PlacedShape {
     pub(super) geometry: Geometry,
     /// Location of the `Shape` directive.
     pub(super) at: TextPlace,
-    pub(super) world_from_object: DAffine3,
+    pub(super) world_from_object: TransformPath,
     /// `true`: `ReverseOrientation` is in effect.
     pub(super) reverse_orientation: bool,
     pub(super) material: MaterialRef,
@@ -72,7 +75,7 @@ pub(super) struct MediumInterface {
 pub(super) struct ObjectInstance {
     /// Name of the object, a key of [`PbrtWorld::objects`].
     pub(super) name: String,
-    pub(super) world_from_instance: DAffine3,
+    pub(super) world_from_instance: TransformPath,
     /// Location of the `ObjectInstance` directive.
     pub(super) at: TextPlace,
 }
@@ -106,13 +109,33 @@ pub(super) struct PbrtWorld {
     /// Shapes of each object, by its name.
     pub(super) objects: BTreeMap<String, Vec<PlacedShape>>,
     pub(super) instances: Vec<ObjectInstance>,
-    /// Location of the first entity that moves while the shutter is open, and their number.
-    pub(super) moving: Option<(TextPlace, usize)>,
+    /// Times of the two transformations of what moves; `None`: 0 and 1.
+    pub(super) transform_times: Option<[f64; 2]>,
     /// Offset that was subtracted from all positions.
     pub(super) origin: DVec3,
 }
 
+impl Entity {
+    /// Returns the path of a transformation, which is computed from the current one at the start and at the end of the
+    /// motion.
+    pub(super) fn path(&self, world: &PbrtWorld, made: impl Fn(&DAffine3) -> DAffine3) -> TransformPath {
+        world.path([made(&self.ctm), made(&self.end_ctm)])
+    }
+
+    /// Returns true if the entity moves.
+    pub(super) fn moves(&self) -> bool {
+        self.ctm != self.end_ctm
+    }
+}
+
 impl PbrtWorld {
+    /// Returns the path between two transformations, at the start and at the end of the motion.
+    pub(super) fn path(&self, [start, end]: [DAffine3; 2]) -> TransformPath {
+        let [first, last] = self.transform_times.unwrap_or([0.0, 1.0]);
+        let keys = TransformPath::new(vec![(first, start), (last, end)]);
+        keys.filter(|_| start != end).unwrap_or_else(|| TransformPath::still(start))
+    }
+
     /// Subtracts an offset from all positions. Objects move with their instances.
     pub(super) fn move_to(&mut self, origin: DVec3) {
         if origin == DVec3::ZERO {
@@ -123,15 +146,17 @@ impl PbrtWorld {
         let textures = self.float_textures.values_mut().chain(self.spectrum_textures.values_mut());
         for entity in textures.chain(&mut self.lights).chain(self.media.values_mut()) {
             entity.ctm = moved * entity.ctm;
+            entity.end_ctm = moved * entity.end_ctm;
         }
         if let Some(camera) = &mut self.camera {
             camera.ctm *= DAffine3::from_translation(origin);
+            camera.end_ctm *= DAffine3::from_translation(origin);
         }
         for shape in &mut self.shapes {
-            shape.world_from_object = moved * shape.world_from_object;
+            shape.world_from_object = shape.world_from_object.then(&moved);
         }
         for instance in &mut self.instances {
-            instance.world_from_instance = moved * instance.world_from_instance;
+            instance.world_from_instance = instance.world_from_instance.then(&moved);
         }
     }
 }

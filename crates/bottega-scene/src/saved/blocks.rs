@@ -99,6 +99,7 @@ impl TryFrom<InstanceRecord> for Instance {
             material: (record.material != NO_MATERIAL).then_some(record.material),
             world_from_object: Affine3A::from_cols_array(&record.world_from_object),
             visibility: visibility_of(record.visibility)?,
+            motion: Vec::new(),
         })
     }
 }
@@ -136,6 +137,7 @@ impl TryFrom<SphereRecord> for Sphere {
             world_from_object: Quat::from_array(record.world_from_object),
             material: record.material,
             visibility: visibility_of(record.visibility)?,
+            motion: Vec::new(),
         })
     }
 }

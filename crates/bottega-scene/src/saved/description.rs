@@ -11,9 +11,11 @@ use crate::hints::RenderHints;
 use crate::light::{Environment, Light};
 use crate::material::Material;
 use crate::medium::Medium;
+use crate::motion::Shutter;
 use crate::texture::Mapping;
 
-/// A scene without its arrays. The blocks follow in this order: meshes, instances, spheres, images, grids of the media.
+/// A scene without its arrays. The blocks follow in this order: meshes, instances, spheres, images, grids of the media,
+/// motion.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Description<'a> {
@@ -34,6 +36,23 @@ pub(super) struct Description<'a> {
     pub(super) origin: [f64; 3],
     /// Render settings of the file that the scene was read from.
     pub(super) hints: Cow<'a, RenderHints>,
+    /// What moves; absent in version 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) motion: Option<MotionDescription>,
+}
+
+/// What moves, besides lights and cameras, which have their keys with them. The blocks follow all others: keys of the
+/// instances, keys of the spheres, and for each mesh the times, then positions and normals of each key.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MotionDescription {
+    pub(super) shutter: Shutter,
+    /// Moving instances: index, and number of keys.
+    pub(super) instances: Vec<(u32, u32)>,
+    /// Moving spheres: index, and number of keys.
+    pub(super) spheres: Vec<(u32, u32)>,
+    /// Meshes whose vertices move: index, and number of keys.
+    pub(super) meshes: Vec<(u32, u32)>,
 }
 
 /// A mesh. Its blocks: positions, normals, tangents, two sets of texture coordinates, colors, triangles, points and pieces of

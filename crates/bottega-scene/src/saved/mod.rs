@@ -13,6 +13,7 @@
 
 mod blocks;
 mod description;
+mod motion;
 mod read;
 mod write;
 
@@ -22,5 +23,8 @@ pub use self::write::save_scene;
 /// The first bytes of a file.
 const MAGIC: [u8; 8] = *b"\x89BOTTEGA";
 
-/// The version that is written, and the newest that is read.
-const VERSION: u32 = 1;
+/// The newest version that is read; it is written for scenes in which something moves.
+const VERSION: u32 = 2;
+
+/// The version that is written for scenes that stand still.
+const STILL_VERSION: u32 = 1;

@@ -10,7 +10,8 @@ use super::description::{
     DensityKind, Description, GridDescription, ImageDescription, MediumDescription, MeshDescription, TexelFormat,
     VariationDescription,
 };
-use super::{MAGIC, VERSION};
+use super::motion::read_motion;
+use super::{MAGIC, STILL_VERSION, VERSION};
 use crate::error::{SceneError, Warnings};
 use crate::facing_curves::{CurvePoint, FacingCurves};
 use crate::grid::Grid;
@@ -21,6 +22,7 @@ use crate::image::raw::LevelTexels;
 use crate::import::request::{ImportRequest, Imported};
 use crate::medium::{Density, Medium, Variation};
 use crate::model::{Instance, Mesh, Scene, Sphere};
+use crate::motion::Shutter;
 
 /// The length of magic number, version and length of the description, in bytes.
 const HEAD_BYTES: usize = 20;
@@ -41,10 +43,10 @@ pub(crate) fn import(request: &ImportRequest<'_>, _: &mut Warnings) -> Result<Im
     let spheres: Vec<SphereRecord> = blocks.take("spheres", description.spheres)?;
     let images = read_each("images", description.images, |place, image| read_image(&mut blocks, place, &image))?;
     let media = read_each("media", description.media, |place, medium| read_medium(&mut blocks, place, medium))?;
-    blocks.end()?;
+    let motion = description.motion;
     let instances = instances.into_iter().map(Instance::try_from).collect::<Result<Vec<_>, _>>();
     let spheres = spheres.into_iter().map(Sphere::try_from).collect::<Result<Vec<_>, _>>();
-    let scene = Scene {
+    let mut scene = Scene {
         meshes: meshes.into_iter().collect(),
         instances: instances.map_err(|problem| blocks.damaged(problem))?,
         spheres: spheres.map_err(|problem| blocks.damaged(problem))?,
@@ -55,9 +57,14 @@ pub(crate) fn import(request: &ImportRequest<'_>, _: &mut Warnings) -> Result<Im
         lights: description.lights.into_owned(),
         environment: description.environment.into_owned(),
         cameras: description.cameras.into_owned(),
+        shutter: Shutter::default(),
         origin: DVec3::from_array(description.origin),
         digest: String::new(),
     };
+    if let Some(motion) = &motion {
+        read_motion(&mut blocks, motion, &mut scene)?;
+    }
+    blocks.end()?;
     Ok((scene, Metadata { format: "Bottega", ..Metadata::default() }, description.hints.into_owned()))
 }
 
@@ -66,7 +73,7 @@ fn description_of<'a>(path: &Path, file: &'a [u8]) -> Result<(Description<'stati
     let damaged = |problem: String| SceneError::Damaged { path: path.into(), problem };
     let (head, rest) = file.split_at_checked(HEAD_BYTES).ok_or_else(|| damaged("its head is cut off".into()))?;
     let [_, _, version, low, high] = [0, 4, 8, 12, 16].map(|at| word(head, at));
-    if version != VERSION {
+    if !(STILL_VERSION..=VERSION).contains(&version) {
         return Err(SceneError::OtherVersion { path: path.into(), found: version, known: VERSION });
     }
     let length = u64::from(high) << 32 | u64::from(low);
@@ -114,6 +121,7 @@ fn read_mesh(blocks: &mut Blocks<'_>, place: &str, mesh: MeshDescription<'_>) ->
                 Some(Box::new(FacingCurves { look: curves.look, points, pieces }))
             }
         },
+        motion: Vec::new(),
     })
 }
 

@@ -11,7 +11,8 @@ use super::description::{
     CurvesDescription, DensityKind, Description, GridDescription, ImageDescription, MediumDescription, MeshDescription,
     TexelFormat, VariationDescription,
 };
-use super::{MAGIC, VERSION};
+use super::motion::{describe_motion, put_motion};
+use super::{MAGIC, STILL_VERSION, VERSION};
 use crate::grid::Grid;
 use crate::hints::RenderHints;
 use crate::image::Image;
@@ -30,9 +31,11 @@ pub fn save_scene(path: &Path, scene: &Scene, hints: &RenderHints) -> Result<(),
 }
 
 fn write(out: &mut dyn Write, scene: &Scene, hints: &RenderHints) -> io::Result<()> {
-    let description = serde_json::to_vec(&describe(scene, hints))?;
+    let described = describe(scene, hints);
+    let version = if described.motion.is_some() { VERSION } else { STILL_VERSION };
+    let description = serde_json::to_vec(&described)?;
     out.write_all(&MAGIC)?;
-    out.write_all(&VERSION.to_le_bytes())?;
+    out.write_all(&version.to_le_bytes())?;
     out.write_all(&(description.len() as u64).to_le_bytes())?;
     out.write_all(&description)?;
     scene.meshes.iter().try_for_each(|mesh| put_mesh(out, mesh))?;
@@ -42,7 +45,8 @@ fn write(out: &mut dyn Write, scene: &Scene, hints: &RenderHints) -> io::Result<
     put(out, &spheres)?;
     scene.images.iter().try_for_each(|image| put_image(out, image))?;
     let variations = scene.media.iter().filter_map(|medium| medium.variation.as_deref());
-    variations.flat_map(Variation::grids).try_for_each(|grid| put(out, grid.values()))
+    variations.flat_map(Variation::grids).try_for_each(|grid| put(out, grid.values()))?;
+    put_motion(out, scene)
 }
 
 fn describe<'a>(scene: &'a Scene, hints: &'a RenderHints) -> Description<'a> {
@@ -59,6 +63,7 @@ fn describe<'a>(scene: &'a Scene, hints: &'a RenderHints) -> Description<'a> {
         cameras: Cow::Borrowed(&scene.cameras),
         origin: scene.origin.to_array(),
         hints: Cow::Borrowed(hints),
+        motion: describe_motion(scene),
     }
 }
 

@@ -9,7 +9,7 @@ mod materials;
 mod pictures;
 mod sample_scenes;
 mod size;
-mod support;
+pub(crate) mod support;
 mod view;
 
 use crate::mutation;

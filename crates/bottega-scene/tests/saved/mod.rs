@@ -135,7 +135,7 @@ fn files_that_are_wrong_are_refused_with_the_reason() {
         file[at] = byte;
         refused(&file)
     };
-    assert!(changed(8, 2).contains("version 2 of the format"), "{}", changed(8, 2));
+    assert!(changed(8, 3).contains("version 3 of the format"), "{}", changed(8, 3));
     assert!(changed(19, 0xff).contains("description is cut off"));
     assert!(refused(&file[..11]).contains("head is cut off"));
     assert!(refused(&file[..file.len() - 1]).contains("media[2] has 1 values"), "{}", refused(&file[..file.len() - 1]));

@@ -276,6 +276,7 @@ fn check(request: &Request) -> Result<(), Error> {
         ("--integrator", request.integrator.method.is_some_and(is_other)),
         ("--variant", request.scene.variant.is_some()),
         ("--animation", request.scene.animation.is_some()),
+        ("--shutter", request.scene.shutter.is_some()),
         ("--exact", request.devices.exact),
     ];
     match options.into_iter().find(|(_, is_given)| *is_given) {

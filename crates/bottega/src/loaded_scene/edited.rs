@@ -111,10 +111,13 @@ fn likeness(before: &Scene, after: &Scene) -> Likeness {
     let mut instances = before.instances.iter().zip(&after.instances);
     let mut spheres = before.spheres.iter().zip(&after.spheres);
     let is_unmoved = !has_moved_vertices
-        && instances.all(|(a, b)| a.world_from_object == b.world_from_object)
-        && spheres.all(|(a, b)| (a.center, a.radius) == (b.center, b.radius));
+        && (before.shutter == after.shutter || !before.has_motion())
+        && instances.all(|(a, b)| a.world_from_object == b.world_from_object && a.motion == b.motion)
+        && spheres.all(|(a, b)| (a.center, a.radius) == (b.center, b.radius) && a.motion == b.motion);
     if !is_unmoved {
-        return Likeness::MovedShapes;
+        // The structure of moving shapes cannot be refitted.
+        let moves = before.has_motion() || after.has_motion();
+        return if moves { Likeness::Nothing } else { Likeness::MovedShapes };
     }
     let is_alike = before.instances == after.instances
         && before.spheres == after.spheres

@@ -30,7 +30,7 @@ pub use self::{
     sections::{
         BandChoice, CameraPose, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions, FarmOptions,
         FilmOptions, FrameOptions, GoalOptions, GuideOptions, IntegratorOptions, LightingAgentOptions, OutputOptions,
-        PhotonOptions, RulesSource, RulesText, SceneOptions, ViewOptions, WorkOptions,
+        PhotonOptions, RulesSource, RulesText, SceneOptions, ShutterTimes, ViewOptions, WorkOptions,
     },
 };
 

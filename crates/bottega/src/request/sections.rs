@@ -61,6 +61,10 @@ pub struct SceneOptions {
     /// The time in seconds at which a glTF scene's animations are shown; none: the scene as its file describes it.
     #[serde(default)]
     pub time: Option<f32>,
+    /// The span of time that the picture shows, relative to `scene.time`; none: that of the file, which for glTF is one
+    /// moment. What moves during it is blurred.
+    #[serde(default)]
+    pub shutter: Option<ShutterTimes>,
     /// The animation to show, by name or by number from 0; none: all of them.
     #[serde(default)]
     pub animation: Option<String>,
@@ -80,10 +84,24 @@ impl SceneOptions {
             cull_backfaces: false,
             defines: BTreeMap::new(),
             time: None,
+            shutter: None,
             animation: None,
             variant: None,
         }
     }
+}
+
+/// The span of time that a picture shows: how long a camera's shutter is open.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ShutterTimes {
+    /// The time at which the shutter opens, in seconds, or in the unit of the scene file.
+    pub open: f64,
+    /// The time at which it is closed; equal to `open`: nothing is blurred.
+    pub close: f64,
+    /// The share of the time that it takes to open, and again to close, from 0 (at once) to 0.5.
+    #[serde(default)]
+    pub ramp: f64,
 }
 
 /// The source of the environment light.

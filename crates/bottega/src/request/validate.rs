@@ -4,15 +4,15 @@ use std::ops::RangeInclusive;
 
 use bottega_farm::VERIFY_MAX;
 use bottega_image::{ImageError, OutputFormat};
-use bottega_scene::{COORDINATE_MAX, Camera};
+use bottega_scene::{COORDINATE_MAX, Camera, Shutter};
 use glam::{Affine3A, DVec3};
 use thiserror::Error as ThisError;
 
 use super::{
     BandChoice, CameraPose, DeviceChoice, DeviceOptions, EngineOptions, EnvironmentLight, EnvironmentOptions,
     FarmOptions, FilmOptions, GoalOptions, GuideChoice, GuideOptions, IntegratorOptions, InvalidField,
-    LightingAgentOptions, OutputOptions, PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ViewOptions,
-    WorkOptions, limits::*,
+    LightingAgentOptions, OutputOptions, PhotonOptions, REQUEST_VERSION, Request, SceneOptions, ShutterTimes,
+    ViewOptions, WorkOptions, limits::*,
 };
 use crate::frames::{FrameName, frame_name_help};
 
@@ -170,7 +170,20 @@ impl SceneOptions {
         if let Some(name) = self.defines.keys().find(|name| name.trim().is_empty()) {
             return Err(InvalidField::new("scene.defines", format!("`{name}`"), "each parameter has a name"));
         }
-        self.time.map_or(Ok(()), |time| finite("scene.time", time, "seconds"))
+        self.time.map_or(Ok(()), |time| finite("scene.time", time, "seconds"))?;
+        let Some(ShutterTimes { open, close, ramp }) = self.shutter else { return Ok(()) };
+        for (field, time) in [("scene.shutter.open", open), ("scene.shutter.close", close)] {
+            if !time.is_finite() {
+                return Err(InvalidField::new(field, time, "a finite number of seconds is needed"));
+            }
+        }
+        if !(Shutter { open, close, ramp: 0.0 }).is_sound() {
+            return Err(InvalidField::new("scene.shutter.close", close, "the shutter cannot close before it opens"));
+        }
+        if !(0.0..=0.5).contains(&ramp) {
+            return Err(InvalidField::new("scene.shutter.ramp", ramp, "a share from 0 to 0.5 is needed"));
+        }
+        Ok(())
     }
 }
 

@@ -46,7 +46,7 @@ impl Path<'_> {
     #[inline(always)]
     pub(super) fn add_emission<const AGENTS: bool>(&mut self, point: &Interaction) {
         let prepared = self.integrator.prepared;
-        let radiance = emitted_at(prepared, point);
+        let radiance = emitted_at(prepared, point, 0.0);
         if radiance == Spectrum::ZERO {
             return;
         }

@@ -61,7 +61,7 @@ impl<'a> PathIntegrator<'a> {
         Ok(Self {
             prepared,
             settings,
-            camera: CameraRays::new(&camera, view.width, view.height),
+            camera: CameraRays::new(&camera, view.width, view.height).moving(prepared.motion().camera(&camera)),
             size: Vec2::new(view.width as f32, view.height as f32),
             camera_medium: camera.medium,
             hides_emitters: camera.hides_emitters,
@@ -145,17 +145,28 @@ impl<'a> PathIntegrator<'a> {
         (self.camera.ray(Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy), [lens_u, lens_v]), factor)
     }
 
+    /// Samples the camera ray of a pixel as [`Self::camera_ray`], with the camera as it is at a time.
+    pub(crate) fn camera_ray_at(&self, sampler: &PixelSampler, x: u32, y: u32, time: f32) -> (CameraRay, f32) {
+        let [filter_u, filter_v, lens_u, lens_v] = sampler.quad(DimensionSet::CAMERA);
+        let ([dx, dy], factor) = self.filter.sample([filter_u, filter_v]);
+        let place = Vec2::new(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
+        (self.camera.ray_at(place, [lens_u, lens_v], time), factor)
+    }
+
     /// Returns the centre of a pixel in the picture, in [0, 1)².
     #[inline(always)]
     pub(in crate::integrator) fn place(&self, x: u32, y: u32) -> [f32; 2] {
         [(x as f32 + 0.5) / self.size.x, (y as f32 + 0.5) / self.size.y]
     }
 
-    /// Returns `true` if paths must be traced one by one to their end: those through media and panes, and those that must
-    /// know the kind of their last event.
+    /// Returns `true` if paths must be traced one by one to their end: those through media and panes, those that must
+    /// know the kind of their last event, and those that have a time.
     #[inline(always)]
     pub(in crate::integrator) fn goes_alone(&self) -> bool {
-        self.prepared.needs_volume() || self.prepared.has_panes() || self.prepared.tells_bounces_apart()
+        self.prepared.needs_volume()
+            || self.prepared.has_panes()
+            || self.prepared.tells_bounces_apart()
+            || self.prepared.moves()
     }
 
     /// Returns `true` if agents are used for more than directions.

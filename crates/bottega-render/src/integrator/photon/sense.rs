@@ -67,7 +67,7 @@ impl<'a> PhotonIntegrator<'a> {
         photons: PhotonSettings,
         passes: Arc<Passes>,
     ) -> Result<Self, RenderError> {
-        if prepared.needs_volume() {
+        if prepared.needs_volume() || prepared.moves() {
             return Err(RenderError::PhotonsInMedia);
         }
         // Sensors belong to no view

@@ -43,7 +43,7 @@ impl MediumPath<'_> {
         if !known.shines || known.is_null || !material.emission_sides.has(point.front) {
             return Spectrum::ZERO;
         }
-        let radiance = emitted_at(prepared, point);
+        let radiance = emitted_at(prepared, point, self.time);
         if radiance == Spectrum::ZERO {
             return radiance;
         }
@@ -52,7 +52,7 @@ impl MediumPath<'_> {
         radiance
             * self.found_by_direction(|from| {
                 let Some(light) = lights.light_of(prepared, &point.hit) else { return (0.0, 0.0) };
-                let place = lights.place_pdf(scene, light, from.p, point.p);
+                let place = lights.place_pdf_at(prepared, light, from.p, point.p, self.time);
                 let along = self.previous.along.as_ref().map_or(0.0, |along| self.pdf_ratio(along, light));
                 (lights.pmf(from, light) * place, along * place)
             })
@@ -62,7 +62,7 @@ impl MediumPath<'_> {
     /// of drawing it by extinction.
     fn pdf_ratio(&self, along: &SegmentPoint, light: u32) -> f32 {
         let lights = self.prepared.lights();
-        let arc = lights.arc(self.prepared.scene(), &along.segment, light);
+        let arc = lights.arc_at(self.prepared, &along.segment, light, self.time);
         lights.pmf_along(&along.segment, light) * arc.pdf(along.distance) / along.pdf
     }
 
@@ -101,7 +101,7 @@ impl MediumPath<'_> {
         let [u_light, u_distance, u, v] = self.sampler.quad(DimensionSet::along(self.segment));
         // Sample a light for the segment, and a distance uniform in its angle
         let Some((light, pmf)) = lights.sample_along(segment, u_light) else { return };
-        let arc = lights.arc(prepared.scene(), segment, light);
+        let arc = lights.arc_at(prepared, segment, light, self.time);
         let distance = arc.sample(u_distance);
         let pdf = pmf * arc.pdf(distance);
         if !(distance < segment.length && pdf > 0.0) {
@@ -109,7 +109,7 @@ impl MediumPath<'_> {
         }
         let p = segment.origin + segment.direction * distance;
         // Sample a point on the light
-        let Some(sample) = lights.sample_place(prepared, light, p, [u, v]) else { return };
+        let Some(sample) = lights.sample_place_at(prepared, light, p, [u, v], self.time) else { return };
         if !sample.visibility.has(Visibility::VOLUME) {
             return;
         }
@@ -143,7 +143,7 @@ impl MediumPath<'_> {
         let count = self.light_samples();
         for part in 0..count {
             let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
-            let Some(light) = self.prepared.lights().sample(self.prepared, receiver, u) else { continue };
+            let Some(light) = self.prepared.lights().sample_at(self.prepared, receiver, u, self.time) else { continue };
             if !light.visibility.has(Visibility::VOLUME) {
                 continue;
             }
@@ -167,7 +167,7 @@ impl MediumPath<'_> {
         for part in 0..count {
             // Sample a light
             let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
-            let Some(light) = self.prepared.lights().sample(self.prepared, receiver, u) else { continue };
+            let Some(light) = self.prepared.lights().sample_at(self.prepared, receiver, u, self.time) else { continue };
             // Compute the contribution if it is visible
             let mis_weight = |expected: f32, pdf: f32| power_heuristic(expected, [self.shared(&light, pdf)]);
             let Some(weight) = vertex.light_weight(&light, count as f32, mis_weight) else { continue };

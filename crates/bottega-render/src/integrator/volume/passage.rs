@@ -39,7 +39,7 @@ impl MediumPath<'_> {
 
     /// Returns the rays that leave the path's current vertex.
     fn rays(&self) -> SegmentRays<'_> {
-        SegmentRays::of_path(self.prepared, &self.sampler, self.depth).leaving(self.event)
+        SegmentRays::of_path(self.prepared, &self.sampler, self.depth).leaving(self.event).at(self.time)
     }
 
     /// Returns the medium on the side of `wi`; `None`: vacuum.
@@ -89,8 +89,8 @@ impl MediumPath<'_> {
             let ray = Ray { origin, t_min: 0.0, direction, t_max: length * (1.0 - SHADOW_MARGIN) };
             // Find the next surface, or only test for occlusion
             let hit = if prepared.has_boundaries() {
-                prepared.accel().intersect_filtered(&ray, |hit| self.blocks(&ray, hit))
-            } else if prepared.accel().occluded_filtered(&ray, |hit| self.blocks(&ray, hit)) {
+                prepared.accel().intersect_filtered_at(&ray, self.time, |hit| self.blocks(&ray, hit))
+            } else if prepared.accel().occluded_filtered_at(&ray, self.time, |hit| self.blocks(&ray, hit)) {
                 return;
             } else {
                 Hit::NONE
@@ -110,7 +110,7 @@ impl MediumPath<'_> {
                 return;
             }
             // Pass through a boundary or a pane, and continue behind it
-            let point = Interaction::new(prepared, &hit, origin, direction, RayCone::default());
+            let point = Interaction::at(prepared, &hit, origin, direction, RayCone::default(), self.time);
             transmittance *= self.let_through(&point);
             if transmittance == Spectrum::ZERO {
                 return;

@@ -43,6 +43,8 @@ pub(super) struct MediumPath<'a> {
     pub(super) settings: &'a PathSettings,
     /// Random numbers of the sample.
     pub(super) sampler: PixelSampler,
+    /// Time of the path, from 0 when the shutter opens to 1 when it is closed.
+    pub(super) time: f32,
     /// Throughput of the path, β.
     pub(super) throughput: Spectrum,
     /// Radiance found so far.

@@ -73,6 +73,7 @@ impl Mesh {
     /// Turns the mesh inside out.
     pub(super) fn turn_over(&mut self) {
         self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
-        self.normals.iter_mut().for_each(|normal| *normal = -*normal);
+        let keys = self.motion.iter_mut().flat_map(|key| &mut key.normals);
+        self.normals.iter_mut().chain(keys).for_each(|normal| *normal = -*normal);
     }
 }

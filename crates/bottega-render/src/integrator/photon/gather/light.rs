@@ -52,7 +52,7 @@ impl GatherPath<'_> {
     /// Adds the emission of a surface towards the path, weighted by MIS.
     pub(super) fn add_emission(&mut self, state: &GatherState, point: &Interaction) {
         let prepared = self.prepared;
-        let radiance = emitted_at(prepared, point);
+        let radiance = emitted_at(prepared, point, 0.0);
         if radiance != Spectrum::ZERO {
             let weight = self.found(state, |from| prepared.lights().hit_pdf(prepared, &point.hit, from, point.p));
             self.add(state.throughput * radiance * weight, state.depth);

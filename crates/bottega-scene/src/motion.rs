@@ -1,0 +1,219 @@
+//! Motion: the shutter of a picture, and keys of what moves while it is open.
+//!
+//! Times are in the unit of the file; for glTF these are seconds. Before its first key and after its last one, everything
+//! stands still. The parts themselves ([`Instance::world_from_object`](crate::Instance::world_from_object) and others)
+//! are as they are when the shutter opens.
+
+use glam::{Affine3A, Quat, Vec3};
+use serde::{Deserialize, Serialize};
+
+use crate::error::Violation;
+use crate::model::{COORDINATE_MAX, Mesh, Scene, is_placeable};
+
+/// The most keys of one part.
+pub(crate) const KEYS_MAX: usize = 1 << 12;
+
+/// The span of time that a picture shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shutter {
+    /// Time at which it opens.
+    pub open: f64,
+    /// Time at which it is closed, not before [`Self::open`]; equal: nothing moves.
+    pub close: f64,
+    /// Share of the time that it takes to open, and again to close, from 0 (at once) to 0.5 (it is never quite open).
+    /// While it opens and closes, the light that it lets pass grows and falls linearly.
+    #[serde(default)]
+    pub ramp: f64,
+}
+
+/// A transformation at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TransformKey {
+    /// Time of the key.
+    pub time: f64,
+    /// The transformation then.
+    #[serde(with = "crate::numbers")]
+    pub transform: Affine3A,
+}
+
+/// The vertices of a mesh at a time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshKey {
+    /// Time of the key.
+    pub time: f64,
+    /// Vertex positions, object space: as many as those of the mesh.
+    pub positions: Vec<Vec3>,
+    /// Vertex normals of unit length; as many, or none if the mesh has none.
+    pub normals: Vec<Vec3>,
+}
+
+/// A sphere at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SphereKey {
+    /// Time of the key.
+    pub time: f64,
+    /// Centre, world space.
+    #[serde(with = "crate::numbers")]
+    pub center: Vec3,
+    /// Radius, above 0, in scene units.
+    pub radius: f32,
+    /// Rotation of the texture coordinates; see [`Sphere::world_from_object`](crate::Sphere::world_from_object).
+    #[serde(with = "crate::numbers")]
+    pub world_from_object: Quat,
+}
+
+impl Shutter {
+    /// Returns a shutter that opens and closes at once. `None`: a time is not finite, or it closes before it opens.
+    pub fn new(open: f64, close: f64) -> Option<Self> {
+        Some(Self { open, close, ramp: 0.0 }).filter(Self::is_sound)
+    }
+
+    /// Returns true if the times are finite and in order, and the ramp is from 0 to 0.5.
+    pub fn is_sound(&self) -> bool {
+        self.open.is_finite()
+            && self.close.is_finite()
+            && (self.close - self.open).is_finite()
+            && self.close >= self.open
+            && (0.0..=0.5).contains(&self.ramp)
+    }
+
+    /// Returns true if the shutter is open for no time.
+    pub fn is_instant(&self) -> bool {
+        self.close <= self.open
+    }
+
+    /// Returns a time of the span as a number from 0 to 1.
+    pub fn share(&self, time: f64) -> f64 {
+        (time - self.open) / (self.close - self.open)
+    }
+
+    /// Maps a number that is uniform in [0, 1) to a share of the time, by the light that the shutter lets pass.
+    pub fn sample(&self, u: f32) -> f32 {
+        let ramp = self.ramp as f32;
+        // The area below the trapezoid; the area of each ramp is half its length
+        let (whole, slope) = (1.0 - ramp, 0.5 * ramp);
+        let area = u * whole;
+        if area < slope {
+            (2.0 * ramp * area).sqrt()
+        } else if area > whole - slope {
+            1.0 - (2.0 * ramp * (whole - area)).max(0.0).sqrt()
+        } else {
+            area + slope
+        }
+    }
+}
+
+impl Scene {
+    /// Returns true if some part has keys; it moves only if the shutter is open long enough.
+    pub fn has_motion(&self) -> bool {
+        self.instances.iter().any(|it| !it.motion.is_empty())
+            || self.spheres.iter().any(|it| !it.motion.is_empty())
+            || self.meshes.iter().any(|it| !it.motion.is_empty())
+            || self.lights.iter().any(|it| !it.motion.is_empty())
+            || self.cameras.iter().any(|it| !it.motion.is_empty())
+    }
+}
+
+/// Checks the times of keys: finite and ascending.
+pub(crate) fn check_times(times: impl ExactSizeIterator<Item = f64> + Clone) -> Result<(), Violation> {
+    let check = |holds: bool, problem: &'static str| if holds { Ok(()) } else { Err(Violation(problem.into())) };
+    check(times.len() <= KEYS_MAX, "it has more than 4096 keys")?;
+    check(times.clone().all(f64::is_finite), "the time of a key is not finite")?;
+    check(times.clone().zip(times.skip(1)).all(|(before, after)| before < after), "the times of its keys do not ascend")
+}
+
+/// Checks the keys of an instance.
+///
+/// - `bounds`: of its mesh.
+pub(crate) fn check_instance_keys(bounds: (Vec3, Vec3), keys: &[TransformKey]) -> Result<(), Violation> {
+    check_times(keys.iter().map(|key| key.time))?;
+    if keys.iter().all(|key| is_placeable(bounds, &key.transform)) {
+        return Ok(());
+    }
+    Err(Violation("the transformation of a key is singular, mirrors, or moves the mesh out of reach".into()))
+}
+
+/// Checks the keys of a camera or light, which may mirror, but then all of them.
+pub(crate) fn check_transform_keys(keys: &[TransformKey]) -> Result<(), Violation> {
+    check_times(keys.iter().map(|key| key.time))?;
+    let determinant = |key: &TransformKey| key.transform.matrix3.determinant();
+    let is_sound = |key: &TransformKey| {
+        key.transform.is_finite()
+            && determinant(key).is_normal()
+            && determinant(key) * determinant(&keys[0]) > 0.0
+            && key.transform.translation.abs().max_element() <= COORDINATE_MAX
+    };
+    if keys.iter().all(is_sound) {
+        return Ok(());
+    }
+    Err(Violation("the transformation of a key is singular, out of reach, or mirrors as others do not".into()))
+}
+
+impl Mesh {
+    /// Checks the keys of the vertices.
+    pub(crate) fn check_keys(&self) -> Result<(), Violation> {
+        let check = |holds: bool, problem: &'static str| if holds { Ok(()) } else { Err(Violation(problem.into())) };
+        if self.motion.is_empty() {
+            return Ok(());
+        }
+        check(self.curves.is_none(), "it has curves, whose points cannot move by keys")?;
+        check_times(self.motion.iter().map(|key| key.time))?;
+        for key in &self.motion {
+            let is_complete = key.positions.len() == self.positions.len() && key.normals.len() == self.normals.len();
+            check(is_complete, "a key has another number of vertices or normals than the mesh")?;
+            let is_in_reach = |p: &Vec3| p.is_finite() && p.abs().max_element() <= COORDINATE_MAX;
+            check(key.positions.iter().all(is_in_reach), "a position of a key is not finite, or out of reach")?;
+            let is_unit = |n: &Vec3| (n.length_squared() - 1.0).abs() < 1e-3;
+            check(key.normals.iter().all(is_unit), "a normal of a key is not of unit length")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shutter_lets_light_pass_by_its_shape() {
+        for ramp in [0.0, 0.2, 0.5] {
+            let shutter = Shutter { open: 3.0, close: 5.0, ramp };
+            let count = 20_000;
+            let times: Vec<f32> = (0..count).map(|i| shutter.sample((i as f32 + 0.5) / count as f32)).collect();
+            assert!(times.windows(2).all(|pair| pair[0] <= pair[1]) && times[0] >= 0.0 && times[count - 1] <= 1.0);
+            // The share of times before x is the area of the trapezoid up to there
+            for x in [0.05, 0.1, 0.2, 0.5, 0.7, 0.85, 0.95] {
+                let found = times.iter().filter(|&&time| f64::from(time) < x).count() as f64 / count as f64;
+                let ramp_area = |x: f64| if ramp > 0.0 { x * x / (2.0 * ramp) } else { 0.0 };
+                let area = if x < ramp {
+                    ramp_area(x)
+                } else if x > 1.0 - ramp {
+                    1.0 - ramp - ramp_area(1.0 - x)
+                } else {
+                    x - 0.5 * ramp
+                };
+                assert!((found - area / (1.0 - ramp)).abs() < 1e-3, "{ramp} {x}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_shutter_without_order_is_refused() {
+        assert!(Shutter::new(1.0, 0.5).is_none() && Shutter::new(f64::NAN, 1.0).is_none());
+        assert!(Shutter::new(-1e308, 1e308).is_none());
+        assert!(!Shutter { ramp: 0.6, ..Shutter::default() }.is_sound());
+        let instant = Shutter::new(1.0, 1.0).unwrap();
+        assert!(instant.is_instant() && !Shutter::new(0.0, 1.0).unwrap().is_instant());
+    }
+
+    #[test]
+    fn keys_must_ascend() {
+        assert!(check_times([0.0, 1.0, 2.5].into_iter()).is_ok());
+        for bad in [[0.0, 0.0], [1.0, 0.5], [0.0, f64::NAN]] {
+            assert!(check_times(bad.into_iter()).is_err());
+        }
+    }
+}
