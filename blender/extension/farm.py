@@ -248,6 +248,17 @@ class BOTTEGA_OT_farm_look(FarmOperator, bpy.types.Operator):
         begin_watch()
 
 
+class BOTTEGA_OT_farm_copy(FarmOperator, bpy.types.Operator):
+    """Copy the line by which other machines join. It holds the secret of the farm"""
+
+    bl_idname = "bottega.farm_copy"
+    bl_label = "Copy the Line for Others"
+
+    def act(self, context: Any) -> None:
+        line = _ADDRESS.search(programs.said)
+        context.window_manager.clipboard = line.group(0) if line is not None else ""
+
+
 class BOTTEGA_PT_farm(bpy.types.Panel):
     """The farm and its machines."""
 
@@ -270,17 +281,17 @@ class BOTTEGA_PT_farm(bpy.types.Panel):
         kept = preferences()
         if kept is not None:
             layout.prop(kept, "address")
-        row = layout.row(align=True)
-        row.operator("bottega.farm_look")
-        row.operator("bottega.farm_start")
-        row.operator("bottega.farm_join")
+        column = layout.column(align=True)
+        column.operator("bottega.farm_look")
+        column.operator("bottega.farm_start")
+        column.operator("bottega.farm_join")
         if kept is not None:
             layout.prop(kept, "outlives")
             layout.prop(kept, "keeps_jobs")
         line = _ADDRESS.search(programs.said)
         if line is not None:
-            layout.label(text="Others join by this line, which is the farm's secret:")
             layout.label(text=line.group(0))
+            layout.operator("bottega.farm_copy", icon="COPYDOWN")
         page = re.search(r"https?://\S+", programs.said)
         if page is not None:
             layout.operator("wm.url_open", text="Open the Page", icon="URL").url = page.group(0)
@@ -305,6 +316,7 @@ _CLASSES = (
     BOTTEGA_OT_farm_start,
     BOTTEGA_OT_farm_join,
     BOTTEGA_OT_farm_look,
+    BOTTEGA_OT_farm_copy,
     BOTTEGA_PT_farm,
 )
 

@@ -8,6 +8,7 @@ frames of an animation are written where Blender's own animation would be.
 from __future__ import annotations
 
 import tempfile
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,10 @@ from bpy.props import IntProperty
 from . import farm, library
 
 RESULT = "Farm Result"
+# Seconds between two looks at what the farm has painted.
 SHOW_EVERY = 1.0
+# Seconds for which frames are sent before the farm is asked for its state.
+SENDING_TIME = 2.0
 _GOING = ("is sent", "active", "paused")
 
 
@@ -140,8 +144,10 @@ def _follow(connected: Any, picture: FarmPicture) -> None:
     """Submits the frames, follows their jobs, and fetches what is done. Runs in the thread of the watch."""
     import bottega
 
+    begun = time.monotonic()
     for frame in picture.frames:
-        if frame.job is None and not picture.problem:
+        # Many frames are sent in several rounds, so that the panel stays up to date.
+        if frame.job is None and not picture.problem and time.monotonic() < begun + SENDING_TIME:
             fields: dict[str, Any] = {"frame": frame.number} if picture.is_animation else {}
             try:
                 frame.job = connected.submit(str(picture.copy), engine={"names": ["cycles"], **fields}, spp=picture.samples, output=frame.output.name)

@@ -58,7 +58,8 @@ class Export:
             block = update.id.original
             kind = block.bl_rna.identifier
             if kind in ("Object", "Mesh", "Curve", "Curves", "TextCurve", "SurfaceCurve", "MetaBall", "ParticleSettings"):
-                if update.is_updated_geometry or kind != "Object":
+                # After an edit of a material, its objects and meshes are updated by their shading alone.
+                if update.is_updated_geometry or (kind != "Object" and not update.is_updated_shading):
                     self._dirty.add(uid_of(block))
             elif kind == "Material":
                 self._dirty.add(uid_of(block))
