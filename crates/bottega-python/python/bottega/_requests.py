@@ -612,6 +612,10 @@ class SceneOptions(Section):
     """The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), a mesh (.obj, .ply), or what
     another engine reads.
     """
+    shutter: ShutterTimes | None = None
+    """The span of time that the picture shows, relative to `scene.time`; none: that of the file, which
+    for glTF is one moment. What moves during it is blurred.
+    """
     strict: bool = False
     """True to refuse a scene with unsupported features; false to render substitutes for them."""
     time: float | None = None
@@ -620,6 +624,21 @@ class SceneOptions(Section):
     """
     variant: str | None = None
     """The material variant of a glTF file, by name or by number from 0."""
+
+    _parts: ClassVar[Mapping[str, type[Section]]] = {"shutter": ShutterTimes}
+    _tuples: ClassVar[frozenset[str]] = frozenset([])
+
+
+@dataclass(kw_only=True, slots=True)
+class ShutterTimes(Section):
+    """The span of time that a picture shows: how long a camera's shutter is open."""
+
+    close: float
+    """The time at which it is closed; equal to `open`: nothing is blurred."""
+    open: float
+    """The time at which the shutter opens, in seconds, or in the unit of the scene file."""
+    ramp: float = 0.0
+    """The share of the time that it takes to open, and again to close, from 0 (at once) to 0.5."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
