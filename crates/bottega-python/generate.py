@@ -189,6 +189,24 @@ def fields(schema: dict[str, Any], defs: dict[str, Any]) -> list[str]:
     return lines
 
 
+def in_order(defs: dict[str, Any]) -> list[str]:
+    """The names of all sections, each after those that it contains."""
+    names: list[str] = []
+
+    def add(name: str) -> None:
+        if name in names or not is_section(defs[name]):
+            return
+        for value in defs[name]["properties"].values():
+            for part in type_of(value).split(" | "):
+                if part in defs:
+                    add(part)
+        names.append(name)
+
+    for name in defs:
+        add(name)
+    return names
+
+
 def module(schema: dict[str, Any]) -> str:
     """The text of the module."""
     defs = schema["$defs"]
@@ -201,9 +219,8 @@ def module(schema: dict[str, Any]) -> str:
     lines += fields(schema, defs)
     lines += ["", "", f"KEYWORDS: Mapping[str, str] = {pprint.pformat(KEYWORDS, width=100, sort_dicts=False)}"]
     lines += text("Short names of fields.", "")
-    for name, node in defs.items():
-        if is_section(node):
-            lines += section(name, node, defs)
+    for name in in_order(defs):
+        lines += section(name, defs[name], defs)
     lines += section("Request", schema, defs)
     return "\n".join(lines) + "\n"
 

@@ -593,6 +593,21 @@ class RulesText(Section):
 
 
 @dataclass(kw_only=True, slots=True)
+class ShutterTimes(Section):
+    """The span of time that a picture shows: how long a camera's shutter is open."""
+
+    close: float
+    """The time at which it is closed; equal to `open`: nothing is blurred."""
+    open: float
+    """The time at which the shutter opens, in seconds, or in the unit of the scene file."""
+    ramp: float = 0.0
+    """The share of the time that it takes to open, and again to close, from 0 (at once) to 0.5."""
+
+    _parts: ClassVar[Mapping[str, type[Section]]] = {}
+    _tuples: ClassVar[frozenset[str]] = frozenset([])
+
+
+@dataclass(kw_only=True, slots=True)
 class SceneOptions(Section):
     """The scene file, and options for reading it."""
 
@@ -626,21 +641,6 @@ class SceneOptions(Section):
     """The material variant of a glTF file, by name or by number from 0."""
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {"shutter": ShutterTimes}
-    _tuples: ClassVar[frozenset[str]] = frozenset([])
-
-
-@dataclass(kw_only=True, slots=True)
-class ShutterTimes(Section):
-    """The span of time that a picture shows: how long a camera's shutter is open."""
-
-    close: float
-    """The time at which it is closed; equal to `open`: nothing is blurred."""
-    open: float
-    """The time at which the shutter opens, in seconds, or in the unit of the scene file."""
-    ramp: float = 0.0
-    """The share of the time that it takes to open, and again to close, from 0 (at once) to 0.5."""
-
-    _parts: ClassVar[Mapping[str, type[Section]]] = {}
     _tuples: ClassVar[frozenset[str]] = frozenset([])
 
 
