@@ -89,7 +89,7 @@ fn prepared_again(
 
 /// Compares two scenes. Meshes and images are the same if they are shared.
 fn likeness(before: &Scene, after: &Scene) -> Likeness {
-    // Structures of moving shapes are built anew, never refitted
+    // Structures of moving shapes are not refitted
     let has_same_shapes = !before.has_motion()
         && !after.has_motion()
         && is_shared(&before.meshes, &after.meshes)
