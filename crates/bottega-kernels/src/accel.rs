@@ -278,10 +278,11 @@ mod tests {
         }
     }
 
-    /// Moving instances, vertices and spheres, and the same geometry as it is at a time.
-    fn commotion(
-        random: &mut SplitMix64,
-    ) -> (Vec<Vec<Vec3>>, Vec<[u32; 3]>, [MovingTransform; 2], [[SphereGeometry; 2]; 2]) {
+    /// Keys of vertices, their triangles, moving transformations, and spheres at the first and last time.
+    type Commotion = (Vec<Vec<Vec3>>, Vec<[u32; 3]>, [MovingTransform; 2], [[SphereGeometry; 2]; 2]);
+
+    /// Makes geometry that moves at random.
+    fn commotion(random: &mut SplitMix64) -> Commotion {
         let (positions, triangles) = clutter(random, 2000);
         let mut point = |size: f32| Vec3::from_array([(); 3].map(|()| size * (2.0 * random.unit_f32() - 1.0)));
         let waved = |positions: &[Vec3], point: &mut dyn FnMut(f32) -> Vec3| {

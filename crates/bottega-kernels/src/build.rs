@@ -23,7 +23,7 @@ use crate::arena::Arena;
 use crate::geometry::{BuildError, BuildOptions, InstanceGeometry, MeshGeometry, SphereGeometry};
 use crate::instance::{self, Affine};
 use crate::motion::MotionGeometry;
-use crate::moving_tree::{KeyTrees, SphereMotion, TreeMotion};
+use crate::moving_tree::{KeyTrees, MovingMesh, SphereMotion, TreeMotion};
 use crate::tree::{Child, PlacedTree, SceneTrees, Sphere, TriangleBlock, WIDTH, WideNode};
 use crate::{Aabb, Hit};
 use glam::Vec3;
@@ -57,7 +57,7 @@ pub(crate) fn build(
 ) -> Result<BuiltTree, BuildError> {
     with_threads(options.threads, |parallel| {
         instance::validate(meshes, instances, spheres)?;
-        moving::validate(meshes, instances, spheres, motion)?;
+        motion.validate(meshes, instances, spheres)?;
         TreeBuilder { meshes, instances, motion, options, parallel, tree: empty_tree() }.build(spheres)
     })
 }
@@ -171,7 +171,7 @@ impl TreeBuilder<'_> {
     fn mesh_trees(&mut self, mesh: usize) -> Result<(Child, Aabb, Option<KeyTrees>), BuildError> {
         let motion = self.motion;
         if let Ok(place) = motion.meshes.binary_search_by_key(&(mesh as u32), |moving| moving.0) {
-            let moving::MovingMesh { root, bounds, keys } = self.moving_mesh_tree(mesh, &motion.meshes[place].1)?;
+            let MovingMesh { root, bounds, keys } = self.moving_mesh_tree(mesh, &motion.meshes[place].1)?;
             return Ok((root, bounds, Some(keys)));
         }
         let (root, bounds) = self.mesh_tree(mesh)?;

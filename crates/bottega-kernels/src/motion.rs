@@ -3,7 +3,7 @@
 //! Times are numbers of the caller's unit. A renderer maps the interval in which its shutter is open to [0, 1]: rays have
 //! times of that interval, and boxes around paths of moving geometry cover exactly it.
 
-use crate::{Aabb, SphereGeometry, math};
+use crate::{Aabb, BuildError, InstanceGeometry, MeshGeometry, SphereGeometry, math};
 use glam::{Affine3A, DMat3, DQuat, DVec3, Mat3, Vec3};
 
 /// A transformation over time. Between two keys, translation, rotation and stretch are interpolated apart: the
@@ -253,6 +253,66 @@ impl MotionGeometry<'_> {
     pub fn is_empty(&self) -> bool {
         self.instances.is_empty() && self.meshes.is_empty() && self.spheres.is_empty()
     }
+
+    /// Checks what moves against the geometry that it belongs to.
+    pub(crate) fn validate(
+        &self,
+        meshes: &[MeshGeometry<'_>],
+        instances: &[InstanceGeometry],
+        spheres: &[SphereGeometry],
+    ) -> Result<(), BuildError> {
+        let bad = |what: &'static str, index: u32, problem: &'static str| {
+            Err(BuildError::BadMotion { what, index: index as usize, problem })
+        };
+        let mut last = None;
+        for (index, _) in &self.instances {
+            if *index as usize >= instances.len() || last.is_some_and(|last| last >= *index) {
+                return bad("instance", *index, "is not there, or named out of order");
+            }
+            last = Some(*index);
+        }
+        let mut last = None;
+        for (index, keys) in &self.meshes {
+            if *index as usize >= meshes.len() || last.is_some_and(|last| last >= *index) {
+                return bad("mesh", *index, "is not there, or named out of order");
+            }
+            last = Some(*index);
+            if !ascend(keys.iter().map(|key| key.time)) {
+                return bad("mesh", *index, "needs two keys or more, at times that ascend");
+            }
+            if keys.iter().any(|key| key.positions.len() != meshes[*index as usize].positions.len()) {
+                return bad("mesh", *index, "has keys with different numbers of vertices");
+            }
+            if keys.iter().any(|key| key.positions.iter().any(|p| !p.is_finite())) {
+                return bad("mesh", *index, "has a position that is not finite");
+            }
+        }
+        let mut last = None;
+        for (index, keys) in &self.spheres {
+            if *index as usize >= spheres.len() || last.is_some_and(|last| last >= *index) {
+                return bad("sphere", *index, "is not there, or named out of order");
+            }
+            last = Some(*index);
+            if !ascend(keys.iter().map(|key| key.time)) {
+                return bad("sphere", *index, "needs two keys or more, at times that ascend");
+            }
+            let is_sound = |sphere: &SphereGeometry| {
+                let bounds = Aabb::around(sphere.center, sphere.radius);
+                sphere.radius >= 0.0 && bounds.min.is_finite() && bounds.max.is_finite()
+            };
+            if !keys.iter().all(|key| is_sound(&key.sphere)) {
+                return bad("sphere", *index, "has a center or radius that is not finite, or a negative radius");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns true if there are two finite times at least, and all ascend.
+fn ascend(times: impl Iterator<Item = f32> + Clone) -> bool {
+    times.clone().count() >= 2
+        && times.clone().all(f32::is_finite)
+        && times.clone().zip(times.skip(1)).all(|(before, after)| before < after)
 }
 
 /// The place of a time between two keys.

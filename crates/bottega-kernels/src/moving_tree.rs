@@ -1,4 +1,4 @@
-//! What a tree knows about moving geometry.
+//! The moving geometry of a tree.
 //!
 //! A mesh with moving vertices has a tree for each key: the first one as the build emits it, the others as copies of it
 //! at a fixed distance in the arena, with the boxes and corners of their keys. A ray interpolates linearly between the two
@@ -7,8 +7,7 @@
 
 use crate::instance::Affine;
 use crate::motion::{KeySpan, MovingTransform, SphereKeyGeometry};
-use crate::tree::Sphere;
-use crate::{Aabb, Ray};
+use crate::{Aabb, Ray, SphereGeometry};
 
 /// The moving parts of a scene's trees.
 #[derive(Debug, Default)]
@@ -40,11 +39,19 @@ pub(crate) struct KeyTrees {
     pub(crate) stride: usize,
 }
 
+/// The trees of a mesh whose vertices move: the root of the first one, and the box around all keys.
+#[derive(Clone)]
+pub(crate) struct MovingMesh<C> {
+    pub(crate) root: C,
+    pub(crate) bounds: Aabb,
+    pub(crate) keys: KeyTrees,
+}
+
 /// The keys of a moving sphere.
 #[derive(Clone, Debug)]
 pub(crate) struct SphereMotion {
     pub(crate) times: Box<[f32]>,
-    pub(crate) spheres: Box<[Sphere]>,
+    pub(crate) spheres: Box<[SphereGeometry]>,
 }
 
 /// A time between two trees of keys.
@@ -74,27 +81,25 @@ impl KeyTrees {
 impl SphereMotion {
     /// Collects the keys of a sphere.
     pub(crate) fn new(keys: &[SphereKeyGeometry]) -> Self {
-        let sphere = |key: &SphereKeyGeometry| {
-            let (center, radius) = (key.sphere.center.to_array(), key.sphere.radius);
-            Sphere { center, radius }
-        };
-        Self { times: keys.iter().map(|key| key.time).collect(), spheres: keys.iter().map(sphere).collect() }
+        Self { times: keys.iter().map(|key| key.time).collect(), spheres: keys.iter().map(|key| key.sphere).collect() }
     }
 
     /// Returns the sphere at a time.
-    fn at(&self, time: f32) -> Sphere {
+    fn at(&self, time: f32) -> SphereGeometry {
         let KeySpan { key, share } = KeySpan::find(&self.times, time);
         let (from, to) = (&self.spheres[key], &self.spheres[key + 1]);
-        let mix = |a: f32, b: f32| a * (1.0 - share) + b * share;
-        let center = std::array::from_fn(|axis| mix(from.center[axis], to.center[axis]));
-        Sphere { center, radius: mix(from.radius, to.radius) }
+        let rest = 1.0 - share;
+        SphereGeometry {
+            center: from.center * rest + to.center * share,
+            radius: from.radius * rest + to.radius * share,
+        }
     }
 }
 
 impl TreeMotion {
     /// Returns a sphere at a time, if it moves.
     #[inline]
-    pub(crate) fn sphere(&self, index: usize, time: f32) -> Option<Sphere> {
+    pub(crate) fn sphere(&self, index: usize, time: f32) -> Option<SphereGeometry> {
         if self.spheres.is_empty() {
             return None;
         }

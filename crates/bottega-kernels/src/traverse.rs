@@ -24,10 +24,9 @@ mod triangle;
 pub(crate) mod avx2;
 
 use crate::moving_tree::KeyPose;
-use crate::tree::{Child, PlacedTree, SceneTrees, TriangleBlock, WIDTH, WideNode};
+use crate::tree::{Child, PlacedTree, SceneTrees, Sphere, TriangleBlock, WIDTH, WideNode};
 use crate::{Hit, Ray};
 use lanes::{LaneJob, Lanes};
-use moving::KeysJob;
 use setup::Wide;
 use stack::{Stack, Storage};
 use triangle::BlockHits;
@@ -151,6 +150,23 @@ impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for OddJob<'_, S, Q, ROBUST
         } else {
             walk.instance(&walk.tree.placed[leaf.index()], entry, query, best)
         }
+    }
+}
+
+/// The traversal of the trees of a mesh's keys, run out of line.
+struct KeysJob<'a, S, Q, const ROBUST: bool> {
+    walk: &'a Walk<'a, S, ROBUST>,
+    root: Child,
+    entry: f32,
+    query: &'a mut Q,
+    best: &'a mut NearestHit,
+}
+
+impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for KeysJob<'_, S, Q, ROBUST> {
+    type Output = bool;
+    #[inline(always)]
+    fn run(self) -> bool {
+        self.walk.walk::<Q, false, true>(self.root, self.entry, self.query, self.best)
     }
 }
 
@@ -382,6 +398,7 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
 
     fn sphere<Q: Query>(&self, index: usize, entry: f32, query: &mut Q, best: &mut NearestHit) -> bool {
         let moved = self.tree.motion.sphere(index, self.time);
+        let moved = moved.map(|sphere| Sphere { center: sphere.center.to_array(), radius: sphere.radius });
         let sphere = moved.as_ref().unwrap_or(&self.tree.spheres[index]);
         let space = Hit::SPHERE | index as u32;
         for t in sphere::roots(sphere, self.ray) {

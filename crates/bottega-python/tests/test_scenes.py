@@ -54,6 +54,52 @@ def test_a_scene_of_arrays_is_painted(pyramid: Scene) -> None:
     assert (picture.values.view(np.uint32) == again.values.view(np.uint32)).all()
 
 
+def test_what_moves_is_blurred() -> None:
+    def column(scene: Scene) -> Any:
+        return bottega.render(scene, spp=256, size=(64, 48), exact=True).color[24, :, 0]
+
+    still, by_key, by_vertex, by_camera = square(), square(), square(), square()
+    for scene in (still, by_key, by_vertex, by_camera):
+        scene.environment = bottega.Environment(0.0)
+        scene.materials["white"] = Material.matte((0, 0, 0))
+        scene.materials["white"].emission = (1, 1, 1)
+        scene.cameras["main"] = Camera.looking((0.5, 0.5, 3), (0.5, 0.5, 0), fov=60)
+    shift = np.eye(4, dtype=np.float32)
+    shift[0, 3] = 1
+    by_key.objects["square"].set_motion([(0, np.eye(4)), (2, shift)])
+    moved = POSITIONS + np.array([1, 0, 0], np.float32)
+    by_vertex.meshes["square"] = Mesh(POSITIONS, TRIANGLES, materials="white", motion=[(0, POSITIONS), (2, moved)])
+    eye = np.array(by_camera.cameras["main"].transform, np.float64)
+    by_camera.cameras.set_motion("main", [(0, eye), (2, np.linalg.inv(shift) @ eye)])
+    sharp = column(still)
+    assert by_key.shutter == (0, 0, 0) and (column(by_key) == sharp).all()
+    for scene in (by_key, by_vertex, by_camera):
+        scene.shutter = (0, 2)
+        blurred = column(scene)
+        # The square is 1 wide and moves by 1: nothing is bright all the time but one edge, and the sum stays
+        assert abs(blurred.sum() / sharp.sum() - 1) < 0.03
+        assert blurred.max() <= 1.01 and (blurred > 0.02).sum() > 1.7 * (sharp > 0.02).sum()
+
+
+def test_motion_that_cannot_be_followed_is_refused() -> None:
+    scene = square()
+    move = scene.objects["square"].set_motion
+    for keys, said in [
+        ([(1, np.eye(4)), (0, np.eye(4))], "ascend"),
+        ([(0, np.eye(4)), (1, np.zeros((4, 4)) + np.diag([0, 0, 0, 1]))], "singular"),
+        ([(0, np.eye(4)), (1, np.diag([-1, 1, 1, 1]))], "mirror"),
+        ([(0, np.stack([np.eye(4)] * 2))], "instances"),
+    ]:
+        with pytest.raises(SceneError, match=said):
+            move(keys)
+    with pytest.raises(SceneError, match="shutter"):
+        scene.shutter = (1, 0)
+    with pytest.raises(SceneError, match="triangles"):
+        scene.meshes["bad"] = Mesh(POSITIONS, TRIANGLES, motion=[(0, POSITIONS), (1, POSITIONS[:3])])
+    with pytest.raises(SceneError):
+        scene.cameras.set_motion("main", [(0, np.zeros((4, 4)) + np.diag([0, 0, 0, 1]))])
+
+
 def test_corners_with_equal_values_are_one_vertex() -> None:
     corners = np.array([0, 1, 2, 0, 2, 3], np.int32)
     by_corner = {"corner_vertices": corners, "triangles": np.arange(6, dtype=np.int32).reshape(2, 3)}

@@ -17,6 +17,7 @@
 //! | textures mapped by position | `src/mapping.rs` |
 //! | media: homogeneous, varying in space | `src/media.rs`, `src/media/varying.rs` |
 //! | path tracing: direct light and continuation, interleaved paths, media | `src/integrator/path.rs`, `src/integrator/path/`, `src/integrator/turns.rs`, `src/integrator/volume.rs` |
+//! | what moves while the shutter is open; surfaces and lights at a time | `src/motion.rs`; `src/interaction/moving.rs`, `src/lights/posed.rs` |
 //! | parts common to all integrators; the record of a sample | `src/integrator/transport.rs`, `src/integrator/record.rs` |
 //! | path guiding; learnt choice of lights | `src/guide/`, `src/lights/choice.rs` |
 //! | Russian roulette and splitting by agents; the trial of their efficiency | `src/guide/agent.rs`, `src/guide/expected.rs`, `src/integrator/path/branch.rs`, `src/integrator/path/trial.rs` |

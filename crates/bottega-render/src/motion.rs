@@ -1,4 +1,4 @@
-//! What moves while the shutter is open.
+//! The parts of a scene that move while the shutter is open.
 //!
 //! Times run from 0, when the shutter opens, to 1, when it is closed. A prepared scene holds everything as it is at time 0,
 //! so those who know no time see one moment, and this module has the poses at other times.

@@ -14,6 +14,7 @@
 //! | contents | files |
 //! |---|---|
 //! | the scene, and the checks of its invariants; lists shared between scenes | `src/model.rs`, `src/validate.rs`; `src/shared_list.rs` |
+//! | motion: shutter and keys; checks of keys; paths and stills that become keys | `src/motion.rs`; `src/keys.rs`; `src/import/path.rs`, `src/import/merge.rs` |
 //! | a scene that is changed part by part | `src/edit/` |
 //! | loading a scene from a path; the importers' input, options and limits | `src/load.rs`; `src/import/request.rs`,
 //! `src/options.rs`, `src/budget.rs` |
@@ -55,6 +56,7 @@ mod hints;
 mod image;
 mod import;
 mod integrator;
+mod keys;
 mod light;
 mod load;
 mod material;

@@ -357,6 +357,15 @@ impl Scene {
             + bytes_of(&self.spheres)
     }
 
+    /// Returns true if some part has keys; it moves only if the shutter is open long enough.
+    pub fn has_motion(&self) -> bool {
+        self.instances.iter().any(|it| !it.motion.is_empty())
+            || self.spheres.iter().any(|it| !it.motion.is_empty())
+            || self.meshes.iter().any(|it| !it.motion.is_empty())
+            || self.lights.iter().any(|it| !it.motion.is_empty())
+            || self.cameras.iter().any(|it| !it.motion.is_empty())
+    }
+
     /// Returns true if anything emits light: a placed surface, a light or the environment.
     pub fn has_light(&self) -> bool {
         let emits = |material: u32| self.materials[material as usize].is_emissive();

@@ -8,11 +8,12 @@ use rayon::prelude::*;
 use crate::camera::{Camera, Clip, Projection};
 use crate::color::Spectrum;
 use crate::error::{SceneError, Violation};
+use crate::keys::{check_instance_keys, check_times, check_transform_keys};
 use crate::light::{Environment, LightKind, Portal};
 use crate::material::{AlphaMode, Back, Material, ReliefSource};
 use crate::medium::{Medium, MediumId};
 use crate::model::{COORDINATE_MAX, Mesh, Scene, Sphere, is_placeable};
-use crate::motion::{check_instance_keys, check_times, check_transform_keys};
+
 use crate::param::ColorParam;
 use crate::surface::Surface;
 use crate::texture::SURFACE_UV_SETS;

@@ -133,7 +133,7 @@ mod tests {
     use bottega::request::{
         AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, CameraPose, EnvironmentLight, FrameOptions,
         GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion,
-        PixelFilter, PngEncoding, RulesSource, RulesText, ToneCurve, WordChoice,
+        PixelFilter, PngEncoding, RulesSource, RulesText, ShutterTimes, ToneCurve, WordChoice,
     };
     use bottega_farm::Channel;
     use clap::Parser;
@@ -169,6 +169,7 @@ mod tests {
             ]),
             switches in [any::<bool>(), any::<bool>(), any::<bool>(), any::<bool>()], variant in option::of(word()),
             defines in proptest::collection::btree_map("[a-z]{1,5}", word(), 0..3), time in option::of(-99.0f32..99.0),
+            shutter in option::of((-9.0f64..9.0, 0.0f64..9.0, 0.0f64..0.5)),
         ) -> Request {
             let mut request = Request::new("a scene.glb");
             request.output.file = Some("picture.exr".into());
@@ -180,6 +181,8 @@ mod tests {
             (request.environment.light, request.environment.strength, request.environment.rotate) = (light, strength, rotate);
             [request.scene.strict, request.scene.cull_backfaces, request.film.denoise, request.output.half] = switches;
             (request.scene.variant, request.scene.defines, request.scene.time) = (variant, defines, time);
+            let times = |(open, span, ramp): (f64, f64, f64)| ShutterTimes { open, close: open + span, ramp };
+            request.scene.shutter = shutter.map(times);
             request
         }
     }

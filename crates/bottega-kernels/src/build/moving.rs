@@ -1,84 +1,16 @@
-//! The build of what moves: checks, paths of instances, and trees of meshes whose vertices move.
+//! The build of what moves: paths of instances, and trees of meshes whose vertices move.
 
 use super::{BINARY_LEAF, TreeBuilder, bins, collapse, emit, is_flat, item::Item, reinsert};
-use crate::geometry::{BuildError, InstanceGeometry, MeshGeometry, SphereGeometry};
+use crate::geometry::BuildError;
 use crate::instance::Affine;
-use crate::motion::{MeshKeyGeometry, MotionGeometry};
-use crate::moving_tree::{KeyTrees, PlacedMotion};
+use crate::motion::MeshKeyGeometry;
+use crate::moving_tree::{KeyTrees, MovingMesh, PlacedMotion};
 use crate::tree::{Child, SceneTrees, TriangleBlock, WIDTH, WideNode};
 use crate::{Aabb, Precision};
 use glam::Vec3;
 
 /// The planes of empty slots in trees of keys. They are finite, so that planes between two keys are numbers.
 const FAR: f32 = 3e38;
-
-/// A tree of a moving mesh: its root, the bounds of each key, and the trees of the keys.
-#[derive(Clone)]
-pub(super) struct MovingMesh {
-    pub(super) root: Child,
-    pub(super) bounds: Aabb,
-    pub(super) keys: KeyTrees,
-}
-
-/// Checks what moves.
-pub(super) fn validate(
-    meshes: &[MeshGeometry<'_>],
-    instances: &[InstanceGeometry],
-    spheres: &[SphereGeometry],
-    motion: &MotionGeometry<'_>,
-) -> Result<(), BuildError> {
-    let bad = |what: &'static str, index: u32, problem: &'static str| {
-        Err(BuildError::BadMotion { what, index: index as usize, problem })
-    };
-    let mut last = None;
-    for (index, _) in &motion.instances {
-        if *index as usize >= instances.len() || last.is_some_and(|last| last >= *index) {
-            return bad("instance", *index, "is not there, or named out of order");
-        }
-        last = Some(*index);
-    }
-    let mut last = None;
-    for (index, keys) in &motion.meshes {
-        if *index as usize >= meshes.len() || last.is_some_and(|last| last >= *index) {
-            return bad("mesh", *index, "is not there, or named out of order");
-        }
-        last = Some(*index);
-        if !ascend(keys.iter().map(|key| key.time)) {
-            return bad("mesh", *index, "needs two keys or more, at times that ascend");
-        }
-        if keys.iter().any(|key| key.positions.len() != meshes[*index as usize].positions.len()) {
-            return bad("mesh", *index, "has keys with different numbers of vertices");
-        }
-        if keys.iter().any(|key| key.positions.iter().any(|p| !p.is_finite())) {
-            return bad("mesh", *index, "has a position that is not finite");
-        }
-    }
-    let mut last = None;
-    for (index, keys) in &motion.spheres {
-        if *index as usize >= spheres.len() || last.is_some_and(|last| last >= *index) {
-            return bad("sphere", *index, "is not there, or named out of order");
-        }
-        last = Some(*index);
-        if !ascend(keys.iter().map(|key| key.time)) {
-            return bad("sphere", *index, "needs two keys or more, at times that ascend");
-        }
-        let is_sound = |sphere: &SphereGeometry| {
-            let bounds = Aabb::around(sphere.center, sphere.radius);
-            sphere.radius >= 0.0 && bounds.min.is_finite() && bounds.max.is_finite()
-        };
-        if !keys.iter().all(|key| is_sound(&key.sphere)) {
-            return bad("sphere", *index, "has a center or radius that is not finite, or a negative radius");
-        }
-    }
-    Ok(())
-}
-
-/// Returns true if there are two finite times at least, and all ascend.
-fn ascend(times: impl Iterator<Item = f32> + Clone) -> bool {
-    times.clone().count() >= 2
-        && times.clone().all(f32::is_finite)
-        && times.clone().zip(times.skip(1)).all(|(before, after)| before < after)
-}
 
 impl TreeBuilder<'_> {
     /// Returns the motion of a placed instance with its bounds over all times; `None`: it stands still.
@@ -113,7 +45,7 @@ impl TreeBuilder<'_> {
         &mut self,
         mesh: usize,
         keys: &[MeshKeyGeometry<'_>],
-    ) -> Result<MovingMesh, BuildError> {
+    ) -> Result<MovingMesh<Child>, BuildError> {
         let triangles = self.meshes[mesh].triangles;
         let corners = |key: usize, triangle: u32| {
             triangles[triangle as usize].map(|vertex| keys[key].positions[vertex as usize].to_array())

@@ -1,26 +1,9 @@
 //! Traversal of meshes whose vertices move: boxes and corners between two keys.
 
-use super::lanes::{LaneJob, Lanes};
+use super::Walk;
+use super::lanes::Lanes;
 use super::setup::Planes;
-use super::{NearestHit, Query, Walk};
 use crate::tree::{Child, TriangleBlock, WIDTH, WideNode};
-
-/// The traversal of the trees of a mesh's keys, run out of line.
-pub(super) struct KeysJob<'a, S, Q, const ROBUST: bool> {
-    pub(super) walk: &'a Walk<'a, S, ROBUST>,
-    pub(super) root: Child,
-    pub(super) entry: f32,
-    pub(super) query: &'a mut Q,
-    pub(super) best: &'a mut NearestHit,
-}
-
-impl<S: Lanes, Q: Query, const ROBUST: bool> LaneJob for KeysJob<'_, S, Q, ROBUST> {
-    type Output = bool;
-    #[inline(always)]
-    fn run(self) -> bool {
-        self.walk.walk::<Q, false, true>(self.root, self.entry, self.query, self.best)
-    }
-}
 
 impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
     /// Returns the node of the key before the ray's time.
@@ -37,8 +20,8 @@ impl<S: Lanes, const ROBUST: bool> Walk<'_, S, ROBUST> {
             (self.tree.arena.at(line), self.tree.arena.at(line + self.pose.stride));
         let (rest, share) = (self.s.splat(1.0 - self.pose.share), self.s.splat(self.pose.share));
         let mut planes = [[0.0; WIDTH]; 6];
-        for row in 0..6 {
-            planes[row] = mixed(self.s, &from.planes[row], &to.planes[row], rest, share);
+        for (row, plane) in planes.iter_mut().enumerate() {
+            *plane = mixed(self.s, &from.planes[row], &to.planes[row], rest, share);
         }
         planes
     }

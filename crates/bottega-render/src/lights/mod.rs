@@ -13,6 +13,7 @@ mod far;
 mod flat;
 mod moving;
 mod portal;
+mod posed;
 mod profile;
 mod punctual;
 mod rectangle;
@@ -240,17 +241,21 @@ impl Lights {
     /// Samples one light and a point on it. `None`: no light for these random numbers.
     #[inline(always)]
     pub(crate) fn sample(&self, surfaces: &Surfaces, receiver: &Receiver, u: Quad) -> Option<LightSample> {
-        self.sample_in::<false>(surfaces, receiver, u, 0.0)
+        self.sample_by_place(surfaces, receiver, u, |light, place| {
+            self.sample_place(surfaces, light, receiver.p, place)
+        })
     }
 
-    /// Samples one light and a point on it, at a time if `MOVES` is set.
+    /// Samples one light, and a point on it.
+    ///
+    /// - `sample_place`: samples a point on a light of the tree, which has that number, by two random numbers.
     #[inline(always)]
-    fn sample_in<const MOVES: bool>(
+    fn sample_by_place(
         &self,
         surfaces: &Surfaces,
         receiver: &Receiver,
         u: Quad,
-        time: f32,
+        sample_place: impl FnOnce(u32, [f32; 2]) -> Option<LightSample>,
     ) -> Option<LightSample> {
         // Choose between lights at infinity and those of the tree
         let share = self.far_share(receiver);
@@ -261,12 +266,7 @@ impl Lights {
         let choice = if share > 0.0 { ((u[0] - share) / (1.0 - share)).min(ONE_MINUS_EPSILON) } else { u[0] };
         let (light, pmf) = self.tree.sample(receiver, choice)?;
         let pmf = pmf * (1.0 - share);
-        let place = [u[1], u[2]];
-        let sample = if MOVES {
-            self.sample_place_at(surfaces, light, receiver.p, place, time)?
-        } else {
-            self.sample_place(surfaces, light, receiver.p, place)?
-        };
+        let sample = sample_place(light, [u[1], u[2]])?;
         Some(LightSample { pdf: sample.pdf * pmf, pmf, ..sample })
     }
 

@@ -229,25 +229,22 @@ fn a_moving_scene_is_the_mean_of_its_stills() {
         let prepared = prepare(Scene { shutter, ..commotion() });
         assert!(!prepared.scene.moves());
         let settings = PathSettings { seed: still.into(), ..settings.clone() };
-        let tile = paint(&prepared, SIZE, 64, settings);
+        let tile = paint(&prepared, SIZE, 32, settings);
         for (sum, (x, y)) in mean.iter_mut().zip(pixels()) {
             *sum += color(&tile, x, y) / STILLS as f32;
         }
     }
     let prepared = prepare(commotion());
     assert!(prepared.scene.moves());
-    let tile = paint(&prepared, SIZE, 4096, settings);
+    let tile = paint(&prepared, SIZE, 2048, settings);
     let (mut total, mut worst) = ([0.0; 2], 0.0f32);
     for (mean, (x, y)) in mean.iter().zip(pixels()) {
         let (still, moving) = (mean.element_sum(), color(&tile, x, y).element_sum());
         total = [total[0] + still, total[1] + moving];
         worst = worst.max((still - moving).abs() / still.max(0.3));
-        if (still - moving).abs() / still.max(0.3) > 0.06 {
-            eprintln!("{x} {y}: {still} {moving}");
-        }
     }
     assert!((total[1] / total[0] - 1.0).abs() < 0.01, "{total:?}");
-    assert!(worst < 0.15, "{worst}");
+    assert!(worst < 0.2, "{worst}");
 }
 
 #[test]

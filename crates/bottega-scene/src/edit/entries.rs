@@ -6,11 +6,11 @@ use glam::Mat3;
 
 use super::{EditError, EditedLight, EditedLightKind, EditedSphere, EntryKind, Placing, SceneEditor};
 use crate::camera::Camera;
+use crate::keys::check_transform_keys;
 use crate::light::Environment;
 use crate::material::Material;
 use crate::medium::{Medium, MediumId};
 use crate::model::Sphere;
-use crate::motion::check_transform_keys;
 use crate::texture::ImageId;
 
 /// Greatest deviation of the product of a camera's axes from that of a rotation.

@@ -7,8 +7,9 @@ use rayon::prelude::*;
 
 use super::corner_mesh::CornerMesh;
 use super::error::EditError;
+use crate::keys::check_times;
 use crate::model::Mesh;
-use crate::motion::{MeshKey, check_times};
+use crate::motion::MeshKey;
 
 /// The most vertices at one position that a corner is compared with. Beyond them a corner gets a vertex of its own, so that
 /// the time stays proportional to the number of corners.

@@ -30,11 +30,12 @@ pub use self::{
 use self::{keyed_list::KeyedList, mesh_parts::MeshParts, object::check_transforms};
 use crate::camera::Camera;
 use crate::image::Image;
+use crate::keys::check_transform_keys;
 use crate::light::LightKind;
 use crate::material::Material;
 use crate::medium::MediumId;
 use crate::model::{Mesh, Scene, Sphere};
-use crate::motion::{Shutter, SphereKey, TransformKey, check_transform_keys};
+use crate::motion::{Shutter, SphereKey, TransformKey};
 use crate::shaped_light::{AreaLamp, SphereLamp};
 use crate::texture::ImageId;
 use crate::validate::check_sphere;

@@ -4,8 +4,8 @@ use glam::{Affine3A, Mat4, Vec3};
 use rayon::prelude::*;
 
 use super::error::EditError;
+use crate::keys::check_times;
 use crate::model::is_placeable;
-use crate::motion::check_times;
 use crate::visibility::Visibility;
 
 /// A mesh placed in the world, once or many times.

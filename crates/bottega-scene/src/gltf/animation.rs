@@ -86,7 +86,7 @@ impl Moment {
     pub(super) fn later(&self, source: &GltfSource<'_>) -> Vec<Self> {
         /// Least number of steps per second, and most steps in all.
         const STEPS: (f64, f64) = (60.0, 16.0);
-        let Some(shutter) = source.options.open_shutter().filter(|shutter| shutter.is_sound()) else {
+        let Some(shutter) = source.options.open_shutter().filter(crate::motion::Shutter::is_sound) else {
             return Vec::new();
         };
         let has_channels = self.channels(source).next().is_some();

@@ -10,7 +10,7 @@ use super::transform;
 use super::value::{self, Value};
 use super::xml::{self, XmlElement};
 use crate::import::text_place::{ImportResult, TextFault, TextPlace};
-use crate::motion::KEYS_MAX;
+use crate::keys::KEYS_MAX;
 use crate::options::LoadOptions;
 use crate::resource::{Location, Resources};
 use crate::text::{decode_xml, shortened};
