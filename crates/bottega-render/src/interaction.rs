@@ -112,7 +112,7 @@ impl Interaction {
         // u makes one turn around the equator
         let footprint = if known.is_textured { cone.width / (2.0 * PI * sphere.radius) } else { 0.0 };
         let p = sphere.center + sphere.radius * ng;
-        let mut point = Self {
+        let point = Self {
             p,
             p_outside: p,
             clearance: CLEARANCE * (sphere.center.abs().max_element() + sphere.radius),
@@ -144,8 +144,7 @@ impl Interaction {
                 })
             },
         };
-        point.set_frames(scene, material, known, ng, &sides);
-        point
+        point.framed(scene, material, known, ng, &sides)
     }
 
     #[cold]
@@ -163,7 +162,7 @@ impl Interaction {
         let (material, known) = surfaces.material(material_index);
         let CurveSurface { p, normal, tangent, uv, stretch, clearance } =
             CurveSurface::new(curves, world_from_object, hit, ray);
-        let mut point = Self {
+        let point = Self {
             p,
             p_outside: p,
             clearance: CLEARANCE * p.abs().max_element() + clearance,
@@ -182,8 +181,7 @@ impl Interaction {
             hit: *hit,
         };
         let sides = UvFrame { tangent: |_| (tangent, 1.0), derivatives: |_| None };
-        point.set_frames(scene, material, known, normal, &sides);
-        point
+        point.framed(scene, material, known, normal, &sides)
     }
 
     #[inline(always)]
@@ -275,26 +273,39 @@ impl Interaction {
                 Some(derivatives.map(|along| pose.world_from_object.transform_vector3(along)))
             },
         };
-        point.set_frames(scene, material, known, ns, &sides);
-        point
+        point.framed(scene, material, known, ns, &sides)
     }
 
     /// Computes the shading frame and the coat's normal from the smooth normal `ns` and the normal and bump maps.
+    ///
+    /// Takes and returns the point by value: what is only read and written here stays in registers elsewhere.
     #[inline(always)]
-    fn set_frames<T, D>(
-        &mut self,
+    fn framed<T, D>(
+        mut self,
         scene: &Scene,
         material: &Material,
         known: &PreparedMaterial,
         ns: Vec3,
         sides: &UvFrame<T, D>,
-    ) where
+    ) -> Self
+    where
         T: Fn(u8) -> (Vec3, f32),
         D: Fn(u8) -> Option<[Vec3; 2]>,
     {
-        if !known.needs_tangents {
-            return self.set_frame(ns);
+        if known.needs_tangents {
+            return self.framed_by_tangents(scene, material, ns, sides);
         }
+        self.set_frame(ns);
+        self
+    }
+
+    /// Computes the frame of a material that depends on the directions of the texture coordinates.
+    #[inline(never)]
+    fn framed_by_tangents<T, D>(mut self, scene: &Scene, material: &Material, ns: Vec3, sides: &UvFrame<T, D>) -> Self
+    where
+        T: Fn(u8) -> (Vec3, f32),
+        D: Fn(u8) -> Option<[Vec3; 2]>,
+    {
         let mapped = |point: &Self, map: (&TextureMap, f32), footprint: f32| {
             mapped_normal(scene, map, point.texture_place(), footprint, ns, (sides.tangent)(map.0.uv_set))
         };
@@ -308,10 +319,10 @@ impl Interaction {
         // Apply the normal or bump map
         match &material.relief {
             None => self.set_frame(ns),
-            Some(Relief { source, rule: ReliefRule::Bent }) => self.set_frame(lifted(self, source, self.footprint)),
+            Some(Relief { source, rule: ReliefRule::Bent }) => self.set_frame(lifted(&self, source, self.footprint)),
             Some(Relief { source, rule: ReliefRule::Mitsuba { turns, shadows, mirrored } }) => {
                 // Like Mitsuba, do not filter: the effect of a relief is far from linear in the texture
-                let normal = lifted(self, source, 0.0);
+                let normal = lifted(&self, source, 0.0);
                 lifted_by_mitsuba = Some((self.set_lifted_frame(ns, normal, *turns, *mirrored), *shadows));
             }
         }
@@ -329,7 +340,7 @@ impl Interaction {
             if layered.coat.factor > 0.0 {
                 // The normal map of the base does not apply to the coat (KHR_materials_clearcoat)
                 let map = layered.coat_normal.as_ref();
-                let coat = map.map_or(ns, |(map, scale)| mapped(self, (map, *scale), self.footprint));
+                let coat = map.map_or(ns, |(map, scale)| mapped(&self, (map, *scale), self.footprint));
                 self.coat_normal = self.to_local(if coat.dot(self.wo) < 0.0 { -coat } else { coat });
             }
         } else if material.surface.has_strands_along_v() {
@@ -339,6 +350,7 @@ impl Interaction {
             self.turn_frame(tangent);
         }
         self.lifted = lifted_by_mitsuba.map(|(without, shadows)| LiftedNormal::new(self.to_local(without), shadows));
+        self
     }
 
     /// Sets the shading frame around `normal`, which a relief perturbed from `ns`. Returns the unperturbed normal on the

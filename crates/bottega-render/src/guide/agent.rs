@@ -10,6 +10,9 @@
 //! Křivánek 2016, *Adjoint-Driven Russian Roulette and Splitting in Light Transport Simulation* (reciprocal of the
 //! pixel as measure).
 
+use std::slice;
+
+use bottega_kernels::prefetch;
 use glam::Vec3;
 
 use crate::lights::{CHOICE_NUMBERS, Choice};
@@ -57,6 +60,13 @@ impl RegionAgent {
         let root = |square: f64| (square.max(0.0) / work.max(1.0)).sqrt() as f32;
         let (strength, noise) = (root(square), root(square - mean * mean));
         (strength.is_finite() && noise.is_finite()).then_some(Self { lights, strength, noise })
+    }
+
+    /// Prefetches what a path reads first.
+    #[inline(always)]
+    pub(crate) fn request(&self) {
+        prefetch(slice::from_ref(&self.lights), 0);
+        prefetch(slice::from_ref(&self.noise), 0);
     }
 
     /// Returns the learned choice of lights.

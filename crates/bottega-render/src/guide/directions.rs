@@ -1,5 +1,6 @@
 //! A density of directions as a histogram over the octahedral square.
 
+use bottega_kernels::prefetch;
 use glam::{Vec2, Vec3};
 
 use super::octahedron::{direction_from_square, square_from_direction};
@@ -151,6 +152,12 @@ impl Directions {
     pub(super) fn from_cumulative(cumulative: [u16; CELLS + 1]) -> Option<Self> {
         let is_sound = cumulative[0] == 0 && cumulative[CELLS] == TOTAL && cumulative.is_sorted();
         is_sound.then(|| Self { rows: std::array::from_fn(|row| cumulative[(row + 1) * SIDE]), cumulative })
+    }
+
+    /// Prefetches the ends of the rows.
+    #[inline(always)]
+    pub(super) fn request(&self) {
+        prefetch(&self.rows, SIDE - 1);
     }
 
     /// Returns the density of a unit direction, in sr⁻¹.

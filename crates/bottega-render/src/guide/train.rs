@@ -19,9 +19,11 @@ use crate::{
 const VERTICES_MAX: usize = 32;
 /// Paths that one thread traces in a row.
 const PATHS_PER_CHUNK: u32 = 512;
+/// Paths that are traced together, in turn; each needs a trail.
+const PATHS_AT_ONCE: u32 = 128;
 
 /// The vertices of one path on surfaces that are not specular.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Trail {
     steps: Vec<TrailStep>,
 }
@@ -173,16 +175,20 @@ impl<'a> Training<'a> {
 
     /// Traces a pass of about `count` paths, some for each of several pixels. Must precede [`Self::pass`].
     ///
-    /// - `trace`: traces a path and records its trail.
-    pub(crate) fn pass_of_pixels(&mut self, count: u32, trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync) {
+    /// - `trace`: traces paths and records their trails.
+    pub(crate) fn pass_of_pixels(
+        &mut self,
+        count: u32,
+        trace: impl Fn(&[LearningPath], &mut [Trail]) -> Vec<FoundLight> + Sync,
+    ) {
         self.trace(count.next_multiple_of(LearningPath::OF_PIXEL), true, trace);
         self.of_pixels = self.seen.len();
     }
 
     /// Traces a pass of `count` paths all over the picture.
     ///
-    /// - `trace`: traces a path and records its trail.
-    pub(crate) fn pass(&mut self, count: u32, trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync) {
+    /// - `trace`: traces paths and records their trails.
+    pub(crate) fn pass(&mut self, count: u32, trace: impl Fn(&[LearningPath], &mut [Trail]) -> Vec<FoundLight> + Sync) {
         self.trace(count, false, trace);
     }
 
@@ -190,11 +196,11 @@ impl<'a> Training<'a> {
         &mut self,
         count: u32,
         are_of_pixels: bool,
-        trace: impl Fn(LearningPath, &mut Trail) -> FoundLight + Sync,
+        trace: impl Fn(&[LearningPath], &mut [Trail]) -> Vec<FoundLight> + Sync,
     ) {
         let first = self.seen.len() as u32;
-        let trace = |index, trail: &mut Trail| trace(LearningPath::new(index, are_of_pixels), trail);
-        for (of_chunk, seen_by) in traced(first..first + count, &trace) {
+        let path = |index| LearningPath::new(index, are_of_pixels);
+        for (of_chunk, seen_by) in traced(first..first + count, &path, &trace) {
             self.vertices.extend(of_chunk);
             self.seen.extend(seen_by);
         }
@@ -232,17 +238,22 @@ impl<'a> Training<'a> {
 /// Returns the vertices of a range of paths, in order, and the result of each path.
 fn traced(
     paths: std::ops::Range<u32>,
-    trace: &(impl Fn(u32, &mut Trail) -> FoundLight + Sync),
+    path: &(impl Fn(u32) -> LearningPath + Sync),
+    trace: &(impl Fn(&[LearningPath], &mut [Trail]) -> Vec<FoundLight> + Sync),
 ) -> Vec<(Vec<Vertex>, Vec<EyePath>)> {
     let chunks = paths.len().div_ceil(PATHS_PER_CHUNK as usize) as u32;
     let of_chunk = |chunk: u32| {
         let first = paths.start + chunk * PATHS_PER_CHUNK;
-        let (mut vertices, mut seen, mut trail) = (Vec::new(), Vec::new(), Trail::default());
-        for path in first..paths.end.min(first + PATHS_PER_CHUNK) {
-            let FoundLight { radiance, place } = trace(path, &mut trail);
-            let first = trail.steps.first().map(|step| (step.p, step.normal, step.throughput.max_element()));
-            seen.push(EyePath { place, brightness: finite(radiance.max_element()), first });
-            trail.finish(radiance, &mut vertices);
+        let chunk: Vec<LearningPath> = (first..paths.end.min(first + PATHS_PER_CHUNK)).map(path).collect();
+        let (mut vertices, mut seen) = (Vec::new(), Vec::new());
+        let mut trails = vec![Trail::default(); PATHS_AT_ONCE as usize];
+        for some in chunk.chunks(PATHS_AT_ONCE as usize) {
+            let found = trace(some, &mut trails[..some.len()]);
+            for (FoundLight { radiance, place }, trail) in found.into_iter().zip(&mut trails) {
+                let first = trail.steps.first().map(|step| (step.p, step.normal, step.throughput.max_element()));
+                seen.push(EyePath { place, brightness: finite(radiance.max_element()), first });
+                trail.finish(radiance, &mut vertices);
+            }
         }
         (vertices, seen)
     };

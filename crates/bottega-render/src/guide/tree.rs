@@ -1,5 +1,7 @@
 //! Regions of surfaces: a binary tree over space for each of six facings.
 
+use std::slice;
+
 use bottega_kernels::prefetch;
 use glam::Vec3;
 
@@ -231,6 +233,13 @@ impl Region {
         self.share
     }
 
+    /// Prefetches what sampling reads first.
+    #[inline(always)]
+    pub(crate) fn request(&self) {
+        prefetch(slice::from_ref(&self.share), 0);
+        self.directions.request();
+    }
+
     /// Returns the guide's density of a world-space direction, in sr⁻¹.
     #[inline(always)]
     pub(crate) fn pdf(&self, w: Vec3) -> f32 {
@@ -341,6 +350,14 @@ impl Guide {
     #[inline(always)]
     pub(crate) fn request(&self, p: Vec3) {
         prefetch(&self.entries, self.lattice.cell(p));
+    }
+
+    /// Prefetches the node at which [`Guide::leaf`] enters a tree.
+    #[inline(always)]
+    pub(crate) fn request_leaf(&self, p: Vec3, normal: Vec3) {
+        if let Some(LatticeEntry(roots)) = self.entries.get(self.lattice.cell(p)) {
+            prefetch(&self.nodes, usize::from(roots[face_of(normal)]));
+        }
     }
 
     /// Returns the region of a point on a surface; `None`: the BSDF alone samples directions there.

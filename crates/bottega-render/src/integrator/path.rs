@@ -30,7 +30,8 @@ use crate::{
     surfaces::PreparedMaterial,
     vertex::{SurfaceVertex, attenuate, bsdf_at_vertex, receiver_at},
 };
-use guidance::{Guidance, NO_LEAF};
+pub(super) use guidance::Guidance;
+use guidance::NO_LEAF;
 pub use learn::learn_together;
 pub use setup::PathIntegrator;
 pub(super) use setup::PlannedWays;
@@ -45,28 +46,10 @@ const VERTEX_STEPS: f32 = 8.0;
 const SHADOW_STEPS: f32 = 8.0;
 
 impl PathIntegrator<'_> {
-    /// Traces one path from the camera to its end, without agents.
+    /// Starts a path at the camera ray `ray`.
     ///
     /// - `guide`: guides the directions; `None`: the BSDF alone draws them.
     /// - `trail`: records the vertices for learning.
-    #[inline(always)]
-    pub(super) fn follow(
-        &self,
-        sampler: PixelSampler,
-        ray: &CameraRay,
-        guide: Option<&Guide>,
-        trail: Option<&mut Trail>,
-    ) -> PathRecord {
-        let mut path = self.begin(sampler, ray, guide, trail);
-        loop {
-            let hit = path.intersect();
-            if !path.meet::<false, false>(&hit, &mut Vec::new(), &mut Vec::new()) {
-                return path.finish();
-            }
-        }
-    }
-
-    /// Starts a path at the camera ray `ray`; see [`Self::follow`] for `guide` and `trail`.
     #[inline(always)]
     pub(super) fn begin<'b>(
         &'b self,
@@ -100,32 +83,25 @@ impl PathIntegrator<'_> {
 }
 
 impl Path<'_> {
-    /// Shades the next vertex of the path and draws the direction that leaves it. Returns `false` when the path ends.
+    /// Moves the path to the hit of its ray, and adds the light that it finds there. Returns the interaction; `None` when
+    /// the path ends.
     ///
     /// - `hit`: the result of [`Self::intersect`].
-    /// - `AGENTS`: use what agents learned; the path may then split, and all branches but the current one go to
-    ///   `branches`.
-    /// - `DEFERS`: put light samples into `deferred` for the caller to test for occlusion, instead of tracing shadow
-    ///   rays here.
+    /// - `AGENTS`: use what agents learned.
     #[inline(always)]
-    pub(super) fn meet<const AGENTS: bool, const DEFERS: bool>(
-        &mut self,
-        hit: &Hit,
-        branches: &mut Vec<Branch>,
-        deferred: &mut Vec<DeferredLight>,
-    ) -> bool {
+    pub(super) fn arrive<const AGENTS: bool>(&mut self, hit: &Hit) -> Option<Interaction> {
         // Add the environment if the ray left the scene
         if hit.is_none() {
             self.add_environment::<AGENTS>();
-            return false;
+            return None;
         }
         // Compute the interaction at the hit
-        let point = self.arrive(hit);
+        let point = self.interaction(hit);
         let (material, known) = self.integrator.prepared.material(point.material);
         // Add the color of an unlit surface and stop
         if let Surface::Unlit(color) = &material.surface {
             self.add_unlit(&point, color);
-            return false;
+            return None;
         }
         // Add emission
         if known.shines && material.emission_sides.has(point.front) {
@@ -133,13 +109,34 @@ impl Path<'_> {
         }
         self.mark_direct();
         // Stop at the maximum depth
-        let is_last = self.depth >= self.integrator.settings.max_depth;
-        if is_last && !self.wants_albedo {
-            return false;
+        if self.is_last() && !self.wants_albedo {
+            return None;
         }
+        self.request_leaf(&point);
+        Some(point)
+    }
+
+    /// Shades the vertex at which the path arrived, and draws the direction that leaves it. Returns `false` when the path
+    /// ends.
+    ///
+    /// - `guidance`: the result of [`Self::look_up`].
+    /// - `AGENTS`: use what agents learned; the path may then split, and all branches but the current one go to
+    ///   `branches`.
+    /// - `deferred`: receives the light samples, for the caller to test for occlusion before the path goes on. Only where
+    ///   surfaces let rays pass, and where the path is learned from, their shadow rays are traced here.
+    #[inline(always)]
+    pub(super) fn meet<const AGENTS: bool>(
+        &mut self,
+        point: &Interaction,
+        guidance: Guidance<'_>,
+        branches: &mut Vec<Branch>,
+        deferred: &mut Vec<DeferredLight>,
+    ) -> bool {
+        let known = self.integrator.prepared.material(point.material).1;
+        let is_last = self.is_last();
         // Evaluate the BSDF's parameters
         let mut storage = None;
-        let bsdf = self.bsdf(&point, known, &mut storage);
+        let bsdf = self.bsdf(point, known, &mut storage);
         let wo = point.to_local(point.wo);
         let is_delta_only = bsdf.is_delta_only();
         // Record the albedo of the first surface that is not a perfect mirror
@@ -149,28 +146,34 @@ impl Path<'_> {
         if is_last {
             return false;
         }
-        // Look up guidance and decide on the number of branches
+        // Decide on the number of branches
         let [u_light, u_scattering] = self.numbers();
-        let guidance = if is_delta_only { Guidance::NONE } else { self.guidance::<AGENTS>(&point, known) };
+        let guidance = if is_delta_only { Guidance::NONE } else { guidance };
         let count =
             if AGENTS { self.split(guidance.agent(), u_scattering[3], BRANCHES_MAX - branches.len()) } else { 1 };
         if count == 0 {
             return false;
         }
         // Sample direct illumination and the next direction, once per branch
-        let (receiver, bsdf) = (receiver_at(&point, known), &bsdf.at_carrying(wo, self.throughput));
-        let surface = SurfaceVertex { point: &point, bsdf, receiver, wo };
+        let (receiver, bsdf) = (receiver_at(point, known), &bsdf.at_carrying(wo, self.throughput));
+        let surface = SurfaceVertex { point, bsdf, receiver, wo };
         let vertex = PathVertex { surface, is_delta_only, guidance };
         if !is_delta_only && let Some(trail) = &mut self.trail {
             trail.record_vertex(point.p, point.frame[2], self.throughput, self.radiance);
         }
-        self.leave::<AGENTS, DEFERS>(&vertex, [u_light, u_scattering], count, branches, deferred)
+        self.leave::<AGENTS>(&vertex, [u_light, u_scattering], count, branches, deferred)
+    }
+
+    /// Returns `true` if the path scatters no more.
+    #[inline(always)]
+    fn is_last(&self) -> bool {
+        self.depth >= self.integrator.settings.max_depth
     }
 
     /// Moves the path to a hit: applies absorption along the segment and widens the ray cone. Returns the interaction
     /// there.
     #[inline(always)]
-    fn arrive(&mut self, hit: &Hit) -> Interaction {
+    fn interaction(&mut self, hit: &Hit) -> Interaction {
         self.record.vertex_count += 1;
         attenuate(&mut self.throughput, self.absorption, hit.t);
         self.cone = self.cone.at(hit.t);
@@ -219,7 +222,7 @@ impl Path<'_> {
     /// Samples direct illumination and scatters, `count` times; see [`Self::meet`]. Returns `false` when no branch
     /// continues here.
     #[inline(always)]
-    fn leave<const AGENTS: bool, const DEFERS: bool>(
+    fn leave<const AGENTS: bool>(
         &mut self,
         vertex: &PathVertex<'_>,
         [mut u_light, mut u_scattering]: [Quad; 2],
@@ -232,7 +235,7 @@ impl Path<'_> {
         loop {
             // Sample direct illumination
             if !vertex.is_delta_only {
-                self.add_direct_light::<AGENTS, DEFERS>(vertex, u_light, deferred);
+                self.add_direct_light::<AGENTS>(vertex, u_light, deferred);
             }
             // Sample the next direction
             let goes_on = self.scatter::<AGENTS>(vertex, u_scattering);
@@ -255,6 +258,14 @@ impl Path<'_> {
     pub(super) fn request_guide(&self, hit: &Hit) {
         if let Some(guide) = self.guide {
             guide.request(self.origin + self.direction * hit.t);
+        }
+    }
+
+    /// Prefetches the guide's node for a point.
+    #[inline(always)]
+    fn request_leaf(&self, point: &Interaction) {
+        if let Some(guide) = self.guide {
+            guide.request_leaf(point.p, point.frame[2]);
         }
     }
 
@@ -292,7 +303,6 @@ impl Path<'_> {
     #[inline(always)]
     fn is_occluded(&mut self, ray: &Ray) -> bool {
         let prepared = self.integrator.prepared;
-        self.record.counts.shadow_rays += 1;
         if self.integrator.wanted.cost && !prepared.has_opacity() {
             let mut steps = 0;
             let occluded = prepared.accel().occluded_counted(ray, &mut steps);

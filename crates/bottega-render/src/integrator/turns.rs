@@ -1,5 +1,7 @@
 //! Path tracing of several samples in turn: while one path waits for memory, others are shaded.
 
+use std::slice;
+
 use bottega_image::SampleValues;
 use bottega_kernels::{
     Hit,
@@ -7,11 +9,15 @@ use bottega_kernels::{
 };
 
 use super::{
-    path::{BRANCHES_MAX, Branch, Path, PathIntegrator},
+    path::{BRANCHES_MAX, Branch, DeferredLight, Guidance, Path, PathIntegrator},
     planned::SampleIntegrators,
     record::PathRecord,
 };
-use crate::{interaction, sampler::PixelSampler};
+use crate::{
+    interaction::{self, Interaction},
+    prepare::PreparedScene,
+    sampler::PixelSampler,
+};
 
 /// Number of paths in flight.
 const LANES: usize = 8;
@@ -33,8 +39,16 @@ struct PathLane<'a> {
     sample: usize,
     factor: f32,
     hit: Hit,
+    /// The interaction at the hit; `None`: the path ends there.
+    point: Option<Interaction>,
+    /// What was learned there.
+    guidance: Guidance<'a>,
     /// Branches that wait to be traced.
     branches: Vec<Branch>,
+    /// Light samples of the current vertex that wait for their shadow rays.
+    deferred: Vec<DeferredLight>,
+    /// `true`: the path goes on from its current vertex.
+    goes_on: bool,
 }
 
 impl Task for Painting<'_> {
@@ -52,9 +66,9 @@ impl Task for Painting<'_> {
         let ways = integrator.ways();
         let integrators = SampleIntegrators::new(integrator, ways.as_ref(), samples);
         if integrators.ask_agents() {
-            in_turn::<true>(&integrators, samples, records);
+            paint::<true>(&integrators, samples, records);
         } else {
-            in_turn::<false>(&integrators, samples, records);
+            paint::<false>(&integrators, samples, records);
         }
     }
 }
@@ -68,9 +82,9 @@ impl PathIntegrator<'_> {
     }
 }
 
-/// Traces all samples, [`LANES`] paths at a time.
+/// Traces all samples.
 #[inline(always)]
-fn in_turn<const AGENTS: bool>(
+fn paint<const AGENTS: bool>(
     integrators: &SampleIntegrators<'_, '_>,
     samples: &[(u32, u32, u32)],
     records: &mut Vec<PathRecord>,
@@ -78,21 +92,60 @@ fn in_turn<const AGENTS: bool>(
     let Some(&(x, y, _)) = samples.first() else { return };
     let prepared = integrators.of_pixel(x, y).prepared();
     records.resize(samples.len(), PathRecord::default());
-    // Generate the camera rays lazily, one per sample
-    let mut waiting = samples.iter().zip(0..).map(|(&(x, y, index), sample)| {
-        let integrator = integrators.of_pixel(x, y);
+    in_turn::<AGENTS>(prepared, CameraPaths::<AGENTS> { integrators, samples: samples.iter() }, records);
+}
+
+/// The paths of some samples, which start at the camera. Not a closure: it is called in two places, and functions that
+/// are not inlined are compiled without the vector unit.
+struct CameraPaths<'a, 'b, const AGENTS: bool> {
+    integrators: &'a SampleIntegrators<'a, 'b>,
+    samples: slice::Iter<'a, (u32, u32, u32)>,
+}
+
+impl<'a, const AGENTS: bool> Iterator for CameraPaths<'a, '_, AGENTS> {
+    type Item = (Path<'a>, f32);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<(Path<'a>, f32)> {
+        let &(x, y, index) = self.samples.next()?;
+        let integrator = self.integrators.of_pixel(x, y);
         let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
         let (ray, factor) = integrator.camera_ray(&sampler, x, y);
         let mut path = integrator.begin(sampler, &ray, integrator.guide(), None);
         if AGENTS {
             path.expect(integrator.place(x, y));
         }
-        (path, sample, factor)
-    });
+        Some((path, factor))
+    }
+}
+
+/// Traces paths, each with the factor of its sample, [`LANES`] at a time.
+///
+/// - `records`: receives the records of the paths, in their order.
+#[inline(always)]
+pub(super) fn in_turn<'a, const AGENTS: bool>(
+    prepared: &PreparedScene,
+    mut waiting: impl Iterator<Item = (Path<'a>, f32)>,
+    records: &mut [PathRecord],
+) {
     let mut lanes: Vec<PathLane<'_>> = Vec::with_capacity(LANES);
-    for (path, sample, factor) in waiting.by_ref().take(LANES) {
+    let mut started = 0;
+    while lanes.len() < LANES
+        && let Some((path, factor)) = waiting.next()
+    {
         let branches = if AGENTS { Vec::with_capacity(BRANCHES_MAX) } else { Vec::new() };
-        lanes.push(PathLane { path, sample, factor, hit: Hit::NONE, branches });
+        lanes.push(PathLane {
+            path,
+            sample: started,
+            factor,
+            hit: Hit::NONE,
+            point: None,
+            guidance: Guidance::NONE,
+            branches,
+            deferred: Vec::new(),
+            goes_on: true,
+        });
+        started += 1;
     }
     while !lanes.is_empty() {
         // Intersect all rays, prefetching first triangles, then vertices and the guide
@@ -104,11 +157,34 @@ fn in_turn<const AGENTS: bool>(
             interaction::request_vertices(prepared, &lane.hit);
             lane.path.request_guide(&lane.hit);
         }
-        // Shade all hits
+        // Compute the interactions at all hits, then look up the guide
+        for lane in &mut lanes {
+            lane.point = lane.path.arrive::<AGENTS>(&lane.hit);
+        }
+        for lane in &mut lanes {
+            if let Some(point) = &lane.point {
+                lane.guidance = lane.path.look_up::<AGENTS>(point);
+            }
+        }
+        // Shade all vertices
+        for PathLane { path, point, guidance, branches, deferred, goes_on, .. } in &mut lanes {
+            *goes_on = match point {
+                Some(point) => path.meet::<AGENTS>(point, *guidance, branches, deferred),
+                None => false,
+            };
+        }
+        // Trace all shadow rays, and add the light that is visible
+        for lane in &mut lanes {
+            for light in &lane.deferred {
+                lane.path.add_if_visible(light);
+            }
+            lane.deferred.clear();
+        }
+        // Go on in each lane
         let mut i = 0;
         while i < lanes.len() {
             let lane = &mut lanes[i];
-            if lane.path.meet::<AGENTS, false>(&lane.hit, &mut lane.branches, &mut Vec::new()) {
+            if lane.goes_on {
                 i += 1;
                 continue;
             }
@@ -120,8 +196,9 @@ fn in_turn<const AGENTS: bool>(
             }
             // Store the record, and start the next sample in this lane
             records[lane.sample] = lane.path.finish().scaled(lane.factor);
-            if let Some((path, sample, factor)) = waiting.next() {
-                (lane.path, lane.sample, lane.factor) = (path, sample, factor);
+            if let Some((path, factor)) = waiting.next() {
+                (lane.path, lane.sample, lane.factor) = (path, started, factor);
+                started += 1;
                 i += 1;
             } else {
                 lanes.swap_remove(i);

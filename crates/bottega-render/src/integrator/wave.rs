@@ -206,7 +206,14 @@ impl Wave {
             if it.stage == PathStage::Ray {
                 let Some(hit) = hits.next() else { return };
                 let mut path = integrator.resume(&it.path);
-                if !path.meet::<AGENTS, true>(hit, &mut it.branches, &mut lights) {
+                let goes_on = match path.arrive::<AGENTS>(hit) {
+                    Some(point) => {
+                        let guidance = path.look_up::<AGENTS>(&point);
+                        path.meet::<AGENTS>(&point, guidance, &mut it.branches, &mut lights)
+                    }
+                    None => false,
+                };
+                if !goes_on {
                     it.stage = PathStage::Light;
                 }
                 it.path = path.suspend();

@@ -24,28 +24,47 @@ pub(super) struct SphericalRectangle {
     area: f32,
 }
 
-impl SphericalRectangle {
-    /// Projects a rectangle; `None` if it is seen edge-on, or too small for single precision.
-    ///
-    /// - `x`, `y`: the sides from `corner`, perpendicular to each other.
-    #[inline(always)]
-    pub(super) fn new(corner: Vec3, x: Vec3, y: Vec3, from: Vec3) -> Option<Self> {
+/// A rectangle with the values that do not depend on the point that sees it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rectangle {
+    corner: Vec3,
+    /// Unit vectors along the sides from the corner, perpendicular to each other.
+    x: Vec3,
+    y: Vec3,
+    /// Their cross product.
+    normal: Vec3,
+    /// Lengths of the sides.
+    width: f32,
+    depth: f32,
+}
+
+impl Rectangle {
+    /// Creates the rectangle with the sides `x` and `y` from `corner`, perpendicular to each other.
+    pub(super) fn new(corner: Vec3, x: Vec3, y: Vec3) -> Self {
         let (width, depth) = (x.length(), y.length());
-        let to_corner = corner - from;
         let (x, y) = (x / width, y / depth);
+        Self { corner, x, y, normal: x.cross(y), width, depth }
+    }
+}
+
+impl SphericalRectangle {
+    /// Projects a rectangle onto the sphere around a point; `None` if it is seen edge-on, or too small for single precision.
+    #[inline(always)]
+    pub(super) fn new(rectangle: &Rectangle, from: Vec3) -> Option<Self> {
+        let Rectangle { corner, x, y, normal, width, depth } = *rectangle;
+        let to_corner = corner - from;
         let low = [to_corner.dot(x), to_corner.dot(y)];
         let high = [low[0] + width, low[1] + depth];
-        let height = to_corner.dot(x.cross(y)).abs();
+        let height = to_corner.dot(normal).abs();
         let size = width.max(depth);
         if height.is_nan() || height <= 1e-4 * size {
             return None;
         }
         // Normals of the planes through the point and each side: z is the only component that is not 0 or ±1
-        let normal = |offset: f32| offset / (height * height + offset * offset).sqrt();
-        let [low_y, high_x, high_y, low_x] = [-normal(low[1]), normal(high[0]), normal(high[1]), -normal(low[0])];
-        let angle = |a: f32, b: f32| math::acos((-a * b).clamp(-1.0, 1.0));
-        let (g0, g1) = (angle(low_y, high_x), angle(high_x, high_y));
-        let (g2, g3) = (angle(high_y, low_x), angle(low_x, low_y));
+        let tilt = |offset: f32| offset / (height * height + offset * offset).sqrt();
+        let [low_y, high_x, high_y, low_x] = [-tilt(low[1]), tilt(high[0]), tilt(high[1]), -tilt(low[0])];
+        let cosines = [-low_y * high_x, -high_x * high_y, -high_y * low_x, -low_x * low_y];
+        let [g0, g1, g2, g3] = math::acos_of_four(cosines.map(|cosine| cosine.clamp(-1.0, 1.0)));
         let area = g0 + g1 + g2 + g3 - 2.0 * PI;
         (area > 5e-3).then_some(Self {
             low,
@@ -114,7 +133,7 @@ mod tests {
             (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.0, 0.6, -0.8), Vec3::new(0.5, 0.0, 0.0)),
         ];
         for (corner, x, y) in rectangles {
-            let spherical = SphericalRectangle::new(corner, x, y, Vec3::ZERO).unwrap();
+            let spherical = SphericalRectangle::new(&Rectangle::new(corner, x, y), Vec3::ZERO).unwrap();
             let area = by_area(corner, x, y, |_| 1.0);
             assert!((1.0 / f64::from(spherical.pdf()) / area - 1.0).abs() < 2e-3, "{} {area}", spherical.area);
             for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(0.6, -0.8, 0.0)] {
@@ -134,7 +153,7 @@ mod tests {
 
     #[test]
     fn a_rectangle_seen_edge_on_or_from_afar_is_refused() {
-        assert!(SphericalRectangle::new(Vec3::X, Vec3::X, Vec3::Y, Vec3::ZERO).is_none());
-        assert!(SphericalRectangle::new(Vec3::Z * 100.0, Vec3::X, Vec3::Y, Vec3::ZERO).is_none());
+        assert!(SphericalRectangle::new(&Rectangle::new(Vec3::X, Vec3::X, Vec3::Y), Vec3::ZERO).is_none());
+        assert!(SphericalRectangle::new(&Rectangle::new(Vec3::Z * 100.0, Vec3::X, Vec3::Y), Vec3::ZERO).is_none());
     }
 }

@@ -18,7 +18,7 @@ use glam::Vec3;
 use super::{
     LightSample, NO_LIGHT, Profile,
     bounds::{Cone, LightBounds},
-    rectangle::SphericalRectangle,
+    rectangle::{Rectangle, SphericalRectangle},
     triangle::SphericalTriangle,
 };
 use crate::{
@@ -89,6 +89,15 @@ pub(super) struct SurfaceLight {
     material: u32,
     /// Corner of the part along the panel's sides, and its size; negative for a triangle rotated by half a turn.
     part: PanelPart,
+    /// Corner and sides of the part.
+    extent: (Vec3, Vec3, Vec3),
+    /// Centre of the part.
+    middle: Vec3,
+    /// Cross product of the sides, and its length.
+    normal: Vec3,
+    double_area: f32,
+    /// The part as a rectangle; `None`: it is a triangle.
+    rectangle: Option<Rectangle>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -201,7 +210,7 @@ impl Panel {
     /// Returns the panel's parts as lights with their bounds: one per part of `grid`, including dark ones.
     pub(super) fn lights(&self, scene: &Scene, grid: Grid) -> Vec<(SurfaceLight, LightBounds)> {
         let material = scene.material_of(&scene.instances[self.instance as usize]);
-        let parts = grid.parts(self.shape).into_iter().map(|part| SurfaceLight { panel: *self, material, part });
+        let parts = grid.parts(self.shape).into_iter().map(|part| SurfaceLight::new(*self, material, part));
         parts.map(|light| (light, light.bounds(scene, grid))).collect()
     }
 }
@@ -288,6 +297,26 @@ enum Strategy {
 }
 
 impl SurfaceLight {
+    fn new(panel: Panel, material: u32, part: PanelPart) -> Self {
+        let extent @ (corner, x, y) = if part.size == 1.0 {
+            (panel.corner, panel.x, panel.y)
+        } else {
+            (panel.corner + panel.x * part.s + panel.y * part.t, panel.x * part.size, panel.y * part.size)
+        };
+        let is_rectangle = panel.shape != PanelShape::Triangle;
+        let normal = x.cross(y);
+        Self {
+            panel,
+            material,
+            part,
+            extent,
+            middle: corner + (x + y) * if is_rectangle { 0.5 } else { 1.0 / 3.0 },
+            normal,
+            double_area: normal.length(),
+            rectangle: is_rectangle.then(|| Rectangle::new(corner, x, y)),
+        }
+    }
+
     /// Returns the record of the light: instance, triangle, shape, corner and sides of the panel, position and size of
     /// the part, material.
     pub(super) fn record(&self) -> SurfaceLightRecord {
@@ -336,11 +365,7 @@ impl SurfaceLight {
     /// Returns corner and sides of the part.
     #[inline(always)]
     pub(super) fn extent(&self) -> (Vec3, Vec3, Vec3) {
-        let (panel, part) = (&self.panel, &self.part);
-        if part.size == 1.0 {
-            return (panel.corner, panel.x, panel.y);
-        }
-        (panel.corner + panel.x * part.s + panel.y * part.t, panel.x * part.size, panel.y * part.size)
+        self.extent
     }
 
     /// Converts coordinates in [0, 1]² of the part to coordinates along the panel's sides.
@@ -401,20 +426,18 @@ impl SurfaceLight {
     }
 
     #[inline(always)]
-    fn strategy(&self, (corner, x, y): (Vec3, Vec3, Vec3), double_area: f32, from: Vec3) -> Strategy {
+    fn strategy(&self, from: Vec3) -> Strategy {
         // Compare an upper bound of the solid angle, tight from afar
-        if self.is_rectangle() {
-            let middle = corner + (x + y) * 0.5 - from;
-            if double_area > SOLID_ANGLE_MIN * middle.length_squared()
-                && let Some(spherical) = SphericalRectangle::new(corner, x, y, from)
+        let limit = SOLID_ANGLE_MIN * (self.middle - from).length_squared();
+        if let Some(rectangle) = &self.rectangle {
+            if self.double_area > limit
+                && let Some(spherical) = SphericalRectangle::new(rectangle, from)
             {
                 return Strategy::Rectangle(spherical);
             }
-        } else {
-            let middle = corner + (x + y) * (1.0 / 3.0) - from;
-            if 0.5 * double_area > SOLID_ANGLE_MIN * middle.length_squared()
-                && let Some(spherical) = SphericalTriangle::new(&[corner, corner + x, corner + y], from)
-            {
+        } else if 0.5 * self.double_area > limit {
+            let (corner, x, y) = self.extent;
+            if let Some(spherical) = SphericalTriangle::new(&[corner, corner + x, corner + y], from) {
                 return Strategy::Triangle(spherical);
             }
         }
@@ -430,10 +453,8 @@ impl SurfaceLight {
     /// Samples a point on the light for the point `from`.
     #[inline(always)]
     pub(super) fn sample(&self, surfaces: &Surfaces, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
-        let (corner, x, y) = self.extent();
-        let normal = x.cross(y);
-        let double_area = normal.length();
-        let (place, solid_angle_pdf) = match self.strategy((corner, x, y), double_area, from) {
+        let Self { extent: (corner, x, y), normal, double_area, .. } = *self;
+        let (place, solid_angle_pdf) = match self.strategy(from) {
             Strategy::Rectangle(spherical) => (spherical.sample(u), Some(spherical.pdf())),
             Strategy::Triangle(spherical) => {
                 (spherical.sample(&[corner, corner + x, corner + y], from, u)?.into(), Some(spherical.pdf()))
@@ -494,10 +515,8 @@ impl SurfaceLight {
     /// Returns the density per solid angle with which [`Self::sample`] draws the point `p` from `from`.
     #[inline(always)]
     pub(super) fn pdf(&self, from: Vec3, p: Vec3) -> f32 {
-        let (corner, x, y) = self.extent();
-        let normal = x.cross(y);
-        let double_area = normal.length();
-        match self.strategy((corner, x, y), double_area, from) {
+        let Self { normal, double_area, .. } = *self;
+        match self.strategy(from) {
             Strategy::Rectangle(spherical) => spherical.pdf(),
             Strategy::Triangle(spherical) => spherical.pdf(),
             Strategy::Area => {

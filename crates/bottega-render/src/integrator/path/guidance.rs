@@ -10,7 +10,6 @@ use crate::{
     interaction::Interaction,
     lights::Choice,
     sampler::Quad,
-    surfaces::PreparedMaterial,
 };
 
 /// The leaf number that stands for no leaf of a guide.
@@ -19,7 +18,7 @@ pub(super) const NO_LEAF: u32 = u32::MAX;
 /// The learned data at a vertex. [`Guidance::NONE`] changes nothing: the BSDF draws directions, and the light tree
 /// draws lights.
 #[derive(Clone, Copy)]
-pub(super) struct Guidance<'a> {
+pub(in crate::integrator) struct Guidance<'a> {
     /// Distribution of incident light; `None`: not guided.
     region: Option<&'a Region>,
     /// Learned choice of lights, and data for roulette and splitting.
@@ -30,7 +29,7 @@ pub(super) struct Guidance<'a> {
 
 impl<'a> Guidance<'a> {
     /// No learned data.
-    pub(super) const NONE: Self = Self { region: None, agent: None, leaf: NO_LEAF };
+    pub(in crate::integrator) const NONE: Self = Self { region: None, agent: None, leaf: NO_LEAF };
 
     /// Returns `true` if directions are drawn by the guide, too.
     #[inline(always)]
@@ -77,10 +76,18 @@ impl<'a> Guidance<'a> {
 }
 
 impl<'a> Path<'a> {
-    /// Returns the learned data at a point with a BSDF that is not specular.
+    /// Looks up the learned data at the point where the path arrived, and prefetches what sampling reads first. All paths
+    /// in turn do so before any of them is shaded.
     #[inline(always)]
-    pub(super) fn guidance<const AGENTS: bool>(&self, point: &Interaction, known: &PreparedMaterial) -> Guidance<'a> {
+    pub(in crate::integrator) fn look_up<const AGENTS: bool>(&self, point: &Interaction) -> Guidance<'a> {
+        let known = self.integrator.prepared.material(point.material).1;
         let mut guidance = Guidance::NONE;
+        // Perfect mirrors and glass need no guidance
+        if let Some(sides) = &known.bsdfs
+            && sides[usize::from(point.front)].is_delta_only()
+        {
+            return guidance;
+        }
         // No closures here: they are compiled without the vector unit's instructions
         // Find the leaf of the guide at the point; rays through glass keep their BSDF's directions
         let Some(guide) = self.guide else { return guidance };
@@ -94,6 +101,12 @@ impl<'a> Path<'a> {
             }
             guidance.agent = guide.agent(number);
             guidance.leaf = number as u32;
+        }
+        if let Some(region) = guidance.region {
+            region.request();
+        }
+        if let Some(agent) = guidance.agent {
+            agent.request();
         }
         guidance
     }

@@ -6,7 +6,7 @@ use bottega_kernels::compiled::{self, Task};
 use glam::Vec2;
 
 use super::{
-    super::record::PathRecord,
+    super::{record::PathRecord, turns::in_turn},
     setup::PathIntegrator,
     trial::{AllTrials, LEARNING_SEED, Trial},
 };
@@ -77,10 +77,10 @@ impl<'a> PathIntegrator<'a> {
             for pass in passes {
                 let count = budget.paths(pass);
                 if pass < budget.plain_passes() {
-                    training.pass_of_pixels(count, |path, trail| integrator.learning_path(None, path, trail));
+                    training.pass_of_pixels(count, |paths, trails| integrator.follow(None, paths, trails));
                 } else {
                     let directions = training.directions();
-                    training.pass(count, |path, trail| integrator.learning_path(Some(&directions), path, trail));
+                    training.pass(count, |paths, trails| integrator.follow(Some(&directions), paths, trails));
                 }
             }
         };
@@ -117,17 +117,30 @@ impl<'a> PathIntegrator<'a> {
         Ok(settled(guide, plan))
     }
 
-    /// Traces one path to learn from.
-    fn learning_path(&self, guide: Option<&Guide>, path: LearningPath, trail: &mut Trail) -> FoundLight {
+    /// Traces paths to learn from, and records their trails.
+    fn follow(&self, guide: Option<&Guide>, paths: &[LearningPath], trails: &mut [Trail]) -> Vec<FoundLight> {
+        let starts: Vec<LearningStart> = paths.iter().map(|&path| self.learning_start(path)).collect();
+        let mut records = vec![PathRecord::default(); starts.len()];
+        compiled::run(Following { integrator: self, guide, starts: &starts, trails, records: &mut records });
+        let found = |(start, record): (&LearningStart, &PathRecord)| FoundLight {
+            radiance: record.values.radiance.into(),
+            place: start.place,
+        };
+        starts.iter().zip(&records).map(found).collect()
+    }
+
+    /// Samples the camera ray of a path to learn from.
+    fn learning_start(&self, path: LearningPath) -> LearningStart {
         let place = |number| {
             // One sample sequence for the whole picture
             let sampler = PixelSampler::new(LEARNING_SEED, 0, 0, number);
             (sampler, sampler.quad(DimensionSet::CAMERA))
         };
-        let (sampler, ray, place) = match path {
+        match path {
             LearningPath::Single(number) => {
                 let (sampler, [x, y, lens_u, lens_v]) = place(number);
-                (sampler, self.camera.ray(Vec2::new(x, y) * self.size, [lens_u, lens_v]), [x, y])
+                let ray = self.camera.ray(Vec2::new(x, y) * self.size, [lens_u, lens_v]);
+                LearningStart { sampler, ray, place: [x, y] }
             }
             LearningPath::OfPixel { number, picture, sample } => {
                 let [x, y, ..] = place(number).1;
@@ -135,12 +148,18 @@ impl<'a> PathIntegrator<'a> {
                 // Distinct seeds: two paths may be of the same pixel
                 let seed = LEARNING_SEED ^ (u64::from(number) << 1 | u64::from(picture)) << 32;
                 let sampler = PixelSampler::new(seed, x, y, sample);
-                (sampler, self.camera_ray(&sampler, x, y).0, self.place(x, y))
+                LearningStart { sampler, ray: self.camera_ray(&sampler, x, y).0, place: self.place(x, y) }
             }
-        };
-        let record = compiled::run(FollowedPath { integrator: self, sampler, ray: &ray, guide, trail });
-        FoundLight { radiance: record.values.radiance.into(), place }
+        }
     }
+}
+
+/// The start of a path to learn from.
+struct LearningStart {
+    sampler: PixelSampler,
+    ray: CameraRay,
+    /// Position in the picture, in [0, 1)².
+    place: [f32; 2],
 }
 
 /// Returns the guide with its plan, or an empty guide if no zone uses it.
@@ -171,20 +190,26 @@ pub fn learn_together(
     Ok(())
 }
 
-/// A path that records its vertices into a trail.
-struct FollowedPath<'a> {
+/// Paths that record their vertices into trails, one each.
+struct Following<'a> {
     integrator: &'a PathIntegrator<'a>,
-    sampler: PixelSampler,
-    ray: &'a CameraRay,
+    /// Guide of the directions; `None`: the BSDF alone draws them.
     guide: Option<&'a Guide>,
-    trail: &'a mut Trail,
+    starts: &'a [LearningStart],
+    trails: &'a mut [Trail],
+    /// Receives the records, in the order of `starts`.
+    records: &'a mut [PathRecord],
 }
 
-impl Task for FollowedPath<'_> {
-    type Output = PathRecord;
+impl Task for Following<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn run(self) -> PathRecord {
-        self.integrator.follow(self.sampler, self.ray, self.guide, Some(self.trail))
+    fn run(self) {
+        let Self { integrator, guide, starts, trails, records } = self;
+        let waiting = starts.iter().zip(trails);
+        let waiting =
+            waiting.map(|(start, trail)| (integrator.begin(start.sampler, &start.ray, guide, Some(trail)), 1.0));
+        in_turn::<false>(integrator.prepared, waiting, records);
     }
 }

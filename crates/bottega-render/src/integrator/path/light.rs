@@ -1,5 +1,6 @@
 //! The light that a path finds: by sampling lights, and by hitting emitters.
 
+use bottega_kernels::Ray;
 use bottega_scene::{Spectrum, Visibility};
 
 use super::{
@@ -50,9 +51,10 @@ impl Path<'_> {
         if radiance == Spectrum::ZERO {
             return;
         }
+        let (hit, p) = (point.hit, point.p);
         let weight = self.found_by_bsdf(|from| {
             let choice = if AGENTS { self.previous_choice() } else { None };
-            prepared.lights().hit_pdf_by(prepared, &point.hit, from, point.p, choice)
+            prepared.lights().hit_pdf_by(prepared, &hit, from, p, choice)
         });
         self.radiance += self.throughput * radiance * weight;
     }
@@ -71,9 +73,9 @@ impl Path<'_> {
     /// Samples lights at a vertex (next-event estimation).
     ///
     /// - `first`: the random numbers of the light sample if there is only one.
-    /// - `deferred`: with `DEFERS`, receives the shadow rays instead of tracing them.
+    /// - `deferred`: receives the light samples with their shadow rays; see [`Self::meet`].
     #[inline(always)]
-    pub(super) fn add_direct_light<const AGENTS: bool, const DEFERS: bool>(
+    pub(super) fn add_direct_light<const AGENTS: bool>(
         &mut self,
         vertex: &PathVertex<'_>,
         first: Quad,
@@ -99,7 +101,7 @@ impl Path<'_> {
             // Compute the contribution if it is visible
             let contribution = self.light_contribution(vertex, &light, count as f32);
             if self.trail.is_some() {
-                self.add_and_record(vertex.surface.point, &light, contribution);
+                self.add_and_record(&shadow_ray(vertex.surface.point, &light), light.light, contribution);
                 continue;
             }
             if contribution == Spectrum::ZERO {
@@ -111,14 +113,23 @@ impl Path<'_> {
             if !self.is_due(share, u[3]) {
                 continue;
             }
-            // Add the light if it is visible, or defer the test
+            // Defer the test of visibility, unless it depends on this vertex, as where surfaces let rays pass
+            self.record.counts.shadow_rays += 1;
             let ray = shadow_ray(vertex.surface.point, &light);
-            if DEFERS {
-                self.record.counts.shadow_rays += 1;
-                deferred.push(DeferredLight { ray, light: self.throughput * contribution / share });
-            } else if !self.is_occluded(&ray) {
-                self.radiance += self.throughput * contribution / share;
+            let light = DeferredLight { ray, light: self.throughput * contribution / share };
+            if prepared.has_opacity() {
+                self.add_if_visible(&light);
+            } else {
+                deferred.push(light);
             }
+        }
+    }
+
+    /// Traces the shadow ray of a light sample, and adds its light if the ray hits nothing.
+    #[inline(always)]
+    pub(in crate::integrator) fn add_if_visible(&mut self, sample: &DeferredLight) {
+        if !self.is_occluded(&sample.ray) {
+            self.radiance += sample.light;
         }
     }
 
@@ -156,13 +167,17 @@ impl Path<'_> {
     }
 
     /// Adds a light sample if it is visible, and records the result for learning.
-    fn add_and_record(&mut self, point: &Interaction, light: &LightSample, contribution: Spectrum) {
-        let is_seen = contribution != Spectrum::ZERO && !self.is_occluded(&shadow_ray(point, light));
+    fn add_and_record(&mut self, ray: &Ray, light: u32, contribution: Spectrum) {
+        let mut is_seen = false;
+        if contribution != Spectrum::ZERO {
+            self.record.counts.shadow_rays += 1;
+            is_seen = !self.is_occluded(ray);
+        }
         if is_seen {
             self.radiance += self.throughput * contribution;
         }
         if let Some(trail) = &mut self.trail {
-            trail.record_light(RequestedLight { light: light.light, found: luminance(contribution), is_seen });
+            trail.record_light(RequestedLight { light, found: luminance(contribution), is_seen });
         }
     }
 
