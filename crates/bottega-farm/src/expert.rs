@@ -474,7 +474,7 @@ mod tests {
         assert_eq!(choice, Choice::unchanged(&work.settings));
         let error = Expert::parse(&photons.replace(INTERPOLATION_BAND_SIZE, "width")).unwrap_err();
         assert!(matches!(&error, ExpertError::NoOutput { found, .. } if found.len() == 6), "{error}");
-        assert!(error.to_string().contains("but photons, gather_count"), "{error}");
+        assert!(error.to_string().contains("they have photons, gather_count"), "{error}");
         assert_eq!(Expert::path_tracing().ignored_outputs(), Vec::<String>::new());
     }
 }

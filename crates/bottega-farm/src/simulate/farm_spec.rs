@@ -354,7 +354,7 @@ mod tests {
     #[test]
     fn what_makes_no_sense_is_refused_by_name() {
         for (text, names) in [
-            ("", "nobody"),
+            ("", "no agents"),
             ("0", "`0`"),
             ("3xfast", "`3xfast`"),
             ("3x-1", "`3x-1`"),
@@ -365,7 +365,7 @@ mod tests {
             ("2,agent-1@explode=1s", "explode"),
             ("2,agent-1@fail=soon", "seconds"),
             ("2,bob@fail=1s", "agent-3"),
-            ("2,agent-1@slow=1s:0", "slower"),
+            ("2,agent-1@slow=1s:0", "slowness"),
             ("2,agent-1@lie=1s:2", "share"),
         ] {
             let error = text.parse::<FarmSpec>().unwrap_err().to_string();

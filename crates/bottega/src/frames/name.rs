@@ -160,8 +160,8 @@ mod tests {
             ("a.%04d.%04d.exr", "several"),
             ("a.%4d.exr", "`%4d`"),
             ("a.%0d.exr", "`%0d`"),
-            ("a.%0999999999999999999999d.exr", "no place"),
-            ("a.%0500d.exr", "no place"),
+            ("a.%0999999999999999999999d.exr", "not a place"),
+            ("a.%0500d.exr", "not a place"),
         ] {
             let error = name(output, 1).expect_err(output).to_string();
             assert!(error.contains(words), "{output}: {error}");
