@@ -92,7 +92,7 @@ def main() -> None:
     if tuple(bpy.data.images[pictures.RESULT].size) != (160, 120):
         support.failed("the picture is not open")
     animation(scene, folder)
-    jobs()
+    jobs(still.frames[0].job.number)
     farm.end_programs()
     support.leave()
 
@@ -121,12 +121,11 @@ def animation(scene: Any, folder: Path) -> None:
             support.failed(f"frame {frame} is not there")
 
 
-def jobs() -> None:
+def jobs(number: int) -> None:
     """Opens the picture of a job by its number, as after a new start of Blender, and cancels another one."""
     farm = support.part("farm")
-    wait("the jobs are listed", lambda: len([view for view in farm.watch.jobs if view["kept"]]) == 3)
-    first = farm.watch.jobs[-1]
-    bpy.ops.bottega.farm_fetch(number=first["job"])
+    wait("the job is listed", lambda: number in [view["job"] for view in farm.watch.jobs if view["kept"]])
+    bpy.ops.bottega.farm_fetch(number=number)
     if tuple(bpy.data.images["Farm Result"].size) != (160, 120):
         support.failed("the picture of a job is not open")
     bpy.context.scene.cycles.samples = 4096

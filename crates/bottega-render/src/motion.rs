@@ -44,13 +44,20 @@ struct ChosenKeys {
     first: usize,
 }
 
+/// The keys of a sphere that take part, with their times from 0 to 1 and beyond.
+#[derive(Clone, Debug)]
+struct SphereKeys {
+    times: Box<[f32]>,
+    keys: Box<[SphereKey]>,
+}
+
 /// The moving parts of a prepared scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SceneMotion {
     shutter: Shutter,
     instances: SparseList<MovingTransform>,
     meshes: SparseList<ChosenKeys>,
-    spheres: SparseList<(Box<[f32]>, Box<[SphereKey]>)>,
+    spheres: SparseList<SphereKeys>,
     lights: SparseList<MovingTransform>,
     /// `true`: something moves, or a camera of the scene does.
     moves: bool,
@@ -188,7 +195,7 @@ impl SceneMotion {
                 *sphere = sphere_between(sphere, &keys[key], &keys[key + 1], share);
                 let place = |key: &SphereKey| (key.center, key.radius, key.world_from_object);
                 if !self.shutter.is_instant() && keys.iter().any(|key| place(key) != place(&keys[0])) {
-                    self.spheres.set(index, (times, keys));
+                    self.spheres.set(index, SphereKeys { times, keys });
                 }
             }
         }
@@ -266,14 +273,14 @@ impl SceneMotion {
 
     /// Returns a sphere at a time, if it moves.
     pub(crate) fn sphere(&self, scene: &Scene, index: u32, time: f32) -> Option<Sphere> {
-        let (times, keys) = self.spheres.get(index)?;
+        let SphereKeys { times, keys } = self.spheres.get(index)?;
         let KeySpan { key, share } = KeySpan::find(times, time);
         Some(sphere_between(&scene.spheres[index as usize], &keys[key], &keys[key + 1], share))
     }
 
     /// Returns the keys of a sphere that are seen, if it moves.
     pub(crate) fn sphere_keys(&self, index: u32) -> Option<&[SphereKey]> {
-        self.spheres.get(index).map(|(_, keys)| &**keys)
+        self.spheres.get(index).map(|sphere| &*sphere.keys)
     }
 
     /// Returns the moving surfaces as the input of the tree builder.
@@ -284,7 +291,7 @@ impl SceneMotion {
             let key = |(&time, key): (&f32, &'a MeshKey)| MeshKeyGeometry { time, positions: &key.positions };
             (index, chosen.times.iter().zip(keys).map(key).collect())
         };
-        let sphere = |(index, (times, keys)): (u32, &(Box<[f32]>, Box<[SphereKey]>))| {
+        let sphere = |(index, SphereKeys { times, keys }): (u32, &SphereKeys)| {
             let key = |(&time, key): (&f32, &SphereKey)| {
                 let sphere = SphereGeometry { center: key.center, radius: key.radius };
                 SphereKeyGeometry { time, sphere }

@@ -76,7 +76,7 @@ impl PreparedScene {
     ///
     /// - `accel`: result of [`build_accel`] for the same scene.
     pub fn with_accel(scene: Arc<Scene>, accel: impl Into<Arc<Accel>>, options: &PrepareOptions) -> Self {
-        let mut surfaces = Surfaces::new(scene);
+        let mut surfaces = Surfaces::new(&scene);
         let scene = Arc::clone(surfaces.scene());
         let lights = Lights::new(&mut surfaces, options.compensate_environment);
         let materials = &surfaces.materials;
