@@ -114,12 +114,12 @@ fn sphere_between(sphere: &Sphere, from: &SphereKey, to: &SphereKey, share: f32)
 
 impl SceneMotion {
     /// Finds what moves. Returns the scene as it is when the shutter opens.
-    pub(crate) fn of(scene: &Arc<Scene>) -> (Arc<Scene>, Self) {
+    pub(crate) fn of(scene: Arc<Scene>) -> (Arc<Scene>, Self) {
         if !scene.has_motion() {
-            return (Arc::clone(scene), Self::default());
+            return (scene, Self::default());
         }
         let shutter = scene.shutter;
-        let (mut opened, mut motion) = (Scene::clone(scene), Self { shutter, ..Self::default() });
+        let (mut opened, mut motion) = (Scene::clone(&scene), Self { shutter, ..Self::default() });
         let changes = |moving: &MovingTransform| !shutter.is_instant() && !moving.is_still();
         for (index, instance) in opened.instances.iter_mut().enumerate() {
             let Some(moving) = transform_of(&shutter, &instance.motion) else { continue };
@@ -329,11 +329,11 @@ mod tests {
     fn a_closed_shutter_sees_one_moment() {
         let mut scene = Scene { shutter: Shutter { open: 1.0, close: 1.0, ramp: 0.0 }, ..Scene::default() };
         scene.cameras.push(Camera { motion: vec![key(0.0, 0.0), key(2.0, 4.0)], ..Camera::default() });
-        let (opened, motion) = SceneMotion::of(&Arc::new(scene.clone()));
+        let (opened, motion) = SceneMotion::of(Arc::new(scene.clone()));
         assert!(!motion.moves() && motion.camera(&opened.cameras[0]).is_none());
         assert!((opened.cameras[0].world_from_camera.translation.x - 2.0).abs() < 1e-5);
         scene.shutter.close = 3.0;
-        let (opened, motion) = SceneMotion::of(&Arc::new(scene));
+        let (opened, motion) = SceneMotion::of(Arc::new(scene));
         let moving = motion.camera(&opened.cameras[0]).unwrap();
         assert!(motion.moves() && !motion.moves_surfaces());
         assert!(

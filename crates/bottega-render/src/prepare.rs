@@ -76,7 +76,7 @@ impl PreparedScene {
     ///
     /// - `accel`: result of [`build_accel`] for the same scene.
     pub fn with_accel(scene: Arc<Scene>, accel: impl Into<Arc<Accel>>, options: &PrepareOptions) -> Self {
-        let mut surfaces = Surfaces::new(&scene);
+        let mut surfaces = Surfaces::new(scene);
         let scene = Arc::clone(surfaces.scene());
         let lights = Lights::new(&mut surfaces, options.compensate_environment);
         let materials = &surfaces.materials;
@@ -309,7 +309,7 @@ pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, Ren
     scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
     let build = BuildOptions { threads: options.threads, ..BuildOptions::default() };
     if scene.has_motion() {
-        let (opened, motion) = SceneMotion::of(&Arc::new(scene.clone()));
+        let (opened, motion) = SceneMotion::of(Arc::new(scene.clone()));
         let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(&opened);
         return Ok(Accel::build_moving(&meshes, &instances, &spheres, &motion.geometry(&opened), &build)?);
     }

@@ -164,7 +164,7 @@ mod tests {
             materials: vec![material],
             ..Scene::default()
         };
-        Surfaces::new(&std::sync::Arc::new(scene))
+        Surfaces::new(std::sync::Arc::new(scene))
     }
 
     /// Samples the only sphere of a scene.
