@@ -44,13 +44,20 @@ struct ChosenKeys {
     first: usize,
 }
 
+/// Keys of a sphere that take part, and their times.
+#[derive(Clone, Debug)]
+struct ChosenSphereKeys {
+    times: Box<[f32]>,
+    keys: Box<[SphereKey]>,
+}
+
 /// The moving parts of a prepared scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SceneMotion {
     shutter: Shutter,
     instances: SparseList<MovingTransform>,
     meshes: SparseList<ChosenKeys>,
-    spheres: SparseList<(Box<[f32]>, Box<[SphereKey]>)>,
+    spheres: SparseList<ChosenSphereKeys>,
     lights: SparseList<MovingTransform>,
     /// `true`: something moves, or a camera of the scene does.
     moves: bool,
@@ -107,12 +114,12 @@ fn sphere_between(sphere: &Sphere, from: &SphereKey, to: &SphereKey, share: f32)
 
 impl SceneMotion {
     /// Finds what moves. Returns the scene as it is when the shutter opens.
-    pub(crate) fn of(scene: &Arc<Scene>) -> (Arc<Scene>, Self) {
+    pub(crate) fn of(scene: Arc<Scene>) -> (Arc<Scene>, Self) {
         if !scene.has_motion() {
-            return (Arc::clone(scene), Self::default());
+            return (scene, Self::default());
         }
         let shutter = scene.shutter;
-        let (mut opened, mut motion) = (Scene::clone(scene), Self { shutter, ..Self::default() });
+        let (mut opened, mut motion) = (Scene::clone(&scene), Self { shutter, ..Self::default() });
         let changes = |moving: &MovingTransform| !shutter.is_instant() && !moving.is_still();
         for (index, instance) in opened.instances.iter_mut().enumerate() {
             let Some(moving) = transform_of(&shutter, &instance.motion) else { continue };
@@ -188,7 +195,7 @@ impl SceneMotion {
                 *sphere = sphere_between(sphere, &keys[key], &keys[key + 1], share);
                 let place = |key: &SphereKey| (key.center, key.radius, key.world_from_object);
                 if !self.shutter.is_instant() && keys.iter().any(|key| place(key) != place(&keys[0])) {
-                    self.spheres.set(index, (times, keys));
+                    self.spheres.set(index, ChosenSphereKeys { times, keys });
                 }
             }
         }
@@ -266,14 +273,14 @@ impl SceneMotion {
 
     /// Returns a sphere at a time, if it moves.
     pub(crate) fn sphere(&self, scene: &Scene, index: u32, time: f32) -> Option<Sphere> {
-        let (times, keys) = self.spheres.get(index)?;
+        let ChosenSphereKeys { times, keys } = self.spheres.get(index)?;
         let KeySpan { key, share } = KeySpan::find(times, time);
         Some(sphere_between(&scene.spheres[index as usize], &keys[key], &keys[key + 1], share))
     }
 
     /// Returns the keys of a sphere that are seen, if it moves.
     pub(crate) fn sphere_keys(&self, index: u32) -> Option<&[SphereKey]> {
-        self.spheres.get(index).map(|(_, keys)| &**keys)
+        self.spheres.get(index).map(|chosen| &*chosen.keys)
     }
 
     /// Returns the moving surfaces as the input of the tree builder.
@@ -284,7 +291,7 @@ impl SceneMotion {
             let key = |(&time, key): (&f32, &'a MeshKey)| MeshKeyGeometry { time, positions: &key.positions };
             (index, chosen.times.iter().zip(keys).map(key).collect())
         };
-        let sphere = |(index, (times, keys)): (u32, &(Box<[f32]>, Box<[SphereKey]>))| {
+        let sphere = |(index, ChosenSphereKeys { times, keys }): (u32, &ChosenSphereKeys)| {
             let key = |(&time, key): (&f32, &SphereKey)| {
                 let sphere = SphereGeometry { center: key.center, radius: key.radius };
                 SphereKeyGeometry { time, sphere }
@@ -322,11 +329,11 @@ mod tests {
     fn a_closed_shutter_sees_one_moment() {
         let mut scene = Scene { shutter: Shutter { open: 1.0, close: 1.0, ramp: 0.0 }, ..Scene::default() };
         scene.cameras.push(Camera { motion: vec![key(0.0, 0.0), key(2.0, 4.0)], ..Camera::default() });
-        let (opened, motion) = SceneMotion::of(&Arc::new(scene.clone()));
+        let (opened, motion) = SceneMotion::of(Arc::new(scene.clone()));
         assert!(!motion.moves() && motion.camera(&opened.cameras[0]).is_none());
         assert!((opened.cameras[0].world_from_camera.translation.x - 2.0).abs() < 1e-5);
         scene.shutter.close = 3.0;
-        let (opened, motion) = SceneMotion::of(&Arc::new(scene));
+        let (opened, motion) = SceneMotion::of(Arc::new(scene));
         let moving = motion.camera(&opened.cameras[0]).unwrap();
         assert!(motion.moves() && !motion.moves_surfaces());
         assert!(

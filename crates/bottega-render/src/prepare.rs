@@ -307,7 +307,7 @@ pub fn build_accel(scene: &Scene, options: &PrepareOptions) -> Result<Accel, Ren
     scene.validate().map_err(|error| RenderError::UnsoundScene(Box::new(error)))?;
     let build = BuildOptions { threads: options.threads, ..BuildOptions::default() };
     if scene.has_motion() {
-        let (opened, motion) = SceneMotion::of(&Arc::new(scene.clone()));
+        let (opened, motion) = SceneMotion::of(Arc::new(scene.clone()));
         let SceneGeometry { meshes, instances, spheres } = SceneGeometry::of(&opened);
         return Ok(Accel::build_moving(&meshes, &instances, &spheres, &motion.geometry(&opened), &build)?);
     }

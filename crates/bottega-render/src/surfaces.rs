@@ -31,7 +31,7 @@ pub struct Surfaces {
 impl Surfaces {
     /// Precomputes the data of a scene; the lights are set later. Takes the scene as it is when the shutter opens.
     pub(crate) fn new(scene: Arc<Scene>) -> Self {
-        let (scene, motion) = SceneMotion::of(&scene);
+        let (scene, motion) = SceneMotion::of(scene);
         let materials = scene.materials.iter().map(|material| prepare_material(&scene, material)).collect();
         let instances = scene.instances.iter().map(|instance| prepare_instance(&instance.world_from_object)).collect();
         let culls_backs = used_materials(&scene).any(|material| scene.materials[material].culls_back);
