@@ -363,7 +363,7 @@ mod tests {
                     );
                 }
             }
-            assert!(hits > 600 && others < 4, "{hits} {others}");
+            assert!(hits > 300 && others < 4, "{hits} {others}");
         }
     }
 

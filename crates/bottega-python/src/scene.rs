@@ -410,6 +410,7 @@ impl PyScene {
     }
 
     /// Sets the path of an object: times, and its matrices then.
+    #[expect(clippy::needless_pass_by_value, reason = "a list of Python comes as a value")]
     fn set_object_motion(&self, key: &str, motion: Vec<(f64, Bound<'_, PyAny>)>) -> PyResult<()> {
         let key_of = |(time, matrices): &(f64, Bound<'_, PyAny>)| Ok((*time, self::transforms(matrices)?));
         let motion = motion.iter().map(key_of).collect::<PyResult<Vec<_>>>()?;
@@ -417,6 +418,7 @@ impl PyScene {
     }
 
     /// Sets the path of a camera or a light: times, and the matrix then.
+    #[expect(clippy::needless_pass_by_value, reason = "a list of Python comes as a value")]
     fn set_motion(&self, kind: &str, key: &str, motion: Vec<(f64, Bound<'_, PyAny>)>) -> PyResult<()> {
         let mut keys = Vec::with_capacity(motion.len());
         for (time, matrix) in &motion {

@@ -44,9 +44,9 @@ struct ChosenKeys {
     first: usize,
 }
 
-/// The keys of a sphere that take part, with their times from 0 to 1 and beyond.
+/// Keys of a sphere that take part, and their times.
 #[derive(Clone, Debug)]
-struct SphereKeys {
+struct ChosenSphereKeys {
     times: Box<[f32]>,
     keys: Box<[SphereKey]>,
 }
@@ -57,7 +57,7 @@ pub(crate) struct SceneMotion {
     shutter: Shutter,
     instances: SparseList<MovingTransform>,
     meshes: SparseList<ChosenKeys>,
-    spheres: SparseList<SphereKeys>,
+    spheres: SparseList<ChosenSphereKeys>,
     lights: SparseList<MovingTransform>,
     /// `true`: something moves, or a camera of the scene does.
     moves: bool,
@@ -195,7 +195,7 @@ impl SceneMotion {
                 *sphere = sphere_between(sphere, &keys[key], &keys[key + 1], share);
                 let place = |key: &SphereKey| (key.center, key.radius, key.world_from_object);
                 if !self.shutter.is_instant() && keys.iter().any(|key| place(key) != place(&keys[0])) {
-                    self.spheres.set(index, SphereKeys { times, keys });
+                    self.spheres.set(index, ChosenSphereKeys { times, keys });
                 }
             }
         }
@@ -273,14 +273,14 @@ impl SceneMotion {
 
     /// Returns a sphere at a time, if it moves.
     pub(crate) fn sphere(&self, scene: &Scene, index: u32, time: f32) -> Option<Sphere> {
-        let SphereKeys { times, keys } = self.spheres.get(index)?;
+        let ChosenSphereKeys { times, keys } = self.spheres.get(index)?;
         let KeySpan { key, share } = KeySpan::find(times, time);
         Some(sphere_between(&scene.spheres[index as usize], &keys[key], &keys[key + 1], share))
     }
 
     /// Returns the keys of a sphere that are seen, if it moves.
     pub(crate) fn sphere_keys(&self, index: u32) -> Option<&[SphereKey]> {
-        self.spheres.get(index).map(|sphere| &*sphere.keys)
+        self.spheres.get(index).map(|chosen| &*chosen.keys)
     }
 
     /// Returns the moving surfaces as the input of the tree builder.
@@ -291,7 +291,7 @@ impl SceneMotion {
             let key = |(&time, key): (&f32, &'a MeshKey)| MeshKeyGeometry { time, positions: &key.positions };
             (index, chosen.times.iter().zip(keys).map(key).collect())
         };
-        let sphere = |(index, SphereKeys { times, keys }): (u32, &SphereKeys)| {
+        let sphere = |(index, ChosenSphereKeys { times, keys }): (u32, &ChosenSphereKeys)| {
             let key = |(&time, key): (&f32, &SphereKey)| {
                 let sphere = SphereGeometry { center: key.center, radius: key.radius };
                 SphereKeyGeometry { time, sphere }

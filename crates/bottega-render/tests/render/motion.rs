@@ -228,7 +228,7 @@ fn a_moving_scene_is_the_mean_of_its_stills() {
         let shutter = Shutter { open: time, close: time, ramp: 0.0 };
         let prepared = prepare(Scene { shutter, ..commotion() });
         assert!(!prepared.scene.moves());
-        let settings = PathSettings { seed: still.into(), ..settings.clone() };
+        let settings = PathSettings { seed: still.into(), ..settings };
         let tile = paint(&prepared, SIZE, 32, settings);
         for (sum, (x, y)) in mean.iter_mut().zip(pixels()) {
             *sum += color(&tile, x, y) / STILLS as f32;
