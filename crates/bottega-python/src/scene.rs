@@ -238,6 +238,7 @@ impl PyScene {
     }
 
     /// Adds or replaces a mesh by corner.
+    #[expect(clippy::needless_pass_by_value, reason = "a list of Python comes as a value")]
     #[pyo3(signature = (
         key, positions, triangles, corner_vertices, normals, uvs, uvs2, colors, triangle_materials, materials, drop_empty,
         is_new, motion
