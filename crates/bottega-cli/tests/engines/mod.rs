@@ -315,7 +315,7 @@ fn layers_and_alpha_come_out_in_their_places() {
     assert!(channels(&stage, ["id.Y", "normal.X", "two.a", "samples"]).iter().all(Option::is_none));
     let refused = stage.render(&["--aov", "two,uv"]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(stderr_of(&refused).contains("there are id, normal, two, samples"), "{}", stderr_of(&refused));
+    assert!(stderr_of(&refused).contains("available: id, normal, two, samples"), "{}", stderr_of(&refused));
 }
 
 #[test]

@@ -108,7 +108,7 @@ fn a_job_that_asks_for_a_tag_is_painted_by_machines_that_have_it_and_one_that_is
     farm.succeed(&["jobs", "fetch", "1", "-o", text(&path)]);
     assert!(bits(&path) == plain, "{}", farm.logs());
     ask("c.exr", "mars");
-    assert!(farm.succeed(&["jobs", "show", "2"]).contains("for machines tagged mars: 0 of 2 there"));
+    assert!(farm.succeed(&["jobs", "show", "2"]).contains("for machines tagged mars: 0 of 2 present"));
     assert!(!farm.log_of(1).contains("is tagged") && farm.log_of(2).contains("is tagged `mars`"), "{}", farm.log_of(2));
     let refused = farm.run(&["render", "goblets.glb", "-o", "d.exr", "--farm", "--require", "not a tag"]);
     assert!(
@@ -119,5 +119,5 @@ fn a_job_that_asks_for_a_tag_is_painted_by_machines_that_have_it_and_one_that_is
     let _small = joined("small", &["--tag", "small", "--max-memory", "16"]);
     assert!(farm.render_by("e.exr", MANY, &["--detach", "--require", "small"]).wait(), "{}", farm.logs());
     farm.until_says("small", "the job needs more memory here than");
-    assert!(farm.succeed(&["jobs", "show", "3"]).contains("is left out: the job takes more memory here"));
+    assert!(farm.succeed(&["jobs", "show", "3"]).contains("is left out: the job needs more memory here"));
 }

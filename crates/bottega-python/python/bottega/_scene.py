@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from ._values import Matrix, Vector
+    from ._lights import Matrix, Vector
 
     Floats = NDArray[np.float32]
     Ints = NDArray[np.int32]
