@@ -245,5 +245,5 @@ fn a_board_that_does_not_answer_any_more_is_not_waited_for() {
     let (both, _) = paint(&request(&["cpu", &cable(&board(None, identity()), Fault::Silence(400_000))]));
     let took = begun.elapsed();
     assert!(bits(&alone) == bits(&both));
-    assert!(took < 3 * usual + Duration::from_secs(15), "{took:?}, {usual:?} alone");
+    assert!(took < 3 * usual + Duration::from_secs(60), "{took:?}, {usual:?} alone");
 }
