@@ -86,7 +86,7 @@ fn an_unusable_file_is_reported_and_left_as_it_is() {
         (b"{\"format\":3,\"jo".as_slice(), "not the experience of a machine"),
         (b"\xff\xfe\x00".as_slice(), "valid UTF-8"),
         (long.as_bytes(), "1048577 bytes"),
-        (newer.as_bytes(), "form 7"),
+        (newer.as_bytes(), "format 7"),
         (mad.as_bytes(), "is not a valid number"),
     ] {
         fs::write(&file, bytes).expect("a file");
