@@ -55,8 +55,8 @@ class Watch:
     jobs: list[dict[str, Any]] = field(default_factory=list)
     # Farms on the local network: machine and address of each.
     found: list[str] = field(default_factory=list)
-    # Called with the farm after each question to it, in the thread of the watch.
-    followers: list[Callable[[Any], None]] = field(default_factory=list)
+    # Called with the farm after each question to it, in the thread of the watch, until they return false.
+    followers: list[Callable[[Any], bool]] = field(default_factory=list)
     problem: str = ""
     address: str | None = None
     thread: threading.Thread | None = None
@@ -171,8 +171,10 @@ def _cancel_jobs() -> None:
 
     with contextlib.suppress(bottega.Error):
         connected = bottega.Farm(address())
-        for number in own_jobs:
-            connected.job(number).cancel()
+        for number in list(own_jobs):
+            # One that has just ended cannot be cancelled.
+            with contextlib.suppress(bottega.Error):
+                connected.job(number).cancel()
 
 
 def begin_watch() -> None:
@@ -195,8 +197,9 @@ def _ask() -> None:
             watch.machines = connected.machines()
             watch.jobs = connected.views()[-JOBS_SHOWN:][::-1]
             watch.found, watch.problem = [], ""
-            for follow in watch.followers:
-                follow(connected)
+            for follow in list(watch.followers):
+                if not follow(connected):
+                    watch.followers.remove(follow)
         except bottega.Error as error:
             watch.problem, connected = str(error), None
             with contextlib.suppress(bottega.FarmError):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +51,8 @@ class FarmFrame:
 class FarmPicture:
     """A picture, or the frames of an animation, that the farm renders of a copy of the .blend file.
 
-    `preview`: what is painted of the first unfinished frame, uint8, (height, width, 3), row 0 on top. `problem`: why it is refused.
+    - `preview`: the unfinished picture of the first frame that is being painted, uint8, (height, width, 3), row 0 on top.
+    - `problem`: the reason why it is refused. `failure`: the number of a frame that failed, and the reason.
     """
 
     copy: Path
@@ -60,6 +61,7 @@ class FarmPicture:
     is_animation: bool
     preview: np.ndarray | None = None
     problem: str = ""
+    failure: str = ""
 
     @property
     def is_over(self) -> bool:
@@ -73,8 +75,8 @@ class FarmPicture:
         if self.is_animation:
             done = sum(frame.state == "done" for frame in self.frames)
             failed = sum(frame.is_over for frame in self.frames) - done
-            return f"{done} of {len(self.frames)} frames done" + (f", {failed} failed" if failed else "")
-        return f"{self.frames[0].state}, {100 * self.frames[0].share:.0f} %"
+            return f"{done} of {len(self.frames)} frames done" + (f", {failed} not: {self.failure}" if failed else "")
+        return self.failure or f"{self.frames[0].state}, {100 * self.frames[0].share:.0f} %"
 
 
 # What was sent last.
@@ -106,7 +108,7 @@ def send(scene: Any, is_animation: bool) -> FarmPicture:
     numbers = range(scene.frame_start, scene.frame_end + 1, scene.frame_step) if is_animation else [scene.frame_current]
     frames = [FarmFrame(number, folder / f"{copy.stem}-{number:04}.exr") for number in numbers]
     picture = current = FarmPicture(copy, frames, scene.cycles.samples, is_animation)
-    farm.watch.followers[:] = [lambda connected: _follow(connected, picture)]
+    farm.watch.followers.append(lambda connected: _follow(connected, picture))
     farm.begin_watch()
     return picture
 
@@ -140,20 +142,20 @@ def _packed_copy(image: Any) -> Any:
     return other
 
 
-def _follow(connected: Any, picture: FarmPicture) -> None:
-    """Submits the frames, follows their jobs, and fetches what is done. Runs in the thread of the watch."""
+def _follow(connected: Any, picture: FarmPicture) -> bool:
+    """Submits the frames, follows their jobs, and fetches what is done. Returns false when all is over. Runs in the thread of the watch."""
     import bottega
 
     begun = time.monotonic()
     for frame in picture.frames:
         # Many frames are sent in several rounds, so that the panel stays up to date.
-        if frame.job is None and not picture.problem and time.monotonic() < begun + SENDING_TIME:
+        if frame.job is None and time.monotonic() < begun + SENDING_TIME:
             fields: dict[str, Any] = {"frame": frame.number} if picture.is_animation else {}
             try:
                 frame.job = connected.submit(str(picture.copy), engine={"names": ["cycles"], **fields}, spp=picture.samples, output=frame.output.name)
             except (bottega.RequestError, bottega.SceneError, bottega.EngineError) as error:
                 picture.problem = str(error)
-                return
+                return False
             farm.own_jobs.add(frame.job.number)
     views = {view["job"]: view for view in connected.views()}
     for frame in picture.frames:
@@ -164,12 +166,13 @@ def _follow(connected: Any, picture: FarmPicture) -> None:
         if view["state"] == "done":
             frame.job.fetch(frame.output)
         if view["state"] == "failed":
-            farm.watch.problem = f"frame {frame.number}: {view.get('reason')}"
+            picture.failure = f"frame {frame.number} failed: {view.get('reason')}"
         frame.state, frame.share = view["state"], share
         if frame.is_over:
             farm.own_jobs.discard(frame.job.number)
     going = next((frame for frame in picture.frames if not frame.is_over and frame.job is not None and frame.share > 0.0), None)
     picture.preview = going.job.preview() if going is not None else None
+    return not picture.is_over
 
 
 def show(picture: FarmPicture) -> float | None:
@@ -237,6 +240,11 @@ def left_out(scene: Any) -> list[str]:
     return notes
 
 
+def _send_and_show(context: Any, is_animation: bool) -> None:
+    picture = send(context.scene, is_animation)
+    bpy.app.timers.register(lambda: show(picture), first_interval=SHOW_EVERY)
+
+
 class BOTTEGA_OT_farm_still(farm.FarmOperator, bpy.types.Operator):
     """Render the picture by the Cycles of all machines of the farm. Blender stays usable"""
 
@@ -244,8 +252,7 @@ class BOTTEGA_OT_farm_still(farm.FarmOperator, bpy.types.Operator):
     bl_label = "Picture"
 
     def act(self, context: Any) -> None:
-        picture = send(context.scene, is_animation=False)
-        bpy.app.timers.register(lambda: show(picture), first_interval=SHOW_EVERY)
+        _send_and_show(context, is_animation=False)
 
 
 class BOTTEGA_OT_farm_animation(farm.FarmOperator, bpy.types.Operator):
@@ -255,8 +262,7 @@ class BOTTEGA_OT_farm_animation(farm.FarmOperator, bpy.types.Operator):
     bl_label = "Animation"
 
     def act(self, context: Any) -> None:
-        picture = send(context.scene, is_animation=True)
-        bpy.app.timers.register(lambda: show(picture), first_interval=SHOW_EVERY)
+        _send_and_show(context, is_animation=True)
 
 
 class BOTTEGA_OT_farm_fetch(farm.FarmOperator, bpy.types.Operator):
@@ -316,7 +322,7 @@ class BOTTEGA_PT_farm_cycles(_FarmPanel, bpy.types.Panel):
         row.operator("bottega.farm_still", icon="RENDER_STILL")
         row.operator("bottega.farm_animation", icon="RENDER_ANIMATION")
         if current is not None:
-            layout.label(text=current.state, icon="ERROR" if current.problem else "NONE")
+            layout.label(text=current.state, icon="ERROR" if current.problem or current.failure else "NONE")
 
 
 class BOTTEGA_PT_farm_jobs(_FarmPanel, bpy.types.Panel):

@@ -107,12 +107,16 @@ def animation(scene: Any, folder: Path) -> None:
     for frame in (1, 3):
         (folder / f"animation-000{frame}.png").unlink(missing_ok=True)
     made = pictures.send(scene, is_animation=True)
+    # Sent meanwhile: both must be followed to their end.
+    other = pictures.send(scene, is_animation=False)
 
     def is_done() -> bool:
         pictures.show(made)
-        return made.is_over and all(frame.is_shown for frame in made.frames)
+        return made.is_over and other.is_over and all(frame.is_shown for frame in made.frames)
 
-    wait("the animation is done", is_done)
+    wait("the animation and a picture that was sent meanwhile are done", is_done)
+    if not other.frames[0].output.is_file():
+        support.failed("the picture that was sent meanwhile is not there")
     if made.state != "2 of 2 frames done":
         support.failed(f"the animation is {made.state}")
     for frame in (1, 3):

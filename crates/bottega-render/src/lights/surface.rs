@@ -342,7 +342,7 @@ impl SurfaceLight {
         let world_from_object = surfaces.world_from_object(self.panel.instance, time);
         let corners = surfaces.corners(self.panel.instance, self.panel.triangle, time);
         let corners = corners.map(|corner| world_from_object.transform_point3(corner));
-        Self { panel: self.panel.with_corners(corners), ..*self }
+        Self::new(self.panel.with_corners(corners), self.material, self.part)
     }
 
     /// Returns the index of the material.

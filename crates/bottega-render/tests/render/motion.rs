@@ -121,7 +121,6 @@ fn a_moving_ball_covers_what_its_disc_passes() {
 }
 
 #[test]
-#[ignore = "fails since two branches were merged: lights that move are sampled where they stand when the shutter opens"]
 fn a_light_that_moves_lights_by_its_mean() {
     let span = Shutter { open: 0.0, close: 1.0, ramp: 0.0 };
     // A point light that rises from 1 to 3: ∫ I / h² dt = I / 3
@@ -218,7 +217,6 @@ fn commotion() -> Scene {
 }
 
 #[test]
-#[ignore = "fails since two branches were merged: lights that move are sampled where they stand when the shutter opens"]
 fn a_moving_scene_is_the_mean_of_its_stills() {
     const SIZE: (u32, u32) = (16, 12);
     const STILLS: u32 = 64;
