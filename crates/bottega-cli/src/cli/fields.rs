@@ -183,7 +183,8 @@ mod tests {
         let program = Cli::command();
         let render = program.find_subcommand("render").expect("it exists");
         let request = Request::new("a.glb");
-        let is_optional = |path: &str| path.starts_with("view.pose.") || path.starts_with("frames.");
+        let optional_sections = ["view.pose.", "scene.shutter.", "frames."];
+        let is_optional = |path: &str| optional_sections.iter().any(|section| path.starts_with(section));
         for RequestField { path, default, .. } in FIELDS.values() {
             let row = FIELD_OPTIONS.iter().find(|row| row.field == path);
             let has = |row: &FieldOption| {
@@ -198,6 +199,7 @@ mod tests {
         let request = request.with("output.file", "a.####.exr").expect("a name for frames");
         for (field, value) in [
             ("view.pose", r#"{"eye": [0, 1, 5], "target": [0, 0, 0]}"#),
+            ("scene.shutter", r#"{"open": 0, "close": 0.5}"#),
             ("frames", r#"{"list": "1..3"}"#),
             ("frames.list", "1..3"),
         ] {
@@ -208,7 +210,9 @@ mod tests {
     #[test]
     fn every_option_of_the_table_names_a_field() {
         for row in FIELD_OPTIONS {
-            assert!(FIELDS.contains_key(row.field), "a request has no `{}`", row.field);
+            let section = format!("{}.", row.field);
+            let is_named = FIELDS.keys().any(|field| field == row.field || field.starts_with(&section));
+            assert!(is_named, "a request has no `{}`", row.field);
         }
         assert_eq!((option_of("goal.samples"), option_of("frames.fps")), (Some("--spp"), Some("--fps")));
         assert_eq!((option_of("film.size[0]"), option_of("photons.count")), (Some("--size"), None));

@@ -110,7 +110,7 @@ fn files_that_are_not_rules_are_reported_by_name() {
     }
     render(&empty, &["empty.fcl", "expected one function block, found 0"]);
     render(&stranger, &["stranger.fcl", "line 2, column 11", "an input `heat`", "complexity, neighbor_difference"]);
-    render(&no_output, &["nothing.fcl", "but speed", "recursion_level"]);
+    render(&no_output, &["nothing.fcl", "they have speed", "recursion_level"]);
     assert!(!picture.exists());
 }
 

@@ -136,7 +136,7 @@ pub enum SimulationError {
     #[error("nobody paints")]
     NoAgents,
     /// The run does not end, for example because no agent is left.
-    #[error("after {} s of virtual time {painted} of {zones} zones were in the picture: no agent is left to paint the rest", .after.as_secs())]
+    #[error("no agent is left to paint: {painted} of {zones} zones were painted after {} s of virtual time", .after.as_secs())]
     Unfinished {
         /// Virtual time at which it was stopped.
         after: Duration,

@@ -229,14 +229,14 @@ fn a_moving_scene_is_the_mean_of_its_stills() {
         let prepared = prepare(Scene { shutter, ..commotion() });
         assert!(!prepared.scene.moves());
         let settings = PathSettings { seed: still.into(), ..settings };
-        let tile = paint(&prepared, SIZE, 32, settings);
+        let tile = paint(&prepared, SIZE, 64, settings);
         for (sum, (x, y)) in mean.iter_mut().zip(pixels()) {
             *sum += color(&tile, x, y) / STILLS as f32;
         }
     }
     let prepared = prepare(commotion());
     assert!(prepared.scene.moves());
-    let tile = paint(&prepared, SIZE, 2048, settings);
+    let tile = paint(&prepared, SIZE, 64 * STILLS, settings);
     let (mut total, mut worst) = ([0.0; 2], 0.0f32);
     for (mean, (x, y)) in mean.iter().zip(pixels()) {
         let (still, moving) = (mean.element_sum(), color(&tile, x, y).element_sum());

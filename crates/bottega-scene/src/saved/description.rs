@@ -36,13 +36,13 @@ pub(super) struct Description<'a> {
     pub(super) origin: [f64; 3],
     /// Render settings of the file that the scene was read from.
     pub(super) hints: Cow<'a, RenderHints>,
-    /// What moves; absent in version 1.
+    /// The keys of moving parts; `None`: the scene stands still.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) motion: Option<MotionDescription>,
 }
 
-/// What moves, besides lights and cameras, which have their keys with them. The blocks follow all others: keys of the
-/// instances, keys of the spheres, and for each mesh the times, then positions and normals of each key.
+/// The keys of moving instances, spheres and meshes. Lights and cameras contain their own keys. The blocks come last: the keys of the
+/// instances, those of the spheres, and for each mesh the times, then positions and normals of each key.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MotionDescription {

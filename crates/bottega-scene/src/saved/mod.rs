@@ -8,7 +8,7 @@
 //! | … | the description: JSON of a [`Description`](description::Description) |
 //! | … | blocks of numbers in the order of the description, without gaps |
 //!
-//! All numbers are little-endian. A file is read whole or refused: unknown fields and newer versions are errors. Equal scenes give
+//! All numbers are little-endian. A file is read whole or refused: unknown fields and other versions are errors. Equal scenes give
 //! equal files, and an unchanged mesh or image gives the same bytes in the next file.
 
 mod blocks;
@@ -23,8 +23,5 @@ pub use self::write::save_scene;
 /// The first bytes of a file.
 const MAGIC: [u8; 8] = *b"\x89BOTTEGA";
 
-/// The newest version that is read; it is written for scenes in which something moves.
+/// The version that is written and read.
 const VERSION: u32 = 2;
-
-/// The version that is written for scenes that stand still.
-const STILL_VERSION: u32 = 1;

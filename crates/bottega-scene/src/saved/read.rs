@@ -11,7 +11,7 @@ use super::description::{
     VariationDescription,
 };
 use super::motion::read_motion;
-use super::{MAGIC, STILL_VERSION, VERSION};
+use super::{MAGIC, VERSION};
 use crate::error::{SceneError, Warnings};
 use crate::facing_curves::{CurvePoint, FacingCurves};
 use crate::grid::Grid;
@@ -73,7 +73,7 @@ fn description_of<'a>(path: &Path, file: &'a [u8]) -> Result<(Description<'stati
     let damaged = |problem: String| SceneError::Damaged { path: path.into(), problem };
     let (head, rest) = file.split_at_checked(HEAD_BYTES).ok_or_else(|| damaged("its head is cut off".into()))?;
     let [_, _, version, low, high] = [0, 4, 8, 12, 16].map(|at| word(head, at));
-    if !(STILL_VERSION..=VERSION).contains(&version) {
+    if version != VERSION {
         return Err(SceneError::OtherVersion { path: path.into(), found: version, known: VERSION });
     }
     let length = u64::from(high) << 32 | u64::from(low);

@@ -12,7 +12,7 @@ use super::description::{
     TexelFormat, VariationDescription,
 };
 use super::motion::{describe_motion, put_motion};
-use super::{MAGIC, STILL_VERSION, VERSION};
+use super::{MAGIC, VERSION};
 use crate::grid::Grid;
 use crate::hints::RenderHints;
 use crate::image::Image;
@@ -32,10 +32,9 @@ pub fn save_scene(path: &Path, scene: &Scene, hints: &RenderHints) -> Result<(),
 
 fn write(out: &mut dyn Write, scene: &Scene, hints: &RenderHints) -> io::Result<()> {
     let described = describe(scene, hints);
-    let version = if described.motion.is_some() { VERSION } else { STILL_VERSION };
     let description = serde_json::to_vec(&described)?;
     out.write_all(&MAGIC)?;
-    out.write_all(&version.to_le_bytes())?;
+    out.write_all(&VERSION.to_le_bytes())?;
     out.write_all(&(description.len() as u64).to_le_bytes())?;
     out.write_all(&description)?;
     scene.meshes.iter().try_for_each(|mesh| put_mesh(out, mesh))?;
