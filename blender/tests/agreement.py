@@ -22,6 +22,8 @@ BARS: dict[str, tuple[float, float]] = {
     "textures": (0.02, 0.05),
     # Light that grazes reliefs is dimmed by other formulas.
     "reliefs": (0.02, 0.05),
+    # Cycles' substances reflect up to 3 % more than the base color.
+    "subsurface": (0.03, 0.09),
     # Reflections by the angle to the facets instead of the surface.
     "coats": (0.02, 0.05),
 }

@@ -382,6 +382,26 @@ def coats() -> None:
 
 
 @scene
+def subsurface() -> None:
+    """Light below surfaces: short and long ways, a share of it, and a gloss above."""
+    empty((0.4, 0.4, 0.45))
+    floor(matte())
+    walks = ((-2.4, (0.8, 0.5, 0.3), 0.5, 1.0), (0.0, (0.9, 0.7, 0.5), 4.0, 1.0), (2.4, (0.3, 0.6, 0.8), 1.5, 0.6))
+    for x, color, scale, weight in walks:
+        below = {"Subsurface_Radius": (1.0, 0.5, 0.25), "Specular IOR Level" if bpy.app.version >= (4, 0, 0) else "Specular": 0.0}
+        if bpy.app.version >= (4, 0, 0):
+            below |= {"Subsurface_Weight": weight, "Subsurface_Scale": scale}
+        else:
+            below |= {"Subsurface": scale * weight, "Subsurface_Color": color}
+        material = principled(Base_Color=color, Roughness=1.0, **below)
+        if bpy.app.version < (4, 0, 0):
+            material.node_tree.nodes["Principled BSDF"].subsurface_method = "RANDOM_WALK_FIXED_RADIUS"
+        ball((x, 0, 1), material=material)
+    lamp("AREA", (0, 3, 4), (-40, 0, 0), energy=300, size=2.0)
+    lamp("AREA", (0, -3, 5), (30, 0, 0), energy=100, size=2.0)
+
+
+@scene
 def groups() -> None:
     """A node group with an input, a muted node, a reroute."""
     empty((0.5, 0.5, 0.5))

@@ -130,7 +130,8 @@ class MaterialMaker:
             if isinstance(value, Model):
                 members[name] = self.surface(value)
             elif isinstance(value, Field):
-                members[name] = self.color(value, 1.0) if value.channels == 3 else self.number(value, 0.0, 1.0)
+                highest = None if name == "radius" else 1.0
+                members[name] = self.color(value, highest) if value.channels == 3 else self.number(value, 0.0, 1.0)
             elif name == "anisotropy":
                 members[name] = bottega.Anisotropy(min(value[0], 1.0), value[1])
             elif name == "iridescence":

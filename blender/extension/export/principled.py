@@ -22,6 +22,10 @@ NAMES: dict[str, tuple[str, ...]] = {
     "normal": ("Normal",),
     "subsurface": ("Subsurface Weight", "Subsurface"),
     "subsurface_color": ("Subsurface Color",),
+    "subsurface_radius": ("Subsurface Radius",),
+    "subsurface_scale": ("Subsurface Scale",),
+    "subsurface_ior": ("Subsurface IOR",),
+    "subsurface_g": ("Subsurface Anisotropy",),
     "specular": ("Specular IOR Level", "Specular"),
     "specular_tint": ("Specular Tint",),
     "anisotropic": ("Anisotropic",),
@@ -67,8 +71,8 @@ def principled(reader: ColorReader, source: Source, note: Callable[[Any, Fidelit
     _sheen(fields, node, is_old, number, color, base, note)
     _film(fields, node, number, note)
     if not is_constant_of(number("subsurface", 0.0), 0.0):
-        note(node, Fidelity.APPROXIMATED, "subsurface scattering is rendered as a matte surface")
         _subsurface_color(fields, is_old, number, color, base)
+        _subsurface(fields, node, is_old, number, color, note)
     if not is_constant_of(number("diffuse_roughness", 0.0), 0.0):
         note(node, Fidelity.APPROXIMATED, "Diffuse Roughness is rendered as 0")
     emission = scaled(color("emission", 0.0), number("strength", 1.0 if is_old else 0.0))
@@ -82,7 +86,7 @@ def principled(reader: ColorReader, source: Source, note: Callable[[Any, Fidelit
 
 def _glass(fields: dict[str, Any], node: Any, is_old: bool, number: Any, base: Field, note: Any) -> dict[str, Any]:
     """Returns the fields of the part that transmits."""
-    glass = {name: value for name, value in fields.items() if name != "specular"}
+    glass = {name: value for name, value in fields.items() if name not in ("specular", "subsurface")}
     # Since 4.0 the color is that of light that has entered and left.
     color = base if is_old else computed("root", 3, lambda value: value.clip(0.0, None) ** 0.5, base)
     glass.update(base_color=color, transmission=constant(1.0), ior=max(_ior(node, number, note), 1.0))
@@ -165,6 +169,31 @@ def _film(fields: dict[str, Any], node: Any, number: Any, note: Any) -> None:
         return
     fields["iridescence"] = (film.number(), ior.number())
     note(node, Fidelity.APPROXIMATED, "a thin film is that of glTF: up to 7 % darker, and its colors differ")
+
+
+def _subsurface(fields: dict[str, Any], node: Any, is_old: bool, number: Any, color: Any, note: Any) -> None:
+    weight, radius = number("subsurface", 0.0), color("subsurface_radius", 1.0)
+    # Before 4.0 the weight scaled the radius instead.
+    weight, scale = (constant(1.0), weight) if is_old else (weight, number("subsurface_scale", 0.05))
+    ior, g = number("subsurface_ior", 1.4), number("subsurface_g", 0.0)
+    fields["subsurface"] = subsurface_model(node, node.subsurface_method, is_old, weight, scaled(radius, scale), ior, g, note)
+
+
+# The mean free path of Cycles' walks with a fixed radius, over the radius.
+FIXED_RADIUS = 0.25 / math.pi
+
+
+def subsurface_model(node: Any, method: str, is_old: bool, weight: Field, radius: Field, ior: Field, g: Field, note: Any) -> Model:
+    """Returns what lies below a surface, by one of Cycles' methods."""
+    walk = "Christensen-Burley is rendered as a random walk; a" if method == "BURLEY" else "a"
+    note(node, Fidelity.APPROXIMATED, f"{walk} thick body below the surface has the base color; Cycles' is up to 3 % brighter")
+    if not (ior.is_constant and g.is_constant):
+        note(node, Fidelity.APPROXIMATED, "a Subsurface IOR or Anisotropy that varies is rendered as 1.4 and 0")
+    members: dict[str, Any] = {"weight": weight, "g": min(max(g.number() if g.is_constant else 0.0, -0.95), 0.95)}
+    if method == ("RANDOM_WALK" if is_old else "RANDOM_WALK_SKIN"):
+        note(node, Fidelity.APPROXIMATED, "light enters diffusely, not refracted by Subsurface IOR")
+        return Model("Subsurface", members | {"radius": radius, "radius_ior": max(ior.number() if ior.is_constant else 1.4, 1.01)})
+    return Model("Subsurface", members | {"radius": scaled(radius, constant(FIXED_RADIUS))})
 
 
 def _subsurface_color(fields: dict[str, Any], is_old: bool, number: Any, color: Any, base: Field) -> None:

@@ -9,7 +9,7 @@ from .colors import ColorReader
 from .fields import CannotFold, constant, is_constant_of, scaled
 from .hair import hair_shader
 from .nodes import CyclicNodes, Input, Source, named
-from .principled import principled
+from .principled import principled, subsurface_model
 from .report import Fidelity
 from .surfaces import BLACK, CLEAR, ONE, Model, Relief, Shader, added, mixed, with_relief
 
@@ -223,8 +223,13 @@ def _sheen(self: ShaderReader, source: Source) -> Shader:
 
 
 def _subsurface(self: ShaderReader, source: Source) -> Shader:
-    self.note(source.node, Fidelity.APPROXIMATED, "subsurface scattering is rendered as a matte surface")
-    return Shader(Model("Diffuse", {"reflectance": self.reader.color_at(source, "Color")}))
+    reader, node = self.reader, source.node
+    is_old = not any(socket.name == "Weight" for socket in node.inputs)
+    radius = scaled(reader.color_at(source, "Radius"), reader.at(source, "Scale", 1.0))
+    ior, g = reader.at(source, "IOR", 1.4), reader.at(source, "Anisotropy", 0.0)
+    below = subsurface_model(node, node.falloff, is_old, constant(1.0), radius, ior, g, self.note)
+    fields = {"base_color": reader.color_at(source, "Color"), "specular": constant(0.0), "roughness": ONE, "subsurface": below}
+    return Shader(Model("Layered", fields))
 
 
 def _background(self: ShaderReader, source: Source) -> Shader:

@@ -186,6 +186,8 @@ SURFACES = [
         coat_normal=Texture("gray", factor=0.5),
         sheen_color=0.3,
     ),
+    bottega.Layered(GRAY, subsurface=bottega.Subsurface(GRAY, radius=(1.0, 0.3, 0.1), radius_ior=1.4, g=0.8)),
+    bottega.Layered(subsurface=bottega.Subsurface(absorption=(0.1, 0.2, 0.3), scattering=(2.0, 1.0, 1.0), inner_eta=1.3)),
     bottega.Blend(GRAY, bottega.Diffuse(0.2), bottega.Conductor(roughness=0.2)),
     bottega.Sum(bottega.Diffuse(GRAY), bottega.Conductor(roughness=0.2)),
     bottega.Transparent(Texture("gray", factor=(1, 0.5, 0.2))),

@@ -24,7 +24,7 @@ pub enum RenderError {
     UnsoundScene(#[source] Box<bottega_scene::SceneError>),
     /// Photon mapping does not support the scene's media, or its motion.
     #[error(
-        "photons and lighting agents know nothing of media that scatter, emit or have no surface, nor of what is visible after some kinds of bounce alone, nor of motion blur; paint this scene by path tracing"
+        "photons and lighting agents know nothing of media that scatter, emit or have no surface, nor of light below surfaces, nor of what is visible after some kinds of bounce alone, nor of motion blur; paint this scene by path tracing"
     )]
     PhotonsInMedia,
     /// The acceleration structure cannot be built.

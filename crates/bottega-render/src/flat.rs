@@ -51,8 +51,8 @@ pub enum NotFlat {
     /// Surfaces that are invisible to the camera from behind.
     #[error("surfaces that the camera sees through from behind")]
     CulledBacks,
-    /// Media that scatter or emit, or are not bounded by refracting surfaces.
-    #[error("media that scatter or have no refracting boundary")]
+    /// Media that scatter or emit, or are not bounded by refracting surfaces; light that is scattered below surfaces.
+    #[error("media that scatter or have no refracting boundary, and subsurface scattering")]
     Media,
     /// Panes, which transmit light straight through without counting as a bounce.
     #[error("panes that let the light of lamps without extent through")]

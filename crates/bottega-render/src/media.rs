@@ -48,6 +48,11 @@ impl Homogeneous {
         }
     }
 
+    /// Prepares a medium that does not emit, by its coefficients per unit of length and its asymmetry.
+    pub(crate) fn of_coefficients(absorption: Spectrum, scattering: Spectrum, g: f32) -> Self {
+        Self { extinction: absorption + scattering, scattering, emission: Spectrum::ZERO, phase: Phase { g } }
+    }
+
     /// Returns true if the medium scatters light.
     pub(crate) fn scatters(&self) -> bool {
         self.scattering != Spectrum::ZERO
@@ -96,7 +101,12 @@ impl Homogeneous {
 
     /// Returns the density of a distance drawn by [`Self::sample_distance`].
     pub(crate) fn distance_pdf(&self, channels: Spectrum, distance: f32) -> f32 {
-        channels.dot(self.extinction * self.transmittance(distance))
+        channels.dot(self.distance_pdfs(distance))
+    }
+
+    /// Returns the density of a distance drawn by the extinction of each channel.
+    pub(crate) fn distance_pdfs(&self, distance: f32) -> Spectrum {
+        self.extinction * self.transmittance(distance)
     }
 
     /// Returns the probability that [`Self::sample_distance`] exceeds a distance.

@@ -92,6 +92,7 @@ impl PreparedScene {
         let has_volume =
             |medium: &Option<MediumId>| medium.is_some_and(|medium| !scene.media[medium.0 as usize].is_clear());
         let needs_volume = has_boundaries
+            || used_materials(&scene).any(|material| materials[material].has_subsurface)
             || scene.cameras.iter().any(|camera| camera.medium.is_some())
             || used_materials(&scene).any(|material| materials[material].media.iter().any(has_volume));
         let lights_of = scene.lights.iter().map(|light| light.visibility);
@@ -192,7 +193,7 @@ impl PreparedScene {
     }
 
     /// Returns true if the scene needs volume integration: a medium scatters or emits, or is not bounded by refracting
-    /// surfaces.
+    /// surfaces, or light is scattered below a surface.
     #[inline(always)]
     pub(crate) fn needs_volume(&self) -> bool {
         self.needs_volume

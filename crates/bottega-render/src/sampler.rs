@@ -46,6 +46,21 @@ impl DimensionSet {
     /// Start of the sets of segments through media, beyond those of vertices.
     const MEDIA: u32 = 1 << 30;
 
+    /// Returns the dimensions of the start of a walk below the surface at a path's vertex: choice of the channel (1), first
+    /// distance (1), spare (2).
+    pub(crate) fn below(vertex: u32) -> Self {
+        Self(Self::BELOW + 2 * vertex)
+    }
+
+    /// Returns the dimensions of the end of a walk below the surface at a path's vertex: direction (2), Russian roulette (1),
+    /// choice of the surface's part (1).
+    pub(crate) fn leaving(vertex: u32) -> Self {
+        Self(Self::BELOW + 1 + 2 * vertex)
+    }
+
+    /// Start of the sets of walks below surfaces, beyond those of segments through media.
+    const BELOW: u32 = 1 << 31;
+
     /// Returns the dimensions of scattering at a path's vertex: choice of the lobe (1), direction (2), Russian
     /// roulette (1).
     pub fn scattering(vertex: u32) -> Self {

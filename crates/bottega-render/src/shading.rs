@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::{
-    bsdf::{Bsdf, BsdfSample, SurfacePoint, scattering},
+    bsdf::{Bsdf, BsdfSample, Interior, SurfacePoint, interior_at, leaving, scattering},
     interaction::Interaction,
     surfaces::Surfaces,
 };
@@ -31,7 +31,14 @@ pub(crate) fn bsdf_at<'a>(
     {
         return &sides[usize::from(point.front)];
     }
-    let point = SurfacePoint {
+    let chance = if material.is_blended() { chance() } else { 0.0 };
+    place.insert(scattering(surfaces.scene(), material, &surface_point(point, chance)))
+}
+
+/// Returns a point as the evaluation of materials sees it.
+#[inline(always)]
+fn surface_point(point: &Interaction, chance: f32) -> SurfacePoint {
+    SurfacePoint {
         uvs: point.uvs,
         mapping_point: point.mapping_point(),
         footprint: point.footprint,
@@ -39,9 +46,26 @@ pub(crate) fn bsdf_at<'a>(
         front: point.front,
         coat_normal: point.coat_normal,
         lifted: point.lifted,
-        chance: if material.is_blended() { chance() } else { 0.0 },
-    };
-    place.insert(scattering(surfaces.scene(), material, &point))
+        chance,
+        lets_in: false,
+    }
+}
+
+/// Returns the BSDF at a point of a surface that lets light in, and the medium below; `None`: the chosen part of a blend
+/// lets none in.
+///
+/// - `chance`: random number in [0, 1) that chooses between blended surfaces.
+pub(crate) fn entered_bsdf(surfaces: &Surfaces, point: &Interaction, chance: f32) -> (Bsdf, Option<Interior>) {
+    let (scene, material) = (surfaces.scene(), surfaces.material(point.material).0);
+    let point = SurfacePoint { lets_in: true, ..surface_point(point, chance) };
+    (scattering(scene, material, &point), interior_at(scene, material, &point))
+}
+
+/// Returns the BSDF of light that leaves a surface from below, at a point seen from outside.
+///
+/// - `chance`: as for [`entered_bsdf`].
+pub(crate) fn left_bsdf(surfaces: &Surfaces, point: &Interaction, chance: f32) -> Bsdf {
+    leaving(surfaces.scene(), surfaces.material(point.material).0, &surface_point(point, chance))
 }
 
 /// Returns true if light is scattered equally in all directions, on one side.

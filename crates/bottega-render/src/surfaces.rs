@@ -166,6 +166,8 @@ pub(crate) struct PreparedMaterial {
     pub(crate) profile: Profile,
     /// `true`: light may be transmitted to the other side.
     pub(crate) transmits: bool,
+    /// `true`: light is scattered below the surface.
+    pub(crate) has_subsurface: bool,
     /// BSDFs seen from the back and from the front, if they are the same everywhere on the surface.
     pub(crate) bsdfs: Option<[Bsdf; 2]>,
     /// Media before the front and behind it, if the material separates media.
@@ -200,6 +202,7 @@ fn prepare_material(scene: &Scene, material: &Material) -> PreparedMaterial {
     PreparedMaterial {
         bsdfs: (!is_textured && !material.is_blended()).then(|| [side(false), side(true)]),
         transmits,
+        has_subsurface: material.has_subsurface(),
         media: if parts_media { [material.exterior, material.interior] } else { [None; 2] },
         parts_media,
         is_pane: material.is_seen_through(),

@@ -5,12 +5,12 @@ use bottega_scene::Spectrum;
 use glam::Vec3;
 
 use crate::{
-    bsdf::{Bsdf, BsdfAt, BsdfSample},
+    bsdf::{Bsdf, BsdfAt, BsdfSample, Interior},
     color::exp,
     interaction::Interaction,
     lights::{LightSample, Receiver},
     sampler::PixelSampler,
-    shading::{BLEND, DEPTH_SHIFT, bsdf_at},
+    shading::{BLEND, DEPTH_SHIFT, bsdf_at, entered_bsdf},
     surfaces::{PreparedMaterial, Surfaces},
 };
 
@@ -115,6 +115,22 @@ pub(crate) fn bsdf_at_vertex<'a>(
     vertex: u32,
     storage: &'a mut Option<Bsdf>,
 ) -> &'a Bsdf {
-    let chance = || sampler.hashed(BLEND ^ u64::from(vertex) << DEPTH_SHIFT ^ u64::from(point.material));
-    bsdf_at(surfaces, point, chance, storage)
+    bsdf_at(surfaces, point, || part_chance(point, sampler, vertex), storage)
+}
+
+/// Returns the BSDF at a vertex on a surface that lets light in, and the medium below the part of a blend that
+/// [`bsdf_at_vertex`] chooses; `None`: that part lets none in.
+pub(crate) fn entered_bsdf_at_vertex(
+    surfaces: &Surfaces,
+    point: &Interaction,
+    sampler: &PixelSampler,
+    vertex: u32,
+) -> (Bsdf, Option<Interior>) {
+    entered_bsdf(surfaces, point, part_chance(point, sampler, vertex))
+}
+
+/// Returns the random number in [0, 1) that chooses between the parts of a blend at a vertex.
+#[inline(always)]
+fn part_chance(point: &Interaction, sampler: &PixelSampler, vertex: u32) -> f32 {
+    sampler.hashed(BLEND ^ u64::from(vertex) << DEPTH_SHIFT ^ u64::from(point.material))
 }

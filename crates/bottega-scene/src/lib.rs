@@ -26,7 +26,7 @@
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
 //! | curves that face each ray | `src/facing_curves.rs`, `src/import/strand.rs`; pbrt: `src/pbrt/shape/curve.rs` |
 //! | curves as tubes | `src/import/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
-//! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/hair.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
+//! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/subsurface.rs`, `src/hair.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
 //! | textures and their mappings, including mappings by world position | `src/texture.rs` |
 //! | pictures with mip levels: decoding, storage, lookup | `src/image/` |
 //! | colours; spectra and colour spaces as colours | `src/color.rs`; `src/spectrum/` |
@@ -80,6 +80,7 @@ mod shapes;
 mod shared_list;
 mod sky;
 mod spectrum;
+mod subsurface;
 mod summary;
 mod surface;
 mod text;
@@ -117,6 +118,7 @@ pub use resource::SceneFile;
 pub use saved::save_scene;
 pub use shaped_light::{AreaLamp, SphereLamp, SpotCone};
 pub use shared_list::SharedList;
+pub use subsurface::{RadiusMeaning, Substance, Subsurface};
 pub use summary::SceneSummary;
 pub use surface::{
     Anisotropy, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, InnerReflection, Iridescence,

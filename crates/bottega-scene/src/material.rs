@@ -270,6 +270,11 @@ impl Material {
         self.surface.has_hair() || matches!(&self.back, Back::Other(surface) if surface.has_hair())
     }
 
+    /// Returns true if light is scattered below either side.
+    pub fn has_subsurface(&self) -> bool {
+        self.surface.has_subsurface() || matches!(&self.back, Back::Other(surface) if surface.has_subsurface())
+    }
+
     /// Returns true if shading needs the tangents of the texture coordinates.
     pub fn needs_tangents(&self) -> bool {
         let back = if let Back::Other(surface) = &self.back { surface.needs_tangents() } else { false };

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::color::Spectrum;
 use crate::hair::{Hair, Strand};
 use crate::param::{ColorParam, ScalarParam};
+use crate::subsurface::{Substance, Subsurface};
 use crate::texture::{Channel, TextureMap};
 
 /// The scattering model of a surface.
@@ -287,6 +288,9 @@ pub struct Layered {
     pub diffuse_transmission: ScalarParam,
     /// Colour of the diffusely transmitted light.
     pub diffuse_transmission_color: ColorParam,
+    /// Scattering of the diffuse light below the surface; `None`: it leaves where it arrives. Takes the place of
+    /// `diffuse_transmission`, and is ignored for thin sheets and where light is refracted.
+    pub subsurface: Option<Box<Subsurface>>,
     /// `true`: a thin sheet without volume (light passes straight through). `false`: the boundary of a solid.
     pub thin: bool,
     /// A thin film on the base.
@@ -318,6 +322,7 @@ impl Default for Layered {
             transmission: 0.0.into(),
             diffuse_transmission: 0.0.into(),
             diffuse_transmission_color: Spectrum::ONE.into(),
+            subsurface: None,
             thin: false,
             iridescence: None,
             coat: 0.0.into(),
@@ -501,6 +506,15 @@ impl Surface {
         }
     }
 
+    /// Returns true if light is scattered below the surface; see [`Subsurface`].
+    pub fn has_subsurface(&self) -> bool {
+        match self {
+            Self::Layered(layered) => layered.subsurface.is_some() && !layered.thin,
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().any(Self::has_subsurface),
+            _ => false,
+        }
+    }
+
     /// Returns true if the fibres of the surface run along v of the texture coordinates; see [`Strand`].
     pub fn has_strands_along_v(&self) -> bool {
         match self {
@@ -551,6 +565,13 @@ impl Surface {
                 scalars.extend([&l.metallic, &l.roughness, &l.specular, &l.transmission, &l.diffuse_transmission]);
                 scalars.extend([&l.coat, &l.coat_roughness, &l.sheen_roughness]);
                 scalars.extend(l.iridescence.as_ref().map(|film| &film.factor));
+                if let Some(subsurface) = &l.subsurface {
+                    scalars.push(&subsurface.weight);
+                    match &subsurface.substance {
+                        Substance::Colored { radius, .. } => colors.push(radius),
+                        Substance::Coefficients { absorption, scattering } => colors.extend([absorption, scattering]),
+                    }
+                }
             }
             Self::Hair(hair) => hair.add_params(colors, scalars),
             Self::Blend { weight, surfaces } => {
@@ -562,7 +583,7 @@ impl Surface {
     }
 
     /// Returns every index of refraction that is a number rather than a colour, and the other plain numbers of
-    /// [`Layered`]: dispersion and the film's thicknesses.
+    /// [`Layered`]: dispersion, the film's thicknesses .
     pub(crate) fn indices_of_refraction(&self) -> Vec<f32> {
         match self {
             Self::Dielectric(dielectric) => vec![dielectric.eta],
@@ -573,7 +594,8 @@ impl Surface {
             Self::Layered(layered) => {
                 let film = layered.iridescence.as_ref();
                 let film = film.into_iter().flat_map(|film| [film.ior, film.thickness[0], film.thickness[1]]);
-                film.chain([layered.ior, layered.dispersion]).collect()
+                let below = layered.subsurface.iter().map(|below| below.inner_eta);
+                film.chain(below).chain([layered.ior, layered.dispersion]).collect()
             }
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => {
                 surfaces.iter().flat_map(Self::indices_of_refraction).collect()
@@ -587,6 +609,15 @@ impl Surface {
         match self {
             Self::Hair(hair) => hair.alpha.abs() <= 90.0,
             Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().all(Self::has_sound_scales),
+            _ => true,
+        }
+    }
+
+    /// Returns true unless scattering below the surface has an asymmetry beyond (−1, 1).
+    pub(crate) fn has_sound_subsurface(&self) -> bool {
+        match self {
+            Self::Layered(layered) => layered.subsurface.as_ref().is_none_or(|below| below.g.abs() < 1.0),
+            Self::Blend { surfaces, .. } | Self::Sum(surfaces) => surfaces.iter().all(Self::has_sound_subsurface),
             _ => true,
         }
     }

@@ -9,6 +9,7 @@ from ._values import (
     Color,
     CountKind,
     Kind,
+    MaybeRealKind,
     Names,
     Number,
     NumberKind,
@@ -290,6 +291,50 @@ class Iridescence(Value):
     thickness_texture: Texture | None = of(TextureKind(True), None)
 
 
+@dataclass
+class Subsurface(Value):
+    """Scattering below a surface, as of skin, wax, milk or marble. The mesh must be closed.
+
+    - `weight`: share of the diffuse light that enters; the rest is reflected where it arrives.
+    - `radius`: how far light travels inside, R G B in scene units. A thick slab then reflects the base color.
+    - `radius_ior`: `None`: `radius` is the mean free path; a number: it is the diffuse mean free path of a dipole with this index of refraction.
+    - `absorption`, `scattering`: coefficients R G B per scene unit, instead of `radius` and the base color.
+    - `g`: asymmetry of scattering, between -1 and 1; above 0: forward.
+    - `inner_eta`: index of refraction that decides how much light the surface reflects back inside; 1: none.
+    """
+
+    weight: Number = number(1.0, 0.0, 1.0)
+    radius: Color = color((1.0, 0.2, 0.1))
+    radius_ior: float | None = of(MaybeRealKind(), None)
+    absorption: Color | None = of(MaybeColorKind(), None)
+    scattering: Color | None = of(MaybeColorKind(), None)
+    g: float = plain_real(0.0, -0.9999, 0.9999)
+    inner_eta: float = plain_real(1.0, 1.0, 1e3)
+
+    def plain_fields(self, names: Names) -> dict[str, Any]:
+        plain = super().plain_fields(names)
+        radius, ior = plain.pop("radius"), plain.pop("radius_ior")
+        absorption, scattering = plain.pop("absorption"), plain.pop("scattering")
+        if (absorption is None) != (scattering is None):
+            raise ValueError("a Subsurface has `absorption` and `scattering` together, or neither")
+        if scattering is not None:
+            return {**plain, "substance": {"coefficients": {"absorption": absorption, "scattering": scattering}}}
+        meaning = "mean_free_path" if ior is None else {"diffuse_mean_free_path": ior}
+        return {**plain, "substance": {"colored": {"radius": radius, "meaning": meaning}}}
+
+    @classmethod
+    def of_plain(cls, plain: dict[str, Any], names: Names) -> Any:
+        ((tag, substance),) = plain["substance"].items()
+        values: dict[str, Any] = {"weight": NumberKind().value(plain["weight"], names), "g": plain["g"], "inner_eta": plain["inner_eta"]}
+        if tag == "coefficients":
+            values |= {name: MaybeColorKind().value(substance[name], names) for name in ("absorption", "scattering")}
+        else:
+            meaning = substance["meaning"]
+            values["radius"] = TexturedColorKind().value(substance["radius"], names)
+            values["radius_ior"] = meaning["diffuse_mean_free_path"] if isinstance(meaning, dict) else None
+        return cls(**values)
+
+
 class ScaledMapKind(TextureKind):
     """A normal map, whose factor scales x and y; or `None`."""
 
@@ -310,7 +355,7 @@ class Layered(Surface):
     """glTF's layered material: plastic by default, metal with `metallic=1`, glass with `transmission=1`, lacquer with `coat=1`.
 
     Roughness is perceptual: 0 a mirror, 1 matte. `thin`: a sheet without volume; otherwise the mesh bounds a solid.
-    `dispersion` is 20 over the Abbe number. `coat_normal` is a normal map of the coat, with its scale as factor.
+    `subsurface` scatters diffuse light below the surface of a solid that transmits no other light. `dispersion` is 20 over the Abbe number. `coat_normal` is a normal map of the coat, with its scale as factor.
     """
 
     tag = "layered"
@@ -325,6 +370,7 @@ class Layered(Surface):
     transmission: Number = number(0.0, 0.0, 1.0)
     diffuse_transmission: Number = number(0.0, 0.0, 1.0)
     diffuse_transmission_color: Color = color(1.0)
+    subsurface: Subsurface | None = of(ValueKind(Subsurface), None)
     thin: bool = flag(False)
     iridescence: Iridescence | None = of(ValueKind(Iridescence), None)
     coat: Number = number(0.0, 0.0, 1.0)

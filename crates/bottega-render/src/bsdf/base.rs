@@ -272,6 +272,11 @@ impl LayeredBase {
             + self.boundary.eval(o.boundary, i.boundary)
     }
 
+    /// Returns f of diffuse light that comes from below and leaves along a direction with cosine `cos`, whatever way it came.
+    pub(super) fn leaving(&self, cos: f32) -> Spectrum {
+        self.diffuse_through.eval(1.0, self.rest(Mu::new(cos), false).diffuse)
+    }
+
     /// Returns f of the cosine lobes on the far side, in importance mode.
     pub(super) fn cosine_through(&self, o: &Rest, i: &Rest) -> Spectrum {
         self.diffuse_through.eval(o.diffuse, i.diffuse)

@@ -46,6 +46,7 @@ mod principled;
 mod scatter;
 mod scattering;
 mod sheen;
+mod subsurface;
 mod surface;
 mod tables;
 mod unevenness;
@@ -56,8 +57,9 @@ use glam::Vec3;
 
 pub use params::SurfaceParams;
 pub use scattering::{Bsdf, BsdfAt};
-pub(crate) use surface::anisotropy_at;
+pub(crate) use subsurface::Interior;
 pub use surface::{SurfacePoint, scattering};
+pub(crate) use surface::{anisotropy_at, interior_at, leaving};
 
 pub use crate::mapping::MappingPoint;
 pub use unevenness::LiftedNormal;

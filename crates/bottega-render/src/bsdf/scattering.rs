@@ -13,6 +13,7 @@ use super::matte::{RoughMatte, Translucent};
 use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledSheet};
 use super::scatter::{Lobes, Scatter};
+use super::subsurface::Leaving;
 use super::{BsdfSample, LiftedNormal, LobeFlags, SurfaceParams, TransportMode, warp};
 
 /// The BSDF at one point. See the [module](super) for the local frame.
@@ -62,6 +63,7 @@ pub(super) enum Other {
     Principled(Principled),
     PrincipledSheet(PrincipledSheet),
     Hair(Hair),
+    Leaving(Leaving),
 }
 
 /// Dispatches an expression over all kinds of `Other`.
@@ -77,6 +79,7 @@ macro_rules! ask {
             Other::Principled($it) => $answer,
             Other::PrincipledSheet($it) => $answer,
             Other::Hair($it) => $answer,
+            Other::Leaving($it) => $answer,
         }
     };
 }
@@ -133,6 +136,11 @@ impl Bsdf {
             None => BsdfKind::Layered(layers),
         };
         Self::of(kind)
+    }
+
+    /// Creates the BSDF of light that leaves a layered material from below; see [`Subsurface`](bottega_scene::Subsurface).
+    pub(super) fn leaving(params: &SurfaceParams) -> Self {
+        Self::other(Some(Other::Leaving(Leaving::new(&params.clamped()))))
     }
 
     const fn of(kind: BsdfKind) -> Self {

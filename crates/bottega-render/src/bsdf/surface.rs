@@ -4,7 +4,7 @@ use bottega_kernels::math;
 use bottega_scene::{
     Anisotropy, Coated, CoatedBase, ColorParam, Diffuse, Facets, Hair as HairSurface, InnerReflection, Iridescence,
     Layered, Material, Pigment, Principled as PrincipledSurface, RoughnessScale, ScalarParam, Scene, Spectrum, Strand,
-    Surface, TextureMap, Uvs,
+    Subsurface, Surface, TextureMap, Uvs,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -19,6 +19,7 @@ use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledParams, PrincipledSheet};
 use super::scatter::split;
 use super::scattering::Other;
+use super::subsurface::Interior;
 use super::{Bsdf, LiftedNormal, SurfaceParams};
 use crate::mapping::{MappingPoint, TexturePlace};
 
@@ -41,6 +42,8 @@ pub struct SurfacePoint {
     pub lifted: Option<LiftedNormal>,
     /// Random number in [0, 1) that chooses between blended surfaces.
     pub chance: f32,
+    /// `true`: light enters materials that scatter it below their surface. `false`: they are matte.
+    pub lets_in: bool,
 }
 
 impl SurfacePoint {
@@ -55,6 +58,7 @@ impl SurfacePoint {
             coat_normal: Vec3::Z,
             lifted: None,
             chance: 0.0,
+            lets_in: false,
         }
     }
 
@@ -127,9 +131,58 @@ pub fn scattering(scene: &Scene, material: &Material, point: &SurfacePoint) -> B
     }
 }
 
+/// Returns the medium below a point of `material`; `None`: none, or light is refracted there.
+pub(crate) fn interior_at(scene: &Scene, material: &Material, point: &SurfacePoint) -> Option<Interior> {
+    let (part, _) = part_at(scene, material.surface_of(point.front)?, point);
+    let layered = if let Surface::Layered(layered) = part { layered } else { return None };
+    let below = below(scene, layered, point)?;
+    Some(Interior::new(below, point.base(scene, &layered.base_color), |param| point.color(scene, param)))
+}
+
+/// Returns the scattering of light that leaves `material` from below at a point, seen from outside.
+pub(crate) fn leaving(scene: &Scene, material: &Material, point: &SurfacePoint) -> Bsdf {
+    let part = material.surface_of(point.front).map(|surface| part_at(scene, surface, point).0);
+    match part {
+        Some(Surface::Layered(layered)) => Bsdf::leaving(&of_layered(scene, layered, point)),
+        _ => Bsdf::lambert(Spectrum::ONE),
+    }
+}
+
+/// Returns the subsurface scattering of a layered material at a point, unless light passes through it otherwise.
+fn below<'a>(scene: &Scene, layered: &'a Layered, point: &SurfacePoint) -> Option<&'a Subsurface> {
+    let below = layered.subsurface.as_deref().filter(|_| !layered.thin)?;
+    (point.scalar(scene, &layered.transmission) <= 0.0).then_some(below)
+}
+
+/// Returns the part of a blend or sum that the point's random number chooses, and the number of parts it stands for.
+fn part_at<'a>(scene: &Scene, mut surface: &'a Surface, point: &SurfacePoint) -> (&'a Surface, f32) {
+    let (mut chance, mut gain) = (point.chance, 1.0);
+    loop {
+        let (weight, surfaces) = match surface {
+            Surface::Blend { weight, surfaces } => (point.scalar(scene, weight).clamp(0.0, 1.0), surfaces),
+            Surface::Sum(surfaces) => {
+                gain *= 2.0;
+                (0.5, surfaces)
+            }
+            part => return (part, gain),
+        };
+        // Choose a part, and rescale the random number for nested blends
+        let (is_second, rest) = split(chance, weight);
+        (surface, chance) = (&surfaces[usize::from(is_second)], rest);
+    }
+}
+
 fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
+    match part_at(scene, surface, point) {
+        (part, 1.0) => of_part(scene, part, point),
+        (part, gain) => of_part(scene, part, point).times(gain),
+    }
+}
+
+/// Returns the scattering of a surface that is neither a blend nor a sum.
+fn of_part(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
     match surface {
-        Surface::Null | Surface::Unlit(_) => Bsdf::black(),
+        Surface::Null | Surface::Unlit(_) | Surface::Blend { .. } | Surface::Sum(_) => Bsdf::black(),
         Surface::Layered(layered) => Bsdf::new(&of_layered(scene, layered, point)),
         Surface::Diffuse(diffuse) => of_diffuse(scene, diffuse, point),
         Surface::DiffuseTransmission { reflectance, transmittance } => {
@@ -169,19 +222,6 @@ fn of_surface(scene: &Scene, surface: &Surface, point: &SurfacePoint) -> Bsdf {
             }))
         }
         Surface::Hair(hair) => Bsdf::other(Some(Other::Hair(Hair::new(&of_hair(scene, hair, point))))),
-        Surface::Blend { weight, surfaces } => {
-            let weight = point.scalar(scene, weight).clamp(0.0, 1.0);
-            // Rescale the random number for nested blends
-            let (is_second, chance) = split(point.chance, weight);
-            let point = SurfacePoint { chance, ..*point };
-            of_surface(scene, &surfaces[usize::from(is_second)], &point)
-        }
-        Surface::Sum(surfaces) => {
-            // One of both at random, which stands for two
-            let (is_second, chance) = split(point.chance, 0.5);
-            let point = SurfacePoint { chance, ..*point };
-            of_surface(scene, &surfaces[usize::from(is_second)], &point).times(2.0)
-        }
     }
 }
 
@@ -306,6 +346,12 @@ fn of_layered(scene: &Scene, layered: &Layered, point: &SurfacePoint) -> Surface
     let color = |param: &ColorParam| point.color(scene, param);
     let scalar = |param: &ScalarParam| point.scalar(scene, param);
     let film = layered.iridescence.as_ref();
+    // Light that enters is white: the medium inside colors it
+    let entering = below(scene, layered, point).filter(|_| point.lets_in);
+    let (through, through_color) = match entering {
+        Some(below) => (scalar(&below.weight), Spectrum::ONE),
+        None => (scalar(&layered.diffuse_transmission), color(&layered.diffuse_transmission_color)),
+    };
     SurfaceParams {
         base_color: color(&layered.base_color) * point.vertex_color.truncate(),
         metallic: scalar(&layered.metallic),
@@ -319,8 +365,8 @@ fn of_layered(scene: &Scene, layered: &Layered, point: &SurfacePoint) -> Surface
         specular: scalar(&layered.specular),
         specular_color: color(&layered.specular_color),
         transmission: scalar(&layered.transmission),
-        diffuse_transmission: scalar(&layered.diffuse_transmission),
-        diffuse_transmission_color: color(&layered.diffuse_transmission_color),
+        diffuse_transmission: through,
+        diffuse_transmission_color: through_color,
         thin: layered.thin,
         iridescence: film.map_or(0.0, |film| scalar(&film.factor)),
         iridescence_ior: film.map_or(1.0, |film| film.ior),

@@ -12,6 +12,7 @@
 mod light;
 mod passage;
 mod state;
+mod subsurface;
 
 use bottega_kernels::Ray;
 use bottega_scene::{Spectrum, Surface, Visibility};
@@ -32,7 +33,7 @@ use crate::{
         varying::{CarriedLight, Line, Varying},
     },
     sampler::{DimensionSet, PixelSampler},
-    vertex::{LeavingDirection, SurfaceVertex, bsdf_at_vertex, leaving_direction, receiver_at},
+    vertex::{LeavingDirection, SurfaceVertex, bsdf_at_vertex, entered_bsdf_at_vertex, leaving_direction, receiver_at},
 };
 use passage::{BOUNDARIES_MAX, STEPS, numbers};
 use state::{MediumPath, PreviousVertex, SegmentPoint};
@@ -240,9 +241,9 @@ impl MediumPath<'_> {
                 return false;
             }
         }
-        // Evaluate the BSDF's parameters
+        // Evaluate the BSDF's parameters, and those of the substance below
         let mut storage = None;
-        let bsdf = bsdf_at_vertex(prepared, point, &self.sampler, self.depth, &mut storage);
+        let mut bsdf = bsdf_at_vertex(prepared, point, &self.sampler, self.depth, &mut storage);
         if self.wants_cost {
             self.record.counts.meet(bsdf, known);
         }
@@ -259,15 +260,27 @@ impl MediumPath<'_> {
         if is_last {
             return false;
         }
+        let (entered, interior);
+        if known.has_subsurface {
+            (entered, interior) = entered_bsdf_at_vertex(prepared, point, &self.sampler, self.depth);
+            bsdf = &entered;
+        } else {
+            interior = None;
+        }
+        let is_delta_only = bsdf.is_delta_only();
         let (receiver, bsdf) = (receiver_at(point, known), &bsdf.at_carrying(wo, self.throughput));
         let vertex = SurfaceVertex { point, bsdf, receiver, wo };
         // Sample direct illumination
         if !is_delta_only && self.samples_lights() {
-            self.add_direct_light(&vertex);
+            self.add_direct_light(&vertex, interior.is_some());
         }
         // Sample the BSDF
         let u = self.sampler.quad(DimensionSet::scattering(self.depth));
         let Some(sample) = bsdf.sample(u[0], [u[1], u[2]]) else { return false };
+        if let Some(interior) = interior.filter(|_| sample.lobe.contains(LobeFlags::TRANSMISSION)) {
+            self.throughput *= sample.weight();
+            return self.pass_below(point, point.to_world(sample.wi), &interior);
+        }
         let Some(LeavingDirection { wi, is_reflection }) = leaving_direction(point, &sample) else { return false };
         // Update throughput and medium, and move on
         self.throughput *= sample.weight();

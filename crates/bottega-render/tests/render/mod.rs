@@ -20,6 +20,7 @@ mod sheets;
 mod soft_lights;
 mod speckles;
 mod strategies;
+mod subsurface;
 mod sums;
 mod surveys;
 mod visibility;

@@ -20,8 +20,10 @@ use crate::param::{ColorParam, ScalarParam};
 use crate::spectrum::named::metal_spectra;
 use crate::spectrum::role::ColorRole;
 use crate::spectrum::sampled::Sampled;
+use crate::subsurface::{RadiusMeaning, Substance, Subsurface};
 use crate::surface::{
-    Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, RoughnessScale, Shadowing, Surface,
+    Coated, CoatedBase, Conductor, Dielectric, Diffuse, Distribution, Facets, Layered, RoughnessScale, Shadowing,
+    Surface,
 };
 use crate::text::shortened;
 
@@ -341,41 +343,80 @@ fn coated(
     })))
 }
 
-/// Approximates a subsurface material by a coat over its diffuse reflectance.
+/// Reads a subsurface material: a named substance, coefficients, or a reflectance with mean free paths.
 fn subsurface(
     context: &mut Context<'_>,
     textures: &mut PbrtTextures<'_, '_>,
     entity: &Entity,
 ) -> ImportResult<Surface> {
-    let (params, at) = (&entity.params, entity.at);
-    context.unsupported(at, "light leaves the subsurface material where it enters: a coated matte one stands for it");
-    let mut sigma = preset_coefficients("Wholemilk").unwrap_or([DVec3::ONE; 2]);
-    if let Some(name) = params.text("name")? {
-        let problem = || params.place_of("name").fault(format!("there is no substance \"{}\"", shortened(name)));
-        sigma = preset_coefficients(name).ok_or_else(problem)?;
-    }
-    for (sigma, name) in sigma.iter_mut().zip(["sigma_a", "sigma_s"]) {
-        if let Some(color) = context.color(params, name)? {
-            *sigma = color.to_rec709(ColorRole::Unbounded).as_dvec3();
-        } else if params.texture(name)?.is_some() {
-            *sigma = DVec3::ONE;
-        }
-    }
-    params.mark_reported(&["mfp", "scale", "g"]);
-    let reflectance = match textures.color(context, params, "reflectance", ColorRole::Reflectance)? {
-        Some(color) => color,
-        None => {
-            // Diffuse reflectance of a half space without boundary (Jensen et al. 2001, equation 4 integrated, with A =
-            // 1).
-            let albedo = sigma[1] / (sigma[0] + sigma[1]).max(DVec3::splat(1e-12));
-            let root = (3.0 * (1.0 - albedo)).powf(0.5);
-            (albedo * 0.5 * (1.0 + (-root * (4.0 / 3.0)).exp()) * (-root).exp()).as_vec3().into()
-        }
+    let params = &entity.params;
+    let scale = params.float("scale")?.unwrap_or(1.0) as f32;
+    let scaled = |mut param: ColorParam| {
+        param.factor *= scale;
+        param
     };
-    let base = CoatedBase::Diffuse(Diffuse { reflectance, roughness: 0.0.into() });
-    let facets = facets(context, textures, params, "")?;
+    let coefficients = |sigma: [DVec3; 2]| {
+        let [absorption, scattering] = sigma.map(|sigma| scaled(sigma.as_vec3().into()));
+        Substance::Coefficients { absorption, scattering }
+    };
+    let mut color = |context: &mut Context<'_>, name: &str, role| textures.color(context, params, name, role);
+    let sigma_a = color(context, "sigma_a", ColorRole::Unbounded)?;
+    let sigma_s = color(context, "sigma_s", ColorRole::Unbounded)?;
+    let reflectance = color(context, "reflectance", ColorRole::Reflectance)?;
+    let mfp = color(context, "mfp", ColorRole::Unbounded)?;
+    let mut base_color = Spectrum::ONE.into();
+    let substance = match (params.text("name")?, sigma_a, sigma_s, reflectance) {
+        (Some(name), ..) => {
+            let problem = || params.place_of("name").fault(format!("there is no substance \"{}\"", shortened(name)));
+            coefficients(preset_coefficients(name).ok_or_else(problem)?)
+        }
+        (None, Some(absorption), Some(scattering), _) => {
+            Substance::Coefficients { absorption: scaled(absorption), scattering: scaled(scattering) }
+        }
+        (None, _, _, Some(reflectance)) => {
+            base_color = reflectance;
+            let radius = scaled(mfp.unwrap_or(Spectrum::ONE.into()));
+            Substance::Colored { radius, meaning: RadiusMeaning::MeanFreePath }
+        }
+        (None, Some(_), None, None) | (None, None, Some(_), None) => {
+            return Err(entity.at.fault("`sigma_a` and `sigma_s` are needed together").into());
+        }
+        // Whole milk
+        (None, None, None, None) => coefficients([DVec3::new(0.0011, 0.0024, 0.014), DVec3::new(2.55, 3.21, 3.77)]),
+    };
+    let g = params.float("g")?.unwrap_or(0.0);
+    if g.is_nan() || g.abs() >= 1.0 {
+        return Err(params.place_of("g").fault("`g` is between -1 and 1").into());
+    }
     let eta = index_of_refraction(context, params, "eta", 1.33)?;
-    coated(context, textures, params, eta, facets, base)
+    let below = Subsurface { weight: 1.0.into(), substance, g: g as f32, inner_eta: eta.max(1.0) };
+    Ok(Surface::Layered(Box::new(Layered {
+        base_color,
+        roughness: perceptual_roughness(context, textures, params)?.into(),
+        ior: eta.max(1.0),
+        subsurface: Some(Box::new(below)),
+        ..Layered::default()
+    })))
+}
+
+/// Reads the roughness along u and v as one perceptual roughness, the root of α.
+fn perceptual_roughness(
+    context: &mut Context<'_>,
+    textures: &mut PbrtTextures<'_, '_>,
+    params: &Params,
+) -> ImportResult<f32> {
+    let facets = facets(context, textures, params, "")?;
+    for (roughness, name) in facets.roughness.iter().zip(["uroughness", "vroughness"]) {
+        if roughness.texture.is_some() {
+            let name = if params.texture("roughness")?.is_some() { "roughness" } else { name };
+            context.unsupported(params.place_of(name), format!("`{name}` is the same everywhere"));
+        }
+    }
+    let alpha = facets.roughness.map(|roughness| match facets.scale {
+        RoughnessScale::SquareRoot => roughness.factor.sqrt(),
+        RoughnessScale::Alpha | RoughnessScale::Square => roughness.factor,
+    });
+    Ok((alpha[0] * alpha[1]).powf(0.25).min(1.0))
 }
 
 /// Reads hair; of several kinds of colour the first of `sigma_a`, `reflectance`, `color` and pigments counts.

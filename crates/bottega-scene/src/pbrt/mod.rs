@@ -3,10 +3,10 @@
 //! Uses its own parser: the crates for the format panic on several directives, and give no error locations.
 //!
 //! Supported: all directives; triangle, bilinear and subdivision meshes, `plymesh` (also compressed), spheres, disks,
-//! cylinders and curves; all materials but `measured` (with `subsurface` approximated); image, constant,
+//! cylinders and curves; all materials but `measured`; image, constant,
 //! scale, mix, checkerboard and bilerp textures; all lights, also through portals; homogeneous media; perspective and
 //! orthographic cameras. Anything else is reported with file, line and column, and replaced or left out, or an error
-//! with [`LoadOptions::strict`](crate::LoadOptions::strict). Moving objects are shown at their start.
+//! with [`LoadOptions::strict`](crate::LoadOptions::strict).
 //!
 //! Flat and cylindrical curves face each ray ([`FacingCurves`](crate::FacingCurves)), as in pbrt.
 //!

@@ -92,6 +92,7 @@ impl Numbers {
         let uv = |numbers: &mut Self| Vec2::new(numbers.within(-3.0, 3.0), numbers.within(-3.0, 3.0));
         let lifted = self.chance(0.1).then(|| ((Vec3::Z + 0.7 * self.direction()).normalize(), self.chance(0.5)));
         let point = SurfacePoint {
+            lets_in: false,
             uvs: [uv(self), uv(self)],
             mapping_point: MappingPoint::default(),
             footprint: if self.chance(0.3) { 0.0 } else { 2.0_f32.powf(self.within(-9.0, 1.0)) },

@@ -161,13 +161,18 @@ impl MediumPath<'_> {
     }
 
     /// Samples lights at a surface (next-event estimation).
-    pub(super) fn add_direct_light(&mut self, vertex: &SurfaceVertex<'_>) {
+    ///
+    /// - `has_interior`: `true`: light from behind comes by a random walk through the substance below alone.
+    pub(super) fn add_direct_light(&mut self, vertex: &SurfaceVertex<'_>, has_interior: bool) {
         let (point, receiver) = (vertex.point, &vertex.receiver);
         let count = self.light_samples();
         for part in 0..count {
             // Sample a light
             let u = self.sampler.split_quad(DimensionSet::light(self.depth), part, count);
             let Some(light) = self.prepared.lights().sample_at(self.prepared, receiver, u, self.time) else { continue };
+            if has_interior && !point.is_reflection(light.wi) {
+                continue;
+            }
             // Compute the contribution if it is visible
             let mis_weight = |expected: f32, pdf: f32| power_heuristic(expected, [self.shared(&light, pdf)]);
             let Some(weight) = vertex.light_weight(&light, count as f32, mis_weight) else { continue };
