@@ -279,7 +279,8 @@ impl MediumPath<'_> {
         let Some(sample) = bsdf.sample(u[0], [u[1], u[2]]) else { return false };
         if let Some(interior) = interior.filter(|_| sample.lobe.contains(LobeFlags::TRANSMISSION)) {
             self.throughput *= sample.weight();
-            return self.pass_below(point, point.to_world(sample.wi), &interior);
+            let departure = self.pass_below(point, point.to_world(sample.wi), &interior);
+            return departure.is_some_and(|it| self.go_on(it.origin, it.wi, it.pdf, it.u_roulette));
         }
         let Some(LeavingDirection { wi, is_reflection }) = leaving_direction(point, &sample) else { return false };
         // Update throughput and medium, and move on

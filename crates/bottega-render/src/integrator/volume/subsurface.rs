@@ -30,6 +30,18 @@ const EVENTS_MAX: u32 = 4096;
 /// Number of events after which Russian roulette may end a walk.
 const SURE_EVENTS: u32 = 16;
 
+/// The way in which a path leaves the solid.
+pub(super) struct Departure {
+    /// Start of the next ray.
+    pub(super) origin: Vec3,
+    /// Direction of the next ray; unit length.
+    pub(super) wi: Vec3,
+    /// Density of the direction, in sr⁻¹.
+    pub(super) pdf: f32,
+    /// Random number for Russian roulette.
+    pub(super) u_roulette: f32,
+}
+
 /// The weight of a walk whose distances are drawn by the extinction of one of three channels: one-sample MIS of all.
 struct WalkWeight {
     /// Share of the light that the walk carries.
@@ -58,11 +70,11 @@ impl WalkWeight {
 }
 
 impl MediumPath<'_> {
-    /// Follows light below a surface, and scatters it where it leaves. Returns `false` when the path ends.
+    /// Follows light below a surface, and scatters it where it leaves. Returns `None` when the path ends.
     ///
     /// - `wi`: direction in which the path goes on, in world space.
-    pub(super) fn pass_below(&mut self, point: &Interaction, wi: Vec3, interior: &Interior) -> bool {
-        let Some(exit) = self.walk(point, wi, interior) else { return false };
+    pub(super) fn pass_below(&mut self, point: &Interaction, wi: Vec3, interior: &Interior) -> Option<Departure> {
+        let exit = self.walk(point, wi, interior)?;
         let prepared = self.prepared;
         let [u, v, u_roulette, u_part] = self.sampler.quad(DimensionSet::leaving(self.depth));
         let bsdf = left_bsdf(prepared, &exit, u_part);
@@ -74,12 +86,12 @@ impl MediumPath<'_> {
             self.add_direct_light(&SurfaceVertex { point: &exit, bsdf: &bsdf, receiver, wo: Vec3::Z }, false);
         }
         // Sample the direction in which it leaves
-        let Some(sample) = bsdf.sample(0.5, [u, v]) else { return false };
-        let Some(LeavingDirection { wi, .. }) = leaving_direction(&exit, &sample) else { return false };
+        let sample = bsdf.sample(0.5, [u, v])?;
+        let LeavingDirection { wi, .. } = leaving_direction(&exit, &sample)?;
         self.throughput *= sample.weight();
         self.previous = PreviousVertex { receiver, pdf: Some(sample.pdf), along: None };
         self.event = Visibility::DIFFUSE;
-        self.go_on(exit.ray_origin(wi), wi, sample.pdf, u_roulette)
+        Some(Departure { origin: exit.ray_origin(wi), wi, pdf: sample.pdf, u_roulette })
     }
 
     /// Walks through the substance below a surface. Returns the point where the walk leaves, seen from outside; `None` if
