@@ -968,15 +968,48 @@ def moving_instances() -> None:
     item.parent = wheel
     moved(wheel, "rotation_euler", (0, 0, 0), (0, 0, math.radians(50)))
     source = cube((0.4, 1.5, 2.0), 0.8)
-    source.show_instancer_for_render = False
     source.modifiers.new("Swarm", "PARTICLE_SYSTEM")
     settings = source.particle_systems[0].settings
-    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 40, -20, -1, 100
-    settings.render_type, settings.instance_object, settings.particle_size = "OBJECT", item, 0.3
-    settings.normal_factor = 3.0
+    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 40, -3, 0, 100
+    settings.render_type, settings.instance_object, settings.particle_size = "OBJECT", part, 0.3
+    settings.normal_factor = 12.0
     settings.effector_weights.gravity = 0.0
-    source.particle_systems[0].point_cache.frame_start = -20
-    for frame in range(-20, 4):
+    source.particle_systems[0].point_cache.frame_start = -3
+    for frame in range(-3, 3):
         made.frame_set(frame)
+    lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
+    blurred(made)
+
+
+@scene
+def moving_nodes() -> None:
+    """Instances of Geometry Nodes that move, with a mesh that changes its shape; and vertices with velocities."""
+    made = empty((0.5, 0.5, 0.5))
+    floor(matte())
+    group = bpy.data.node_groups.new("Row", "GeometryNodeTree")
+    if hasattr(group, "interface"):
+        group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    else:
+        group.outputs.new("NodeSocketGeometry", "Geometry")
+    end = group.nodes.new("NodeGroupOutput")
+    line, shape, bend, place, paint = (
+        group.nodes.new(f"GeometryNode{kind}") for kind in ("MeshLine", "MeshCube", "Transform", "InstanceOnPoints", "SetMaterial")
+    )
+    line.inputs["Count"].default_value = 4
+    line.inputs["Start Location"].default_value, line.inputs["Offset"].default_value = (-2.2, 0, 1.2), (1.1, 0, 0)
+    shape.inputs["Size"].default_value = (0.5, 0.5, 0.5)
+    paint.inputs["Material"].default_value = matte((0.7, 0.2, 0.4))
+    group.links.new(shape.outputs["Mesh"], bend.inputs["Geometry"])
+    group.links.new(bend.outputs[0], paint.inputs["Geometry"])
+    group.links.new(line.outputs["Mesh"], place.inputs["Points"])
+    group.links.new(paint.outputs[0], place.inputs["Instance"])
+    group.links.new(place.outputs[0], end.inputs[0])
+    moved(bend.inputs["Scale"], "default_value", (0.5, 1, 1), (1.5, 1, 1))
+    moved(line.inputs["Offset"], "default_value", (0.9, 0, -0.3), (1.3, 0, 0.3))
+    bearer = link("Row", bpy.data.meshes.new("Row"))
+    bearer.modifiers.new("Row", "NODES").node_group = group
+    flying = cube((1.8, -1.5, 0.5), 0.5, matte((0.2, 0.3, 0.7)))
+    velocity = flying.data.attributes.new("velocity", "FLOAT_VECTOR", "POINT")
+    velocity.data.foreach_set("vector", [12.0, 0.0, 0.0] * 4 + [24.0, 0.0, 0.0] * 4)
     lamp("AREA", (0, -2, 5), (20, 0, 0), energy=200, size=2.0)
     blurred(made)
