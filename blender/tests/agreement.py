@@ -29,7 +29,7 @@ BARS: dict[str, tuple[float, float]] = {
 }
 SIZE, SAMPLES = (192, 128), 128
 # Scenes that are not compared with Cycles' motion blur, but with the mean of its pictures of so many moments.
-BY_MOMENTS = {"moving_lamps": 32}
+BY_MOMENTS, MOMENT_SAMPLES = {"moving_lamps": 32}, 12
 
 
 def by_moments(file: Path, count: int) -> Any:
@@ -42,7 +42,7 @@ def by_moments(file: Path, count: int) -> Any:
     for index in range(count):
         time = frame - 0.5 + (index + 0.5) / count
         scene.frame_set(math.floor(time), subframe=time % 1.0)
-        total = total + support.picture_of("CYCLES", file, max(SAMPLES // count, 1)) / count
+        total = total + support.picture_of("CYCLES", file, MOMENT_SAMPLES) / count
     return total
 
 

@@ -16,7 +16,7 @@ from .backdrop import BACKDROP, extent_of, put_backdrop
 from .deform import moving_mesh, velocity_keys
 from .families import DEFAULT, Families, put_images
 from .hair import shape_of_hair, strands_of_curves, strands_of_particles
-from .instances import Group, Pass, gather, materials_of
+from .instances import Group, Pass, gather, materials_of, placeable
 from .lights import light_of
 from .meshes import MeshArrays, Shape, arrays_of, velocities_of
 from .moments import Motion
@@ -282,14 +282,11 @@ class Export:
             self._placed[key] = (*what, transforms, path)
 
     def _regular(self, found: Pass, placement: Placement) -> Any:
-        """Returns the rows of a placement whose transforms can be inverted, and notes the others."""
+        """Returns the rows of a placement that can be placed, and notes the others."""
         key, group, rows = placement.key, placement.group, np.array(placement.rows)
-        with np.errstate(all="ignore"):
-            turned = axes.TURN.astype(np.float32) @ found.matrices[rows]
-            sizes = np.abs(np.linalg.det(turned[:, :3, :3].astype(np.float64)))
-        good = np.isfinite(sizes) & (sizes > 1e-24)
+        good = placeable(found.matrices[rows], group.bounds)
         if not good.all():
-            text = f"{int((~good).sum())} instances whose scale is 0 are left out"
+            text = f"{int((~good).sum())} instances whose scale is 0, or that reach too far, are left out"
             self.report.add(key, group.data.name, "Scale", Fidelity.LEFT_OUT, text)
         else:
             self.report.forget(key)

@@ -13,6 +13,10 @@ from .lights import visibility_of
 from .nodes import uid_of
 
 
+# The farthest coordinate at which things are placed.
+FARTHEST = 1e17
+
+
 @dataclass
 class Group:
     """Instances of a mesh that come from one object.
@@ -104,6 +108,18 @@ def gather(depsgraph: Any, is_shown: Any = None, has_ids: bool = False) -> Pass:
         elif kind in ("VOLUME", "POINTCLOUD", "GREASEPENCIL"):
             found.skipped[item.name] = {"POINTCLOUD": "point clouds are"}.get(kind, f"{kind.lower()} objects are")
     return found
+
+
+def placeable(matrices: Any, bounds: Any) -> Any:
+    """Returns which matrices, (..., 4, 4), can be inverted and place a box, (8, 3), where the renderer can compute with it."""
+    with np.errstate(all="ignore"):
+        precise = matrices.astype(np.float64)
+        sizes = np.abs(np.linalg.det(precise[..., :3, :3]))
+        # The box of a mesh with vertices that are no numbers says nothing.
+        corners = np.abs(bounds)
+        reach = float(corners[corners < FARTHEST].max(initial=0.0))
+        far = (np.abs(precise[..., :3, :3]).sum(-1) * reach + np.abs(precise[..., :3, 3])).max(-1)
+        return np.isfinite(sizes) & (sizes > 1e-24) & (far < FARTHEST)
 
 
 def parents_of(depsgraph: Any) -> dict[int, tuple[Any, Any]]:

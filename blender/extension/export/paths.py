@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from . import axes
-from .instances import Group, Pass, parents_of
+from .instances import Group, Pass, parents_of, placeable
 from .meshes import Shape
 from .moments import Habit, Moment, Motion, matching_rows
 from .nodes import uid_of
@@ -94,9 +94,10 @@ class Paths:
         if len(times) < 2 or not (matrices != here).any():
             return None
         # Those stand still that are switched off, mirrored on the way, or flat or nowhere at some time.
+        good = placeable(matrices, group.bounds).all(axis=0)
         with np.errstate(all="ignore"):
-            sizes = np.linalg.det(matrices[..., :3, :3].astype(np.float64))
-            good = (np.isfinite(sizes) & (np.abs(sizes) > 1e-24)).all(axis=0) & (np.sign(sizes) == np.sign(sizes[0])).all(axis=0)
+            signs = np.sign(np.linalg.det(matrices[..., :3, :3].astype(np.float64)))
+        good &= (signs == signs[0]).all(axis=0)
         if len(habits) == len(rows):
             good &= np.array([habit.steps > 0 for habit in habits])
         matrices[:, ~good] = here[~good]
