@@ -115,9 +115,11 @@ def follow(engine: Any, depsgraph: Any, camera: Any, shutter: Shutter, clock: Cl
     changed: set[Any] = set()
     has_changed = False
     steps = max((habit.steps for habit in habits.values()), default=0)
-    for time in shutter.times(steps) if steps > 0 else ():
-        if time == shutter.middle or engine.test_break():
-            continue
+    times = [time for time in shutter.times(steps) if time != shutter.middle] if steps > 0 else []
+    # The time at which the scene is now comes last: what changes is known only after an evaluation.
+    for time in sorted(times, key=lambda time: time == 0.0):
+        if engine.test_break():
+            break
         clock.go(time)
         mark(depsgraph.updates)
         changed |= _changed(depsgraph)
@@ -150,7 +152,7 @@ def _changed(depsgraph: Any) -> set[Any]:
 def _moment(engine: Any, depsgraph: Any, camera: Any, time: float, habits: dict[Any, Habit], changed: set[Any]) -> Moment:
     found = gather(depsgraph, has_ids=True)
     lens = lens_of(camera.evaluated_get(depsgraph))
-    made = Moment(time, found.matrices.copy(), found.ids, camera_matrix(engine, camera, depsgraph), lens)
+    made = Moment(time, found.matrices, found.ids, camera_matrix(engine, camera, depsgraph), lens)
     made.shape_of_row = np.full(len(found.matrices), -1, np.int32)
     done: dict[str, int] = {}
     for group in found.groups.values():
