@@ -52,6 +52,8 @@ def render(engine: Any, depsgraph: Any) -> None:
         with Clock(engine, depsgraph) as clock:
             export = _export(engine, depsgraph, camera_object, clock)
             camera, path = _camera(engine, camera_object, depsgraph, frame, export)
+            # They refer to the scene as it was evaluated.
+            export.paths = None
         # Evaluation at other times has changed what Blender hands out.
         scene, layer = depsgraph.scene, depsgraph.view_layer_eval
         _see_backdrop(camera, export, camera_object.name, layer)

@@ -50,7 +50,7 @@ class Export:
         self._deforming: set[str] = set()
         self._lights_put: dict[str, bottega.Light] = {}
         self._light_paths: dict[str, Path | None] = {}
-        # Of the last pass; `None`: nothing moves while the shutter is open.
+        # Of the last pass, until it is dropped; `None`: nothing moves while the shutter is open.
         self.paths: Paths | None = None
         # How long the shutter is open, in seconds.
         self._exposure = 0.0
@@ -290,8 +290,8 @@ class Export:
             self.report.add(key, group.data.name, "Scale", Fidelity.LEFT_OUT, text)
         else:
             self.report.forget(key)
-        if self.paths is not None and group.is_instance:
-            good &= np.array([not self.paths.is_missing(group, row) for row in placement.rows])
+        if self.paths is not None:
+            good &= self.paths.lasting(group, rows)
         return rows[good]
 
     def _read_lights(self, found: Pass) -> None:

@@ -74,13 +74,19 @@ class Paths:
         middle = self.shutter.middle
         return [time for time in self.shutter.times(steps) if time == middle or time in self._moments]
 
-    def is_missing(self, group: Group, row: int) -> bool:
-        """Returns true for an instance of a particle that is not there all the time; Cycles leaves it out."""
-        steps = self._habit(group, row).steps if group.is_instance else 0
-        times = self._times(steps) if steps > 0 else []
-        if not any(time in self._rows and self._rows[time][row] < 0 for time in times):
-            return False
-        return self._parent(row)[1] is not None
+    def lasting(self, group: Group, rows: Array) -> Array:
+        """Returns which instances are there all the time, (N,): Cycles leaves out particles that are not. All others are."""
+        kept = np.ones(len(rows), bool)
+        if not group.is_instance:
+            return kept
+        some = np.any([row_then[rows] < 0 for row_then in self._rows.values()], axis=0) if self._rows else ~kept
+        for index in np.nonzero(some)[0]:
+            row = int(rows[index])
+            steps = self._habit(group, row).steps
+            times = self._times(steps) if steps > 0 else []
+            is_missing = any(time in self._rows and self._rows[time][row] < 0 for time in times)
+            kept[index] = not is_missing or self._parent(row)[1] is None
+        return kept
 
     def of_instances(self, group: Group, rows: Array) -> Path | None:
         """Returns the path of instances of a group in the renderer's world; `None`: they stand still."""
