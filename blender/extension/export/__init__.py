@@ -301,15 +301,22 @@ class Export:
             if made is None:
                 self._remove_light(key)
                 continue
-            path = None if self.paths is None else self.paths.of_light(light, row)
-            if path is not None:
-                text = "the light moves while the shutter is open; by Cycles it stands still"
-                self.report.add(key, light.name, "Motion Blur", Fidelity.APPROXIMATED, text)
+            path = self._light_path(key, light, row)
             if self._lights_put.get(key) != made or not is_same_path(self._light_paths.get(key), path):
                 self.scene.lights[key] = made
                 if path is not None:
                     self.scene.lights.set_motion(key, path.keys())
                 self._lights_put[key], self._light_paths[key] = made, path
+
+    def _light_path(self, key: str, light: Any, row: int) -> Path | None:
+        """Returns the path of a light while the shutter is open, and notes that Cycles lets it stand still."""
+        if self.paths is None:
+            return None
+        path = self.paths.of_light(light, row)
+        if path is not None:
+            text = "the light moves while the shutter is open; by Cycles it stands still"
+            self.report.add(key, light.name, "Motion Blur", Fidelity.APPROXIMATED, text)
+        return path
 
     def _remove_light(self, key: str) -> None:
         if key in self.scene.lights:

@@ -144,19 +144,18 @@ class Paths:
         """Returns the path of a light from where it is in the middle, in the renderer's world; `None`: it stands still, as suns do."""
         steps = self._habits.get(uid_of(light.original), Habit()).steps
         times = self._times(steps) if steps > 0 else []
-        kind = light.data.type
-        here = self._found.matrices[row].astype(np.float64)
-        rows = np.array([row])
+        here, rows = self._found.matrices[row].astype(np.float64), np.array([row])
         matrices = [self._at(time, rows, here[None])[0].astype(np.float64) for time in times]
+        kind = light.data.type
         if kind == "SUN" or len(times) < 2 or all(np.array_equal(matrix, here) for matrix in matrices):
             return None
-        placed = [axes.turned(matrix) for matrix in matrices]
-        start = axes.turned(here)
-        if kind == "SPOT":
+        placed, start = [axes.turned(matrix) for matrix in matrices], axes.turned(here)
+        # The renderer cannot turn the axis of a spot with a radius.
+        if kind == "POINT" or (kind == "SPOT" and light.data.shadow_soft_size > 0.0):
+            placed, start = [_shift(matrix) for matrix in placed], _shift(start)
+        elif kind == "SPOT":
             times, placed = _finely(times, [axes.without_scale(matrix) for matrix in placed])
             start = axes.without_scale(start)
-        elif kind == "POINT":
-            placed, start = [_shift(matrix) for matrix in placed], _shift(start)
         sizes = [np.linalg.det(matrix[:3, :3]) for matrix in (start, *placed)]
         if not all(np.isfinite(size) and abs(size) > 1e-24 and size * sizes[0] > 0.0 for size in sizes):
             return None
