@@ -91,7 +91,7 @@ def _glass(fields: dict[str, Any], node: Any, is_old: bool, number: Any, base: F
     color = base if is_old else computed("root", 3, lambda value: value.clip(0.0, None) ** 0.5, base)
     glass.update(base_color=color, transmission=constant(1.0), ior=max(_ior(node, number, note), 1.0))
     roughness = glass["roughness"]
-    if not (roughness.is_constant and float(np.max(roughness.load())) <= SMOOTH):
+    if not (roughness.is_constant and float(np.max(roughness.load())) <= SMOOTH + 1e-6):
         note(node, Fidelity.APPROXIMATED, "rough glass is brighter below lamps: its facets scatter light more than once")
     if is_old and not is_constant_of(number("transmission_roughness", 0.0), 0.0):
         note(node, Fidelity.APPROXIMATED, "Transmission Roughness is rendered as the roughness")
