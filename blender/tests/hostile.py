@@ -189,13 +189,12 @@ def broken_motion() -> None:
     scenes.moved(lamp, "scale", (1, 1, 1), (0, 1, 1))
     scenes.lamp("SPOT", (1, 0, 3), energy=100).parent = lamp
     emitter = scenes.ball((1, 0, 0), 0.3)
-    emitter.modifiers.new("Hair", "PARTICLE_SYSTEM")
-    settings = emitter.particle_systems[0].settings
-    settings.type, settings.count = "HAIR", 20
     bend = emitter.modifiers.new("Bend", "SIMPLE_DEFORM")
     bend.deform_method = "BEND"
     scenes.moved(bend, "angle", 0.0, 1.0)
-    emitter.modifiers.move(1, 0)
+    emitter.modifiers.new("Hair", "PARTICLE_SYSTEM")
+    settings = emitter.particle_systems[0].settings
+    settings.type, settings.count = "HAIR", 20
     scenes.moved(made.camera.data, "lens", 20.0, 60.0)
     for point in made.render.motion_blur_shutter_curve.curves[0].points:
         point.location.y = 0.0
