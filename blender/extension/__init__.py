@@ -18,9 +18,9 @@ from . import library
 
 library.prepare()
 
-from . import bake, engine, farm, farm_pictures, panels, save, settings  # noqa: E402  (the library must be found first)
+from . import bake, engine, farm, farm_pictures, motion_panels, panels, save, settings  # noqa: E402  (the library must be found first)
 
-_MODULES = (settings, engine, bake, panels, farm, farm_pictures, save)
+_MODULES = (settings, engine, bake, panels, motion_panels, farm, farm_pictures, save)
 
 
 def register() -> None:

@@ -12,8 +12,10 @@ import bottega
 import bpy
 
 from .export import Export
-from .export.camera import Frame, camera_of, frame_of, is_mirrored
+from .export.camera import Frame, camera_keys, camera_of, frame_of, is_mirrored
+from .export.moments import Clock, Motion, camera_matrix, follow, lens_of
 from .export.report import Fidelity, Report
+from .export.shutter import shutter_of
 from .final import Finish, Layers, PassInfo, crop_of, passes_of, pixels_of, request_fields, reversed_crop
 from .work import Work, work_for
 
@@ -47,12 +49,19 @@ def render(engine: Any, depsgraph: Any) -> None:
         return
     try:
         engine.update_stats("", "Reading the scene")
-        export = _export(engine, scene, depsgraph)
-        camera = _camera(engine, camera_object, depsgraph, frame, export.report)
+        with Clock(engine, depsgraph) as clock:
+            export = _export(engine, depsgraph, camera_object, clock)
+            camera, path = _camera(engine, camera_object, depsgraph, frame, export)
+            # They refer to the scene as it was evaluated.
+            export.paths = None
+        # Evaluation at other times has changed what Blender hands out.
+        scene, layer = depsgraph.scene, depsgraph.view_layer_eval
         _see_backdrop(camera, export, camera_object.name, layer)
         if scene.render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
             export.report.add("camera", scene.name, "Transparent Glass", Fidelity.APPROXIMATED, "behind glass alpha is 1")
         export.scene.cameras["camera"] = camera
+        if path:
+            export.scene.cameras.set_motion("camera", path)
         if engine.is_preview:
             _paint(engine, scene, layer, frame, export.scene, Finish(is_mirrored(camera), export.reach))
             return
@@ -77,8 +86,12 @@ def _save(engine: Any, scene: Any, frame: Frame, made: bottega.Scene, mirrors: b
     Kept.is_saved = True
 
 
-def _export(engine: Any, scene: Any, depsgraph: Any) -> Export:
-    """Returns the scene in memory; with Persistent Data only what has changed is read. Previews leave what is kept alone."""
+def _export(engine: Any, depsgraph: Any, camera: Any, clock: Clock) -> Export:
+    """Returns the scene in memory; with Persistent Data only what has changed is read. Previews leave what is kept alone.
+
+    Where the shutter is open for some time, the scene is then evaluated at the middle of it.
+    """
+    scene = depsgraph.scene
     if engine.is_preview:
         export = Export()
     elif not scene.render.use_persistent_data:
@@ -87,7 +100,11 @@ def _export(engine: Any, scene: Any, depsgraph: Any) -> Export:
     else:
         export = Kept.exports.setdefault(scene.name, Export())
         export.mark(depsgraph.updates)
-    export.update(depsgraph, is_clear=scene.render.film_transparent)
+    motion: Motion | None = None
+    shutter = None if engine.is_preview else shutter_of(depsgraph.scene_eval, depsgraph.view_layer_eval, export.report)
+    if shutter is not None:
+        motion = follow(engine, depsgraph, camera, shutter, clock, export.mark)
+    export.update(depsgraph, is_clear=depsgraph.scene.render.film_transparent, motion=motion)
     return export
 
 
@@ -106,10 +123,18 @@ def _see_backdrop(camera: bottega.Camera, export: Export, name: str, layer: Any)
     camera.far = math.inf
 
 
-def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, report: Report) -> bottega.Camera:
-    report.begin("camera")
-    evaluated = camera.evaluated_get(depsgraph)
-    return camera_of(evaluated, engine.camera_model_matrix(evaluated), frame, report)
+def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, export: Export) -> tuple[bottega.Camera, list[tuple[float, Any]]]:
+    """Returns the camera of a picture, and its path while the shutter is open; empty: it stands still."""
+    export.report.begin("camera")
+    evaluated, matrix = camera.evaluated_get(depsgraph), camera_matrix(engine, camera, depsgraph)
+    made = camera_of(evaluated, matrix, frame, export.report)
+    if export.paths is None:
+        return made, []
+    path, lenses = export.paths.of_camera(evaluated, matrix)
+    if any(lens != lens_of(evaluated) for lens in lenses):
+        text = "the angle of the camera does not change while the shutter is open"
+        export.report.add("camera", camera.name, "Motion Blur", Fidelity.LEFT_OUT, text)
+    return made, camera_keys(evaluated, path)
 
 
 def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, made: bottega.Scene, finish: Finish) -> None:

@@ -6,8 +6,10 @@ Each scene of `scenes.py` is rendered by both. Prints the ratio of the means, FL
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -28,6 +30,22 @@ BARS: dict[str, tuple[float, float]] = {
     "coats": (0.02, 0.05),
 }
 SIZE, SAMPLES = (192, 128), 128
+# Scenes that are not compared with Cycles' motion blur, but with the mean of its pictures of so many moments.
+BY_MOMENTS, MOMENT_SAMPLES = {"moving_lamps": 32}, 12
+
+
+def by_moments(file: Path, count: int) -> Any:
+    """Returns the mean of Cycles' pictures of moments while the shutter is open: from half a frame before to half a frame after."""
+    import bpy
+
+    scene = bpy.context.scene
+    scene.render.use_motion_blur = False
+    frame, total = scene.frame_current, 0.0
+    for index in range(count):
+        time = frame - 0.5 + (index + 0.5) / count
+        scene.frame_set(math.floor(time), subframe=time % 1.0)
+        total = total + support.picture_of("CYCLES", file, MOMENT_SAMPLES) / count
+    return total
 
 
 def main() -> None:
@@ -41,7 +59,9 @@ def main() -> None:
 
         support.settle(bpy.context.scene, *SIZE, SAMPLES)
         files = [Path(folder) / f"{name}-{engine.lower()}.exr" for engine in ("BOTTEGA", "CYCLES")]
-        ours, theirs = (support.picture_of(engine, file, SAMPLES) for engine, file in zip(("BOTTEGA", "CYCLES"), files))
+        ours = support.picture_of("BOTTEGA", files[0], SAMPLES)
+        moments = BY_MOMENTS.get(name)
+        theirs = support.picture_of("CYCLES", files[1], SAMPLES) if moments is None else by_moments(files[1], moments)
         difference = bottega.diff(ours, theirs)
         ratios = ours.mean((0, 1)) / theirs.mean((0, 1)).clip(1e-6)
         # Principled's matte part was another one before 4.0.

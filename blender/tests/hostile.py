@@ -174,6 +174,34 @@ def nobody_has_it() -> None:
         tree.links.new(total, next(socket for socket in shader.inputs if socket.name in ("Strength", "Alpha")))
 
 
+@case(True)
+def broken_motion() -> None:
+    """Motion blur of what mirrors, becomes flat or hidden, has another number of vertices or is nowhere on its way, and of hair."""
+    made = scenes.empty((0.5, 0.5, 0.5))
+    for index, scale in enumerate(((-1, 1, 1), (0, 1, 1), (1e30, 1, 1))):
+        scenes.moved(scenes.cube((index - 1.0, 0, 0), 0.5), "scale", (1, 1, 1), scale)
+    array = scenes.cube((0, 1, 0), 0.4).modifiers.new("Array", "ARRAY")
+    scenes.moved(array, "count", 1, 4)
+    nowhere = scenes.cube((0, 0, 1), 0.5)
+    scenes.moved(nowhere, "location", (0, 0, 1), (math.inf, 0, 0))
+    scenes.moved(nowhere, "hide_render", False, True)
+    lamp = scenes.lamp("AREA", (0, 0, 3), energy=100)
+    scenes.moved(lamp, "scale", (1, 1, 1), (0, 1, 1))
+    scenes.lamp("SPOT", (1, 0, 3), energy=100).parent = lamp
+    emitter = scenes.ball((1, 0, 0), 0.3)
+    bend = emitter.modifiers.new("Bend", "SIMPLE_DEFORM")
+    bend.deform_method = "BEND"
+    scenes.moved(bend, "angle", 0.0, 1.0)
+    emitter.modifiers.new("Hair", "PARTICLE_SYSTEM")
+    settings = emitter.particle_systems[0].settings
+    settings.type, settings.count = "HAIR", 20
+    scenes.moved(made.camera.data, "lens", 20.0, 60.0)
+    for point in made.render.motion_blur_shutter_curve.curves[0].points:
+        point.location.y = 0.0
+    made.cycles.rolling_shutter_type = "TOP"
+    scenes.blurred(made)
+
+
 def preview() -> None:
     """Renders the preview of a material, as the panel of materials shows it, and looks at its color."""
     scenes.factory()

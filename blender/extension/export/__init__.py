@@ -13,12 +13,15 @@ import numpy as np
 
 from . import axes
 from .backdrop import BACKDROP, extent_of, put_backdrop
+from .deform import moving_mesh, velocity_keys
 from .families import DEFAULT, Families, put_images
-from .hair import strands_of_curves, strands_of_particles
-from .instances import Group, Pass, gather, materials_of
+from .hair import shape_of_hair, strands_of_curves, strands_of_particles
+from .instances import Group, Pass, gather, materials_of, placeable
 from .lights import light_of
-from .meshes import arrays_of
+from .meshes import MeshArrays, Shape, arrays_of, velocities_of
+from .moments import Motion
 from .nodes import groups_of, uid_of
+from .paths import Path, Paths, is_same_path
 from .placements import Placement, placements_of
 from .report import Fidelity, Report
 from .textures import Pictures
@@ -43,7 +46,14 @@ class Export:
         # Of the evaluated scene: `VIEWPORT` or `RENDER`.
         self._mode = "RENDER"
         self._mesh_states: dict[str, tuple[Any, ...]] = {}
+        # Meshes whose vertices move while the shutter is open.
+        self._deforming: set[str] = set()
         self._lights_put: dict[str, bottega.Light] = {}
+        self._light_paths: dict[str, Path | None] = {}
+        # Of the last pass, until it is dropped; `None`: nothing moves while the shutter is open.
+        self.paths: Paths | None = None
+        # How long the shutter is open, in seconds.
+        self._exposure = 0.0
         self._placed: dict[str, tuple[Any, ...]] = {}
         self._world_uses: set[Any] = set()
         self._is_world_moving = False
@@ -84,15 +94,19 @@ class Export:
             self._dirty.update(user for user, family in self._families.by_uid.items() if family.is_moving)
             self._dirty_world |= self._is_world_moving
 
-    def update(self, depsgraph: Any, is_shown: Callable[[Any], bool] | None = None, is_clear: bool = False) -> None:
+    def update(
+        self, depsgraph: Any, is_shown: Callable[[Any], bool] | None = None, is_clear: bool = False, motion: Motion | None = None
+    ) -> None:
         """Brings the scene to the state of an evaluated scene.
 
         - `is_shown`: called with an evaluated object; `None`: all are shown.
         - `is_clear`: the film is transparent: the camera does not see the world.
+        - `motion`: what moves while the shutter is open; the scene is evaluated at the middle of that time. `None`: nothing.
         """
         self._mode = depsgraph.mode
-        self._move_to(depsgraph.scene.frame_current)
-        found = gather(depsgraph, is_shown)
+        self._move_to(depsgraph.scene.frame_current if motion is None else motion.frame)
+        found = gather(depsgraph, is_shown, has_ids=motion is not None)
+        self._open_shutter(depsgraph, found, motion)
         self._world(depsgraph.scene.world, is_clear)
         self._families.begin(materials_of(found.groups.values()), self._dirty)
         placements = placements_of(depsgraph, found, self._families, self.report)
@@ -109,6 +123,16 @@ class Export:
             self.report.add("objects", name, "Object", Fidelity.LEFT_OUT, f"{text} left out")
         # Pixels that textures hold are not needed twice.
         self._pictures.loaded.clear()
+
+    def _open_shutter(self, depsgraph: Any, found: Pass, motion: Motion | None) -> None:
+        """Sets the span of time that pictures show, and prepares the paths of what moves meanwhile."""
+        if motion is None:
+            self.scene.shutter, self.paths, self._exposure = (0.0, 0.0), None, 0.0
+            return
+        shutter, render = motion.shutter, depsgraph.scene.render
+        self.scene.shutter = (shutter.open, shutter.close, shutter.ramp)
+        self._exposure = (shutter.close - shutter.open) * render.fps_base / render.fps
+        self.paths = Paths(motion, found, depsgraph)
 
     def _world(self, world: Any, is_clear: bool) -> None:
         if not self._dirty_world and is_clear == self._is_clear:
@@ -147,7 +171,8 @@ class Export:
             uv_names, color_name = self._needs(group)
             state = (tuple(uv_names), color_name, len(group.slots))
             is_dirty = group.owner in self._dirty or group.data_owner in self._dirty
-            if self._mesh_states.get(group.mesh_key) == state and not is_dirty:
+            is_deforming = group.mesh_key in self._deforming or self._may_deform(group)
+            if self._mesh_states.get(group.mesh_key) == state and not is_dirty and not is_deforming:
                 continue
             self._mesh_states[group.mesh_key] = state
             self.report.begin(group.mesh_key)
@@ -155,11 +180,29 @@ class Export:
                 self._remove_objects_of(group.mesh_key)
                 del self.scene.meshes[group.mesh_key]
 
+    def _may_deform(self, group: Group) -> bool:
+        """Returns true if the vertices of a mesh may move while the shutter is open."""
+        if self.paths is None or not self.paths.deforms(group):
+            return False
+        return len(self.paths.shapes_of(group)) > 0 or (group.kind == "MESH" and group.data.attributes.get("velocity") is not None)
+
     def _put_mesh(self, group: Group, uv_names: list[str | None], color_name: str | None) -> bool:
         """Reads a mesh or hair. Returns false if nothing of it can be seen."""
-        made = self._read_shape(group, uv_names, color_name)
-        if made is None:
+        self._deforming.discard(group.mesh_key)
+        if group.kind != "MESH":
+            made = self._read_hair(group)
+            return made is not None and self._put_shape(group, made)
+        arrays = arrays_of(group.data, tuple(uv_names), color_name)
+        if arrays is None:
             return False
+        materials = [DEFAULT] * max(arrays.slot_count, len(group.slots))
+        keys = self._keys_of(group, arrays)
+        if keys and self._put_shape(group, moving_mesh(arrays, keys, materials)):
+            self._deforming.add(group.mesh_key)
+            return True
+        return self._put_shape(group, arrays.to_mesh(materials))
+
+    def _put_shape(self, group: Group, made: bottega.Mesh | bottega.Curves) -> bool:
         try:
             self.scene.meshes[group.mesh_key] = made
         except bottega.SceneError as error:
@@ -167,16 +210,34 @@ class Export:
             return False
         return True
 
-    def _read_shape(self, group: Group, uv_names: list[str | None], color_name: str | None) -> bottega.Mesh | bottega.Curves | None:
-        """Reads the arrays of a mesh or of hair; `None`: nothing of it can be seen."""
-        if group.kind == "MESH":
-            arrays = arrays_of(group.data, tuple(uv_names), color_name)
-            return None if arrays is None else arrays.to_mesh([DEFAULT] * max(arrays.slot_count, len(group.slots)))
+    def _read_hair(self, group: Group) -> bottega.Curves | None:
+        """Reads hair; `None`: nothing of it can be seen."""
+        if self.paths is not None and self.paths.hair_changes(group, shape_of_hair(group.kind, group.item, group.data)):
+            text = "hair does not bend while the shutter is open; it moves with its object"
+            self.report.add(group.mesh_key, group.item.name, "Motion Blur", Fidelity.LEFT_OUT, text)
         if group.kind == "PARTICLES":
             strands = strands_of_particles(group.item, group.data, self._mode == "VIEWPORT")
         else:
             strands = strands_of_curves(group.data)
         return None if strands is None else strands.to_curves(DEFAULT)
+
+    def _keys_of(self, group: Group, arrays: MeshArrays) -> list[tuple[float, Shape]]:
+        """Returns the keys of a mesh's vertices; empty: they do not move."""
+        paths = self.paths
+        if paths is None or not paths.deforms(group):
+            return []
+        velocities = velocities_of(group.data)
+        if velocities is not None and len(velocities) == len(arrays.positions):
+            return velocity_keys(arrays, velocities, self._exposure, paths.shutter.open, paths.shutter.close)
+        here = Shape(arrays.positions, arrays.normals, arrays.corner_vertices)
+        others = paths.shapes_of(group)
+        if all(shape.equals(here) for _, shape in others):
+            return []
+        if not all(shape.fits(here) and np.isfinite(shape.positions).all() for _, shape in others):
+            text = "its vertices or faces change while the shutter is open; it moves without changing its shape"
+            self.report.add(group.mesh_key, group.item.name, "Motion Blur", Fidelity.LEFT_OUT, text)
+            return []
+        return sorted([*others, (paths.shutter.middle, here)], key=lambda key: key[0])
 
     def _needs(self, group: Group) -> tuple[list[str | None], str | None]:
         """Returns the texture coordinates and the color attribute that the materials of a mesh use."""
@@ -200,31 +261,38 @@ class Export:
             group, key, materials = placement.group, placement.key, placement.materials
             if group.mesh_key not in self.scene.meshes:
                 continue
-            transforms = axes.TURN.astype(np.float32) @ found.matrices[placement.rows]
-            transforms = self._regular(transforms, key, group)
-            if len(transforms) == 0:
+            rows = self._regular(found, placement)
+            if len(rows) == 0:
                 self._remove_object(key)
                 continue
+            transforms = np.ascontiguousarray(axes.TURN.astype(np.float32) @ found.matrices[rows])
+            path = None if self.paths is None else self.paths.of_instances(group, rows)
             before = self._placed.get(key)
             what = (group.mesh_key, materials, placement.visibility)
+            moved = True
             if before is not None and before[:3] == what:
-                if len(before[3]) != len(transforms) or not np.array_equal(before[3], transforms):
+                moved = len(before[3]) != len(transforms) or not np.array_equal(before[3], transforms)
+                if moved:
                     self.scene.objects[key].transforms = transforms
+                moved = moved or not is_same_path(before[4], path)
             else:
                 self.scene.objects[key] = bottega.Object(group.mesh_key, transforms, materials, visibility=placement.visibility)
-            self._placed[key] = (*what, transforms)
+            if moved:
+                self.scene.objects[key].set_motion([] if path is None else path.keys())
+            self._placed[key] = (*what, transforms, path)
 
-    def _regular(self, transforms: Any, key: str, group: Group) -> Any:
-        """Returns the transforms that can be inverted, and notes the others."""
-        with np.errstate(all="ignore"):
-            sizes = np.abs(np.linalg.det(transforms[:, :3, :3].astype(np.float64)))
-        good = np.isfinite(sizes) & (sizes > 1e-24)
+    def _regular(self, found: Pass, placement: Placement) -> Any:
+        """Returns the rows of a placement that can be placed, and notes the others."""
+        key, group, rows = placement.key, placement.group, np.array(placement.rows)
+        good = placeable(found.matrices[rows], group.bounds)
         if not good.all():
-            text = f"{int((~good).sum())} instances whose scale is 0 are left out"
+            text = f"{int((~good).sum())} instances whose scale is 0, or that reach too far, are left out"
             self.report.add(key, group.data.name, "Scale", Fidelity.LEFT_OUT, text)
         else:
             self.report.forget(key)
-        return np.ascontiguousarray(transforms[good])
+        if self.paths is not None:
+            good &= self.paths.lasting(group, rows)
+        return rows[good]
 
     def _read_lights(self, found: Pass) -> None:
         for key, light, row in found.lights:
@@ -232,14 +300,29 @@ class Export:
             made = light_of(light, found.matrices[row], key, self.report)
             if made is None:
                 self._remove_light(key)
-            elif self._lights_put.get(key) != made:
+                continue
+            path = self._light_path(key, light, row)
+            if self._lights_put.get(key) != made or not is_same_path(self._light_paths.get(key), path):
                 self.scene.lights[key] = made
-                self._lights_put[key] = made
+                if path is not None:
+                    self.scene.lights.set_motion(key, path.keys())
+                self._lights_put[key], self._light_paths[key] = made, path
+
+    def _light_path(self, key: str, light: Any, row: int) -> Path | None:
+        """Returns the path of a light while the shutter is open, and notes that Cycles lets it stand still."""
+        if self.paths is None:
+            return None
+        path = self.paths.of_light(light, row)
+        if path is not None:
+            text = "the light moves while the shutter is open; by Cycles it stands still"
+            self.report.add(key, light.name, "Motion Blur", Fidelity.APPROXIMATED, text)
+        return path
 
     def _remove_light(self, key: str) -> None:
         if key in self.scene.lights:
             del self.scene.lights[key]
         self._lights_put.pop(key, None)
+        self._light_paths.pop(key, None)
 
     def _remove_objects_of(self, mesh_key: str) -> None:
         for key in [key for key, placed in self._placed.items() if placed[0] == mesh_key]:
@@ -265,6 +348,7 @@ class Export:
             if key in scene.meshes:
                 del scene.meshes[key]
             del self._mesh_states[key]
+            self._deforming.discard(key)
             self.report.forget(key)
         if self._surroundings.backdrop is None and BACKDROP in scene.spheres:
             del scene.spheres[BACKDROP]

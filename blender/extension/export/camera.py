@@ -70,6 +70,15 @@ def camera_of(camera: Any, matrix: Any, frame: Frame, report: Report) -> bottega
     return bottega.Camera(**fields)
 
 
+def camera_keys(camera: Any, path: list[tuple[float, Any]]) -> list[tuple[float, Any]]:
+    """Returns the keys of a camera that moves, as `bottega.Camera` has its transform.
+
+    `path`: times, and matrices from the space of the camera to Blender's world.
+    """
+    turn = _TO_PBRT if camera.data.type not in ("ORTHO", "PERSP") else np.eye(4)
+    return [(time, _placed(matrix @ turn)) for time, matrix in path]
+
+
 def _panorama(camera: Any, matrix: Any, fields: dict[str, Any], report: Report) -> bottega.Camera:
     data = camera.data
     kind = str(getattr(data, "panorama_type", "") or getattr(getattr(data, "cycles", None), "panorama_type", ""))

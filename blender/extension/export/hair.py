@@ -12,6 +12,7 @@ import numpy as np
 
 from .colors import ColorReader
 from .fields import is_constant_of, luminance
+from .meshes import Shape
 from .nodes import Source
 from .report import Fidelity
 from .surfaces import Model, Shader
@@ -23,6 +24,8 @@ RADIUS = 0.005
 # Pieces of a smooth curve; curves of more points are divided less.
 PIECES = 16
 MOST_PIECES_PER_SEGMENT = 4
+# Hairs of a particle system that are looked at to see whether it changes its shape.
+LOOKED_AT = 16
 # Absorption of the two pigments in hair, as in Cycles: R G B.
 EUMELANIN = (0.506, 0.841, 1.653)
 PHEOMELANIN = (0.343, 0.733, 1.924)
@@ -79,6 +82,22 @@ def strands_of_particles(item: Any, system: Any, is_viewport: bool) -> Strands |
         radii[:, -1] = 0.0
     counts = np.full(len(strands), steps, np.int32)
     return _smooth(points.reshape(-1, 3).astype(np.float32), counts, radii.ravel().astype(np.float32))
+
+
+def shape_of_hair(kind: str, item: Any, data: Any) -> Shape:
+    """Copies points by which a change of the shape can be seen: all of hair curves, some of a particle system, (P, 3)."""
+    if kind == "CURVES":
+        points = np.empty(3 * len(data.points), np.float32)
+        if len(points) > 0:
+            data.attributes["position"].data.foreach_get("vector", points)
+        return Shape(points.reshape(-1, 3))
+    last = 2**data.settings.render_step
+    count = min(len(data.particles) + len(data.child_particles), LOOKED_AT)
+    world = [tuple(data.co_hair(item, particle_no=strand, step=step)) for strand in range(count) for step in (0, last)]
+    inverse = np.linalg.inv(np.array(item.matrix_world, np.float64))
+    points = np.array(world, np.float64).reshape(-1, 3) @ inverse[:3, :3].T + inverse[:3, 3]
+    # Rounding is no change.
+    return Shape(np.round(points, 4).astype(np.float32))
 
 
 def _shaped(settings: Any, share: Array) -> Array:

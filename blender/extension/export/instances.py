@@ -13,6 +13,10 @@ from .lights import visibility_of
 from .nodes import uid_of
 
 
+# The farthest coordinate at which things are placed.
+FARTHEST = 1e17
+
+
 @dataclass
 class Group:
     """Instances of a mesh that come from one object.
@@ -47,6 +51,7 @@ class Pass:
     - `matrices`: float32, (N, 4, 4), from object to world space, by rows.
     - `random_ids`: int32, (N,), Blender's random numbers of instances.
     - `lights`: evaluated light objects, with key and index of the matrix.
+    - `ids`: int32, (N, 9), numbers that name an instance at all times, where they were asked for.
     """
 
     matrices: Any
@@ -54,12 +59,14 @@ class Pass:
     groups: dict[str, Group]
     lights: list[tuple[str, Any, int]]
     skipped: dict[str, str]
+    ids: Any = None
 
 
-def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
+def gather(depsgraph: Any, is_shown: Any = None, has_ids: bool = False) -> Pass:
     """Passes over the instances of an evaluated scene.
 
-    `is_shown`: called with an object; objects for which it returns false are left out.
+    - `is_shown`: called with an object; objects for which it returns false are left out.
+    - `has_ids`: the pass gets `ids`.
     """
     instances = depsgraph.object_instances
     count = len(instances)
@@ -68,6 +75,12 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
     random_ids = np.empty(count, np.int32)
     instances.foreach_get("random_id", random_ids)
     found = Pass(matrices.reshape(count, 4, 4).transpose(0, 2, 1), random_ids, {}, [], {})
+    if has_ids:
+        found.ids = np.empty((count, 9), np.int32)
+        persistent = np.empty(8 * count, np.int32)
+        instances.foreach_get("persistent_id", persistent)
+        # The random number stands for the names of the object and of what makes the instance.
+        found.ids[:, 0], found.ids[:, 1:] = random_ids, persistent.reshape(count, 8)
     by_data: dict[tuple[int, int, bool], Group | None] = {}
     mesh_keys: dict[str, int] = {}
     for row, instance in enumerate(instances):
@@ -95,6 +108,18 @@ def gather(depsgraph: Any, is_shown: Any = None) -> Pass:
         elif kind in ("VOLUME", "POINTCLOUD", "GREASEPENCIL"):
             found.skipped[item.name] = {"POINTCLOUD": "point clouds are"}.get(kind, f"{kind.lower()} objects are")
     return found
+
+
+def placeable(matrices: Any, bounds: Any) -> Any:
+    """Returns which matrices, (..., 4, 4), can be inverted and place a box, (8, 3), where the renderer can compute with it."""
+    with np.errstate(all="ignore"):
+        precise = matrices.astype(np.float64)
+        sizes = np.abs(np.linalg.det(precise[..., :3, :3]))
+        # The box of a mesh with vertices that are no numbers says nothing.
+        corners = np.abs(bounds)
+        reach = float(corners[corners < FARTHEST].max(initial=0.0))
+        far = (np.abs(precise[..., :3, :3]).sum(-1) * reach + np.abs(precise[..., :3, 3])).max(-1)
+        return np.isfinite(sizes) & (sizes > 1e-24) & (far < FARTHEST)
 
 
 def parents_of(depsgraph: Any) -> dict[int, tuple[Any, Any]]:

@@ -77,6 +77,44 @@ def arrays_of(mesh: Any, uv_names: tuple[str | None, ...], color_name: str | Non
     )
 
 
+@dataclass
+class Shape:
+    """What of a mesh or of hair changes while it keeps its triangles: float32, (V, 3), and float32, (C, 3), by corner.
+
+    `corner_vertices`: int32, (C,), the vertex of each corner. Hair has positions alone.
+    """
+
+    positions: Array
+    normals: Array | None = None
+    corner_vertices: Array | None = None
+
+    def fits(self, other: Shape) -> bool:
+        """Returns true if another shape has the same vertices and corners."""
+        corners, others = self.corner_vertices, other.corner_vertices
+        same_corners = corners is others or (corners is not None and others is not None and np.array_equal(corners, others))
+        return self.positions.shape == other.positions.shape and same_corners
+
+    def equals(self, other: Shape) -> bool:
+        """Returns true if another shape has the same positions and normals."""
+        normals, others = self.normals, other.normals
+        same_normals = normals is others or (normals is not None and others is not None and np.array_equal(normals, others))
+        return np.array_equal(self.positions, other.positions) and same_normals
+
+
+def shape_of(mesh: Any) -> Shape:
+    """Copies the shape of a mesh of Blender."""
+    return Shape(_positions(mesh), _normals(mesh, len(mesh.loops)), _corner_vertices(mesh))
+
+
+def velocities_of(mesh: Any) -> Array | None:
+    """Returns the velocities that simulations and Geometry Nodes give to vertices: float32, (V, 3), per second; `None`: there are none."""
+    attribute = mesh.attributes.get("velocity")
+    if attribute is None or attribute.domain != "POINT" or attribute.data_type != "FLOAT_VECTOR":
+        return None
+    velocities = _floats(attribute.data, "vector", len(attribute.data), 3)
+    return velocities if velocities.any() and np.isfinite(velocities).all() else None
+
+
 def _floats(collection: Any, name: str, count: int, width: int) -> Array:
     array = np.empty(count * width, np.float32)
     collection.foreach_get(name, array)

@@ -6,12 +6,16 @@ from __future__ import annotations
 import math
 from typing import Any, Callable
 
+import numpy as np
+
 from .colors import ColorReader
 from .fields import Field, computed, constant, is_constant_of, scaled
 from .nodes import Source, named
 from .report import Fidelity
 from .surfaces import Model, Shader, mixed
 
+# Roughness of glass up to which it agrees with Cycles' under lamps.
+SMOOTH = 0.2
 # Names of an input, the newest first.
 NAMES: dict[str, tuple[str, ...]] = {
     "base": ("Base Color",),
@@ -90,6 +94,9 @@ def _glass(fields: dict[str, Any], node: Any, is_old: bool, number: Any, base: F
     # Since 4.0 the color is that of light that has entered and left.
     color = base if is_old else computed("root", 3, lambda value: value.clip(0.0, None) ** 0.5, base)
     glass.update(base_color=color, transmission=constant(1.0), ior=max(_ior(node, number, note), 1.0))
+    roughness = glass["roughness"]
+    if not (roughness.is_constant and float(np.max(roughness.load())) <= SMOOTH + 1e-6):
+        note(node, Fidelity.APPROXIMATED, "rough glass is brighter below lamps: its facets scatter light more than once")
     if is_old and not is_constant_of(number("transmission_roughness", 0.0), 0.0):
         note(node, Fidelity.APPROXIMATED, "Transmission Roughness is rendered as the roughness")
     return glass
