@@ -1,5 +1,7 @@
 //! AOVs: values of a pixel beside its color.
 
+use crate::matte;
+
 /// An arbitrary output variable: a value of a pixel beside its color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Aov {
@@ -13,13 +15,48 @@ pub enum Aov {
     SampleCount,
     /// Cost of the pixel: traversal steps and shading, in the units of the renderer's cost model.
     Cost,
+    /// Position of the first surface, or of the first scattering in a medium, world space, x y z.
+    Position,
+    /// Geometric normal of the first surface, on the side of the camera, world space, x y z.
+    GeometricNormal,
+    /// First set of texture coordinates of the first surface, u v.
+    Uv,
+    /// Light that scattered once at most, linear RGB.
+    Direct,
+    /// Light that scattered more than once, linear RGB.
+    Indirect,
+    /// Standard error of the mean luminance; its square is the variance of the mean.
+    Error,
+    /// Ranks of the objects that cover the pixel: a Cryptomatte.
+    CryptoObject,
+    /// Ranks of the materials that cover the pixel: a Cryptomatte.
+    CryptoMaterial,
+    /// Ranks of the assets that cover the pixel: a Cryptomatte.
+    CryptoAsset,
 }
 
 impl Aov {
     /// All AOVs, in their order within a pixel.
-    pub const ALL: [Self; 5] = [Self::Albedo, Self::Normal, Self::Depth, Self::SampleCount, Self::Cost];
+    pub const ALL: [Self; 14] = [
+        Self::Albedo,
+        Self::Normal,
+        Self::Depth,
+        Self::SampleCount,
+        Self::Cost,
+        Self::Position,
+        Self::GeometricNormal,
+        Self::Uv,
+        Self::Direct,
+        Self::Indirect,
+        Self::Error,
+        Self::CryptoObject,
+        Self::CryptoMaterial,
+        Self::CryptoAsset,
+    ];
+    /// The Cryptomattes, which lie last within a pixel.
+    pub const MATTES: [Self; 3] = [Self::CryptoObject, Self::CryptoMaterial, Self::CryptoAsset];
 
-    /// Returns the name in the command line, JSON and EXR layers.
+    /// Returns the name in the command line and JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::Albedo => "albedo",
@@ -27,40 +64,75 @@ impl Aov {
             Self::Depth => "depth",
             Self::SampleCount => "samples",
             Self::Cost => "cost",
+            Self::Position => "position",
+            Self::GeometricNormal => "geometric-normal",
+            Self::Uv => "uv",
+            Self::Direct => "direct",
+            Self::Indirect => "indirect",
+            Self::Error => "error",
+            Self::CryptoObject => "crypto-object",
+            Self::CryptoMaterial => "crypto-material",
+            Self::CryptoAsset => "crypto-asset",
         }
     }
 
-    /// Returns the number of floats in a pixel. The sample count is always kept and needs none of its own.
+    /// Returns the name of the layer in an EXR file, by the custom of compositing programs.
+    pub fn file_name(self) -> &'static str {
+        match self {
+            Self::Position => "P",
+            Self::GeometricNormal => "geometric_normal",
+            Self::CryptoObject => "CryptoObject",
+            Self::CryptoMaterial => "CryptoMaterial",
+            Self::CryptoAsset => "CryptoAsset",
+            other => other.name(),
+        }
+    }
+
+    /// Returns true for a Cryptomatte.
+    pub fn is_matte(self) -> bool {
+        Self::MATTES.contains(&self)
+    }
+
+    /// Returns the number of floats in a pixel. The sample count and the error are always kept and need none of their
+    /// own.
     pub fn channel_count(self) -> usize {
         match self {
-            Self::SampleCount => 0,
+            Self::SampleCount | Self::Error => 0,
             Self::Cost => 1,
+            matte if matte.is_matte() => matte::FLOATS,
             other => other.channels().len(),
         }
     }
 
-    /// Returns the names of the AOV's channels within its layer; empty for a single channel.
+    /// Returns the names of the AOV's channels within its layer; empty for a single channel and for a Cryptomatte.
     pub fn channels(self) -> &'static [&'static str] {
         match self {
-            Self::Albedo => &["R", "G", "B"],
-            Self::Normal => &["X", "Y", "Z"],
+            Self::Albedo | Self::Direct | Self::Indirect => &["R", "G", "B"],
+            Self::Normal | Self::Position | Self::GeometricNormal => &["X", "Y", "Z"],
             Self::Depth => &["Z"],
-            Self::SampleCount | Self::Cost => &[],
+            Self::Uv => &["U", "V"],
+            Self::SampleCount | Self::Cost | Self::Error => &[],
+            Self::CryptoObject | Self::CryptoMaterial | Self::CryptoAsset => &[],
         }
     }
 
-    /// Returns the full names of its channels in a file.
+    /// Returns the full names of its channels in a file, in their order within a pixel.
     pub fn full_names(self) -> Vec<String> {
+        let layer = self.file_name();
         match self.channels() {
-            [] => vec![self.name().to_owned()],
-            channels => channels.iter().map(|channel| format!("{}.{channel}", self.name())).collect(),
+            // Cryptomatte 1.2: two ranks of identity and coverage in each layer of four channels
+            [] if self.is_matte() => (0..matte::RANKS_WRITTEN / 2)
+                .flat_map(|pair| ["R", "G", "B", "A"].map(|channel| format!("{layer}{pair:02}.{channel}")))
+                .collect(),
+            [] => vec![layer.to_owned()],
+            channels => channels.iter().map(|channel| format!("{layer}.{channel}")).collect(),
         }
     }
 }
 
 /// A set of AOVs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct AovSet(u8);
+pub struct AovSet(u16);
 
 impl AovSet {
     /// The empty set.
@@ -69,21 +141,21 @@ impl AovSet {
     /// Returns this set with `aov` added.
     #[must_use]
     pub fn with(self, aov: Aov) -> Self {
-        Self(self.0 | 1 << aov as u8)
+        Self(self.0 | 1 << aov as u16)
     }
 
     /// Returns true if `aov` is in the set.
     pub fn contains(self, aov: Aov) -> bool {
-        self.0 & (1 << aov as u8) != 0
+        self.0 & (1 << aov as u16) != 0
     }
 
     /// Returns one bit per AOV, the first of [`Aov::ALL`] lowest: for stored tiles.
-    pub fn bits(self) -> u8 {
+    pub fn bits(self) -> u16 {
         self.0
     }
 
     /// Returns the set of these [`bits`](Self::bits); `None` if an unknown bit is set.
-    pub fn from_bits(bits: u8) -> Option<Self> {
+    pub fn from_bits(bits: u16) -> Option<Self> {
         (bits >> Aov::ALL.len() == 0).then_some(Self(bits))
     }
 

@@ -32,8 +32,8 @@ use crate::{
 /// The width of floats in an EXR file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HalfOrFloat {
-    /// 16 bits for color, alpha, albedo, normal and color layers; other AOVs and layers stay 32-bit. Values beyond
-    /// ±65504 are clamped.
+    /// 16 bits for color, alpha, albedo, normals, direct and indirect light and color layers; other AOVs and layers stay
+    /// 32-bit. Values beyond ±65504 are clamped.
     Half,
     /// 32 bits for all channels.
     #[default]
@@ -67,8 +67,7 @@ pub struct ExrOptions {
 
 /// Writes a film, with all its AOVs and layers, to `path`, atomically.
 ///
-/// The channels are `R G B A`, for kept AOVs `albedo.R/G/B`, `normal.X/Y/Z`, `depth.Z`, `samples` and `cost`, and those
-/// of the layers by their full names. The data window is the film's [`rect`](Film::rect), the display window the whole
+/// The channels are `R G B A`, those of the kept AOVs by [`Aov::full_names`], and those of the layers by their full names. The data window is the film's [`rect`](Film::rect), the display window the whole
 /// picture. Metadata becomes text attributes. Equal films and metadata give equal bytes.
 ///
 /// # Errors
@@ -150,7 +149,8 @@ fn film_channels(layout: &Layout, depth: HalfOrFloat) -> Vec<ExrChannel> {
     channels.extend(color_channels(depth, ["A"], Layout::ALPHA));
     for aov in layout.aovs().iter() {
         let offset = layout.offset(aov).expect("an AOV of the layout");
-        let depth = if matches!(aov, Aov::Albedo | Aov::Normal) { depth } else { HalfOrFloat::Float };
+        let is_half = matches!(aov, Aov::Albedo | Aov::Normal | Aov::GeometricNormal | Aov::Direct | Aov::Indirect);
+        let depth = if is_half { depth } else { HalfOrFloat::Float };
         channels.extend(named_channels(depth, aov.full_names(), offset));
     }
     for (offset, layer) in layout.placed_layers() {

@@ -26,6 +26,8 @@ pub enum LayerKind {
     Direction,
     /// A single number.
     Number,
+    /// Ranks of a Cryptomatte: identity and coverage of one part, then of another.
+    Matte,
 }
 
 /// A layer of a file.
@@ -107,6 +109,10 @@ fn layers_of(channels: &[String]) -> Vec<FileLayer> {
         let place = |full: &String| ORDER.find(full.rsplit('.').next().unwrap_or_default()).unwrap_or(ORDER.len());
         layer.channels.sort_by_key(place);
         layer.channels.truncate(3);
+        if is_matte(&layer.name) {
+            layer.kind = LayerKind::Matte;
+            continue;
+        }
         layer.kind = match layer.channels.iter().map(place).collect::<Vec<_>>()[..] {
             [0, 1, 2] => LayerKind::Color,
             [3, 4, 5] => LayerKind::Direction,
@@ -120,8 +126,21 @@ fn layers_of(channels: &[String]) -> Vec<FileLayer> {
     layers
 }
 
+/// Returns true for the name of a Cryptomatte's layer, such as `CryptoObject00` or `crypto_object00`.
+fn is_matte(name: &str) -> bool {
+    let is_numbered = name.len() > 2 && name.chars().rev().take(2).all(|digit| digit.is_ascii_digit());
+    is_numbered && name.get(..6).is_some_and(|start| start.eq_ignore_ascii_case("crypto"))
+}
+
+/// Returns the display color of a part: one of its own, as bright as its coverage.
+fn matte_color([identity, coverage, _]: [f32; 3]) -> [u8; 3] {
+    let [red, green, blue, _] = identity.to_bits().wrapping_mul(0x9e37_79b1).to_be_bytes();
+    [red, green, blue].map(|value| ((64.0 + 0.75 * f32::from(value)) * coverage.clamp(0.0, 1.0)) as u8)
+}
+
 impl LayerPicture {
-    /// Renders the layer for display: colors tone mapped, directions as colors, numbers in false colors.
+    /// Renders the layer for display: colors tone mapped, directions as colors, numbers in false colors,
+    /// the first part of each pixel of a Cryptomatte in a color of its own.
     ///
     /// - `tone`: for colors that may exceed 1.
     pub fn canvas(&self, tone: ToneMap) -> Canvas {
@@ -134,6 +153,9 @@ impl LayerPicture {
             LayerKind::Direction => {
                 let shade = |value: f32| ((0.5 * value + 0.5).clamp(0.0, 1.0) * 255.0).round() as u8;
                 Canvas { width: *width, height: *height, pixels: data.iter().map(|it| it.map(shade)).collect() }
+            }
+            LayerKind::Matte => {
+                Canvas { width: *width, height: *height, pixels: data.iter().map(|&it| matte_color(it)).collect() }
             }
             LayerKind::Number => {
                 let values: Vec<f32> = data.iter().map(|it| it[0]).collect();
@@ -178,10 +200,27 @@ mod tests {
     #[test]
     fn channels_are_taken_together_by_layers() {
         let found = names(&[
-            "A", "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "cost", "depth.Z", "n.A", "n.X", "n.Y", "n.Z",
+            "A",
+            "B",
+            "CryptoObject00.A",
+            "CryptoObject00.B",
+            "CryptoObject00.G",
+            "CryptoObject00.R",
+            "G",
+            "R",
+            "albedo.B",
+            "albedo.G",
+            "albedo.R",
+            "cost",
+            "depth.Z",
+            "n.A",
+            "n.X",
+            "n.Y",
+            "n.Z",
         ]);
         let of = |name: &str, kind, count| (name.to_owned(), kind, count);
         let wanted = [
+            of("CryptoObject00", LayerKind::Matte, 3),
             of("albedo", LayerKind::Color, 3),
             of("cost", LayerKind::Number, 1),
             of("depth", LayerKind::Number, 1),

@@ -1,6 +1,12 @@
 //! The film: the whole picture, composed of tiles.
 
-use crate::{Aov, Combine, Layer, LayersError, Layout, Picture, Rect, Tile, picture::luminance};
+use std::ops::Range;
+
+use crate::{
+    Aov, Combine, Layer, LayersError, Layout, Picture, Rect, Tile,
+    matte::{self, Blend},
+    picture::luminance,
+};
 
 /// The picture, or its crop window, composed of tiles by weighted means.
 ///
@@ -67,7 +73,7 @@ impl Film {
     pub fn add_tile(&mut self, tile: &Tile, mut weight: impl FnMut(u32, u32) -> f32) {
         assert_eq!(&self.layout, tile.layout(), "tile and film of different layouts");
         let Some(shared) = self.rect.intersection(&tile.rect()) else { return };
-        let sums_end = self.layout.sums_end();
+        let (sums_end, mattes) = (self.layout.sums_end(), self.layout.mattes());
         for (x, y) in shared.pixels() {
             let sums = tile.pixel(x, y);
             let weight = weight(x, y);
@@ -75,7 +81,11 @@ impl Film {
                 let (sums, values) = sums.split_at(sums_end);
                 let pixel = self.pixel_mut(x, y);
                 pick(pixel, values, weight);
-                blend(pixel, sums, weight);
+                for ranks in mattes.clone().step_by(matte::FLOATS).map(|start| start..start + matte::FLOATS) {
+                    let before = Blend { weight: pixel[pixel.len() - 1], other: weight };
+                    matte::blend(&mut pixel[ranks.clone()], &sums[ranks], sums[Layout::SAMPLE_COUNT], before);
+                }
+                blend(pixel, sums, weight, &mattes);
             }
         }
     }
@@ -117,11 +127,12 @@ impl Film {
     }
 
     /// Returns the mean of an AOV at pixel (x, y); 0 if nothing was added, the AOV is not kept, or it lacks that
-    /// component. For [`Aov::SampleCount`], the weighted mean over the tiles.
+    /// component. For [`Aov::SampleCount`], the weighted mean over the tiles; for a Cryptomatte, identity and coverage of
+    /// the first rank.
     pub fn aov(&self, aov: Aov, x: u32, y: u32) -> [f32; 3] {
         let mut value = [0.0; 3];
         if let Some(offset) = self.layout.offset(aov) {
-            let count = aov.channel_count().max(1);
+            let count = aov.channel_count().clamp(1, value.len());
             value[..count].copy_from_slice(&self.pixel(x, y)[offset..offset + count]);
         }
         value
@@ -205,15 +216,20 @@ fn pick(pixel: &mut [f32], values: &[f32], weight: f32) {
     }
 }
 
-/// Blends the means of one pixel of a tile into `pixel`, the film's values followed by its weight.
-fn blend(pixel: &mut [f32], sums: &[f32], weight: f32) {
+/// Blends the means of one pixel of a tile into `pixel`, the film's values followed by its weight. Leaves the offsets
+/// `mattes` as they are.
+fn blend(pixel: &mut [f32], sums: &[f32], weight: f32, mattes: &Range<usize>) {
     let (total, means) = pixel.split_last_mut().expect("a pixel has values");
     let count = sums[Layout::SAMPLE_COUNT];
     let before = *total;
     let after = before + weight;
     *total = after;
     if before == 0.0 {
-        means.iter_mut().zip(sums).for_each(|(mean, &sum)| *mean = sum / count);
+        for (offset, (mean, &sum)) in means.iter_mut().zip(sums).enumerate() {
+            if !mattes.contains(&offset) {
+                *mean = sum / count;
+            }
+        }
         means[Layout::LUMINANCE_SQUARED] = standard_error(sums);
         means[Layout::SAMPLE_COUNT] = count;
         return;
@@ -222,6 +238,7 @@ fn blend(pixel: &mut [f32], sums: &[f32], weight: f32) {
         let new = match offset {
             Layout::SAMPLE_COUNT => count,
             Layout::LUMINANCE_SQUARED => standard_error(sums),
+            _ if mattes.contains(&offset) => continue,
             _ => sum / count,
         };
         if mean.to_bits() != new.to_bits() {

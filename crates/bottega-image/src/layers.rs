@@ -36,12 +36,12 @@ impl Layer {
         self.channels.iter().map(|channel| format!("{}.{channel}", self.name))
     }
 
-    /// Returns the AOV with the same name, channels and combination; `None`: there is no such AOV.
+    /// Returns the AOV with the same name, channels and combination, among those that mean the same in all engines;
+    /// `None`: there is no such AOV.
     pub fn as_aov(&self) -> Option<Aov> {
-        let alike = |aov: &Aov| {
-            aov.name() == self.name && !aov.channels().is_empty() && self.channels.iter().eq(aov.channels().iter())
-        };
-        Aov::ALL.into_iter().find(alike).filter(|_| self.combine == Combine::Mean)
+        let alike = |aov: &Aov| aov.name() == self.name && self.channels.iter().eq(aov.channels().iter());
+        let shared = [Aov::Albedo, Aov::Normal, Aov::Depth];
+        shared.into_iter().find(alike).filter(|_| self.combine == Combine::Mean)
     }
 }
 

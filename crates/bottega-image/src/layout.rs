@@ -4,9 +4,10 @@ use std::{ops::Range, sync::Arc};
 
 use crate::aov::{Aov, AovSet};
 use crate::layers::{Layer, Layers, LayersError};
+use crate::matte;
 
 /// The offsets of the values in a pixel of a [`Tile`](crate::Tile): radiance R G B, alpha, the sum of squared
-/// luminances (for the variance), the sample count, the kept AOVs, then the layers of other engines: averaged ones,
+/// luminances (for the variance), the sample count, the kept AOVs (Cryptomattes last), then the layers of other engines: averaged ones,
 /// then picked ones. Picked values are not sums; they are followed by the sample count of their pass.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -74,13 +75,24 @@ impl Layout {
         let fixed = [
             ("color", Self::COLOR..Self::COLOR + 3),
             ("alpha", Self::ALPHA..Self::ALPHA + 1),
-            ("error", Self::LUMINANCE_SQUARED..Self::LUMINANCE_SQUARED + 1),
+            (Aov::Error.name(), Self::LUMINANCE_SQUARED..Self::LUMINANCE_SQUARED + 1),
             (Aov::SampleCount.name(), Self::SAMPLE_COUNT..Self::SAMPLE_COUNT + 1),
         ];
-        let aovs = self.aovs.iter().filter(|&aov| aov != Aov::SampleCount);
+        let aovs = self.aovs.iter().filter(|&aov| aov.channel_count() > 0);
         let aovs = aovs.filter_map(|aov| self.offset(aov).map(|at| (aov.name(), at..at + aov.channel_count())));
         let others = self.placed_layers().map(|(at, layer)| (layer.name.as_str(), at..at + layer.channels.len()));
         fixed.into_iter().chain(aovs).chain(others).collect()
+    }
+
+    /// Returns true if an AOV of the first surface is kept: see [`Tile::add_surface`](crate::Tile::add_surface).
+    pub fn has_surfaces(&self) -> bool {
+        [Aov::Position, Aov::GeometricNormal, Aov::Uv].into_iter().any(|aov| self.aovs.contains(aov))
+            || self.has_mattes()
+    }
+
+    /// Returns true if a Cryptomatte is kept.
+    pub fn has_mattes(&self) -> bool {
+        !self.mattes().is_empty()
     }
 
     /// Returns the number of floats in a pixel.
@@ -93,10 +105,19 @@ impl Layout {
         self.stride() - self.layers.as_ref().map_or(0, |layers| layers.picked_floats())
     }
 
+    /// Returns the offsets of the Cryptomattes, [`matte::FLOATS`](crate::matte::FLOATS) each: not sums of their own.
+    pub(crate) fn mattes(&self) -> Range<usize> {
+        let end = Self::FIXED + self.aovs.iter().map(Aov::channel_count).sum::<usize>();
+        let count = Aov::MATTES.into_iter().filter(|&aov| self.aovs.contains(aov)).count();
+        end - count * matte::FLOATS..end
+    }
+
     /// Returns the offset of the first float of `aov`; `None` if it is not kept.
     pub fn offset(&self, aov: Aov) -> Option<usize> {
-        if aov == Aov::SampleCount {
-            return Some(Self::SAMPLE_COUNT);
+        match aov {
+            Aov::SampleCount => return Some(Self::SAMPLE_COUNT),
+            Aov::Error => return Some(Self::LUMINANCE_SQUARED),
+            _ => {}
         }
         self.aovs.contains(aov).then(|| {
             Self::FIXED + self.aovs.iter().take_while(|&other| other != aov).map(Aov::channel_count).sum::<usize>()
@@ -131,11 +152,12 @@ mod tests {
 
     #[test]
     fn the_parts_of_a_pixel_are_named_and_lie_side_by_side() {
-        let aovs = AovSet::NONE.with(Aov::Normal).with(Aov::SampleCount).with(Aov::Cost);
+        let aovs = [Aov::Normal, Aov::SampleCount, Aov::Cost, Aov::Error, Aov::CryptoAsset].into_iter().collect();
         let layout = Layout::with_layers(aovs, vec![layer("uv", "UV", Combine::Mean)]).unwrap();
         let parts = layout.parts();
         let names: Vec<&str> = parts.iter().map(|(name, _)| *name).collect();
-        assert_eq!(names, ["color", "alpha", "error", "samples", "normal", "cost", "uv"]);
+        assert_eq!(names, ["color", "alpha", "error", "samples", "normal", "cost", "crypto-asset", "uv"]);
+        assert_eq!(layout.mattes(), parts[6].1);
         assert!(parts.windows(2).all(|pair| pair[0].1.end == pair[1].1.start), "{parts:?}");
         assert_eq!(parts.last().unwrap().1.end, layout.stride());
     }

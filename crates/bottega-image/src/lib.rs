@@ -16,6 +16,7 @@
 //! | rectangles of pixels | `src/rect.rs` |
 //! | sums of samples, their weighted means | `src/tile.rs`, `src/film.rs` |
 //! | offsets of values in a pixel; layers of other engines | `src/layout.rs`, `src/layers.rs` |
+//! | Cryptomattes: ranks of a pixel; identities and manifests | `src/matte.rs`, `src/cryptomatte.rs` |
 //! | writing of OpenEXR and PNG; the format by file name | `src/exr_write.rs`, `src/png_write.rs`, `src/output.rs` |
 //! | reading of OpenEXR, Radiance and PNG, for scenes and for comparing | `src/read.rs`, `src/exr_read/`, `src/radiance_read.rs`, `src/png_read.rs`; whole files: `src/whole.rs` |
 //! | limits on what a picture's header may announce | `src/limits.rs` |
@@ -33,6 +34,7 @@ mod aov;
 mod canvas;
 mod color_map;
 mod colorimetry;
+mod cryptomatte;
 mod error;
 mod exr_read;
 mod exr_write;
@@ -42,6 +44,7 @@ mod layers;
 mod layout;
 mod likeness;
 mod limits;
+mod matte;
 mod metadata;
 mod metrics;
 mod output;
@@ -64,6 +67,7 @@ pub use aov::{Aov, AovSet};
 pub use canvas::Canvas;
 pub use color_map::{ColorMap, false_color};
 pub use colorimetry::{Chromaticities, Conversion, WhitePoint, adaptation};
+pub use cryptomatte::{identity, manifest, murmur3, set_matte};
 pub use error::ImageError;
 pub use exr_read::Planes;
 pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
@@ -86,6 +90,6 @@ pub use read::{read_channels, read_image, read_image_bytes, read_picture};
 pub use rect::{Rect, Sides};
 pub use source::ImageFile;
 pub use svg::{Svg, svg_text};
-pub use tile::{SampleValues, Tile};
+pub use tile::{SampleValues, SurfaceValues, Tile};
 pub use tone::{Encoding, ToneMap, displayed, linear_from_srgb, srgb_from_linear};
 pub use whole::{WholeHeader, WholePicture, is_float_picture, read_whole};

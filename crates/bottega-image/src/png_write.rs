@@ -171,7 +171,9 @@ impl PngFrame<'_> {
             Encoding::Srgb => encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual),
             Encoding::Linear => encoder.set_source_gamma(png::ScaledFloat::new(1.0)),
         }
-        for (key, value) in self.metadata.iter() {
+        // A PNG has no layers, so none of the entries that describe a Cryptomatte
+        let entries = self.metadata.iter().filter(|(key, _)| !key.starts_with("cryptomatte/"));
+        for (key, value) in entries {
             // Use the format's own key for the program.
             let key = if key == "software" { "Software" } else { key }.to_owned();
             if value.is_ascii() {

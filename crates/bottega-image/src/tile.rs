@@ -1,6 +1,6 @@
 //! Tiles: running sums of samples.
 
-use crate::{Aov, Layout, Rect};
+use crate::{Aov, Layout, Rect, matte};
 
 /// The values of one sample of a pixel. The caller must pass finite values: see [`Tile::add`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -17,6 +17,23 @@ pub struct SampleValues {
     pub depth: f32,
     /// Cost; see [`Aov::Cost`].
     pub cost: f32,
+    /// Radiance that scattered once at most; see [`Aov::Direct`]. The rest is [`Aov::Indirect`].
+    pub direct: [f32; 3],
+}
+
+/// The first surface that a sample meets, or its first scattering in a medium. All zero if there is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfaceValues {
+    /// Position; see [`Aov::Position`].
+    pub position: [f32; 3],
+    /// Geometric normal; see [`Aov::GeometricNormal`].
+    pub geometric_normal: [f32; 3],
+    /// Texture coordinates; see [`Aov::Uv`].
+    pub uv: [f32; 2],
+    /// Cryptomatte identities of object, material and asset, in the order of [`Aov::MATTES`]; 0: none.
+    pub identities: [f32; 3],
+    /// Weight of the sample by the pixel filter, with mean 1; below 0 where the filter is.
+    pub weight: f32,
 }
 
 /// Running sums over the samples of a rectangle of pixels, row-major, [`Layout::stride`] floats per pixel.
@@ -90,6 +107,30 @@ impl Tile {
         put(Aov::Normal, &values.normal);
         put(Aov::Depth, &[values.depth]);
         put(Aov::Cost, &[values.cost]);
+        put(Aov::Direct, &values.direct);
+        put(Aov::Indirect, &[0, 1, 2].map(|channel| values.radiance[channel] - values.direct[channel]));
+    }
+
+    /// Adds the first surface of a sample to pixel (x, y), beside [`Self::add`].
+    pub fn add_surface(&mut self, x: u32, y: u32, values: &SurfaceValues) {
+        let stride = self.layout.stride();
+        let start = self.rect.index(x, y) * stride;
+        let pixel = &mut self.sums[start..start + stride];
+        let mut put = |aov: Aov, channels: &[f32]| {
+            if let Some(offset) = self.layout.offset(aov) {
+                for (sum, value) in pixel[offset..].iter_mut().zip(channels) {
+                    *sum += value;
+                }
+            }
+        };
+        put(Aov::Position, &values.position);
+        put(Aov::GeometricNormal, &values.geometric_normal);
+        put(Aov::Uv, &values.uv);
+        for (aov, identity) in Aov::MATTES.into_iter().zip(values.identities) {
+            if let Some(offset) = self.layout.offset(aov) {
+                matte::add(&mut pixel[offset..offset + matte::FLOATS], identity, values.weight);
+            }
+        }
     }
 
     /// Estimates the relative error of the means of this tile: the root of the mean over all pixels and channels of

@@ -23,6 +23,7 @@ fn film(rect: Rect, picture: (u32, u32)) -> Film {
                 normal: [0.0, -1.0, x0],
                 depth: 1e6 + y0,
                 cost: 17.0,
+                direct: [x0 * 0.01, 0.0, 1e5],
             };
             tile.add(x, y, &values);
         }

@@ -147,6 +147,22 @@ impl Interaction {
         point.framed(scene, material, known, ng, &sides)
     }
 
+    /// Returns the first set of texture coordinates, also where the material has no textures; 0 without any.
+    ///
+    /// - `time`: time of the ray, from 0 to 1.
+    pub(crate) fn first_uv(&self, surfaces: &Surfaces, time: f32) -> Vec2 {
+        let Some(index) = self.hit.sphere() else {
+            let mesh = surfaces.mesh(self.hit.instance);
+            let triangle = |mesh: &bottega_scene::Mesh| mesh.triangles[self.hit.primitive as usize];
+            return match mesh.curves {
+                Some(_) => self.uvs[0],
+                None => uvs_at(mesh, triangle(mesh), self.hit.u, self.hit.v)[0],
+            };
+        };
+        let moved = surfaces.moved_sphere(index, time);
+        sphere_uv(moved.as_ref().unwrap_or(&surfaces.scene().spheres[index as usize]), self.ng)
+    }
+
     #[cold]
     #[inline(never)]
     fn on_curve(

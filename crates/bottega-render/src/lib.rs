@@ -22,6 +22,7 @@
 //! | path guiding; learnt choice of lights | `src/guide/`, `src/lights/choice.rs` |
 //! | Russian roulette and splitting by agents; the trial of their efficiency | `src/guide/agent.rs`, `src/guide/expected.rs`, `src/integrator/path/branch.rs`, `src/integrator/path/trial.rs` |
 //! | photons: emission, tracing, map, casting, storage | `src/lights/emission.rs`, `src/photon/trace.rs`, `src/photon/map.rs`, `src/photon/cast.rs`, `src/photon/store.rs` |
+//! | Cryptomatte identities of the scene's parts; first surfaces of samples | `src/identities.rs`; `src/integrator/surface.rs` |
 //! | extent of the visible part; plans of photons and agents | `src/extent.rs`, `src/photon/extent.rs`, `src/photon/plan.rs`, `src/lights/emission/plan.rs` |
 //! | light by its number of bounces | `src/photon/bounces.rs` |
 //! | photon integrator, irradiance cache | `src/integrator/photon/`, `src/photon/cache.rs` |
@@ -48,6 +49,7 @@ mod color;
 mod error;
 mod extent;
 mod guide;
+mod identities;
 mod interaction;
 mod lights;
 mod mapping;

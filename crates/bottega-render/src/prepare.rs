@@ -3,7 +3,7 @@
 use std::{
     ops::Deref,
     sync::{
-        Arc, PoisonError, RwLock,
+        Arc, OnceLock, PoisonError, RwLock,
         atomic::{AtomicU64, Ordering},
     },
 };
@@ -14,6 +14,7 @@ use bottega_scene::{Camera, Instance, MediumId, Mesh, Scene, Sphere, Visibility}
 
 use crate::{
     error::RenderError,
+    identities::Identities,
     lights::Lights,
     media::{
         Filling, Homogeneous,
@@ -60,6 +61,8 @@ pub struct PreparedScene {
     id: DataId,
     /// Memory on a device in bytes, once a device has reported it.
     device_bytes: AtomicU64,
+    /// Cryptomatte identities, once they are wanted.
+    identities: OnceLock<Identities>,
 }
 
 impl PreparedScene {
@@ -118,7 +121,13 @@ impl PreparedScene {
             threads: options.threads,
             id,
             device_bytes: AtomicU64::new(0),
+            identities: OnceLock::new(),
         }
+    }
+
+    /// Returns the Cryptomatte identities of the scene's parts; the first call computes them.
+    pub(crate) fn identities(&self) -> &Identities {
+        self.identities.get_or_init(|| Identities::new(self.scene()))
     }
 
     /// Returns a camera by its number: the scene's cameras come first, then the added ones. `None`: no such camera.

@@ -6,7 +6,7 @@ use bottega_image::{Aov, Layout, Rect, Tile};
 
 use crate::{
     error::RenderError,
-    integrator::{PathIntegrator, Wave, WaveAnswers},
+    integrator::{PathIntegrator, Wanted, WantedSurface, Wave, WaveAnswers},
     prepare::PreparedScene,
     prepass::Prepass,
     settings::{PathSettings, View},
@@ -23,8 +23,8 @@ pub struct WaveWork {
     pub view: View,
     /// Settings of the path integrator.
     pub settings: Arc<PathSettings>,
-    /// `true`: the albedo layer is requested.
-    pub albedo: bool,
+    /// Layout of the picture, which says what layers are requested.
+    pub layout: Layout,
     /// The paths of the wave.
     pub wave: Wave,
     /// Results of the wave's rays; empty for a new wave.
@@ -37,10 +37,13 @@ impl WaveWork {
     /// # Errors
     /// The picture cannot be rendered.
     pub fn perform(self) -> Result<Wave, RenderError> {
-        let Self { scene, prepass, view, settings, albedo, mut wave, answers } = self;
-        let wanted = crate::integrator::Wanted { albedo, cost: false };
+        let Self { scene, prepass, view, settings, layout, mut wave, answers } = self;
+        let wanted = Wanted { cost: false, ..Wanted::by(&layout) };
         let integrator = PathIntegrator::new(&scene, &prepass, view, &settings)?.with_wanted(wanted);
         wave.step(&integrator, &answers);
+        if let Some(wanted) = WantedSurface::by(&layout).filter(|_| wave.is_over()) {
+            wave.find_surfaces(&integrator, wanted);
+        }
         Ok(wave)
     }
 }
@@ -59,6 +62,9 @@ impl Wave {
         for (&(x, y, _), record) in self.samples().iter().zip(self.records()) {
             dropped_count += u64::from(record.is_dropped);
             tile.add(x, y, &record.values);
+        }
+        for (&(x, y, _), surface) in self.samples().iter().zip(self.surfaces()) {
+            tile.add_surface(x, y, surface);
         }
         dropped_count
     }

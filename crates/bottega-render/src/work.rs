@@ -3,13 +3,13 @@
 use std::{fmt, ops::Range, sync::Arc};
 
 use bottega_hra::{DataId, Primitive, RayQuery, RayWork, Work};
-use bottega_image::{Aov, Rect, Tile};
+use bottega_image::{Rect, Tile};
 use bottega_kernels::{Hit, Ray};
 
 use crate::{
     ala::{Agent, AgentWork, SensorReadings, SensorWork},
     error::RenderError,
-    integrator::{Integrator, Wanted, Wave},
+    integrator::{Integrator, Wanted, WantedSurface, Wave},
     photon::{IrradiancePlaces, IrradianceWork, PhotonWork, TracedPhotons},
     prepare::PreparedScene,
     prepass::Prepass,
@@ -179,7 +179,8 @@ impl BlockWork {
     pub fn perform(self) -> Result<BlockOutput, RenderError> {
         let Self { scene, prepass, view, settings, mut tile, samples } = self;
         let layout = tile.layout();
-        let wanted = Wanted { albedo: layout.offset(Aov::Albedo).is_some(), cost: layout.offset(Aov::Cost).is_some() };
+        let wanted_surface = WantedSurface::by(layout);
+        let wanted = Wanted::by(layout);
         let integrator = Integrator::new(&scene, &prepass, view, &settings, wanted)?;
         if let Integrator::Photons(photons) = &integrator {
             photons.cast(samples.clone());
@@ -197,6 +198,10 @@ impl BlockWork {
             for (&(x, y, _), record) in some.iter().zip(&records) {
                 dropped_count += u64::from(record.is_dropped);
                 tile.add(x, y, &record.values);
+            }
+            if let Some(wanted) = wanted_surface {
+                let surfaces = integrator.surfaces(&some, wanted);
+                some.iter().zip(&surfaces).for_each(|(&(x, y, _), surface)| tile.add_surface(x, y, surface));
             }
         }
         Ok(BlockOutput { tile, dropped_count })

@@ -30,6 +30,7 @@
 //! | textures and their mappings, including mappings by world position | `src/texture.rs` |
 //! | pictures with mip levels: decoding, storage, lookup | `src/image/` |
 //! | colours; spectra and colour spaces as colours | `src/color.rs`; `src/spectrum/` |
+//! | names of parts, by which masks find them | `src/part_names.rs` |
 //! | scenes far from their origin | `src/origin.rs` |
 //! | which files a scene may read; lists of scene files from another machine | `src/resource/` |
 //! | encodings of text | `src/text.rs` |
@@ -72,6 +73,7 @@ pub mod objects_only;
 mod options;
 mod origin;
 mod param;
+mod part_names;
 mod pbrt;
 mod resource;
 mod saved;
@@ -114,6 +116,7 @@ pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use motion::{MeshKey, Shutter, SphereKey, TransformKey};
 pub use options::LoadOptions;
 pub use param::{ColorParam, ScalarParam};
+pub use part_names::PartNames;
 pub use resource::SceneFile;
 pub use saved::save_scene;
 pub use shaped_light::{AreaLamp, SphereLamp, SpotCone};

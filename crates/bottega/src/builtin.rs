@@ -4,8 +4,9 @@ use std::{sync::Arc, time::Instant};
 
 use bottega_engines::{BuiltinEngine, BuiltinOptions, CancelSwitch, Urgency};
 use bottega_farm::{Goal, JobReport};
-use bottega_image::Metadata;
+use bottega_image::{Aov, Metadata, manifest, set_matte};
 use bottega_render::{PathSettings, integrator::Wave};
+use bottega_scene::PartNames;
 
 use crate::{
     devices::{DeviceSet, PainterWish, are_worth_waves, costs, incident_line, unused_boards_warning},
@@ -138,7 +139,24 @@ impl BuiltinPainter {
         metadata.set("exact", devices.gpus.is_empty().to_string());
         metadata.set("render_seconds", format!("{:.3}", report.times.total.as_secs_f64()));
         metadata.set("complete", (!report.stopped).to_string());
+        let aovs = settings.layout.aovs();
+        if Aov::MATTES.into_iter().any(|aov| aovs.contains(aov)) {
+            let names = PartNames::new(subject.prepared.scene());
+            for matte in Aov::MATTES.into_iter().filter(|&matte| aovs.contains(matte)) {
+                set_matte(&mut metadata, matte, manifest(names_of(&names, matte)));
+            }
+        }
         metadata
+    }
+}
+
+/// Returns the names of the parts that a Cryptomatte shows.
+fn names_of(names: &PartNames, matte: Aov) -> Vec<&str> {
+    let parts = names.instances.iter().chain(&names.spheres);
+    match matte {
+        Aov::CryptoMaterial => names.materials.iter().map(String::as_str).collect(),
+        Aov::CryptoAsset => parts.map(|[_, asset]| asset.as_str()).collect(),
+        _ => parts.map(|[object, _]| object.as_str()).collect(),
     }
 }
 

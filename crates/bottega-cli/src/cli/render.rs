@@ -73,7 +73,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_rect, help_heading = "Picture", help = help("film.crop"))]
     crop: Option<Rect>,
     /// Layers of the EXR file in addition to the color: names with commas between, `all` or `none`. The built-in engine has
-    /// albedo,normal,depth,samples,cost and makes none by default; other engines make those that the scene asks for. Two
+    /// albedo, normal, depth, samples, cost, position, geometric-normal, uv, direct, indirect, error, crypto-object,
+    /// crypto-material and crypto-asset, and makes none by default; other engines make those that the scene asks for. Two
     /// engines make only the layers that both have.
     #[arg(long, value_name = "LIST", help_heading = "Output")]
     aov: Option<LayerNames>,

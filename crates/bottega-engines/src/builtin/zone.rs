@@ -7,7 +7,7 @@ use std::{
 };
 
 use bottega_hra::{Completed, HraClient, UnitError, WorkUnit};
-use bottega_image::{Aov, Layout, Rect, Tile};
+use bottega_image::{Layout, Rect, Tile};
 use bottega_render::{
     BlockWork, PathSettings, RenderOutput, RenderWork, WaveWork,
     integrator::{Wave, WaveAnswers},
@@ -293,7 +293,7 @@ impl<'a> ZonePainter<'a> {
             prepass: Arc::clone(&self.shared.prepass),
             view: self.shared.options.view,
             settings: Arc::clone(&self.settings),
-            albedo: self.shared.options.layout.offset(Aov::Albedo).is_some(),
+            layout: self.shared.options.layout.clone(),
             wave,
             answers,
         };

@@ -61,7 +61,7 @@ pub(crate) fn read_tile(bytes: &[u8]) -> Result<Tile, WireError> {
 struct TileHead<'a> {
     rect: RectRecord,
     /// One bit per AOV.
-    aovs: u8,
+    aovs: u16,
     #[serde(borrow)]
     layers: Vec<LayerRecord<'a>>,
 }

@@ -8,6 +8,9 @@ use super::batch::{PATHS_MAX, path_count};
 /// The maximum number of pixels per batch; bounds the size of the readback.
 pub(super) const PIXELS_MAX: u64 = 1 << 20;
 
+/// The layers that a device makes.
+const LAYERS: [Aov; 5] = [Aov::Albedo, Aov::Normal, Aov::Depth, Aov::SampleCount, Aov::Error];
+
 /// The reason for returning work of scenes that were not admitted.
 pub(super) const UNKNOWN_SCENE: &str = "the device was not told of this scene";
 
@@ -15,6 +18,9 @@ pub(super) const UNKNOWN_SCENE: &str = "the device was not told of this scene";
 pub(super) fn refusal(block: &BlockWork) -> Option<String> {
     if block.tile.layout().offset(Aov::Cost).is_some() {
         return Some("the cost of a pixel is not known to devices".to_owned());
+    }
+    if let Some(aov) = block.tile.layout().aovs().iter().find(|aov| !LAYERS.contains(aov)) {
+        return Some(format!("the layer `{}` is not known to devices", aov.name()));
     }
     if block.settings.photons.is_some() {
         return Some("photon mapping is not known to devices".to_owned());

@@ -90,9 +90,11 @@ impl Path<'_> {
     /// - `AGENTS`: use what agents learned.
     #[inline(always)]
     pub(super) fn arrive<const AGENTS: bool>(&mut self, hit: &Hit) -> Option<Interaction> {
+        let before = self.radiance;
         // Add the environment if the ray left the scene
         if hit.is_none() {
             self.add_environment::<AGENTS>();
+            self.split_branch::<AGENTS>(before);
             return None;
         }
         // Compute the interaction at the hit
@@ -101,13 +103,14 @@ impl Path<'_> {
         // Add the color of an unlit surface and stop
         if let Surface::Unlit(color) = &material.surface {
             self.add_unlit(&point, color);
+            self.split_branch::<AGENTS>(before);
             return None;
         }
         // Add emission
         if known.shines && material.emission_sides.has(point.front) {
             self.add_emission::<AGENTS>(&point);
         }
-        self.mark_direct();
+        self.mark_direct(before);
         // Stop at the maximum depth
         if self.is_last() && !self.wants_albedo {
             return None;
@@ -192,11 +195,27 @@ impl Path<'_> {
         self.record.record_albedo(&mut self.wants_albedo, color);
     }
 
-    /// Records the radiance found so far as direct light, at the second vertex, if costs are wanted.
+    /// Records the radiance found so far as direct light, at the second vertex, if costs or direct light are wanted.
+    ///
+    /// - `before`: radiance before that of this vertex.
     #[inline(always)]
-    fn mark_direct(&mut self) {
-        if self.depth == 1 && self.integrator.wanted.cost {
-            self.record.mark_direct(self.radiance);
+    fn mark_direct(&mut self, before: Spectrum) {
+        let wanted = self.integrator.wanted;
+        if self.depth == 1 && (wanted.cost | wanted.direct) {
+            if wanted.direct {
+                self.record.split_at_second(before, self.radiance);
+            }
+            if wanted.cost {
+                self.record.mark_direct(self.radiance);
+            }
+        }
+    }
+
+    /// Records the direct light of a branch that ends at its second vertex: others may add indirect light later.
+    #[inline(always)]
+    fn split_branch<const AGENTS: bool>(&mut self, before: Spectrum) {
+        if AGENTS && self.depth == 1 && self.integrator.wanted.direct {
+            self.record.split_at_second(before, self.radiance);
         }
     }
 

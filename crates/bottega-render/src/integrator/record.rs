@@ -1,6 +1,6 @@
 //! The record of a traced sample: its values, and the work that it took.
 
-use bottega_image::SampleValues;
+use bottega_image::{Aov, Layout, SampleValues};
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
@@ -13,6 +13,20 @@ pub(crate) struct Wanted {
     pub(crate) albedo: bool,
     /// Traversal steps and work counts.
     pub(crate) cost: bool,
+    /// The share of light that scattered once at most.
+    pub(crate) direct: bool,
+}
+
+impl Wanted {
+    /// Returns what the layers of a picture need.
+    pub(crate) fn by(layout: &Layout) -> Self {
+        let aovs = layout.aovs();
+        Self {
+            albedo: aovs.contains(Aov::Albedo),
+            cost: aovs.contains(Aov::Cost),
+            direct: aovs.contains(Aov::Direct) || aovs.contains(Aov::Indirect),
+        }
+    }
 }
 
 /// The result of one path.
@@ -26,6 +40,8 @@ pub(crate) struct PathRecord {
     pub(crate) counts: PathCounts,
     /// Luminance of the light found up to the first bounce; `None`: the path ended there, or costs are not wanted.
     direct: Option<f32>,
+    /// `true`: the direct light is in the values; `false`: all light is direct.
+    is_split: bool,
     /// `true`: the radiance was not finite, and counts as 0.
     pub(crate) is_dropped: bool,
 }
@@ -57,6 +73,7 @@ impl PathRecord {
     #[inline(always)]
     pub(super) fn scaled(mut self, factor: f32) -> Self {
         self.values.radiance = self.values.radiance.map(|value| value * factor);
+        self.values.direct = self.values.direct.map(|value| value * factor);
         self.direct = self.direct.map(|value| value * factor);
         self
     }
@@ -80,11 +97,40 @@ impl PathRecord {
     pub(super) fn keep(&mut self, radiance: Spectrum, most: f32) {
         self.is_dropped = !radiance.is_finite();
         if self.is_dropped {
+            self.values.direct = [0.0; 3];
             return;
         }
+        let direct = if self.is_split { self.values.direct.into() } else { radiance };
         let greatest = radiance.max_element();
-        let radiance = if greatest > most { radiance * (most / greatest) } else { radiance };
+        let [radiance, direct] = if greatest > most {
+            [radiance, direct].map(|light| light * (most / greatest))
+        } else {
+            [radiance, direct]
+        };
         self.values.radiance = radiance.to_array();
+        self.values.direct = direct.to_array();
+    }
+
+    /// Returns the record of a path whose direct light is added by [`Self::add_direct`].
+    pub(super) fn split() -> Self {
+        Self { is_split: true, ..Self::default() }
+    }
+
+    /// Adds light that scattered once at most; all other light is then indirect. Where this is never called, all light
+    /// is direct.
+    #[inline(always)]
+    pub(super) fn add_direct(&mut self, light: Spectrum) {
+        self.values.direct = (Spectrum::from(self.values.direct) + light).to_array();
+        self.is_split = true;
+    }
+
+    /// Adds the light found at the second vertex of a branch to the direct light.
+    ///
+    /// - `before`, `after`: radiance of the path before and after that light. Before the first branch all is direct.
+    #[inline(always)]
+    pub(super) fn split_at_second(&mut self, before: Spectrum, after: Spectrum) {
+        let light = if self.is_split { after - before } else { after };
+        self.add_direct(light);
     }
 
     /// Records the distance and the normal of the first visible surface.

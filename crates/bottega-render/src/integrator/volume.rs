@@ -14,6 +14,7 @@ mod passage;
 mod state;
 mod subsurface;
 
+use bottega_image::SurfaceValues;
 use bottega_kernels::Ray;
 use bottega_scene::{Spectrum, Surface, Visibility};
 use glam::Vec3;
@@ -21,6 +22,7 @@ use glam::Vec3;
 use super::{
     path::PathIntegrator,
     record::PathRecord,
+    surface::WantedSurface,
     transport::{survives, widen},
 };
 use crate::{
@@ -58,18 +60,41 @@ impl PathIntegrator<'_> {
     /// Traces one sample of a scene with media or motion.
     pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
         let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
-        // Draw the time of the path, if something moves
-        let motion = self.prepared().motion();
-        let time = if motion.moves() { motion.time(sampler.quad(DimensionSet::TIME)[0]) } else { 0.0 };
+        let time = self.time_of(&sampler);
         let (ray, factor) = self.camera_ray_at(&sampler, x, y, time);
         trace(self, sampler, &ray, time).scaled(factor)
+    }
+
+    /// Returns the time of a path; 0 if nothing moves.
+    fn time_of(&self, sampler: &PixelSampler) -> f32 {
+        let motion = self.prepared().motion();
+        if motion.moves() { motion.time(sampler.quad(DimensionSet::TIME)[0]) } else { 0.0 }
+    }
+
+    /// Returns the first surface, or the first scattering in a medium, of a sample that [`Self::trace_volume`] traces: it
+    /// follows the same path that far.
+    pub(super) fn surface_in_volume(&self, x: u32, y: u32, sample_index: u32, wanted: WantedSurface) -> SurfaceValues {
+        let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
+        let time = self.time_of(&sampler);
+        let (ray, weight) = self.camera_ray_at(&sampler, x, y, time);
+        let mut path = begin(self, sampler, &ray, time);
+        path.wants_surface = Some(wanted);
+        while path.surface.is_none() && path.depth == 0 && path.advance() {}
+        SurfaceValues { weight, ..path.surface.unwrap_or_default() }
     }
 }
 
 /// Traces one path. The integrator gives the camera and the settings.
 fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay, time: f32) -> PathRecord {
+    let mut path = begin(integrator, sampler, ray, time);
+    while path.advance() {}
+    path.finish()
+}
+
+/// Starts a path at a camera ray.
+fn begin<'a>(integrator: &PathIntegrator<'a>, sampler: PixelSampler, ray: &CameraRay, time: f32) -> MediumPath<'a> {
     let (prepared, settings) = (integrator.prepared(), integrator.settings());
-    let mut path = MediumPath {
+    MediumPath {
         prepared,
         settings,
         sampler,
@@ -89,13 +114,13 @@ fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay
         direction: ray.direction,
         cone: ray.cone,
         hides_emitters: integrator.hides_emitters(),
+        wants_surface: None,
+        surface: None,
         previous: PreviousVertex { receiver: Receiver { p: ray.origin, n: Vec3::ZERO }, pdf: None, along: None },
         wants_albedo: integrator.wanted().albedo,
         wants_cost: integrator.wanted().cost,
-        record: PathRecord::default(),
-    };
-    while path.advance() {}
-    path.finish()
+        record: PathRecord::split(),
+    }
 }
 
 impl MediumPath<'_> {
@@ -120,7 +145,7 @@ impl MediumPath<'_> {
         // Pass through the medium: add light along the segment, and scatter or continue
         let segment = Segment { origin: self.origin, direction: self.direction, length: hit.t.min(reach) };
         match self.medium.map(|medium| prepared.medium(medium)) {
-            None => self.radiance += self.throughput * arriving,
+            None => self.add(self.throughput * arriving, self.depth),
             Some(Filling::Homogeneous(medium)) => {
                 if let Some(goes_on) = self.pass(&medium, segment, arriving) {
                     return goes_on;
@@ -148,7 +173,7 @@ impl MediumPath<'_> {
         }
         self.record.vertex_count += 1;
         if let Surface::Unlit(color) = &material.surface {
-            self.record_first(hit.t, point.frame[2]);
+            self.record_surface(&point);
             self.record.record_albedo(&mut self.wants_albedo, point.unlit(prepared.scene(), color));
             return false;
         }
@@ -161,9 +186,9 @@ impl MediumPath<'_> {
     /// - `arriving`: emission at the end of the segment.
     fn pass(&mut self, medium: &Homogeneous, segment: Segment, arriving: Spectrum) -> Option<bool> {
         // Add the medium's emission, and the light from the end of the segment
-        self.radiance += self.throughput * medium.emitted(segment.length);
+        self.add(self.throughput * medium.emitted(segment.length), self.depth);
         let transmittance = medium.transmittance(segment.length);
-        self.radiance += self.throughput * transmittance * arriving;
+        self.add(self.throughput * transmittance * arriving, self.depth);
         if !(medium.scatters() && self.depth < self.settings.max_depth) {
             self.throughput *= transmittance;
             return None;
@@ -188,12 +213,14 @@ impl MediumPath<'_> {
     fn pass_varying(&mut self, medium: &Varying<'_>, segment: Segment, arriving: Spectrum) -> Option<bool> {
         let [u_kind, u, ..] = self.sampler.quad(DimensionSet::distance(self.segment));
         let line = Line { origin: segment.origin, direction: segment.direction, length: segment.length };
+        let before = self.radiance;
         let mut carried = CarriedLight { throughput: self.throughput, radiance: self.radiance };
         // Track the path to a real collision or to the end of the segment
         let collision = medium.track(&line, &mut carried, [u_kind, u], numbers(self.sampler, &mut self.numbers_drawn));
         CarriedLight { throughput: self.throughput, radiance: self.radiance } = carried;
+        self.count_direct(self.radiance - before, self.depth);
         let Some(collision) = collision else {
-            self.radiance += self.throughput * arriving;
+            self.add(self.throughput * arriving, self.depth);
             return None;
         };
         if self.depth >= self.settings.max_depth {
@@ -218,6 +245,9 @@ impl MediumPath<'_> {
         let receiver = Receiver { p, n: Vec3::ZERO };
         self.record.vertex_count += 1;
         self.record_first(distance, Vec3::ZERO);
+        if self.wants_surface.is_some() && self.surface.is_none() {
+            self.surface = Some(SurfaceValues { position: p.to_array(), ..SurfaceValues::default() });
+        }
         self.record.record_albedo(&mut self.wants_albedo, albedo);
         // Sample lights from there
         self.add_light_at(phase, segment.direction, &receiver, along.as_ref());
@@ -236,7 +266,7 @@ impl MediumPath<'_> {
         // Stop at the maximum depth; panes are passed even there
         let known = prepared.material(point.material).1;
         if !known.is_pane {
-            self.record_first(point.hit.t, point.frame[2]);
+            self.record_surface(point);
             if is_last && !self.wants_albedo {
                 return false;
             }
@@ -252,7 +282,7 @@ impl MediumPath<'_> {
         if known.is_pane && bsdf.straight(wo) != Spectrum::ZERO {
             return self.meet_pane(point, &bsdf.at_carrying(wo, self.throughput), is_last);
         }
-        self.record_first(point.hit.t, point.frame[2]);
+        self.record_surface(point);
         let is_delta_only = bsdf.is_delta_only();
         if self.wants_albedo && (is_last || !is_delta_only) {
             self.record.record_albedo(&mut self.wants_albedo, bsdf.albedo(wo));
@@ -305,7 +335,7 @@ impl MediumPath<'_> {
         if !is_reflection {
             return self.pass_boundary(point);
         }
-        self.record_first(point.hit.t, point.frame[2]);
+        self.record_surface(point);
         if is_last {
             return false;
         }
@@ -332,6 +362,31 @@ impl MediumPath<'_> {
         self.depth += 1;
         self.travelled = 0.0;
         survives(&mut self.throughput, self.eta_scale, self.depth <= self.settings.roulette_depth, u)
+    }
+
+    /// Adds light that scattered `bounces` times.
+    #[inline(always)]
+    pub(super) fn add(&mut self, light: Spectrum, bounces: u32) {
+        self.radiance += light;
+        self.count_direct(light, bounces);
+    }
+
+    /// Adds light that scattered `bounces` times to the direct light, if it is direct.
+    #[inline(always)]
+    fn count_direct(&mut self, light: Spectrum, bounces: u32) {
+        if bounces <= 1 {
+            self.record.add_direct(light);
+        }
+    }
+
+    /// Records the first visible surface.
+    fn record_surface(&mut self, point: &Interaction) {
+        self.record_first(point.hit.t, point.frame[2]);
+        if let Some(wanted) = self.wants_surface
+            && self.surface.is_none()
+        {
+            self.surface = Some(wanted.values(self.prepared, point, self.time));
+        }
     }
 
     /// Records the first visible surface or scattering event.

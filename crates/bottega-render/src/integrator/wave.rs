@@ -7,6 +7,7 @@
 
 use std::{fmt, sync::Arc};
 
+use bottega_image::SurfaceValues;
 use bottega_kernels::{
     Hit, Ray,
     compiled::{self, Task},
@@ -17,6 +18,7 @@ use super::{
     path::{Branch, DeferredLight, PathIntegrator, SuspendedPath},
     planned::SampleIntegrators,
     record::PathRecord,
+    surface::WantedSurface,
 };
 use crate::sampler::PixelSampler;
 
@@ -32,6 +34,8 @@ pub struct Wave {
     deferred: Vec<(u32, Spectrum)>,
     /// Records of the samples, in their order.
     records: Vec<PathRecord>,
+    /// First surfaces of the samples, in their order; empty unless they are wanted and all paths have ended.
+    surfaces: Vec<SurfaceValues>,
     rays: Arc<Vec<Ray>>,
     shadow_rays: Arc<Vec<Ray>>,
 }
@@ -102,6 +106,16 @@ impl Wave {
     /// Returns the records of the samples, in their order; final once [`Self::is_over`] is `true`.
     pub(crate) fn records(&self) -> &[PathRecord] {
         &self.records
+    }
+
+    /// Returns the first surfaces of the samples, in their order; empty unless [`Self::find_surfaces`] was called.
+    pub(crate) fn surfaces(&self) -> &[SurfaceValues] {
+        &self.surfaces
+    }
+
+    /// Finds the first surfaces of the samples.
+    pub(crate) fn find_surfaces(&mut self, integrator: &PathIntegrator<'_>, wanted: WantedSurface) {
+        self.surfaces = integrator.surfaces(&self.samples, wanted);
     }
 
     /// Takes the results of the rays, and shades until the next rays.

@@ -51,7 +51,11 @@ pub(crate) fn probe(
     rect: Rect,
     sample_count: u32,
 ) -> Result<Vec<SurveyPixel>, RenderError> {
-    let integrator = PathIntegrator::unguided(scene, view, settings)?.with_wanted(Wanted { albedo: true, cost: true });
+    let integrator = PathIntegrator::unguided(scene, view, settings)?.with_wanted(Wanted {
+        albedo: true,
+        cost: true,
+        direct: false,
+    });
     let (sample_count, mut records) = (sample_count.max(1), Vec::new());
     let mut pixels = Vec::with_capacity(rect.area() as usize);
     for y in rect.y0..rect.y1 {

@@ -139,7 +139,7 @@ fn light_scattered_once_is_that_of_the_integral() {
 }
 
 /// A ball of smoke around a lamp, cut by a floor, below a second lamp outside of it.
-fn smoke(medium: Medium) -> Scene {
+pub(crate) fn smoke(medium: Medium) -> Scene {
     let mut scene = Scene { cameras: vec![camera(Vec3::new(0.0, 0.2, 3.5), Vec3::ZERO, 0.7)], ..Scene::default() };
     let medium = scene.push_medium(medium);
     add_sphere(&mut scene, Vec3::ZERO, 1.4, boundary(Some(medium), None));

@@ -5,6 +5,7 @@ mod determinism;
 mod furnace;
 mod guiding;
 mod known_answers;
+mod layers;
 mod lighting_agents;
 mod lookouts;
 mod media;

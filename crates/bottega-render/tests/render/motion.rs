@@ -154,7 +154,7 @@ fn a_light_that_moves_lights_by_its_mean() {
 }
 
 /// A scene in which everything moves that can: turning and growing boxes, waving vertices, a ball, lamps and the camera.
-fn commotion() -> Scene {
+pub(crate) fn commotion() -> Scene {
     let span = Shutter { open: 0.0, close: 1.0, ramp: 0.0 };
     let mut scene = Scene {
         cameras: vec![camera(Vec3::new(0.0, 2.0, 5.0), Vec3::Y * 0.4, 0.7)],

@@ -23,7 +23,7 @@ use crate::{
 struct PictureLayer {
     /// Name of the layer.
     name: String,
-    /// The kind of the layer's values: `color`, `direction` or `number`.
+    /// The kind of the layer's values: `color`, `direction`, `number` or `matte`.
     kind: &'static str,
 }
 
@@ -86,6 +86,7 @@ fn word(kind: LayerKind) -> &'static str {
         LayerKind::Color => "color",
         LayerKind::Direction => "direction",
         LayerKind::Number => "number",
+        LayerKind::Matte => "matte",
     }
 }
 

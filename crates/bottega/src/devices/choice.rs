@@ -155,8 +155,10 @@ pub fn beside_gpus(processors: usize, gpus: usize) -> usize {
 /// Returns the requested features that no GPU supports.
 fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
     let cost = layout.offset(Aov::Cost).map(|_| "the cost of pixels (layer `cost`)".to_owned());
+    let made = [Aov::Albedo, Aov::Normal, Aov::Depth, Aov::SampleCount, Aov::Error, Aov::Cost];
+    let others = layout.aovs().iter().filter(|aov| !made.contains(aov)).map(|aov| format!("layer `{}`", aov.name()));
     let photons = photons.then(|| "photon mapping".to_owned());
-    cost.into_iter().chain(photons).collect()
+    cost.into_iter().chain(others).chain(photons).collect()
 }
 
 /// Returns the devices, without the processors, that a choice selects on this machine: names of GPUs, addresses of boards.

@@ -61,6 +61,9 @@ impl GatherPath<'_> {
     #[inline(always)]
     pub(super) fn add(&mut self, light: Spectrum, bounces: u32) {
         self.radiance += light;
+        if bounces <= 1 {
+            self.record.add_direct(light);
+        }
         if let Some(sums) = &mut self.buffers.by_bounces {
             sums[kept(bounces)] += light;
         }
@@ -130,7 +133,7 @@ impl<'a> GatherPath<'a> {
             buffers,
             radiance: Spectrum::ZERO,
             wants_albedo: integrator.base.wanted().albedo,
-            record: PathRecord::default(),
+            record: PathRecord::split(),
         }
     }
 

@@ -106,7 +106,7 @@ impl MediumPath<'_> {
                 }
             }
             if hit.is_none() {
-                self.radiance += contribution * transmittance;
+                self.add(contribution * transmittance, self.depth + 1);
                 return;
             }
             // Pass through a boundary or a pane, and continue behind it

@@ -1,9 +1,10 @@
 //! The state of a path through media.
 
+use bottega_image::SurfaceValues;
 use bottega_scene::{MediumId, Spectrum, Visibility};
 use glam::Vec3;
 
-use super::super::record::PathRecord;
+use super::super::{record::PathRecord, surface::WantedSurface};
 use crate::{
     camera::RayCone,
     lights::{Receiver, Segment},
@@ -78,6 +79,10 @@ pub(super) struct MediumPath<'a> {
     pub(super) previous: PreviousVertex,
     /// `true`: the camera does not see emitters.
     pub(super) hides_emitters: bool,
+    /// Values of the first surface to record; `None`: none.
+    pub(super) wants_surface: Option<WantedSurface>,
+    /// The first surface, once it is met, if it is wanted.
+    pub(super) surface: Option<SurfaceValues>,
     /// `true`: the albedo is wanted and not recorded yet.
     pub(super) wants_albedo: bool,
     /// `true`: costs are wanted.
