@@ -168,6 +168,7 @@ fn layered(n: &mut Numbers, images: u32) -> Layered {
         specular: n.scalar_param(images, 0.0, 1.0),
         specular_color: ColorParam { factor: n.color() * 2.0, ..n.color_param(images) },
         diffuse_transmission_color: n.color_param(images),
+        subsurface: None,
         thin: n.chance(0.4),
         iridescence: n.chance(0.5).then(|| Iridescence {
             factor: n.scalar_param(images, 0.0, 1.0),
