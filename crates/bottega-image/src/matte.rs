@@ -137,7 +137,7 @@ mod tests {
         samples.extend((1..=8).map(|identity| (identity as f32, 1.0)));
         samples.push((9.0, 1.0));
         let crowded = tile(&samples.iter().filter(|(identity, _)| *identity != 7.0).copied().collect::<Vec<_>>());
-        assert!(crowded.as_chunks::<2>().0.iter().any(|pair| *pair == [9.0, 2.0]), "{crowded:?}");
+        assert!(crowded.as_chunks::<2>().0.contains(&[9.0, 2.0]), "{crowded:?}");
         assert!(crowded.iter().skip(1).step_by(2).sum::<f32>() <= samples.len() as f32);
     }
 

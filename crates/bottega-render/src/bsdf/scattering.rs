@@ -39,7 +39,6 @@ impl ScatterChange {
 }
 
 #[derive(Clone, Copy, Debug)]
-#[expect(clippy::large_enum_variant, reason = "a box would allocate at every textured point")]
 enum BsdfKind {
     /// A surface that scatters nothing.
     Black,

@@ -134,7 +134,7 @@ pub fn scattering(scene: &Scene, material: &Material, point: &SurfacePoint) -> B
 /// Returns the medium below a point of `material`; `None`: none, or light is refracted there.
 pub(crate) fn interior_at(scene: &Scene, material: &Material, point: &SurfacePoint) -> Option<Interior> {
     let (part, _) = part_at(scene, material.surface_of(point.front)?, point);
-    let layered = if let Surface::Layered(layered) = part { layered } else { return None };
+    let Surface::Layered(layered) = part else { return None };
     let below = below(scene, layered, point)?;
     Some(Interior::new(below, point.base(scene, &layered.base_color), |param| point.color(scene, param)))
 }
