@@ -118,8 +118,15 @@ fn an_exr_file_names_its_channels_as_the_field_does() {
     write_exr(&path, &film, &Metadata::new(), ExrOptions { depth: HalfOrFloat::Half, ..Default::default() }).unwrap();
     let image = read_first_flat_layer_from_file(&path).unwrap();
     let names: Vec<String> = image.layer_data.channel_data.list.iter().map(|c| c.name.to_string()).collect();
-    let expected = "A B G R albedo.B albedo.G albedo.R cost depth.Z normal.X normal.Y normal.Z samples";
-    assert_eq!(names.join(" "), expected);
+    let mattes = ["Asset", "Material", "Object"].map(|kind| {
+        let ranks =
+            (0..3).flat_map(|rank| ["A", "B", "G", "R"].map(|channel| format!("Crypto{kind}0{rank}.{channel}")));
+        ranks.collect::<Vec<_>>().join(" ")
+    });
+    let others = "P.X P.Y P.Z R albedo.B albedo.G albedo.R cost depth.Z direct.B direct.G direct.R error \
+                  geometric_normal.X geometric_normal.Y geometric_normal.Z indirect.B indirect.G indirect.R \
+                  normal.X normal.Y normal.Z samples uv.U uv.V";
+    assert_eq!(names.join(" "), format!("A B {} G {others}", mattes.join(" ")));
     let value = |name: &str, x: usize, y: usize| {
         let index = names.iter().position(|n| n == name).unwrap();
         image.layer_data.channel_data.list[index].sample_data.value_by_flat_index(y * 70 + x).to_f32()

@@ -364,21 +364,6 @@ impl MediumPath<'_> {
         survives(&mut self.throughput, self.eta_scale, self.depth <= self.settings.roulette_depth, u)
     }
 
-    /// Adds light that scattered `bounces` times.
-    #[inline(always)]
-    pub(super) fn add(&mut self, light: Spectrum, bounces: u32) {
-        self.radiance += light;
-        self.count_direct(light, bounces);
-    }
-
-    /// Adds light that scattered `bounces` times to the direct light, if it is direct.
-    #[inline(always)]
-    fn count_direct(&mut self, light: Spectrum, bounces: u32) {
-        if bounces <= 1 {
-            self.record.add_direct(light);
-        }
-    }
-
     /// Records the first visible surface.
     fn record_surface(&mut self, point: &Interaction) {
         self.record_first(point.hit.t, point.frame[2]);

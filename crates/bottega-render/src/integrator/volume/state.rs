@@ -90,3 +90,20 @@ pub(super) struct MediumPath<'a> {
     /// Record of the path.
     pub(super) record: PathRecord,
 }
+
+impl MediumPath<'_> {
+    /// Adds light that scattered `bounces` times.
+    #[inline(always)]
+    pub(super) fn add(&mut self, light: Spectrum, bounces: u32) {
+        self.radiance += light;
+        self.count_direct(light, bounces);
+    }
+
+    /// Adds light that scattered `bounces` times to the direct light, if it is direct.
+    #[inline(always)]
+    pub(super) fn count_direct(&mut self, light: Spectrum, bounces: u32) {
+        if bounces <= 1 {
+            self.record.add_direct(light);
+        }
+    }
+}
