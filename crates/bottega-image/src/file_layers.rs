@@ -37,7 +37,7 @@ pub struct FileLayer {
     pub name: String,
     /// Kind of the layer's values.
     pub kind: LayerKind,
-    /// Full names of its channels, at most three.
+    /// Full names of its channels.
     channels: Vec<String>,
 }
 
@@ -66,18 +66,14 @@ impl FileLayer {
         Ok(layers_of(&channels))
     }
 
-    /// Reads the layer from its file.
+    /// Reads the layer from its file, to be shown: at most three channels.
     ///
     /// # Errors
     ///
     /// The file cannot be read, or has no such layer.
     pub fn read(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPicture, ImageError> {
-        let source = PictureSource::new(name.as_ref(), ReadLimits::default());
-        let wanted = WantedChannels { names: &self.channels, alpha: false };
-        let read = guarded(&source, "EXR", || exr_read::read(&source, Cursor::new(bytes), wanted))?;
-        let planes: Option<Vec<Vec<f32>>> = read.planes.into_iter().collect();
-        let planes = planes.ok_or_else(|| source.malformed("EXR", format!("it has no layer `{}`", self.name)))?;
-        let Picture { width, height, .. } = read.file.picture;
+        let most = if self.kind == LayerKind::Number { 1 } else { 3 };
+        let (planes, [width, height]) = self.read_channels(name, bytes, most)?;
         let value = |channel: usize, pixel: usize| match (planes.get(channel), self.kind) {
             (Some(plane), _) => plane[pixel],
             (None, LayerKind::Number) => planes[0][pixel],
@@ -87,6 +83,31 @@ impl FileLayer {
         let data = (0..count).map(|pixel| [0, 1, 2].map(|channel| value(channel, pixel))).collect();
         Ok(LayerPicture { layer: self.clone(), picture: Picture { width, height, data } })
     }
+
+    /// Reads all channels of the layer from its file: the values of each, row by row, and width and height.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read, or has no such layer.
+    pub fn read_planes(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<(Vec<Vec<f32>>, [u32; 2]), ImageError> {
+        self.read_channels(name, bytes, self.channels.len())
+    }
+
+    fn read_channels(
+        &self,
+        name: impl AsRef<Path>,
+        bytes: &[u8],
+        most: usize,
+    ) -> Result<(Vec<Vec<f32>>, [u32; 2]), ImageError> {
+        let source = PictureSource::new(name.as_ref(), ReadLimits::default());
+        let names = &self.channels[..most.min(self.channels.len())];
+        let wanted = WantedChannels { names, alpha: false };
+        let read = guarded(&source, "EXR", || exr_read::read(&source, Cursor::new(bytes), wanted))?;
+        let planes: Option<Vec<Vec<f32>>> = read.planes.into_iter().collect();
+        let planes = planes.ok_or_else(|| source.malformed("EXR", format!("it has no layer `{}`", self.name)))?;
+        let Picture { width, height, .. } = read.file.picture;
+        Ok((planes, [width, height]))
+    }
 }
 
 /// Groups channels into layers.
@@ -94,7 +115,7 @@ fn layers_of(channels: &[String]) -> Vec<FileLayer> {
     let mut layers: Vec<FileLayer> = Vec::new();
     for full in channels {
         let (layer, channel) = full.rsplit_once('.').unwrap_or((full, ""));
-        if (channel.is_empty() && OF_COLOR.contains(&layer)) || channel == "A" {
+        if (channel.is_empty() && OF_COLOR.contains(&layer)) || (channel == "A" && !is_matte(layer)) {
             continue;
         }
         match layers.iter_mut().find(|known| known.name == layer) {
@@ -108,7 +129,6 @@ fn layers_of(channels: &[String]) -> Vec<FileLayer> {
     for layer in &mut layers {
         let place = |full: &String| ORDER.find(full.rsplit('.').next().unwrap_or_default()).unwrap_or(ORDER.len());
         layer.channels.sort_by_key(place);
-        layer.channels.truncate(3);
         if is_matte(&layer.name) {
             layer.kind = LayerKind::Matte;
             continue;
@@ -118,9 +138,6 @@ fn layers_of(channels: &[String]) -> Vec<FileLayer> {
             [3, 4, 5] => LayerKind::Direction,
             _ => LayerKind::Number,
         };
-        if layer.kind == LayerKind::Number {
-            layer.channels.truncate(1);
-        }
     }
     layers.sort_by(|a, b| a.name.cmp(&b.name));
     layers
@@ -220,7 +237,7 @@ mod tests {
         ]);
         let of = |name: &str, kind, count| (name.to_owned(), kind, count);
         let wanted = [
-            of("CryptoObject00", LayerKind::Matte, 3),
+            of("CryptoObject00", LayerKind::Matte, 4),
             of("albedo", LayerKind::Color, 3),
             of("cost", LayerKind::Number, 1),
             of("depth", LayerKind::Number, 1),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bottega::{Error, request::PIXELS_MAX};
-use bottega_image::{FileLayer, ImageError, LayerKind, Picture, ReadLimits, read_channels, read_image};
+use bottega_image::{FileLayer, ImageError, Picture, ReadLimits, read_channels, read_image};
 use numpy::{
     IntoPyArray, PyArray3, PyArrayMethods,
     ndarray::{Array2, Array3},
@@ -60,13 +60,20 @@ impl PyImageFile {
         }
         let read = py.detach(|| self.layer(layer)).map_err(|error| errors::raised(&Error::from(error)))?;
         match read {
-            Some((LayerKind::Number, picture)) => {
-                let (width, height) = picture.size();
-                let values = picture.data.into_iter().map(|[value, ..]| value).collect();
-                let array = Array2::from_shape_vec((height as usize, width as usize), values);
+            Some((planes, [width, height])) => {
+                let [rows, columns, channels] = [height as usize, width as usize, planes.len()];
+                let values =
+                    (0..rows * columns).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel])).collect();
+                if channels == 1 {
+                    let array = Array2::from_shape_vec((rows, columns), values);
+                    return Ok(array
+                        .map_err(|error| PyValueError::new_err(error.to_string()))?
+                        .into_pyarray(py)
+                        .into_any());
+                }
+                let array = Array3::from_shape_vec((rows, columns, channels), values);
                 Ok(array.map_err(|error| PyValueError::new_err(error.to_string()))?.into_pyarray(py).into_any())
             }
-            Some((_, picture)) => Ok(array_of(py, picture)?.into_any()),
             None => {
                 let names = self.layers(py)?.join(", ");
                 Err(PyKeyError::new_err(format!("no layer `{layer}`; the file has {names}")))
@@ -84,18 +91,16 @@ impl PyImageFile {
         std::fs::read(&self.path).map_err(|source| ImageError::Read { path: self.path.clone(), source })
     }
 
-    /// Reads a layer beside the color; `None`: the file has no such layer.
-    fn layer(&self, name: &str) -> Result<Option<(LayerKind, Picture)>, ImageError> {
+    /// Reads the channels of a layer beside the color, with width and height; `None`: the file has no such layer.
+    fn layer(&self, name: &str) -> Result<Option<(Vec<Vec<f32>>, [u32; 2])>, ImageError> {
         if name == ALPHA {
             let (file, mut planes) = read_channels(&self.path, LIMITS, &["A".to_owned()])?;
-            let alpha = planes.pop().flatten().map(|plane| plane.into_iter().map(|value| [value; 3]).collect());
-            return Ok(alpha.map(|data| (LayerKind::Number, Picture { data, ..file.picture })));
+            let (width, height) = file.picture.size();
+            return Ok(planes.pop().flatten().map(|plane| (vec![plane], [width, height])));
         }
         let bytes = self.bytes()?;
-        let Some(layer) = FileLayer::all(&self.path, &bytes)?.into_iter().find(|layer| layer.name == name) else {
-            return Ok(None);
-        };
-        Ok(Some((layer.kind, layer.read(&self.path, &bytes)?.picture)))
+        let layer = FileLayer::all(&self.path, &bytes)?.into_iter().find(|layer| layer.name == name);
+        layer.map(|layer| layer.read_planes(&self.path, &bytes)).transpose()
     }
 }
 

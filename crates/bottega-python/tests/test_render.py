@@ -39,6 +39,18 @@ def test_layers_are_looks_into_one_memory(box: Path) -> None:
         picture.color[0, 0, 0] = 1
 
 
+
+def test_layers_of_a_file_have_all_channels(box: Path, tmp_path: Path) -> None:
+    picture = bottega.render(box, layers=["uv", "position", "crypto-object", "error"], **SMALL)
+    picture.save(tmp_path / "a.exr")
+    file = bottega.read(tmp_path / "a.exr")
+    assert np.array_equal(file["uv"], picture["uv"]) and np.array_equal(file["P"], picture["position"])
+    # The file has six of the eight ranks, two in each layer
+    ranks = np.concatenate([file[f"CryptoObject0{pair}"] for pair in range(3)], axis=-1)
+    assert ranks.shape == (30, 40, 12) and np.array_equal(ranks, picture["crypto-object"][..., :12])
+    assert (ranks[..., 1] > 0).any() and ranks[..., 1::2].sum(axis=-1).max() <= 1.0001
+
+
 def test_arrays_outlive_their_picture(box: Path) -> None:
     color = bottega.render(box, **SMALL).color
     before = color.copy()

@@ -12,6 +12,7 @@ mod picture;
 mod record;
 mod words;
 
+use bottega_image::Aov;
 use bottega_scene::{AlphaMode, EmissionProfile, TextureMap, Visibility};
 
 use crate::{prepare::PreparedScene, surfaces::used_materials};
@@ -33,6 +34,9 @@ pub mod constants {
     pub use crate::lights::{DISTANCE_SQUARED_MIN, SHARE_MIN, SOLID_ANGLE_MIN};
     pub use crate::shading::{BLEND, DEPTH_SHIFT};
 }
+
+/// The layers that a device makes of a flat scene; error and sample count come with every picture.
+pub const LAYERS: [Aov; 5] = [Aov::Albedo, Aov::Normal, Aov::Depth, Aov::SampleCount, Aov::Error];
 
 /// A prepared scene as 32-bit words.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,6 +12,7 @@
 //! | luminance | `src/color.rs` |
 //! | quasi-random numbers | `src/sampler.rs`, `src/sampler/sobol.rs` |
 //! | BSDFs; the BSDF at a point | `src/bsdf/`, `src/shading.rs` |
+//! | light below surfaces: the medium inside, the walk | `src/bsdf/subsurface.rs`, `src/integrator/volume/subsurface.rs` |
 //! | light sampling: light tree, portals | `src/lights/tree.rs`, `src/lights/portal.rs` |
 //! | steps of all integrators at a vertex; the rays that leave it | `src/vertex.rs`, `src/segment.rs` |
 //! | textures mapped by position | `src/mapping.rs` |

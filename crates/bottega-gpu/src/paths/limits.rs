@@ -1,15 +1,12 @@
 //! Limits of path tracing on a device.
 
 use bottega_image::Aov;
-use bottega_render::BlockWork;
+use bottega_render::{BlockWork, flat::LAYERS};
 
 use super::batch::{PATHS_MAX, path_count};
 
 /// The maximum number of pixels per batch; bounds the size of the readback.
 pub(super) const PIXELS_MAX: u64 = 1 << 20;
-
-/// The layers that a device makes.
-const LAYERS: [Aov; 5] = [Aov::Albedo, Aov::Normal, Aov::Depth, Aov::SampleCount, Aov::Error];
 
 /// The reason for returning work of scenes that were not admitted.
 pub(super) const UNKNOWN_SCENE: &str = "the device was not told of this scene";

@@ -147,6 +147,19 @@ impl DielectricFresnel {
     }
 }
 
+/// Returns the hemispherical mean of the reflectance from within a solid of index `eta`, by the fit of Egan and Hilgeman
+/// 1979, Optical Properties of Inhomogeneous Materials.
+pub(super) fn mean_internal_reflectance(eta: f32) -> f32 {
+    // Fits in terms of the index beyond the boundary over that before it
+    let beyond = 1.0 / eta;
+    if beyond < 1.0 {
+        ((-1.4399 * beyond + 0.7099) * beyond + 0.6681) + 0.0636 / beyond
+    } else {
+        let r = 1.0 / beyond;
+        ((((-1.36881 * r + 4.98554) * r - 7.80989) * r + 6.75335) * r - 3.4793) * r + 0.919317
+    }
+}
+
 /// Returns F₀, the reflectance at normal incidence, of an index of refraction.
 pub(super) fn at_normal_incidence(ior: f32) -> f32 {
     let r = (ior - 1.0) / (ior + 1.0);

@@ -63,7 +63,7 @@ impl Plastic {
         cover: Option<RoughCover>,
     ) -> Self {
         let back = match &cover {
-            None => mean_internal_reflectance(eta),
+            None => fresnel::mean_internal_reflectance(eta),
             Some(cover) => cover.back(),
         };
         let base = match inner {
@@ -113,18 +113,6 @@ fn through_smooth(eta: f32, thickness: f32, cos: f32) -> f32 {
     }
     let sin2 = (1.0 - cos * cos).max(0.0) / (eta * eta);
     through * bottega_kernels::math::exp(-thickness / (1.0 - sin2).max(1e-12).sqrt())
-}
-
-/// Returns the hemispherical mean of the reflectance from within a solid of index `eta`.
-fn mean_internal_reflectance(eta: f32) -> f32 {
-    // Fits in terms of the index beyond the boundary over that before it
-    let beyond = 1.0 / eta;
-    if beyond < 1.0 {
-        ((-1.4399 * beyond + 0.7099) * beyond + 0.6681) + 0.0636 / beyond
-    } else {
-        let r = 1.0 / beyond;
-        ((((-1.36881 * r + 4.98554) * r - 7.80989) * r + 6.75335) * r - 3.4793) * r + 0.919317
-    }
 }
 
 impl Scatter for Plastic {

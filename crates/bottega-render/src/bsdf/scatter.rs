@@ -64,3 +64,8 @@ pub(super) fn split(u: f32, chance: f32) -> (bool, f32) {
     let rest = if first { u / chance } else { (u - chance) / (1.0 - chance) };
     (first, rest.clamp(0.0, super::warp::ONE_MINUS_EPSILON))
 }
+
+/// Clamps `x` to [low, high]; NaN becomes `low`.
+pub(super) fn within_range(x: f32, low: f32, high: f32) -> f32 {
+    if x > low { x.min(high) } else { low }
+}

@@ -12,7 +12,7 @@ use bottega_scene::{RadiusMeaning, Spectrum, Substance, Subsurface};
 use glam::Vec3;
 
 use super::base::LayeredBase;
-use super::scatter::{Lobes, Scatter};
+use super::scatter::{Lobes, Scatter, within_range};
 use super::{BsdfSample, LobeFlags, SurfaceParams, TransportMode, fresnel, warp};
 
 /// Longest mean free path, and the inverse of the greatest extinction.
@@ -41,19 +41,21 @@ impl Interior {
         color: Spectrum,
         lookup: impl Fn(&bottega_scene::ColorParam) -> Spectrum,
     ) -> Self {
-        let inner_reflectance = inner_reflectance(below.inner_eta);
+        let eta = within_range(below.inner_eta, 1.0, fresnel::IOR_MAX);
+        // The fit is not 0 where nothing is reflected
+        let inner_reflectance = if eta > 1.0 { fresnel::mean_internal_reflectance(eta) } else { 0.0 };
         let (absorption, scattering) = match &below.substance {
             Substance::Coefficients { absorption, scattering } => {
-                ([absorption, scattering].map(|param| each(lookup(param), |x| within(x, 0.0, LONGEST)))).into()
+                [absorption, scattering].map(|param| lookup(param).map(|x| within_range(x, 0.0, LONGEST))).into()
             }
             Substance::Colored { radius, meaning } => {
-                let albedo = each(color, |color| albedo_of_reflectance(color, below.g, inner_reflectance));
-                let radius = each(lookup(radius), |radius| within(radius, 0.0, LONGEST));
+                let albedo = color.map(|color| albedo_of_reflectance(color, below.g, inner_reflectance));
+                let radius = lookup(radius).map(|radius| within_range(radius, 0.0, LONGEST));
                 let path = match *meaning {
                     RadiusMeaning::MeanFreePath => radius,
-                    RadiusMeaning::DiffuseMeanFreePath(eta) => radius * each(color, |color| diffuse_ratio(color, eta)),
+                    RadiusMeaning::DiffuseMeanFreePath(eta) => radius * color.map(|color| diffuse_ratio(color, eta)),
                 };
-                let extinction = each(path, |path| 1.0 / path.max(1.0 / LONGEST));
+                let extinction = path.map(|path| 1.0 / path.max(1.0 / LONGEST));
                 (extinction * (Spectrum::ONE - albedo), extinction * albedo)
             }
         };
@@ -61,46 +63,18 @@ impl Interior {
     }
 }
 
-/// Applies a function to each channel.
-fn each(color: Spectrum, f: impl Fn(f32) -> f32) -> Spectrum {
-    Spectrum::new(f(color.x), f(color.y), f(color.z))
-}
-
-/// Clamps `x` to [low, high]; NaN becomes `low`.
-fn within(x: f32, low: f32, high: f32) -> f32 {
-    if x > low { x.min(high) } else { low }
-}
-
-/// Returns the share of diffuse light that a boundary reflects back into the denser side: 1 − (1 − ρ) / η², with ρ the
-/// reflectance from outside.
-fn inner_reflectance(eta: f32) -> f32 {
-    /// Number of cosines of the mean.
-    const STEPS: u32 = 32;
-    let eta = within(eta, 1.0, fresnel::IOR_MAX);
-    if eta == 1.0 {
-        return 0.0;
-    }
-    let reflected = |i: u32| {
-        // Cosines whose squares are uniform: the mean over the cosine-weighted hemisphere
-        let cos = ((i as f32 + 0.5) / STEPS as f32).sqrt();
-        fresnel::dielectric(cos, eta)
-    };
-    let outside = (0..STEPS).map(reflected).sum::<f32>() / STEPS as f32;
-    1.0 - (1.0 - outside) / (eta * eta)
-}
-
 /// Returns the single-scattering albedo of the medium of which a flat, thick slab returns `reflectance` of the light that
 /// enters it.
 ///
 /// - `inner`: share of the light that the surface reflects back inside.
 fn albedo_of_reflectance(reflectance: f32, g: f32, inner: f32) -> f32 {
-    let reflectance = within(reflectance, 0.0, 1.0);
+    let reflectance = within_range(reflectance, 0.0, 1.0);
     // Without inner reflection: R = (1 − ρ) B / (1 − ρ B)
     let bare = reflectance / (1.0 - inner + inner * reflectance);
     // Kulla and Conty's inverse of van de Hulst's formula
     let s = 4.09712 + 4.20863 * bare - (9.59217 + 41.6808 * bare + 17.7126 * bare * bare).sqrt();
-    let s2 = within(s, 0.0, 1.0).powi(2);
-    within((1.0 - s2) / (1.0 - g * s2), 0.0, 1.0)
+    let s2 = within_range(s, 0.0, 1.0).powi(2);
+    within_range((1.0 - s2) / (1.0 - g * s2), 0.0, 1.0)
 }
 
 /// Returns the mean free path over the diffuse one, √(3 (1 − α′)), of the dipole whose reflectance is `color` (Jensen et al.
@@ -108,9 +82,8 @@ fn albedo_of_reflectance(reflectance: f32, g: f32, inner: f32) -> f32 {
 fn diffuse_ratio(color: f32, eta: f32) -> f32 {
     /// Number of halvings of the interval of albedos.
     const HALVINGS: u32 = 24;
-    let eta = within(eta, 1.0, fresnel::IOR_MAX);
-    // Diffuse Fresnel reflectance, fitted by Egan and Hilgeman
-    let fresnel = -1.440 / (eta * eta) + 0.710 / eta + 0.668 + 0.0636 * eta;
+    let eta = within_range(eta, 1.0, fresnel::IOR_MAX);
+    let fresnel = fresnel::mean_internal_reflectance(eta);
     let boundary = 4.0 / 3.0 * (1.0 + fresnel) / (1.0 - fresnel).max(1e-3);
     let reflectance = |albedo: f32| {
         let s = (3.0 * (1.0 - albedo)).sqrt();

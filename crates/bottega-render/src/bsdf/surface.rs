@@ -17,7 +17,7 @@ use super::matte::{RoughMatte, Translucent};
 use super::microfacet::Microfacets;
 use super::plastic::Plastic;
 use super::principled::{Principled, PrincipledParams, PrincipledSheet};
-use super::scatter::split;
+use super::scatter::{split, within_range};
 use super::scattering::Other;
 use super::subsurface::Interior;
 use super::{Bsdf, LiftedNormal, SurfaceParams};
@@ -324,11 +324,6 @@ const ABSORPTION_MAX: f32 = 1e6;
 
 /// Largest number of scattering events followed within a layer.
 pub const MAX_DEPTH: u32 = 1000;
-
-/// Clamps `x` to [low, high]; NaN becomes `low`.
-fn within_range(x: f32, low: f32, high: f32) -> f32 {
-    if x > low { x.min(high) } else { low }
-}
 
 /// Clamps every channel to [0, max]; NaN becomes 0.
 fn within(color: Spectrum, max: f32) -> Spectrum {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bottega_engines::Resources;
 use bottega_image::{Aov, Layout};
-use bottega_render::PreparedScene;
+use bottega_render::{PreparedScene, flat::LAYERS};
 
 use super::{
     board,
@@ -155,8 +155,8 @@ pub fn beside_gpus(processors: usize, gpus: usize) -> usize {
 /// Returns the requested features that no GPU supports.
 fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
     let cost = layout.offset(Aov::Cost).map(|_| "the cost of pixels (layer `cost`)".to_owned());
-    let made = [Aov::Albedo, Aov::Normal, Aov::Depth, Aov::SampleCount, Aov::Error, Aov::Cost];
-    let others = layout.aovs().iter().filter(|aov| !made.contains(aov)).map(|aov| format!("layer `{}`", aov.name()));
+    let is_lacking = |aov: &Aov| *aov != Aov::Cost && !LAYERS.contains(aov);
+    let others = layout.aovs().iter().filter(is_lacking).map(|aov| format!("layer `{}`", aov.name()));
     let photons = photons.then(|| "photon mapping".to_owned());
     cost.into_iter().chain(others).chain(photons).collect()
 }
