@@ -150,3 +150,18 @@ fn an_open_mesh_and_absurd_substances_end() {
         assert!(mean.is_finite() && mean.max_element() < 1.1, "{mean}");
     }
 }
+
+#[test]
+fn parts_of_different_materials_are_one_solid() {
+    let mut scene = before_a_sky(Vec3::ONE);
+    let corners = [Vec3::new(-0.5, -0.4, 0.4), Vec3::new(0.5, -0.4, 0.4), Vec3::new(0.0, -0.4, -0.5), Vec3::Y * 0.5];
+    let wax = |roughness: f32| -> Material {
+        let subsurface = below(colored(Vec3::splat(0.1)), 0.0, 1.0);
+        Layered { subsurface, roughness: roughness.into(), ..Layered::default() }.into()
+    };
+    // Each mesh alone is open
+    add_mesh(&mut scene, corners.to_vec(), vec![[0, 2, 1], [0, 1, 3]], wax(0.3));
+    add_mesh(&mut scene, corners.to_vec(), vec![[1, 2, 3], [2, 0, 3]], wax(0.8));
+    let mean = mean_color(&paint(&prepare(scene), (8, 8), 128, PathSettings::default()));
+    assert!((mean - 1.0).abs().max_element() < 0.01, "{mean}");
+}
