@@ -50,6 +50,15 @@ pub struct LayerPicture {
     pub picture: Picture,
 }
 
+/// The channels of a layer, one after the other.
+#[derive(Clone, Debug)]
+pub struct LayerPlanes {
+    /// The values of each channel, row by row from the top.
+    pub planes: Vec<Vec<f32>>,
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+}
+
 impl FileLayer {
     /// Lists the layers of a file, sorted by name, without its color. `bytes` is the whole file; `name` is for errors.
     /// Files of other formats have none.
@@ -73,7 +82,7 @@ impl FileLayer {
     /// The file cannot be read, or has no such layer.
     pub fn read(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPicture, ImageError> {
         let most = if self.kind == LayerKind::Number { 1 } else { 3 };
-        let (planes, [width, height]) = self.read_channels(name, bytes, most)?;
+        let LayerPlanes { planes, size: [width, height] } = self.read_channels(name, bytes, most)?;
         let value = |channel: usize, pixel: usize| match (planes.get(channel), self.kind) {
             (Some(plane), _) => plane[pixel],
             (None, LayerKind::Number) => planes[0][pixel],
@@ -84,21 +93,16 @@ impl FileLayer {
         Ok(LayerPicture { layer: self.clone(), picture: Picture { width, height, data } })
     }
 
-    /// Reads all channels of the layer from its file: the values of each, row by row, and width and height.
+    /// Reads all channels of the layer from its file.
     ///
     /// # Errors
     ///
     /// The file cannot be read, or has no such layer.
-    pub fn read_planes(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<(Vec<Vec<f32>>, [u32; 2]), ImageError> {
+    pub fn read_planes(&self, name: impl AsRef<Path>, bytes: &[u8]) -> Result<LayerPlanes, ImageError> {
         self.read_channels(name, bytes, self.channels.len())
     }
 
-    fn read_channels(
-        &self,
-        name: impl AsRef<Path>,
-        bytes: &[u8],
-        most: usize,
-    ) -> Result<(Vec<Vec<f32>>, [u32; 2]), ImageError> {
+    fn read_channels(&self, name: impl AsRef<Path>, bytes: &[u8], most: usize) -> Result<LayerPlanes, ImageError> {
         let source = PictureSource::new(name.as_ref(), ReadLimits::default());
         let names = &self.channels[..most.min(self.channels.len())];
         let wanted = WantedChannels { names, alpha: false };
@@ -106,7 +110,7 @@ impl FileLayer {
         let planes: Option<Vec<Vec<f32>>> = read.planes.into_iter().collect();
         let planes = planes.ok_or_else(|| source.malformed("EXR", format!("it has no layer `{}`", self.name)))?;
         let Picture { width, height, .. } = read.file.picture;
-        Ok((planes, [width, height]))
+        Ok(LayerPlanes { planes, size: [width, height] })
     }
 }
 

@@ -71,7 +71,7 @@ pub use cryptomatte::{identity, manifest, murmur3, set_matte};
 pub use error::ImageError;
 pub use exr_read::Planes;
 pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
-pub use file_layers::{FileLayer, LayerKind, LayerPicture};
+pub use file_layers::{FileLayer, LayerKind, LayerPicture, LayerPlanes};
 pub use film::Film;
 pub use layers::{CHANNEL_NAME_BYTES_MAX, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, LayersError};
 pub use layout::Layout;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bottega::{Error, request::PIXELS_MAX};
-use bottega_image::{FileLayer, ImageError, Picture, ReadLimits, read_channels, read_image};
+use bottega_image::{FileLayer, ImageError, LayerPlanes, Picture, ReadLimits, read_channels, read_image};
 use numpy::{
     IntoPyArray, PyArray3, PyArrayMethods,
     ndarray::{Array2, Array3},
@@ -60,7 +60,7 @@ impl PyImageFile {
         }
         let read = py.detach(|| self.layer(layer)).map_err(|error| errors::raised(&Error::from(error)))?;
         match read {
-            Some((planes, [width, height])) => {
+            Some(LayerPlanes { planes, size: [width, height] }) => {
                 let [rows, columns, channels] = [height as usize, width as usize, planes.len()];
                 let values =
                     (0..rows * columns).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel])).collect();
@@ -91,12 +91,12 @@ impl PyImageFile {
         std::fs::read(&self.path).map_err(|source| ImageError::Read { path: self.path.clone(), source })
     }
 
-    /// Reads the channels of a layer beside the color, with width and height; `None`: the file has no such layer.
-    fn layer(&self, name: &str) -> Result<Option<(Vec<Vec<f32>>, [u32; 2])>, ImageError> {
+    /// Reads the channels of a layer beside the color; `None`: the file has no such layer.
+    fn layer(&self, name: &str) -> Result<Option<LayerPlanes>, ImageError> {
         if name == ALPHA {
             let (file, mut planes) = read_channels(&self.path, LIMITS, &["A".to_owned()])?;
             let (width, height) = file.picture.size();
-            return Ok(planes.pop().flatten().map(|plane| (vec![plane], [width, height])));
+            return Ok(planes.pop().flatten().map(|plane| LayerPlanes { planes: vec![plane], size: [width, height] }));
         }
         let bytes = self.bytes()?;
         let layer = FileLayer::all(&self.path, &bytes)?.into_iter().find(|layer| layer.name == name);
