@@ -25,6 +25,7 @@ from .paths import Path, Paths, is_same_path
 from .placements import Placement, placements_of
 from .report import Fidelity, Report
 from .textures import Pictures
+from .volumes import BOX, Volumes
 from .world import Surroundings, surroundings_of
 
 
@@ -42,6 +43,7 @@ class Export:
         self.reach: float | None = None
         self._families = Families(self.scene, self.report, self._pictures)
         self._surroundings = Surroundings()
+        self._volumes = Volumes(self.scene, self.report)
         self._is_clear = False
         # Of the evaluated scene: `VIEWPORT` or `RENDER`.
         self._mode = "RENDER"
@@ -114,6 +116,7 @@ class Export:
         self._read_meshes(found)
         self._place(found, placements)
         self._read_lights(found)
+        self._volumes.update(found.volumes, found.matrices, self._dirty)
         self._surround(found, placements)
         self._drop_unused(found, placements)
         self._dirty.clear()
@@ -361,14 +364,14 @@ class Export:
 
     def _arrange(self, found: Pass, placements: list[Placement]) -> None:
         """Brings all keys into the order of a fresh export, so that the picture has its bits."""
-        scene, families = self.scene, self._families
+        scene, families, volumes = self.scene, self._families, self._volumes.keys()
         lights = [*self._surroundings.lights, *(key for key, _, _ in found.lights)]
         meshes = list(dict.fromkeys(group.mesh_key for group in found.groups.values()))
         scene.images.arrange(_there(scene.images, [*self._surroundings.images, *families.image_keys()]))
-        scene.media.arrange(_there(scene.media, families.media_keys()))
-        scene.materials.arrange(_there(scene.materials, [DEFAULT, BACKDROP, *families.material_keys()]))
-        scene.meshes.arrange(_there(scene.meshes, meshes))
-        scene.objects.arrange(_there(scene.objects, [placement.key for placement in placements]))
+        scene.media.arrange(_there(scene.media, [*families.media_keys(), *volumes]))
+        scene.materials.arrange(_there(scene.materials, [DEFAULT, BACKDROP, *families.material_keys(), *volumes]))
+        scene.meshes.arrange(_there(scene.meshes, [*meshes, BOX]))
+        scene.objects.arrange(_there(scene.objects, [*(placement.key for placement in placements), *volumes]))
         scene.lights.arrange(_there(scene.lights, lights))
 
 

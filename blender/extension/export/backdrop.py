@@ -18,10 +18,12 @@ _FAR = 1e4
 def extent_of(found: Pass) -> float:
     """Returns the greatest distance of a vertex of the scene from the origin, or somewhat more; at least 1."""
     extent = 1.0
-    for group in found.groups.values():
+    boxes = [(group.bounds, group.rows) for group in found.groups.values()]
+    boxes += [([tuple(corner) for corner in item.bound_box], [row]) for _, item, row in found.volumes]
+    for bounds, rows in boxes:
         corners = np.ones((8, 4), np.float64)
-        corners[:, :3] = group.bounds
-        placed = corners @ found.matrices[group.rows].astype(np.float64).transpose(0, 2, 1)
+        corners[:, :3] = bounds
+        placed = corners @ found.matrices[rows].astype(np.float64).transpose(0, 2, 1)
         distances = np.linalg.norm(placed[..., :3], axis=-1)
         extent = max(extent, float(np.nan_to_num(distances, posinf=0.0).max(initial=0.0)))
     return extent

@@ -151,7 +151,7 @@ class Families:
                 del scene.materials[key]
                 self._report.forget(key)
         for key in scene.media.keys():
-            if key not in media:
+            if key.startswith("medium ") and key not in media:
                 del scene.media[key]
         for family in self.by_uid.values():
             family.media = [(medium, key) for medium, key in family.media if key in media]

@@ -50,7 +50,7 @@ class Pass:
 
     - `matrices`: float32, (N, 4, 4), from object to world space, by rows.
     - `random_ids`: int32, (N,), Blender's random numbers of instances.
-    - `lights`: evaluated light objects, with key and index of the matrix.
+    - `lights`, `volumes`: evaluated objects, with key and index of the matrix.
     - `ids`: int32, (N, 9), numbers that name an instance at all times, where they were asked for.
     """
 
@@ -59,6 +59,7 @@ class Pass:
     groups: dict[str, Group]
     lights: list[tuple[str, Any, int]]
     skipped: dict[str, str]
+    volumes: list[tuple[str, Any, int]] = field(default_factory=list)
     ids: Any = None
 
 
@@ -105,7 +106,11 @@ def gather(depsgraph: Any, is_shown: Any = None, has_ids: bool = False) -> Pass:
                 key = f"light {uid_of(item.original)} {_persistent(instance)}"
                 lasting = item.original.evaluated_get(depsgraph) if instance.is_instance else item
                 found.lights.append((key, lasting, row))
-        elif kind in ("VOLUME", "POINTCLOUD", "GREASEPENCIL"):
+        elif kind == "VOLUME":
+            if is_shown is None or is_shown(item):
+                lasting = item.original.evaluated_get(depsgraph) if instance.is_instance else item
+                found.volumes.append((f"volume {uid_of(item.original)} {_persistent(instance)}", lasting, row))
+        elif kind in ("POINTCLOUD", "GREASEPENCIL"):
             found.skipped[item.name] = {"POINTCLOUD": "point clouds are"}.get(kind, f"{kind.lower()} objects are")
     return found
 

@@ -12,7 +12,7 @@ import numpy as np
 from .baked import PROPERTY
 from .colors import ColorReader
 from .context import Context
-from .fields import Field, as_number, computed, is_constant_of
+from .fields import Field, as_number, computed, constant, is_constant_of
 from .nodes import CyclicNodes, Input, groups_of, named
 from .report import Fidelity, Report
 from .shaders import ShaderReader
@@ -221,10 +221,15 @@ class MaterialMaker:
             self.made.medium = medium
 
 
-def medium_of(reader: ColorReader, source: Any, note: Callable[[Any, Fidelity, str], None]) -> bottega.Medium | None:
-    """Returns the medium of a volume shader that is the same everywhere; `None`: there is none."""
+def medium_of(
+    reader: ColorReader, source: Any, note: Callable[[Any, Fidelity, str], None], grid_factor: float | None = None, has_grid: bool = False
+) -> bottega.Medium | None:
+    """Returns the medium of a volume shader that is the same everywhere; `None`: there is none.
+
+    - `has_grid`: it is multiplied by a grid. `grid_factor`: takes the place of the density; `None`: the shader's own counts.
+    """
     node = source.node
-    density = reader.at(source, "Density", 1.0)
+    density = reader.at(source, "Density", 1.0) if grid_factor is None else constant(grid_factor)
     color = reader.color_at(source, "Color")
     if not density.is_constant or not color.is_constant:
         note(node, Fidelity.LEFT_OUT, "a volume that varies is left out")
@@ -245,7 +250,7 @@ def medium_of(reader: ColorReader, source: Any, note: Callable[[Any, Fidelity, s
         absorption = amount * np.maximum(1.0 - tint, 0.0) * np.maximum(1.0 - np.sqrt(dark), 0.0)
         strength = reader.at(source, "Emission Strength", 0.0)
         emission = reader.color_at(source, "Emission Color").load() * strength.number() if strength.is_constant else np.zeros(3)
-        if named(node, source.groups, "Density Attribute") is not None and not is_constant_of(reader.at(source, "Blackbody Intensity"), 0.0):
+        if not has_grid and named(node, source.groups, "Density Attribute") is not None and not is_constant_of(reader.at(source, "Blackbody Intensity"), 0.0):
             note(node, Fidelity.LEFT_OUT, "Blackbody Intensity is rendered as 0")
         return bottega.Medium(_tuple(absorption), _tuple(amount * tint), _tuple(np.broadcast_to(emission, (3,))), mean_cosine)
     note(node, Fidelity.LEFT_OUT, f"the volume {node.bl_label} is left out")

@@ -17,6 +17,7 @@
 //! | sessions; the picture while it is rendered | `src/session.rs`; `src/live.rs` |
 //! | pictures; arrays as views of the film; files | `src/picture.rs`, `src/arrays.rs`, `src/image_file.rs` |
 //! | scenes in memory; arrays as their input | `src/scene.rs`; `src/numpy_input.rs`, `src/image_input.rs` |
+//! | grids of voxels for media | `src/voxels.rs` |
 //! | interactive views | `src/viewport.rs` |
 //! | importance maps, zones, rules, differences | `src/analysis.rs`, `src/rules.rs`, `src/difference.rs` |
 //! | farms; by HTTP | `src/farm.rs`; `src/http_farm.rs` |
@@ -41,6 +42,7 @@ mod scene;
 mod session;
 mod values;
 mod viewport;
+mod voxels;
 mod waiting;
 
 /// The contents of `bottega._native`.
@@ -60,6 +62,7 @@ mod _native {
         scene::PyScene,
         session::PySession,
         viewport::PyViewport,
+        voxels::PyVoxels,
     };
 
     use pyo3::prelude::*;

@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use bottega::{
     glam::Affine3A,
     scene::{
-        Camera, CornerMesh, CurveLook, CurveStrands, Density, EditedLight, EntryKind, Environment, ImageId, Loaded,
-        Material, Medium, MediumId, PlacedObject, Placing, RenderHints, Scene, SceneEditor, Shutter, Sphere,
-        TransformKey, Variation, Visibility, load, save_scene,
+        Camera, CornerMesh, CurveLook, CurveStrands, Density, EditedLight, EmissionVariation, EntryKind, Environment,
+        ImageId, Loaded, Material, Medium, MediumId, PlacedObject, Placing, RenderHints, Scene, SceneEditor, Shutter,
+        Sphere, TransformKey, Variation, Visibility, load, save_scene,
     },
 };
 use numpy::{IntoPyArray, PyArray3, ndarray::Array3};
@@ -20,6 +20,7 @@ use crate::{
     numpy_input::{InputArray, maybe_rows, transforms},
     request::request_of,
     values::path_of,
+    voxels::PlacedVoxels,
     waiting::Caller,
 };
 
@@ -461,7 +462,7 @@ impl PyScene {
     }
 
     /// Adds or replaces a medium, from its JSON text and grids; with `keeps_grids` those of the medium that is replaced.
-    #[pyo3(signature = (key, json, density, albedo, emission, transform, keeps_grids, is_new))]
+    #[pyo3(signature = (key, json, density, albedo, emission, transform, voxels, keeps_grids, is_new))]
     fn put_medium(
         &self,
         key: &str,
@@ -470,6 +471,7 @@ impl PyScene {
         albedo: Option<&Bound<'_, PyAny>>,
         emission: Option<&Bound<'_, PyAny>>,
         transform: Option<&Bound<'_, PyAny>>,
+        voxels: Option<PlacedVoxels<'_>>,
         keeps_grids: bool,
         is_new: bool,
     ) -> PyResult<()> {
@@ -477,7 +479,8 @@ impl PyScene {
         if let Some(density) = density {
             let density = grid_of("density", density)?;
             let albedo = albedo.map(|albedo| grid_of("albedo", albedo)).transpose()?;
-            let emission = emission.map(|emission| grid_of("emission_grid", emission)).transpose()?;
+            let emission =
+                emission.map(|emission| grid_of("emission_grid", emission)).transpose()?.map(EmissionVariation::Factor);
             let placed = transform.map(transforms).transpose()?.unwrap_or_default();
             let world_from_grid = placed.first().copied().unwrap_or(Affine3A::IDENTITY);
             if !world_from_grid.matrix3.determinant().is_normal() {
@@ -489,6 +492,9 @@ impl PyScene {
             };
             let grid_from_world = world_from_grid.inverse();
             medium.variation = Some(Arc::new(Variation { density, emission, grid_from_world }));
+        }
+        if let Some(voxels) = voxels {
+            medium.variation = Some(Arc::new(voxels.variation(transform)?));
         }
         let mut editor = self.editor();
         if keeps_grids && let Ok(before) = editor.medium(key) {

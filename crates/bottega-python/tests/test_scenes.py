@@ -362,6 +362,51 @@ def test_a_medium_of_a_grid_dims_what_is_behind_it() -> None:
     assert color[RIGHT].mean() > 0.5 * color[LEFT].mean(), "the grid has stayed, and absorbs nothing"
 
 
+FIRE = Path(__file__).parents[2] / "bottega-scene/tests/voxels/data/fire.vdb"
+
+
+def luminance(color: np.ndarray) -> float:
+    return float((color @ (0.2126, 0.7152, 0.0722)).mean())
+
+
+def test_voxels_of_a_file_fill_a_medium() -> None:
+    assert ("density", "float") in bottega.Voxels.list(FIRE)
+    voxels = bottega.Voxels(FIRE, temperature="temperature")
+    assert (voxels.density_max, voxels.temperature_max) == (1.0, 3000.0)
+    cube = np.array(voxels.transform)
+    assert (cube[:3, 3] <= (1, 2, 3)).all() and (cube[:3] @ (1, 1, 1, 1) >= (2.6, 3.6, 4.6)).all()
+    # Around (0.5, 0.5, 0.3), 0.8 wide
+    place = np.eye(4) * (0.5, 0.5, 0.5, 1)
+    place[:3, 3] = np.array((0.5, 0.5, 0.3)) - 0.5 * np.array((1.8, 2.8, 3.8))
+    scene = square()
+    scene.environment = None
+    scene.media["fire"] = bottega.Medium(absorption=20.0, voxels=voxels, transform=place)
+    scene.materials["fire"] = Material(bottega.Null(), interior="fire")
+    scene.spheres["fire"] = bottega.Sphere((0.5, 0.5, 0.3), 0.7, "fire")
+    dark = bottega.render(scene, **LARGER).color
+    assert dark.max() == 0.0
+    scene.media["fire"] = bottega.Medium(absorption=20.0, emission=1.0, voxels=voxels, transform=place)
+    by_peaks = bottega.render(scene, **LARGER).color
+    middle = by_peaks[by_peaks.shape[0] // 2, by_peaks.shape[1] // 2]
+    assert middle[0] > 1.5 * middle[1] > 2.0 * middle[2] > 0, "3000 K is orange"
+    scene.media["fire"].g = 0.1
+    assert (bottega.render(scene, **LARGER).color == by_peaks).all(), "the voxels stay"
+    power = bottega.Medium(emission=1.0, voxels=voxels, transform=place, blackbody="power")
+    scene.media["fire"] = power
+    first = luminance(bottega.render(scene, **LARGER).color)
+    power.temperature_scale = 2.0
+    scene.media["fire"] = power
+    assert 0.9 < luminance(bottega.render(scene, **LARGER).color) / first / 16 < 1.1, "the law of Stefan and Boltzmann"
+    for wrong, said in [
+        (lambda: bottega.Voxels(FIRE, "smoke"), "no voxels in a grid `smoke`"),
+        (lambda: bottega.Voxels(__file__), "neither an OpenVDB nor a NanoVDB file"),
+        (lambda: scene.media.add("a", bottega.Medium(voxels=voxels, density=np.ones((2, 2, 2), np.float32))), "one of them"),
+        (lambda: scene.media.add("a", bottega.Medium(voxels=voxels, transform=np.zeros((4, 4)))), "transform"),
+    ]:
+        with pytest.raises(SceneError, match=said):
+            wrong()
+
+
 # The values by kind and key from which a fresh scene is made.
 Wanted = dict[str, dict[str, Any]]
 COLLECTIONS = ["materials", "meshes", "objects", "lights", "cameras"]

@@ -1,8 +1,13 @@
-//! Regular grids of values in space.
+//! Regular grids of values in space, dense or in bricks.
+
+pub(crate) mod bricks;
+
+use std::sync::Arc;
 
 use glam::{UVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use self::bricks::Bricks;
 use crate::color::Spectrum;
 use crate::values::VALUE_MAX;
 
@@ -11,11 +16,22 @@ use crate::values::VALUE_MAX;
 pub struct Grid {
     /// Cells along x, y and z.
     size: [u32; 3],
-    /// Values per cell: 1, or 3 for colours.
-    channels: usize,
-    /// Values, those of a cell adjacent; cells along x first, then y, then z.
-    values: Vec<f32>,
+    cells: Cells,
     blend: Blend,
+}
+
+/// The values of a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Cells {
+    /// All of them.
+    Dense {
+        /// Values per cell: 1, or 3 for colours.
+        channels: usize,
+        /// Values, those of a cell adjacent; cells along x first, then y, then z.
+        values: Vec<f32>,
+    },
+    /// Those that are not empty; clones share them.
+    Bricks(Arc<Bricks>),
 }
 
 /// The interpolation between the centres of a grid's cells.
@@ -44,7 +60,16 @@ pub enum GridError {
         /// Number of values given.
         values: usize,
     },
+    /// The table of bricks names some that are not there.
+    #[error("the table of a grid names bricks beyond the {stored} that it has")]
+    Bricks {
+        /// Number of bricks with values.
+        stored: usize,
+    },
 }
+
+/// Largest number of cells along an axis.
+pub(crate) const GRID_SIDE_MAX: u32 = 1 << 16;
 
 impl Grid {
     /// Makes a grid of colours, or of numbers if there is one value per cell. Values that are negative or not finite
@@ -57,7 +82,7 @@ impl Grid {
     /// The size is 0 or too large, or the number of values does not match it.
     pub fn new(size: [u32; 3], mut values: Vec<f32>, blend: Blend) -> Result<Self, GridError> {
         let cells = size.iter().try_fold(1usize, |product, &side| product.checked_mul(side as usize));
-        let Some(cells) = cells.filter(|&cells| cells > 0 && size.iter().all(|&side| side <= 1 << 16)) else {
+        let Some(cells) = cells.filter(|&cells| cells > 0 && size.iter().all(|&side| side <= GRID_SIDE_MAX)) else {
             return Err(GridError::Size(size));
         };
         let channels = match values.len() {
@@ -65,15 +90,37 @@ impl Grid {
             count if cells.checked_mul(3) == Some(count) => 3,
             count => return Err(GridError::Count { cells, values: count }),
         };
-        for value in &mut values {
-            *value = if value.is_finite() { value.clamp(0.0, VALUE_MAX) } else { 0.0 };
+        mend(&mut values);
+        Ok(Self { size, cells: Cells::Dense { channels, values }, blend })
+    }
+
+    /// Makes a grid of bricks of 8 × 8 × 8 cells. Values are mended as by [`Self::new`].
+    ///
+    /// - `size`: cells along x, y and z, multiples of 8, at most 65536 each.
+    /// - `channels`: values per cell, 1 or 3.
+    /// - `table`: the index of each brick's values, or [`EMPTY_BRICK`](bricks::EMPTY_BRICK); bricks along x first.
+    /// - `values`: 512 · `channels` per stored brick, those of a cell adjacent; cells along z first.
+    ///
+    /// # Errors
+    /// The size is 0, no multiple of 8 or too large, or the table or the values do not match it.
+    pub(crate) fn of_bricks(
+        size: [u32; 3],
+        channels: usize,
+        table: Vec<u32>,
+        mut values: Vec<f32>,
+        blend: Blend,
+    ) -> Result<Self, GridError> {
+        let is_side = |&side: &u32| side > 0 && side <= GRID_SIDE_MAX && side.is_multiple_of(bricks::BRICK_SIDE);
+        if !(size.iter().all(is_side) && matches!(channels, 1 | 3)) {
+            return Err(GridError::Size(size));
         }
-        Ok(Self { size, channels, values, blend })
+        mend(&mut values);
+        Ok(Self { size, cells: Cells::Bricks(Arc::new(Bricks::new(size, channels, table, values)?)), blend })
     }
 
     /// Returns a grid of one cell with value 1.
     pub fn one() -> Self {
-        Self { size: [1; 3], channels: 1, values: vec![1.0], blend: Blend::Nearest }
+        Self { size: [1; 3], cells: Cells::Dense { channels: 1, values: vec![1.0] }, blend: Blend::Nearest }
     }
 
     /// Returns the number of cells along x, y and z.
@@ -81,9 +128,17 @@ impl Grid {
         self.size
     }
 
-    /// Returns the grid's values: those of a cell adjacent; cells along x first, then y, then z.
-    pub(crate) fn values(&self) -> &[f32] {
-        &self.values
+    /// Returns the grid's values.
+    pub(crate) fn cells(&self) -> &Cells {
+        &self.cells
+    }
+
+    /// Returns the values per cell: 1 or 3.
+    pub(crate) fn channels(&self) -> usize {
+        match &self.cells {
+            Cells::Dense { channels, .. } => *channels,
+            Cells::Bricks(bricks) => bricks.channels(),
+        }
     }
 
     /// Returns the interpolation between the grid's cells.
@@ -93,7 +148,10 @@ impl Grid {
 
     /// Returns the memory of the grid's values, in bytes.
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(&*self.values)
+        match &self.cells {
+            Cells::Dense { values, .. } => size_of_val(&**values),
+            Cells::Bricks(bricks) => bricks.memory_bytes(),
+        }
     }
 
     /// Returns the value at a point of the unit cube; 0 outside.
@@ -110,10 +168,16 @@ impl Grid {
         let first = place.floor();
         let t = place - first;
         let first = first.as_ivec3().to_array().map(i64::from);
-        let corner = |x: i64, y: i64, z: i64| self.cell([first[0] + x, first[1] + y, first[2] + z]);
-        let along_x = |y: i64, z: i64| corner(0, y, z).lerp(corner(1, y, z), t.x);
-        let along_y = |z: i64| along_x(0, z).lerp(along_x(1, z), t.y);
-        along_y(0).lerp(along_y(1), t.z)
+        let corner =
+            |index: i64| self.cell([first[0] + (index & 1), first[1] + (index >> 1 & 1), first[2] + (index >> 2)]);
+        let in_one_brick = match &self.cells {
+            Cells::Bricks(bricks) => bricks.corners(first),
+            Cells::Dense { .. } => None,
+        };
+        let corners = in_one_brick.unwrap_or_else(|| [0, 1, 2, 3, 4, 5, 6, 7].map(corner));
+        let along_x = |index: usize| corners[index].lerp(corners[index + 1], t.x);
+        let along_y = |index: usize| along_x(index).lerp(along_x(index + 2), t.y);
+        along_y(0).lerp(along_y(4), t.z)
     }
 
     /// Returns an upper bound of the values between two corners within the unit cube, per channel.
@@ -126,6 +190,14 @@ impl Grid {
             let end = self.size[axis] as i32 - 1;
             i64::from(first[axis].clamp(0, end))..=i64::from(last[axis].clamp(0, end))
         };
+        if let Cells::Bricks(bricks) = &self.cells {
+            let ends = [0, 1, 2].map(range);
+            let at = |place: i64| place as usize;
+            return bricks.max_within(
+                [0, 1, 2].map(|axis: usize| at(*ends[axis].start())),
+                [0, 1, 2].map(|axis: usize| at(*ends[axis].end())),
+            );
+        }
         let mut most = Spectrum::ZERO;
         for z in range(2) {
             for y in range(1) {
@@ -139,11 +211,14 @@ impl Grid {
 
     /// Returns the mean of all cells.
     pub fn mean(&self) -> Spectrum {
-        let mut sum = glam::DVec3::ZERO;
-        for cell in self.values.chunks_exact(self.channels) {
-            sum += color(cell).as_dvec3();
-        }
-        (sum * self.channels as f64 / self.values.len() as f64).as_vec3()
+        let sum = match &self.cells {
+            Cells::Dense { channels, values } => {
+                values.chunks_exact(*channels).fold(glam::DVec3::ZERO, |sum, cell| sum + color(cell).as_dvec3())
+            }
+            Cells::Bricks(bricks) => bricks.sum(),
+        };
+        let cells: f64 = self.size.iter().map(|&side| f64::from(side)).product();
+        (sum / cells).as_vec3()
     }
 
     /// Returns the value of a cell, which may lie beyond the edge.
@@ -153,9 +228,21 @@ impl Grid {
         if self.blend == Blend::LinearFading && [0, 1, 2].iter().any(|&axis| inside[axis] as i64 != cell[axis]) {
             return Spectrum::ZERO;
         }
-        let [width, height, _] = self.size.map(|side| side as usize);
-        let index = ((inside[2] * height + inside[1]) * width + inside[0]) * self.channels;
-        color(&self.values[index..index + self.channels])
+        match &self.cells {
+            Cells::Dense { channels, values } => {
+                let [width, height, _] = self.size.map(|side| side as usize);
+                let index = ((inside[2] * height + inside[1]) * width + inside[0]) * channels;
+                color(&values[index..index + channels])
+            }
+            Cells::Bricks(bricks) => bricks.cell(inside),
+        }
+    }
+}
+
+/// Replaces values that are negative or not finite by 0, and limits the others.
+fn mend(values: &mut [f32]) {
+    for value in values {
+        *value = if value.is_finite() { value.clamp(0.0, VALUE_MAX) } else { 0.0 };
     }
 }
 

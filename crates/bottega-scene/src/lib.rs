@@ -24,6 +24,7 @@
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
+//! | OpenVDB, NanoVDB | `src/voxel_file/` |
 //! | curves that face each ray | `src/facing_curves.rs`, `src/import/strand.rs`; pbrt: `src/pbrt/shape/curve.rs` |
 //! | curves as tubes | `src/import/tube.rs`; Mitsuba: `src/mitsuba/curve.rs`, `src/mesh_file/curves.rs` |
 //! | materials, textures, lights, media, cameras | `src/material.rs`, `src/surface.rs`, `src/subsurface.rs`, `src/hair.rs`, `src/texture.rs`, `src/light.rs`, `src/medium.rs`, `src/camera.rs` |
@@ -39,6 +40,7 @@
 //! | serialized vectors and matrices | `src/numbers.rs` |
 //! | JSON and TOML readers that reject a list in place of an object | `src/objects_only.rs` |
 
+mod blackbody;
 mod budget;
 mod camera;
 mod color;
@@ -90,7 +92,9 @@ mod texture;
 mod validate;
 mod values;
 mod visibility;
+mod voxel_file;
 
+pub use blackbody::Blackbody;
 pub use camera::{Camera, Clip, FovAxis, Panorama, Projection};
 pub use color::Spectrum;
 pub use edit::{
@@ -111,7 +115,7 @@ pub use integrator::{Follows, IntegratorHint, PhotonHints};
 pub use light::{Environment, EnvironmentMapping, Light, LightKind, Portal, SpotFalloff};
 pub use load::{Loaded, load};
 pub use material::{AlphaMode, Back, Material, Relief, ReliefRule, ReliefSource, Sides};
-pub use medium::{Coefficients, Density, Medium, MediumId, Variation};
+pub use medium::{Coefficients, Density, EmissionVariation, Medium, MediumId, Variation};
 pub use model::{COORDINATE_MAX, Instance, Mesh, Scene, Sphere};
 pub use motion::{MeshKey, Shutter, SphereKey, TransformKey};
 pub use options::LoadOptions;
@@ -130,3 +134,4 @@ pub use surface::{
 pub use texture::{Channel, ImageId, Mapping, MappingKind, SURFACE_UV_SETS, TextureMap, Wrap};
 pub use values::{FACTOR_MAX, VALUE_MAX};
 pub use visibility::Visibility;
+pub use voxel_file::Voxels;

@@ -22,7 +22,7 @@ use crate::options::LoadOptions;
 use crate::origin::far_origin;
 use crate::resource::{Resources, SceneFile};
 use crate::texture::ImageId;
-use crate::{excess, gltf, mesh_file, mitsuba, pbrt, saved, values};
+use crate::{excess, gltf, mesh_file, mitsuba, pbrt, saved, values, voxel_file};
 
 /// A loaded scene, with warnings, metadata and render hints.
 #[derive(Clone, Debug)]
@@ -76,6 +76,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
         pbrt::import
     } else if mesh_file::scene::recognizes(path, &file) {
         mesh_file::scene::import
+    } else if voxel_file::scene::recognizes(&file) {
+        voxel_file::scene::import
     } else {
         return Err(SceneError::UnknownFormat { path: path.into(), found: describe(&file).into() });
     };

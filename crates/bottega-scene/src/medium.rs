@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{Affine3A, Vec3};
 use serde::{Deserialize, Serialize};
 
+use crate::blackbody::Blackbody;
 use crate::color::Spectrum;
 use crate::grid::Grid;
 
@@ -39,8 +40,8 @@ pub struct Medium {
 pub struct Variation {
     /// Factors of absorption and scattering.
     pub density: Density,
-    /// Factor of emission, in addition to the factor of absorption; `None`: 1.
-    pub emission: Option<Grid>,
+    /// Variation of emission, in most cases in addition to the factor of absorption; `None`: 1.
+    pub emission: Option<EmissionVariation>,
     /// World space to the unit cube of the grids. Outside, the medium is empty.
     pub grid_from_world: Affine3A,
 }
@@ -64,6 +65,52 @@ pub enum Density {
         /// Scattering albedo, σ_s / (σ_a + σ_s), in [0, 1].
         albedo: Grid,
     },
+}
+
+/// The spatial variation of a medium's emission.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EmissionVariation {
+    /// A grid of factors.
+    Factor(Grid),
+    /// The colors of black bodies, as factors.
+    Blackbody(Blackbody),
+}
+
+impl EmissionVariation {
+    /// Returns the factor at point `p` of the unit cube.
+    fn at(&self, p: Vec3) -> Spectrum {
+        match self {
+            Self::Factor(grid) => grid.at(p),
+            Self::Blackbody(blackbody) => blackbody.at(p),
+        }
+    }
+
+    /// Returns true if the factor is not 0 everywhere between two corners of the unit cube.
+    fn may_shine(&self, corners: [Vec3; 2]) -> bool {
+        match self {
+            Self::Factor(grid) => grid.max_within(corners) != Spectrum::ZERO,
+            Self::Blackbody(blackbody) => {
+                let hottest = (blackbody.temperatures.max_within(corners).x - blackbody.offset) * blackbody.scale;
+                blackbody.scale < 0.0 || blackbody.color(hottest) != Spectrum::ZERO
+            }
+        }
+    }
+
+    /// Returns true if emission is also proportional to absorption.
+    fn times_density(&self) -> bool {
+        match self {
+            Self::Factor(_) => true,
+            Self::Blackbody(blackbody) => blackbody.times_density,
+        }
+    }
+
+    /// Returns the grid.
+    pub fn grid(&self) -> &Grid {
+        match self {
+            Self::Factor(grid) => grid,
+            Self::Blackbody(blackbody) => &blackbody.temperatures,
+        }
+    }
 }
 
 /// The coefficients of a medium at one point.
@@ -115,7 +162,10 @@ impl Medium {
         };
         let mut emission = self.emission;
         if emission != Spectrum::ZERO {
-            emission *= absorbing * variation.emission.as_ref().map_or(Spectrum::ONE, |grid| grid.at(p));
+            emission *= variation.emission.as_ref().map_or(Spectrum::ONE, |emission| emission.at(p));
+            if variation.emission.as_ref().is_none_or(EmissionVariation::times_density) {
+                emission *= absorbing;
+            }
         }
         Coefficients { absorption, scattering, emission }
     }
@@ -134,7 +184,27 @@ impl Medium {
     }
 }
 
+impl Medium {
+    /// Returns true if the medium may emit between two corners of the unit cube.
+    pub fn may_emit(&self, variation: &Variation, corners: [Vec3; 2]) -> bool {
+        let Some(emission) = &variation.emission else {
+            return self.emission != Spectrum::ZERO && variation.may_absorb(corners);
+        };
+        self.emission != Spectrum::ZERO
+            && emission.may_shine(corners)
+            && (!emission.times_density() || variation.may_absorb(corners))
+    }
+}
+
 impl Variation {
+    /// Returns true if the factor of absorption is not 0 everywhere between two corners of the unit cube.
+    fn may_absorb(&self, corners: [Vec3; 2]) -> bool {
+        let (Density::Both(grid)
+        | Density::Each { absorption: grid, .. }
+        | Density::WithAlbedo { extinction: grid, .. }) = &self.density;
+        grid.max_within(corners) != Spectrum::ZERO
+    }
+
     /// Returns the grids of the variation.
     pub fn grids(&self) -> impl Iterator<Item = &Grid> {
         let (first, second) = match &self.density {
@@ -142,7 +212,7 @@ impl Variation {
             Density::Each { absorption, scattering } => (absorption, Some(scattering)),
             Density::WithAlbedo { extinction, albedo } => (extinction, Some(albedo)),
         };
-        [Some(first), second, self.emission.as_ref()].into_iter().flatten()
+        [Some(first), second, self.emission.as_ref().map(EmissionVariation::grid)].into_iter().flatten()
     }
 
     /// Returns the greatest number of cells of the variation's grids along x, y and z.

@@ -242,7 +242,7 @@ fn motion_is_saved_and_damaged_files_never_panic() {
     mesh.motion = vec![key(0.1), key(0.3)];
     save_scene(&path, &scene, &Default::default()).unwrap();
     let file = std::fs::read(&path).unwrap();
-    assert_eq!(file[8], 2, "the version of scenes that move");
+    assert_eq!(file[8], 3, "the version of scenes that move");
     let after = load(&path, &LoadOptions::default()).unwrap().scene;
     assert!(after.meshes == scene.meshes && after.instances == scene.instances && after.spheres == scene.spheres);
     assert!(after.lights == scene.lights && after.cameras == scene.cameras && after.shutter == scene.shutter);

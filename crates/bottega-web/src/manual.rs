@@ -29,7 +29,7 @@ macro_rules! pictures {
 const PAGES: &[(&str, &str)] = pages! {
     "ala" "api" "decisions" "devices" "engines" "explanation/agents" "explanation/exact" "explanation/nats" "explanation/platform"
     "explanation/reading" "farm" "guides/blender" "guides/hair" "guides/layers" "guides/motion" "guides/quality" "guides/scenes"
-    "guides/security" "guides/studio" "guides/subsurface" "guides/systems" "guides/trouble" "hra" "index" "magarro" "python" "reference/commands"
+    "guides/security" "guides/studio" "guides/subsurface" "guides/systems" "guides/trouble" "guides/volumes" "hra" "index" "magarro" "python" "reference/commands"
     "reference/configuration" "reference/events" "reference/files" "reference/models" "reference/request" "render" "requests" "strangers" "symbols"
     "tools" "tutorials/first-picture" "tutorials/from-blender" "tutorials/own-rules" "tutorials/paper-table"
     "tutorials/scene-in-memory" "tutorials/two-machines"
@@ -44,7 +44,7 @@ const PICTURES: &[(&str, &[u8])] = pictures! {
     "models/medium.png" "models/path.png" "models/photon.png" "models/plastic.png" "models/principled.png" "models/punctual.png"
     "models/sheen.png" "models/sphere.png" "models/surface.png" "motion.jpg" "subsurface.jpg" "page-compare.webp"
     "page-importance.webp" "page-job.webp" "page-jobs.webp" "page-look-around.webp" "page-machines.webp" "page-messages.webp"
-    "page-new-picture.webp" "page-picture.webp" "page-rules.webp" "zones.png"
+    "page-new-picture.webp" "page-picture.webp" "page-rules.webp" "volumes.jpg" "zones.png"
 };
 /// The URL path of the manual.
 const ROOT: &str = "/manual/";

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 /// Extensions of the scene files that the built-in engine reads.
-pub(crate) const READ: [&str; 7] = ["gltf", "glb", "xml", "pbrt", "obj", "ply", "serialized"];
+pub(crate) const READ: [&str; 9] = ["gltf", "glb", "xml", "pbrt", "obj", "ply", "serialized", "vdb", "nvdb"];
 
 /// Extensions of the scene files of other programs, with the name of the format or program.
 const OTHERS: &[(&[&str], &str)] = &[

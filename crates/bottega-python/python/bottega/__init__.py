@@ -39,7 +39,7 @@ from ._lights import (
     SunLight,
 )
 from ._materials import BumpMap, Material, Medium, NormalMap
-from ._native import Analysis, ImageFile, Picture, __version__, read, stop_all
+from ._native import Analysis, ImageFile, Picture, Voxels, __version__, read, stop_all
 from ._requests import (
     DeviceOptions,
     EngineOptions,
@@ -159,6 +159,7 @@ __all__ = [
     "Unlit",
     "ViewOptions",
     "Viewport",
+    "Voxels",
     "ViewportMachine",
     "Visibility",
     "WorkOptions",

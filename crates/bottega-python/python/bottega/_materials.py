@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from ._native import Voxels
+
 Sides = Literal["front", "back", "both"]
 
 
@@ -196,6 +198,10 @@ class Medium(Value):
       everywhere. `albedo`: the same shape; `density` then multiplies their sum. `emission_grid`: multiplies the emission.
     - `transform`: (4, 4), from the unit cube of the grids to the world: x along the width, y the height, z the depth. Outside, the
       medium is empty.
+    - `voxels`: density and temperatures of an OpenVDB or NanoVDB file, in place of `density`; `transform` then leads from the space
+      of the file to the world. Temperatures are (values - `temperature_offset`) * `temperature_scale`, in kelvin.
+    - `blackbody`: radiance of a temperature, a factor of `emission`. `'peaks'`: its spectrum has its peak at 1, and it is proportional
+      to the density, as in pbrt. `'power'`: 1e-6 times the law of Stefan and Boltzmann per scene unit, as in Cycles.
 
     The grids of a medium that was taken out of a scene are `None`; they stay when other fields change.
     """
@@ -208,6 +214,10 @@ class Medium(Value):
     albedo: NDArray[np.float32] | None = of(ArrayKind(), None)
     emission_grid: NDArray[np.float32] | None = of(ArrayKind(), None)
     transform: ArrayLike | Sequence[Sequence[float]] | None = of(ArrayKind(), None)
+    voxels: Voxels | None = of(ArrayKind(), None)
+    temperature_scale: float = plain_real(1.0)
+    temperature_offset: float = plain_real(0.0, -1e9)
+    blackbody: Literal["peaks", "power"] = choice("peaks", "power")
 
     def plain_fields(self, names: Names) -> dict[str, Any]:
         plain = {name: getattr(self, name) for name in ("absorption", "scattering", "emission", "g")}

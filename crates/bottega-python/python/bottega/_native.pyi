@@ -137,9 +137,22 @@ class Scene:
         albedo: NDArray[np.float32] | None,
         emission: NDArray[np.float32] | None,
         transform: ArrayLike | None,
+        voxels: tuple[Voxels, float, float, str] | None,
         keeps_grids: bool,
         is_new: bool,
     ) -> None: ...
+
+@final
+class Voxels:
+    def __new__(cls, path: _Path, density: str = "density", temperature: str | None = None) -> Voxels: ...
+    @staticmethod
+    def list(path: _Path) -> list[tuple[str, str]]: ...
+    @property
+    def transform(self) -> list[list[float]]: ...
+    @property
+    def density_max(self) -> float: ...
+    @property
+    def temperature_max(self) -> float | None: ...
 
 @final
 class Viewport:

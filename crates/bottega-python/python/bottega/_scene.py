@@ -265,12 +265,17 @@ class Media(ValueCollection[Medium]):
         self._forget(key)
 
     def _write(self, key: str, value: Medium, is_new: bool) -> None:
-        self._send(key, value, is_new, value.density is None)
+        self._send(key, value, is_new, value.density is None and value.voxels is None)
 
     def _send(self, key: str, value: Medium, is_new: bool, keeps_grids: bool) -> None:
         text = json.dumps(value.plain_fields(self._native))
         grids = (value.density, value.albedo, value.emission_grid, value.transform)
-        self._native.put_medium(key, text, *grids, keeps_grids, is_new)
+        placed = None
+        if value.voxels is not None:
+            if value.density is not None:
+                raise SceneError("`density` and `voxels` are given: one of them is needed")
+            placed = (value.voxels, value.temperature_scale, value.temperature_offset, value.blackbody)
+        self._native.put_medium(key, text, *grids, placed, keeps_grids, is_new)
 
 
 class Images(Collection[Image]):

@@ -19,10 +19,12 @@ const BOUNDS_MAX: u32 = 64;
 /// Largest number of collisions on a segment. It is reached only where a majorant is far above most of the medium; the
 /// remaining light is lost.
 const COLLISIONS_MAX: u32 = 1 << 16;
+/// Least number of tentative collisions, in the mean, across a piece of a medium that emits.
+const COLLISIONS_WHERE_LIT: f32 = 2.0;
 /// Transmittance below which Russian roulette may terminate the estimate.
 const TRANSMITTANCE_MIN: f32 = 0.1;
 
-/// A coarse grid of majorants: upper bounds of the extinction of a medium that varies in space.
+/// A coarse grid of majorants: upper bounds of the extinction of a medium that varies in space, and enough to find its light.
 #[derive(Clone, Debug)]
 pub(crate) struct Majorants {
     /// Number of majorants along each axis.
@@ -76,12 +78,18 @@ impl Majorants {
         let size = variation.resolution().map(|side| side.div_ceil(CELLS_A_BOUND).clamp(1, BOUNDS_MAX));
         let corner =
             |x: u32, y: u32, z: u32| Vec3::new(x as f32, y as f32, z as f32) / glam::UVec3::from_array(size).as_vec3();
+        // Where the medium emits, tentative collisions are drawn even if there is little else to collide with
+        let world_from_grid = variation.grid_from_world.inverse();
+        let sides = [0, 1, 2].map(|axis| world_from_grid.matrix3.col(axis).length() / size[axis] as f32);
+        let emission_rate = COLLISIONS_WHERE_LIT / sides.into_iter().fold(0.0, f32::max).max(f32::MIN_POSITIVE);
         let mut values = Vec::with_capacity(size.iter().map(|&side| side as usize).product());
         for z in 0..size[2] {
             for y in 0..size[1] {
                 for x in 0..size[0] {
                     let corners = [corner(x, y, z), corner(x + 1, y + 1, z + 1)];
-                    values.push(medium.extinction_max(variation, corners));
+                    let extinction = medium.extinction_max(variation, corners);
+                    let is_lit = medium.may_emit(variation, corners);
+                    values.push(if is_lit { extinction.max(emission_rate) } else { extinction });
                 }
             }
         }
@@ -251,7 +259,7 @@ impl<'a> Varying<'a> {
 mod tests {
     use std::sync::Arc;
 
-    use bottega_scene::{Blend, Density, Grid};
+    use bottega_scene::{Blackbody, Blend, Density, EmissionVariation, Grid};
 
     use super::*;
     use crate::sampler::PixelSampler;
@@ -315,6 +323,37 @@ mod tests {
             let sent = medium.emission.z / extinction.z * (1.0 - exact.z);
             assert!((emitted.z - sent).abs() < 0.03 * sent.max(0.1), "{line:?}: {emitted} {sent}");
         }
+    }
+
+    #[test]
+    fn a_medium_that_only_emits_is_seen() {
+        let temperatures = Grid::new([20, 1, 1], vec![1500.0; 20], Blend::Nearest).unwrap();
+        let blackbody = Blackbody::of_power(temperatures, 2.0, 0.0);
+        let radiance = blackbody.color(3000.0);
+        let Medium { emission, variation, .. } = wedge();
+        let empty = Density::Both(Grid::new([20, 1, 1], vec![0.0; 20], Blend::Nearest).unwrap());
+        let grid_from_world = variation.unwrap().grid_from_world;
+        let variation = Variation { density: empty, emission: Some(EmissionVariation::Blackbody(blackbody)), grid_from_world };
+        let medium = Medium { emission, ..Medium::absorbing(Spectrum::ONE) };
+        let majorants = Majorants::new(&medium, &variation);
+        let varying = Varying::new(&medium, &variation, &majorants);
+        let line = Line { origin: Vec3::new(-3.0, 0.1, 0.2), direction: Vec3::X, length: f32::INFINITY };
+        let mut emitted = Spectrum::ZERO;
+        for i in 0..4000 {
+            let sampler = PixelSampler::new(3, i, 0, 0);
+            let mut count = 0;
+            let mut number = || {
+                count += 1;
+                sampler.hashed(count)
+            };
+            let mut carried = CarriedLight { throughput: Spectrum::ONE, radiance: Spectrum::ZERO };
+            let first = [number(), number()];
+            assert!(varying.track(&line, &mut carried, first, &mut number).is_none());
+            assert_eq!(carried.throughput, Spectrum::ONE);
+            emitted += carried.radiance / 4000.0;
+        }
+        let exact = 2.0 * medium.emission * radiance;
+        assert!(((emitted - exact) / exact.max_element()).abs().max_element() < 0.02, "{emitted} {exact}");
     }
 
     #[test]

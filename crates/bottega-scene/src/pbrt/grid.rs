@@ -1,4 +1,4 @@
-//! Heterogeneous media: `uniformgrid` and `rgbgrid`.
+//! Heterogeneous media: `uniformgrid`, `rgbgrid` and `nanovdb`.
 
 use glam::{DAffine3, DVec3};
 
@@ -7,15 +7,18 @@ use super::film::Exposure;
 use super::params::{Params, Values};
 use super::transform::rounded;
 use super::world::Entity;
+use crate::blackbody::Blackbody;
 use crate::color::Spectrum;
 use crate::grid::{Blend, Grid};
 use crate::import::text_place::{ImportResult, TextFault, TextPlace};
-use crate::medium::{Density, Variation};
+use crate::medium::{Density, EmissionVariation, Variation};
 use crate::spectrum::role::ColorRole;
+use crate::text::shortened;
 use crate::values::VALUE_MAX;
+use crate::voxel_file;
 
 /// Reads a `uniformgrid`: densities that multiply both coefficients.
-pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> ImportResult<Variation> {
+pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> ImportResult<Variation> {
     let (params, at) = (&entity.params, entity.at);
     let size = size(params, at)?;
     let Some(density) = params.floats("density") else {
@@ -25,14 +28,20 @@ pub(super) fn uniform(context: &mut Context<'_>, entity: &Entity) -> ImportResul
         grid(size, values.iter().map(|&value| value as f32).collect(), Blend::LinearFading, params.place_of(name))
     };
     let density = Density::Both(numbers("density", density)?);
-    let emission = match params.floats("Lescale") {
+    let factor = match params.floats("Lescale") {
         Some(values) if values.len() > 1 => Some(numbers("Lescale", values)?),
         _ => None,
     };
-    if params.floats("temperature").is_some() {
-        params.mark_reported(&["temperatureoffset", "temperaturescale", "temperaturecutoff"]);
-        context.unsupported(params.place_of("temperature"), "the medium does not glow: its `temperature` is left out");
-    }
+    let emission = match params.floats("temperature") {
+        Some(values) => {
+            if factor.is_some() {
+                let problem = "a grid `Lescale` beside `temperature` is left out: it counts as 1";
+                context.unsupported(params.place_of("Lescale"), problem);
+            }
+            Some(blackbody(params, numbers("temperature", values)?, exposure)?)
+        }
+        None => factor.map(EmissionVariation::Factor),
+    };
     Ok(Variation { density, emission, grid_from_world: place(params, entity)? })
 }
 
@@ -56,11 +65,50 @@ pub(super) fn colored(entity: &Entity, exposure: Exposure) -> ImportResult<Varia
     if absorption.is_none() && scattering.is_none() {
         return Err(at.fault("`rgbgrid` needs \"rgb sigma_a\" or \"rgb sigma_s\"").into());
     }
-    let emission = colors("Le", ColorRole::Emission, &|color| exposure.apply(color))?;
+    let emission = colors("Le", ColorRole::Emission, &|color| exposure.apply(color))?.map(EmissionVariation::Factor);
     // A missing grid is 1 everywhere.
     let [absorption, scattering] = [absorption, scattering].map(|grid| grid.unwrap_or_else(Grid::one));
     let density = Density::Each { absorption, scattering };
     Ok(Variation { density, emission, grid_from_world: place(params, entity)? })
+}
+
+/// Reads a `nanovdb`: a file with the grid `density` and perhaps `temperature`. OpenVDB files are read, too. `Ok(None)`:
+/// the medium is empty.
+pub(super) fn voxels(
+    context: &mut Context<'_>,
+    entity: &Entity,
+    exposure: Exposure,
+) -> ImportResult<Option<Variation>> {
+    let (params, at) = (&entity.params, entity.at);
+    let reference = params.text("filename")?.ok_or_else(|| at.fault("`nanovdb` needs a `filename`"))?;
+    let at = params.place_of("filename");
+    let location = context.resources.locate(reference, &context.place(at))?;
+    let bytes = context.resources.read(&location)?;
+    if !voxel_file::recognizes(&bytes) {
+        return Err(at.fault(format!("`{}` is neither a NanoVDB nor an OpenVDB file", shortened(reference))).into());
+    }
+    let budget = context.resources.budget();
+    let medium = voxel_file::medium::read(location.path(), &bytes, "density", Some("temperature"), budget)?;
+    let Some(medium) = medium else {
+        let problem = format!("`{}` has no grid `density` with voxels: the medium is empty", shortened(reference));
+        context.warn(at, problem);
+        params.mark_reported(&["temperatureoffset", "temperaturescale", "temperaturecutoff"]);
+        return Ok(None);
+    };
+    medium.notes.iter().for_each(|note| context.warn(at, note));
+    let world_from_cube = entity.ctm * medium.file_from_cube;
+    let emission = medium.temperatures.map(|grid| blackbody(params, grid, exposure)).transpose()?;
+    let grid_from_world = rounded(&world_from_cube.inverse(), at)?;
+    Ok(Some(Variation { density: Density::Both(medium.density), emission, grid_from_world }))
+}
+
+/// Returns the emission by a grid of temperatures.
+fn blackbody(params: &Params, grid: Grid, exposure: Exposure) -> ImportResult<EmissionVariation> {
+    let cutoff = params.float("temperaturecutoff")?.unwrap_or(0.0);
+    let offset = params.float("temperatureoffset")?.unwrap_or(cutoff);
+    let scale = params.float("temperaturescale")?.unwrap_or(1.0);
+    let emission = Blackbody::of_equal_peaks(grid, scale as f32, offset as f32, |color| exposure.apply(color));
+    Ok(EmissionVariation::Blackbody(emission))
 }
 
 /// Returns the number of cells along x, y and z.

@@ -12,7 +12,7 @@ use super::needless::Directive;
 use super::world::{Entity, MediumInterface, PbrtWorld};
 use crate::color::Spectrum;
 use crate::import::text_place::{ImportResult, TextPlace};
-use crate::medium::{Medium, MediumId};
+use crate::medium::{EmissionVariation, Medium, MediumId};
 use crate::spectrum::color_space::ColorSpace;
 use crate::spectrum::role::ColorRole;
 use crate::text::shortened;
@@ -76,7 +76,7 @@ impl<'w> Media<'w> {
 fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> ImportResult<Option<Medium>> {
     let (params, at) = (&entity.params, entity.at);
     let is_colored = match entity.kind.as_str() {
-        "homogeneous" | "uniformgrid" => false,
+        "homogeneous" | "uniformgrid" | "nanovdb" => false,
         "rgbgrid" => true,
         kind => {
             context.unsupported(at, format!("a medium of type \"{}\" is left out", shortened(kind)));
@@ -106,24 +106,32 @@ fn convert(context: &mut Context<'_>, entity: &Entity, exposure: Exposure) -> Im
         }
     }
     let [absorption, scattering] = sigma.map(|sigma| (sigma * scale).as_vec3());
+    let variation = match entity.kind.as_str() {
+        "uniformgrid" => Some(grid::uniform(context, entity, exposure)?),
+        "rgbgrid" => Some(grid::colored(entity, exposure)?),
+        "nanovdb" => match grid::voxels(context, entity, exposure)? {
+            Some(variation) => Some(variation),
+            None => return Ok(None),
+        },
+        _ => None,
+    };
+    let shines_by_temperature =
+        variation.as_ref().is_some_and(|it| matches!(it.emission, Some(EmissionVariation::Blackbody(_))));
     // Emission is proportional to absorption, as in pbrt. A list of strengths belongs to a grid.
-    let strength = match params.floats("Lescale") {
+    let strength = match params.floats("Lescale").or_else(|| params.floats("LeScale")) {
         Some(&[strength]) => strength,
         _ => 1.0,
     };
     let mut emission = Spectrum::ZERO;
-    if is_colored {
+    if shines_by_temperature {
+        emission = absorption * strength as f32;
+    } else if is_colored {
         if params.find("Le", &["rgb"]).is_some() {
             emission = absorption * strength as f32;
         }
     } else if let Some(color) = context.color(params, "Le")? {
         emission = absorption * exposure.apply(color.to_rec709(ColorRole::Emission) * strength as f32);
     }
-    let variation = match entity.kind.as_str() {
-        "uniformgrid" => Some(grid::uniform(context, entity)?),
-        "rgbgrid" => Some(grid::colored(entity, exposure)?),
-        _ => None,
-    };
     context.report_unused(Directive::Medium, &entity.kind, params);
     if !(absorption + scattering + emission).is_finite() {
         return Err(at.fault("the coefficients of the medium exceed all bounds").into());

@@ -123,7 +123,7 @@ pub(super) struct VariationDescription {
     pub(super) density: DensityKind,
     /// The one or two grids of the density, in the order of [`Density`](crate::Density)'s fields.
     pub(super) grids: Vec<GridDescription>,
-    pub(super) emission: Option<GridDescription>,
+    pub(super) emission: Option<EmissionDescription>,
     /// World space to the unit cube of the grids, column by column.
     pub(super) grid_from_world: [f32; 12],
 }
@@ -137,12 +137,34 @@ pub(super) enum DensityKind {
     WithAlbedo,
 }
 
+/// The spatial variation of a medium's emission.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EmissionDescription {
+    pub(super) grid: GridDescription,
+    /// The grid has temperatures; a block of colors follows. `None`: it has factors.
+    pub(super) blackbody: Option<BlackbodyDescription>,
+}
+
+/// The numbers of a [`Blackbody`](crate::Blackbody).
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BlackbodyDescription {
+    pub(super) scale: f32,
+    pub(super) offset: f32,
+    pub(super) times_density: bool,
+}
+
 /// A grid, as the description of a saved scene has it; its values are in the arrays behind the description.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GridDescription {
     /// Cells along x, y and z.
     pub(super) size: [u32; 3],
+    /// Values per cell: 1 or 3.
+    pub(super) channels: u32,
+    /// Number of bricks, stored or empty, whose table comes before the values; `None`: all cells are stored.
+    pub(super) bricks: Option<u64>,
     /// Number of values in all.
     pub(super) values: u64,
     pub(super) blend: Blend,

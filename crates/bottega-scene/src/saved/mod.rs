@@ -15,6 +15,7 @@ mod blocks;
 mod description;
 mod motion;
 mod read;
+mod variation;
 mod write;
 
 pub(crate) use self::read::{import, recognizes};
@@ -24,4 +25,4 @@ pub use self::write::save_scene;
 const MAGIC: [u8; 8] = *b"\x89BOTTEGA";
 
 /// The version that is written and read.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;

@@ -3,24 +3,21 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::blocks::{Blocks, CurvePointRecord, InstanceRecord, SphereRecord};
-use super::description::{
-    DensityKind, Description, GridDescription, ImageDescription, MediumDescription, MeshDescription, TexelFormat,
-    VariationDescription,
-};
+use super::description::{Description, ImageDescription, MediumDescription, MeshDescription, TexelFormat};
 use super::motion::read_motion;
+use super::variation::read_variation;
 use super::{MAGIC, VERSION};
 use crate::error::{SceneError, Warnings};
 use crate::facing_curves::{CurvePoint, FacingCurves};
-use crate::grid::Grid;
 use crate::hints::Metadata;
 use crate::image::Image;
 use crate::image::pyramid::Encoding;
 use crate::image::raw::LevelTexels;
 use crate::import::request::{ImportRequest, Imported};
-use crate::medium::{Density, Medium, Variation};
+use crate::medium::Medium;
 use crate::model::{Instance, Mesh, Scene, Sphere};
 use crate::motion::Shutter;
 
@@ -163,28 +160,4 @@ fn read_medium(blocks: &mut Blocks<'_>, place: &str, medium: MediumDescription<'
         None => None,
     };
     Ok(Medium { variation, ..medium.medium.into_owned() })
-}
-
-fn read_variation(
-    blocks: &mut Blocks<'_>,
-    place: &str,
-    variation: VariationDescription,
-) -> Result<Variation, SceneError> {
-    let VariationDescription { density, grids, emission, grid_from_world } = variation;
-    let grids = grids.iter().map(|grid| read_grid(blocks, place, grid)).collect::<Result<Vec<_>, _>>()?;
-    let count = grids.len();
-    let mut grids = grids.into_iter();
-    let density = match (density, grids.next(), grids.next(), grids.next()) {
-        (DensityKind::Both, Some(grid), None, None) => Density::Both(grid),
-        (DensityKind::Each, Some(absorption), Some(scattering), None) => Density::Each { absorption, scattering },
-        (DensityKind::WithAlbedo, Some(extinction), Some(albedo), None) => Density::WithAlbedo { extinction, albedo },
-        _ => return Err(blocks.damaged(format!("{place} has {count} grids of its density"))),
-    };
-    let emission = emission.map(|grid| read_grid(blocks, place, &grid)).transpose()?;
-    Ok(Variation { density, emission, grid_from_world: Affine3A::from_cols_array(&grid_from_world) })
-}
-
-fn read_grid(blocks: &mut Blocks<'_>, place: &str, grid: &GridDescription) -> Result<Grid, SceneError> {
-    let values = blocks.take(place, grid.values)?;
-    Grid::new(grid.size, values, grid.blend).map_err(|error| blocks.damaged(format!("{place}: {error}")))
 }

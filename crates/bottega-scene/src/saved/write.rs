@@ -8,16 +8,14 @@ use bottega_image::{ImageError, write_whole_with};
 
 use super::blocks::{CurvePointRecord, InstanceRecord, SphereRecord, put};
 use super::description::{
-    CurvesDescription, DensityKind, Description, GridDescription, ImageDescription, MediumDescription, MeshDescription,
-    TexelFormat, VariationDescription,
+    CurvesDescription, Description, ImageDescription, MediumDescription, MeshDescription, TexelFormat,
 };
 use super::motion::{describe_motion, put_motion};
-use super::{MAGIC, VERSION};
-use crate::grid::Grid;
+use super::{MAGIC, VERSION, variation};
 use crate::hints::RenderHints;
 use crate::image::Image;
 use crate::image::raw::LevelTexels;
-use crate::medium::{Density, Medium, Variation};
+use crate::medium::Medium;
 use crate::model::{Mesh, Scene};
 
 /// Writes a scene to a file of Bottega's own format, completely or not at all. Reading it gives the same scene, bit for bit.
@@ -44,7 +42,7 @@ fn write(out: &mut dyn Write, scene: &Scene, hints: &RenderHints) -> io::Result<
     put(out, &spheres)?;
     scene.images.iter().try_for_each(|image| put_image(out, image))?;
     let variations = scene.media.iter().filter_map(|medium| medium.variation.as_deref());
-    variations.flat_map(Variation::grids).try_for_each(|grid| put(out, grid.values()))?;
+    variations.into_iter().try_for_each(|it| variation::put_variation(out, it))?;
     put_motion(out, scene)
 }
 
@@ -120,24 +118,5 @@ fn put_image(out: &mut dyn Write, image: &Image) -> io::Result<()> {
 }
 
 fn describe_medium(medium: &Medium) -> MediumDescription<'_> {
-    MediumDescription {
-        medium: Cow::Borrowed(medium),
-        variation: medium.variation.as_deref().map(|variation| {
-            let (density, grids) = match &variation.density {
-                Density::Both(grid) => (DensityKind::Both, vec![grid]),
-                Density::Each { absorption, scattering } => (DensityKind::Each, vec![absorption, scattering]),
-                Density::WithAlbedo { extinction, albedo } => (DensityKind::WithAlbedo, vec![extinction, albedo]),
-            };
-            VariationDescription {
-                density,
-                grids: grids.into_iter().map(describe_grid).collect(),
-                emission: variation.emission.as_ref().map(describe_grid),
-                grid_from_world: variation.grid_from_world.to_cols_array(),
-            }
-        }),
-    }
-}
-
-fn describe_grid(grid: &Grid) -> GridDescription {
-    GridDescription { size: grid.size(), values: grid.values().len() as u64, blend: grid.blend() }
+    MediumDescription { medium: Cow::Borrowed(medium), variation: medium.variation.as_deref().map(variation::describe) }
 }

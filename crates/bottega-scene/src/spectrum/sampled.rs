@@ -106,6 +106,11 @@ impl Sampled {
         rgb(self.mitsuba_integral(false))
     }
 
+    /// Converts radiance without normalization: constant 1 has luminance 1 and the colour of equal energy.
+    pub(crate) fn radiance(&self) -> Spectrum {
+        rgb(self.xyz(|_| 1.0))
+    }
+
     /// Integrates as Mitsuba does: a sum over 1000 wavelengths, 0 outside of the samples.
     fn mitsuba_integral(&self, under_d65: bool) -> DVec3 {
         const STEPS: u32 = 1000;
@@ -154,7 +159,7 @@ impl Sampled {
 }
 
 /// Returns the spectral radiance of a black body, in W·m⁻²·sr⁻¹·nm⁻¹ (SI constants of 2019).
-pub(super) fn planck(nm: f64, kelvin: f64) -> f64 {
+pub(crate) fn planck(nm: f64, kelvin: f64) -> f64 {
     const C: f64 = 299_792_458.0;
     const H: f64 = 6.626_070_15e-34;
     const K: f64 = 1.380_649e-23;

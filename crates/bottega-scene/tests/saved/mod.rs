@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bottega_scene::{
-    Blend, Density, Grid, Image, LoadOptions, Loaded, Medium, Metadata, Scene, SceneError, Spectrum, Variation, load,
-    save_scene,
+    Blend, Density, EmissionVariation, Grid, Image, LoadOptions, Loaded, Medium, Metadata, Scene, SceneError, Spectrum,
+    Variation, load, save_scene,
 };
 use glam::Affine3A;
 
@@ -38,7 +38,7 @@ fn images_and_grids() -> Scene {
         Density::WithAlbedo { extinction: pair().0, albedo: pair().1 },
     ];
     for (index, density) in densities.into_iter().enumerate() {
-        let emission = (index == 1).then(|| grid(&[7.0, 8.0, 9.0], Blend::Linear));
+        let emission = (index == 1).then(|| EmissionVariation::Factor(grid(&[7.0, 8.0, 9.0], Blend::Linear)));
         let variation = Variation { density, emission, grid_from_world: Affine3A::from_scale(glam::Vec3::splat(0.3)) };
         let medium = Medium::absorbing(Spectrum::new(0.1, 0.2, 0.3));
         scene.push_medium(Medium { variation: Some(Arc::new(variation)), g: 0.7, ..medium });
@@ -135,7 +135,7 @@ fn files_that_are_wrong_are_refused_with_the_reason() {
         file[at] = byte;
         refused(&file)
     };
-    assert!(changed(8, 3).contains("version 3 of the format"), "{}", changed(8, 3));
+    assert!(changed(8, 9).contains("version 9 of the format"), "{}", changed(8, 9));
     assert!(changed(19, 0xff).contains("description is cut off"));
     assert!(refused(&file[..11]).contains("head is cut off"));
     assert!(refused(&file[..file.len() - 1]).contains("media[2] has 1 values"), "{}", refused(&file[..file.len() - 1]));
