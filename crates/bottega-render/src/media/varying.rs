@@ -333,7 +333,8 @@ mod tests {
         let Medium { emission, variation, .. } = wedge();
         let empty = Density::Both(Grid::new([20, 1, 1], vec![0.0; 20], Blend::Nearest).unwrap());
         let grid_from_world = variation.unwrap().grid_from_world;
-        let variation = Variation { density: empty, emission: Some(EmissionVariation::Blackbody(blackbody)), grid_from_world };
+        let variation =
+            Variation { density: empty, emission: Some(EmissionVariation::Blackbody(blackbody)), grid_from_world };
         let medium = Medium { emission, ..Medium::absorbing(Spectrum::ONE) };
         let majorants = Majorants::new(&medium, &variation);
         let varying = Varying::new(&medium, &variation, &majorants);
