@@ -1,28 +1,30 @@
 //! Regular grids of values in space, dense or in bricks.
 
 pub(crate) mod bricks;
+mod error;
 
 use std::sync::Arc;
 
 use glam::{UVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use self::bricks::Bricks;
+use self::bricks::{Bricks, color};
+pub use self::error::GridError;
 use crate::color::Spectrum;
 use crate::values::VALUE_MAX;
 
 /// Values in the cells of a regular grid that fills the unit cube. All are finite and at least 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// Cells along x, y and z.
+    /// GridCells along x, y and z.
     size: [u32; 3],
-    cells: Cells,
+    cells: GridCells,
     blend: Blend,
 }
 
 /// The values of a grid.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Cells {
+pub(crate) enum GridCells {
     /// All of them.
     Dense {
         /// Values per cell: 1, or 3 for colours.
@@ -44,28 +46,6 @@ pub enum Blend {
     Linear,
     /// Linear; 0 beyond the edge, so the outermost cells fade.
     LinearFading,
-}
-
-/// An error of constructing a grid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum GridError {
-    /// The grid has no cells or too many.
-    #[error("a grid cannot have {} × {} × {} cells", .0[0], .0[1], .0[2])]
-    Size([u32; 3]),
-    /// The number of values does not match the size.
-    #[error("a grid of {cells} cells has {values} values")]
-    Count {
-        /// Number of cells.
-        cells: usize,
-        /// Number of values given.
-        values: usize,
-    },
-    /// The table of bricks names some that are not there.
-    #[error("the table of a grid names bricks beyond the {stored} that it has")]
-    Bricks {
-        /// Number of bricks with values.
-        stored: usize,
-    },
 }
 
 /// Largest number of cells along an axis.
@@ -91,7 +71,7 @@ impl Grid {
             count => return Err(GridError::Count { cells, values: count }),
         };
         mend(&mut values);
-        Ok(Self { size, cells: Cells::Dense { channels, values }, blend })
+        Ok(Self { size, cells: GridCells::Dense { channels, values }, blend })
     }
 
     /// Makes a grid of bricks of 8 × 8 × 8 cells. Values are mended as by [`Self::new`].
@@ -115,12 +95,12 @@ impl Grid {
             return Err(GridError::Size(size));
         }
         mend(&mut values);
-        Ok(Self { size, cells: Cells::Bricks(Arc::new(Bricks::new(size, channels, table, values)?)), blend })
+        Ok(Self { size, cells: GridCells::Bricks(Arc::new(Bricks::new(size, channels, table, values)?)), blend })
     }
 
     /// Returns a grid of one cell with value 1.
     pub fn one() -> Self {
-        Self { size: [1; 3], cells: Cells::Dense { channels: 1, values: vec![1.0] }, blend: Blend::Nearest }
+        Self { size: [1; 3], cells: GridCells::Dense { channels: 1, values: vec![1.0] }, blend: Blend::Nearest }
     }
 
     /// Returns the number of cells along x, y and z.
@@ -129,15 +109,15 @@ impl Grid {
     }
 
     /// Returns the grid's values.
-    pub(crate) fn cells(&self) -> &Cells {
+    pub(crate) fn cells(&self) -> &GridCells {
         &self.cells
     }
 
     /// Returns the values per cell: 1 or 3.
     pub(crate) fn channels(&self) -> usize {
         match &self.cells {
-            Cells::Dense { channels, .. } => *channels,
-            Cells::Bricks(bricks) => bricks.channels(),
+            GridCells::Dense { channels, .. } => *channels,
+            GridCells::Bricks(bricks) => bricks.channels(),
         }
     }
 
@@ -149,8 +129,8 @@ impl Grid {
     /// Returns the memory of the grid's values, in bytes.
     pub fn memory_bytes(&self) -> usize {
         match &self.cells {
-            Cells::Dense { values, .. } => size_of_val(&**values),
-            Cells::Bricks(bricks) => bricks.memory_bytes(),
+            GridCells::Dense { values, .. } => size_of_val(&**values),
+            GridCells::Bricks(bricks) => bricks.memory_bytes(),
         }
     }
 
@@ -171,8 +151,8 @@ impl Grid {
         let corner =
             |index: i64| self.cell([first[0] + (index & 1), first[1] + (index >> 1 & 1), first[2] + (index >> 2)]);
         let in_one_brick = match &self.cells {
-            Cells::Bricks(bricks) => bricks.corners(first),
-            Cells::Dense { .. } => None,
+            GridCells::Bricks(bricks) => bricks.corners(first),
+            GridCells::Dense { .. } => None,
         };
         let corners = in_one_brick.unwrap_or_else(|| [0, 1, 2, 3, 4, 5, 6, 7].map(corner));
         let along_x = |index: usize| corners[index].lerp(corners[index + 1], t.x);
@@ -190,7 +170,7 @@ impl Grid {
             let end = self.size[axis] as i32 - 1;
             i64::from(first[axis].clamp(0, end))..=i64::from(last[axis].clamp(0, end))
         };
-        if let Cells::Bricks(bricks) = &self.cells {
+        if let GridCells::Bricks(bricks) = &self.cells {
             let ends = [0, 1, 2].map(range);
             let at = |place: i64| place as usize;
             return bricks.max_within(
@@ -212,10 +192,10 @@ impl Grid {
     /// Returns the mean of all cells.
     pub fn mean(&self) -> Spectrum {
         let sum = match &self.cells {
-            Cells::Dense { channels, values } => {
+            GridCells::Dense { channels, values } => {
                 values.chunks_exact(*channels).fold(glam::DVec3::ZERO, |sum, cell| sum + color(cell).as_dvec3())
             }
-            Cells::Bricks(bricks) => bricks.sum(),
+            GridCells::Bricks(bricks) => bricks.sum(),
         };
         let cells: f64 = self.size.iter().map(|&side| f64::from(side)).product();
         (sum / cells).as_vec3()
@@ -229,12 +209,12 @@ impl Grid {
             return Spectrum::ZERO;
         }
         match &self.cells {
-            Cells::Dense { channels, values } => {
+            GridCells::Dense { channels, values } => {
                 let [width, height, _] = self.size.map(|side| side as usize);
                 let index = ((inside[2] * height + inside[1]) * width + inside[0]) * channels;
                 color(&values[index..index + channels])
             }
-            Cells::Bricks(bricks) => bricks.cell(inside),
+            GridCells::Bricks(bricks) => bricks.cell(inside),
         }
     }
 }
@@ -243,14 +223,6 @@ impl Grid {
 fn mend(values: &mut [f32]) {
     for value in values {
         *value = if value.is_finite() { value.clamp(0.0, VALUE_MAX) } else { 0.0 };
-    }
-}
-
-#[inline]
-fn color(cell: &[f32]) -> Spectrum {
-    match *cell {
-        [r, g, b] => Spectrum::new(r, g, b),
-        _ => Spectrum::splat(cell[0]),
     }
 }
 

@@ -3,7 +3,7 @@
 //! The layout is that of a leaf in OpenVDB (Museth 2013, *VDB: High-Resolution Sparse Volumes with Dynamic Topology*),
 //! below a table with an entry for each brick.
 
-use super::GridError;
+use super::error::GridError;
 use crate::color::Spectrum;
 
 /// Cells along each side of a brick.
@@ -49,8 +49,7 @@ impl Bricks {
         if !values.len().is_multiple_of(BRICK_CELLS * channels) || !table.iter().all(is_known) {
             return Err(GridError::Bricks { stored });
         }
-        let greatest =
-            |brick: &[f32]| brick.chunks_exact(channels).map(super::color).fold(Spectrum::ZERO, Spectrum::max);
+        let greatest = |brick: &[f32]| brick.chunks_exact(channels).map(color).fold(Spectrum::ZERO, Spectrum::max);
         let maxima = values.chunks_exact(BRICK_CELLS * channels).map(greatest).collect();
         Ok(Self { count, channels, table, values, maxima })
     }
@@ -133,7 +132,7 @@ impl Bricks {
         let cells =
             |brick: u32| &self.values[brick as usize * BRICK_CELLS * self.channels..][..BRICK_CELLS * self.channels];
         let sum = |brick: u32| {
-            cells(brick).chunks_exact(self.channels).map(|cell| super::color(cell).as_dvec3()).sum::<glam::DVec3>()
+            cells(brick).chunks_exact(self.channels).map(|cell| color(cell).as_dvec3()).sum::<glam::DVec3>()
         };
         self.table.iter().filter(|&&brick| brick != EMPTY_BRICK).map(|&brick| sum(brick)).sum()
     }
@@ -165,6 +164,15 @@ impl Bricks {
     fn stored(&self, brick: u32, cell: [usize; 3]) -> Spectrum {
         let [x, y, z] = cell.map(|place| place % BRICK_SIDE as usize);
         let index = (brick as usize * BRICK_CELLS + (x * 8 + y) * 8 + z) * self.channels;
-        super::color(&self.values[index..index + self.channels])
+        color(&self.values[index..index + self.channels])
+    }
+}
+
+/// Returns the value of a cell of one or three numbers.
+#[inline]
+pub(super) fn color(cell: &[f32]) -> Spectrum {
+    match *cell {
+        [r, g, b] => Spectrum::new(r, g, b),
+        _ => Spectrum::splat(cell[0]),
     }
 }

@@ -11,7 +11,7 @@ use super::description::{
 };
 use crate::blackbody::{Blackbody, ENTRIES};
 use crate::error::SceneError;
-use crate::grid::{Cells, Grid};
+use crate::grid::{Grid, GridCells};
 use crate::medium::{Density, EmissionVariation, Variation};
 
 /// Describes a variation.
@@ -40,8 +40,8 @@ pub(super) fn describe(variation: &Variation) -> VariationDescription {
 
 fn describe_grid(grid: &Grid) -> GridDescription {
     let (bricks, values) = match grid.cells() {
-        Cells::Dense { values, .. } => (None, values.len()),
-        Cells::Bricks(bricks) => (Some(bricks.table().len() as u64), bricks.values().len()),
+        GridCells::Dense { values, .. } => (None, values.len()),
+        GridCells::Bricks(bricks) => (Some(bricks.table().len() as u64), bricks.values().len()),
     };
     let channels = grid.channels() as u32;
     GridDescription { size: grid.size(), channels, bricks, values: values as u64, blend: grid.blend() }
@@ -51,8 +51,8 @@ fn describe_grid(grid: &Grid) -> GridDescription {
 pub(super) fn put_variation(out: &mut dyn Write, variation: &Variation) -> io::Result<()> {
     for grid in variation.grids() {
         match grid.cells() {
-            Cells::Dense { values, .. } => put(out, values)?,
-            Cells::Bricks(bricks) => {
+            GridCells::Dense { values, .. } => put(out, values)?,
+            GridCells::Bricks(bricks) => {
                 put(out, bricks.table())?;
                 put(out, bricks.values())?;
             }

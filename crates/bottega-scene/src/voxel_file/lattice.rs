@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use glam::{DAffine3, DVec3, I64Vec3, IVec3, Vec3};
 
 use super::error::VoxelError;
-use super::{GridClass, Store, Tile, VoxelGrid};
+use super::voxels::{GridClass, Store, Tile, VoxelGrid};
 use crate::grid::bricks::{BRICK_CELLS, BRICK_SIDE, EMPTY_BRICK};
 use crate::grid::{Blend, GRID_SIDE_MAX, Grid};
 

@@ -4,8 +4,10 @@ use std::path::Path;
 
 use glam::{Affine3A, DAffine3};
 
+use super::error::VoxelError;
+use super::format;
 use super::lattice::Lattice;
-use super::{Store, VoxelGrid};
+use super::voxels::{Store, VoxelGrid};
 use crate::budget::MemoryBudget;
 use crate::error::SceneError;
 use crate::file::read_file;
@@ -40,7 +42,7 @@ impl Voxels {
     ) -> Result<Option<Self>, SceneError> {
         let budget = MemoryBudget::new(max_memory_bytes);
         let bytes = read_file(path, &budget)?;
-        if !super::recognizes(&bytes) {
+        if !format::recognizes(&bytes) {
             let problem = "it is neither an OpenVDB nor a NanoVDB file".into();
             return Err(SceneError::Invalid { path: path.into(), place: String::new(), problem });
         }
@@ -53,7 +55,7 @@ impl Voxels {
     /// The file cannot be read, is damaged or is no file of voxels.
     pub fn list(path: &Path, max_memory_bytes: usize) -> Result<Vec<(String, String)>, SceneError> {
         let bytes = read_file(path, &MemoryBudget::new(max_memory_bytes))?;
-        let (_, grids) = super::list(&bytes).map_err(|error| error.in_file(path))?;
+        let (_, grids) = format::list(&bytes).map_err(|error| error.in_file(path))?;
         Ok(grids.into_iter().map(|grid| (grid.name, grid.kind)).collect())
     }
 
@@ -75,20 +77,16 @@ pub(crate) fn read(
     temperature: Option<&str>,
     budget: &MemoryBudget,
 ) -> Result<Option<Voxels>, SceneError> {
-    let Some(voxels) = super::read(path, bytes, density, budget)? else { return Ok(None) };
+    let Some(voxels) = format::read(path, bytes, density, budget)? else { return Ok(None) };
     let glow = match temperature {
-        Some(name) => super::read(path, bytes, name, budget)?,
+        Some(name) => format::read(path, bytes, name, budget)?,
         None => None,
     };
     let store = Store { path, name: density, budget };
     assemble(&voxels, glow.as_ref(), &store).map_err(|error| error.in_file(path))
 }
 
-fn assemble(
-    voxels: &VoxelGrid,
-    glow: Option<&VoxelGrid>,
-    store: &Store<'_>,
-) -> Result<Option<Voxels>, super::VoxelError> {
+fn assemble(voxels: &VoxelGrid, glow: Option<&VoxelGrid>, store: &Store<'_>) -> Result<Option<Voxels>, VoxelError> {
     let shares_place = glow.filter(|glow| glow.file_from_index.abs_diff_eq(voxels.file_from_index, 1e-9));
     let grids: Vec<&VoxelGrid> = std::iter::once(voxels).chain(shares_place).collect();
     let Some(lattice) = Lattice::around(&grids)? else { return Ok(None) };

@@ -9,11 +9,11 @@ use std::borrow::Cow;
 
 use glam::{DAffine3, DMat3, DVec3, IVec3, Vec3};
 
-use self::layout::{Kind, Layout, NodeLayout};
+use self::layout::{Kind, NodeLayout, NodePlaces};
 use super::blosc;
 use super::cursor::{Cursor, is_set};
 use super::error::VoxelError;
-use super::{GridClass, GridEntry, Store, Tile, VoxelGrid};
+use super::voxels::{GridClass, GridEntry, Store, Tile, VoxelGrid};
 use crate::grid::bricks::{BRICK_CELLS, BRICK_SIDE};
 
 /// Versions of the format that are read: the part of the number above this bit.
@@ -31,7 +31,7 @@ const LEVEL_SET: u32 = 1;
 const EXPANSION_MAX: u64 = 1 << 12;
 
 /// A grid in the file.
-struct Entry {
+struct StoredGrid {
     name: String,
     kind: u32,
     /// Bytes of the unpacked grid.
@@ -49,7 +49,7 @@ pub(super) fn recognizes(bytes: &[u8]) -> bool {
 
 /// Lists the grids of a file.
 pub(super) fn list(bytes: &[u8]) -> Result<Vec<GridEntry>, VoxelError> {
-    let entry = |entry: Entry| GridEntry {
+    let entry = |entry: StoredGrid| GridEntry {
         name: entry.name,
         kind: layout::name(entry.kind),
         channels: Kind::of(entry.kind).map(Kind::channels),
@@ -57,7 +57,7 @@ pub(super) fn list(bytes: &[u8]) -> Result<Vec<GridEntry>, VoxelError> {
     Ok(entries(bytes)?.into_iter().map(entry).collect())
 }
 
-fn entries(bytes: &[u8]) -> Result<Vec<Entry>, VoxelError> {
+fn entries(bytes: &[u8]) -> Result<Vec<StoredGrid>, VoxelError> {
     const WHAT: &str = "the list of grids";
     let mut entries = Vec::new();
     let mut cursor = Cursor::new(bytes, 0);
@@ -86,7 +86,7 @@ fn entries(bytes: &[u8]) -> Result<Vec<Entry>, VoxelError> {
 }
 
 /// Reads the description of a grid.
-fn entry(cursor: &mut Cursor<'_>) -> Result<Entry, VoxelError> {
+fn entry(cursor: &mut Cursor<'_>) -> Result<StoredGrid, VoxelError> {
     const WHAT: &str = "the description of a grid";
     let (unpacked, length) = (cursor.u64(WHAT)?, cursor.u64(WHAT)?);
     cursor.take(16, WHAT)?;
@@ -98,7 +98,7 @@ fn entry(cursor: &mut Cursor<'_>) -> Result<Entry, VoxelError> {
     cursor.take(6, WHAT)?;
     let name = cursor.take(name_length as usize, WHAT)?;
     let name = String::from_utf8_lossy(name).trim_end_matches('\0').to_owned();
-    Ok(Entry { name, kind, unpacked, codec, place: 0, length: usize::try_from(length).unwrap_or(usize::MAX) })
+    Ok(StoredGrid { name, kind, unpacked, codec, place: 0, length: usize::try_from(length).unwrap_or(usize::MAX) })
 }
 
 /// Reads the first grid of a name; `None`: there is none of a kind that can be read.
@@ -113,7 +113,7 @@ pub(super) fn read(bytes: &[u8], store: &Store<'_>) -> Result<Option<VoxelGrid>,
 }
 
 /// Returns the memory of a grid.
-fn unpack<'a>(packed: &'a [u8], entry: &Entry, store: &Store<'_>) -> Result<Cow<'a, [u8]>, VoxelError> {
+fn unpack<'a>(packed: &'a [u8], entry: &StoredGrid, store: &Store<'_>) -> Result<Cow<'a, [u8]>, VoxelError> {
     const WHAT: &str = "a packed grid";
     if entry.codec == 0 {
         return Ok(Cow::Borrowed(packed));
@@ -149,7 +149,7 @@ fn unpack<'a>(packed: &'a [u8], entry: &Entry, store: &Store<'_>) -> Result<Cow<
 /// The memory of a grid.
 struct Block<'a> {
     bytes: &'a [u8],
-    layout: Layout,
+    layout: NodePlaces,
     kind: Kind,
     store: &'a Store<'a>,
     /// Bytes of the nodes that were visited.

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use glam::{DAffine3, Vec3};
 
+use super::format::list;
 use super::medium::{self, Voxels};
-use super::{GridEntry, list};
+use super::voxels::GridEntry;
 use crate::blackbody::Blackbody;
 use crate::color::Spectrum;
 use crate::error::{SceneError, Warnings};
@@ -18,7 +19,7 @@ use crate::model::{Mesh, Scene};
 use crate::surface::Surface;
 use crate::text::shortened;
 
-pub(crate) use super::recognizes;
+pub(crate) use super::format::recognizes;
 
 /// Names of densities, the best first.
 const DENSITIES: &[&str] = &["density", "smoke", "fog", "surface"];

@@ -38,7 +38,7 @@ pub(super) fn name(kind: u32) -> String {
 
 /// The places of values within nodes, in bytes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Layout {
+pub(super) struct NodePlaces {
     /// Place of the background in the root.
     pub(super) root_value: usize,
     /// Size of the root without its table.
@@ -74,7 +74,7 @@ impl NodeLayout {
     }
 
     /// Returns the place of the table in a node: behind box, flags, two masks and statistics.
-    pub(super) fn values(&self, layout: &Layout) -> usize {
+    pub(super) fn values(&self, layout: &NodePlaces) -> usize {
         (32 + 2 * self.count() / 8 + layout.statistics).next_multiple_of(ALIGNMENT)
     }
 }
@@ -99,7 +99,7 @@ impl Kind {
         if self == Self::Vec3F32 { 3 } else { 1 }
     }
 
-    pub(super) fn layout(self) -> Layout {
+    pub(super) fn layout(self) -> NodePlaces {
         // Size and alignment of a value, and size of the mean and the deviation each
         let (value, alignment, mean) = match self {
             Self::F32 | Self::Quantized(_) => (4, 4, 4),
@@ -109,7 +109,7 @@ impl Kind {
         let statistics = 2 * value + 2 * mean;
         let root_value = 28_usize.next_multiple_of(alignment);
         let leaf_statistics = if matches!(self, Self::Quantized(_)) { 16 } else { statistics };
-        Layout {
+        NodePlaces {
             root_value,
             root_bytes: (root_value + value + statistics).next_multiple_of(ALIGNMENT),
             root_tile_value: 20_usize.next_multiple_of(alignment),

@@ -1,8 +1,8 @@
 //! The header of an OpenVDB file, and the descriptors of its grids.
 
-use super::super::GridEntry;
 use super::super::cursor::Cursor;
 use super::super::error::VoxelError;
+use super::super::voxels::GridEntry;
 
 /// The first bytes: `BDV ` as a number of 8 bytes.
 const MAGIC: &[u8] = &[0x20, 0x42, 0x44, 0x56, 0, 0, 0, 0];
@@ -15,7 +15,7 @@ const NAME_SEPARATOR: char = '\x1e';
 
 /// The layout of a value in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct ValueLayout {
     /// Values per voxel are three numbers instead of one.
     is_vector: bool,
     /// Numbers of 8 bytes instead of 4.
@@ -24,7 +24,7 @@ pub(super) struct Layout {
     pub(super) is_half: bool,
 }
 
-impl Layout {
+impl ValueLayout {
     /// Returns the layout of a tree by the name of its type; `None`: it is not read.
     fn of(tree: &str) -> Option<Self> {
         let (tree, is_half) = match tree.strip_suffix("_HalfFloat") {
@@ -64,7 +64,7 @@ pub(super) struct Descriptor {
     /// Name of the tree's type, such as `Tree_float_5_4_3`.
     tree: String,
     /// `None`: not read.
-    pub(super) layout: Option<Layout>,
+    pub(super) layout: Option<ValueLayout>,
     /// Unique name of the grid whose tree it shares; empty: it has its own.
     pub(super) parent: String,
     /// Place of its compression, metadata, transformation and topology.
@@ -118,8 +118,14 @@ fn descriptor(cursor: &mut Cursor<'_>) -> Result<Descriptor, VoxelError> {
     let at = |found: i64| {
         usize::try_from(found).map_err(|_| VoxelError::Value { place, what: "the place of a grid", found })
     };
-    let descriptor =
-        Descriptor { layout: Layout::of(&tree), unique_name, tree, parent, start: at(start)?, buffers: at(buffers)? };
+    let descriptor = Descriptor {
+        layout: ValueLayout::of(&tree),
+        unique_name,
+        tree,
+        parent,
+        start: at(start)?,
+        buffers: at(buffers)?,
+    };
     // The next descriptor follows behind the grid.
     *cursor =
         cursor.moved_forward(at(end)?).ok_or(VoxelError::Value { place, what: "the end of a grid", found: end })?;
@@ -157,7 +163,7 @@ pub(crate) fn recognizes(bytes: &[u8]) -> bool {
 pub(crate) fn list(bytes: &[u8]) -> Result<Vec<GridEntry>, VoxelError> {
     let entry = |grid: Descriptor| GridEntry {
         name: grid.name().into(),
-        channels: grid.layout.map(Layout::channels),
+        channels: grid.layout.map(ValueLayout::channels),
         kind: grid.tree.trim_start_matches("Tree_").replace("_5_4_3", ""),
     };
     Ok(Header::read(bytes)?.grids.into_iter().map(entry).collect())

@@ -11,7 +11,7 @@ use self::header::{Descriptor, Header};
 pub(super) use self::header::{list, recognizes};
 use super::cursor::Cursor;
 use super::error::VoxelError;
-use super::{GridClass, Store, VoxelGrid};
+use super::voxels::{GridClass, Store, VoxelGrid};
 
 /// Reads the first grid of a name; `None`: there is none of a kind that can be read.
 pub(super) fn read(bytes: &[u8], store: &Store<'_>) -> Result<Option<VoxelGrid>, VoxelError> {

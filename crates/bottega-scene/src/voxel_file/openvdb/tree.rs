@@ -5,8 +5,8 @@ use glam::{IVec3, Vec3};
 use super::super::blosc;
 use super::super::cursor::{Cursor, count_set, is_set};
 use super::super::error::VoxelError;
-use super::super::{Store, Tile, VoxelGrid};
-use super::header::Layout;
+use super::super::voxels::{Store, Tile, VoxelGrid};
+use super::header::ValueLayout;
 use crate::grid::bricks::BRICK_CELLS;
 
 /// Bits of a grid's compression.
@@ -48,7 +48,7 @@ impl Level {
 pub(super) fn read(
     topology: Cursor<'_>,
     buffers: Cursor<'_>,
-    layout: Layout,
+    layout: ValueLayout,
     compression: u32,
     grid: VoxelGrid,
     store: &Store<'_>,
@@ -62,7 +62,7 @@ pub(super) fn read(
 
 struct Tree<'a> {
     cursor: Cursor<'a>,
-    layout: Layout,
+    layout: ValueLayout,
     /// [`ZIP`], [`ACTIVE_VALUES_ONLY`] and [`BLOSC`].
     compression: u32,
     grid: VoxelGrid,
