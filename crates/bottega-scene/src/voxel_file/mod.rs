@@ -11,6 +11,7 @@ mod format;
 mod lattice;
 pub(crate) mod medium;
 mod nanovdb;
+mod nodes;
 mod openvdb;
 pub(crate) mod scene;
 mod voxels;

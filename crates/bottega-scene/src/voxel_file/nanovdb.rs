@@ -9,10 +9,11 @@ use std::borrow::Cow;
 
 use glam::{DAffine3, DMat3, DVec3, IVec3, Vec3};
 
-use self::layout::{Kind, NodeLayout, NodePlaces};
+use self::layout::{Kind, NodePlaces};
 use super::blosc;
 use super::cursor::{Cursor, is_set};
 use super::error::VoxelError;
+use super::nodes::{LOWER, NodeLevel, ROOT_CHILD_LOG2, UPPER};
 use super::voxels::{GridClass, GridEntry, Store, Tile, VoxelGrid};
 use crate::grid::bricks::{BRICK_CELLS, BRICK_SIDE};
 
@@ -23,8 +24,6 @@ const MAJOR: u32 = 32;
 const GRID_BYTES: usize = 672;
 /// Bytes of the tree's header.
 const TREE_BYTES: usize = 64;
-/// Voxels along each side of a child of the root, as a power of two.
-const ROOT_CHILD_LOG2: u32 = 12;
 /// The class of signed distances.
 const LEVEL_SET: u32 = 1;
 /// Greatest number of bytes of a grid for each byte of its file, by packing.
@@ -196,16 +195,16 @@ impl Block<'_> {
                 self.add_tile(grid, origin, ROOT_CHILD_LOG2, place + self.layout.root_tile_value)?;
             } else {
                 let node = self.offset(root, child, root)?;
-                self.node(grid, &layout::UPPER, node, origin)?;
+                self.node(grid, UPPER, node, origin)?;
             }
         }
         Ok(())
     }
 
     /// Reads a node above the leaves, and its children.
-    fn node(&mut self, grid: &mut VoxelGrid, level: &NodeLayout, node: usize, origin: IVec3) -> Result<(), VoxelError> {
+    fn node(&mut self, grid: &mut VoxelGrid, level: NodeLevel, node: usize, origin: IVec3) -> Result<(), VoxelError> {
         let count = level.count();
-        let values = level.values(&self.layout);
+        let values = self.layout.table(level);
         self.visit(values + count * self.layout.tile_bytes)?;
         let mut cursor = Cursor::new(self.bytes, node + 32);
         let _active = cursor.take(count / 8, "a node of a grid")?;
@@ -219,10 +218,10 @@ impl Block<'_> {
             }
             let child = Cursor::new(self.bytes, place).i64("a node of a grid")?;
             let child = self.offset(node, child, node)?;
-            if level.child_log2 == layout::LOWER.child_log2 {
+            if level.child_log2 == LOWER.child_log2 {
                 self.leaf(grid, child, origin)?;
             } else {
-                self.node(grid, &layout::LOWER, child, origin)?;
+                self.node(grid, LOWER, child, origin)?;
             }
         }
         Ok(())
@@ -279,15 +278,5 @@ fn root_origin(key: u64) -> IVec3 {
     IVec3::new(part(42) as i32, part(21) as i32, part(0) as i32)
 }
 
-impl NodeLayout {
-    /// Returns the lowest voxel of a child, relative to that of the node. Children along z first, then y, then x.
-    fn child_origin(&self, index: usize) -> IVec3 {
-        let mask = (1 << self.children_log2) - 1;
-        let index = index as i32;
-        let place = IVec3::new(index >> (2 * self.children_log2), index >> self.children_log2 & mask, index & mask);
-        place << self.child_log2 as i32
-    }
-}
-
-const _: () = assert!(1 << layout::LOWER.child_log2 == BRICK_SIDE);
+const _: () = assert!(1 << LOWER.child_log2 == BRICK_SIDE);
 const _: () = assert!(TREE_BYTES < GRID_BYTES);

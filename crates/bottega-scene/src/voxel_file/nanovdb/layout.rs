@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::super::cursor::Cursor;
 use super::super::error::VoxelError;
+use super::super::nodes::NodeLevel;
 use crate::grid::bricks::BRICK_CELLS;
 
 /// Bytes of an entry in the root's table.
@@ -53,29 +54,10 @@ pub(super) struct NodePlaces {
     pub(super) leaf_values: usize,
 }
 
-/// A level of nodes above the leaves.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct NodeLayout {
-    /// Children along each side, as a power of two.
-    pub(super) children_log2: u32,
-    /// Voxels along each side of a child, as a power of two.
-    pub(super) child_log2: u32,
-}
-
-/// The nodes below the root.
-pub(super) const UPPER: NodeLayout = NodeLayout { children_log2: 5, child_log2: 7 };
-/// The nodes above the leaves.
-pub(super) const LOWER: NodeLayout = NodeLayout { children_log2: 4, child_log2: 3 };
-
-impl NodeLayout {
-    /// Returns the number of children.
-    pub(super) fn count(&self) -> usize {
-        1 << (3 * self.children_log2)
-    }
-
+impl NodePlaces {
     /// Returns the place of the table in a node: behind box, flags, two masks and statistics.
-    pub(super) fn values(&self, layout: &NodePlaces) -> usize {
-        (32 + 2 * self.count() / 8 + layout.statistics).next_multiple_of(ALIGNMENT)
+    pub(super) fn table(&self, level: NodeLevel) -> usize {
+        (32 + 2 * level.count() / 8 + self.statistics).next_multiple_of(ALIGNMENT)
     }
 }
 

@@ -5,6 +5,7 @@ use glam::{IVec3, Vec3};
 use super::super::blosc;
 use super::super::cursor::{Cursor, count_set, is_set};
 use super::super::error::VoxelError;
+use super::super::nodes::{LOWER, NodeLevel, ROOT_CHILD_LOG2, UPPER};
 use super::super::voxels::{Store, Tile, VoxelGrid};
 use super::header::ValueLayout;
 use crate::grid::bricks::BRICK_CELLS;
@@ -13,34 +14,6 @@ use crate::grid::bricks::BRICK_CELLS;
 const ZIP: u32 = 1;
 const ACTIVE_VALUES_ONLY: u32 = 2;
 const BLOSC: u32 = 4;
-
-/// The nodes above the leaves: children along each side as a power of two, and that of a child's voxels.
-const UPPER: Level = Level { children_log2: 5, child_log2: 7 };
-const LOWER: Level = Level { children_log2: 4, child_log2: 3 };
-/// Voxels along each side of a child of the root, as a power of two.
-const ROOT_CHILD_LOG2: u32 = 12;
-
-/// A level of nodes.
-#[derive(Clone, Copy)]
-struct Level {
-    children_log2: u32,
-    child_log2: u32,
-}
-
-impl Level {
-    /// Returns the number of children.
-    fn count(self) -> usize {
-        1 << (3 * self.children_log2)
-    }
-
-    /// Returns the lowest voxel of a child, relative to that of the node. Children along z first, then y, then x.
-    fn child_origin(self, index: usize) -> IVec3 {
-        let mask = (1 << self.children_log2) - 1;
-        let index = index as i32;
-        let place = IVec3::new(index >> (2 * self.children_log2), index >> self.children_log2 & mask, index & mask);
-        place << self.child_log2 as i32
-    }
-}
 
 /// Reads a tree into a grid that has no voxels yet.
 ///
@@ -93,7 +66,7 @@ impl<'a> Tree<'a> {
     }
 
     /// Reads a node above the leaves, and its children.
-    fn node(&mut self, level: Level, origin: IVec3) -> Result<(), VoxelError> {
+    fn node(&mut self, level: NodeLevel, origin: IVec3) -> Result<(), VoxelError> {
         const WHAT: &str = "a node of a grid";
         let children = self.cursor.take(level.count() / 8, WHAT)?;
         let active = self.cursor.take(level.count() / 8, WHAT)?;
