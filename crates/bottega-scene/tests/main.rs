@@ -8,3 +8,4 @@ mod mutation;
 mod pbrt;
 mod pbrt_mappings;
 mod saved;
+mod usd;
