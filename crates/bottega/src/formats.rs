@@ -52,12 +52,9 @@ mod tests {
 
     #[test]
     fn scenes_of_other_programs_are_to_be_exported() {
-        for (file, words) in [
-            ("a.fbx", "FBX"),
-            ("a.abc", "Alembic"),
-            ("a.DAE", "COLLADA"),
-            ("a.blend", "--engine cycles"),
-        ] {
+        for (file, words) in
+            [("a.fbx", "FBX"), ("a.abc", "Alembic"), ("a.DAE", "COLLADA"), ("a.blend", "--engine cycles")]
+        {
             let remedy_text = remedy(Path::new(file)).unwrap();
             assert!(remedy_text.contains(words) && remedy_text.contains("glTF (.glb)"), "{file}: {remedy_text}");
         }

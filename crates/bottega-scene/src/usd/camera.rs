@@ -97,7 +97,8 @@ impl RenderSettings {
         let Some(prim) = prim else { return Self::default() };
         let size = source.read(&prim, "resolution", time, values::pair);
         let is_size = |side: f64| (1.0..=65_536.0).contains(&side);
-        let resolution = size.filter(|size| size.iter().all(|&side| is_size(side))).map(|size| size.map(|side| side as u32));
+        let resolution =
+            size.filter(|size| size.iter().all(|&side| is_size(side))).map(|size| size.map(|side| side as u32));
         Self { resolution, camera: source.targets(&prim, "camera").into_iter().next() }
     }
 

@@ -7,6 +7,8 @@
 
 use std::collections::HashMap;
 
+use super::names;
+
 /// A fault of a binary layer, as a clause about it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum CrateFault {
@@ -22,8 +24,23 @@ pub(super) enum CrateFault {
     TooLarge,
     #[error("its paths lead in circles, or are too long")]
     Paths,
+    #[error("a name in it has other characters than names have")]
+    Name,
     #[error("its values are nested too deep, or too many")]
     Nested,
+}
+
+/// The check of a name.
+type NameCheck = fn(&str) -> bool;
+
+/// Returns the check of the names in a field; `None`: the field holds no names.
+fn name_check(field: &[u8]) -> Option<NameCheck> {
+    match field {
+        b"primChildren" | b"variantSetChildren" => Some(names::is_prim),
+        b"properties" => Some(names::is_property),
+        b"variantChildren" => Some(|name| !name.is_empty() && names::is_variant(name)),
+        _ => None,
+    }
 }
 
 /// The most bytes that one byte of LZ4 can become.
@@ -55,7 +72,7 @@ pub(super) fn check(bytes: &[u8], limit: usize) -> Checked<()> {
     };
     let tokens = section("TOKENS").map(|mut cursor| cursor.tokens()).transpose()?.unwrap_or_default();
     let strings = section("STRINGS").map(|mut cursor| cursor.strings()).transpose()?.unwrap_or_default();
-    let reps = section("FIELDS").map(|mut cursor| cursor.fields()).transpose()?.unwrap_or_default();
+    let fields = section("FIELDS").map(|mut cursor| cursor.fields()).transpose()?.unwrap_or_default();
     if let Some(mut cursor) = section("FIELDSETS") {
         let count = cursor.count()?;
         cursor.integers(count)?;
@@ -68,7 +85,44 @@ pub(super) fn check(bytes: &[u8], limit: usize) -> Checked<()> {
         (0..3).try_for_each(|_| cursor.integers(count).map(drop))?;
     }
     let mut values = Values { bytes, minor, limit, tokens, strings, sizes: HashMap::new(), visited: 0 };
-    reps.into_iter().try_for_each(|rep| values.size(rep, 0).map(drop))
+    for (name, rep) in fields {
+        values.size(rep, 0)?;
+        if let Some(is_name) = values.tokens.get(name).and_then(name_check) {
+            values.check_names(rep, is_name)?;
+        }
+    }
+    Ok(())
+}
+
+/// The tokens of a file: texts, one after another.
+#[derive(Default)]
+struct Tokens {
+    text: Vec<u8>,
+    /// Start of each token; each ends with a zero.
+    starts: Vec<usize>,
+}
+
+impl Tokens {
+    fn new(text: Vec<u8>) -> Self {
+        let after = text.iter().enumerate().filter(|(_, byte)| **byte == 0).map(|(at, _)| at + 1);
+        let starts: Vec<usize> = std::iter::once(0).chain(after).filter(|&start| start < text.len()).collect();
+        Self { text, starts }
+    }
+
+    fn get(&self, index: usize) -> Option<&[u8]> {
+        let start = *self.starts.get(index)?;
+        self.text[start..].split(|byte| *byte == 0).next()
+    }
+
+    /// Returns the length of a token; 0 if there is none.
+    fn length(&self, index: usize) -> usize {
+        self.get(index).map_or(0, <[u8]>::len)
+    }
+
+    /// Returns a token as text; `None`: it is none.
+    fn name(&self, index: usize) -> Option<&str> {
+        std::str::from_utf8(self.get(index)?).ok()
+    }
 }
 
 /// Returns the names and starts of the sections.
@@ -145,16 +199,14 @@ impl<'a> Cursor<'a> {
         integers(&encoded, count).ok_or_else(|| self.damaged())
     }
 
-    /// Returns the lengths of the tokens.
-    fn tokens(&mut self) -> Checked<Vec<usize>> {
+    /// Returns the tokens.
+    fn tokens(&mut self) -> Checked<Tokens> {
         let count = self.count()?;
         let size = self.count()?;
         let text = self.decompressed(size)?;
-        let lengths: Vec<usize> = text.split(|byte| *byte == 0).map(<[u8]>::len).collect();
-        if text.len() != size || count > lengths.len() {
-            return Err(self.damaged());
-        }
-        Ok(lengths)
+        let is_whole = text.len() == size;
+        let tokens = Tokens::new(text);
+        if is_whole && count <= tokens.starts.len() { Ok(tokens) } else { Err(self.damaged()) }
     }
 
     /// Returns the tokens of the strings.
@@ -165,17 +217,18 @@ impl<'a> Cursor<'a> {
         Ok(bytes.as_chunks::<4>().0.iter().map(|chunk| u32::from_le_bytes(*chunk) as usize).collect())
     }
 
-    /// Returns the values of all fields.
-    fn fields(&mut self) -> Checked<Vec<u64>> {
+    /// Returns the token of the name, and the value, of all fields.
+    fn fields(&mut self) -> Checked<Vec<(usize, u64)>> {
         let count = self.count()?;
-        self.integers(count)?;
+        let names = self.integers(count)?;
         let size = count.checked_mul(8).ok_or_else(|| self.damaged())?;
         let reps = self.decompressed(size)?;
-        Ok(reps.as_chunks::<8>().0.iter().map(|chunk| u64::from_le_bytes(*chunk)).collect())
+        let reps = reps.as_chunks::<8>().0.iter().map(|chunk| u64::from_le_bytes(*chunk));
+        Ok(names.into_iter().map(|name| usize::try_from(name).unwrap_or(usize::MAX)).zip(reps).collect())
     }
 
     /// Checks the tree of paths: it must visit each at most once, and all texts together must fit into the limit.
-    fn paths(&mut self, tokens: &[usize]) -> Checked<()> {
+    fn paths(&mut self, tokens: &Tokens) -> Checked<()> {
         let path_count = self.count()?;
         let count = self.count()?;
         let indices = self.integers(count)?;
@@ -195,8 +248,16 @@ impl<'a> Cursor<'a> {
                 else {
                     return Err(CrateFault::Paths);
                 };
-                let token = tokens.get(name.unsigned_abs() as usize).copied().unwrap_or(0);
-                let own = if index == 0 { 1 } else { length + 1 + token };
+                let token = name.unsigned_abs() as usize;
+                let element = tokens.name(token).unwrap_or_default();
+                let is_sound = match name < 0 {
+                    true => names::is_property(element),
+                    false => names::is_prim(element) || names::is_selection(element),
+                };
+                if index > 0 && !is_sound {
+                    return Err(CrateFault::Name);
+                }
+                let own = if index == 0 { 1 } else { length + 1 + tokens.length(token) };
                 visited += 1;
                 text = text.saturating_add(own + 64);
                 let is_path = usize::try_from(path).is_ok_and(|path| path < path_count);
@@ -277,8 +338,8 @@ struct Values<'a> {
     /// Minor version of the file.
     minor: u8,
     limit: usize,
-    /// Lengths of the tokens, and tokens of the strings.
-    tokens: Vec<usize>,
+    /// The tokens, and the tokens of the strings.
+    tokens: Tokens,
     strings: Vec<usize>,
     /// Memory of the values that were visited, in bytes.
     sizes: HashMap<u64, usize>,
@@ -314,7 +375,7 @@ impl Values<'_> {
         let kind = (rep >> 48) as u8;
         let at = (rep & ((1 << 48) - 1)) as usize;
         if is_inlined && !is_array {
-            return Ok(self.tokens.get(at as u32 as usize).copied().unwrap_or(0));
+            return Ok(self.tokens.length(at as u32 as usize));
         }
         match kind {
             // Arrays of strings and assets, and vectors of tokens and strings, are lists of indices
@@ -332,7 +393,8 @@ impl Values<'_> {
             31 => self.dictionary(at, depth).map(|(size, _)| size),
             32..=39 | 54 | 55 => self.list_op(kind, at, depth),
             40 => self.list(at, 4).map(|(count, _)| count * FRAME),
-            45 | 58 => self.list(at, 8).map(|(count, _)| count * 2 * FRAME),
+            45 => self.selections(at),
+            58 => self.list(at, 8).map(|(count, _)| count * 2 * FRAME),
             46 => self.time_samples(at, depth),
             49 => self.list(at, 16).map(|(count, _)| count * 16),
             _ => Ok(FRAME),
@@ -365,9 +427,32 @@ impl Values<'_> {
         for index in self.bytes[at..].as_chunks::<4>().0.iter().take(count) {
             let index = u32::from_le_bytes(*index) as usize;
             let token = if are_strings { self.strings.get(index).copied().unwrap_or(0) } else { index };
-            size = size.saturating_add(FRAME + self.tokens.get(token).copied().unwrap_or(0));
+            size = size.saturating_add(FRAME + self.tokens.length(token));
         }
         Ok(size)
+    }
+
+    /// Checks that a vector of tokens holds names.
+    fn check_names(&self, rep: u64, is_name: NameCheck) -> Checked<()> {
+        if (rep >> 48) as u8 != 41 || rep >> 62 & 1 != 0 {
+            return Ok(());
+        }
+        let (count, start) = self.list((rep & ((1 << 48) - 1)) as usize, 4)?;
+        let name = |index: &[u8; 4]| self.tokens.name(u32::from_le_bytes(*index) as usize);
+        let mut indices = self.bytes[start..].as_chunks::<4>().0.iter().take(count);
+        if indices.all(|index| name(index).is_some_and(is_name)) { Ok(()) } else { Err(CrateFault::Name) }
+    }
+
+    /// Returns the memory of selections of variants: pairs of strings.
+    fn selections(&self, at: usize) -> Checked<usize> {
+        let (count, start) = self.list(at, 8)?;
+        let name = |index: &[u8; 4]| self.tokens.name(*self.strings.get(u32::from_le_bytes(*index) as usize)?);
+        for index in self.bytes[start..].as_chunks::<4>().0.iter().take(2 * count) {
+            if !name(index).is_some_and(names::is_variant) {
+                return Err(CrateFault::Name);
+            }
+        }
+        Ok(count * 2 * FRAME)
     }
 
     /// Returns the number of elements of an array, and where they start.

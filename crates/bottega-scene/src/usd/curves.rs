@@ -237,9 +237,8 @@ pub(super) fn add_points(
         .iter()
         .find_map(|name| primvar::read(source, prim, name, time, Interpolation::Vertex, values::numbers));
     let part = walk.look_of(visited, prim.path());
-    let colors = part.color.as_ref().and_then(|name| {
-        primvar::vectors(source, prim, &visited.inherited.ancestors, name, time)
-    });
+    let colors =
+        part.color.as_ref().and_then(|name| primvar::vectors(source, prim, &visited.inherited.ancestors, name, time));
     placement::book(source, &path, placements.len(), points.len())?;
     for (index, point) in points.iter().enumerate() {
         let width = match &widths {

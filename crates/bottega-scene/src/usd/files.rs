@@ -302,11 +302,7 @@ impl Resolver for Client {
             return reference.into();
         }
         let anchor = anchor.map(|anchor| anchor.to_string_lossy().into_owned()).filter(|anchor| anchor != SESSION);
-        let ask = |answer| Question::Name {
-            anchor: anchor.unwrap_or_default(),
-            reference: reference.into(),
-            answer,
-        };
+        let ask = |answer| Question::Name { anchor: anchor.unwrap_or_default(), reference: reference.into(), answer };
         self.ask(ask).unwrap_or_else(|| reference.into())
     }
 

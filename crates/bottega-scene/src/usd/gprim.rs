@@ -78,7 +78,8 @@ impl Walk<'_, '_, '_> {
             Some(opacity) if opacity.interpolation == Interpolation::Constant => opacity.at(0).unwrap_or(1.0),
             _ => 1.0,
         };
-        let varies = |interpolation: Option<Interpolation>| interpolation.is_some_and(|it| it != Interpolation::Constant);
+        let varies =
+            |interpolation: Option<Interpolation>| interpolation.is_some_and(|it| it != Interpolation::Constant);
         let (has_colors, has_opacities) =
             (varies(color.map(|it| it.interpolation)), varies(opacity.map(|it| it.interpolation)));
         // Opacities of points need a surface that is not opaque
@@ -98,7 +99,8 @@ impl Walk<'_, '_, '_> {
         let prim = visited.prim;
         let path: Rc<str> = prim.path().as_str().into();
         let glow = light::of_surface(self, visited);
-        let place = |thing: Thing, world_from_object: DAffine3| Placement { thing, world_from_object, path: path.clone() };
+        let place =
+            |thing: Thing, world_from_object: DAffine3| Placement { thing, world_from_object, path: path.clone() };
         if kind == GprimKind::Sphere {
             let look = self.look_of(visited, prim.path()).look;
             let radius = self.source.number(prim, "radius", self.time).unwrap_or(1.0);

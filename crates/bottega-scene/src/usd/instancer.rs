@@ -32,7 +32,10 @@ pub(super) fn add(
         return Ok(());
     }
     if positions.len() < indices.len() {
-        source.warn(path, format!("has {} positions for {} instances; the rest is left out", positions.len(), indices.len()));
+        source.warn(
+            path,
+            format!("has {} positions for {} instances; the rest is left out", positions.len(), indices.len()),
+        );
     }
     for (name, count) in [("orientations", orientations.len()), ("scales", scales.len())] {
         if count != 0 && count < indices.len() {
@@ -68,10 +71,9 @@ pub(super) fn add(
         let world = visited.world_from_prim * local;
         let model = models[number].as_deref().unwrap_or_default();
         placement::book(source, path, placements.len(), model.len())?;
-        placements.extend(model.iter().map(|part| Placement {
-            world_from_object: world * part.world_from_object,
-            ..part.clone()
-        }));
+        placements.extend(
+            model.iter().map(|part| Placement { world_from_object: world * part.world_from_object, ..part.clone() }),
+        );
     }
     Ok(())
 }

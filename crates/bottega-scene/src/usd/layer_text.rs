@@ -7,10 +7,14 @@
 //! |---|---|
 //! | names of types from before USD 0.8 (`Vec3f`, `PointIndex`) | today's names (`float3`, `int`) |
 //! | arrays of `uint` | arrays of `int64` |
+//! | arrays of `uint64` | arrays of `double` |
 //! | an asset path in the metadata or time samples of a property | a string |
 //! | numbers that begin or end with their point (`.5`, `1.`) | numbers with a zero there |
 //!
-//! Nesting is limited, because the library's parser calls itself for each level.
+//! Nesting is limited, because the library's parser calls itself for each level, and names are checked.
+
+use super::names;
+use crate::text::shortened;
 
 /// Greatest depth of brackets. Programs write some ten.
 const DEPTH_MAX: usize = 256;
@@ -20,6 +24,9 @@ const HEAD: u8 = b'p';
 
 /// Stands for the bracket around a list that is a time sample.
 const SAMPLE: u8 = b's';
+
+/// Stands for the brace around selections of variants.
+const VARIANTS: u8 = b'v';
 
 /// A fault of a text layer.
 #[derive(Debug, PartialEq)]
@@ -104,19 +111,25 @@ impl<'a> Scanner<'a> {
             b'#' => _ = self.copy(rest.find('\n').unwrap_or(rest.len())),
             b'"' | b'\'' => {
                 let length = string_length(rest);
+                self.check_name(&rest[..length])?;
                 self.copy(length);
             }
             b'@' => self.asset(),
-            b'<' => _ = self.copy(rest.find(['>', '\n']).map_or(rest.len(), |end| end + 1)),
+            b'<' => {
+                let length = rest.find(['>', '\n']).map_or(rest.len(), |end| end + 1);
+                if !names::has_sound_braces(&rest[..length]) {
+                    return Err(self.fault("the path has a brace without its counterpart; repair it"));
+                }
+                self.copy(length);
+            }
             open @ (b'(' | b'[' | b'{') => {
                 if self.brackets.len() >= DEPTH_MAX {
-                    let line = 1 + self.text[..self.at].matches('\n').count();
-                    let problem = format!("brackets are nested more than {DEPTH_MAX} deep; divide the layer");
-                    return Err(TextFault { line, problem });
+                    return Err(self.fault(format!("brackets are nested more than {DEPTH_MAX} deep; divide the layer")));
                 }
                 let kind = match open {
                     b'(' if self.is_after_head() => HEAD,
                     b'[' if self.is_after_time() => SAMPLE,
+                    b'{' if self.is_after_variants() => VARIANTS,
                     open => open,
                 };
                 self.brackets.push(kind);
@@ -143,6 +156,39 @@ impl<'a> Scanner<'a> {
         before.ends_with('"') && !line.contains('=')
     }
 
+    fn fault(&self, problem: impl Into<String>) -> TextFault {
+        TextFault { line: 1 + self.text[..self.at].matches('\n').count(), problem: problem.into() }
+    }
+
+    /// Checks a string that is the name of a prim, variant or set of variants.
+    fn check_name(&self, quoted: &str) -> Result<(), TextFault> {
+        let line = self.out.rsplit(['\n', '{', '}', ';']).next().unwrap_or_default();
+        let mut words = line.split_whitespace();
+        let first = words.next();
+        let others = words.count();
+        let name = quoted.trim_matches(['"', '\'']);
+        let (is_sound, what) = match first {
+            Some("def" | "over" | "class") if others <= 1 => (names::is_prim(name), "a prim"),
+            Some("variantSet") => (names::is_prim(name), "a set of variants"),
+            _ if self.brackets.last() == Some(&VARIANTS) => (names::is_variant(name), "a variant"),
+            None if self.rest()[quoted.len()..].trim_start().starts_with(['{', '(']) => {
+                (names::is_variant(name), "a variant")
+            }
+            _ => return Ok(()),
+        };
+        if is_sound {
+            return Ok(());
+        }
+        Err(self
+            .fault(format!("`{}` is not the name of {what}: it has other characters than names have", shortened(name))))
+    }
+
+    /// Returns true behind `variants =`.
+    fn is_after_variants(&self) -> bool {
+        let before = self.out.trim_end().strip_suffix('=');
+        before.is_some_and(|before| before.trim_end().ends_with("variants"))
+    }
+
     /// Returns true behind the colon of a time sample.
     fn is_after_time(&self) -> bool {
         let Some(before) = self.out.trim_end().strip_suffix(':') else { return false };
@@ -165,8 +211,7 @@ impl<'a> Scanner<'a> {
         };
         let (path, length) = (&rest[start..start + end], start + end + fence.len());
         // `@@@` fences are rare; `@@` is an empty path
-        let is_string =
-            self.is_after_time() || self.brackets.last() == Some(&SAMPLE) || self.is_metadata_of_property();
+        let is_string = self.is_after_time() || self.brackets.last() == Some(&SAMPLE) || self.is_metadata_of_property();
         if fence == "@@@" || !is_string || path.contains('\n') {
             self.copy(length);
             return;
@@ -230,6 +275,7 @@ impl<'a> Scanner<'a> {
             && !matches!(self.last_word(), "def" | "over" | "class");
         let new = match word {
             "uint" if is_array => Some("int64"),
+            "uint64" if is_array => Some("double"),
             _ => TYPES.iter().find(|(old, _)| *old == word).map(|(_, new)| *new),
         };
         match new.filter(|_| is_type) {
@@ -286,7 +332,9 @@ mod tests {
         check("custom PointIndex[] faceVertexIndices = [0]", "custom int[] faceVertexIndices = [0]");
         check("uint[] pointIndices = [1]\nuint a = 1", "int64[] pointIndices = [1]\nuint a = 1");
         // A prim of that type, a name and a string stay
-        for text in ["def Point \"Color\"\n", "float Color = 1", "string a = \"Vec3f b\" # Vec3f c", "rel a = </Vec3f b>"] {
+        for text in
+            ["def Point \"Color\"\n", "float Color = 1", "string a = \"Vec3f b\" # Vec3f c", "rel a = </Vec3f b>"]
+        {
             check(text, text);
         }
     }
@@ -294,7 +342,9 @@ mod tests {
     #[test]
     fn numbers_have_digits_around_their_point() {
         check("[.5, -.25, 1., 2.e3, -1.5e-3, 7]", "[0.5, -0.25, 1.0, 2.0e3, -1.5e-3, 7]");
-        for text in ["a.connect = </A.b>", "float2 inputs:st.timeSamples = {", "inf, -inf, nan", "def \"A\" { 1: 2, }", "-"] {
+        for text in
+            ["a.connect = </A.b>", "float2 inputs:st.timeSamples = {", "inf, -inf, nan", "def \"A\" { 1: 2, }", "-"]
+        {
             check(text, text);
         }
     }
@@ -305,8 +355,15 @@ mod tests {
             "def A \"a\" (\n payload = @b.usd@\n) {\n asset x = @c.png@ (\n customData = {\n asset d = @e\"f@\n }\n )\n}",
             "def A \"a\" (\n payload = @b.usd@\n) {\n asset x = @c.png@ (\n customData = {\n asset d = \"e'f\"\n }\n )\n}",
         );
-        check("{ asset a.timeSamples = { 1: @@, 2: @b@, 3: [@c@] } }", "{ asset a.timeSamples = { 1: \"\", 2: \"b\", 3: [\"c\"] } }");
-        for text in ["{ asset a = @@\n}", "{ def \"b\" (\n payload = @c.usd@\n) { } }", "{ \"v\" ( references = @d.usd@ ) { } }"] {
+        check(
+            "{ asset a.timeSamples = { 1: @@, 2: @b@, 3: [@c@] } }",
+            "{ asset a.timeSamples = { 1: \"\", 2: \"b\", 3: [\"c\"] } }",
+        );
+        for text in [
+            "{ asset a = @@\n}",
+            "{ def \"b\" (\n payload = @c.usd@\n) { } }",
+            "{ \"v\" ( references = @d.usd@ ) { } }",
+        ] {
             check(text, text);
         }
     }
@@ -315,7 +372,22 @@ mod tests {
     fn depth_is_limited_and_no_text_is_too_strange() {
         let fault = mended(&format!("\n{}", "(".repeat(DEPTH_MAX + 1))).unwrap_err();
         assert!(fault.line == 2 && fault.problem.contains("nested"), "{fault:?}");
-        for text in ["\"never closed\nx", "@never", "'''a\n\\'", "\\", "é\u{301}ß -é .é", "1.é", "\"\\é\"", "<a", "+", "@@@a@@"] {
+        for text in [
+            "def \"a}b\" {}",
+            "over Mesh \"\" {}",
+            "class \"a\nb\" {}",
+            "{ variantSet \"s\" = { \"x}\" { } } }",
+            "def \"a\" ( variants = { string s = \"x}\" } ) {}",
+            "rel a = </a}b>",
+        ] {
+            assert!(mended(text).is_err(), "{text}");
+        }
+        for text in ["def \"a\" ( variants = { string s = \"x-1\" } ) { string b = \"}\" }", "rel a = </a{s=x}b.c>"] {
+            check(text, text);
+        }
+        for text in
+            ["\"never closed\nx", "@never", "'''a\n\\'", "\\", "é\u{301}ß -é .é", "1.é", "\"\\é\"", "<a", "+", "@@@a@@"]
+        {
             assert_eq!(mended(text).unwrap().is_empty(), text.is_empty());
         }
     }

@@ -96,7 +96,8 @@ pub(super) fn read(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>, kind: &st
     let schemas = source.schemas(prim);
     report_unused(source, prim, time, &schemas);
     let is_flat = matches!(shape, LightShape::Rect { .. } | LightShape::Disk { .. });
-    let cone = if schemas.iter().any(|name| name == "ShapingAPI") || input(source, prim, "shaping:cone:angle", time).is_some()
+    let cone = if schemas.iter().any(|name| name == "ShapingAPI")
+        || input(source, prim, "shaping:cone:angle", time).is_some()
     {
         cone(source, prim, time, is_flat)
     } else {
@@ -216,7 +217,10 @@ fn strength(source: &StageSource<'_>, prim: &Prim, time: f64, usual: f64) -> Str
         radiance *= temperature_color(number("colorTemperature", 6500.0));
     }
     if !radiance.is_finite() || radiance.min_element() < 0.0 {
-        source.unsupported(prim.path().as_str(), format!("a light of the radiance {radiance} counts as black where it is negative"));
+        source.unsupported(
+            prim.path().as_str(),
+            format!("a light of the radiance {radiance} counts as black where it is negative"),
+        );
         radiance = if radiance.is_finite() { radiance.max(DVec3::ZERO) } else { DVec3::ZERO };
     }
     Strength { radiance, is_normalized: number("normalize", 0.0) != 0.0 }

@@ -224,7 +224,7 @@ fn tube(radius: f64, length: f64) -> Mesh {
             mesh.positions.push(DVec3::new(x, radius * cos, radius * sin).as_vec3());
         }
         let (a, b) = (2 * corner, 2 * ((corner + 1) % CORNERS));
-        mesh.triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+        mesh.triangles.extend([[a, b + 1, a + 1], [a, b, b + 1]]);
     }
     mesh
 }

@@ -108,8 +108,7 @@ impl<'s, 'a> Materials<'s, 'a> {
         let base_color = Vec3::new(sound(r), sound(g), sound(b));
         let layered = Layered { base_color: base_color.into(), specular: 0.0.into(), ..Layered::default() };
         let alpha_mode = if alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque };
-        let material =
-            Material { opacity: alpha.clamp(0.0, 1.0).into(), alpha_mode, ..Material::from(layered) };
+        let material = Material { opacity: alpha.clamp(0.0, 1.0).into(), alpha_mode, ..Material::from(layered) };
         let look = Rc::new(Look { material: self.push(material), ..Look::default() });
         self.plain.insert(key, look.clone());
         look
@@ -168,9 +167,11 @@ impl<'s, 'a> Materials<'s, 'a> {
     fn is_used(&self, shader: &Prim, name: &str) -> bool {
         match self.follow(shader, name, DEPTH_MAX) {
             Some(Connected::Output(..)) => true,
-            Some(Connected::Attribute(prim, name)) => {
-                self.source.value(&prim, &name, self.time).and_then(|value| values::number(&value)).is_some_and(|x| x != 0.0)
-            }
+            Some(Connected::Attribute(prim, name)) => self
+                .source
+                .value(&prim, &name, self.time)
+                .and_then(|value| values::number(&value))
+                .is_some_and(|x| x != 0.0),
             None => false,
         }
     }
@@ -268,7 +269,8 @@ impl<'s, 'a> Materials<'s, 'a> {
             Some("clamp") => Wrap::Clamp,
             Some("mirror") => Wrap::Mirror,
             Some("black") => {
-                source.unsupported(&place, format!("`{name}` is `black`, which is not supported; it counts as `clamp`"));
+                source
+                    .unsupported(&place, format!("`{name}` is `black`, which is not supported; it counts as `clamp`"));
                 Wrap::Clamp
             }
             _ => Wrap::Repeat,
@@ -307,7 +309,8 @@ impl<'s, 'a> Materials<'s, 'a> {
                 look.uv_sets.push(name.clone());
                 return look.uv_sets.len() - 1;
             }
-            let message = format!("a third set of coordinates, `{}`, is not kept; the first stands for it", shortened(&name));
+            let message =
+                format!("a third set of coordinates, `{}`, is not kept; the first stands for it", shortened(&name));
             source.unsupported(shader.path().as_str(), message);
             0
         });

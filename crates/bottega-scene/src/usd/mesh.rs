@@ -218,9 +218,9 @@ fn normals(source: &StageSource<'_>, prim: &Prim, time: f64, topology: &Topology
     let path = prim.path().as_str();
     let scheme = source.text(prim, "subdivisionScheme", time).unwrap_or_else(|| "catmullClark".into());
     let is_smooth = matches!(scheme.as_str(), "catmullClark" | "loop");
-    let own = ["primvars:normals", "normals"].iter().find_map(|name| {
-        primvar::read(source, prim, name, time, Interpolation::Vertex, values::vectors)
-    });
+    let own = ["primvars:normals", "normals"]
+        .iter()
+        .find_map(|name| primvar::read(source, prim, name, time, Interpolation::Vertex, values::vectors));
     let own = own.filter(|normals| match normals.misfit(topology.element_counts()) {
         None => true,
         Some(problem) => {

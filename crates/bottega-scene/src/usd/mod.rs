@@ -24,6 +24,7 @@ mod light;
 mod light_shape;
 mod material;
 mod mesh;
+mod names;
 mod package;
 mod placement;
 mod polygon;

@@ -38,7 +38,10 @@ impl Package {
         // The end record is 22 bytes long, with a comment of up to 65,535 bytes behind
         let from = bytes.len().saturating_sub(22 + 0xffff);
         let tail = &bytes[from..];
-        let end = (0..tail.len()).rev().find(|&at| tail[at..].starts_with(END)).ok_or(PackageFault::NoDirectory)?;
+        let end = (0..tail.len().saturating_sub(21))
+            .rev()
+            .find(|&at| tail[at..].starts_with(END))
+            .ok_or(PackageFault::NoDirectory)?;
         let end = from + end;
         let count = u16_at(&bytes, end + 10).ok_or(PackageFault::NoDirectory)?;
         let mut at = u32_at(&bytes, end + 16).ok_or(PackageFault::NoDirectory)?;

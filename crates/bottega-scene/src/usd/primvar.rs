@@ -179,7 +179,8 @@ mod tests {
 
     #[test]
     fn values_are_found_by_interpolation_and_index() {
-        let primvar = Primvar { values: vec![10, 20], indices: Some(vec![1, 0, 1]), interpolation: Interpolation::Uniform };
+        let primvar =
+            Primvar { values: vec![10, 20], indices: Some(vec![1, 0, 1]), interpolation: Interpolation::Uniform };
         assert_eq!((primvar.of_corner(2, 0, 0), primvar.of_corner(1, 7, 9)), (Some(20), Some(10)));
         assert_eq!(primvar.of_corner(3, 0, 0), None);
         assert_eq!(primvar.misfit(Counts { faces: 3, points: 0, corners: 0 }), None);

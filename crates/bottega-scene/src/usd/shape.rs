@@ -22,7 +22,8 @@ type ProfilePoint = (DVec2, DVec2);
 /// Reads a surface; empty if it has no extent.
 pub(super) fn read(source: &StageSource<'_>, prim: &Prim, kind: GprimKind, time: f64) -> Option<Mesh> {
     let number = |name: &str, usual: f64| source.number(prim, name, time).unwrap_or(usual);
-    let (height, radius) = (number("height", if kind == GprimKind::Capsule { 1.0 } else { 2.0 }), number("radius", 1.0));
+    let (height, radius) =
+        (number("height", if kind == GprimKind::Capsule { 1.0 } else { 2.0 }), number("radius", 1.0));
     let sizes = match kind {
         GprimKind::Cube => vec![number("size", 2.0)],
         GprimKind::Plane => vec![number("width", 2.0), number("length", 2.0)],
@@ -43,7 +44,9 @@ pub(super) fn read(source: &StageSource<'_>, prim: &Prim, kind: GprimKind, time:
             Mesh::cuboid(-half, half)
         }
         GprimKind::Plane => along(plane(sizes[0], sizes[1], axis), "Z"),
-        GprimKind::Cylinder => along(revolved(&[&side(ends, height), &cap(ends[0], -0.5 * height), &cap(ends[1], 0.5 * height)]), axis),
+        GprimKind::Cylinder => {
+            along(revolved(&[&side(ends, height), &cap(ends[0], -0.5 * height), &cap(ends[1], 0.5 * height)]), axis)
+        }
         GprimKind::Cone => along(revolved(&[&side([radius, 0.0], height), &cap(radius, -0.5 * height)]), axis),
         _ => along(revolved(&[&capsule(ends, height)]), axis),
     })
@@ -168,7 +171,9 @@ mod tests {
             for axis in ["X", "Y"] {
                 assert!((measures(&along(mesh.clone(), axis)).0 - found).abs() < 1e-6);
             }
-            for (triangle, normal) in mesh.triangles.iter().map(|triangle| (triangle, mesh.normals[triangle[0] as usize])) {
+            for (triangle, normal) in
+                mesh.triangles.iter().map(|triangle| (triangle, mesh.normals[triangle[0] as usize]))
+            {
                 assert!(mesh.cross(*triangle).dot(normal) > 0.0);
             }
         }

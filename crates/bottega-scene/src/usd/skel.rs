@@ -91,7 +91,8 @@ fn skin(
     }
     // A mesh may number the joints in its own order
     let own = source.read(prim, "skel:joints", STILL, values::texts).filter(|names| !names.is_empty());
-    let number_of: BTreeMap<&str, usize> = skinning.names.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
+    let number_of: BTreeMap<&str, usize> =
+        skinning.names.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
     let joint = |index: i32| {
         let index = usize::try_from(index).ok()?;
         match &own {
@@ -99,7 +100,8 @@ fn skin(
             None => (index < skinning.names.len()).then_some(index),
         }
     };
-    let is_constant = source.metadata(prim.attribute(indices.to_owned()).path(), "interpolation").as_deref() == Some("constant");
+    let is_constant =
+        source.metadata(prim.attribute(indices.to_owned()).path(), "interpolation").as_deref() == Some("constant");
     let width = if is_constant { joints.len() } else { joints.len() / points.len().max(1) };
     if width == 0 {
         return Vec::new();
@@ -134,7 +136,12 @@ struct Skinning {
 }
 
 /// Returns the transformations of joints at a time; `None`: the skeleton is incomplete.
-fn joint_transforms(source: &StageSource<'_>, skeleton: &Prim, animation: Option<&Prim>, time: f64) -> Option<Skinning> {
+fn joint_transforms(
+    source: &StageSource<'_>,
+    skeleton: &Prim,
+    animation: Option<&Prim>,
+    time: f64,
+) -> Option<Skinning> {
     let path = skeleton.path().as_str();
     let names = source.read(skeleton, "joints", STILL, values::texts).unwrap_or_default();
     let binds = source.read(skeleton, "bindTransforms", STILL, values::matrices).unwrap_or_default();

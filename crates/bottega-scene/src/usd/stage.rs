@@ -101,9 +101,8 @@ fn variant_choices(choice: &str) -> Option<Vec<VariantChoice<'_>>> {
         let (prim, rest) = str::split_once(text, '{')?;
         let (set, name) = rest.strip_suffix('}')?.split_once('=')?;
         let names = prim.strip_prefix('/')?.split('/');
-        let is_name = |name: &str| {
-            !name.is_empty() && name.chars().all(|letter| letter.is_alphanumeric() || letter == '_')
-        };
+        let is_name =
+            |name: &str| !name.is_empty() && name.chars().all(|letter| letter.is_alphanumeric() || letter == '_');
         let is_sound = is_name(set) && names.clone().all(is_name) && !name.contains(['"', '\\', '\n']);
         is_sound.then_some(VariantChoice { prim, set, name })
     };
@@ -124,7 +123,8 @@ fn session(request: &ImportRequest<'_>, choice: &str) -> Result<String, SceneErr
         let names: Vec<&str> = prim[1..].split('/').collect();
         for (depth, prim) in names.iter().enumerate() {
             let is_last = depth + 1 == names.len();
-            let selection = if is_last { format!(" (variants = {{ string {set} = \"{name}\" }})") } else { String::new() };
+            let selection =
+                if is_last { format!(" (variants = {{ string {set} = \"{name}\" }})") } else { String::new() };
             text += &format!("over \"{prim}\"{selection}\n{{\n");
         }
         text += &"}\n".repeat(names.len());
@@ -136,7 +136,10 @@ fn session(request: &ImportRequest<'_>, choice: &str) -> Result<String, SceneErr
 fn check_variants(request: &ImportRequest<'_>, stage: &Stage, choice: &str) -> Result<(), SceneError> {
     for VariantChoice { prim, set, name } in variant_choices(choice).unwrap_or_default() {
         let chosen = stage.prim(prim).variant_sets().get_all_variant_selections().unwrap_or_default();
-        if !chosen.iter().any(|(known, variant)| known == set && variant == name) {
+        // A variant that exists has contributed a specification
+        let selection = format!("{{{set}={name}}}");
+        let sites = stage.prim(prim).prim_stack().unwrap_or_default();
+        if !sites.iter().any(|(_, site)| site.as_str().contains(&selection)) {
             let known: Vec<String> = chosen.iter().map(|(set, name)| format!("{prim}{{{set}={name}}}")).collect();
             let known = if known.is_empty() { format!("no variants at {prim}") } else { known.join(", ") };
             let wanted = format!("{prim}{{{set}={name}}}");

@@ -123,20 +123,21 @@ impl<'a> Textures<'a> {
             header.and_then(|header| decode(wanted, header, &bytes?))
         };
         let decoded: Vec<_> = self.wanted.par_iter().zip(headers).map(read).collect();
-        let finish = |((wanted, place), decoded): (&(WantedTexture, String), Result<(Image, Vec<String>), PictureError>)| {
-            let name = shortened(&wanted.name).into_owned();
-            match decoded {
-                Ok((image, notes)) => {
-                    notes.iter().for_each(|note| source.warn(place, format!("the picture `{name}`: {note}")));
-                    image
+        let finish =
+            |((wanted, place), decoded): (&(WantedTexture, String), Result<(Image, Vec<String>), PictureError>)| {
+                let name = shortened(&wanted.name).into_owned();
+                match decoded {
+                    Ok((image, notes)) => {
+                        notes.iter().for_each(|note| source.warn(place, format!("the picture `{name}`: {note}")));
+                        image
+                    }
+                    Err(problem) => {
+                        let (what, image) = stand_in(wanted, &name);
+                        source.unsupported(place, format!("the picture `{name}`: {problem}; {what} stands for it"));
+                        image
+                    }
                 }
-                Err(problem) => {
-                    let (what, image) = stand_in(wanted, &name);
-                    source.unsupported(place, format!("the picture `{name}`: {problem}; {what} stands for it"));
-                    image
-                }
-            }
-        };
+            };
         Ok(self.wanted.iter().zip(decoded).map(finish).collect())
     }
 }

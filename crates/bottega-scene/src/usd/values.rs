@@ -166,9 +166,7 @@ pub(super) fn vectors(value: &Value) -> Option<Vec<Vec3>> {
     Some(match value {
         Value::Vec3fVec(list) => list.iter().map(|v| Vec3::new(v.x, v.y, v.z)).collect(),
         Value::Vec3dVec(list) => list.iter().map(|v| Vec3::new(v.x as f32, v.y as f32, v.z as f32)).collect(),
-        Value::Vec3hVec(list) => {
-            list.iter().map(|v| Vec3::new(v.x.to_f32(), v.y.to_f32(), v.z.to_f32())).collect()
-        }
+        Value::Vec3hVec(list) => list.iter().map(|v| Vec3::new(v.x.to_f32(), v.y.to_f32(), v.z.to_f32())).collect(),
         other => vec![vector(other)?.as_vec3()],
     })
 }

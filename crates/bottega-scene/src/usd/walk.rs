@@ -184,12 +184,7 @@ impl Walk<'_, '_, '_> {
 /// Gives spheres the keys of later times. Where spheres appear or vanish, all stand still.
 ///
 /// - `times`, `later`: the later times, and the spheres then.
-pub(super) fn add_sphere_keys(
-    spheres: &mut [Sphere],
-    shutter: Option<Shutter>,
-    times: &[f64],
-    later: &[Vec<Sphere>],
-) {
+pub(super) fn add_sphere_keys(spheres: &mut [Sphere], shutter: Option<Shutter>, times: &[f64], later: &[Vec<Sphere>]) {
     let Some(shutter) = shutter else { return };
     if later.iter().any(|list| list.len() != spheres.len()) {
         return;

@@ -75,7 +75,7 @@ fn variants_are_selected() {
     assert_eq!(bounds(&with(None).unwrap().scene).1, Vec3::new(1.0, 1.0, 0.0));
     assert_eq!(bounds(&with(Some("/a{size=large}")).unwrap().scene).1, Vec3::new(3.0, 3.0, 0.0));
     for wrong in ["large", "/a{size=huge}", "/b{size=large}"] {
-        let error = with(Some(wrong)).unwrap_err();
+        let error = with(Some(wrong)).map(drop).unwrap_err();
         assert!(matches!(error, SceneError::NoSuch { .. }), "{error}");
     }
 }
@@ -91,7 +91,8 @@ fn a_package_holds_its_layers_and_pictures() {
     );
     let more = format!("#usda 1.0\ndef Mesh \"b\" {{ {TRIANGLE} }}");
     let picture = crate::gltf::support::png(1, 1, &[[255, 0, 0, 255]]);
-    let package = zip(&[("root.usda", root.as_bytes()), ("more/b.usda", more.as_bytes()), ("textures/two.png", &picture)]);
+    let package =
+        zip(&[("root.usda", root.as_bytes()), ("more/b.usda", more.as_bytes()), ("textures/two.png", &picture)]);
     let folder = Folder::new(&[("scene.usda", "def \"x\" ( references = @box.usdz@</m> ) {}")]);
     std::fs::write(folder.path("box.usdz"), package).unwrap();
     let loaded = folder.load("box.usdz").unwrap();
@@ -110,13 +111,16 @@ pub(super) fn zip(members: &[(&str, &[u8])]) -> Vec<u8> {
         let local = (file.len() as u32).to_le_bytes();
         let sizes = [0, bytes.len() as u32, bytes.len() as u32].map(u32::to_le_bytes).concat();
         let lengths = [name.len() as u16, 0].map(u16::to_le_bytes).concat();
-        file.extend([b"PK\x03\x04", &[0; 10], &sizes[..], &lengths, name.as_bytes(), bytes].concat());
-        directory.extend([b"PK\x01\x02", &[0; 12], &sizes[..], &lengths, &[0; 10], &local, name.as_bytes()].concat());
+        file.extend([&b"PK\x03\x04"[..], &[0_u8; 10][..], &sizes[..], &lengths, name.as_bytes(), bytes].concat());
+        directory.extend(
+            [&b"PK\x01\x02"[..], &[0_u8; 12][..], &sizes[..], &lengths, &[0_u8; 10][..], &local, name.as_bytes()]
+                .concat(),
+        );
     }
     let count = (members.len() as u16).to_le_bytes();
     let places = [directory.len() as u32, file.len() as u32].map(u32::to_le_bytes).concat();
     file.extend(directory);
-    file.extend([b"PK\x05\x06", &[0; 4], &count[..], &count, &places, &[0; 2]].concat());
+    file.extend([&b"PK\x05\x06"[..], &[0_u8; 4][..], &count[..], &count, &places, &[0_u8; 2][..]].concat());
     file
 }
 

@@ -16,7 +16,9 @@ fn radiance(scene: &Scene) -> f32 {
 
 #[test]
 fn radiance_is_intensity_by_exposure_and_color() {
-    let scene = clean("def RectLight \"l\" { float inputs:intensity = 3\nfloat inputs:exposure = 2\ncolor3f inputs:color = (0.5, 1, 0.25) }");
+    let scene = clean(
+        "def RectLight \"l\" { float inputs:intensity = 3\nfloat inputs:exposure = 2\ncolor3f inputs:color = (0.5, 1, 0.25) }",
+    );
     let emission = scene.materials[0].emission.factor;
     assert_eq!(emission, Vec3::new(6.0, 12.0, 3.0));
     let (min, max) = bounds(&scene);
@@ -62,7 +64,8 @@ fn a_distant_light_gives_its_radiance_over_its_disc() {
     // The integral of the cosine over a cap of the half angle 10°
     let expected = 100.0 * PI * 10.0_f32.to_radians().sin().powi(2);
     assert!((irradiance / expected - 1.0).abs() < 1e-5, "{irradiance} {expected}");
-    let (_, irradiance, _) = directional("float inputs:intensity = 100\nfloat inputs:angle = 20\nbool inputs:normalize = 1");
+    let (_, irradiance, _) =
+        directional("float inputs:intensity = 100\nfloat inputs:angle = 20\nbool inputs:normalize = 1");
     assert!((irradiance - 100.0).abs() < 1e-3);
     let (_, irradiance, angle) = directional("float inputs:intensity = 5\nfloat inputs:angle = 0");
     assert_eq!((irradiance, angle), (5.0, 0.0));
@@ -71,7 +74,8 @@ fn a_distant_light_gives_its_radiance_over_its_disc() {
 #[test]
 fn a_point_has_the_intensity_of_its_sphere() {
     let intensity = |text: &str| {
-        let scene = clean(&format!("def SphereLight \"l\" {{ float inputs:intensity = 8\nbool treatAsPoint = 1\n{text} }}"));
+        let scene =
+            clean(&format!("def SphereLight \"l\" {{ float inputs:intensity = 8\nbool treatAsPoint = 1\n{text} }}"));
         let LightKind::Point { intensity, .. } = scene.lights[0].kind else { panic!("not a point") };
         intensity.x
     };
@@ -88,13 +92,18 @@ fn a_cone_shapes_a_light() {
         panic!("no cone")
     };
     assert_eq!(axis, Vec3::NEG_Z);
-    assert!((cos_outer - 40.0_f32.to_radians().cos()).abs() < 1e-6 && (cos_inner - 20.0_f32.to_radians().cos()).abs() < 1e-6);
+    assert!(
+        (cos_outer - 40.0_f32.to_radians().cos()).abs() < 1e-6
+            && (cos_inner - 20.0_f32.to_radians().cos()).abs() < 1e-6
+    );
 }
 
 #[test]
 fn a_dome_has_its_picture_and_pole() {
     let dome = |head: &str, kind: &str, more: &str| {
-        let text = format!("#usda 1.0\n{head}def {kind} \"d\" {{ float inputs:intensity = 2\n{more}\nasset inputs:texture:file = @sky.png@ }}");
+        let text = format!(
+            "#usda 1.0\n{head}def {kind} \"d\" {{ float inputs:intensity = 2\n{more}\nasset inputs:texture:file = @sky.png@ }}"
+        );
         let folder = Folder::new(&[("scene.usda", &text)]);
         std::fs::write(folder.path("sky.png"), crate::gltf::support::png(2, 1, &[[255; 4]; 2])).unwrap();
         let environment = folder.load("scene.usda").unwrap().scene.environment.unwrap();

@@ -118,8 +118,16 @@ fn textures_have_their_coordinates_and_encoding() {
 
 #[test]
 fn missing_pictures_and_foreign_shaders_are_named() {
-    let texture = shader("c", "UsdUVTexture", "asset inputs:file = @gone.png@\nfloat4 inputs:fallback = (0, 1, 0, 1)\nfloat3 outputs:rgb");
-    let surface = shader("s", "UsdPreviewSurface", "color3f inputs:diffuseColor.connect = </M/c.outputs:rgb>\ntoken outputs:surface");
+    let texture = shader(
+        "c",
+        "UsdUVTexture",
+        "asset inputs:file = @gone.png@\nfloat4 inputs:fallback = (0, 1, 0, 1)\nfloat3 outputs:rgb",
+    );
+    let surface = shader(
+        "s",
+        "UsdPreviewSurface",
+        "color3f inputs:diffuseColor.connect = </M/c.outputs:rgb>\ntoken outputs:surface",
+    );
     let text = format!(
         "def Material \"M\" {{ token outputs:surface.connect = </M/s.outputs:surface>\n{texture}{surface} }}\n\
          def Material \"N\" {{ token outputs:surface.connect = </N/s.outputs:surface>\ndef Shader \"s\" {{ uniform token info:id = \"arnold:lambert\" }} }}\n\
@@ -141,7 +149,8 @@ fn names(scene: &Scene) -> Vec<String> {
 
 #[test]
 fn the_nearest_binding_counts_unless_one_is_stronger() {
-    let colors: String = (1..=4).map(|n| material(&format!("M{n}"), &format!("color3f inputs:diffuseColor = (0.{n}, 0, 0)"))).collect();
+    let colors: String =
+        (1..=4).map(|n| material(&format!("M{n}"), &format!("color3f inputs:diffuseColor = (0.{n}, 0, 0)"))).collect();
     let mesh = |name: &str, more: &str| format!("def Mesh \"{name}\" {{ {more}\n{TRIANGLE} }}\n");
     let scene = |outer: &str, inner: &str| {
         clean(&format!("{colors}def Xform \"x\" {{ {outer}\n{}{} }}", mesh("a", inner), mesh("b", "")))
@@ -158,7 +167,8 @@ fn the_nearest_binding_counts_unless_one_is_stronger() {
 
 #[test]
 fn subsets_of_faces_have_their_materials() {
-    let colors: String = (1..=2).map(|n| material(&format!("M{n}"), &format!("color3f inputs:diffuseColor = (0.{n}, 0, 0)"))).collect();
+    let colors: String =
+        (1..=2).map(|n| material(&format!("M{n}"), &format!("color3f inputs:diffuseColor = (0.{n}, 0, 0)"))).collect();
     let scene = clean(&format!(
         "{colors}def Mesh \"m\" {{ rel material:binding = </M1>\nuniform token subdivisionScheme = \"none\"\n\
          int[] faceVertexCounts = [3, 3, 3]\nint[] faceVertexIndices = [0, 1, 2, 0, 2, 3, 0, 3, 4]\n\
