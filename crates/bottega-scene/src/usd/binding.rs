@@ -86,7 +86,7 @@ fn read(source: &StageSource<'_>, prim: &Prim) -> Vec<Binding> {
     const NAME: &str = "material:binding";
     let mut bindings = Vec::new();
     let names = source.or_warn(prim.path().as_str(), prim.property_names());
-    for name in names.iter().map(|name| name.as_str()).filter(|name| name.starts_with(NAME)) {
+    for name in names.iter().map(openusd::tf::Token::as_str).filter(|name| name.starts_with(NAME)) {
         let parts: Vec<&str> = name[NAME.len()..].split(':').skip(1).collect();
         let (purpose, is_collection) = match parts[..] {
             [] => ("", false),

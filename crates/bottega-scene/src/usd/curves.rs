@@ -12,7 +12,7 @@ use crate::error::SceneError;
 use crate::facing_curves::CurveLook;
 use crate::import::bezier::{BezierSegment, bezier_of_bspline, parameters};
 use crate::import::strand::{self, Station, add_hull};
-use crate::model::{COORDINATE_MAX, Mesh};
+use crate::model::Mesh;
 
 /// Maximal deviation of a straight piece from the curve, in widths.
 const TOLERANCE: f64 = 0.02;
@@ -76,7 +76,7 @@ pub(super) fn add(
         source.warn(path, format!("has {} points for curves of {sum}; the curves are left out", points.len()));
         return Ok(());
     }
-    if points.iter().any(|point| !(point.abs().max_element() <= COORDINATE_MAX)) {
+    if points.iter().any(|point| !values::is_reachable(point)) {
         source.warn(path, "a point is not finite, or out of reach; the curves are left out");
         return Ok(());
     }

@@ -117,7 +117,9 @@ pub(super) fn read(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>, kind: &st
     if texture.is_some() && layout.as_deref().is_some_and(|layout| !matches!(layout, "automatic" | "latlong")) {
         source.unsupported(path, "only environment pictures by latitude and longitude are supported");
     }
-    Some(LightSpec { shape, strength: strength(source, prim, time, 1.0), texture, cone: cone.filter(|_| takes_cone) })
+    // The fallback of the schema: the illuminance of sunlight
+    let usual = if kind == "DistantLight" { 50_000.0 } else { 1.0 };
+    Some(LightSpec { shape, strength: strength(source, prim, time, usual), texture, cone: cone.filter(|_| takes_cone) })
 }
 
 /// Returns the strength of a surface that is a light; `None`: it is none.

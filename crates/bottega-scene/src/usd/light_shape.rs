@@ -8,6 +8,7 @@ use super::light::{Cone, LightShape, LightSpec, area};
 use super::material::Materials;
 use super::placement::{Placement, even_scale};
 use super::source::StageSource;
+use super::values;
 use crate::emission::EmissionProfile;
 use crate::light::{Environment, Light, LightKind, SpotFalloff};
 use crate::material::Material;
@@ -148,7 +149,7 @@ fn place_surface(
     if mirrors {
         mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
-    if mesh.positions.iter().any(|p| !(p.abs().max_element() <= COORDINATE_MAX)) {
+    if mesh.positions.iter().any(|p| !values::is_reachable(p)) {
         source.warn(path, "it is out of reach; the light is left out");
         return;
     }

@@ -10,7 +10,7 @@ use super::{polygon, skel, values};
 use crate::edit::corner_mesh::CornerMesh;
 use crate::edit::mesh_parts::MeshParts;
 use crate::error::SceneError;
-use crate::model::{COORDINATE_MAX, Mesh};
+use crate::model::Mesh;
 use crate::values::VALUE_MAX;
 
 /// A subset of a mesh's faces that has a material of its own.
@@ -161,7 +161,7 @@ fn topology(source: &StageSource<'_>, prim: &Prim, time: f64) -> Result<Option<T
         return wrong(format!("faceVertexIndices has {index}, and there are {} points", points.len()));
     }
     let normal_changes = skel::pose(source, prim, time, &mut points);
-    if points.iter().any(|point| !(point.abs().max_element() <= COORDINATE_MAX)) {
+    if points.iter().any(|point| !values::is_reachable(point)) {
         return wrong("a point is not finite, or out of reach".into());
     }
     source.take(path, (points.len() + 2 * corner_points.len()).saturating_mul(24))?;

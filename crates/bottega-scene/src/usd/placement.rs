@@ -64,7 +64,7 @@ pub(super) fn place_all(
                 place_mesh(source, &mut placed, scene, placement, mesh, material)?;
             }
             &Thing::Sphere { radius, material } => {
-                place_sphere(source, &mut placed, scene, placement, radius, material)?
+                place_sphere(source, &mut placed, scene, placement, radius, material)?;
             }
             Thing::Light(spec) => light_shape::place(source, scene, materials, spec, placement),
         }

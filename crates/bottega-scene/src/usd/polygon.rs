@@ -29,7 +29,7 @@ pub(super) fn triangles(corners: &[DVec3]) -> Vec<[u32; 3]> {
             let [a, b, c] = [rest[(at + length - 1) % length], rest[at], rest[(at + 1) % length]];
             let is_within =
                 |&p: &usize| ![a, b, c].contains(&p) && is_left(a, b, p) && is_left(b, c, p) && is_left(c, a, p);
-            (flat[b] - flat[a]).perp_dot(flat[c] - flat[b]) > 0.0 && !rest.iter().any(|p| is_within(p))
+            (flat[b] - flat[a]).perp_dot(flat[c] - flat[b]) > 0.0 && !rest.iter().any(is_within)
         });
         // A polygon that crosses itself may have none
         let at = ear.unwrap_or(1);

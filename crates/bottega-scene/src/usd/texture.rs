@@ -123,21 +123,20 @@ impl<'a> Textures<'a> {
             header.and_then(|header| decode(wanted, header, &bytes?))
         };
         let decoded: Vec<_> = self.wanted.par_iter().zip(headers).map(read).collect();
-        let finish =
-            |((wanted, place), decoded): (&(WantedTexture, String), Result<(Image, Vec<String>), PictureError>)| {
-                let name = shortened(&wanted.name).into_owned();
-                match decoded {
-                    Ok((image, notes)) => {
-                        notes.iter().for_each(|note| source.warn(place, format!("the picture `{name}`: {note}")));
-                        image
-                    }
-                    Err(problem) => {
-                        let (what, image) = stand_in(wanted, &name);
-                        source.unsupported(place, format!("the picture `{name}`: {problem}; {what} stands for it"));
-                        image
-                    }
+        let finish = |((wanted, place), decoded): (&(WantedTexture, String), Decoded)| {
+            let name = shortened(&wanted.name).into_owned();
+            match decoded {
+                Ok((image, notes)) => {
+                    notes.iter().for_each(|note| source.warn(place, format!("the picture `{name}`: {note}")));
+                    image
                 }
-            };
+                Err(problem) => {
+                    let (what, image) = stand_in(wanted, &name);
+                    source.unsupported(place, format!("the picture `{name}`: {problem}; {what} stands for it"));
+                    image
+                }
+            }
+        };
         Ok(self.wanted.iter().zip(decoded).map(finish).collect())
     }
 }
@@ -177,8 +176,11 @@ fn check(
     }
 }
 
-/// Decodes a picture. Also returns notes for warnings.
-fn decode(wanted: &WantedTexture, header: PictureHeader, bytes: &[u8]) -> Result<(Image, Vec<String>), PictureError> {
+/// A decoded picture, and notes for warnings.
+type Decoded = Result<(Image, Vec<String>), PictureError>;
+
+/// Decodes a picture.
+fn decode(wanted: &WantedTexture, header: PictureHeader, bytes: &[u8]) -> Decoded {
     let mut decoded = DecodedImage::read(bytes, header)?;
     let notes = decoded.take_notes();
     let encoding = match wanted.space {

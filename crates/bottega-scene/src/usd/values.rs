@@ -3,6 +3,8 @@
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
 use openusd::sdf::Value;
 
+use crate::model::COORDINATE_MAX;
+
 /// Returns a number.
 pub(super) fn number(value: &Value) -> Option<f64> {
     Some(match value {
@@ -169,4 +171,9 @@ pub(super) fn vectors(value: &Value) -> Option<Vec<Vec3>> {
         Value::Vec3hVec(list) => list.iter().map(|v| Vec3::new(v.x.to_f32(), v.y.to_f32(), v.z.to_f32())).collect(),
         other => vec![vector(other)?.as_vec3()],
     })
+}
+
+/// Returns true for a point that is finite and within reach.
+pub(super) fn is_reachable(point: &Vec3) -> bool {
+    point.abs().max_element() <= COORDINATE_MAX
 }
