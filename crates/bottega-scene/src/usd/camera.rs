@@ -4,10 +4,10 @@ use glam::Vec2;
 use openusd::sdf::Path;
 use openusd::usd::Prim;
 
+use super::context::{Visited, Walk};
 use super::placement::rigid;
 use super::source::StageSource;
 use super::values;
-use super::walk::{Visited, Walk};
 use crate::camera::{Camera, Clip, FovAxis, Projection};
 use crate::model::Scene;
 

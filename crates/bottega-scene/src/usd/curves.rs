@@ -4,10 +4,12 @@ use std::rc::Rc;
 
 use glam::{DAffine3, DVec3, DVec4, Vec3};
 
-use super::placement::{self, Placement, Thing};
+use super::context::{Visited, Walk};
+use super::look::look_of;
+use super::placement::{self, Thing, ThingPlacement};
 use super::primvar::{self, Interpolation, Primvar};
 use super::values;
-use super::walk::{Visited, Walk};
+
 use crate::error::SceneError;
 use crate::facing_curves::CurveLook;
 use crate::import::bezier::{BezierSegment, bezier_of_bspline, parameters};
@@ -22,7 +24,7 @@ const PIECES_MAX: f64 = 32.0;
 
 /// The form of curves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Form {
+struct CurveForm {
     basis: Basis,
     wrap: CurveWrap,
 }
@@ -46,7 +48,7 @@ enum CurveWrap {
 pub(super) fn add(
     walk: &mut Walk<'_, '_, '_>,
     visited: &Visited<'_>,
-    placements: &mut Vec<Placement>,
+    placements: &mut Vec<ThingPlacement>,
 ) -> Result<(), SceneError> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
     let path = prim.path().as_str();
@@ -90,7 +92,7 @@ pub(super) fn add(
         source.warn(path, "the curves have no width; 1 is taken, as the schema says");
     }
     let widths = widths.unwrap_or_else(|| Primvar::new(vec![1.0], Interpolation::Constant));
-    let form = Form { basis, wrap };
+    let form = CurveForm { basis, wrap };
     let mut mesh = Mesh::default();
     let (mut first, mut first_varying) = (0, 0);
     for (curve, &count) in counts.iter().enumerate() {
@@ -118,7 +120,7 @@ pub(super) fn add(
         source.warn(path, "the curves have no length and are left out");
         return Ok(());
     }
-    let part = walk.look_of(visited, prim.path());
+    let part = look_of(walk, visited, prim.path());
     if part.color.is_some() || !part.look.uv_sets.is_empty() {
         source.unsupported_once(path, "colours and textures that vary on curves are left out");
     }
@@ -127,11 +129,11 @@ pub(super) fn add(
     mesh.name = prim.path().name().unwrap_or_default().to_owned();
     let mesh = walk.scene.push_mesh(mesh);
     let thing = Thing::Mesh { mesh, material };
-    placements.push(Placement { thing, world_from_object: visited.world_from_prim, path: path.into() });
+    placements.push(ThingPlacement { thing, world_from_object: visited.world_from_prim, path: path.into() });
     Ok(())
 }
 
-impl Form {
+impl CurveForm {
     /// Returns the number of ends of segments of a curve.
     fn varying_count(&self, controls: usize) -> usize {
         let segments = self.segments(&vec![DVec4::ZERO; controls]).len();
@@ -228,7 +230,7 @@ fn stations(places: &[DVec4]) -> Vec<Station> {
 pub(super) fn add_points(
     walk: &mut Walk<'_, '_, '_>,
     visited: &Visited<'_>,
-    placements: &mut Vec<Placement>,
+    placements: &mut Vec<ThingPlacement>,
 ) -> Result<(), SceneError> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
     let path: Rc<str> = prim.path().as_str().into();
@@ -236,7 +238,7 @@ pub(super) fn add_points(
     let widths = ["primvars:widths", "widths"]
         .iter()
         .find_map(|name| primvar::read(source, prim, name, time, Interpolation::Vertex, values::numbers));
-    let part = walk.look_of(visited, prim.path());
+    let part = look_of(walk, visited, prim.path());
     let colors =
         part.color.as_ref().and_then(|name| primvar::vectors(source, prim, &visited.inherited.ancestors, name, time));
     placement::book(source, &path, placements.len(), points.len())?;
@@ -260,7 +262,7 @@ pub(super) fn add_points(
         };
         let world_from_object = visited.world_from_prim * DAffine3::from_translation(point.as_dvec3());
         let thing = Thing::Sphere { radius: 0.5 * width, material };
-        placements.push(Placement { thing, world_from_object, path: path.clone() });
+        placements.push(ThingPlacement { thing, world_from_object, path: path.clone() });
     }
     Ok(())
 }
@@ -275,7 +277,7 @@ mod tests {
 
     #[test]
     fn curves_have_the_segments_of_their_form() {
-        let count = |basis, wrap, controls| Form { basis, wrap }.segments(&points(controls)).len();
+        let count = |basis, wrap, controls| CurveForm { basis, wrap }.segments(&points(controls)).len();
         assert_eq!(count(Basis::Linear, CurveWrap::Open, 5), 4);
         assert_eq!(count(Basis::Linear, CurveWrap::Periodic, 5), 5);
         assert_eq!(count(Basis::Bezier, CurveWrap::Open, 7), 2);
@@ -286,7 +288,7 @@ mod tests {
         for basis in [Basis::Linear, Basis::Bezier, Basis::Bspline, Basis::CatmullRom] {
             for wrap in [CurveWrap::Open, CurveWrap::Periodic, CurveWrap::Pinned] {
                 for controls in 0..5 {
-                    let line = Form { basis, wrap }.line(&points(controls));
+                    let line = CurveForm { basis, wrap }.line(&points(controls));
                     assert!(line.iter().all(|station| station.tangent.is_normalized()));
                 }
             }
@@ -297,7 +299,7 @@ mod tests {
     fn pinned_curves_end_at_their_end_points() {
         for basis in [Basis::Bspline, Basis::CatmullRom] {
             let controls = points(5);
-            let segments = Form { basis, wrap: CurveWrap::Pinned }.segments(&controls);
+            let segments = CurveForm { basis, wrap: CurveWrap::Pinned }.segments(&controls);
             assert!((segments[0][0] - controls[0]).length() < 1e-12, "{basis:?}");
             assert!((segments[segments.len() - 1][3] - controls[4]).length() < 1e-12, "{basis:?}");
         }

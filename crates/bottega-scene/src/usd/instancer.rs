@@ -4,17 +4,23 @@ use std::collections::BTreeSet;
 
 use glam::{DAffine3, DQuat, DVec3};
 use openusd::sdf::Path;
+use openusd::usd::Prim;
 
-use super::placement::{self, Placement};
+use super::context::{Inherited, Visited, Walk};
+use super::placement::{self, ThingPlacement};
 use super::values;
-use super::walk::{Inherited, Visited, Walk};
 use crate::error::SceneError;
+
+/// Visits a prim and its descendants, and adds what they place.
+pub(super) type Visit =
+    fn(&mut Walk<'_, '_, '_>, &Prim, &Inherited, &mut Vec<ThingPlacement>) -> Result<(), SceneError>;
 
 /// Places the instances of a point instancer. Its prototypes are drawn nowhere else if they are below it.
 pub(super) fn add(
     walk: &mut Walk<'_, '_, '_>,
     visited: &Visited<'_>,
-    placements: &mut Vec<Placement>,
+    placements: &mut Vec<ThingPlacement>,
+    visit: Visit,
 ) -> Result<(), SceneError> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
     let path = prim.path().as_str();
@@ -47,7 +53,7 @@ pub(super) fn add(
             source.unsupported_once(path, "velocities of points are left out: instances move by their samples");
         }
     }
-    let mut models: Vec<Option<Vec<Placement>>> = prototypes.iter().map(|_| None).collect();
+    let mut models: Vec<Option<Vec<ThingPlacement>>> = prototypes.iter().map(|_| None).collect();
     for (instance, (&index, position)) in indices.iter().zip(&positions).enumerate() {
         let id = ids.get(instance).copied().unwrap_or(instance as i64);
         if hidden.contains(&id) {
@@ -58,7 +64,7 @@ pub(super) fn add(
             continue;
         };
         if models[number].is_none() {
-            models[number] = Some(model(walk, visited, &prototypes[number])?);
+            models[number] = Some(model(walk, visited, &prototypes[number], visit)?);
         }
         let scale = if scales.len() < indices.len() { DVec3::ONE } else { scales[instance].as_dvec3() };
         let turn = if orientations.len() < indices.len() { DQuat::IDENTITY } else { orientations[instance] };
@@ -72,18 +78,25 @@ pub(super) fn add(
         let model = models[number].as_deref().unwrap_or_default();
         placement::book(source, path, placements.len(), model.len())?;
         placements.extend(
-            model.iter().map(|part| Placement { world_from_object: world * part.world_from_object, ..part.clone() }),
+            model
+                .iter()
+                .map(|part| ThingPlacement { world_from_object: world * part.world_from_object, ..part.clone() }),
         );
     }
     Ok(())
 }
 
 /// Returns what a prototype places, in the space of the instancer.
-fn model(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>, prototype: &Path) -> Result<Vec<Placement>, SceneError> {
+fn model(
+    walk: &mut Walk<'_, '_, '_>,
+    visited: &Visited<'_>,
+    prototype: &Path,
+    visit: Visit,
+) -> Result<Vec<ThingPlacement>, SceneError> {
     let prim = walk.source.stage.prim(prototype.clone());
     let inherited = Inherited { world_from_parent: DAffine3::IDENTITY, ..visited.inherited.clone() };
     let mut placements = Vec::new();
-    walk.visit(&prim, &inherited, &mut placements)?;
+    visit(walk, &prim, &inherited, &mut placements)?;
     Ok(placements)
 }
 

@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use openusd::usd::Prim;
 
+use super::context::{Visited, Walk};
 use super::source::StageSource;
 use super::texture::{SourceSpace, StandIn, WantedTexture};
-use super::walk::{Visited, Walk};
 use crate::color::luminance;
 use crate::model::Mesh;
 use crate::spectrum::sampled::Sampled;

@@ -6,7 +6,7 @@ use glam::{Affine2, DAffine3, DMat3, DVec3, Mat3, Vec2, Vec3};
 
 use super::light::{Cone, LightShape, LightSpec, area};
 use super::material::Materials;
-use super::placement::{Placement, even_scale};
+use super::placement::{ThingPlacement, even_scale};
 use super::source::StageSource;
 use super::values;
 use crate::emission::EmissionProfile;
@@ -27,7 +27,7 @@ pub(super) fn place(
     scene: &mut Scene,
     materials: &mut Materials<'_, '_>,
     spec: &LightSpec,
-    placement: &Placement,
+    placement: &ThingPlacement,
 ) {
     let world = &placement.world_from_object;
     let path = &*placement.path;
@@ -86,7 +86,7 @@ fn place_surface(
     scene: &mut Scene,
     materials: &mut Materials<'_, '_>,
     spec: &LightSpec,
-    placement: &Placement,
+    placement: &ThingPlacement,
     shape: LightShape,
 ) {
     let (world, path) = (&placement.world_from_object, &*placement.path);

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use openusd::usd::Prim;
 
-use super::gprim::PartLook;
+use super::look::PartLook;
 use super::primvar::{self, Counts, Interpolation, Primvar};
 use super::source::StageSource;
 use super::{polygon, skel, values};

@@ -13,7 +13,10 @@
 
 mod binding;
 mod camera;
+mod context;
 mod crate_file;
+mod crate_parts;
+mod crate_values;
 mod curves;
 mod error;
 mod files;
@@ -22,10 +25,12 @@ mod instancer;
 mod layer_text;
 mod light;
 mod light_shape;
+mod look;
 mod material;
 mod mesh;
 mod names;
 mod package;
+mod place;
 mod placement;
 mod polygon;
 mod primvar;

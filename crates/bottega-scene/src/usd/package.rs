@@ -108,11 +108,11 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<usize> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
     /// Makes a package of stored members.
-    pub(in crate::usd) fn zip(members: &[(&str, &[u8])]) -> Vec<u8> {
+    fn zip(members: &[(&str, &[u8])]) -> Vec<u8> {
         let (mut file, mut directory) = (Vec::new(), Vec::new());
         for (name, bytes) in members {
             let local = file.len() as u32;

@@ -5,9 +5,36 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use openusd::usd::Prim;
 
-use super::gprim::GprimKind;
 use super::source::StageSource;
 use crate::model::Mesh;
+
+/// The kinds of surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ShapeKind {
+    Mesh,
+    Sphere,
+    Cube,
+    Cylinder,
+    Cone,
+    Capsule,
+    Plane,
+}
+
+impl ShapeKind {
+    /// Returns the kind of a type of prims; `None`: it is no surface.
+    pub(super) fn of(type_name: &str) -> Option<Self> {
+        Some(match type_name {
+            "Mesh" => Self::Mesh,
+            "Sphere" => Self::Sphere,
+            "Cube" => Self::Cube,
+            "Cylinder" | "Cylinder_1" => Self::Cylinder,
+            "Cone" => Self::Cone,
+            "Capsule" | "Capsule_1" => Self::Capsule,
+            "Plane" => Self::Plane,
+            _ => return None,
+        })
+    }
+}
 
 /// Columns around an axis.
 const COLUMNS: u32 = 96;
@@ -20,14 +47,14 @@ const ROWS: u32 = 24;
 type ProfilePoint = (DVec2, DVec2);
 
 /// Reads a surface; empty if it has no extent.
-pub(super) fn read(source: &StageSource<'_>, prim: &Prim, kind: GprimKind, time: f64) -> Option<Mesh> {
+pub(super) fn read(source: &StageSource<'_>, prim: &Prim, kind: ShapeKind, time: f64) -> Option<Mesh> {
     let number = |name: &str, usual: f64| source.number(prim, name, time).unwrap_or(usual);
     let (height, radius) =
-        (number("height", if kind == GprimKind::Capsule { 1.0 } else { 2.0 }), number("radius", 1.0));
+        (number("height", if kind == ShapeKind::Capsule { 1.0 } else { 2.0 }), number("radius", 1.0));
     let sizes = match kind {
-        GprimKind::Cube => vec![number("size", 2.0)],
-        GprimKind::Plane => vec![number("width", 2.0), number("length", 2.0)],
-        GprimKind::Capsule => vec![number("radius", 0.5), height],
+        ShapeKind::Cube => vec![number("size", 2.0)],
+        ShapeKind::Plane => vec![number("width", 2.0), number("length", 2.0)],
+        ShapeKind::Capsule => vec![number("radius", 0.5), height],
         _ => vec![radius, height],
     };
     if !sizes.iter().all(|&size| size > 0.0 && size <= f64::from(f32::MAX)) {
@@ -39,15 +66,15 @@ pub(super) fn read(source: &StageSource<'_>, prim: &Prim, kind: GprimKind, time:
     let axis = source.text(prim, "axis", time);
     let axis = axis.as_deref().unwrap_or("Z");
     Some(match kind {
-        GprimKind::Cube => {
+        ShapeKind::Cube => {
             let half = Vec3::splat(0.5 * sizes[0] as f32);
             Mesh::cuboid(-half, half)
         }
-        GprimKind::Plane => along(plane(sizes[0], sizes[1], axis), "Z"),
-        GprimKind::Cylinder => {
+        ShapeKind::Plane => along(plane(sizes[0], sizes[1], axis), "Z"),
+        ShapeKind::Cylinder => {
             along(revolved(&[&side(ends, height), &cap(ends[0], -0.5 * height), &cap(ends[1], 0.5 * height)]), axis)
         }
-        GprimKind::Cone => along(revolved(&[&side([radius, 0.0], height), &cap(radius, -0.5 * height)]), axis),
+        ShapeKind::Cone => along(revolved(&[&side([radius, 0.0], height), &cap(radius, -0.5 * height)]), axis),
         _ => along(revolved(&[&capsule(ends, height)]), axis),
     })
 }
