@@ -54,8 +54,8 @@ fn sections(bytes: &[u8]) -> Checked<Vec<(String, usize)>> {
     }
     let entry = |index: usize| {
         let at = toc + 8 + 32 * index;
-        let name = bytes.get(at..at + 16).ok_or(CrateFault::CutOff)?;
-        let name = name.split(|byte| *byte == 0).next().unwrap_or_default();
+        let name = bytes.get(at..at + 32).ok_or(CrateFault::CutOff)?;
+        let name = name[..16].split(|byte| *byte == 0).next().unwrap_or_default();
         Ok((String::from_utf8_lossy(name).into_owned(), u64_at(bytes, at + 16)?))
     };
     (0..count).map(entry).collect()
