@@ -105,7 +105,7 @@ pub(crate) enum Command {
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("of_agents").args(["ludd", "network"]).multiple(true))]
 pub(crate) struct AnalyzeArgs {
-    /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
+    /// The scene: glTF (.glb, .gltf), USD (.usd, .usda, .usdc, .usdz), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
     #[arg(value_hint = ValueHint::FilePath)]
     pub(crate) scene_file: PathBuf,
     #[command(flatten)]
@@ -178,7 +178,7 @@ pub(crate) struct DiffArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
+    /// The scene: glTF (.glb, .gltf), USD (.usd, .usda, .usdc, .usdz), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), or a mesh (.obj, .ply).
     #[arg(value_hint = ValueHint::FilePath)]
     pub(crate) scene_file: PathBuf,
     #[command(flatten)]

@@ -12,7 +12,7 @@ const OPTIONS: &[ShownOptions] = &[
     (
         "render",
         &[
-            ("scene_file", "The scene: .glb, .gltf, .xml (Mitsuba), .pbrt, .obj, .ply, .vdb"),
+            ("scene_file", "The scene: .glb, .gltf, .usd, .usdz, .xml (Mitsuba), .pbrt, .obj, .ply, .vdb"),
             ("output", "The picture to write: .exr (linear light) or .png (tone-mapped)"),
             ("size", ""),
             ("spp", "Samples per pixel; default: the scene file's, or 64"),

@@ -38,7 +38,7 @@ pub enum SceneError {
     },
     /// Neither the extension nor the first bytes match a supported format.
     #[error(
-        "`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .xml, .pbrt, .obj, .ply, .serialized, .vdb, .nvdb, .bottega)",
+        "`{}` is {found}: give a scene in a format that can be read (.gltf, .glb, .usd, .usda, .usdc, .usdz, .xml, .pbrt, .obj, .ply, .serialized, .vdb, .nvdb, .bottega)",
         printable_path(path)
     )]
     UnknownFormat {

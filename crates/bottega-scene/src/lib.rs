@@ -23,6 +23,7 @@
 //! | glTF; its compressed buffers | `src/gltf/`; `src/gltf/meshopt/`, `src/gltf/draco.rs` |
 //! | Mitsuba 3 and 0.x | `src/mitsuba/` |
 //! | pbrt-v4 | `src/pbrt/` |
+//! | USD: layers and packages; its schemas | `src/usd/` |
 //! | PLY, OBJ, Mitsuba's serialized meshes | `src/mesh_file/` |
 //! | OpenVDB, NanoVDB | `src/voxel_file/` |
 //! | curves that face each ray | `src/facing_curves.rs`, `src/import/strand.rs`; pbrt: `src/pbrt/shape/curve.rs` |
@@ -89,6 +90,7 @@ mod summary;
 mod surface;
 mod text;
 mod texture;
+mod usd;
 mod validate;
 mod values;
 mod visibility;

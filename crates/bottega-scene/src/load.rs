@@ -22,7 +22,7 @@ use crate::options::LoadOptions;
 use crate::origin::far_origin;
 use crate::resource::{Resources, SceneFile};
 use crate::texture::ImageId;
-use crate::{excess, gltf, mesh_file, mitsuba, pbrt, saved, values, voxel_file};
+use crate::{excess, gltf, mesh_file, mitsuba, pbrt, saved, usd, values, voxel_file};
 
 /// A loaded scene, with warnings, metadata and render hints.
 #[derive(Clone, Debug)]
@@ -74,6 +74,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, SceneError> {
         mitsuba::import
     } else if pbrt::recognizes(path) {
         pbrt::import
+    } else if usd::recognizes(path) {
+        usd::import
     } else if mesh_file::scene::recognizes(path, &file) {
         mesh_file::scene::import
     } else if voxel_file::scene::recognizes(&file) {

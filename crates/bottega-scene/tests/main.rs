@@ -8,4 +8,5 @@ mod mutation;
 mod pbrt;
 mod pbrt_mappings;
 mod saved;
+mod usd;
 mod voxels;

@@ -3,9 +3,11 @@
 import { unzipped } from "./unzip.js";
 
 /** What is taken for a scene, the likeliest first. */
-const SCENE_KINDS = [".glb", ".gltf", ".xml", ".pbrt", ".blend", ".obj", ".ply", ".pov", ".vdb", ".nvdb"];
+const SCENE_KINDS = [
+  ".glb", ".gltf", ".usdz", ".usd", ".usda", ".usdc", ".xml", ".pbrt", ".blend", ".obj", ".ply", ".pov", ".vdb", ".nvdb",
+];
 /** Scenes that have no light from all around in their files. */
-const BARE_KINDS = [".glb", ".gltf", ".obj", ".ply"];
+const BARE_KINDS = [".glb", ".gltf", ".usdz", ".obj", ".ply"];
 const LIGHT_KINDS = [".hdr", ".exr"];
 
 const kindOf = name => /\.[^./]+$/.exec(name.toLowerCase())?.[0] ?? "";

@@ -88,7 +88,7 @@ class SubmitPage {
       return [input, button(word, () => input.click())];
     };
     const drop = element("div", { class: "drop" },
-      element("p", {}, "Drop a scene here: .glb, .gltf, .xml or .pbrt, with the files and folders that it refers to, or all of it as .zip."),
+      element("p", {}, "Drop a scene here: .glb, .gltf, .usd, .usdz, .xml or .pbrt, with the files and folders that it refers to, or all of it as .zip."),
       element("p", { class: "row" }, chooser("Choose files …", {}), chooser("Choose a folder …", { webkitdirectory: true })));
     const over = isOver => event => { event.preventDefault(); drop.classList.toggle("over", isOver); };
     drop.addEventListener("dragover", over(true));
@@ -184,7 +184,7 @@ class SubmitPage {
     const line = name => element("li", {}, element("span", {}, name), element("span", { class: "quiet" }, ` ${bytes(this.#files.get(name).size)} `),
       button("×", () => { this.#files.delete(name); this.#showFiles(); this.#changed(); }, { ariaLabel: `Leave ${name} out`, class: "small" }));
     this.list.replaceChildren(...names.map(line));
-    this.shell.tellProblem(names.length && !scenes.length ? "None of these files is a scene: .glb, .gltf, .xml or .pbrt, or a .zip with one." : null, this.sceneOrders);
+    this.shell.tellProblem(names.length && !scenes.length ? "None of these files is a scene: .glb, .gltf, .usd, .usdz, .xml or .pbrt, or a .zip with one." : null, this.sceneOrders);
   }
 
   /** What the form says. Null: something in it is wrong, and is marked. */

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 /// Extensions of the scene files that the built-in engine reads.
-pub(crate) const READ: [&str; 9] = ["gltf", "glb", "xml", "pbrt", "obj", "ply", "serialized", "vdb", "nvdb"];
+pub(crate) const READ: [&str; 13] =
+    ["gltf", "glb", "usd", "usda", "usdc", "usdz", "xml", "pbrt", "obj", "ply", "serialized", "vdb", "nvdb"];
 
 /// Extensions of the scene files of other programs, with the name of the format or program.
 const OTHERS: &[(&[&str], &str)] = &[
-    (&["usd", "usda", "usdc", "usdz"], "USD"),
     (&["fbx"], "FBX"),
     (&["abc"], "Alembic"),
     (&["dae"], "COLLADA"),
@@ -52,14 +52,9 @@ mod tests {
 
     #[test]
     fn scenes_of_other_programs_are_to_be_exported() {
-        for (file, words) in [
-            ("a.usd", "USD"),
-            ("a.usdz", "USD"),
-            ("a.fbx", "FBX"),
-            ("a.abc", "Alembic"),
-            ("a.DAE", "COLLADA"),
-            ("a.blend", "--engine cycles"),
-        ] {
+        for (file, words) in
+            [("a.fbx", "FBX"), ("a.abc", "Alembic"), ("a.DAE", "COLLADA"), ("a.blend", "--engine cycles")]
+        {
             let remedy_text = remedy(Path::new(file)).unwrap();
             assert!(remedy_text.contains(words) && remedy_text.contains("glTF (.glb)"), "{file}: {remedy_text}");
         }

@@ -33,7 +33,7 @@ const PAPER_LIGHT_SAMPLES: u32 = 16;
 
 #[derive(Clone, Debug, Args)]
 pub(crate) struct RenderArgs {
-    /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), a mesh (.obj, .ply), or what --engine reads.
+    /// The scene: glTF (.glb, .gltf), USD (.usd, .usda, .usdc, .usdz), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), a mesh (.obj, .ply), or what --engine reads.
     #[arg(value_hint = ValueHint::FilePath, required_unless_present_any = ["request", "from"])]
     scene_file: Option<PathBuf>,
     /// The picture to write: .exr (linear light, all values) or .png (tone-mapped).

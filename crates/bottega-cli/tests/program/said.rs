@@ -52,7 +52,7 @@ fn what_drivers_print_is_no_part_of_the_list_of_devices() {
 fn a_scene_of_another_program_is_painted_by_its_engine_or_is_to_be_exported() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("a.png");
-    for (name, words) in [("a.usda", "USD"), ("a.fbx", "FBX"), ("a.abc", "Alembic")] {
+    for (name, words) in [("a.stl", "STL"), ("a.fbx", "FBX"), ("a.abc", "Alembic")] {
         let scene = folder.path().join(name);
         fs::write(&scene, "#usda 1.0").expect("written");
         for command in [&["render", text(&scene), "-o", text(&picture)][..], &["info", text(&scene)]] {

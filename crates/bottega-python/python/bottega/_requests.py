@@ -624,21 +624,23 @@ class SceneOptions(Section):
     defines: Mapping[str, str] = field(default_factory=lambda: {})
     """Parameters of a Mitsuba scene (its `<default>`s), by name."""
     file: str
-    """The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), a mesh (.obj, .ply), or what
-    another engine reads.
+    """The scene: glTF (.glb, .gltf), USD (.usd, .usda, .usdc, .usdz), Mitsuba 3 (.xml), pbrt-v4
+    (.pbrt), a mesh (.obj, .ply), or what another engine reads.
     """
     shutter: ShutterTimes | None = None
     """The span of time that the picture shows, relative to `scene.time`; none: that of the file, which
-    for glTF is one moment. What moves during it is blurred.
+    for glTF and USD is one moment. What moves during it is blurred.
     """
     strict: bool = False
     """True to refuse a scene with unsupported features; false to render substitutes for them."""
     time: float | None = None
-    """The time in seconds at which a glTF scene's animations are shown; none: the scene as its file
-    describes it.
+    """The time in seconds at which the animations of a glTF or USD scene are shown; none: the scene as
+    its file describes it.
     """
     variant: str | None = None
-    """The material variant of a glTF file, by name or by number from 0."""
+    """The material variant of a glTF file, by name or by number from 0; of a USD stage variants of
+    prims, as in `/Car{color=red}`.
+    """
 
     _parts: ClassVar[Mapping[str, type[Section]]] = {"shutter": ShutterTimes}
     _tuples: ClassVar[frozenset[str]] = frozenset([])

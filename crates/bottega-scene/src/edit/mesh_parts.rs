@@ -20,7 +20,7 @@ const END: u32 = u32::MAX;
 
 /// The meshes of one edited mesh, by material slot.
 #[derive(Clone, Debug)]
-pub(super) struct MeshParts {
+pub(crate) struct MeshParts {
     /// Material slots, ascending, and their meshes.
     pub(super) parts: Vec<(u32, Arc<Mesh>)>,
     /// Least and greatest coordinates of all positions, object space.
@@ -32,7 +32,7 @@ impl MeshParts {
     /// Makes the meshes of the slots, after checking all arrays.
     ///
     /// - `slots`: number of material slots; 0: any slot is allowed.
-    pub(super) fn new(name: &str, mesh: &CornerMesh<'_>, slots: usize) -> Result<Self, EditError> {
+    pub(crate) fn new(name: &str, mesh: &CornerMesh<'_>, slots: usize) -> Result<Self, EditError> {
         mesh.check(slots)?;
         if !mesh.drop_empty {
             mesh.check_areas()?;
@@ -67,6 +67,11 @@ impl MeshParts {
         };
         let parts = parts.into_iter().map(|(slot, mesh)| (slot, Arc::new(mesh))).collect();
         Ok(Self::of(parts))
+    }
+
+    /// Returns the meshes and their slots.
+    pub(crate) fn into_meshes(self) -> impl Iterator<Item = (u32, Mesh)> {
+        self.parts.into_iter().map(|(slot, mesh)| (slot, Arc::unwrap_or_clone(mesh)))
     }
 
     /// Makes parts of meshes that are sound.

@@ -4,12 +4,12 @@
 //! [`Scene`] of the present state, which shares meshes and images with the editor, so sessions and later edits do not
 //! disturb each other.
 
-mod corner_mesh;
+pub(crate) mod corner_mesh;
 mod curve_strands;
 mod entries;
 mod error;
 mod keyed_list;
-mod mesh_parts;
+pub(crate) mod mesh_parts;
 mod object;
 mod read;
 mod snapshot;

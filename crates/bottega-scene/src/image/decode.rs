@@ -220,6 +220,11 @@ impl DecodedImage {
         }
     }
 
+    /// Returns true for an 8-bit picture with one channel.
+    pub(crate) fn has_one_channel(&self) -> bool {
+        matches!(self.texels, DecodedTexels::Gray8(_))
+    }
+
     /// Returns width, height and alpha; 255 if the picture has none.
     pub(crate) fn into_alpha8(self) -> (u32, u32, Vec<u8>) {
         let count = self.width as usize * self.height as usize;

@@ -41,7 +41,8 @@ macro_rules! sections {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneOptions {
-    /// The scene: glTF (.glb, .gltf), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), a mesh (.obj, .ply), or what another engine reads.
+    /// The scene: glTF (.glb, .gltf), USD (.usd, .usda, .usdc, .usdz), Mitsuba 3 (.xml), pbrt-v4 (.pbrt), a mesh (.obj,
+    /// .ply), or what another engine reads.
     pub file: PathBuf,
     /// True to refuse a scene with unsupported features; false to render substitutes for them.
     #[serde(default)]
@@ -58,17 +59,19 @@ pub struct SceneOptions {
     /// Parameters of a Mitsuba scene (its `<default>`s), by name.
     #[serde(default)]
     pub defines: BTreeMap<String, String>,
-    /// The time in seconds at which a glTF scene's animations are shown; none: the scene as its file describes it.
+    /// The time in seconds at which the animations of a glTF or USD scene are shown; none: the scene as its file
+    /// describes it.
     #[serde(default)]
     pub time: Option<f32>,
-    /// The span of time that the picture shows, relative to `scene.time`; none: that of the file, which for glTF is one
-    /// moment. What moves during it is blurred.
+    /// The span of time that the picture shows, relative to `scene.time`; none: that of the file, which for glTF and USD is
+    /// one moment. What moves during it is blurred.
     #[serde(default)]
     pub shutter: Option<ShutterTimes>,
     /// The animation to show, by name or by number from 0; none: all of them.
     #[serde(default)]
     pub animation: Option<String>,
-    /// The material variant of a glTF file, by name or by number from 0.
+    /// The material variant of a glTF file, by name or by number from 0; of a USD stage variants of prims, as in
+    /// `/Car{color=red}`.
     #[serde(default)]
     pub variant: Option<String>,
 }
