@@ -24,6 +24,7 @@ pub(crate) struct PyVoxels {
 impl PyVoxels {
     /// Reads a file. `density`, `temperature`: names of grids.
     #[new]
+    #[expect(clippy::needless_pass_by_value, reason = "Python's paths come as values")]
     #[pyo3(signature = (path, density = "density", temperature = None))]
     fn new(py: Python<'_>, path: PathBuf, density: &str, temperature: Option<&str>) -> PyResult<Self> {
         let limit = LoadOptions::default().max_memory_bytes;
@@ -36,6 +37,7 @@ impl PyVoxels {
 
     /// Returns the grids of a file: names, and kinds of values such as `float`.
     #[staticmethod]
+    #[expect(clippy::needless_pass_by_value, reason = "Python's paths come as values")]
     fn list(path: PathBuf) -> PyResult<Vec<(String, String)>> {
         Voxels::list(&path, LoadOptions::default().max_memory_bytes).map_err(scene_error)
     }
