@@ -38,7 +38,7 @@ impl PyVoxels {
     /// Returns the grids of a file: names, and kinds of values such as `float`.
     #[staticmethod]
     #[expect(clippy::needless_pass_by_value, reason = "Python's paths come as values")]
-    fn list(path: PathBuf) -> PyResult<Vec<(String, String)>> {
+    fn grids(path: PathBuf) -> PyResult<Vec<(String, String)>> {
         Voxels::list(&path, LoadOptions::default().max_memory_bytes).map_err(scene_error)
     }
 

@@ -370,7 +370,7 @@ def luminance(color: np.ndarray) -> float:
 
 
 def test_voxels_of_a_file_fill_a_medium() -> None:
-    assert ("density", "float") in bottega.Voxels.list(FIRE)
+    assert ("density", "float") in bottega.Voxels.grids(FIRE)
     voxels = bottega.Voxels(FIRE, temperature="temperature")
     assert (voxels.density_max, voxels.temperature_max) == (1.0, 3000.0)
     cube = np.array(voxels.transform)

@@ -6,7 +6,7 @@
 
 use std::io::Read;
 
-use super::cursor::Cursor;
+use super::cursor::ByteCursor;
 use super::error::VoxelError;
 
 /// What messages call a chunk.
@@ -19,7 +19,7 @@ const SPLIT_VALUES_MIN: usize = 128;
 /// Unpacks a chunk, whose values take `size` bytes. `place`: its place in the file, for messages.
 pub(super) fn unpack(chunk: &[u8], size: usize, place: usize) -> Result<Vec<u8>, VoxelError> {
     let damaged = || VoxelError::Packed { place, what: WHAT };
-    let mut cursor = Cursor::new(chunk, 2);
+    let mut cursor = ByteCursor::new(chunk, 2);
     let (flags, value_size) = (cursor.u8(WHAT)?, usize::from(cursor.u8(WHAT)?));
     let [unpacked, block_size, _] = [cursor.u32(WHAT)?, cursor.u32(WHAT)?, cursor.u32(WHAT)?].map(|it| it as usize);
     if unpacked != size {
@@ -38,14 +38,14 @@ pub(super) fn unpack(chunk: &[u8], size: usize, place: usize) -> Result<Vec<u8>,
     }
     let mut values = Vec::with_capacity(size);
     for block in 0..size.div_ceil(block_size) {
-        let start = Cursor::new(chunk, 16 + 4 * block).u32(WHAT)? as usize;
+        let start = ByteCursor::new(chunk, 16 + 4 * block).u32(WHAT)? as usize;
         let length = block_size.min(size - block * block_size);
         let is_split = !is_whole
             && length == block_size
             && value_size <= SPLITS_MAX
             && block_size / value_size >= SPLIT_VALUES_MIN;
         let parts = if is_split { value_size } else { 1 };
-        let mut cursor = Cursor::new(chunk, start);
+        let mut cursor = ByteCursor::new(chunk, start);
         let mut bytes = Vec::with_capacity(length);
         for _ in 0..parts {
             let packed = cursor.u32(WHAT)? as usize;

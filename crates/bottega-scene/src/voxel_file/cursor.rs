@@ -4,12 +4,12 @@ use super::error::VoxelError;
 
 /// A place in a file's bytes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cursor<'a> {
+pub(super) struct ByteCursor<'a> {
     bytes: &'a [u8],
     place: usize,
 }
 
-impl<'a> Cursor<'a> {
+impl<'a> ByteCursor<'a> {
     /// Begins at a place, which may lie behind the end.
     pub(super) fn new(bytes: &'a [u8], place: usize) -> Self {
         Self { bytes, place }

@@ -11,7 +11,7 @@ use glam::{DAffine3, DMat3, DVec3, IVec3, Vec3};
 
 use self::layout::{Kind, NodePlaces};
 use super::blosc;
-use super::cursor::{Cursor, is_set};
+use super::cursor::{ByteCursor, is_set};
 use super::error::VoxelError;
 use super::nodes::{LOWER, NodeLevel, ROOT_CHILD_LOG2, UPPER};
 use super::voxels::{GridClass, GridEntry, Store, Tile, VoxelGrid};
@@ -59,7 +59,7 @@ pub(super) fn list(bytes: &[u8]) -> Result<Vec<GridEntry>, VoxelError> {
 fn entries(bytes: &[u8]) -> Result<Vec<StoredGrid>, VoxelError> {
     const WHAT: &str = "the list of grids";
     let mut entries = Vec::new();
-    let mut cursor = Cursor::new(bytes, 0);
+    let mut cursor = ByteCursor::new(bytes, 0);
     while cursor.place() < bytes.len() {
         // A segment: the descriptions of its grids, then the grids
         let place = cursor.place();
@@ -85,7 +85,7 @@ fn entries(bytes: &[u8]) -> Result<Vec<StoredGrid>, VoxelError> {
 }
 
 /// Reads the description of a grid.
-fn entry(cursor: &mut Cursor<'_>) -> Result<StoredGrid, VoxelError> {
+fn entry(cursor: &mut ByteCursor<'_>) -> Result<StoredGrid, VoxelError> {
     const WHAT: &str = "the description of a grid";
     let (unpacked, length) = (cursor.u64(WHAT)?, cursor.u64(WHAT)?);
     cursor.take(16, WHAT)?;
@@ -121,7 +121,7 @@ fn unpack<'a>(packed: &'a [u8], entry: &StoredGrid, store: &Store<'_>) -> Result
     let size = usize::try_from(entry.unpacked).ok().filter(|_| is_plausible);
     let size = size.ok_or(VoxelError::Packed { place: entry.place, what: WHAT })?;
     store.take(size)?;
-    let mut cursor = Cursor::new(packed, 0);
+    let mut cursor = ByteCursor::new(packed, 0);
     let mut block = Vec::new();
     match entry.codec {
         1 => {
@@ -133,7 +133,7 @@ fn unpack<'a>(packed: &'a [u8], entry: &StoredGrid, store: &Store<'_>) -> Result
             while block.len() < size {
                 let length = cursor.u64(WHAT)?;
                 let chunk = cursor.take(length as usize, WHAT)?;
-                let unpacked = Cursor::new(chunk, 4).u32(WHAT)? as usize;
+                let unpacked = ByteCursor::new(chunk, 4).u32(WHAT)? as usize;
                 if unpacked == 0 || unpacked > size - block.len() {
                     return Err(VoxelError::Packed { place: entry.place, what: WHAT });
                 }
@@ -159,12 +159,12 @@ impl Block<'_> {
     fn grid(&mut self) -> Result<VoxelGrid, VoxelError> {
         const WHAT: &str = "the header of a grid";
         // Map: a matrix and its inverse in single precision, then the same in double precision
-        let mut cursor = Cursor::new(self.bytes, 296 + 88);
+        let mut cursor = ByteCursor::new(self.bytes, 296 + 88);
         let rows = cursor.f64s::<9>(WHAT)?;
         cursor.f64s::<9>(WHAT)?;
         let translation = DVec3::from_array(cursor.f64s::<3>(WHAT)?);
         let file_from_index = DAffine3 { matrix3: DMat3::from_cols_array(&rows).transpose(), translation };
-        let class = Cursor::new(self.bytes, 632).u32(WHAT)?;
+        let class = ByteCursor::new(self.bytes, 632).u32(WHAT)?;
         let mut grid = VoxelGrid {
             class: if class == LEVEL_SET { GridClass::LevelSet } else { GridClass::Other },
             channels: self.kind.channels(),
@@ -175,7 +175,7 @@ impl Block<'_> {
             tiles: Vec::new(),
         };
         // The tree names the places of its levels; the last is the root
-        let root = Cursor::new(self.bytes, GRID_BYTES + 24).u64(WHAT)?;
+        let root = ByteCursor::new(self.bytes, GRID_BYTES + 24).u64(WHAT)?;
         let root = self.offset(GRID_BYTES, root as i64, GRID_BYTES)?;
         self.root(&mut grid, root)?;
         Ok(grid)
@@ -183,12 +183,12 @@ impl Block<'_> {
 
     fn root(&mut self, grid: &mut VoxelGrid, root: usize) -> Result<(), VoxelError> {
         const WHAT: &str = "the root of a grid";
-        let mut cursor = Cursor::new(self.bytes, root + 24);
+        let mut cursor = ByteCursor::new(self.bytes, root + 24);
         let count = cursor.u32(WHAT)? as usize;
         grid.background = self.value(root + self.layout.root_value)?;
         for tile in 0..count {
             let place = root + self.layout.root_bytes + tile * layout::ROOT_TILE_BYTES;
-            let mut cursor = Cursor::new(self.bytes, place);
+            let mut cursor = ByteCursor::new(self.bytes, place);
             let (key, child) = (cursor.u64(WHAT)?, cursor.i64(WHAT)?);
             let origin = root_origin(key);
             if child == 0 {
@@ -206,7 +206,7 @@ impl Block<'_> {
         let count = level.count();
         let values = self.layout.table(level);
         self.visit(values + count * self.layout.tile_bytes)?;
-        let mut cursor = Cursor::new(self.bytes, node + 32);
+        let mut cursor = ByteCursor::new(self.bytes, node + 32);
         let _active = cursor.take(count / 8, "a node of a grid")?;
         let children = cursor.take(count / 8, "a node of a grid")?;
         for index in 0..count {
@@ -216,7 +216,7 @@ impl Block<'_> {
                 self.add_tile(grid, origin, level.child_log2, place)?;
                 continue;
             }
-            let child = Cursor::new(self.bytes, place).i64("a node of a grid")?;
+            let child = ByteCursor::new(self.bytes, place).i64("a node of a grid")?;
             let child = self.offset(node, child, node)?;
             if level.child_log2 == LOWER.child_log2 {
                 self.leaf(grid, child, origin)?;
@@ -256,7 +256,7 @@ impl Block<'_> {
     }
 
     fn value(&self, place: usize) -> Result<Vec3, VoxelError> {
-        let mut cursor = Cursor::new(self.bytes, place);
+        let mut cursor = ByteCursor::new(self.bytes, place);
         self.kind.value(&mut cursor)
     }
 

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::super::cursor::Cursor;
+use super::super::cursor::ByteCursor;
 use super::super::error::VoxelError;
 use super::super::nodes::NodeLevel;
 use crate::grid::bricks::BRICK_CELLS;
@@ -102,7 +102,7 @@ impl Kind {
     }
 
     /// Reads a value of the root or a node.
-    pub(super) fn value(self, cursor: &mut Cursor<'_>) -> Result<Vec3, VoxelError> {
+    pub(super) fn value(self, cursor: &mut ByteCursor<'_>) -> Result<Vec3, VoxelError> {
         const WHAT: &str = "a value of a grid";
         Ok(match self {
             Self::F32 | Self::Quantized(_) => Vec3::splat(cursor.f32(WHAT)?),
@@ -120,7 +120,7 @@ impl Kind {
         values: &mut Vec<f32>,
     ) -> Result<(), VoxelError> {
         const WHAT: &str = "a leaf of a grid";
-        let mut cursor = Cursor::new(bytes, leaf + values_place);
+        let mut cursor = ByteCursor::new(bytes, leaf + values_place);
         match self {
             Self::F32 | Self::Vec3F32 => {
                 let stored = cursor.take(4 * BRICK_CELLS * self.channels(), WHAT)?;
@@ -131,10 +131,10 @@ impl Kind {
                 values.extend(stored.as_chunks::<8>().0.iter().map(|&bytes| f64::from_le_bytes(bytes) as f32));
             }
             Self::Quantized(bits) => {
-                let mut head = Cursor::new(bytes, leaf + LEAF_FLAGS);
+                let mut head = ByteCursor::new(bytes, leaf + LEAF_FLAGS);
                 let flags = head.u8(WHAT)?;
                 let bits = bits.unwrap_or(1 << (flags >> 5)) as usize;
-                let mut head = Cursor::new(bytes, leaf + LEAF_HEAD_BYTES);
+                let mut head = ByteCursor::new(bytes, leaf + LEAF_HEAD_BYTES);
                 let (least, step) = (head.f32(WHAT)?, head.f32(WHAT)?);
                 if bits > 16 {
                     return Err(VoxelError::Value { place: leaf, what: "the bits of a value", found: bits as i64 });

@@ -1,6 +1,6 @@
 //! The header of an OpenVDB file, and the descriptors of its grids.
 
-use super::super::cursor::Cursor;
+use super::super::cursor::ByteCursor;
 use super::super::error::VoxelError;
 use super::super::voxels::GridEntry;
 
@@ -89,7 +89,7 @@ impl Header {
     /// Reads the header and the descriptors.
     pub(super) fn read(bytes: &[u8]) -> Result<Self, VoxelError> {
         const WHAT: &str = "the header";
-        let mut cursor = Cursor::new(bytes, MAGIC.len());
+        let mut cursor = ByteCursor::new(bytes, MAGIC.len());
         let version = cursor.u32(WHAT)?;
         if version < VERSION_MIN {
             return Err(VoxelError::Version { found: version, known: "222 or later (OpenVDB 3)" });
@@ -110,7 +110,7 @@ impl Header {
     }
 }
 
-fn descriptor(cursor: &mut Cursor<'_>) -> Result<Descriptor, VoxelError> {
+fn descriptor(cursor: &mut ByteCursor<'_>) -> Result<Descriptor, VoxelError> {
     const WHAT: &str = "the list of grids";
     let (unique_name, tree, parent) = (cursor.text(WHAT)?, cursor.text(WHAT)?, cursor.text(WHAT)?);
     let place = cursor.place();
@@ -133,7 +133,7 @@ fn descriptor(cursor: &mut Cursor<'_>) -> Result<Descriptor, VoxelError> {
 }
 
 /// Returns the `class` in a grid's metadata; may be empty.
-pub(super) fn class(cursor: &mut Cursor<'_>) -> Result<String, VoxelError> {
+pub(super) fn class(cursor: &mut ByteCursor<'_>) -> Result<String, VoxelError> {
     let mut class = String::new();
     skip_metadata(cursor, |name, value| {
         if name == "class" {
@@ -143,7 +143,7 @@ pub(super) fn class(cursor: &mut Cursor<'_>) -> Result<String, VoxelError> {
     Ok(class)
 }
 
-fn skip_metadata(cursor: &mut Cursor<'_>, mut see: impl FnMut(&str, &[u8])) -> Result<(), VoxelError> {
+fn skip_metadata(cursor: &mut ByteCursor<'_>, mut see: impl FnMut(&str, &[u8])) -> Result<(), VoxelError> {
     const WHAT: &str = "the metadata";
     for _ in 0..cursor.u32(WHAT)? {
         let name = cursor.text(WHAT)?;

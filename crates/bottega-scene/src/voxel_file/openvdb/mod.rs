@@ -9,7 +9,7 @@ mod tree;
 
 use self::header::{Descriptor, Header};
 pub(super) use self::header::{list, recognizes};
-use super::cursor::Cursor;
+use super::cursor::ByteCursor;
 use super::error::VoxelError;
 use super::voxels::{GridClass, Store, VoxelGrid};
 
@@ -19,7 +19,7 @@ pub(super) fn read(bytes: &[u8], store: &Store<'_>) -> Result<Option<VoxelGrid>,
     let has_name = |grid: &&Descriptor| grid.name() == store.name && grid.layout.is_some();
     let Some(grid) = header.grids.iter().find(has_name) else { return Ok(None) };
     let Some(layout) = grid.layout else { return Ok(None) };
-    let mut cursor = Cursor::new(bytes, grid.start);
+    let mut cursor = ByteCursor::new(bytes, grid.start);
     let mut compression = cursor.u32("the compression of a grid")?;
     let class = header::class(&mut cursor)?;
     let file_from_index = transform::read(&mut cursor, store.name)?;
@@ -31,7 +31,7 @@ pub(super) fn read(bytes: &[u8], store: &Store<'_>) -> Result<Option<VoxelGrid>,
         else {
             return Ok(None);
         };
-        topology = Cursor::new(bytes, parent.start);
+        topology = ByteCursor::new(bytes, parent.start);
         compression = topology.u32("the compression of a grid")?;
         header::class(&mut topology)?;
         transform::read(&mut topology, store.name)?;
@@ -46,5 +46,5 @@ pub(super) fn read(bytes: &[u8], store: &Store<'_>) -> Result<Option<VoxelGrid>,
         values: Vec::new(),
         tiles: Vec::new(),
     };
-    tree::read(topology, Cursor::new(bytes, buffers), layout, compression, empty, store).map(Some)
+    tree::read(topology, ByteCursor::new(bytes, buffers), layout, compression, empty, store).map(Some)
 }

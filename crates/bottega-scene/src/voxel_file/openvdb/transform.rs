@@ -2,14 +2,14 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::super::cursor::Cursor;
+use super::super::cursor::ByteCursor;
 use super::super::error::VoxelError;
 
 /// Reads the transformation from index space to the space of the file. `grid`: its name, for messages.
-pub(super) fn read(cursor: &mut Cursor<'_>, grid: &str) -> Result<DAffine3, VoxelError> {
+pub(super) fn read(cursor: &mut ByteCursor<'_>, grid: &str) -> Result<DAffine3, VoxelError> {
     const WHAT: &str = "the transformation of a grid";
     let map = cursor.text(WHAT)?;
-    let vector = |cursor: &mut Cursor<'_>| cursor.f64s::<3>(WHAT).map(DVec3::from_array);
+    let vector = |cursor: &mut ByteCursor<'_>| cursor.f64s::<3>(WHAT).map(DVec3::from_array);
     Ok(match map.as_str() {
         "AffineMap" | "UnitaryMap" => {
             // Rows, of which the last is the translation: points are row vectors.

@@ -3,7 +3,7 @@
 use glam::{IVec3, Vec3};
 
 use super::super::blosc;
-use super::super::cursor::{Cursor, count_set, is_set};
+use super::super::cursor::{ByteCursor, count_set, is_set};
 use super::super::error::VoxelError;
 use super::super::nodes::{LOWER, NodeLevel, ROOT_CHILD_LOG2, UPPER};
 use super::super::voxels::{Store, Tile, VoxelGrid};
@@ -19,8 +19,8 @@ const BLOSC: u32 = 4;
 ///
 /// - `topology`, `buffers`: places of the nodes and of the leaves' values.
 pub(super) fn read(
-    topology: Cursor<'_>,
-    buffers: Cursor<'_>,
+    topology: ByteCursor<'_>,
+    buffers: ByteCursor<'_>,
     layout: ValueLayout,
     compression: u32,
     grid: VoxelGrid,
@@ -34,7 +34,7 @@ pub(super) fn read(
 }
 
 struct Tree<'a> {
-    cursor: Cursor<'a>,
+    cursor: ByteCursor<'a>,
     layout: ValueLayout,
     /// [`ZIP`], [`ACTIVE_VALUES_ONLY`] and [`BLOSC`].
     compression: u32,
