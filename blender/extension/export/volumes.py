@@ -63,7 +63,8 @@ class Volumes:
             if not self._put(key, item, matrices[row].astype(np.float64), dirty, seen):
                 self._remove(key)
         self._voxels = {place: voxels for place, voxels in self._voxels.items() if place in seen}
-        for key in [key for key in self._placed if key not in {key for key, _, _ in volumes}]:
+        there = {key for key, _, _ in volumes}
+        for key in [key for key in self._placed if key not in there]:
             self._remove(key)
             self._report.forget(key)
         if not self._placed and BOX in self._scene.meshes:

@@ -170,6 +170,16 @@ impl Medium {
         Coefficients { absorption, scattering, emission }
     }
 
+    /// Returns true if the medium may emit between two corners of the unit cube.
+    pub fn may_emit(&self, variation: &Variation, corners: [Vec3; 2]) -> bool {
+        let Some(emission) = &variation.emission else {
+            return self.emission != Spectrum::ZERO && variation.may_absorb(corners);
+        };
+        self.emission != Spectrum::ZERO
+            && emission.may_shine(corners)
+            && (!emission.times_density() || variation.may_absorb(corners))
+    }
+
     /// Returns an upper bound of σ_a + σ_s over all channels between two corners of the unit cube.
     pub fn extinction_max(&self, variation: &Variation, corners: [Vec3; 2]) -> f32 {
         let most = |grid: &Grid, coefficient: Spectrum| (grid.max_within(corners) * coefficient).max_element();
@@ -181,18 +191,6 @@ impl Medium {
                 most(absorption, self.absorption) + most(scattering, self.scattering)
             }
         }
-    }
-}
-
-impl Medium {
-    /// Returns true if the medium may emit between two corners of the unit cube.
-    pub fn may_emit(&self, variation: &Variation, corners: [Vec3; 2]) -> bool {
-        let Some(emission) = &variation.emission else {
-            return self.emission != Spectrum::ZERO && variation.may_absorb(corners);
-        };
-        self.emission != Spectrum::ZERO
-            && emission.may_shine(corners)
-            && (!emission.times_density() || variation.may_absorb(corners))
     }
 }
 

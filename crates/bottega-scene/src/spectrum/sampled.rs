@@ -106,8 +106,9 @@ impl Sampled {
         rgb(self.mitsuba_integral(false))
     }
 
-    /// Converts radiance without normalization: constant 1 has luminance 1 and the colour of equal energy.
-    pub(crate) fn radiance(&self) -> Spectrum {
+    /// Converts as pbrt-v4 shows spectral radiance, without scaling it: constant 1 has luminance 1 and the colour of equal
+    /// energy.
+    pub(crate) fn pbrt_radiance(&self) -> Spectrum {
         rgb(self.xyz(|_| 1.0))
     }
 

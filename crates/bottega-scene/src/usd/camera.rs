@@ -49,6 +49,9 @@ pub(super) fn add(walk: &mut Walk<'_, '_, '_>, visited: &Visited<'_>) {
             source.unsupported_once(path, "the exposure of cameras is left out; set `--exposure`");
         }
     }
+    if number("shutter:open", 0.0) != number("shutter:close", 0.0) {
+        source.unsupported_once(path, "the shutter of cameras is left out; set `--shutter`");
+    }
     if source.value(prim, "clippingPlanes", time).is_some() {
         source.unsupported(path, "`clippingPlanes` are left out");
     }

@@ -8,7 +8,6 @@ use openusd::usd::Prim;
 use super::context::{Visited, Walk};
 use super::source::StageSource;
 use super::texture::{SourceSpace, StandIn, WantedTexture};
-use crate::color::luminance;
 use crate::model::Mesh;
 use crate::spectrum::sampled::Sampled;
 use crate::text::shortened;
@@ -130,6 +129,13 @@ pub(super) fn of_surface(walk: &Walk<'_, '_, '_>, visited: &Visited<'_>) -> Opti
         return None;
     }
     report_unused(source, prim, time, &schemas);
+    let sync = source.text(prim, "light:materialSyncMode", time);
+    if sync.as_deref().is_some_and(|mode| mode != "materialGlowTintsLight") {
+        source.unsupported(
+            prim.path().as_str(),
+            "`light:materialSyncMode` is left out: the surface glows as its light shines",
+        );
+    }
     Some(strength(source, prim, time, 1.0))
 }
 
@@ -230,9 +236,7 @@ fn strength(source: &StageSource<'_>, prim: &Prim, time: f64, usual: f64) -> Str
 
 /// Returns the colour of a black body with luminance 1, as UsdLuxBlackbodyTemperatureAsRgb does.
 fn temperature_color(kelvin: f64) -> DVec3 {
-    let color = Sampled::blackbody(kelvin.clamp(1000.0, 10_000.0)).mitsuba_radiance().max(Vec3::ZERO);
-    let brightness = luminance(color);
-    if brightness > 0.0 { (color / brightness).as_dvec3() } else { DVec3::ONE }
+    Sampled::blackbody(kelvin.clamp(1000.0, 10_000.0)).pbrt_illuminant().as_dvec3()
 }
 
 /// Warns about inputs that are left out.

@@ -61,8 +61,9 @@ pub(super) fn place(
         LightShape::Point { radius } => {
             let scale = even_scale(&world.matrix3).map_or_else(|| world.matrix3.determinant().abs().cbrt(), |it| it.0);
             let disk = PI * (radius * scale) * (radius * scale);
-            // A sphere has four times the area of its disk
-            let intensity = spec.strength.of_size(4.0 * disk) * if disk > 0.0 { disk as f32 } else { 1.0 };
+            // A sphere has four times the area of its disk, so the intensity of a normalized light is a quarter, also of a point
+            let size = if disk > 0.0 { disk } else { 1.0 };
+            let intensity = spec.strength.of_size(4.0 * size) * size as f32;
             let position = world.translation.as_vec3();
             let kind = match (spec.cone, toward(DVec3::NEG_Z)) {
                 (Some(cone), Some(direction)) => {

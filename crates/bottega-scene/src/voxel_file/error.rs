@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::error::SceneError;
+use crate::grid::{GRID_SIDE_MAX, GridError};
 
 /// An error of reading a file of voxels. Places are bytes from its begin, or of an unpacked grid.
 #[derive(Debug, thiserror::Error)]
@@ -21,6 +22,12 @@ pub(crate) enum VoxelError {
     Codec { codec: String },
     #[error("the transformation `{map}` of grid `{grid}` is not supported: write it with an affine one")]
     Transform { map: String, grid: String },
+    #[error("its voxels reach over {width} along an axis, and {GRID_SIDE_MAX} can be read: cut it")]
+    Wide { width: i64 },
+    #[error("its nodes name more bytes than the {bytes} that the grid has")]
+    Nodes { bytes: usize },
+    #[error(transparent)]
+    Grid(#[from] GridError),
     #[error(transparent)]
     Memory(Box<SceneError>),
 }
@@ -30,7 +37,7 @@ impl VoxelError {
     pub(crate) fn in_file(self, path: &Path) -> SceneError {
         match self {
             Self::Memory(error) => *error,
-            Self::Version { .. } | Self::Codec { .. } | Self::Transform { .. } => {
+            Self::Version { .. } | Self::Codec { .. } | Self::Transform { .. } | Self::Wide { .. } => {
                 SceneError::Invalid { path: path.into(), place: String::new(), problem: self.to_string() }
             }
             _ => SceneError::Damaged { path: path.into(), problem: self.to_string() },

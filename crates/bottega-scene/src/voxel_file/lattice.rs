@@ -77,7 +77,7 @@ impl Lattice {
         let count = (high + 1 - low).map(|side| side.div_euclid(SIDE) + 1);
         let side = count.max_element() * SIDE;
         if side > i64::from(GRID_SIDE_MAX) {
-            return Err(VoxelError::Value { place: 0, what: "the width of a grid in voxels, counted", found: side });
+            return Err(VoxelError::Wide { width: side });
         }
         Ok(Some(Self { low, count }))
     }

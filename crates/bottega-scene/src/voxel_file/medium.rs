@@ -33,7 +33,7 @@ impl Voxels {
     /// - `max_memory_bytes`: memory of the file and the grids.
     ///
     /// # Errors
-    /// The file cannot be read, is damaged, is no file of voxels or needs more memory.
+    /// The file cannot be read, is damaged, is not a voxel file or needs more memory.
     pub fn read(
         path: &Path,
         density: &str,
@@ -52,7 +52,7 @@ impl Voxels {
     /// Lists the grids of a file of voxels: names, and kinds of values as the format calls them.
     ///
     /// # Errors
-    /// The file cannot be read, is damaged or is no file of voxels.
+    /// The file cannot be read, is damaged or is not a voxel file.
     pub fn list(path: &Path, max_memory_bytes: usize) -> Result<Vec<(String, String)>, SceneError> {
         let bytes = read_file(path, &MemoryBudget::new(max_memory_bytes))?;
         let (_, grids) = format::list(&bytes).map_err(|error| error.in_file(path))?;

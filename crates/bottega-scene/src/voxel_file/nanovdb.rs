@@ -239,7 +239,7 @@ impl Block<'_> {
     fn visit(&mut self, bytes: usize) -> Result<(), VoxelError> {
         self.visits += bytes;
         if self.visits > self.bytes.len() {
-            return Err(VoxelError::Value { place: 0, what: "the size of all nodes", found: self.visits as i64 });
+            return Err(VoxelError::Nodes { bytes: self.bytes.len() });
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bottega_scene::{LoadOptions, Loaded, Medium, Scene, SceneError, Spectrum, load};
+use bottega_scene::{LoadOptions, Loaded, Medium, Scene, SceneError, Spectrum, Voxels, load};
 use glam::{DVec3, Vec3};
 
 use crate::mutation::{Random, damage, survive};
@@ -73,6 +73,23 @@ fn voxels_have_the_values_that_openvdb_wrote() {
         let found = f64::from(at(&loaded.scene, world(0.5 * (a + b))).0);
         assert!((found - 2.0 * middle).abs() < 2e-3, "{a}: {found} {middle}");
     }
+}
+
+#[test]
+fn half_precision_and_other_voxels_are_read() {
+    let voxels =
+        |density, temperature| Voxels::read(&data("fire.vdb"), density, temperature, 1 << 30).unwrap().unwrap();
+    // Eighths are exact in half precision
+    assert_eq!(voxels("half", None).density, voxels("density", None).density);
+    // Voxels twice as wide are sampled at those of the density
+    let voxels = voxels("density", Some("coarse"));
+    let temperatures = voxels.temperatures.unwrap();
+    let kelvin = |voxel: f64| {
+        let p = voxels.file_from_cube.inverse().transform_point3(DVec3::new(1.0, 2.0, 3.0) + 0.1 * voxel);
+        temperatures.at(p.as_vec3()).x
+    };
+    assert_eq!([kelvin(16.0), kelvin(14.0), kelvin(8.0)].map(f32::round), [2000.0, 2000.0, 0.0]);
+    assert!((kelvin(13.0) - 2000.0).abs() < 1.0, "{}", kelvin(13.0));
 }
 
 #[test]

@@ -155,3 +155,41 @@ fn code(codes: &[u8], bits: usize, index: usize) -> u16 {
     let first = bits * index;
     u16::from(codes[first / 8]) >> (first % 8) & ((1 << bits) - 1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A leaf whose values are 2 + 0.5 · (index mod 2^bits).
+    fn leaf(bits: usize, flags: u8) -> Vec<u8> {
+        let mut bytes = vec![0; LEAF_HEAD_BYTES];
+        bytes[LEAF_FLAGS] = flags;
+        bytes.extend(2.0_f32.to_le_bytes());
+        bytes.extend(0.5_f32.to_le_bytes());
+        bytes.resize(96, 0);
+        let per_byte = 8 / bits.min(8);
+        let code = |index: usize| (index % (1 << bits)) as u16;
+        if bits == 16 {
+            bytes.extend((0..BRICK_CELLS).flat_map(|index| code(index).to_le_bytes()));
+        } else {
+            let byte = |first: usize| (0..per_byte).map(|i| code(first + i) << (bits * i)).sum::<u16>() as u8;
+            bytes.extend((0..BRICK_CELLS).step_by(per_byte).map(byte));
+        }
+        bytes
+    }
+
+    #[test]
+    fn quantized_leaves_have_least_value_and_step() {
+        let by_flags = [1, 2, 4, 8, 16].into_iter().zip(0..).map(|(bits, log2)| (bits, Kind::of(16), log2 << 5));
+        let by_kind = [(4, 13), (8, 14), (16, 15)].map(|(bits, number)| (bits, Kind::of(number), 0));
+        for (bits, kind, flags) in by_flags.chain(by_kind) {
+            let (kind, bytes, mut values) = (kind.unwrap(), leaf(bits, flags), Vec::new());
+            let place = kind.layout().leaf_values;
+            kind.leaf(&bytes, 0, place, &mut values).unwrap();
+            let expected = |index: usize| 2.0 + 0.5 * (index % (1 << bits)) as f32;
+            assert!(values.iter().enumerate().all(|(index, &value)| value == expected(index)), "{bits} bits");
+            assert_eq!(values.len(), BRICK_CELLS);
+            assert!(kind.leaf(&bytes[..bytes.len() - 1], 0, place, &mut values).is_err());
+        }
+    }
+}
