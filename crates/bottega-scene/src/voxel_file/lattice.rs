@@ -193,9 +193,7 @@ impl Builder<'_> {
     fn finish(self) -> Result<(Grid, usize), VoxelError> {
         let not_finite = self.values.iter().filter(|value| !value.is_finite()).count();
         let size = (self.count * SIDE).to_array().map(|side| side as u32);
-        let grid = Grid::of_bricks(size, self.channels, self.table, self.values, Blend::LinearFading);
-        let grid =
-            grid.map_err(|_| VoxelError::Value { place: 0, what: "the number of voxels, counted", found: -1 })?;
+        let grid = Grid::of_bricks(size, self.channels, self.table, self.values, Blend::LinearFading)?;
         Ok((grid, not_finite))
     }
 }
