@@ -67,8 +67,7 @@ class Transport:
     """FIPA's message transport over HTTP: one address for what comes, one connection for each message that goes."""
 
     def __init__(self, name, listen, hear):
-        self.hear = hear
-        outer = self
+        came = queue.Queue()
 
         class Handler(http.server.BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
@@ -77,10 +76,11 @@ class Transport:
                 body = self.rfile.read(int(self.headers["Content-Length"]))
                 head = f"Content-Type: {self.headers['Content-Type']}\r\n\r\n".encode()
                 parts = email.parser.BytesParser().parsebytes(head + body).get_payload()
+                # The next message is sent after this answer: taking the message first keeps their order.
+                came.put(parse(parts[1].get_payload(decode=True).decode())[0])
                 self.send_response(200)
                 self.send_header("Content-Length", "0")
                 self.end_headers()
-                outer.hear(parse(parts[1].get_payload(decode=True).decode())[0])
 
             def log_message(self, *_):
                 pass
@@ -91,6 +91,15 @@ class Transport:
         self.address = f"http://{listen}:{port}/acc"
         self.name = f"{name}@{socket.gethostname()}-{port}"
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+        def hear_all():
+            for message in iter(came.get, None):
+                try:
+                    hear(message)
+                except Exception as error:
+                    print(f"a message was not understood, or not answered: {error}", file=sys.stderr, flush=True)
+
+        threading.Thread(target=hear_all, daemon=True).start()
 
     def send(self, act, to, content, conversation, protocol, in_reply_to=None):
         (name, address), boundary = to, "part-" + uuid.uuid4().hex
@@ -172,30 +181,40 @@ class Stranger:
     def ask(self, act, to, content, conversation, protocol, wanted):
         """Says something, and waits for an answer of these acts."""
         self.transport.send(act, to, content, conversation, protocol)
-        while True:
-            message = self.heard.get(timeout=20)
-            if message["conversation-id"] == conversation and message["act"] in wanted:
-                return message
+        others, until = [], time.monotonic() + 20
+        try:
+            while True:
+                message = self.heard.get(timeout=max(0.0, until - time.monotonic()))
+                if message["conversation-id"] == conversation and message["act"] in wanted:
+                    return message
+                others.append(message)
+        except queue.Empty:
+            raise TimeoutError(f"{to[0]} does not answer") from None
+        finally:
+            for message in others:
+                self.heard.put(message)
 
-    def find_master(self):
-        """The Master of a job that admits strangers, by the yellow pages of the farm's platform."""
+    def masters(self):
+        """The names and addresses of the Masters of jobs that admit strangers, by the yellow pages of the farm's platform."""
         with urllib.request.urlopen(self.options.platform, timeout=10) as answer:
             platform = fields(parse(answer.read().decode())[0])["name"]
         df = (f"df@{platform}", self.options.platform)
         service = ["service-description", ":type", "bottega-master"]
-        is_waiting = False
         search = ["search", ["df-agent-description", ":services", ["set", service]], ["search-constraints", ":max-results", "-1"]]
-        while True:
-            found = self.ask("request", df, [["action", aid(*df), search]], uuid.uuid4().hex, "fipa-request",
-                             ("inform", "failure", "refuse", "not-understood"))
-            agents = found["content"][0][0][2][1:] if found["act"] == "inform" else []
-            if agents:
-                name = fields(fields(agents[0])["name"])
-                return name["name"], name["addresses"][1]
+        found = self.ask("request", df, [["action", aid(*df), search]], uuid.uuid4().hex, "fipa-request",
+                         ("inform", "failure", "refuse", "not-understood"))
+        agents = found["content"][0][0][2][1:] if found["act"] == "inform" else []
+        names = [fields(fields(agent)["name"]) for agent in agents]
+        return [(name["name"], name["addresses"][1]) for name in names]
+
+    def find_master(self):
+        is_waiting = False
+        while not (masters := self.masters()):
             if not is_waiting:
-                print(f"{self.transport.name} waits for a picture of {platform}", flush=True)
+                print(f"{self.transport.name} waits for a picture at {self.options.platform}", flush=True)
                 is_waiting = True
             time.sleep(0.5)
+        return masters[0]
 
     def hear(self, message):
         """Takes a message: what is urgent at once, the rest when there is time."""
@@ -268,15 +287,20 @@ class Stranger:
             sys.exit(f"{self.master[0]} does not want this agent: {write(first['content'][0])}")
         print(f"{self.transport.name} takes part in the work of {self.master[0]}", flush=True)
         painting = threading.Thread(target=self.paint_all, daemon=True)
-        painting.start()
         try:
             while True:
-                told = self.heard.get()
+                try:
+                    told = self.heard.get(timeout=10)
+                except queue.Empty:  # Its last message may be lost, or it was killed.
+                    if self.master not in self.masters():
+                        sys.exit(f"{self.master[0]} is no longer in the yellow pages")
+                    continue
                 if told["conversation-id"] != conversation:
                     continue
                 content = told["content"][0]
                 if told["act"] == "inform" and content[0][0] == "=":
                     self.painter = Painter(fields(content[0][2]), self.options.variant)
+                    painting.start()
                 elif told["act"] == "inform" and content[0][0] == "done":
                     return print(f"the picture is painted, {self.painted} orders here", flush=True)
                 elif told["act"] in ("failure", "refuse"):
@@ -286,12 +310,11 @@ class Stranger:
         finally:
             self.orders.queue.clear()  # Mitsuba must come to an end before Python does.
             self.orders.put(None)
-            painting.join()
+            if painting.ident:
+                painting.join()
 
     def paint_all(self):
         for order, told in iter(self.orders.get, None):
-            while self.painter is None:
-                time.sleep(0.05)
             if order["order"] not in self.withdrawn:
                 self.deliver(order, told)
 
@@ -303,4 +326,7 @@ if __name__ == "__main__":
     parser.add_argument("--name", default="mitsuba", help="the agent's name")
     parser.add_argument("--variant", default="scalar_rgb", help="Mitsuba's variant, such as llvm_ad_rgb")
     parser.add_argument("--verbose", action="store_true")
-    Stranger(parser.parse_args()).run()
+    try:
+        Stranger(parser.parse_args()).run()
+    except OSError as error:
+        sys.exit(f"the platform does not answer: {error}")

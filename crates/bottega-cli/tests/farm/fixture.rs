@@ -300,6 +300,9 @@ impl Farm {
 
 impl Drop for Farm {
     fn drop(&mut self) {
+        if thread::panicking() {
+            eprintln!("logs of the farm:\n{}", self.logs());
+        }
         self.up = None;
         self.kill_server();
     }
