@@ -17,7 +17,7 @@ use std::{
 use bottega_hra::{HraClient, HraReport, LifeTime};
 use bottega_image::{Picture, Tile};
 use bottega_render::{
-    AgentUse, PreparedScene, Prepass, RenderWork, View,
+    AgentUse, LightGroups, PreparedScene, Prepass, RenderWork, View,
     ala::AgentReport,
     integrator::{PathIntegrator, learn_together},
     photon::{MapBytes, cast_photons},
@@ -84,6 +84,7 @@ impl BuiltinEngine {
             scene,
             prepass,
             options,
+            light_groups: None,
             devices: resources.devices,
             cancelled: AtomicBool::new(false),
             sample_ns: AtomicU64::new(SAMPLE_NS_GUESSED),
@@ -101,6 +102,16 @@ impl BuiltinEngine {
             is_left: AtomicBool::new(false),
             zones: Mutex::default(),
         }
+    }
+
+    /// Keeps the light of groups of lights apart, in the averaged layers of the picture: red, green and blue of each group.
+    ///
+    /// # Panics
+    /// The engine already renders.
+    #[must_use]
+    pub fn with_light_groups(mut self, groups: Option<Arc<LightGroups>>) -> Self {
+        Arc::get_mut(&mut self.shared).expect("no zone is rendered yet").light_groups = groups;
+        self
     }
 
     /// Sets the urgency of the picture.

@@ -77,6 +77,7 @@ fn a_processor_and_a_device_paint_one_picture() {
         settings: Arc::clone(&settings),
         tile: Tile::new(rect, layout.clone()),
         samples: 0..16,
+        light_groups: None,
     };
     let units = whole.blocks(8).zip(0..).map(|(rect, n)| WorkUnit::new(RenderWork::Block(block(rect)), n));
     client.submit_group(units.collect()).unwrap();

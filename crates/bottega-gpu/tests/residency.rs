@@ -53,6 +53,7 @@ fn work(scene: &Arc<PreparedScene>, rect: Rect) -> RenderWork {
         settings: Arc::new(PathSettings { guiding: false, max_depth: 4, ..PathSettings::default() }),
         tile: Tile::new(rect, Layout::new(AovSet::NONE)),
         samples: 0..4,
+        light_groups: None,
     })
 }
 

@@ -59,10 +59,14 @@ impl Layout {
         self.layers.as_ref().map_or(&[], |layers| &layers.list)
     }
 
+    /// Returns the offset of the first averaged layer.
+    pub(crate) fn mean_layers_start(&self) -> usize {
+        self.sums_end() - self.layers.as_ref().map_or(0, |layers| layers.mean_channels)
+    }
+
     /// Iterates over the layers with their offsets.
     pub fn placed_layers(&self) -> impl Iterator<Item = (usize, &Layer)> {
-        let begin = self.sums_end() - self.layers.as_ref().map_or(0, |layers| layers.mean_channels);
-        self.layers().iter().scan(begin, |next, layer| {
+        self.layers().iter().scan(self.mean_layers_start(), |next, layer| {
             let offset = *next;
             *next += layer.channels.len();
             Some((offset, layer))

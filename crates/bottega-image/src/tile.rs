@@ -133,6 +133,14 @@ impl Tile {
         }
     }
 
+    /// Adds the values of one sample to the averaged layers of pixel (x, y), in their order, beside [`Self::add`].
+    pub fn add_layers<'v>(&mut self, x: u32, y: u32, values: impl IntoIterator<Item = &'v f32>) {
+        let stride = self.layout.stride();
+        let start = self.rect.index(x, y) * stride;
+        let range = start + self.layout.mean_layers_start()..start + self.layout.sums_end();
+        self.sums[range].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+    }
+
     /// Estimates the relative error of the means of this tile: the root of the mean over all pixels and channels of
     /// variance / (mean² + 0.01), the measure of [`rel_mse`](crate::metrics::rel_mse).
     ///

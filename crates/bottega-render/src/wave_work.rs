@@ -80,6 +80,9 @@ impl Wave {
         if settings.photons.is_some() {
             return Some("photons and lighting agents follow rays of their own");
         }
+        if !layout.layers().is_empty() {
+            return Some("light groups are kept by whole paths on processors");
+        }
         if prepared.moves() {
             return Some("something moves while the shutter is open, and such rays have a time");
         }

@@ -5,11 +5,13 @@ use std::{fmt, ops::Range, sync::Arc};
 use bottega_hra::{DataId, Primitive, RayQuery, RayWork, Work};
 use bottega_image::{Rect, Tile};
 use bottega_kernels::{Hit, Ray};
+use bottega_scene::Spectrum;
 
 use crate::{
     ala::{Agent, AgentWork, SensorReadings, SensorWork},
     error::RenderError,
-    integrator::{Integrator, Wanted, WantedSurface, Wave},
+    integrator::{GroupBuffer, Integrator, Wanted, WantedSurface, Wave},
+    lights::LightGroups,
     photon::{IrradiancePlaces, IrradianceWork, PhotonWork, TracedPhotons},
     prepare::PreparedScene,
     prepass::Prepass,
@@ -69,6 +71,8 @@ pub struct BlockWork {
     pub tile: Tile,
     /// Indices of the samples to add to each pixel.
     pub samples: Range<u32>,
+    /// Groups of lights whose light is kept apart, in the averaged layers of the tile; `None`: there are none.
+    pub light_groups: Option<Arc<LightGroups>>,
 }
 
 /// A work unit that probes a block of pixels quickly, by unguided paths.
@@ -177,7 +181,7 @@ impl BlockWork {
     /// # Errors
     /// The scene has no such camera, the view has no pixels, or the integrator does not support the scene.
     pub fn perform(self) -> Result<BlockOutput, RenderError> {
-        let Self { scene, prepass, view, settings, mut tile, samples } = self;
+        let Self { scene, prepass, view, settings, mut tile, samples, light_groups } = self;
         let layout = tile.layout();
         let wanted_surface = WantedSurface::by(layout);
         let wanted = Wanted::by(layout);
@@ -186,7 +190,7 @@ impl BlockWork {
             photons.cast(samples.clone());
         }
         let mut dropped_count = 0;
-        let (mut some, mut records) = (Vec::new(), Vec::new());
+        let (mut some, mut records, mut group_sums) = (Vec::new(), Vec::new(), Vec::new());
         let mut all = tile.rect().pixels().flat_map(|(x, y)| samples.clone().map(move |sample| (x, y, sample)));
         loop {
             some.clear();
@@ -194,10 +198,17 @@ impl BlockWork {
             if some.is_empty() {
                 break;
             }
-            integrator.paint(&some, &mut records);
+            let groups = light_groups.as_deref();
+            let buffer = groups.map(|groups| GroupBuffer { groups, sums: &mut group_sums });
+            integrator.paint(&some, &mut records, buffer);
             for (&(x, y, _), record) in some.iter().zip(&records) {
                 dropped_count += u64::from(record.is_dropped);
                 tile.add(x, y, &record.values);
+            }
+            if let Some(groups) = groups {
+                let of_samples = group_sums.chunks_exact(groups.count());
+                let of_samples = some.iter().zip(of_samples);
+                of_samples.for_each(|(&(x, y, _), sums)| tile.add_layers(x, y, sums.iter().flat_map(Spectrum::as_ref)));
             }
             if let Some(wanted) = wanted_surface {
                 let surfaces = integrator.surfaces(&some, wanted);

@@ -16,6 +16,7 @@ use crate::{
     plan::Plan,
     request::Request,
     session::Reporter,
+    settings::light_groups,
     text::shown,
 };
 
@@ -32,7 +33,7 @@ impl BuiltinPainter {
     ///
     /// # Errors
     /// A device requested by name is missing or does not support this picture.
-    pub(crate) fn open(plan: Plan, subject: LoadedScene) -> Result<Self, Error> {
+    pub(crate) fn open(mut plan: Plan, subject: LoadedScene) -> Result<Self, Error> {
         // Gather the devices that support the scene
         let Plan { job, paths, .. } = &plan;
         let wanted =
@@ -43,6 +44,15 @@ impl BuiltinPainter {
             devices.notes.push(unused_boards_warning(&devices.boards, devices.threads, &devices.gpus));
             devices.boards.clear();
         }
+        // Find the lights of groups
+        let has_groups = !plan.light_groups.is_empty();
+        if has_groups && has_photons {
+            return Err(Error::usage(
+                "photons and lighting agents do not keep the light of groups apart (`film.light_groups`)",
+                "choose --integrator path, or leave out the groups",
+            ));
+        }
+        let (light_groups, group_notes) = light_groups(&plan.light_groups, &subject.prepared);
         // Make the engine, with rays as work units if that pays off
         let wavefront = wants_waves(&plan, &devices)
             && Wave::refusal(&subject.prepared, subject.view, paths, &job.layout).is_none();
@@ -55,13 +65,16 @@ impl BuiltinPainter {
                 wavefront,
             };
             let (scene, prepass) = (Arc::clone(&subject.prepared), Arc::clone(&subject.prepass));
-            BuiltinEngine::on(scene, prepass, options, Arc::clone(&devices.resources)).with_urgency(plan.urgency)
+            BuiltinEngine::on(scene, prepass, options, Arc::clone(&devices.resources))
+                .with_urgency(plan.urgency)
+                .with_light_groups(light_groups.clone())
         };
         let mut made = engine(paths.planned_samples);
         // Only CPU threads learn guides, for a number of samples that must be estimated if the goal is a time.
         if matches!(job.goal, Goal::Time(_)) && devices.threads > 0 {
             made = engine(samples_in_time(&plan, &made));
         }
+        plan.notes.extend(group_notes);
         Ok(Self { subject, engine: Arc::new(made), devices, plan })
     }
 

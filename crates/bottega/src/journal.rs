@@ -114,6 +114,7 @@ pub fn name_of(request: &Request, subject: &LoadedScene, plan: &Plan) -> String 
         format!("env-rotate={}", request.environment.rotate),
         format!("env-strength={}", request.environment.strength),
         format!("aov={:?}", settings.layout.aovs().iter().collect::<Vec<_>>()),
+        format!("light-groups={:?}", plan.light_groups),
     ]
     .join("; ")
 }

@@ -18,6 +18,8 @@ pub(super) enum OptionForm {
     Repeated,
     /// One option `NAME=VALUE` per member.
     Pairs,
+    /// One option `NAME=VALUE` per value of a member, which is a list.
+    PairLists,
     /// Width and height with an `x` between.
     Size,
     /// The source of the environment light: a file, `R,G,B` or a word.
@@ -62,6 +64,7 @@ pub(super) const FIELD_OPTIONS: &[FieldOption] = &[
     row("film.crop", "--crop", OptionForm::List),
     row("film.filter", "--filter", OptionForm::Plain),
     row("film.layers", "--aov", OptionForm::List),
+    row("film.light_groups", "--light-group", OptionForm::PairLists),
     row("film.denoise", "--denoise", OptionForm::Switch),
     row("environment.light", "--env", OptionForm::Environment),
     row("environment.rotate", "--env-rotate", OptionForm::Plain),

@@ -23,7 +23,7 @@ use super::{
     fields::{help, option_of},
     request::RequestArgs,
     scene::{SceneArgs, change, set},
-    values::{LayerNames, parse_rect},
+    values::{LayerNames, parse_light_group, parse_rect},
 };
 use crate::{error::CliError, farm_args::LoginArgs, notifications::NotificationArgs, option_value::parse_seconds};
 
@@ -78,6 +78,8 @@ pub(crate) struct RenderArgs {
     /// engines make only the layers that both have.
     #[arg(long, value_name = "LIST", help_heading = "Output")]
     aov: Option<LayerNames>,
+    #[arg(long = "light-group", value_name = "NAME=PATTERN", value_parser = parse_light_group, help_heading = "Output", help = help("film.light_groups"))]
+    light_groups: Vec<(String, String)>,
     #[arg(long, help_heading = "Output", help = help("film.denoise"))]
     denoise: bool,
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, help_heading = "Output", help = help("output.exposure"))]
@@ -193,6 +195,12 @@ impl RenderArgs {
         set(&mut request.film.crop, self.crop.map(|crop| [crop.x0, crop.y0, crop.x1, crop.y1]));
         set(&mut request.film.filter, self.filter);
         set(&mut request.film.layers, self.aov.clone().map(|LayerNames(names)| names));
+        if !self.light_groups.is_empty() {
+            request.film.light_groups.clear();
+        }
+        for (name, pattern) in &self.light_groups {
+            request.film.light_groups.entry(name.clone()).or_default().push(pattern.clone());
+        }
         request.film.denoise |= self.denoise;
         set(&mut request.goal.samples, self.spp);
         if self.error.is_some() || self.time.is_some() {

@@ -91,6 +91,13 @@ pub(crate) fn parse_define(text: &str) -> Result<(String, String), InvalidValue>
     }
 }
 
+pub(crate) fn parse_light_group(text: &str) -> Result<(String, String), InvalidValue> {
+    match text.split_once('=') {
+        Some((name, pattern)) if !(name.is_empty() || pattern.is_empty()) => Ok((name.to_owned(), pattern.to_owned())),
+        _ => Err("a name, `=` and a pattern are needed, such as key=Lamp*".into()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory;

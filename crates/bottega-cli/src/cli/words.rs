@@ -56,6 +56,13 @@ fn option_words(row: &FieldOption, value: &Value) -> Option<Vec<String>> {
             let pair = |(name, value): (&String, &Value)| Some(with(format!("{name}={}", plain(value)?)));
             value.as_object()?.iter().map(pair).collect()
         }
+        OptionForm::PairLists if value.as_object()?.keys().any(|name| name.contains('=')) => None,
+        OptionForm::PairLists => {
+            let lists = value.as_object()?.iter().map(|(name, values)| {
+                Some(list(values)?.into_iter().map(move |value| with(format!("{name}={value}"))).collect::<Vec<_>>())
+            });
+            lists.collect::<Option<Vec<_>>>().map(|lists| lists.concat())
+        }
         OptionForm::Size => Some(vec![with(list(value)?.join("x"))]),
         OptionForm::Environment => {
             let written = match (value.get("file"), value.get("radiance")) {

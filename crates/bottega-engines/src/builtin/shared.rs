@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 use bottega_image::{Layout, Tile};
-use bottega_render::{PathSettings, PreparedScene, Prepass, View};
+use bottega_render::{LightGroups, PathSettings, PreparedScene, Prepass, View};
 
 /// The name of the built-in engine.
 pub(crate) const NAME: &str = "builtin";
@@ -37,6 +37,8 @@ pub(super) struct Shared {
     pub(super) scene: Arc<PreparedScene>,
     pub(super) prepass: Arc<Prepass>,
     pub(super) options: BuiltinOptions,
+    /// Groups of lights whose light is kept in the averaged layers.
+    pub(super) light_groups: Option<Arc<LightGroups>>,
     /// The number of devices, without the CPU.
     pub(super) devices: usize,
     pub(super) cancelled: AtomicBool,

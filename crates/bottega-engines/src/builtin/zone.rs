@@ -196,6 +196,7 @@ impl<'a> ZonePainter<'a> {
             settings: Arc::clone(&self.settings),
             tile,
             samples: block.next_sample..block.next_sample + block.in_unit,
+            light_groups: self.shared.light_groups.clone(),
         });
         block.next_sample += block.in_unit;
         self.under_way[ticket] = Some(block);

@@ -70,7 +70,15 @@ fn paint(
 ) -> Compared {
     let settings = Arc::new(settings);
     let tile = Tile::new(Rect::new(0, 0, SIDE, SIDE), layout());
-    let block = BlockWork { scene: Arc::clone(scene), prepass: Arc::default(), view: view(), settings, tile, samples };
+    let block = BlockWork {
+        scene: Arc::clone(scene),
+        prepass: Arc::default(),
+        view: view(),
+        settings,
+        tile,
+        samples,
+        light_groups: None,
+    };
     let processor = block.clone().perform().unwrap().tile;
     let outcome = worker.perform(vec![RenderWork::Block(block)]).remove(0);
     match outcome.unwrap() {
@@ -228,6 +236,7 @@ fn a_lost_device_gives_blocks_back_and_is_made_anew() {
         settings: Arc::new(settings()),
         tile: Tile::new(Rect::new(x, 0, x + 8, 8), layout()),
         samples: 0..2,
+        light_groups: None,
     };
     worker.device().unwrap().lose();
     let outcomes = worker.perform(vec![RenderWork::Block(block(0)), RenderWork::Block(block(8))]);
@@ -256,6 +265,7 @@ fn what_is_no_work_for_the_device_is_given_back_and_the_rest_is_done() {
             settings,
             tile,
             samples,
+            light_groups: None,
         })
     };
     let costly = Layout::new(AovSet::NONE.with(Aov::Cost));

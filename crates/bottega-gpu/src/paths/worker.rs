@@ -174,6 +174,7 @@ impl PathWorker {
             settings: Arc::new(settings),
             tile: Tile::new(Rect::of_size(1, 1), Layout::new(AovSet::NONE)),
             samples: 0..1,
+            light_groups: None,
         };
         let kind = BatchKind::of(&block);
         let batch = BlockBatch::new(scene, &kind, &[&block])?;

@@ -1,5 +1,6 @@
 //! Integrators: they estimate the radiance of a pixel's samples.
 
+mod group_sums;
 mod path;
 mod photon;
 mod planned;
@@ -10,6 +11,7 @@ mod turns;
 mod volume;
 mod wave;
 
+pub(crate) use group_sums::GroupBuffer;
 pub use path::{PathIntegrator, learn_together};
 pub use photon::PhotonIntegrator;
 pub(crate) use photon::{GatherBuffers, SensorPlace, sensing_settings};
@@ -54,9 +56,16 @@ impl<'a> Integrator<'a> {
 
     /// Traces samples, given as (x, y, sample index). Replaces the contents of `records` with their records, in the
     /// same order.
-    pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
+    ///
+    /// - `groups`: receives the light by groups of lights; photons fill none.
+    pub(crate) fn paint(
+        &self,
+        samples: &[(u32, u32, u32)],
+        records: &mut Vec<PathRecord>,
+        groups: Option<GroupBuffer<'_>>,
+    ) {
         match self {
-            Self::Paths(integrator) => compiled::run(Painting { integrator, samples, records }),
+            Self::Paths(integrator) => compiled::run(Painting { integrator, samples, records, groups }),
             Self::Photons(integrator) => integrator.paint(samples, records),
         }
     }

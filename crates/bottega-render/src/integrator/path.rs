@@ -78,6 +78,7 @@ impl PathIntegrator<'_> {
             due: None,
             wants_albedo: self.wanted.albedo,
             record: PathRecord::default(),
+            groups: None,
         }
     }
 }
@@ -191,7 +192,7 @@ impl Path<'_> {
     #[inline(always)]
     fn add_unlit(&mut self, point: &Interaction, color: &ColorParam) {
         let color = point.unlit(self.integrator.prepared.scene(), color);
-        self.radiance += self.throughput * color;
+        self.add_of_hit(&point.hit, self.throughput * color);
         self.record.record_albedo(&mut self.wants_albedo, color);
     }
 
@@ -332,10 +333,13 @@ impl Path<'_> {
         self.rays().is_occluded(ray)
     }
 
-    /// Returns the record of a path that has ended.
+    /// Returns the record of a path that has ended, multiplied by the factor of its sample.
     #[inline(always)]
-    pub(super) fn finish(&mut self) -> PathRecord {
-        self.record.keep(self.radiance, self.integrator.settings.sample_max);
-        self.record
+    pub(super) fn finish(&mut self, factor: f32) -> PathRecord {
+        let kept = self.record.keep(self.radiance, self.integrator.settings.sample_max);
+        if let Some(groups) = &mut self.groups {
+            groups.scale(kept * factor);
+        }
+        self.record.scaled(factor)
     }
 }

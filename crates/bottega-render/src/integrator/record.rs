@@ -90,25 +90,26 @@ impl PathRecord {
         PATH + vertex * f64::from(self.vertex_count) + SHADOW_RAY * f64::from(self.counts.shadow_rays)
     }
 
-    /// Stores the radiance of a path that has ended; drops it if it is not finite.
+    /// Stores the radiance of a path that has ended; drops it if it is not finite. Returns the share that is kept, from 0
+    /// to 1.
     ///
     /// - `most`: greatest channel; see [`PathSettings::sample_max`](crate::settings::PathSettings::sample_max).
     #[inline(always)]
-    pub(super) fn keep(&mut self, radiance: Spectrum, most: f32) {
+    pub(super) fn keep(&mut self, radiance: Spectrum, most: f32) -> f32 {
         self.is_dropped = !radiance.is_finite();
         if self.is_dropped {
             self.values.direct = [0.0; 3];
-            return;
+            return 0.0;
         }
         let direct = if self.is_split { self.values.direct.into() } else { radiance };
         let greatest = radiance.max_element();
-        let [radiance, direct] = if greatest > most {
-            [radiance, direct].map(|light| light * (most / greatest))
-        } else {
-            [radiance, direct]
-        };
+        let is_too_bright = greatest > most;
+        let share = if is_too_bright { most / greatest } else { 1.0 };
+        let [radiance, direct] =
+            if is_too_bright { [radiance, direct].map(|light| light * share) } else { [radiance, direct] };
         self.values.radiance = radiance.to_array();
         self.values.direct = direct.to_array();
+        share
     }
 
     /// Returns the record of a path whose direct light is added by [`Self::add_direct`].

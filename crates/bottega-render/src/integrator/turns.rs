@@ -9,6 +9,7 @@ use bottega_kernels::{
 };
 
 use super::{
+    group_sums::{GroupBuffer, GroupSumsOfPaths},
     path::{BRANCHES_MAX, Branch, DeferredLight, Guidance, Path, PathIntegrator},
     planned::SampleIntegrators,
     record::PathRecord,
@@ -30,6 +31,8 @@ pub(crate) struct Painting<'a> {
     pub(crate) samples: &'a [(u32, u32, u32)],
     /// Receives the records, in the order of `samples`.
     pub(crate) records: &'a mut Vec<PathRecord>,
+    /// Receives the light of the samples by groups of lights, if it is wanted.
+    pub(crate) groups: Option<GroupBuffer<'a>>,
 }
 
 /// A path in flight.
@@ -56,19 +59,23 @@ impl Task for Painting<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { integrator, samples, records } = self;
+        let Self { integrator, samples, records, groups } = self;
         records.clear();
+        let mut groups = groups.map(|groups| groups.of_paths(samples.len()));
         if integrator.goes_alone() {
-            records.extend(samples.iter().map(|&(x, y, sample)| integrator.trace_volume(x, y, sample)));
+            records.extend(samples.iter().map(|&(x, y, sample)| {
+                let groups = groups.as_mut().and_then(Iterator::next);
+                integrator.trace_volume(x, y, sample, groups)
+            }));
             return;
         }
         // Find the integrator of each sample's zone
         let ways = integrator.ways();
         let integrators = SampleIntegrators::new(integrator, ways.as_ref(), samples);
         if integrators.ask_agents() {
-            paint::<true>(&integrators, samples, records);
+            paint::<true>(&integrators, samples, records, groups);
         } else {
-            paint::<false>(&integrators, samples, records);
+            paint::<false>(&integrators, samples, records, groups);
         }
     }
 }
@@ -77,7 +84,8 @@ impl PathIntegrator<'_> {
     /// Traces sample `sample_index` of the pixel (x, y). Radiance that is not finite counts as 0.
     pub fn sample(&self, x: u32, y: u32, sample_index: u32) -> SampleValues {
         let mut records = Vec::new();
-        compiled::run(Painting { integrator: self, samples: &[(x, y, sample_index)], records: &mut records });
+        let samples = &[(x, y, sample_index)];
+        compiled::run(Painting { integrator: self, samples, records: &mut records, groups: None });
         records.first().copied().unwrap_or_default().values
     }
 }
@@ -88,11 +96,12 @@ fn paint<const AGENTS: bool>(
     integrators: &SampleIntegrators<'_, '_>,
     samples: &[(u32, u32, u32)],
     records: &mut Vec<PathRecord>,
+    groups: Option<GroupSumsOfPaths<'_>>,
 ) {
     let Some(&(x, y, _)) = samples.first() else { return };
     let prepared = integrators.of_pixel(x, y).prepared();
     records.resize(samples.len(), PathRecord::default());
-    in_turn::<AGENTS>(prepared, CameraPaths::<AGENTS> { integrators, samples: samples.iter() }, records);
+    in_turn::<AGENTS>(prepared, CameraPaths::<AGENTS> { integrators, samples: samples.iter(), groups }, records);
 }
 
 /// The paths of some samples, which start at the camera. Not a closure: it is called in two places, and functions that
@@ -100,6 +109,7 @@ fn paint<const AGENTS: bool>(
 struct CameraPaths<'a, 'b, const AGENTS: bool> {
     integrators: &'a SampleIntegrators<'a, 'b>,
     samples: slice::Iter<'a, (u32, u32, u32)>,
+    groups: Option<GroupSumsOfPaths<'a>>,
 }
 
 impl<'a, const AGENTS: bool> Iterator for CameraPaths<'a, '_, AGENTS> {
@@ -112,6 +122,7 @@ impl<'a, const AGENTS: bool> Iterator for CameraPaths<'a, '_, AGENTS> {
         let sampler = PixelSampler::new(integrator.settings().seed, x, y, index);
         let (ray, factor) = integrator.camera_ray(&sampler, x, y);
         let mut path = integrator.begin(sampler, &ray, integrator.guide(), None);
+        path.groups = self.groups.as_mut().and_then(Iterator::next);
         if AGENTS {
             path.expect(integrator.place(x, y));
         }
@@ -195,7 +206,7 @@ pub(super) fn in_turn<'a, const AGENTS: bool>(
                 continue;
             }
             // Store the record, and start the next sample in this lane
-            records[lane.sample] = lane.path.finish().scaled(lane.factor);
+            records[lane.sample] = lane.path.finish(lane.factor);
             if let Some((path, factor)) = waiting.next() {
                 (lane.path, lane.sample, lane.factor) = (path, started, factor);
                 started += 1;

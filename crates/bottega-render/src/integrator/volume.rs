@@ -20,6 +20,7 @@ use bottega_scene::{Spectrum, Surface, Visibility};
 use glam::Vec3;
 
 use super::{
+    group_sums::GroupSums,
     path::PathIntegrator,
     record::PathRecord,
     surface::WantedSurface,
@@ -38,7 +39,7 @@ use crate::{
     vertex::{LeavingDirection, SurfaceVertex, bsdf_at_vertex, entered_bsdf_at_vertex, leaving_direction, receiver_at},
 };
 use passage::{BOUNDARIES_MAX, STEPS, numbers};
-use state::{MediumPath, PreviousVertex, SegmentPoint};
+use state::{ArrivingLight, MediumPath, PreviousVertex, SegmentPoint};
 
 /// Cost of one random number of tracking with its grid lookup, in traversal steps.
 const TRACKING_STEPS: f32 = 2.0;
@@ -58,11 +59,15 @@ fn event_of(sample: &BsdfSample) -> Visibility {
 
 impl PathIntegrator<'_> {
     /// Traces one sample of a scene with media or motion.
-    pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32) -> PathRecord {
+    ///
+    /// - `groups`: receives its light by groups of lights, if it is wanted.
+    pub(super) fn trace_volume(&self, x: u32, y: u32, sample_index: u32, groups: Option<GroupSums<'_>>) -> PathRecord {
         let sampler = PixelSampler::new(self.settings().seed, x, y, sample_index);
         let time = self.time_of(&sampler);
         let (ray, factor) = self.camera_ray_at(&sampler, x, y, time);
-        trace(self, sampler, &ray, time).scaled(factor)
+        let mut path = MediumPath { groups, ..begin(self, sampler, &ray, time) };
+        while path.advance() {}
+        path.finish(factor)
     }
 
     /// Returns the time of a path; 0 if nothing moves.
@@ -84,14 +89,7 @@ impl PathIntegrator<'_> {
     }
 }
 
-/// Traces one path. The integrator gives the camera and the settings.
-fn trace(integrator: &PathIntegrator<'_>, sampler: PixelSampler, ray: &CameraRay, time: f32) -> PathRecord {
-    let mut path = begin(integrator, sampler, ray, time);
-    while path.advance() {}
-    path.finish()
-}
-
-/// Starts a path at a camera ray.
+/// Starts a path at a camera ray. The integrator gives the camera and the settings.
 fn begin<'a>(integrator: &PathIntegrator<'a>, sampler: PixelSampler, ray: &CameraRay, time: f32) -> MediumPath<'a> {
     let (prepared, settings) = (integrator.prepared(), integrator.settings());
     MediumPath {
@@ -120,6 +118,7 @@ fn begin<'a>(integrator: &PathIntegrator<'a>, sampler: PixelSampler, ray: &Camer
         wants_albedo: integrator.wanted().albedo,
         wants_cost: integrator.wanted().cost,
         record: PathRecord::split(),
+        groups: None,
     }
 }
 
@@ -138,14 +137,15 @@ impl MediumPath<'_> {
         let interaction = || Interaction::at(prepared, &hit, self.origin, self.direction, cone, self.time);
         let point = hit.is_some().then(interaction);
         // Compute the emission at the end of the segment
-        let arriving = match &point {
+        let radiance = match &point {
             Some(point) => self.emission(point),
             None => self.environment(),
         };
+        let arriving = ArrivingLight { radiance, point: point.as_ref() };
         // Pass through the medium: add light along the segment, and scatter or continue
         let segment = Segment { origin: self.origin, direction: self.direction, length: hit.t.min(reach) };
         match self.medium.map(|medium| prepared.medium(medium)) {
-            None => self.add(self.throughput * arriving, self.depth),
+            None => self.add_arriving(self.throughput, arriving),
             Some(Filling::Homogeneous(medium)) => {
                 if let Some(goes_on) = self.pass(&medium, segment, arriving) {
                     return goes_on;
@@ -184,11 +184,11 @@ impl MediumPath<'_> {
     /// `Some`, with `true` if it continues.
     ///
     /// - `arriving`: emission at the end of the segment.
-    fn pass(&mut self, medium: &Homogeneous, segment: Segment, arriving: Spectrum) -> Option<bool> {
+    fn pass(&mut self, medium: &Homogeneous, segment: Segment, arriving: ArrivingLight<'_>) -> Option<bool> {
         // Add the medium's emission, and the light from the end of the segment
         self.add(self.throughput * medium.emitted(segment.length), self.depth);
         let transmittance = medium.transmittance(segment.length);
-        self.add(self.throughput * transmittance * arriving, self.depth);
+        self.add_arriving(self.throughput * transmittance, arriving);
         if !(medium.scatters() && self.depth < self.settings.max_depth) {
             self.throughput *= transmittance;
             return None;
@@ -210,7 +210,7 @@ impl MediumPath<'_> {
     }
 
     /// Passes through a heterogeneous medium; see [`Self::pass`].
-    fn pass_varying(&mut self, medium: &Varying<'_>, segment: Segment, arriving: Spectrum) -> Option<bool> {
+    fn pass_varying(&mut self, medium: &Varying<'_>, segment: Segment, arriving: ArrivingLight<'_>) -> Option<bool> {
         let [u_kind, u, ..] = self.sampler.quad(DimensionSet::distance(self.segment));
         let line = Line { origin: segment.origin, direction: segment.direction, length: segment.length };
         let before = self.radiance;
@@ -220,7 +220,7 @@ impl MediumPath<'_> {
         CarriedLight { throughput: self.throughput, radiance: self.radiance } = carried;
         self.count_direct(self.radiance - before, self.depth);
         let Some(collision) = collision else {
-            self.add(self.throughput * arriving, self.depth);
+            self.add_arriving(self.throughput, arriving);
             return None;
         };
         if self.depth >= self.settings.max_depth {
@@ -381,10 +381,13 @@ impl MediumPath<'_> {
         }
     }
 
-    /// Returns the record of the path.
-    fn finish(mut self) -> PathRecord {
+    /// Returns the record of the path, multiplied by the factor of its sample.
+    fn finish(mut self, factor: f32) -> PathRecord {
         self.record.values.cost += self.numbers_drawn as f32 * TRACKING_STEPS;
-        self.record.keep(self.radiance, self.settings.sample_max);
-        self.record
+        let kept = self.record.keep(self.radiance, self.settings.sample_max);
+        if let Some(sums) = &mut self.groups {
+            sums.scale(kept * factor);
+        }
+        self.record.scaled(factor)
     }
 }

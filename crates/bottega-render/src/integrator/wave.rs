@@ -234,7 +234,7 @@ impl Wave {
             }
             // Collect deferred light samples
             let waits = !lights.is_empty();
-            for DeferredLight { ray, light } in lights.drain(..) {
+            for DeferredLight { ray, light, .. } in lights.drain(..) {
                 shadow_rays.push(ray);
                 deferred.push((at, light));
             }
@@ -244,7 +244,7 @@ impl Wave {
                     it.path.go_back(branch);
                     it.stage = PathStage::Ray;
                 } else {
-                    self.records[it.sample as usize] = integrator.resume(&it.path).finish().scaled(it.factor);
+                    self.records[it.sample as usize] = integrator.resume(&it.path).finish(it.factor);
                     it.stage = PathStage::Ended;
                     self.live_count -= 1;
                 }

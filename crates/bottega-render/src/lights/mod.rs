@@ -11,6 +11,7 @@ mod emission;
 mod environment;
 mod far;
 mod flat;
+mod groups;
 mod moving;
 mod portal;
 mod posed;
@@ -38,6 +39,8 @@ pub(crate) use choice::{Choice, NUMBERS as CHOICE_NUMBERS, RequestedLight};
 pub(crate) use emission::{Aim, Emission, EmissionPlan, EmittedPhoton};
 use environment::EnvironmentLight;
 pub(crate) use environment::direction_of_square;
+pub(crate) use far::FarLight;
+pub use groups::LightGroups;
 pub(crate) use profile::Profile;
 pub(crate) use sample::{LightSample, NO_LIGHT, Receiver};
 use sun::Sun;
@@ -323,22 +326,23 @@ impl Lights {
     ) -> Option<LightSample> {
         let total = self.far_total(receiver);
         let mut rest = u * total;
-        let far = |wi, radiance, pdf: f32, pmf: f32, is_delta, visibility| LightSample {
+        let far = |sun, wi, radiance, pdf: f32, pmf: f32, is_delta, visibility| LightSample {
             wi,
             distance: f32::INFINITY,
             radiance,
             pdf: pdf * pmf,
             is_delta,
             light: NO_LIGHT,
+            sun,
             pmf,
             visibility,
         };
         // Choose a sun by its share of the illuminance
-        for sun in &self.suns {
+        for (sun, index) in self.suns.iter().zip(0..) {
             let importance = sun.importance(receiver);
             if rest < importance {
                 let (wi, radiance, pdf, is_delta) = sun.sample(place);
-                return Some(far(wi, radiance, pdf, share * importance / total, is_delta, sun.visibility));
+                return Some(far(index, wi, radiance, pdf, share * importance / total, is_delta, sun.visibility));
             }
             rest -= importance;
         }
@@ -348,7 +352,7 @@ impl Lights {
         let choice = (rest / illuminance).min(ONE_MINUS_EPSILON);
         let (wi, radiance, pdf) = environment.sample_at(scene, receiver.p, [choice, place[0], place[1], 0.0])?;
         let pmf = share * illuminance / total;
-        (pmf > 0.0).then(|| far(wi, radiance, pdf, pmf, false, environment.visibility))
+        (pmf > 0.0).then(|| far(NO_LIGHT, wi, radiance, pdf, pmf, false, environment.visibility))
     }
 
     /// Returns an estimate of the illuminance by sampled lights at infinity.

@@ -168,6 +168,7 @@ fn from_point(position: Vec3, p: Vec3, intensity: impl Fn(Vec3) -> Spectrum) -> 
         pdf: 1.0,
         is_delta: true,
         light: NO_LIGHT,
+        sun: NO_LIGHT,
         pmf: 1.0,
         visibility: Visibility::ALL,
     })

@@ -21,6 +21,8 @@ pub(crate) struct LightSample {
     pub(crate) is_delta: bool,
     /// Index of the light in the tree; [`NO_LIGHT`] for lights at infinity.
     pub(crate) light: u32,
+    /// Index of the sun; [`NO_LIGHT`] for other lights.
+    pub(crate) sun: u32,
     /// Probability of choosing this light, a factor of `pdf`.
     pub(crate) pmf: f32,
     /// Kinds of ray that find the light.

@@ -98,7 +98,8 @@ pub(super) fn sample(surfaces: &Surfaces, sphere: &Sphere, from: Vec3, u: [f32; 
     }
     // Rays do not hit surfaces that are absent, so BSDF sampling cannot find this light
     let is_delta = material.alpha_mode == AlphaMode::Absent;
-    Some(LightSample { wi, distance, radiance, pdf, is_delta, light: NO_LIGHT, pmf: 1.0, visibility: Visibility::ALL })
+    let (light, sun, visibility) = (NO_LIGHT, NO_LIGHT, Visibility::ALL);
+    Some(LightSample { wi, distance, radiance, pdf, is_delta, light, sun, pmf: 1.0, visibility })
 }
 
 /// Returns the radiance emitted at outward normal `n`, times the opacity there.

@@ -491,6 +491,7 @@ impl SurfaceLight {
             // Rays do not hit surfaces that are absent, so BSDF sampling cannot find this light
             is_delta: material.alpha_mode == AlphaMode::Absent,
             light: NO_LIGHT,
+            sun: NO_LIGHT,
             pmf: 1.0,
             visibility: Visibility::ALL,
         })

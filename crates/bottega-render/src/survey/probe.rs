@@ -62,7 +62,8 @@ pub(crate) fn probe(
         let row = Rect { y0: y, y1: y + 1, ..rect };
         let samples: Vec<(u32, u32, u32)> =
             row.pixels().flat_map(|(x, y)| (0..sample_count).map(move |sample| (x, y, sample))).collect();
-        compiled::run(Painting { integrator: &integrator, samples: &samples, records: &mut records });
+        let painting = Painting { integrator: &integrator, samples: &samples, records: &mut records, groups: None };
+        compiled::run(painting);
         pixels.extend(records.chunks_exact(sample_count as usize).map(seen_by));
     }
     Ok(pixels)

@@ -6,6 +6,7 @@ mod furnace;
 mod guiding;
 mod known_answers;
 mod layers;
+mod light_groups;
 mod lighting_agents;
 mod lookouts;
 mod media;

@@ -117,7 +117,7 @@ impl Subject {
     /// The work of rendering a picture of the scene.
     pub(crate) fn block(&self, view: View, settings: PathSettings, tile: Tile, samples: Range<u32>) -> BlockWork {
         let (scene, prepass) = (Arc::clone(&self.scene), Arc::clone(&self.prepass));
-        BlockWork { scene, prepass, view, settings: Arc::new(settings), tile, samples }
+        BlockWork { scene, prepass, view, settings: Arc::new(settings), tile, samples, light_groups: None }
     }
 }
 

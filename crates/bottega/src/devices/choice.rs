@@ -157,8 +157,9 @@ fn lacks(layout: &Layout, photons: bool) -> Vec<String> {
     let cost = layout.offset(Aov::Cost).map(|_| "the cost of pixels (layer `cost`)".to_owned());
     let is_lacking = |aov: &Aov| *aov != Aov::Cost && !LAYERS.contains(aov);
     let others = layout.aovs().iter().filter(is_lacking).map(|aov| format!("layer `{}`", aov.name()));
+    let groups = layout.layers().iter().map(|layer| format!("layer `{}`", layer.name));
     let photons = photons.then(|| "photon mapping".to_owned());
-    cost.into_iter().chain(others).chain(photons).collect()
+    cost.into_iter().chain(others).chain(groups).chain(photons).collect()
 }
 
 /// Returns the devices, without the processors, that a choice selects on this machine: names of GPUs, addresses of boards.

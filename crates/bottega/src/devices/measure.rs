@@ -247,6 +247,7 @@ impl Subject {
                     settings: Arc::clone(&self.settings),
                     tile: Tile::new(rect, Layout::new(AovSet::NONE)),
                     samples: 0..1 << (n % 3 * 2),
+                    light_groups: None,
                 })
             }
         }

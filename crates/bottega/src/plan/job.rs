@@ -10,8 +10,8 @@ use crate::{
     loaded_scene::LoadedScene,
     request::{Request, SAMPLES_MAX},
     settings::{
-        adaptation_rule, agents, auction_rule, band_width, importance_function, level, optimization, own_layers,
-        zone_limits,
+        adaptation_rule, agents, auction_rule, band_width, group_layers, importance_function, level, optimization,
+        own_layers, zone_limits,
     },
 };
 
@@ -42,7 +42,9 @@ pub(super) fn settings(
     let hinted = scene.hints.samples.filter(|_| goal.error.is_none() && goal.time.is_none());
     let samples =
         goal.samples.or(hinted).unwrap_or_else(|| default_sample_limit(request, DEFAULT_SAMPLES)).clamp(1, SAMPLES_MAX);
-    let layout = Layout::new(own_layers(request.film.layers.as_deref(), request.film.denoise)?);
+    let aovs = own_layers(request.film.layers.as_deref(), request.film.denoise)?;
+    let layout = Layout::with_layers(aovs, group_layers(&request.film.light_groups))
+        .map_err(|error| Error::usage(format!("film.light_groups: {error}"), "rename the group"))?;
     Ok(JobSettings {
         agents: agents(request.work.agents, threads),
         ..shared_settings(

@@ -7,6 +7,8 @@ mod agent_rules;
 mod job;
 mod part;
 
+use std::collections::BTreeMap;
+
 use bottega_engines::Urgency;
 use bottega_farm::{Goal, JobSettings};
 use bottega_render::PathSettings;
@@ -42,8 +44,10 @@ pub struct Plan {
     pub gpu_memory: Option<u64>,
     /// The urgency of the picture among all pictures that this process renders.
     pub urgency: Urgency,
-    /// Warnings about the rules.
+    /// Warnings about the rules and the groups of lights.
     pub notes: Vec<String>,
+    /// Groups of lights by name, with the patterns of their lights.
+    pub light_groups: BTreeMap<String, Vec<String>>,
     /// True if the request asks for rays as work units of their own.
     pub wants_waves: bool,
     /// True if the request explicitly asks for lighting agents as guides.
@@ -93,6 +97,7 @@ impl Plan {
             gpu_memory: request.devices.memory_mb.map(|mib| u64::from(mib) << 20),
             urgency: part.urgency(request),
             notes: rules.notes,
+            light_groups: request.film.light_groups.clone(),
             wants_waves: request.integrator.wavefront,
             wants_agents: asks_for_agents(&request.guide),
         })

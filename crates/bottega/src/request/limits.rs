@@ -10,6 +10,10 @@ pub const LIGHT_SAMPLES_MAX: u32 = 1024;
 pub const SIDE_MAX: u32 = 1 << 16;
 /// Largest number of rendered pixels of a picture: some 15 GB with all layers.
 pub const PIXELS_MAX: u64 = 1 << 28;
+/// Largest number of groups of lights.
+pub const LIGHT_GROUPS_MAX: usize = bottega_render::LightGroups::MAX;
+/// Largest number of characters of the name of a group of lights.
+pub const LIGHT_GROUP_CHARS_MAX: usize = 64;
 /// Largest number of photons emitted.
 pub const PHOTONS_MAX: u32 = 100_000_000;
 /// Largest number of photons in a density estimate.

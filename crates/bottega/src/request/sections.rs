@@ -230,6 +230,10 @@ sections! {
         /// Layers in addition to the color, by name; `all` alone: all of them. None: the engine's default; the built-in engine
         /// makes none.
         layers: Option<Vec<String>> = None,
+        /// Groups of lights whose light is kept apart, by name: each is a layer `light_NAME` of the light that comes from
+        /// the lights that one of its patterns matches. A pattern is the name of a light, or of the object, mesh or material
+        /// of a surface that glows, or `environment`; `*` stands for any characters, `?` for one.
+        light_groups: BTreeMap<String, Vec<String>> = BTreeMap::new(),
         /// True to denoise the picture with Intel's Open Image Denoise, which must be installed; `BOTTEGA_OIDN` names its file or
         /// folder. The EXR file then has the layers albedo, normal and noisy.
         denoise: bool = false,

@@ -124,6 +124,7 @@ impl Request {
         within("farm.priority", self.farm.priority, 1..=PRIORITY_MAX)?;
         maybe_within("farm.verify", self.farm.verify, 1..=VERIFY_MAX)?;
         self.farm.validate_tags()?;
+        not_both("film.light_groups", !self.film.light_groups.is_empty(), "engine.names", !self.engine.is_builtin())?;
         self.validate_strangers()?;
         self.validate_frames()
     }
@@ -133,6 +134,7 @@ impl Request {
         let (film, goal, view, usual) = (&self.film, &self.goal, &self.view, ViewOptions::default());
         let excluded = [
             ("film.layers", film.layers.as_ref().is_some_and(|layers| !layers.is_empty())),
+            ("film.light_groups", !film.light_groups.is_empty()),
             ("film.denoise", film.denoise),
             ("goal.error", goal.error.is_some()),
             ("goal.time", goal.time.is_some()),
@@ -256,7 +258,29 @@ impl FilmOptions {
                 format!("{x0},{y0},{x1},{y1}"),
                 "x0 < x1 and y0 < y1 are needed; x1 and y1 lie one past the part",
             )),
-            _ => Ok(()),
+            _ => self.validate_light_groups(),
+        }
+    }
+
+    fn validate_light_groups(&self) -> Checked {
+        let groups = &self.light_groups;
+        let wrong = |value: String, allowed: String| Err(InvalidField::new("film.light_groups", value, allowed));
+        if groups.len() > LIGHT_GROUPS_MAX {
+            return wrong(format!("{} groups", groups.len()), format!("at most {LIGHT_GROUPS_MAX} are allowed"));
+        }
+        let is_name = |name: &str| {
+            (1..=LIGHT_GROUP_CHARS_MAX).contains(&name.chars().count())
+                && !name.chars().any(|c| c.is_control() || c == '.')
+        };
+        if let Some(name) = groups.keys().find(|name| !is_name(name)) {
+            let allowed = format!("a group's name has 1 to {LIGHT_GROUP_CHARS_MAX} characters, none of them a dot");
+            return wrong(format!("{name:?}"), allowed);
+        }
+        match groups.iter().find(|(_, patterns)| patterns.is_empty() || patterns.iter().any(String::is_empty)) {
+            Some((name, _)) => {
+                wrong(format!("`{name}` with an empty pattern"), "each group names its lights".to_owned())
+            }
+            None => Ok(()),
         }
     }
 }

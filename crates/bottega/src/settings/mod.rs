@@ -4,6 +4,7 @@
 
 mod guiding;
 mod layers;
+mod light_groups;
 mod photons;
 
 use bottega_farm::{
@@ -12,7 +13,11 @@ use bottega_farm::{
 use bottega_image::{Encoding, ToneMap};
 use bottega_render::Filter;
 
-pub(crate) use self::{guiding::asks_for_agents, layers::ALL as ALL_LAYERS};
+pub(crate) use self::{
+    guiding::asks_for_agents,
+    layers::ALL as ALL_LAYERS,
+    light_groups::{group_layers, light_groups},
+};
 pub use self::{
     guiding::{directions, guide_agents, whole_guide},
     layers::{GUIDES, own_layers},

@@ -1,6 +1,6 @@
 //! The light that a path finds: by sampling lights, and by hitting emitters.
 
-use bottega_kernels::Ray;
+use bottega_kernels::{Hit, Ray};
 use bottega_scene::{Spectrum, Visibility};
 
 use super::{
@@ -39,7 +39,11 @@ impl Path<'_> {
                 let choice = if AGENTS { self.previous_choice() } else { None };
                 lights.far_pdf(from, choice, light, direction)
             });
-            self.radiance += self.throughput * radiance * weight;
+            let found = self.throughput * radiance * weight;
+            self.radiance += found;
+            if let Some(sums) = &mut self.groups {
+                sums.add(sums.groups().of_far(light), found);
+            }
         });
     }
 
@@ -56,7 +60,16 @@ impl Path<'_> {
             let choice = if AGENTS { self.previous_choice() } else { None };
             prepared.lights().hit_pdf_by(prepared, &hit, from, p, choice)
         });
-        self.radiance += self.throughput * radiance * weight;
+        self.add_of_hit(&hit, self.throughput * radiance * weight);
+    }
+
+    /// Adds light of a surface that was hit.
+    #[inline(always)]
+    pub(super) fn add_of_hit(&mut self, hit: &Hit, light: Spectrum) {
+        self.radiance += light;
+        if let Some(sums) = &mut self.groups {
+            sums.add(sums.groups().of_hit(hit), light);
+        }
     }
 
     /// Returns the MIS weight of light that the path hit.
@@ -116,7 +129,8 @@ impl Path<'_> {
             // Defer the test of visibility, unless it depends on this vertex, as where surfaces let rays pass
             self.record.counts.shadow_rays += 1;
             let ray = shadow_ray(vertex.surface.point, &light);
-            let light = DeferredLight { ray, light: self.throughput * contribution / share };
+            let groups = self.groups.as_ref().map_or(0, |sums| sums.groups().of_sample(&light));
+            let light = DeferredLight { ray, light: self.throughput * contribution / share, groups };
             if prepared.has_opacity() {
                 self.add_if_visible(&light);
             } else {
@@ -130,6 +144,9 @@ impl Path<'_> {
     pub(in crate::integrator) fn add_if_visible(&mut self, sample: &DeferredLight) {
         if !self.is_occluded(&sample.ray) {
             self.radiance += sample.light;
+            if let Some(sums) = &mut self.groups {
+                sums.add(sample.groups, sample.light);
+            }
         }
     }
 

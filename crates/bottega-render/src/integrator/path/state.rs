@@ -3,7 +3,10 @@
 use bottega_scene::Spectrum;
 use glam::Vec3;
 
-use super::{super::record::PathRecord, setup::PathIntegrator};
+use super::{
+    super::{group_sums::GroupSums, record::PathRecord},
+    setup::PathIntegrator,
+};
 use crate::{
     camera::RayCone,
     guide::{Guide, Trail},
@@ -68,6 +71,8 @@ pub(in crate::integrator) struct Path<'a> {
     pub(super) wants_albedo: bool,
     /// Record of the path, over all branches.
     pub(super) record: PathRecord,
+    /// Light of all branches by groups of lights, if it is wanted.
+    pub(in crate::integrator) groups: Option<GroupSums<'a>>,
 }
 
 /// A branch that waits to be traced from the vertex it left. It repeats fields of [`Path`] because paths that contain

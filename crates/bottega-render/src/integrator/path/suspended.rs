@@ -16,6 +16,8 @@ pub(in crate::integrator) struct DeferredLight {
     pub(in crate::integrator) ray: Ray,
     /// Radiance added to the path if the ray hits nothing.
     pub(in crate::integrator) light: Spectrum,
+    /// Groups of the light, if light is kept apart by groups.
+    pub(in crate::integrator) groups: u16,
 }
 
 /// The state of a path between two of its vertices.
@@ -73,6 +75,7 @@ impl<'a> PathIntegrator<'a> {
             due: *due,
             wants_albedo: *wants_albedo,
             record: *record,
+            groups: None,
         }
     }
 }

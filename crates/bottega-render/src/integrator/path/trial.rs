@@ -187,7 +187,12 @@ impl<'a> Trial<'a> {
             for (way, again) in self.ways.iter().flat_map(|&way| [(way, 0), (way, 1)]) {
                 let integrator = PathIntegrator { settings: &settings[again], ..plain.in_way(way, guide) };
                 let number = 2 * way.number() + again;
-                compiled::run(Painting { integrator: &integrator, samples: &samples, records: &mut records });
+                compiled::run(Painting {
+                    integrator: &integrator,
+                    samples: &samples,
+                    records: &mut records,
+                    groups: None,
+                });
                 let is_guided = way != PaintingWay::Plain;
                 let of_pixels = records.chunks_exact(count as usize).map(|samples| pixel(samples, is_guided));
                 painted.iter_mut().zip(of_pixels).for_each(|(all, tried)| all[number] = tried);

@@ -5,11 +5,11 @@ use glam::Vec3;
 
 use super::{
     super::transport::{emitted_at, power_heuristic, weight_of_hit},
-    state::{MediumPath, SegmentPoint},
+    state::{ArrivingLight, MediumPath, SegmentPoint},
 };
 use crate::{
     interaction::Interaction,
-    lights::{LightSample, NO_LIGHT, Receiver, Segment},
+    lights::{FarLight, LightSample, NO_LIGHT, Receiver, Segment},
     media::{Homogeneous, Phase, channel_probabilities},
     sampler::DimensionSet,
     settings::DirectLight,
@@ -19,17 +19,36 @@ use crate::{
 impl MediumPath<'_> {
     /// Returns the radiance from infinity along the ray, weighted by MIS.
     pub(super) fn environment(&self) -> Spectrum {
+        let mut sum = Spectrum::ZERO;
+        self.each_far(|_, radiance| sum += radiance);
+        sum
+    }
+
+    /// Calls `add` with the radiance of each light at infinity along the ray, weighted by MIS.
+    fn each_far(&self, mut add: impl FnMut(FarLight, Spectrum)) {
         if self.depth == 0 && self.hides_emitters {
-            return Spectrum::ZERO;
+            return;
         }
         let lights = self.prepared.lights();
         let from = self.previous.receiver.p;
-        let mut sum = Spectrum::ZERO;
         lights.each_far(self.prepared.scene(), from, self.direction, self.event, |light, radiance| {
             let pdf = |from: &Receiver| (lights.far_pdf(from, None, light, self.direction), 0.0);
-            sum += radiance * self.found_by_direction(pdf);
+            add(light, radiance * self.found_by_direction(pdf));
         });
-        sum
+    }
+
+    /// Adds the light from the end of a segment.
+    ///
+    /// - `share`: throughput of the path, with the transmittance of the segment.
+    pub(super) fn add_arriving(&mut self, share: Spectrum, arriving: ArrivingLight<'_>) {
+        self.add(share * arriving.radiance, self.depth);
+        let Some(mut sums) = self.groups.take() else { return };
+        let groups = sums.groups();
+        match arriving.point {
+            Some(point) => sums.add(groups.of_hit(&point.hit), share * arriving.radiance),
+            None => self.each_far(|light, radiance| sums.add(groups.of_far(light), share * radiance)),
+        }
+        self.groups = Some(sums);
     }
 
     /// Returns the emission of a surface towards the path, weighted by MIS.

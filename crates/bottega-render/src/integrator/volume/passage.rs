@@ -106,7 +106,11 @@ impl MediumPath<'_> {
                 }
             }
             if hit.is_none() {
-                self.add(contribution * transmittance, self.depth + 1);
+                let found = contribution * transmittance;
+                self.add(found, self.depth + 1);
+                if let Some(sums) = &mut self.groups {
+                    sums.add(sums.groups().of_sample(light), found);
+                }
                 return;
             }
             // Pass through a boundary or a pane, and continue behind it

@@ -4,9 +4,10 @@ use bottega_image::SurfaceValues;
 use bottega_scene::{MediumId, Spectrum, Visibility};
 use glam::Vec3;
 
-use super::super::{record::PathRecord, surface::WantedSurface};
+use super::super::{group_sums::GroupSums, record::PathRecord, surface::WantedSurface};
 use crate::{
     camera::RayCone,
+    interaction::Interaction,
     lights::{Receiver, Segment},
     prepare::PreparedScene,
     sampler::PixelSampler,
@@ -89,6 +90,17 @@ pub(super) struct MediumPath<'a> {
     pub(super) wants_cost: bool,
     /// Record of the path.
     pub(super) record: PathRecord,
+    /// Light by groups of lights, if it is wanted.
+    pub(super) groups: Option<GroupSums<'a>>,
+}
+
+/// Light that arrives at the path from the end of a segment.
+#[derive(Clone, Copy)]
+pub(super) struct ArrivingLight<'p> {
+    /// Radiance at the end of the segment, weighted by MIS.
+    pub(super) radiance: Spectrum,
+    /// The surface that emits it; `None`: it comes from infinity.
+    pub(super) point: Option<&'p Interaction>,
 }
 
 impl MediumPath<'_> {

@@ -1,0 +1,100 @@
+//! Groups of lights: pictures keep the light of each group apart.
+
+use bottega_kernels::Hit;
+use bottega_scene::{Light, LightKind, Material, PartNames, Surface};
+
+use super::{FarLight, Light as TreeLight, LightSample, NO_LIGHT};
+use crate::prepare::PreparedScene;
+
+/// The groups of all lights of a scene. A set of groups is a bit mask: bit `g` is set for members of group `g`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LightGroups {
+    /// Number of groups.
+    count: usize,
+    environment: u16,
+    /// Groups of each light in [`Lights::suns`].
+    suns: Vec<u16>,
+    /// Groups of each light of the tree, by its number.
+    tree: Vec<u16>,
+    /// Groups of each instance of the scene.
+    instances: Vec<u16>,
+    /// Groups of each sphere of the scene.
+    spheres: Vec<u16>,
+}
+
+impl LightGroups {
+    /// Largest number of groups.
+    pub const MAX: usize = 16;
+    /// Name of the environment.
+    pub const ENVIRONMENT: &str = "environment";
+
+    /// Returns the groups of a scene's lights. Emission inside media belongs to none.
+    ///
+    /// - `count`: number of groups, at most [`Self::MAX`].
+    /// - `groups_of`: returns the groups of a light that has these names: a light without extent has one, a glowing
+    ///   surface those of object, mesh and material, the environment [`Self::ENVIRONMENT`]. Called once per light.
+    pub fn new(prepared: &PreparedScene, count: usize, mut groups_of: impl FnMut(&[&str]) -> u16) -> Self {
+        let (scene, lights) = (prepared.scene(), prepared.lights());
+        let names = PartNames::new(scene);
+        let environment = scene.environment.as_ref().map_or(0, |_| groups_of(&[Self::ENVIRONMENT]));
+        // Lights without extent
+        let named = scene.lights.iter().zip(0..).map(|(light, index)| match &*light.name {
+            "" => groups_of(&[&format!("light.{index}")]),
+            name => groups_of(&[name]),
+        });
+        let of_lights: Vec<u16> = named.collect();
+        let is_sun = |light: &Light| matches!(light.kind, LightKind::Directional { .. });
+        let suns = scene.lights.iter().zip(&of_lights).filter(|(light, _)| is_sun(light)).map(|(_, &of)| of).collect();
+        // Glowing surfaces
+        let mut of_surface = |[object, asset]: &[String; 2], material: u32| {
+            let (Material { surface, .. }, known) = prepared.material(material);
+            let glows = known.shines || matches!(surface, Surface::Unlit(_));
+            if glows { groups_of(&[object, asset, &names.materials[material as usize]]) } else { 0 }
+        };
+        let instances = scene.instances.iter().zip(&names.instances);
+        let instances = instances.map(|(instance, name)| of_surface(name, scene.material_of(instance)));
+        let instances: Vec<u16> = instances.collect();
+        let spheres = scene.spheres.iter().zip(&names.spheres);
+        let spheres: Vec<u16> = spheres.map(|(sphere, name)| of_surface(name, sphere.material)).collect();
+        // Lights of the tree are some of both
+        let tree = lights.lights.iter().map(|light| match light {
+            TreeLight::Punctual(index) => of_lights[*index as usize],
+            TreeLight::Sphere(index) => spheres[*index as usize],
+            TreeLight::Surface(surface) => instances[surface.instance() as usize],
+        });
+        Self { count, environment, suns, tree: tree.collect(), instances, spheres }
+    }
+
+    /// Returns the number of groups.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Returns the groups of a light sample.
+    #[inline(always)]
+    pub(crate) fn of_sample(&self, sample: &LightSample) -> u16 {
+        match (sample.light, sample.sun) {
+            (NO_LIGHT, NO_LIGHT) => self.environment,
+            (NO_LIGHT, sun) => self.suns[sun as usize],
+            (light, _) => self.tree[light as usize],
+        }
+    }
+
+    /// Returns the groups of a surface that was hit.
+    #[inline(always)]
+    pub(crate) fn of_hit(&self, hit: &Hit) -> u16 {
+        match hit.sphere() {
+            Some(sphere) => self.spheres[sphere as usize],
+            None => self.instances[hit.instance as usize],
+        }
+    }
+
+    /// Returns the groups of a light at infinity.
+    #[inline(always)]
+    pub(crate) fn of_far(&self, light: FarLight) -> u16 {
+        match light {
+            FarLight::Environment => self.environment,
+            FarLight::Sun(sun) => self.suns[sun],
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Light kept apart by groups of lights.
+
+use std::sync::Arc;
+
+use bottega_image::{AovSet, Combine, Layer, Layout, Rect, Tile};
+use bottega_render::{BlockWork, LightGroups, PathSettings, PrepareOptions, PreparedScene, View};
+use bottega_scene::{Environment, Light, LightKind, Medium, Scene, Visibility};
+use glam::Vec3;
+
+use crate::render::{
+    media::smoke,
+    scenes::{Subject, add_sphere, color, cornell, lamp, paint, prepare},
+};
+
+const SIZE: (u32, u32) = (16, 12);
+/// The groups of the tests, each named like its light.
+const GROUPS: [&str; 5] = ["bulb", "environment", "lamp", "sphere*", "sun"];
+
+/// Cornell's box without its front wall, lit by one light of each kind.
+fn many_lights() -> Scene {
+    let mut scene = cornell();
+    let panel = scene.meshes.len() - 1;
+    scene.meshes[panel].name = "lamp".into();
+    add_sphere(&mut scene, Vec3::new(-0.6, 0.5, 0.5), 0.1, lamp(Vec3::new(2.0, 6.0, 9.0)));
+    let light = |name: &str, kind| Light { name: name.into(), kind, visibility: Visibility::ALL, motion: Vec::new() };
+    let intensity = Vec3::new(0.4, 0.2, 0.6);
+    scene.lights.push(light("bulb", LightKind::Point { position: Vec3::new(0.5, 0.3, 0.8), intensity }));
+    let (direction, irradiance) = (Vec3::new(0.2, -0.4, -1.0).normalize(), Vec3::new(1.5, 1.2, 0.5));
+    scene.lights.push(light("sun", LightKind::Directional { direction, irradiance, angle: 0.1 }));
+    scene.environment = Some(Environment::uniform(Vec3::new(0.1, 0.2, 0.4)));
+    scene
+}
+
+/// The scene with the lights of one group alone.
+fn alone(scene: &Scene, group: &str) -> Scene {
+    let mut scene = scene.clone();
+    scene.lights.retain(|light| light.name == group);
+    if group != "environment" {
+        scene.environment = None;
+    }
+    let is_dark = |name: &str| name != group;
+    let panels: Vec<u32> = scene.meshes.iter().filter(|mesh| &*mesh.name == "lamp").map(|mesh| mesh.material).collect();
+    for material in panels.into_iter().filter(|_| is_dark("lamp")) {
+        scene.materials[material as usize].emission = Vec3::ZERO.into();
+    }
+    for index in scene.spheres.iter().map(|sphere| sphere.material as usize).filter(|_| is_dark("sphere*")) {
+        scene.materials[index].emission = Vec3::ZERO.into();
+    }
+    scene
+}
+
+/// The groups of a scene, one for each of [`GROUPS`].
+fn groups(scene: &PreparedScene) -> LightGroups {
+    LightGroups::new(scene, GROUPS.len(), |names| {
+        let is_of = |group: &str| match group.strip_suffix('*') {
+            Some(start) => names.iter().any(|name| name.starts_with(start)),
+            None => names.contains(&group),
+        };
+        GROUPS.iter().zip(0..).map(|(group, bit)| u16::from(is_of(group)) << bit).sum()
+    })
+}
+
+/// Renders a picture with a layer for each group.
+fn paint_groups(scene: &Subject, spp: u32, settings: PathSettings) -> Tile {
+    let layer = |name: &&str| Layer {
+        name: (*name).to_owned(),
+        channels: ["R", "G", "B"].map(str::to_owned).to_vec(),
+        combine: Combine::Mean,
+    };
+    let layout = Layout::with_layers(AovSet::NONE, GROUPS.iter().map(layer).collect()).expect("a layout");
+    let (width, height) = SIZE;
+    let tile = Tile::new(Rect::of_size(width, height), layout);
+    let view = View { camera: 0, width, height };
+    let light_groups = Some(Arc::new(groups(&scene.scene)));
+    let work = BlockWork { light_groups, ..scene.block(view, settings, tile, 0..spp) };
+    work.perform().expect("a picture").tile
+}
+
+/// Mean of each group at a pixel.
+fn of_groups(tile: &Tile, x: u32, y: u32) -> [Vec3; GROUPS.len()] {
+    let sums = tile.pixel(x, y);
+    let mut places = tile.layout().placed_layers().map(|(place, _)| place);
+    GROUPS.map(|_| {
+        let place = places.next().expect("a layer");
+        Vec3::from_slice(&sums[place..place + 3]) / sums[Layout::SAMPLE_COUNT]
+    })
+}
+
+/// Scenes whose paths are traced side by side, and through a medium.
+fn subjects() -> [(&'static str, Scene); 2] {
+    let medium = Medium { scattering: Vec3::splat(0.4), g: 0.3, ..Medium::absorbing(Vec3::splat(0.1)) };
+    let mut smoky = smoke(medium);
+    let lights = many_lights();
+    smoky.lights.extend(lights.lights);
+    smoky.environment = lights.environment;
+    let panel = smoky.meshes.len() - 1;
+    smoky.meshes[panel].name = "lamp".into();
+    [("box", many_lights()), ("smoke", smoky)]
+}
+
+#[test]
+fn groups_sum_to_the_picture_and_change_nothing_in_it() {
+    for (name, scene) in subjects() {
+        let scene = prepare(scene);
+        for settings in [PathSettings::default(), PathSettings { sample_max: 0.4, ..PathSettings::default() }] {
+            let (tile, plain) = (paint_groups(&scene, 8, settings), paint(&scene, SIZE, 8, settings));
+            for (x, y) in tile.rect().pixels() {
+                assert_eq!(tile.pixel(x, y)[..6], *plain.pixel(x, y), "{name} {x} {y}");
+                let (parts, whole) = (of_groups(&tile, x, y), color(&tile, x, y));
+                let others = whole - parts.iter().sum::<Vec3>();
+                assert!(others.abs().max_element() <= 2e-5 * whole.max_element().max(1.0), "{name}: {parts:?} {whole}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_group_is_the_picture_of_its_lights_alone() {
+    const SPP: u32 = 512;
+    let settings = PathSettings { max_depth: 4, ..PathSettings::default() };
+    let mean = |tile: &Tile, of: &dyn Fn(u32, u32) -> Vec3| {
+        tile.rect().pixels().map(|(x, y)| of(x, y)).sum::<Vec3>() / tile.rect().area() as f32
+    };
+    for (name, scene) in subjects() {
+        let tile = paint_groups(&prepare(scene.clone()), SPP, settings);
+        for (number, group) in GROUPS.into_iter().enumerate() {
+            let subject = prepare(alone(&scene, group));
+            let single = paint(&subject, SIZE, SPP, settings);
+            let found = mean(&tile, &|x, y| of_groups(&tile, x, y)[number]);
+            let expected = mean(&single, &|x, y| color(&single, x, y));
+            assert!(expected.max_element() > 1e-3, "{name} {group}: {expected}");
+            let error = (found - expected).abs().max_element();
+            assert!(error <= 0.03 * expected.max_element() + 1e-6, "{name} {group}: {found} instead of {expected}");
+        }
+    }
+}
+
+#[test]
+fn groups_have_the_same_bits_in_parts() {
+    let scene =
+        Subject::new(PreparedScene::new(Arc::new(many_lights()), &PrepareOptions::default()).expect("a sound scene"));
+    let whole = paint_groups(&scene, 6, PathSettings::default());
+    let first = paint_groups(&scene, 2, PathSettings::default());
+    let view = View { camera: 0, width: SIZE.0, height: SIZE.1 };
+    let light_groups = Some(Arc::new(groups(&scene.scene)));
+    let work = BlockWork { light_groups, ..scene.block(view, PathSettings::default(), first, 2..6) };
+    assert_eq!(work.perform().expect("a picture").tile.sums(), whole.sums());
+}
