@@ -10,6 +10,10 @@ import bottega
 import numpy as np
 
 from .export.camera import Frame
+from .export.light_groups import GROUPS_MAX
+
+# What the name of a light group's pass begins with, as in Cycles.
+GROUP_PASS = "Combined_"
 
 Layers = Union[bottega.Picture, bottega.ImageFile, Mapping[str, Any]]
 
@@ -47,16 +51,28 @@ def passes_of(scene: Any, layer: Any) -> list[PassInfo]:
         (settings.use_sample_count, PassInfo("Sample Count", 1, "X", "VALUE")),
         (settings.use_cost, PassInfo("Cost", 1, "X", "VALUE")),
     ]
-    return [info for is_wanted, info in wanted if is_wanted]
+    groups = [PassInfo(GROUP_PASS + name, 3, "RGB", "COLOR") for name in groups_of(layer)]
+    return [info for is_wanted, info in wanted if is_wanted] + groups
+
+
+def groups_of(layer: Any) -> list[str]:
+    """Returns the names of a view layer's light groups, as many as a picture may have."""
+    return [group.name for group in getattr(layer, "lightgroups", ())][:GROUPS_MAX]
 
 
 _LAYERS = {"Depth": "depth", "Normal": "normal", "Mist": "depth", "Albedo": "albedo", "Sample Count": "samples", "Cost": "cost"}
 
 
-def request_fields(scene: Any, layer: Any, frame: Frame, crop: tuple[int, int, int, int] | None, finish: Finish) -> dict[str, Any]:
-    """Returns the fields of the request for a final picture. `crop`: x0, y0, x1, y1, row 0 on top."""
+def request_fields(
+    scene: Any, layer: Any, frame: Frame, crop: tuple[int, int, int, int] | None, finish: Finish, lights: Mapping[str, list[str]]
+) -> dict[str, Any]:
+    """Returns the fields of the request for a final picture.
+
+    - `crop`: x0, y0, x1, y1, row 0 on top.
+    - `lights`: names of the lights of each light group.
+    """
     settings = scene.bottega
-    wanted = {_LAYERS[info.name] for info in passes_of(scene, layer)}
+    wanted = {_LAYERS[info.name] for info in passes_of(scene, layer) if info.name in _LAYERS}
     if "normal" in wanted and finish.reach is not None:
         wanted.add("depth")
     layers = sorted(wanted)
@@ -67,6 +83,9 @@ def request_fields(scene: Any, layer: Any, frame: Frame, crop: tuple[int, int, i
         "layers": layers,
         "goal": goal_of(settings),
     }
+    groups = {name: lights[name] for name in groups_of(layer) if name in lights}
+    if groups:
+        fields["light_groups"] = groups
     if settings.guide == "OFF":
         fields["guide"] = {"by": "none"}
     if settings.optimization != "OFF":
@@ -135,6 +154,10 @@ def pixels_of(picture: Layers, info: PassInfo | None, scene: Any, finish: Finish
     elif info.name == "Depth":
         depth = flipped(_distances(picture, finish))
         pixels = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(1e10))
+    elif info.name.startswith(GROUP_PASS):
+        # A group without lights is black.
+        name = "light_" + info.name[len(GROUP_PASS) :]
+        pixels = flipped(picture[name] if name in picture else np.zeros_like(picture["color"]))
     else:
         pixels = flipped(picture[_LAYERS[info.name]])
     height, width = pixels.shape[:2]

@@ -176,6 +176,66 @@ class BOTTEGA_PT_passes(_Panel, bpy.types.Panel):
         column.prop(settings, "use_cost")
 
 
+class BOTTEGA_PT_light_groups(_Panel, bpy.types.Panel):
+    """The light groups of a view layer: each is a pass of the light of its members."""
+
+    bl_label = "Light Groups"
+    bl_context = "view_layer"
+    bl_parent_id = "BOTTEGA_PT_passes"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and hasattr(context.view_layer, "lightgroups")
+
+    def draw(self, context: Any) -> None:
+        layout, layer = self.layout, context.view_layer
+        row = layout.row()
+        row.column().template_list("UI_UL_list", "lightgroups", layer, "lightgroups", layer, "active_lightgroup_index", rows=3)
+        column = row.column(align=True)
+        column.operator("scene.view_layer_add_lightgroup", icon="ADD", text="")
+        column.operator("scene.view_layer_remove_lightgroup", icon="REMOVE", text="")
+        layout.operator("scene.view_layer_add_used_lightgroups", icon="ADD")
+        layout.operator("scene.view_layer_remove_unused_lightgroups", icon="REMOVE")
+
+
+class _LightGroupPanel(_Panel):
+    bl_label = "Light Group"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and hasattr(cls.block(context), "lightgroup")
+
+    @staticmethod
+    def block(context: Any) -> Any:
+        raise NotImplementedError
+
+    def draw(self, context: Any) -> None:
+        self.layout.use_property_split = True
+        self.layout.prop_search(self.block(context), "lightgroup", context.view_layer, "lightgroups", text="Light Group")
+
+
+class BOTTEGA_PT_object_light_group(_LightGroupPanel, bpy.types.Panel):
+    """The light group of a lamp, or of an object that glows."""
+
+    bl_context = "object"
+
+    @staticmethod
+    def block(context: Any) -> Any:
+        return context.object
+
+
+class BOTTEGA_PT_world_light_group(_LightGroupPanel, bpy.types.Panel):
+    """The light group of the world."""
+
+    bl_context = "world"
+
+    @staticmethod
+    def block(context: Any) -> Any:
+        return context.world
+
+
 _CLASSES = (
     BOTTEGA_PT_quality,
     BOTTEGA_PT_paths,
@@ -184,6 +244,9 @@ _CLASSES = (
     BOTTEGA_PT_report,
     BOTTEGA_PT_world_preview,
     BOTTEGA_PT_passes,
+    BOTTEGA_PT_light_groups,
+    BOTTEGA_PT_object_light_group,
+    BOTTEGA_PT_world_light_group,
 )
 
 

@@ -63,13 +63,13 @@ def render(engine: Any, depsgraph: Any) -> None:
         if path:
             export.scene.cameras.set_motion("camera", path)
         if engine.is_preview:
-            _paint(engine, scene, layer, frame, export.scene, Finish(is_mirrored(camera), export.reach))
+            _paint(engine, scene, layer, frame, export, Finish(is_mirrored(camera), export.reach))
             return
         Kept.last_report = export.report
         if Kept.save_to is not None:
             _save(engine, scene, frame, export.scene, is_mirrored(camera))
             return
-        _paint(engine, scene, layer, frame, export.scene, Finish(is_mirrored(camera), export.reach))
+        _paint(engine, scene, layer, frame, export, Finish(is_mirrored(camera), export.reach))
     except bottega.Error as error:
         # `error_set` would write a black picture.
         engine.report({"ERROR"}, f"Bottega: {error}")
@@ -137,11 +137,14 @@ def _camera(engine: Any, camera: Any, depsgraph: Any, frame: Frame, export: Expo
     return made, camera_keys(evaluated, path)
 
 
-def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, made: bottega.Scene, finish: Finish) -> None:
+def _paint(engine: Any, scene: Any, layer: Any, frame: Frame, export: Export, finish: Finish) -> None:
     """Renders the picture in another thread; in this one shows what is painted, and watches for Escape."""
     crop = crop_of(scene.render, frame)
-    fields = request_fields(scene, layer, frame, reversed_crop(crop, frame) if finish.is_mirrored else crop, finish)
+    made = export.scene
+    shown = reversed_crop(crop, frame) if finish.is_mirrored else crop
+    fields = request_fields(scene, layer, frame, shown, finish, export.light_groups)
     if engine.is_preview:
+        fields.pop("light_groups", None)
         fields.update(PREVIEW)
     engine.update_stats("", "Reading the scene")
     work = Work(made, fields) if engine.is_preview else work_for(scene.bottega, made, fields)

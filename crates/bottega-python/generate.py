@@ -26,6 +26,7 @@ KEYWORDS = {
     "crop": "film.crop",
     "filter": "film.filter",
     "layers": "film.layers",
+    "light_groups": "film.light_groups",
     "denoise": "film.denoise",
     "camera": "view.camera",
     "light": "environment.light",

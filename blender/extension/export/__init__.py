@@ -14,9 +14,10 @@ import numpy as np
 from . import axes
 from .backdrop import BACKDROP, extent_of, put_backdrop
 from .deform import moving_mesh, velocity_keys
-from .families import DEFAULT, Families, put_images
+from .families import DEFAULT, Families, default_material, put_images
 from .hair import shape_of_hair, strands_of_curves, strands_of_particles
 from .instances import Group, Pass, gather, materials_of, placeable
+from .light_groups import light_groups_of
 from .lights import light_of
 from .meshes import MeshArrays, Shape, arrays_of, velocities_of
 from .moments import Motion
@@ -58,11 +59,13 @@ class Export:
         self._exposure = 0.0
         self._placed: dict[str, tuple[Any, ...]] = {}
         self._world_uses: set[Any] = set()
+        # Names of the lights of each light group.
+        self.light_groups: dict[str, list[str]] = {}
         self._is_world_moving = False
         # Session numbers of what Blender has changed since the last pass.
         self._dirty: set[Any] = set()
         self._dirty_world = True
-        self.scene.materials[DEFAULT] = bottega.Material.matte(0.8)
+        self.scene.materials[DEFAULT] = default_material()
 
     def mark(self, updates: Any) -> None:
         """Notes what an evaluated scene says has changed: `depsgraph.updates`."""
@@ -119,6 +122,7 @@ class Export:
         self._volumes.update(found.volumes, found.matrices, self._dirty)
         self._surround(found, placements)
         self._drop_unused(found, placements)
+        self.light_groups = light_groups_of(found, depsgraph.scene.world, self._surroundings.lights, self.report)
         self._dirty.clear()
         self._arrange(found, placements)
         self.report.begin("objects")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Iterable
 
 import bottega
+import bpy
 
 from .context import BOUNCES, RAYS, Context
 from .materials import MadeMaterial, MaterialMaker
@@ -15,6 +16,13 @@ from .report import Fidelity, Report
 from .textures import Pictures
 
 DEFAULT = "default material"
+
+
+def default_material() -> bottega.Material:
+    """Returns the material of surfaces that have none: Cycles' default surface is a Principled BSDF since 5.0, a matte one before."""
+    if bpy.app.version < (5, 0, 0):
+        return bottega.Material.matte(0.8)
+    return bottega.Material(bottega.Layered(base_color=(0.8, 0.8, 0.8), roughness=0.5, ior=1.5))
 
 
 @dataclass

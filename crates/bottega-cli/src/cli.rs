@@ -183,6 +183,9 @@ pub(crate) struct InfoArgs {
     pub(crate) scene_file: PathBuf,
     #[command(flatten)]
     pub(crate) import: ImportArgs,
+    /// Print a table of what is read of the scene, and what is replaced or left out, and how.
+    #[arg(long)]
+    pub(crate) support: bool,
     /// Print one JSON object instead of text for people.
     #[arg(long)]
     pub(crate) json: bool,

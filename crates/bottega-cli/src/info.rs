@@ -1,9 +1,9 @@
 //! `bottega info`: the contents of a scene file.
 
-use std::process::ExitCode;
+use std::{collections::BTreeMap, process::ExitCode};
 
 use bottega::request::SceneOptions;
-use bottega_scene::SceneSummary;
+use bottega_scene::{SceneSummary, Warning};
 use serde_json::{Value, json};
 
 use crate::{cli::InfoArgs, error::CliError};
@@ -14,16 +14,20 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode, CliError> {
     let loaded = bottega_scene::load(&scene.file, &scene.load_options())?;
     let summary = loaded.summary();
     let integrator = loaded.hints.integrator.as_ref().map(|hint| hint.name.as_str());
-    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     if args.json {
-        println!("{}", as_json(&summary, integrator, &warnings));
+        println!("{}", as_json(&summary, integrator, &loaded.warnings));
+    } else if args.support {
+        print_support(&summary, &loaded.warnings);
     } else {
-        print(&summary, integrator, &warnings);
+        print(&summary, integrator, &loaded.warnings);
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn as_json(summary: &SceneSummary, integrator: Option<&str>, warnings: &[String]) -> Value {
+fn as_json(summary: &SceneSummary, integrator: Option<&str>, warnings: &[Warning]) -> Value {
+    let texts = |only: bool| -> Vec<String> {
+        warnings.iter().filter(|it| it.is_unsupported || !only).map(ToString::to_string).collect()
+    };
     let named = |list: &[(String, &'static str)]| -> Vec<Value> {
         list.iter().map(|(name, kind)| json!({"name": name, "kind": kind})).collect()
     };
@@ -52,11 +56,12 @@ fn as_json(summary: &SceneSummary, integrator: Option<&str>, warnings: &[String]
         "images": images,
         "environment": summary.environment,
         "integrator": integrator,
-        "warnings": warnings,
+        "warnings": texts(false),
+        "unsupported": texts(true),
     })
 }
 
-fn print(summary: &SceneSummary, integrator: Option<&str>, warnings: &[String]) {
+fn print(summary: &SceneSummary, integrator: Option<&str>, warnings: &[Warning]) {
     let shown = |name: &str| if name.is_empty() { "(unnamed)".to_owned() } else { name.to_owned() };
     let list = |names: Vec<String>| format!("{:<4} {}", names.len(), names.join(", "));
     let named = |list: &[(String, &'static str)]| -> Vec<String> {
@@ -92,4 +97,61 @@ fn print(summary: &SceneSummary, integrator: Option<&str>, warnings: &[String]) 
     for warning in warnings {
         println!("warning     {warning}");
     }
+}
+
+/// Prints what is read of a scene, what is replaced or left out, and what else is worth knowing.
+fn print_support(summary: &SceneSummary, warnings: &[Warning]) {
+    println!("read");
+    let kinds = |list: &[(String, &'static str)]| {
+        let mut counts = BTreeMap::<&str, usize>::new();
+        list.iter().for_each(|(_, kind)| *counts.entry(kind).or_default() += 1);
+        counts.into_iter().map(|(kind, count)| format!("{count} {kind}")).collect::<Vec<_>>()
+    };
+    let glowing = summary.materials.iter().filter(|name| name.ends_with('*')).count();
+    let mut lights = kinds(&summary.lights);
+    lights.extend((glowing > 0).then(|| format!("{glowing} glowing materials")));
+    lights.extend(summary.environment.as_ref().map(|name| format!("environment {name}").trim_end().to_owned()));
+    let mut shapes = vec![format!("{} meshes with {} triangles", summary.instance_count, summary.triangle_count)];
+    shapes.extend((summary.sphere_count > 0).then(|| format!("{} spheres", summary.sphere_count)));
+    let [open, close] = summary.shutter;
+    let rows = [
+        ("geometry", shapes),
+        ("materials", vec![summary.materials.len().to_string()]),
+        ("images", vec![summary.images.len().to_string()]),
+        ("lights", lights),
+        ("cameras", kinds(&summary.cameras)),
+        ("motion", vec![format!("{} parts, shutter open from {open} to {close}", summary.moving_count)]),
+    ];
+    let is_there = |row: &&(&str, Vec<String>)| row.0 != "motion" || summary.moving_count > 0;
+    for (what, parts) in rows.iter().filter(is_there) {
+        println!("  {what:<10} {}", if parts.is_empty() { "none".to_owned() } else { parts.join(", ") });
+    }
+    let (unsupported, others): (Vec<_>, Vec<_>) = warnings.iter().partition(|warning| warning.is_unsupported);
+    for (heading, list) in [("replaced or left out", unsupported), ("also", others)] {
+        let found = by_message(&list);
+        if heading != "also" || !found.is_empty() {
+            println!("{heading}{}", if found.is_empty() { ": nothing" } else { "" });
+        }
+        for (message, count, place) in found {
+            let times = if count > 1 { format!("{count} × ") } else { String::new() };
+            let place = if place.is_empty() { String::new() } else { format!("  ({}{place})", first_of(count)) };
+            println!("  {times}{message}{place}");
+        }
+    }
+}
+
+fn first_of(count: usize) -> &'static str {
+    if count > 1 { "first: " } else { "" }
+}
+
+/// Returns each message once, with the number of its places and the first of them.
+fn by_message<'a>(warnings: &[&'a Warning]) -> Vec<(&'a str, usize, &'a str)> {
+    let mut found: Vec<(&str, usize, &str)> = Vec::new();
+    for warning in warnings {
+        match found.iter_mut().find(|(message, ..)| *message == warning.message) {
+            Some((_, count, _)) => *count += 1,
+            None => found.push((&warning.message, 1, &warning.place)),
+        }
+    }
+    found
 }

@@ -1,4 +1,4 @@
-//! Conversion of other primaries to linear Rec. 709.
+//! Conversion between linear Rec. 709 and other primaries.
 
 use glam::{DMat3, DVec2, DVec3, Mat3};
 
@@ -63,6 +63,16 @@ impl Chromaticities {
         };
         let matrix = Self::REC709.xyz_from_rgb().inverse() * adapted * xyz;
         if matrix.is_finite() { Ok(Conversion(Some(matrix.as_mat3()))) } else { Err(unusable()) }
+    }
+
+    /// Returns the conversion from linear Rec. 709 to this space, white to white, as its rows; `None`: they are the same.
+    pub(crate) fn rows_from_rec709(&self) -> Option<[[f32; 3]; 3]> {
+        if self.is_nearly(&Self::REC709) {
+            return None;
+        }
+        let adapted = adaptation(xyz_of(Self::REC709.white), xyz_of(self.white));
+        let matrix = self.xyz_from_rgb().inverse() * adapted * Self::REC709.xyz_from_rgb();
+        Some(matrix.transpose().as_mat3().to_cols_array_2d())
     }
 
     fn xyz_from_rgb(&self) -> DMat3 {

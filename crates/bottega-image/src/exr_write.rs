@@ -14,7 +14,7 @@ use exr::{
     block::{BlockIndex, UncompressedBlock, chunk::CompressedBlock, enumerate_ordered_header_block_indices},
     meta::{
         BlockDescription, MetaData,
-        attribute::{self, AttributeValue, Chromaticities, LevelMode, TileDescription},
+        attribute::{self, AttributeValue, LevelMode, TileDescription},
         header::{Header, standard_names},
     },
     prelude::{
@@ -23,8 +23,10 @@ use exr::{
     },
 };
 
+use glam::DVec2;
+
 use crate::{
-    Aov, Combine, Film, ImageError, Layout, Metadata, Picture, Rect,
+    Aov, Chromaticities, Combine, Film, ImageError, Layout, Metadata, Picture, Rect,
     output::AtomicFile,
     parallel::{map_in_order, thread_count},
 };
@@ -40,18 +42,62 @@ pub enum HalfOrFloat {
     Float,
 }
 
-/// The compression of an EXR file; all methods are lossless.
+/// The compression of an EXR file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrCompression {
     /// None: largest, fastest.
     None,
     /// Run-length encoding: fast, good for flat colors.
     Rle,
+    /// Deflate row by row: for programs that read parts of a picture.
+    Zips,
     /// Deflate in blocks of 16 rows, or tiles; every program reads it.
     #[default]
     Zip,
-    /// Wavelets: smallest for noisy pictures, slower.
+    /// Wavelets: smallest lossless files of noisy pictures, slower.
     Piz,
+    /// Lossy, in blocks of 32 rows: a third of the size or less, with errors that the eye does not see. Layers that are not
+    /// colors stay exact; identities lie in parts of their own.
+    Dwaa,
+    /// As [`Self::Dwaa`] in blocks of 256 rows: a little smaller.
+    Dwab,
+}
+
+impl ExrCompression {
+    /// Returns `true` if colors are not kept exactly.
+    pub fn is_lossy(self) -> bool {
+        matches!(self, Self::Dwaa | Self::Dwab)
+    }
+}
+
+/// The color space of the colors in a file: all are linear.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ExrColorSpace {
+    /// The primaries of Rec. 709 and sRGB.
+    #[default]
+    Rec709,
+    /// The primaries of Rec. 2020.
+    Rec2020,
+    /// The primaries of Display P3, white D65.
+    P3,
+    /// ACEScg: the primaries AP1 of the Academy (S-2014-004), white ACES.
+    AcesCg,
+    /// ACES2065-1: the primaries AP0 of the Academy (ST 2065-1), white ACES.
+    Aces2065,
+}
+
+impl ExrColorSpace {
+    /// Returns the chromaticities of primaries and white.
+    pub fn chromaticities(self) -> Chromaticities {
+        let numbers = match self {
+            Self::Rec709 => return Chromaticities::REC709,
+            Self::Rec2020 => [0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329],
+            Self::P3 => [0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329],
+            Self::AcesCg => [0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767],
+            Self::Aces2065 => [0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767],
+        };
+        Chromaticities::from_numbers(numbers)
+    }
 }
 
 /// Options of an EXR file.
@@ -63,12 +109,16 @@ pub struct ExrOptions {
     pub tiled: bool,
     /// Compression of the blocks.
     pub compression: ExrCompression,
+    /// `true`: the color and each layer are parts of their own. `false`: all channels are in one part.
+    pub parts: bool,
+    /// Color space of all colors: the picture, and layers of light and reflectance.
+    pub color_space: ExrColorSpace,
 }
 
 /// Writes a film, with all its AOVs and layers, to `path`, atomically.
 ///
 /// The channels are `R G B A`, those of the kept AOVs by [`Aov::full_names`], and those of the layers by their full names. The data window is the film's [`rect`](Film::rect), the display window the whole
-/// picture. Metadata becomes text attributes. Equal films and metadata give equal bytes.
+/// picture. Metadata becomes text attributes of the first part. Equal films and metadata give equal bytes.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -82,7 +132,7 @@ pub fn write_exr(
     let channels = film_channels(film.layout(), options.depth);
     let frame =
         ExrFrame { path: path.as_ref(), data_window: rect, display_size: film.picture_size(), metadata, options };
-    write(&frame, &channels, |offset, x, y| film.pixel(x, y)[offset])
+    write(&frame, channels, |offset, x, y| film.pixel(x, y)[offset])
 }
 
 /// Writes the RGB of a picture to `path`, atomically.
@@ -99,7 +149,7 @@ pub fn write_picture_exr(
     let data_window = Rect::of_size(picture.width, picture.height);
     let frame = ExrFrame { path: path.as_ref(), data_window, display_size: picture.size(), metadata, options };
     let row = picture.width as usize;
-    write(&frame, &channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])
+    write(&frame, channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])
 }
 
 /// Encodes the RGB of a picture as a file.
@@ -114,7 +164,7 @@ pub(crate) fn picture_exr_bytes(
     let frame = ExrFrame { path, data_window, display_size: picture.size(), metadata, options };
     let row = picture.width as usize;
     let mut bytes = Cursor::new(Vec::new());
-    write_to(&mut bytes, &frame, &channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])?;
+    write_to(&mut bytes, &frame, channels, |offset, x, y| picture.data[y as usize * row + x as usize][offset])?;
     Ok(bytes.into_inner())
 }
 
@@ -131,6 +181,10 @@ struct ExrChannel {
     name: String,
     sample_type: SampleType,
     offset: usize,
+    /// Offset of the pixel's red, green and blue, and their weights in this channel; `None`: the value itself.
+    mix: Option<(usize, [f32; 3])>,
+    /// `true`: values are identities or codes, which must be neither converted nor rounded.
+    is_exact: bool,
 }
 
 /// The properties of a file that all channels share.
@@ -151,12 +205,15 @@ fn film_channels(layout: &Layout, depth: HalfOrFloat) -> Vec<ExrChannel> {
         let offset = layout.offset(aov).expect("an AOV of the layout");
         let is_half = matches!(aov, Aov::Albedo | Aov::Normal | Aov::GeometricNormal | Aov::Direct | Aov::Indirect);
         let depth = if is_half { depth } else { HalfOrFloat::Float };
-        channels.extend(named_channels(depth, aov.full_names(), offset));
+        let of_aov = named_channels(depth, aov.full_names(), offset);
+        channels.extend(of_aov.map(|channel| ExrChannel { is_exact: aov.is_matte(), ..channel }));
     }
     for (offset, layer) in layout.placed_layers() {
         let is_color = layer.combine == Combine::Mean && layer.channels.iter().all(|c| "RGBA".contains(c.as_str()));
         let depth = if is_color { depth } else { HalfOrFloat::Float };
-        channels.extend(named_channels(depth, layer.full_names(), offset));
+        let is_exact = layer.combine == Combine::Pick;
+        let of_layer = named_channels(depth, layer.full_names(), offset);
+        channels.extend(of_layer.map(|channel| ExrChannel { is_exact, ..channel }));
     }
     channels
 }
@@ -174,13 +231,19 @@ fn named_channels(
         HalfOrFloat::Half => SampleType::F16,
         HalfOrFloat::Float => SampleType::F32,
     };
-    names.into_iter().enumerate().map(move |(index, name)| ExrChannel { name, sample_type, offset: offset + index })
+    names.into_iter().enumerate().map(move |(index, name)| ExrChannel {
+        name,
+        sample_type,
+        offset: offset + index,
+        mix: None,
+        is_exact: false,
+    })
 }
 
 /// Writes the file. `value(offset, x, y)` is called once for each value, at pixels of the data window.
 fn write(
     frame: &ExrFrame<'_>,
-    channels: &[ExrChannel],
+    channels: Vec<ExrChannel>,
     value: impl Fn(usize, u32, u32) -> f32 + Sync,
 ) -> Result<(), ImageError> {
     let mut file = AtomicFile::create(frame.path)?;
@@ -191,22 +254,30 @@ fn write(
 fn write_to<W: Write + Seek>(
     out: &mut W,
     frame: &ExrFrame<'_>,
-    channels: &[ExrChannel],
+    mut channels: Vec<ExrChannel>,
     value: impl Fn(usize, u32, u32) -> f32 + Sync,
 ) -> Result<(), ImageError> {
     let path = frame.path;
     if frame.data_window.is_empty() {
         return Err(ImageError::Empty { path: path.to_owned() });
     }
-    let mut by_name: Vec<&ExrChannel> = channels.iter().collect();
-    by_name.sort_by(|a, b| a.name.as_bytes().cmp(b.name.as_bytes()));
-    let header = header(frame, &by_name);
+    mix_colors(&mut channels, frame.options.color_space);
+    // A lossy method would destroy identities: they get parts of their own
+    let is_lossy = frame.options.compression.is_lossy();
+    let by_layer = frame.options.parts || (is_lossy && channels.iter().any(|channel| channel.is_exact));
+    let parts = parts(channels, by_layer);
+    let is_only = parts.len() == 1;
+    let headers = parts.iter().map(|part| header(frame, part, is_only)).collect::<SmallVec<[Header; 3]>>();
     let fetch = |index: BlockIndex| {
         let Rect { x0, y0, .. } = frame.data_window;
-        UncompressedBlock::from_lines(&header.channels, index, |line| {
-            let channel = by_name[line.location.channel];
+        let part = &parts[index.layer];
+        UncompressedBlock::from_lines(&headers[index.layer].channels, index, |line| {
+            let channel = &part.channels[line.location.channel];
             let (left, y) = (x0 + line.location.position.x() as u32, y0 + line.location.position.y() as u32);
-            let row = (left..).map(|x| value(channel.offset, x, y));
+            let row = (left..).map(|x| match channel.mix {
+                None => value(channel.offset, x, y),
+                Some((color, weights)) => (0..3).map(|i| weights[i] * value(color + i, x, y)).sum(),
+            });
             match channel.sample_type {
                 SampleType::F16 => line.value.chunks_exact_mut(2).zip(row).for_each(|(bytes, value)| {
                     bytes.copy_from_slice(&to_half(value).to_ne_bytes());
@@ -217,10 +288,57 @@ fn write_to<W: Write + Seek>(
             }
         })
     };
-    write_file(out, &header, frame.metadata, fetch).map_err(|error| match error {
+    write_file(out, &headers, frame.metadata, fetch).map_err(|error| match error {
         Error::Io(source) => ImageError::write(path, source),
         other => ImageError::NotWritable { path: path.to_owned(), reason: other.to_string() },
     })
+}
+
+/// Converts all triples of channels `R`, `G` and `B` to a color space.
+fn mix_colors(channels: &mut [ExrChannel], space: ExrColorSpace) {
+    let Some(rows) = space.chromaticities().rows_from_rec709() else { return };
+    let layer = |name: &str, letter: &str| {
+        name.strip_suffix(letter).filter(|layer| layer.is_empty() || layer.ends_with('.')).map(str::to_owned)
+    };
+    for first in 0..channels.len().saturating_sub(2) {
+        let Some(red) = layer(&channels[first].name, "R") else { continue };
+        let is_triple = ["G", "B"]
+            .into_iter()
+            .zip(first + 1..)
+            .all(|(letter, at)| layer(&channels[at].name, letter).is_some_and(|layer| layer == red));
+        if is_triple && !channels[first].is_exact {
+            let color = channels[first].offset;
+            rows.iter().zip(first..).for_each(|(row, at)| channels[at].mix = Some((color, *row)));
+        }
+    }
+}
+
+/// A part of a file: its name, and its channels sorted by name.
+struct ExrPart {
+    name: String,
+    channels: Vec<ExrChannel>,
+}
+
+/// Divides channels into parts.
+///
+/// - `by_layer`: `true`: the color and each layer are parts of their own; `false`: there is one part.
+fn parts(channels: Vec<ExrChannel>, by_layer: bool) -> Vec<ExrPart> {
+    let mut parts: Vec<ExrPart> = Vec::new();
+    for channel in channels {
+        let name = match channel.name.rsplit_once('.') {
+            Some((layer, _)) if by_layer => layer,
+            None if by_layer && !["R", "G", "B", "A"].contains(&channel.name.as_str()) => &channel.name,
+            _ => "rgba",
+        };
+        match parts.iter_mut().find(|part| part.name == name) {
+            Some(part) => part.channels.push(channel),
+            None => parts.push(ExrPart { name: name.to_owned(), channels: vec![channel] }),
+        }
+    }
+    for part in &mut parts {
+        part.channels.sort_by(|a, b| a.name.as_bytes().cmp(b.name.as_bytes()));
+    }
+    parts
 }
 
 /// Rounds to nearest; finite values are clamped, so a bright pixel does not become infinite.
@@ -228,15 +346,20 @@ fn to_half(value: f32) -> f16 {
     if value.is_finite() { f16::from_f32(value.clamp(-65504.0, 65504.0)) } else { f16::from_f32(value) }
 }
 
-fn header(frame: &ExrFrame<'_>, channels: &[&ExrChannel]) -> Header {
+fn header(frame: &ExrFrame<'_>, part: &ExrPart, is_only: bool) -> Header {
     let Rect { x0, y0, .. } = frame.data_window;
     let data_size = (frame.data_window.width() as usize, frame.data_window.height() as usize);
     let display_size = (frame.display_size.0 as usize, frame.display_size.1 as usize);
+    let is_exact = part.channels.iter().any(|channel| channel.is_exact);
     let compression = match frame.options.compression {
+        lossy if lossy.is_lossy() && is_exact => Compression::ZIP16,
         ExrCompression::None => Compression::Uncompressed,
         ExrCompression::Rle => Compression::RLE,
         ExrCompression::Zip => Compression::ZIP16,
+        ExrCompression::Zips => Compression::ZIP1,
         ExrCompression::Piz => Compression::PIZ,
+        ExrCompression::Dwaa => Compression::DWAA(None),
+        ExrCompression::Dwab => Compression::DWAB(None),
     };
     let blocks = if frame.options.tiled {
         BlockDescription::Tiles(TileDescription {
@@ -248,18 +371,18 @@ fn header(frame: &ExrFrame<'_>, channels: &[&ExrChannel]) -> Header {
         BlockDescription::ScanLines
     };
     let channels: SmallVec<[ChannelDescription; 5]> =
-        channels.iter().map(|c| ChannelDescription::named(c.name.as_str(), c.sample_type)).collect();
+        part.channels.iter().map(|c| ChannelDescription::named(c.name.as_str(), c.sample_type)).collect();
+    let attributes = if is_only { LayerAttributes::default() } else { LayerAttributes::named(part.name.as_str()) };
     let mut header = Header::new(Text::default(), data_size, channels)
         .with_encoding(compression, blocks, LineOrder::Increasing)
-        .with_attributes(LayerAttributes::default())
+        .with_attributes(attributes)
         .with_position(Vec2(x0 as i32, y0 as i32))
         .with_display_window(IntegerBounds::from_dimensions(display_size));
-    header.shared_attributes.chromaticities = Some(Chromaticities {
-        red: Vec2(0.64, 0.33),
-        green: Vec2(0.3, 0.6),
-        blue: Vec2(0.15, 0.06),
-        white: Vec2(0.3127, 0.329),
-    });
+    let space = frame.options.color_space.chromaticities();
+    let place = |at: DVec2| Vec2(at.x as f32, at.y as f32);
+    let [red, green, blue] = space.primaries.map(place);
+    header.shared_attributes.chromaticities =
+        Some(attribute::Chromaticities { red, green, blue, white: place(space.white) });
     header
 }
 
@@ -283,36 +406,50 @@ fn attributes(header: &Header, metadata: &Metadata) -> BTreeMap<Vec<u8>, Attribu
 
 fn write_file<W: Write + Seek>(
     out: &mut W,
-    header: &Header,
+    headers: &[Header],
     metadata: &Metadata,
     fetch: impl Fn(BlockIndex) -> UncompressedBlock + Sync,
 ) -> Result<(), Error> {
-    let headers = std::slice::from_ref(header);
     let mut requirements = MetaData::validate(headers, true)?;
-    let attributes = attributes(header, metadata);
-    let long = header.channels.list.iter().any(|channel| channel.name.bytes().len() > 31);
-    requirements.has_long_names = long || attributes.keys().any(|name| name.len() > 31);
+    let of_others = Metadata::new();
+    let of_part = |part: usize| if part == 0 { metadata } else { &of_others };
+    let attributes: Vec<_> =
+        headers.iter().enumerate().map(|(part, header)| attributes(header, of_part(part))).collect();
+    let channels = headers.iter().flat_map(|header| &header.channels.list);
+    let has_long = channels.into_iter().any(|channel| channel.name.bytes().len() > 31);
+    requirements.has_long_names = has_long || attributes.iter().flatten().any(|(name, _)| name.len() > 31);
+    let has_parts = headers.len() > 1;
 
     exr::meta::magic_number::write(out)?;
     requirements.write(out)?;
-    for (name, value) in &attributes {
-        attribute::write(name, value, out)?;
+    for (name, value) in attributes.iter().flat_map(|of_part| of_part.iter().map(Some).chain([None])).map(Option::unzip)
+    {
+        match (name, value) {
+            (Some(name), Some(value)) => attribute::write(name, value, out)?,
+            // The end of a part's attributes
+            _ => out.write_all(&[0])?,
+        }
     }
-    out.write_all(&[0])?;
+    if has_parts {
+        out.write_all(&[0])?;
+    }
 
     let table_position = out.stream_position()?;
-    let mut offsets = vec![0u64; header.chunk_count];
-    out.write_all(&le_bytes(&offsets))?;
+    let mut offsets: Vec<Vec<u64>> = headers.iter().map(|header| vec![0u64; header.chunk_count]).collect();
+    offsets.iter().try_for_each(|of_part| out.write_all(&le_bytes(of_part)))?;
     let indices: Vec<(usize, BlockIndex)> = enumerate_ordered_header_block_indices(headers).collect();
     for batch in indices.chunks(4 * thread_count()) {
         let compressed = map_in_order(batch, |&(_, index)| fetch(index).compress_to_chunk(headers));
-        for (&(index, _), chunk) in batch.iter().zip(compressed) {
-            offsets[index] = out.stream_position()?;
-            write_chunk(out, &chunk?.compressed_block)?;
+        for (&(chunk, index), compressed) in batch.iter().zip(compressed) {
+            offsets[index.layer][chunk] = out.stream_position()?;
+            if has_parts {
+                out.write_all(&(index.layer as i32).to_le_bytes())?;
+            }
+            write_chunk(out, &compressed?.compressed_block)?;
         }
     }
     out.seek(SeekFrom::Start(table_position))?;
-    out.write_all(&le_bytes(&offsets))?;
+    offsets.iter().try_for_each(|of_part| out.write_all(&le_bytes(of_part)))?;
     out.flush()?;
     Ok(())
 }

@@ -108,7 +108,15 @@ impl FileLayer {
         let wanted = WantedChannels { names, alpha: false };
         let read = guarded(&source, "EXR", || exr_read::read(&source, Cursor::new(bytes), wanted))?;
         let planes: Option<Vec<Vec<f32>>> = read.planes.into_iter().collect();
-        let planes = planes.ok_or_else(|| source.malformed("EXR", format!("it has no layer `{}`", self.name)))?;
+        let mut planes = planes.ok_or_else(|| source.malformed("EXR", format!("it has no layer `{}`", self.name)))?;
+        // Light and reflectance have the color space of the picture
+        if let (LayerKind::Color, false, [red, green, blue]) = (self.kind, read.conversion.is_none(), &mut planes[..]) {
+            for ((red, green), blue) in red.iter_mut().zip(green).zip(blue) {
+                let mut color = [[*red, *green, *blue]];
+                read.conversion.apply(&mut color);
+                [[*red, *green, *blue]] = color;
+            }
+        }
         let Picture { width, height, .. } = read.file.picture;
         Ok(LayerPlanes { planes, size: [width, height] })
     }

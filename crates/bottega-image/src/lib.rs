@@ -70,7 +70,7 @@ pub use colorimetry::{Chromaticities, Conversion, WhitePoint, adaptation};
 pub use cryptomatte::{identity, manifest, murmur3, set_matte};
 pub use error::ImageError;
 pub use exr_read::Planes;
-pub use exr_write::{ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
+pub use exr_write::{ExrColorSpace, ExrCompression, ExrOptions, HalfOrFloat, write_exr, write_picture_exr};
 pub use file_layers::{FileLayer, LayerKind, LayerPicture, LayerPlanes};
 pub use film::Film;
 pub use layers::{CHANNEL_NAME_BYTES_MAX, CHANNELS_MAX, Combine, LAYERS_MAX, Layer, LayersError};

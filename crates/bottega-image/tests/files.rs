@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use bottega_image::{
-    Aov, AovSet, Combine, Encoding, ExrCompression, ExrOptions, Film, HalfOrFloat, ImageError, Layer, Layout, Metadata,
-    Picture, PngBits, PngOptions, ReadLimits, Rect, SampleValues, Tile, ToneMap, WhitePoint, WholeHeader,
-    read_channels, read_image, read_image_bytes, read_picture, read_whole, write_exr, write_picture_exr, write_png,
-    write_png_rgb8,
+    Aov, AovSet, Combine, Encoding, ExrColorSpace, ExrCompression, ExrOptions, FileLayer, Film, HalfOrFloat,
+    ImageError, Layer, Layout, Metadata, Picture, PngBits, PngOptions, ReadLimits, Rect, SampleValues, SurfaceValues,
+    Tile, ToneMap, WhitePoint, WholeHeader, read_channels, read_image, read_image_bytes, read_picture, read_whole,
+    write_exr, write_picture_exr, write_png, write_png_rgb8,
 };
 
 /// Makes a film with every AOV, whose values identify their pixel.
@@ -34,11 +34,12 @@ fn film(rect: Rect, picture: (u32, u32)) -> Film {
 }
 
 fn all_options() -> impl Iterator<Item = ExrOptions> {
-    let compressions = [ExrCompression::None, ExrCompression::Rle, ExrCompression::Zip, ExrCompression::Piz];
-    [HalfOrFloat::Half, HalfOrFloat::Float].into_iter().flat_map(move |depth| {
-        [false, true].into_iter().flat_map(move |tiled| {
-            compressions.into_iter().map(move |compression| ExrOptions { depth, tiled, compression })
-        })
+    use ExrCompression::{None, Piz, Rle, Zip, Zips};
+    let pairs = [None, Rle, Zip, Zips, Piz].into_iter().flat_map(|method| [(method, false), (method, true)]);
+    pairs.flat_map(|(compression, tiled)| {
+        [(HalfOrFloat::Half, false), (HalfOrFloat::Float, false), (HalfOrFloat::Float, true)]
+            .into_iter()
+            .map(move |(depth, parts)| ExrOptions { depth, tiled, compression, parts, ..ExrOptions::default() })
     })
 }
 
@@ -298,7 +299,8 @@ fn small_files() -> Vec<(String, Vec<u8>)> {
         (HalfOrFloat::Half, false, ExrCompression::Piz),
     ];
     for (depth, tiled, compression) in written {
-        write_exr(&path, &film, &Metadata::new(), ExrOptions { depth, tiled, compression }).unwrap();
+        write_exr(&path, &film, &Metadata::new(), ExrOptions { depth, tiled, compression, ..ExrOptions::default() })
+            .unwrap();
         files.push((format!("{depth:?} {tiled} {compression:?}.exr"), std::fs::read(&path).unwrap()));
     }
     let sixteen = PngOptions { bits: PngBits::Sixteen, encoding: Encoding::Linear, ..Default::default() };
@@ -513,4 +515,97 @@ fn a_block_that_announces_more_than_it_can_hold_is_refused() {
     bytes[version + 8..version + 16].copy_from_slice(&(1u64 << 40).to_le_bytes());
     let error = read_image_bytes("a.exr", &bytes, ReadLimits::default()).unwrap_err();
     assert!(error.to_string().contains("announces more"), "{error}");
+}
+
+#[test]
+fn each_layer_is_a_part_for_other_readers() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("parts.exr");
+    let film = film(Rect::of_size(40, 30), (40, 30));
+    let options = ExrOptions { parts: true, ..ExrOptions::default() };
+    write_exr(&path, &film, &Metadata::new(), options).unwrap();
+    let parts = exr::prelude::read_all_flat_layers_from_file(&path).unwrap().layer_data;
+    let names: Vec<String> =
+        parts.iter().map(|part| part.attributes.layer_name.as_ref().unwrap().to_string()).collect();
+    assert_eq!(names[..4], ["rgba", "albedo", "normal", "depth"], "{names:?}");
+    assert!(names.contains(&"CryptoObject00".to_owned()) && names.contains(&"samples".to_owned()), "{names:?}");
+    let channels = |part: usize| parts[part].channel_data.list.iter().map(|it| it.name.to_string()).collect::<Vec<_>>();
+    assert_eq!((channels(0).concat(), channels(3)), ("ABGR".to_owned(), vec!["depth.Z".to_owned()]));
+    // They are read as in a single part
+    let bytes = std::fs::read(&path).unwrap();
+    let layers = FileLayer::all(&path, &bytes).unwrap();
+    let depth = layers.iter().find(|layer| layer.name == "depth").unwrap().read_planes(&path, &bytes).unwrap();
+    assert_eq!(depth.planes[0][..40], [1e6; 40]);
+    let samples = layers.iter().find(|layer| layer.name == "samples").unwrap().read_planes(&path, &bytes).unwrap();
+    assert_eq!(samples.planes[0][0], 2.0);
+}
+
+#[test]
+fn colors_of_another_space_are_the_same_colors() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("space.exr");
+    let film = film(Rect::of_size(8, 8), (8, 8));
+    let mut plain = None;
+    use ExrColorSpace::{Aces2065, AcesCg, P3, Rec709, Rec2020};
+    for color_space in [Rec709, Rec2020, P3, AcesCg, Aces2065] {
+        write_exr(&path, &film, &Metadata::new(), ExrOptions { color_space, ..ExrOptions::default() }).unwrap();
+        let picture = read_picture(&path).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let layers = FileLayer::all(&path, &bytes).unwrap();
+        let layer = |name: &str| {
+            let layer = layers.iter().find(|layer| layer.name == name).unwrap();
+            layer.read_planes(&path, &bytes).unwrap().planes.iter().map(|plane| plane[9]).collect::<Vec<f32>>()
+        };
+        let found = (picture.data[9], layer("albedo"), layer("normal"), layer("CryptoObject00"));
+        let expected = plain.get_or_insert_with(|| found.clone());
+        let is_near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 3e-4 * b.abs().max(1.0));
+        // The bright blue of the test loses some digits of the others
+        let scale = 2e5;
+        assert!(is_near(&found.0.map(|value| value / scale), &expected.0.map(|value| value / scale)), "{found:?}");
+        assert!(is_near(&found.1, &expected.1), "{color_space:?}: {found:?}");
+        assert_eq!((&found.2, &found.3), (&expected.2, &expected.3), "{color_space:?}");
+    }
+    // Numbers of the ACES project: its matrix from Rec. 709 to AP1, by Bradford's adaptation
+    write_exr(&path, &film, &Metadata::new(), ExrOptions { color_space: AcesCg, ..ExrOptions::default() }).unwrap();
+    let raw = exr::prelude::read_first_flat_layer_from_file(&path).unwrap();
+    let channel = |name: &str| {
+        let found = raw.layer_data.channel_data.list.iter().find(|channel| channel.name.eq(name)).unwrap();
+        found.sample_data.value_by_flat_index(0).to_f32()
+    };
+    let albedo = ["albedo.R", "albedo.G", "albedo.B"].map(channel);
+    let expected =
+        [[0.613_097, 0.339_523, 0.047_379], [0.070_194, 0.916_354, 0.013_452], [0.020_616, 0.109_570, 0.869_815]]
+            .map(|row: [f32; 3]| row[0] * 0.25 + row[1] * 0.5 + row[2] * 0.75);
+    assert!(albedo.iter().zip(expected).all(|(a, b)| (a - b).abs() < 2e-4), "{albedo:?} {expected:?}");
+}
+
+#[test]
+fn lossy_files_are_near_and_keep_identities() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("lossy.exr");
+    let rect = Rect::of_size(64, 64);
+    let layout = Layout::new([Aov::Depth, Aov::CryptoObject].into_iter().collect());
+    let mut tile = Tile::new(rect, layout.clone());
+    for (x, y) in rect.pixels() {
+        let radiance = [0.2 + 0.01 * x as f32, 0.5, 0.9 - 0.01 * y as f32];
+        tile.add(x, y, &SampleValues { radiance, alpha: 1.0, depth: 1.0 + x as f32, ..SampleValues::default() });
+        let identities = [f32::from_bits(0x4012_3456 + x), 0.0, 0.0];
+        tile.add_surface(x, y, &SurfaceValues { identities, weight: 1.0, ..SurfaceValues::default() });
+    }
+    let mut film = Film::new(rect, layout);
+    film.add_tile(&tile, |_, _| 1.0);
+    for compression in [ExrCompression::Dwaa, ExrCompression::Dwab] {
+        write_exr(&path, &film, &Metadata::new(), ExrOptions { compression, ..ExrOptions::default() }).unwrap();
+        let picture = read_picture(&path).unwrap();
+        let error = picture.data.iter().zip(rect.pixels()).map(|(color, (x, y))| {
+            let expected = film.color(x, y);
+            color.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        });
+        let error = error.fold(0.0, f32::max);
+        assert!(error > 0.0 && error < 0.02, "{error}");
+        let names = ["depth.Z", "CryptoObject00.R"].map(str::to_owned);
+        let (_, planes) = read_channels(&path, ReadLimits::default(), &names).unwrap();
+        let [depth, matte] = [0, 1].map(|index| planes[index].as_ref().unwrap());
+        assert!((0..64).all(|x| depth[x] == 1.0 + x as f32 && matte[x].to_bits() == 0x4012_3456 + x as u32));
+    }
 }

@@ -225,12 +225,14 @@ pub struct Warning {
     pub place: String,
     /// The finding, and what was done about it.
     pub message: String,
+    /// `true`: a feature of the file is left out or replaced.
+    pub is_unsupported: bool,
 }
 
 impl Warning {
     fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
         let fit = |text: String| printable(&text).into_owned();
-        Self { place: fit(place.into()), message: fit(message.into()) }
+        Self { place: fit(place.into()), message: fit(message.into()), is_unsupported: false }
     }
 }
 
@@ -255,8 +257,12 @@ impl Warnings {
 
     /// Adds a warning, or counts it if there are too many.
     pub(crate) fn add(&mut self, place: impl Into<String>, message: impl Into<String>) {
+        self.push(Warning::new(place, message));
+    }
+
+    fn push(&mut self, warning: Warning) {
         if self.list.len() < Self::LIMIT {
-            self.list.push(Warning::new(place, message));
+            self.list.push(warning);
         } else {
             self.left_out += 1;
         }
@@ -264,11 +270,11 @@ impl Warnings {
 
     /// Reports a feature of the file that is left out or replaced: an error in strict mode.
     pub(crate) fn unsupported(&mut self, place: impl Into<String>, message: impl Into<String>) {
-        let warning = Warning::new(place, message);
+        let warning = Warning { is_unsupported: true, ..Warning::new(place, message) };
         if self.unsupported.len() < Self::LIMIT {
             self.unsupported.push(warning.clone());
         }
-        self.add(warning.place, warning.message);
+        self.push(warning);
     }
 
     /// Reports an unsupported feature in strict mode only; another warning already mentions it otherwise.
@@ -287,14 +293,14 @@ impl Warnings {
     pub(crate) fn append(&mut self, other: Self) {
         self.left_out += other.left_out;
         self.unsupported.extend(other.unsupported);
-        other.list.into_iter().for_each(|warning| self.add(warning.place, warning.message));
+        other.list.into_iter().for_each(|warning| self.push(warning));
     }
 
     /// Returns the warnings, with a last one that counts those left out.
     pub(crate) fn finish(mut self) -> Vec<Warning> {
         if self.left_out > 0 {
             let message = format!("and {} more warnings like these", self.left_out);
-            self.list.push(Warning { place: String::new(), message });
+            self.list.push(Warning::new("", message));
         }
         self.list
     }

@@ -9,8 +9,7 @@ use std::{
 
 use bottega_farm::{Goal, JobReport, JobSettings};
 use bottega_image::{
-    Aov, ExrOptions, Film, HalfOrFloat, Metadata, OutputFormat, PngOptions, ReadLimits, Rect, SampleValues, Tile,
-    write_exr, write_png,
+    Aov, Film, Metadata, OutputFormat, PngOptions, ReadLimits, Rect, SampleValues, Tile, write_exr, write_png,
 };
 use bottega_scene::RenderHints;
 
@@ -20,7 +19,7 @@ use crate::{
     events::Event,
     request::{PIXELS_MAX, Request},
     session::Reporter,
-    settings::{encoding, tone},
+    settings::{encoding, exr_options, tone},
     text::shown,
 };
 
@@ -200,8 +199,7 @@ pub(crate) fn write(
     let output = &request.output;
     match OutputFormat::of(path)? {
         OutputFormat::Exr => {
-            let depth = if output.half { HalfOrFloat::Half } else { HalfOrFloat::Float };
-            write_exr(path, film, metadata, ExrOptions { depth, tiled: output.tiled, ..ExrOptions::default() })?;
+            write_exr(path, film, metadata, exr_options(output))?;
         }
         OutputFormat::Png => {
             write_png(path, film, &png_options(request, hints.is_some_and(|hints| hints.alpha)), metadata)?;

@@ -98,6 +98,7 @@ pub(super) const FIELD_OPTIONS: &[FieldOption] = &[
     row("output.tonemap", "--tonemap", OptionForm::Plain),
     row("output.alpha", "--alpha", OptionForm::Switch),
     row("output.half", "--half", OptionForm::Switch),
+    row("output.colorspace", "--colorspace", OptionForm::Plain),
 ];
 
 /// Fields that are often looked for as an option, by the name that the option would have, with a value for example.
@@ -137,6 +138,8 @@ pub(crate) const SET_FIELDS: &[(&str, &str)] = &[
     ("vram", "devices.memory_mb=4096"),
     ("encoding", "output.encoding=linear"),
     ("tiled", "output.tiled=true"),
+    ("compression", "output.compression=dwaa"),
+    ("parts", "output.parts=true"),
 ];
 
 /// Returns the option of a field, or of the field that contains it.

@@ -7,9 +7,9 @@ use bottega::{
     devices::DeviceChoice,
     frames::Frames,
     request::{
-        AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, FrameOptions, GuideChoice, ImportanceChoice,
-        IntegratorChoice, InvalidField, OptimizationChoice, OutputOptions, PixelFilter, RulesSource, ToneCurve,
-        WorkOptions,
+        AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, ColorSpace, FrameOptions, GuideChoice,
+        ImportanceChoice, IntegratorChoice, InvalidField, OptimizationChoice, OutputOptions, PixelFilter, RulesSource,
+        ToneCurve, WorkOptions,
     },
 };
 use bottega_cluster::FarmAddress;
@@ -90,6 +90,8 @@ pub(crate) struct RenderArgs {
     alpha: bool,
     #[arg(long, help_heading = "Output", help = help("output.half"))]
     half: bool,
+    #[arg(long, value_name = "SPACE", value_parser = choice::<ColorSpace>(), help_heading = "Output", help = help("output.colorspace"))]
+    colorspace: Option<ColorSpace>,
 
     #[command(flatten)]
     engine: EngineArgs,
@@ -251,6 +253,7 @@ impl RenderArgs {
         change(&mut output.tonemap, self.tonemap);
         output.alpha |= self.alpha;
         output.half |= self.half;
+        change(&mut output.colorspace, self.colorspace);
     }
 }
 

@@ -138,9 +138,10 @@ pub(crate) fn line(words: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use bottega::request::{
-        AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, CameraPose, EnvironmentLight, FrameOptions,
-        GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion,
-        PixelFilter, PngEncoding, RulesSource, RulesText, ShutterTimes, ToneCurve, WordChoice,
+        AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, CameraPose, ColorSpace, Compression,
+        EnvironmentLight, FrameOptions, GuideChoice, GuideUse, ImportanceChoice, IntegratorChoice, OptimizationChoice,
+        OracleChoice, OracleQuestion, PixelFilter, PngEncoding, RulesSource, RulesText, ShutterTimes, ToneCurve,
+        WordChoice,
     };
     use bottega_farm::Channel;
     use clap::Parser;
@@ -215,6 +216,8 @@ mod tests {
             rules in proptest::collection::vec("paper|(\\./)?[a-z]{1,8}\\.fcl", 0..3), threads in option::of(1u16..1024),
             devices in (select(&["auto", "cpu", "cpu,H100"][..]), option::of(1u32..90_000)), frames in option::of(("-?[0-9]{1,3}(,[0-9]{1,3})?", 0.1f32..99.0)),
             tone in (choice::<ToneCurve>(), choice::<PngEncoding>(), -40.0f32..40.0),
+            file in (choice::<Compression>(), choice::<ColorSpace>(), proptest::bool::ANY),
+            groups in proptest::collection::btree_map("[a-z=]{1,5}", proptest::collection::vec(word(), 1..3), 0..3),
             farm in (1u32..1000, option::of(1u32..=3)),
         ) -> Request {
             (request.goal.samples, request.goal.error) = (samples, error);
@@ -238,6 +241,8 @@ mod tests {
                 request.frames = Some(FrameOptions { fps, ..FrameOptions::new(list.parse().unwrap()) });
             }
             (request.output.tonemap, request.output.encoding, request.output.exposure) = tone;
+            (request.output.compression, request.output.colorspace, request.output.parts) = file;
+            request.film.light_groups = groups;
             (request.farm.priority, request.farm.verify) = farm;
             request
         }

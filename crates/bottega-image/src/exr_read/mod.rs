@@ -53,6 +53,8 @@ pub(crate) struct Read {
     pub(crate) alpha: Option<Vec<f32>>,
     /// Notes for the user about choices and omissions.
     pub(crate) notes: Vec<String>,
+    /// The conversion from the file's color space, which the color has passed.
+    pub(crate) conversion: Conversion,
 }
 
 /// The color channels and windows of a file.
@@ -117,7 +119,8 @@ pub(crate) fn channel_names<R: BufRead + Seek>(
     let of_part = |header: &Header| {
         let part = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
         let names = header.channels.list.iter().map(|channel| channel.name.to_string());
-        let full = |name: String| if part.is_empty() || name.contains('.') { name } else { format!("{part}.{name}") };
+        let is_full = |name: &String| part.is_empty() || *name == part || name.contains('.');
+        let full = |name: String| if is_full(&name) { name } else { format!("{part}.{name}") };
         names.map(full).collect::<Vec<String>>()
     };
     // Channels of the first part have no layer, whatever the part's name.
@@ -188,9 +191,10 @@ pub(crate) fn read<R: BufRead + Seek>(
     };
     read_blocks(source, reader, &headers, &targets, &mut canvas)?;
     conversion.apply(&mut canvas.picture.data);
+    let planes = canvas.planes;
     let ExrWindow { offset, full_size, .. } = window;
     let file = ImageFile { picture: canvas.picture, offset, full_size, metadata: metadata(header) };
-    Ok(Read { file, planes: canvas.planes, alpha: canvas.alpha, notes })
+    Ok(Read { file, planes, alpha: canvas.alpha, notes, conversion })
 }
 
 /// Returns the conversion from the file's color space, by its chromaticities.

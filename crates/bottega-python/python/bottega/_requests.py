@@ -47,6 +47,23 @@ width of each edge.
 """
 
 
+ColorSpace = Literal["rec709", "rec2020", "p3", "acescg", "aces2065"]
+"""The color space of an EXR file; all are linear. rec709: The primaries of Rec. 709 and sRGB: the
+default. rec2020: The primaries of Rec. 2020. p3: The primaries of Display P3. acescg: The primaries
+AP1 of ACES, in which most compositing is done. aces2065: The primaries AP0 of ACES, for
+interchange.
+"""
+
+
+Compression = Literal["zip", "zips", "piz", "rle", "dwaa", "dwab", "none"]
+"""The compression of an EXR file. zip: Lossless, in blocks of 16 rows; every program reads it: the
+default. zips: Lossless, row by row: for programs that read parts of a picture, such as Nuke. piz:
+Lossless; the smallest for noisy pictures, slower. rle: Lossless and fast; good for flat colors.
+dwaa: Lossy, a third of the size or less; the eye sees no difference. Layers that are no colors stay
+exact. dwab: As `dwaa`, a little smaller. none: No compression.
+"""
+
+
 class EnvironmentLightFile(TypedDict):
     """An image of the whole sphere: .hdr, .exr or .png."""
 
@@ -197,6 +214,13 @@ class Fields(TypedDict, total=False):
     engine's default; the built-in engine makes none.
     """
 
+    light_groups: Mapping[str, Sequence[str]]
+    """`film.light_groups`: Groups of lights whose light is kept apart, by name: each is a layer
+    `light_NAME` of the light that comes from the lights that one of its patterns matches. A pattern
+    is the name of a light, or of the object, mesh or material of a surface that glows, or
+    `environment`; `*` stands for any characters, `?` for one.
+    """
+
     denoise: bool
     """`film.denoise`: True to denoise the picture with Intel's Open Image Denoise, which must be
     installed; `BOTTEGA_OIDN` names its file or folder. The EXR file then has the layers albedo,
@@ -290,6 +314,7 @@ KEYWORDS: Mapping[str, str] = {'spp': 'goal.samples',
  'crop': 'film.crop',
  'filter': 'film.filter',
  'layers': 'film.layers',
+ 'light_groups': 'film.light_groups',
  'denoise': 'film.denoise',
  'camera': 'view.camera',
  'light': 'environment.light',
@@ -415,6 +440,12 @@ class FilmOptions(Section):
     """Layers in addition to the color, by name; `all` alone: all of them. None: the engine's default;
     the built-in engine makes none.
     """
+    light_groups: Mapping[str, Sequence[str]] = field(default_factory=lambda: {})
+    """Groups of lights whose light is kept apart, by name: each is a layer `light_NAME` of the light
+    that comes from the lights that one of its patterns matches. A pattern is the name of a light,
+    or of the object, mesh or material of a surface that glows, or `environment`; `*` stands for any
+    characters, `?` for one.
+    """
     size: tuple[int, int] | None = None
     """Width and height in pixels; none: those of the scene file, or 720 high with the aspect ratio of
     the camera.
@@ -521,6 +552,12 @@ class OutputOptions(Section):
 
     alpha: bool = False
     """True to write alpha to a PNG even if the scene file does not ask for it."""
+    colorspace: ColorSpace = 'rec709'
+    """Color space of an EXR file: the primaries of the color, and of layers of light and reflectance.
+    PNG files are sRGB.
+    """
+    compression: Compression = 'zip'
+    """Compression of an EXR file."""
     encoding: PngEncoding = 'srgb'
     """Encoding of PNG values."""
     exposure: float = 0.0
@@ -529,6 +566,10 @@ class OutputOptions(Section):
     """The file: .exr (linear light, all layers) or .png (tone-mapped); none: no file."""
     half: bool = False
     """True to write 16-bit values to an EXR file."""
+    parts: bool = False
+    """True to write the color and each layer as parts of their own into an EXR file, so that programs
+    read only the parts that they need.
+    """
     tiled: bool = False
     """True to write an EXR file in tiles."""
     tonemap: ToneCurve = 'agx'

@@ -133,6 +133,38 @@ choices! {
         Linear,
     }
 
+    /// The compression of an EXR file.
+    Compression {
+        /// Lossless, in blocks of 16 rows; every program reads it: the default.
+        Zip,
+        /// Lossless, row by row: for programs that read parts of a picture, such as Nuke.
+        Zips,
+        /// Lossless; the smallest for noisy pictures, slower.
+        Piz,
+        /// Lossless and fast; good for flat colors.
+        Rle,
+        /// Lossy, a third of the size or less; the eye sees no difference. Layers that are no colors stay exact.
+        Dwaa,
+        /// As `dwaa`, a little smaller.
+        Dwab,
+        /// No compression.
+        None,
+    }
+
+    /// The color space of an EXR file; all are linear.
+    ColorSpace {
+        /// The primaries of Rec. 709 and sRGB: the default.
+        Rec709,
+        /// The primaries of Rec. 2020.
+        Rec2020,
+        /// The primaries of Display P3.
+        P3,
+        /// The primaries AP1 of ACES, in which most compositing is done.
+        Acescg,
+        /// The primaries AP0 of ACES, for interchange.
+        Aces2065,
+    }
+
     /// The measure of the importance map.
     ImportanceChoice {
         /// Predicted cost, from the cost of a small path-traced survey of the scene.

@@ -18,9 +18,9 @@ use serde::{Deserialize, Serialize};
 pub use self::validate::{SizeError, TAG_FORM, check_sides, check_size, is_tag};
 pub use self::{
     choices::{
-        AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, GuideChoice, GuideUse, ImportanceChoice,
-        IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
-        WordChoice,
+        AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, ColorSpace, Compression, GuideChoice, GuideUse,
+        ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding,
+        ToneCurve, WordChoice,
     },
     device_choice::{AUTO, DeviceChoice, DeviceNamesError},
     field::InvalidField,

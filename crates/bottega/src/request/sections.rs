@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     choices::{
-        AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, GuideChoice, GuideUse, ImportanceChoice,
-        IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding, ToneCurve,
+        AdaptationChoice, AuctionChoice, BUILTIN, BalanceChoice, ColorSpace, Compression, GuideChoice, GuideUse,
+        ImportanceChoice, IntegratorChoice, OptimizationChoice, OracleChoice, OracleQuestion, PixelFilter, PngEncoding,
+        ToneCurve,
     },
     device_choice::AUTO,
     limits::PRIORITY,
@@ -398,6 +399,13 @@ sections! {
         half: bool = false,
         /// True to write an EXR file in tiles.
         tiled: bool = false,
+        /// Compression of an EXR file.
+        compression: Compression = Compression::Zip,
+        /// True to write the color and each layer as parts of their own into an EXR file, so that programs read only the
+        /// parts that they need.
+        parts: bool = false,
+        /// Color space of an EXR file: the primaries of the color, and of layers of light and reflectance. PNG files are sRGB.
+        colorspace: ColorSpace = ColorSpace::Rec709,
     }
 
     /// Settings of the job on a farm.

@@ -10,7 +10,7 @@ mod photons;
 use bottega_farm::{
     AdaptationRule, AuctionRule, Balance, BandWidth, ChannelSet, ImportanceFunction, Level, Optimization, ZoneLimits,
 };
-use bottega_image::{Encoding, ToneMap};
+use bottega_image::{Encoding, ExrColorSpace, ExrCompression, ExrOptions, HalfOrFloat, ToneMap};
 use bottega_render::Filter;
 
 pub(crate) use self::{
@@ -26,8 +26,8 @@ pub use self::{
 use crate::{
     loaded_scene::LoadedScene,
     request::{
-        AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, DEPTH_MAX, ImportanceChoice, OptimizationChoice,
-        PixelFilter, PngEncoding, Request, ToneCurve, WorkOptions,
+        AdaptationChoice, AuctionChoice, BalanceChoice, BandChoice, ColorSpace, Compression, DEPTH_MAX,
+        ImportanceChoice, OptimizationChoice, OutputOptions, PixelFilter, PngEncoding, Request, ToneCurve, WorkOptions,
     },
 };
 
@@ -132,6 +132,31 @@ pub fn tone(tone: ToneCurve) -> ToneMap {
         ToneCurve::Agx => ToneMap::Agx,
         ToneCurve::Aces => ToneMap::Aces,
         ToneCurve::Linear => ToneMap::Linear,
+    }
+}
+
+/// Returns the options of an EXR file.
+pub(crate) fn exr_options(output: &OutputOptions) -> ExrOptions {
+    ExrOptions {
+        depth: if output.half { HalfOrFloat::Half } else { HalfOrFloat::Float },
+        tiled: output.tiled,
+        compression: match output.compression {
+            Compression::Zip => ExrCompression::Zip,
+            Compression::Zips => ExrCompression::Zips,
+            Compression::Piz => ExrCompression::Piz,
+            Compression::Rle => ExrCompression::Rle,
+            Compression::Dwaa => ExrCompression::Dwaa,
+            Compression::Dwab => ExrCompression::Dwab,
+            Compression::None => ExrCompression::None,
+        },
+        parts: output.parts,
+        color_space: match output.colorspace {
+            ColorSpace::Rec709 => ExrColorSpace::Rec709,
+            ColorSpace::Rec2020 => ExrColorSpace::Rec2020,
+            ColorSpace::P3 => ExrColorSpace::P3,
+            ColorSpace::Acescg => ExrColorSpace::AcesCg,
+            ColorSpace::Aces2065 => ExrColorSpace::Aces2065,
+        },
     }
 }
 
