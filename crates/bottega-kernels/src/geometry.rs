@@ -106,14 +106,14 @@ pub enum BuildError {
         /// Index of the sphere.
         sphere: usize,
     },
-    /// Something that moves has keys that cannot be followed.
+    /// A moving part has invalid keys.
     #[error("{what} {index} moves, but {problem}")]
     BadMotion {
         /// Kind of part, such as "mesh".
         what: &'static str,
         /// Its index.
         index: usize,
-        /// What is wrong.
+        /// Reason for the refusal, as a clause.
         problem: &'static str,
     },
     /// A refit has other geometry than the build, or flattens an instance to nothing.

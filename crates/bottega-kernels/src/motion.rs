@@ -232,15 +232,15 @@ pub struct MeshKeyGeometry<'a> {
 pub struct SphereKeyGeometry {
     /// Time of the key.
     pub time: f32,
-    /// The sphere then.
+    /// Sphere at that time.
     pub sphere: SphereGeometry,
 }
 
-/// The moving parts of a scene. What is not named here stands still.
+/// The moving parts of a scene. Parts that are not named here stand still.
 #[derive(Clone, Debug, Default)]
 pub struct MotionGeometry<'a> {
-    /// Moving instances: index and transformation, ascending by the index. They stay where they are put, so the
-    /// transformation given with the other instances counts for nothing.
+    /// Moving instances: index and transformation, ascending by the index. The
+    /// transformations given with the other instances are ignored for them.
     pub instances: Vec<(u32, MovingTransform)>,
     /// Meshes with moving vertices: index and keys, ascending by the index; the times ascend, too.
     pub meshes: Vec<(u32, Vec<MeshKeyGeometry<'a>>)>,
@@ -254,7 +254,7 @@ impl MotionGeometry<'_> {
         self.instances.is_empty() && self.meshes.is_empty() && self.spheres.is_empty()
     }
 
-    /// Checks what moves against the geometry that it belongs to.
+    /// Checks moving parts against the geometry that they belong to.
     pub(crate) fn validate(
         &self,
         meshes: &[MeshGeometry<'_>],
