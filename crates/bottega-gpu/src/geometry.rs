@@ -107,7 +107,7 @@ mod tests {
     use glam::Affine3A;
 
     #[test]
-    fn what_cannot_be_bounded_is_left_out_and_a_bad_index_is_an_error() {
+    fn shapes_without_bounds_are_left_out_and_a_bad_index_is_an_error() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::NAN];
         let mesh = MeshGeometry { positions: &positions, triangles: &[[0, 1, 2], [0, 1, 3]] };
         let instance = InstanceGeometry { mesh: 0, world_from_object: Affine3A::IDENTITY };

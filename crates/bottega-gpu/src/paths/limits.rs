@@ -9,7 +9,7 @@ use super::batch::{PATHS_MAX, path_count};
 pub(super) const PIXELS_MAX: u64 = 1 << 20;
 
 /// The reason for returning work of scenes that were not admitted.
-pub(super) const UNKNOWN_SCENE: &str = "the device was not told of this scene";
+pub(super) const UNKNOWN_SCENE: &str = "the scene was not given to this device";
 
 /// Returns the reason why a block is returned; `None`: it is rendered.
 pub(super) fn refusal(block: &BlockWork) -> Option<String> {
