@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_cannot_be_computed_with_becomes_a_number_and_is_told() {
+    fn values_that_are_not_finite_become_numbers_and_are_reported() {
         let mended = |values: &[f32]| {
             let mut values = values.to_vec();
             let note = mend(&mut values);

@@ -195,6 +195,8 @@ enum InstancedMesh {
 }
 
 impl NodeShape {
+    /// Creates a shape of a mesh.
+    ///
     /// - `is_far`: the scene is far from the origin, and the mesh may also be far from its own.
     fn new(mut mesh: Mesh, is_far: bool) -> Self {
         let center = if is_far { crate::origin::centered(&mut mesh) } else { None };

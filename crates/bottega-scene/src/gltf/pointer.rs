@@ -145,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_can_be_animated_is_known() {
+    fn animated_properties_are_recognized() {
         for pointer in [
             "/materials/0/pbrMetallicRoughness/baseColorFactor",
             "/materials/12/emissiveFactor",

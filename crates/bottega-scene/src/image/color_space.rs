@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gamma_of_its_own_is_told() {
+    fn an_unusual_gamma_is_reported() {
         let png = |chunks: &[(&[u8; 4], u32)]| {
             let mut file = vec![0; 8];
             for (name, value) in chunks {

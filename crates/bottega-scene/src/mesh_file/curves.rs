@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_by_line_and_column() {
+    fn errors_name_line_and_column() {
         for (text, place, reason) in [
             ("0 0 0 1\n0 0 1\n", "line 2, column 6", "radius is missing"),
             ("0 0 0 1\n0 zero 1 1\n", "line 2, column 3", "`zero` is no number"),

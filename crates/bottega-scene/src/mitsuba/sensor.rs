@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat4, Vec2};
 use super::context::ImportContext;
 use super::document::{Class, Object, ObjectId};
 use super::fov::{fov, fov_axis, vertical_fov};
-use super::looks::Looks;
+use super::looks::SceneLooks;
 use super::orientation::{looking, standing};
 use crate::camera::{Camera, Clip, FovAxis, Projection};
 use crate::hints::{FilmFilter, RenderHints};
@@ -19,7 +19,7 @@ const FILM: [u32; 2] = [768, 576];
 /// Returns the camera of a sensor, and when it is open. The first film and sampler give the render hints.
 pub(super) fn read_sensor(
     context: &mut ImportContext<'_>,
-    looks: &mut Looks<'_>,
+    looks: &mut SceneLooks<'_>,
     hints: &mut RenderHints,
     id: ObjectId,
 ) -> ImportResult<(Camera, Shutter)> {

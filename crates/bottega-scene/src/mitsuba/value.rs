@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::placement::Transform;
 use super::xml::XmlElement;
-use crate::spectrum::sampled::{Sampled, SpectrumError};
+use crate::spectrum::sampled::{SampledSpectrum, SpectrumError};
 use crate::text::shortened;
 
 /// The value of a property.
@@ -22,7 +22,7 @@ pub(super) enum Value {
     Rgb(Vec3),
     /// A constant spectrum.
     Uniform(f64),
-    Spectrum(Sampled),
+    Spectrum(SampledSpectrum),
     /// The name of a spectrum file.
     SpectrumFile(String),
     /// An unknown tag.
@@ -105,7 +105,7 @@ pub(super) fn read(element: &XmlElement) -> Result<Value, ValueError> {
                 return Err(ValueError::NoBlackBody { kelvin });
             }
             let scale = element.attribute("scale").map_or(Ok(1.0), number)?;
-            Value::Spectrum(Sampled::blackbody(kelvin).scaled(scale))
+            Value::Spectrum(SampledSpectrum::blackbody(kelvin).scaled(scale))
         }
         _ => Value::Unknown,
     })
@@ -193,5 +193,5 @@ fn spectrum(element: &XmlElement) -> Result<Value, ValueError> {
         let (nm, value) = pair.split_once(':').ok_or_else(|| ValueError::NotSpectrumPair(pair.into()))?;
         Ok((number(nm)?, number(value)?))
     };
-    Ok(Value::Spectrum(Sampled::new(pairs.map(pair).collect::<Result<_, ValueError>>()?)?))
+    Ok(Value::Spectrum(SampledSpectrum::new(pairs.map(pair).collect::<Result<_, ValueError>>()?)?))
 }

@@ -8,7 +8,7 @@ use super::world::{Entity, PbrtWorld};
 use crate::color::Spectrum;
 use crate::hints::{FilmFilter, RenderHints};
 use crate::import::text_place::{ImportResult, TextPlace};
-use crate::integrator::{Follows, IntegratorHint, PhotonHints};
+use crate::integrator::{IntegratorHint, PhotonHints, TransportPaths};
 use crate::spectrum::color_space::{ColorSpace, white_balance};
 use crate::text::shortened;
 
@@ -235,7 +235,7 @@ impl PbrtWorld {
     ) -> ImportResult<Option<IntegratorHint>> {
         let Some(integrator) = &self.integrator else { return Ok(None) };
         let Some(mut follows) = follows(&integrator.kind) else { return Ok(None) };
-        if let Follows::Photons(hints) = &mut follows {
+        if let TransportPaths::Photons(hints) = &mut follows {
             let params = &integrator.params;
             // By default there are as many photons as pixels.
             let [width, height] = crop.map_or(resolution, |[_, _, width, height]| [width, height]);
@@ -310,12 +310,12 @@ impl PbrtWorld {
 }
 
 /// Returns the transport paths of an integrator; `None` if it is not light transport, or unknown.
-fn follows(kind: &str) -> Option<Follows> {
+fn follows(kind: &str) -> Option<TransportPaths> {
     Some(match kind {
-        "path" | "volpath" => Follows::Paths { is_ours: true },
-        "simplepath" | "simplevolpath" | "randomwalk" => Follows::Paths { is_ours: false },
-        "bdpt" | "mlt" | "lightpath" => Follows::BothEnds,
-        "sppm" => Follows::Photons(PhotonHints::default()),
+        "path" | "volpath" => TransportPaths::Paths { is_ours: true },
+        "simplepath" | "simplevolpath" | "randomwalk" => TransportPaths::Paths { is_ours: false },
+        "bdpt" | "mlt" | "lightpath" => TransportPaths::BothEnds,
+        "sppm" => TransportPaths::Photons(PhotonHints::default()),
         _ => return None,
     })
 }

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use glam::{Affine2, DVec3, Vec2};
 
-use super::bake::{Bake, scalar_image};
+use super::bake::{BakedTexture, scalar_image};
 use super::color::Color;
 use super::context::Context;
 use super::mapping::{Mappings, within_frame};
@@ -34,7 +34,7 @@ enum Slot {
     Picture(ImageId),
     /// A picture with one number per texel.
     Scalar(ImageId),
-    Baked(Bake),
+    Baked(BakedTexture),
     /// A projected picture, with the angle of its shorter side in degrees.
     Projection(ImageId, f64),
 }
@@ -256,7 +256,7 @@ impl<'a, 'w> PbrtTextures<'a, 'w> {
         change: Option<fn(DVec3) -> DVec3>,
         at: TextPlace,
     ) -> ImportResult<(DVec3, Option<TextureMap>)> {
-        let bake = Bake::new(node.clone(), is_scalar, change, at);
+        let bake = BakedTexture::new(node.clone(), is_scalar, change, at);
         let sets = bake.uv_sets();
         if sets.len() > 1 {
             context.unsupported(at, "parts of this texture are laid by different mappings; all are laid by the first");

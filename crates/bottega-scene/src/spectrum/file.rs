@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::sampled::Sampled;
+use super::sampled::SampledSpectrum;
 use crate::budget::MemoryBudget;
 use crate::error::SceneError;
 use crate::text::{column, decode, shortened};
@@ -11,7 +11,7 @@ use crate::text::{column, decode, shortened};
 ///
 /// - `path`: for errors.
 /// - `bytes`: the file.
-pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Sampled, SceneError> {
+pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<SampledSpectrum, SceneError> {
     let text = decode(path, bytes, budget)?.text;
     let mut samples: Vec<(f64, f64)> = Vec::new();
     for (number, line) in text.lines().enumerate() {
@@ -43,5 +43,6 @@ pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Resu
         }
         samples.push((nm, value));
     }
-    Sampled::new(samples).map_err(|problem| SceneError::Damaged { path: path.into(), problem: problem.to_string() })
+    SampledSpectrum::new(samples)
+        .map_err(|problem| SceneError::Damaged { path: path.into(), problem: problem.to_string() })
 }

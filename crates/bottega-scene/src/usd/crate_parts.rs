@@ -22,7 +22,7 @@ pub(super) enum CrateFault {
 }
 
 /// The result of a check.
-pub(super) type Checked<T> = Result<T, CrateFault>;
+pub(super) type CheckResult<T> = Result<T, CrateFault>;
 
 /// The most bytes that one byte of LZ4 can become.
 const LZ4_RATIO: usize = 255;
@@ -64,14 +64,14 @@ impl Tokens {
 }
 
 /// Returns a number of a file as a size; one that no size holds is beyond the end.
-pub(super) fn u64_at(bytes: &[u8], at: usize) -> Checked<usize> {
+pub(super) fn u64_at(bytes: &[u8], at: usize) -> CheckResult<usize> {
     let chunk = bytes.get(at..).and_then(<[u8]>::first_chunk).ok_or(CrateFault::CutOff)?;
     let number = u64::from_le_bytes(*chunk);
     // Sums of two places must not overflow
     usize::try_from(number).ok().filter(|number| *number <= isize::MAX as usize).ok_or(CrateFault::CutOff)
 }
 
-pub(super) fn u32_at(bytes: &[u8], at: usize) -> Checked<usize> {
+pub(super) fn u32_at(bytes: &[u8], at: usize) -> CheckResult<usize> {
     let chunk = bytes.get(at..).and_then(<[u8]>::first_chunk).ok_or(CrateFault::CutOff)?;
     Ok(u32::from_le_bytes(*chunk) as usize)
 }

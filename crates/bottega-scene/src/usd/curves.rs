@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use glam::{DAffine3, DVec3, DVec4, Vec3};
 
-use super::context::{Visited, Walk};
+use super::context::{VisitedPrim, Walk};
 use super::look::look_of;
 use super::placement::{self, Thing, ThingPlacement};
 use super::primvar::{self, Interpolation, Primvar};
@@ -47,7 +47,7 @@ enum CurveWrap {
 /// Adds curves.
 pub(super) fn add(
     walk: &mut Walk<'_, '_, '_>,
-    visited: &Visited<'_>,
+    visited: &VisitedPrim<'_>,
     placements: &mut Vec<ThingPlacement>,
 ) -> Result<(), SceneError> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
@@ -229,7 +229,7 @@ fn stations(places: &[DVec4]) -> Vec<Station> {
 /// Adds points as spheres.
 pub(super) fn add_points(
     walk: &mut Walk<'_, '_, '_>,
-    visited: &Visited<'_>,
+    visited: &VisitedPrim<'_>,
     placements: &mut Vec<ThingPlacement>,
 ) -> Result<(), SceneError> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);

@@ -46,7 +46,7 @@ pub(super) struct Materials<'s, 'a> {
 }
 
 /// The end of the connections of an input.
-enum Connected {
+enum ConnectionEnd {
     /// An attribute with the value.
     Attribute(Prim, String),
     /// A shader and the name of its output.
@@ -138,8 +138,8 @@ impl<'s, 'a> Materials<'s, 'a> {
         }
         let shader = ["outputs:surface", "outputs:mtlx:surface"].iter().find_map(|name| {
             match self.follow(prim, name, DEPTH_MAX)? {
-                Connected::Output(shader, _) => Some(shader),
-                Connected::Attribute(..) => None,
+                ConnectionEnd::Output(shader, _) => Some(shader),
+                ConnectionEnd::Attribute(..) => None,
             }
         });
         let id = shader.as_ref().and_then(|shader| source.text(shader, "info:id", self.time));
@@ -166,8 +166,8 @@ impl<'s, 'a> Materials<'s, 'a> {
     /// Returns true if an input has a connection or a value other than 0.
     fn is_used(&self, shader: &Prim, name: &str) -> bool {
         match self.follow(shader, name, DEPTH_MAX) {
-            Some(Connected::Output(..)) => true,
-            Some(Connected::Attribute(prim, name)) => self
+            Some(ConnectionEnd::Output(..)) => true,
+            Some(ConnectionEnd::Attribute(prim, name)) => self
                 .source
                 .value(&prim, &name, self.time)
                 .and_then(|value| values::number(&value))
@@ -177,13 +177,13 @@ impl<'s, 'a> Materials<'s, 'a> {
     }
 
     /// Follows the connections of an input or output; `None`: it has neither a connection nor a value.
-    fn follow(&self, prim: &Prim, name: &str, depth: u32) -> Option<Connected> {
+    fn follow(&self, prim: &Prim, name: &str, depth: u32) -> Option<ConnectionEnd> {
         let place = format!("{}.{name}", prim.path());
         let attribute = prim.attribute(name.to_owned());
         let connections = self.source.or_warn(&place, attribute.connections());
         let Some(target) = connections.into_iter().find(Path::is_property_path) else {
             let has_value = !name.starts_with("outputs:") && self.source.value(prim, name, self.time).is_some();
-            return has_value.then(|| Connected::Attribute(prim.clone(), name.to_owned()));
+            return has_value.then(|| ConnectionEnd::Attribute(prim.clone(), name.to_owned()));
         };
         if depth == 0 {
             self.source.unsupported(&place, "is connected in a circle; the connection is left out");
@@ -192,7 +192,7 @@ impl<'s, 'a> Materials<'s, 'a> {
         let (path, property) = target.split_property()?;
         let next = self.source.stage.prim(path.clone());
         if property.starts_with("outputs:") && self.source.type_of(&next) == "Shader" {
-            return Some(Connected::Output(next, property.to_owned()));
+            return Some(ConnectionEnd::Output(next, property.to_owned()));
         }
         self.follow(&next, property, depth - 1)
     }
@@ -200,8 +200,8 @@ impl<'s, 'a> Materials<'s, 'a> {
     /// Returns the value of an input; `None`: it has none, or is connected to a shader.
     fn value(&self, shader: &Prim, name: &str) -> Option<Value> {
         match self.follow(shader, name, DEPTH_MAX)? {
-            Connected::Attribute(prim, name) => self.source.value(&prim, &name, self.time),
-            Connected::Output(..) => None,
+            ConnectionEnd::Attribute(prim, name) => self.source.value(&prim, &name, self.time),
+            ConnectionEnd::Output(..) => None,
         }
     }
 
@@ -222,7 +222,7 @@ impl<'s, 'a> Materials<'s, 'a> {
         let source = self.source;
         let place = shader.path().as_str().to_owned();
         let file = match self.follow(shader, "inputs:file", DEPTH_MAX) {
-            Some(Connected::Attribute(prim, name)) => source.file(&prim, &name, self.time),
+            Some(ConnectionEnd::Attribute(prim, name)) => source.file(&prim, &name, self.time),
             _ => None,
         };
         let Some(mut file) = file else {
@@ -287,7 +287,7 @@ impl<'s, 'a> Materials<'s, 'a> {
         let mut name = "st".to_owned();
         let mut from = self.follow(shader, "inputs:st", DEPTH_MAX);
         for _ in 0..DEPTH_MAX {
-            let Some(Connected::Output(reader, _)) = from.take() else { break };
+            let Some(ConnectionEnd::Output(reader, _)) = from.take() else { break };
             match self.id(&reader).as_str() {
                 "UsdPrimvarReader_float2" => {
                     name = self.text(&reader, "inputs:varname").unwrap_or(name);
@@ -391,7 +391,7 @@ impl PreviewSurface<'_, '_, '_> {
     /// Returns a number, clamped to its range with a warning. A texture is left out.
     fn number(&self, name: &str, usual: f64, least: f64, greatest: f64) -> f32 {
         let (source, place) = (self.materials.source, self.place(name));
-        if matches!(self.materials.follow(&self.shader, name, DEPTH_MAX), Some(Connected::Output(..))) {
+        if matches!(self.materials.follow(&self.shader, name, DEPTH_MAX), Some(ConnectionEnd::Output(..))) {
             source.unsupported(&place, "a texture of it is left out");
         }
         let value = self.materials.value(&self.shader, name).and_then(|value| values::number(&value)).unwrap_or(usual);
@@ -405,8 +405,8 @@ impl PreviewSurface<'_, '_, '_> {
     /// Returns the shader that an input is connected to.
     fn connected(&self, name: &str) -> Option<(Prim, String)> {
         match self.materials.follow(&self.shader, name, DEPTH_MAX)? {
-            Connected::Output(shader, output) => Some((shader, output)),
-            Connected::Attribute(..) => None,
+            ConnectionEnd::Output(shader, output) => Some((shader, output)),
+            ConnectionEnd::Attribute(..) => None,
         }
     }
 

@@ -12,7 +12,7 @@ use crate::color::Spectrum;
 use crate::error::{SceneError, Warnings};
 use crate::grid::Grid;
 use crate::hints::{Metadata, RenderHints};
-use crate::import::request::{ImportRequest, Imported};
+use crate::import::request::{ImportOutput, ImportRequest};
 use crate::material::Material;
 use crate::medium::{Density, EmissionVariation, Medium, Variation};
 use crate::model::{Mesh, Scene};
@@ -35,7 +35,7 @@ const HOTTEST: f32 = 2000.0;
 const RADIANCE: f32 = 10.0;
 
 /// Imports a file that [`recognizes`] accepts. The scene has no cameras and no lights.
-pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<Imported, SceneError> {
+pub(crate) fn import(request: &ImportRequest<'_>, warnings: &mut Warnings) -> Result<ImportOutput, SceneError> {
     let &ImportRequest { path, file, origin, resources, .. } = request;
     let (format, grids) = list(file).map_err(|error| error.in_file(path))?;
     let invalid = |problem: String| SceneError::Invalid { path: path.into(), place: String::new(), problem };

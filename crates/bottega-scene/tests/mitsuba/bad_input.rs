@@ -47,7 +47,7 @@ fn errors_name_line_and_column() {
 }
 
 #[test]
-fn what_contains_itself_is_refused() {
+fn files_that_contain_themselves_are_refused() {
     let error =
         refuse("<bsdf type='twosided' id='a'><ref id='b'/></bsdf><bsdf type='twosided' id='b'><ref id='a'/></bsdf>");
     assert!(error.contains("itself"), "{error}");

@@ -62,7 +62,7 @@ fn character_data_between_elements_is_left_out() {
 }
 
 #[test]
-fn files_of_other_machines_are_found_and_missing_ones_are_asked_for_somewhere() {
+fn files_of_other_machines_are_found_and_errors_about_missing_ones_name_their_line() {
     let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     for name in ["Meshes/A.OBJ", "meshes\\a.obj", "D:\\work\\meshes\\a.obj", "/home/other/scene/meshes/a.obj"] {
         let shape = format!("<shape type='obj'><string name='filename' value='{name}'/></shape>");
@@ -180,7 +180,7 @@ fn each_mesh_has_its_own_values_wherever_a_texture_can_stand() {
         assert!(mesh.colors.is_empty());
     }
     // A missing picture is reported, and 0.5 replaces it.
-    for (shape, told) in [
+    for (shape, expected) in [
         ("<shape type='ply'><string name='filename' value='a.ply'/>", "no attribute `vertex_mark`"),
         ("<shape type='sphere'>", "sphere` has no attribute"),
     ] {
@@ -189,7 +189,7 @@ fn each_mesh_has_its_own_values_wherever_a_texture_can_stand() {
             <string name='name' value='vertex_mark'/></texture></bsdf></shape>"
         );
         let loaded = Folder::new().scene(&text).with("a.ply", SQUARE).load(&bare()).unwrap();
-        assert!(loaded.warnings.iter().any(|warning| warning.message.contains(told)), "{:?}", loaded.warnings);
+        assert!(loaded.warnings.iter().any(|warning| warning.message.contains(expected)), "{:?}", loaded.warnings);
         let Surface::Diffuse(diffuse) = &loaded.scene.materials[0].surface else { panic!("it is not diffuse") };
         assert_eq!(diffuse.reflectance.eval(&loaded.scene, [Vec2::ZERO; 2], 0.0), Vec3::splat(0.5));
     }

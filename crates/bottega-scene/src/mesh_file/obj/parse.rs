@@ -33,7 +33,7 @@ pub(super) struct ParsedLines {
     /// Statements, each with the number of triangles before it in the block.
     pub(super) statements: Vec<(usize, Statement)>,
     /// Damaged statements, by kind.
-    pub(super) left_out: LeftOut,
+    pub(super) skipped: SkippedStatements,
 }
 
 /// A statement that affects the following faces, or that is reported: material, smoothing group, material library and
@@ -47,7 +47,7 @@ pub(super) enum Statement {
 
 /// Damaged statements by kind: the first one, and their number.
 #[derive(Default)]
-pub(super) struct LeftOut([Option<(LocatedFault, usize)>; KINDS.len()]);
+pub(super) struct SkippedStatements([Option<(LocatedFault, usize)>; KINDS.len()]);
 
 /// The effects of each kind of damage.
 const KINDS: [&str; 5] = [
@@ -63,7 +63,7 @@ const NORMAL: usize = 2;
 const FACE: usize = 3;
 const NO_AREA: usize = 4;
 
-impl LeftOut {
+impl SkippedStatements {
     /// Counts a damaged statement; `locate` is called for the first one.
     fn add(&mut self, kind: usize, locate: impl FnOnce() -> LocatedFault) {
         match &mut self.0[kind] {
@@ -161,7 +161,7 @@ fn parse_watching(
             }
         };
         if let Err(fault) = read {
-            parsed.left_out.add(kind, || block.locate(number, fault));
+            parsed.skipped.add(kind, || block.locate(number, fault));
         }
         Ok(())
     })?;
@@ -330,7 +330,7 @@ impl ParsedLines {
                     faces.push(self.face_of(number));
                     // An invalid vertex was already reported with its faces.
                     if error != IndexError::UnsoundVertex {
-                        self.left_out.add(FACE, || locate_corner(block, [number, which], error.to_string()));
+                        self.skipped.add(FACE, || locate_corner(block, [number, which], error.to_string()));
                     }
                 }
             }
@@ -345,7 +345,7 @@ impl ParsedLines {
             rest.first().is_none_or(|face| !face.contains(number))
         });
         for &number in &flat {
-            self.left_out.add(NO_AREA, || locate_corner(block, [number, 0], String::new()));
+            self.skipped.add(NO_AREA, || locate_corner(block, [number, 0], String::new()));
         }
         if !(faces.is_empty() && flat.is_empty()) {
             let mut keeps = vec![true; self.triangles.len()];
