@@ -10,7 +10,7 @@ mod geometry;
 mod layout;
 mod picture;
 mod record;
-mod words;
+mod word_buffer;
 
 use bottega_image::Aov;
 use bottega_scene::{AlphaMode, EmissionProfile, TextureMap, Visibility};
@@ -24,7 +24,7 @@ pub use layout::{
 };
 pub use picture::{FlatPicture, sobol_table};
 pub use record::{FieldPlace, Portable, Record, place_of, places};
-pub(crate) use words::Words;
+pub(crate) use word_buffer::WordBuffer;
 
 /// Constants of light transport that GPU shaders share; each is documented where it is declared.
 pub mod constants {
@@ -148,7 +148,7 @@ impl FlatScene {
         if !missing.is_empty() {
             return Err(missing);
         }
-        let mut words = Words::with_header(header::COUNT);
+        let mut words = WordBuffer::with_header(header::COUNT);
         geometry::write(prepared, &mut words);
         prepared.lights().write(prepared.scene(), &mut words);
         let (words, pictures) = words.into_inner();

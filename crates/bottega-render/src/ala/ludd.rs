@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn local_spheres_hold_what_a_search_through_all_finds() {
+    fn local_spheres_equal_those_of_an_exhaustive_search() {
         let photons: Vec<Photon> = (0..3000)
             .map(|i| {
                 let sampler = PixelSampler::new(8, i, 0, 0);

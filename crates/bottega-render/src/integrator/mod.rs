@@ -17,7 +17,7 @@ pub(crate) use record::{PathRecord, Wanted};
 pub(crate) use surface::WantedSurface;
 pub(crate) use transport::shadow_ray;
 pub use transport::{ROULETTE_SURVIVAL_MAX, SCATTERED_SPREAD, SHADOW_MARGIN};
-pub(crate) use turns::Painting;
+pub(crate) use turns::SampleBatch;
 pub use wave::{Wave, WaveAnswers};
 
 use bottega_kernels::compiled;
@@ -56,7 +56,7 @@ impl<'a> Integrator<'a> {
     /// same order.
     pub(crate) fn paint(&self, samples: &[(u32, u32, u32)], records: &mut Vec<PathRecord>) {
         match self {
-            Self::Paths(integrator) => compiled::run(Painting { integrator, samples, records }),
+            Self::Paths(integrator) => compiled::run(SampleBatch { integrator, samples, records }),
             Self::Photons(integrator) => integrator.paint(samples, records),
         }
     }

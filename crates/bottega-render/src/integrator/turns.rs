@@ -23,7 +23,7 @@ use crate::{
 const LANES: usize = 8;
 
 /// A list of samples to trace.
-pub(crate) struct Painting<'a> {
+pub(crate) struct SampleBatch<'a> {
     /// Integrator of the picture; its plan may pick another one per pixel.
     pub(crate) integrator: &'a PathIntegrator<'a>,
     /// Samples as (x, y, sample index).
@@ -41,7 +41,7 @@ struct PathLane<'a> {
     hit: Hit,
     /// The interaction at the hit; `None`: the path ends there.
     point: Option<Interaction>,
-    /// What was learned there.
+    /// Learned data at the point.
     guidance: Guidance<'a>,
     /// Branches that wait to be traced.
     branches: Vec<Branch>,
@@ -51,7 +51,7 @@ struct PathLane<'a> {
     goes_on: bool,
 }
 
-impl Task for Painting<'_> {
+impl Task for SampleBatch<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -77,7 +77,7 @@ impl PathIntegrator<'_> {
     /// Traces sample `sample_index` of the pixel (x, y). Radiance that is not finite counts as 0.
     pub fn sample(&self, x: u32, y: u32, sample_index: u32) -> SampleValues {
         let mut records = Vec::new();
-        compiled::run(Painting { integrator: self, samples: &[(x, y, sample_index)], records: &mut records });
+        compiled::run(SampleBatch { integrator: self, samples: &[(x, y, sample_index)], records: &mut records });
         records.first().copied().unwrap_or_default().values
     }
 }

@@ -7,7 +7,7 @@ use glam::Vec3;
 use crate::{
     color::luminance,
     error::RenderError,
-    integrator::{Painting, PathIntegrator, PathRecord, Wanted},
+    integrator::{PathIntegrator, PathRecord, SampleBatch, Wanted},
     prepare::PreparedScene,
     settings::{PathSettings, View},
 };
@@ -62,7 +62,7 @@ pub(crate) fn probe(
         let row = Rect { y0: y, y1: y + 1, ..rect };
         let samples: Vec<(u32, u32, u32)> =
             row.pixels().flat_map(|(x, y)| (0..sample_count).map(move |sample| (x, y, sample))).collect();
-        compiled::run(Painting { integrator: &integrator, samples: &samples, records: &mut records });
+        compiled::run(SampleBatch { integrator: &integrator, samples: &samples, records: &mut records });
         pixels.extend(records.chunks_exact(sample_count as usize).map(seen_by));
     }
     Ok(pixels)

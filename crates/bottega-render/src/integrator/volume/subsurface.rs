@@ -78,7 +78,7 @@ impl MediumPath<'_> {
         let prepared = self.prepared;
         let [u, v, u_roulette, u_part] = self.sampler.quad(DimensionSet::leaving(self.depth));
         let bsdf = left_bsdf(prepared, &exit, u_part);
-        // The light leaves in the same way, whatever direction it came from
+        // The direction from below does not change how the light leaves
         let bsdf = bsdf.at(Vec3::Z);
         let receiver = receiver_at(&exit, prepared.material(exit.material).1);
         // Sample lights where it leaves
