@@ -117,7 +117,7 @@ pub enum BuildError {
         problem: &'static str,
     },
     /// A refit has other geometry than the build, or flattens an instance to nothing.
-    #[error("meshes, instances or spheres are others than those built: build again instead of refitting")]
+    #[error("meshes, instances or spheres differ from those of the build: build again instead of refitting")]
     Changed,
     /// There are more elements than indices can number.
     #[error("{count} {what} are more than the limit of {limit}")]

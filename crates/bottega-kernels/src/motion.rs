@@ -267,14 +267,14 @@ impl MotionGeometry<'_> {
         let mut last = None;
         for (index, _) in &self.instances {
             if *index as usize >= instances.len() || last.is_some_and(|last| last >= *index) {
-                return bad("instance", *index, "is not there, or named out of order");
+                return bad("instance", *index, "does not exist, or is out of order");
             }
             last = Some(*index);
         }
         let mut last = None;
         for (index, keys) in &self.meshes {
             if *index as usize >= meshes.len() || last.is_some_and(|last| last >= *index) {
-                return bad("mesh", *index, "is not there, or named out of order");
+                return bad("mesh", *index, "does not exist, or is out of order");
             }
             last = Some(*index);
             if !ascend(keys.iter().map(|key| key.time)) {
@@ -290,7 +290,7 @@ impl MotionGeometry<'_> {
         let mut last = None;
         for (index, keys) in &self.spheres {
             if *index as usize >= spheres.len() || last.is_some_and(|last| last >= *index) {
-                return bad("sphere", *index, "is not there, or named out of order");
+                return bad("sphere", *index, "does not exist, or is out of order");
             }
             last = Some(*index);
             if !ascend(keys.iter().map(|key| key.time)) {
