@@ -87,13 +87,13 @@ fn check(meshes: &[MeshGeometry<'_>], instances: &[InstanceGeometry]) -> Result<
     for (mesh, index) in meshes.iter().zip(0_usize..) {
         let count = mesh.positions.len();
         if mesh.triangles.iter().flatten().any(|&vertex| vertex as usize >= count) {
-            return Err(GpuError::Invalid(format!("a triangle of mesh {index} names a vertex that is not there")));
+            return Err(GpuError::Invalid(format!("a triangle of mesh {index} names a vertex that does not exist")));
         }
     }
     for (instance, index) in instances.iter().zip(0_usize..) {
         if instance.mesh as usize >= meshes.len() {
             return Err(GpuError::Invalid(format!(
-                "instance {index} names mesh {}, which is not there",
+                "instance {index} names mesh {}, which does not exist",
                 instance.mesh
             )));
         }

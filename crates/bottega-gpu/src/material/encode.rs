@@ -71,7 +71,7 @@ impl EncodedMaterials {
         writer.missing.dedup();
         let mut maps = scene.materials.iter().flat_map(Material::textures);
         if maps.any(|map| map.mapping(scene).is_some()) {
-            writer.missing.push("textures that lie by a place in the world".into());
+            writer.missing.push("textures mapped by world position".into());
         }
         let is_textured = scene.materials.iter().any(|material| !material.textures().is_empty());
         if writer.missing.is_empty() {

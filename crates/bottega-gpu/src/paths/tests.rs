@@ -271,7 +271,7 @@ fn unsupported_units_are_returned_and_the_others_are_done() {
     assert_eq!(
         reasons,
         [
-            Some("the cost of a pixel is not known to devices"),
+            Some("devices do not support the layer `cost`"),
             Some("the scene was not given to this device"),
             Some("the scene was not given to this device"),
             None,

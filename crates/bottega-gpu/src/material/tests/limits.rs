@@ -80,7 +80,7 @@ fn unsupported_features_are_named() {
     let color = ColorParam { factor: Spectrum::ONE, texture: Some(in_space) };
     let scene = Scene { mappings: vec![mapping], ..scene(Surface::Unlit(color)) };
     let unsupported = EncodedMaterials::new(&scene, &[]).unwrap_err();
-    assert_eq!(unsupported.to_string(), "not for a GPU: textures that lie by a place in the world");
+    assert_eq!(unsupported.to_string(), "not for a GPU: textures mapped by world position");
 }
 
 #[test]
