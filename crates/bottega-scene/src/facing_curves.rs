@@ -179,7 +179,7 @@ impl FacingCurves {
         } else if !self.points.iter().all(is_sound) {
             "a point of its curves is not finite"
         } else if self.points.last().is_some_and(|point| !point.is_last) || !self.pieces.iter().all(has_end) {
-            "a piece of its curves ends nowhere"
+            "a piece of its curves has no end"
         } else {
             return Ok(());
         };

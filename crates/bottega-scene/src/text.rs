@@ -54,7 +54,7 @@ pub(crate) fn decode_xml<'a>(path: &Path, bytes: &'a [u8], budget: &MemoryBudget
             Some(encoding) => encoding,
             None => {
                 let label = String::from_utf8_lossy(label);
-                let problem = format!("the encoding `{}` is not known; {REMEDY}", shortened(&label));
+                let problem = format!("the encoding `{}` is unknown; {REMEDY}", shortened(&label));
                 return Err(SceneError::Text { path: path.into(), line: 1, column: 1, problem });
             }
         },
@@ -97,7 +97,7 @@ fn decode_as<'a>(
                     let problem = format!("the byte {byte:#04x} is neither UTF-8 nor other text; {REMEDY}");
                     return Err(fault(line, column, problem));
                 }
-                guess = Some((line, "this is no UTF-8; the file is read as windows-1252".into()));
+                guess = Some((line, "this is not UTF-8; the file is read as windows-1252".into()));
                 // A byte becomes at most three bytes of UTF-8.
                 budget.check(path, body.len().saturating_mul(3))?;
                 WINDOWS_1252.decode_without_bom_handling(body).0
@@ -116,7 +116,11 @@ fn decode_as<'a>(
     if text.as_bytes().contains(&0) {
         let offset = text.find('\0').unwrap_or(0);
         let (line, column) = line_and_column(text.as_bytes(), offset);
-        return Err(fault(line, column, format!("a zero byte: this is no text, or in an unknown encoding; {REMEDY}")));
+        return Err(fault(
+            line,
+            column,
+            format!("a zero byte: this is not text, or its encoding is unknown; {REMEDY}"),
+        ));
     }
     Ok(Text { text: with_newlines(text), guess })
 }

@@ -32,7 +32,7 @@ pub(crate) fn mend(values: &mut [f32]) -> Option<String> {
             *value = largest.copysign(*value);
         }
     }
-    let nones = (nones > 0).then(|| format!("{nones} of its values are no numbers, and count as 0"));
+    let nones = (nones > 0).then(|| format!("{nones} of its values are not numbers, and count as 0"));
     let enormous = (enormous > 0).then(|| {
         let limit = VALUE_MAX;
         format!("{enormous} of its values are infinite or above {limit:e}, and count as {largest}, the largest of the others")
@@ -56,7 +56,7 @@ mod tests {
         assert_eq!(values, [0.0, 5.0, 5.0, 5.0, -5.0]);
         let note = note.unwrap();
         assert!(
-            note.contains("1 of its values are no numbers") && note.contains("3 of its values are infinite"),
+            note.contains("1 of its values are not numbers") && note.contains("3 of its values are infinite"),
             "{note}"
         );
         assert_eq!(mended(&[f32::INFINITY]).0, [0.0]);

@@ -490,7 +490,7 @@ fn unsupported_parts_are_named_and_refused_when_strict() {
 #[test]
 fn every_error_names_the_place() {
     let cases = [
-        ("Shape \"sphere\"", (1, 1), "behind WorldBegin"),
+        ("Shape \"sphere\"", (1, 1), "after WorldBegin"),
         ("WorldBegin\nCamera \"perspective\"", (2, 1), "before WorldBegin"),
         ("WorldBegin AttributeBegin", (1, 12), "no AttributeEnd"),
         ("WorldBegin\n AttributeEnd", (2, 2), "without AttributeBegin"),
@@ -522,7 +522,7 @@ fn every_error_names_the_place() {
             (1, 66),
             "no vertex -1",
         ),
-        ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 ]", (1, 33), "no multiple of 3"),
+        ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 ]", (1, 33), "not a multiple of 3"),
         ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1e30 0 ]", (1, 33), "beyond"),
         ("WorldBegin Scale 1e30 1e30 1e30 Shape \"disk\"", (1, 33), "out of reach"),
         ("WorldBegin NamedMaterial \"m\" Shape \"sphere\"", (1, 26), "no material"),
@@ -627,7 +627,7 @@ fn memory_is_bounded() {
         assert!(matches!(load_with(text, &options), Err(SceneError::Limit { .. })), "{}", &text[..80]);
     }
     let finer = subdivided.replace(" 9 ", " 12 ");
-    assert!(load_with(&finer, &options).unwrap_err().to_string().contains("would make more than"));
+    assert!(load_with(&finer, &options).unwrap_err().to_string().contains("make more than"));
     assert!(load_with(&nested, &options).unwrap_err().to_string().contains("blocks within each other"));
     // Twice as many textures in each step.
     let mut text = String::from("WorldBegin Texture \"t0\" \"spectrum\" \"checkerboard\" ");
@@ -746,7 +746,7 @@ fn errors_about_missing_files_name_the_line_that_needs_them() {
     {
         let error = load_text(text).unwrap_err();
         assert!(matches!(error, SceneError::Read { .. }), "{error:?}");
-        assert!(error.to_string().contains("(asked for by scene.pbrt:2:"), "{error}");
+        assert!(error.to_string().contains("(requested by scene.pbrt:2:"), "{error}");
     }
 }
 

@@ -381,8 +381,8 @@ impl SceneEditor {
         })
     }
 
-    /// Brings the things of a kind into the order of some keys, as if they had been added in this order; those without one of these
-    /// keys follow. A picture depends on the order.
+    /// Sorts the entries of a kind by a list of keys, as if they had been added in this order. Entries without one of these keys
+    /// follow. A picture depends on the order.
     ///
     /// # Errors
     /// A key does not exist; nothing has changed then.

@@ -221,7 +221,7 @@ fn check_version(path: &Path, document: &Document) -> Result<(), SceneError> {
         return Ok(());
     }
     let problem = match needed.as_str() {
-        "" => "does not say which version of glTF it is".into(),
+        "" => "does not name its version of glTF".into(),
         version => format!("is glTF {}, only version 2.0 can be read", shortened(version)),
     };
     Err(SceneError::Invalid { path: path.into(), place: "asset.version".into(), problem })

@@ -239,7 +239,7 @@ impl NodeMeshes {
                 self.flat.push(mesh);
                 None
             }
-            Ok(None) => Some("the transformation leaves nothing of it that has an area"),
+            Ok(None) => Some("the transformation flattens all of it"),
             Err(flat::OutOfReach) => Some("the transformation moves it out of reach"),
         })
     }

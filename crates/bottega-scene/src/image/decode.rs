@@ -77,7 +77,7 @@ fn describe(bytes: &[u8]) -> &'static str {
         [b'G', b'I', b'F', ..] => "it is a GIF picture; use PNG or JPEG",
         [b'D', b'D', b'S', ..] => "it is a DDS picture; use PNG or JPEG",
         _ => {
-            "it is no picture in a format that can be read (PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, HDR, EXR, KTX2)"
+            "it is not a picture in a format that can be read (PNG, JPEG, TGA, BMP, TIFF, WebP, PNM, PFM, HDR, EXR, KTX2)"
         }
     }
 }

@@ -36,7 +36,7 @@ impl IntegratorEffects {
             return;
         }
         if scene.leave_out_media() {
-            context.note(at, "the integrator of the file knows no media: they are left out");
+            context.note(at, "the integrator of the file does not support media: they are left out");
         }
         // Without media, their boundaries are bounces and hide lights.
         for material in scene.materials.iter_mut().filter(|material| material.surface == Surface::Null) {

@@ -124,7 +124,7 @@ fn convert<'a>(context: &mut ImportContext<'_>, pictures: Pictures<'a>) -> Impor
             // Converted where they are referred to.
             Class::Bsdf | Class::Texture | Class::Medium | Class::Phase | Class::Volume => {}
             Class::Film | Class::Filter | Class::Sampler | Class::Other => {
-                context.warn(object.at, format!("the {} belongs nowhere and is left out", object.describe()));
+                context.warn(object.at, format!("the {} is out of place and is left out", object.describe()));
             }
         }
     }

@@ -242,7 +242,7 @@ impl Shapes {
         let mut motion = path.motion(DAffine3::as_affine3a);
         context.take(at, size_of::<Instance>() + size_of_val(&*motion))?;
         if motion.iter().any(|key| !self.placed.is_placeable(&self.scene, mesh, &key.transform)) {
-            context.warn(at, "a moving shape becomes flat, mirrored or too large, so it stands where it starts");
+            context.warn(at, "a moving shape becomes flat, mirrored or too large, so it stays where it starts");
             motion.clear();
         }
         let world_from_object = path.first().as_affine3a();

@@ -61,7 +61,7 @@ impl Context<'_> {
             (_, Values::Numbers(numbers)) => {
                 let (pairs, rest) = numbers.as_chunks::<2>();
                 if !rest.is_empty() {
-                    return Err(at.fault(format!("`{name}` is no list of pairs of wavelength and value")).into());
+                    return Err(at.fault(format!("`{name}` is not a list of pairs of wavelength and value")).into());
                 }
                 if pairs.iter().any(|[_, value]| *value < 0.0) {
                     return Err(at.fault(format!("the spectrum `{name}` has a negative value")).into());

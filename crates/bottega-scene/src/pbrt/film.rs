@@ -104,15 +104,17 @@ impl PbrtWorld {
             "rgb" => {}
             "gbuffer" => {
                 params.mark_reported(&["coordinatesystem"]);
-                let message = "the film \"gbuffer\" is written without its layers: `--layers` asks for some of them";
+                let message = "the film \"gbuffer\" is written without its layers: request them with `--layers`";
                 context.unsupported(film.at, message);
             }
             "spectral" => {
                 params.mark_reported(&["nbuckets", "lambdamin", "lambdamax"]);
                 context.unsupported(film.at, "the film \"spectral\" is an RGB film: its buckets are left out");
             }
-            kind => context
-                .unsupported(film.at, format!("the film \"{}\" is not known; it is an RGB film", shortened(kind))),
+            kind => context.unsupported(
+                film.at,
+                format!("the film \"{}\" is unknown; it is read as an RGB film", shortened(kind)),
+            ),
         }
         if params.color_space() != ColorSpace::Srgb {
             context.warn(film.at, "the picture is written in linear Rec. 709, not in the colour space of the film");
@@ -178,7 +180,7 @@ impl PbrtWorld {
         };
         context.report_unused(Directive::Sampler, &sampler.kind, params);
         u32::try_from(samples).ok().filter(|&samples| samples > 0).ok_or_else(|| {
-            let problem = format!("{samples} samples of a pixel are no number to paint with");
+            let problem = format!("{samples} samples per pixel: at least 1 is needed");
             params.place_of("pixelsamples").fault(problem).into()
         })
     }
@@ -193,14 +195,14 @@ impl PbrtWorld {
             kind if follows(kind).is_some() => {}
             "ao" | "function" => {
                 let message = format!(
-                    "the integrator \"{}\" is not painted with; light is followed along paths",
+                    "the integrator \"{}\" is not supported; paths are traced from the camera",
                     integrator.kind
                 );
                 context.unsupported(integrator.at, message);
             }
             kind => {
                 let message =
-                    format!("the integrator \"{}\" is not known; light is followed along paths", shortened(kind));
+                    format!("the integrator \"{}\" is unknown; paths are traced from the camera", shortened(kind));
                 context.unsupported(integrator.at, message);
             }
         }

@@ -204,7 +204,7 @@ fn convert(context: &mut Context<'_>, textures: &mut PbrtTextures<'_, '_>, entit
         kind => {
             context.unsupported(
                 at,
-                format!("the material \"{}\" is not known; a gray matte one stands for it", shortened(kind)),
+                format!("the material \"{}\" is unknown; a gray matte one replaces it", shortened(kind)),
             );
             Surface::matte(Spectrum::splat(0.5))
         }

@@ -139,7 +139,7 @@ impl<'a> Resources<'a> {
         let first = first.ok_or_else(|| invalid("it names no file"))?;
         for folder in folders.iter().filter(|_| !is_absolute(bare)) {
             if let Some(found) = self.other_spelling(&without_detours(&within(folder, bare))) {
-                let message = format!("there is no `{}`; `{}` is taken", shortened(reference), shortened(&found.name));
+                let message = format!("there is no `{}`; `{}` is used", shortened(reference), shortened(&found.name));
                 self.tell(place, message, false);
                 return Ok(found);
             }
@@ -148,7 +148,7 @@ impl<'a> Resources<'a> {
             Some(found) => {
                 let problem = if first.is_allowed { "is not there" } else { "may not be read" };
                 let (reference, name) = (shortened(reference), shortened(&found.name));
-                self.tell(place, format!("`{reference}` {problem}; `{name}` beside the scene is taken"), true);
+                self.tell(place, format!("`{reference}` {problem}; `{name}` beside the scene is used"), true);
                 Ok(found)
             }
             None => Ok(first),
@@ -254,9 +254,9 @@ impl<'a> Resources<'a> {
             let scene = self.path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
             let place = self.place_of(location);
             if place.is_empty() || place.starts_with(&*scene) {
-                return error.asked_by(if place.is_empty() { &scene } else { &place });
+                return error.requested_by(if place.is_empty() { &scene } else { &place });
             }
-            error.asked_by(&format!("{scene}, {place}"))
+            error.requested_by(&format!("{scene}, {place}"))
         })
     }
 
@@ -471,9 +471,9 @@ mod tests {
     fn errors_about_missing_files_name_the_line_that_needs_them() {
         with(&folder(), false, |resources| {
             let error = resources.open("sub/b", "line 7").unwrap_err().to_string();
-            assert!(error.contains("sub/b` (asked for by scene.x, line 7)"), "{error}");
+            assert!(error.contains("sub/b` (requested by scene.x, line 7)"), "{error}");
             let error = resources.open("sub", "scene.x:2:3").unwrap_err().to_string();
-            assert!(error.contains("sub` (asked for by scene.x:2:3) is a folder"), "{error}");
+            assert!(error.contains("sub` (requested by scene.x:2:3) is a folder"), "{error}");
         });
     }
 

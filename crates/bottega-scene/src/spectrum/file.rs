@@ -33,7 +33,7 @@ pub(crate) fn read_spd(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Resu
         };
         let (nm, value) = (parse(first)?, parse(second)?);
         if nm <= 0.0 {
-            return Err(invalid(first, format!("{nm} nm is no wavelength")));
+            return Err(invalid(first, format!("{nm} nm is not a wavelength")));
         }
         if value < 0.0 {
             return Err(invalid(second, format!("the value {value} is negative")));

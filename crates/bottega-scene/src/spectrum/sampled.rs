@@ -11,7 +11,7 @@ use crate::color::Spectrum;
 pub(crate) enum SpectrumError {
     #[error("a spectrum needs at least one wavelength and value")]
     Empty,
-    #[error("{nm} nm: {value} is no sample of a spectrum")]
+    #[error("{nm} nm: {value} is not a sample of a spectrum")]
     NotSample { nm: f64, value: f64 },
     #[error("the wavelengths of a spectrum must increase: {nm} nm follows {before} nm")]
     NotIncreasing { before: f64, nm: f64 },

@@ -111,7 +111,7 @@ impl RenderSettings {
         let name = path.name().unwrap_or_default();
         match scene.cameras.iter().position(|camera| camera.name == name) {
             Some(index) => scene.cameras[..=index].rotate_right(1),
-            None => source.warn(path.as_str(), "the camera of the render settings is not there"),
+            None => source.warn(path.as_str(), "the camera of the render settings does not exist"),
         }
     }
 }

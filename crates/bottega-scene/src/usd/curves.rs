@@ -83,13 +83,13 @@ pub(super) fn add(
         return Ok(());
     }
     if source.value(prim, "normals", time).is_some() || source.value(prim, "primvars:normals", time).is_some() {
-        source.unsupported_once(path, "curves with normals are round tubes nevertheless");
+        source.unsupported_once(path, "curves with normals are rendered as round tubes");
     }
     let widths = ["primvars:widths", "widths"]
         .iter()
         .find_map(|name| primvar::read(source, prim, name, time, Interpolation::Vertex, values::numbers));
     if widths.is_none() {
-        source.warn(path, "the curves have no width; 1 is taken, as the schema says");
+        source.warn(path, "the curves have no width; it is 1, as the schema says");
     }
     let widths = widths.unwrap_or_else(|| Primvar::new(vec![1.0], Interpolation::Constant));
     let form = CurveForm { basis, wrap };

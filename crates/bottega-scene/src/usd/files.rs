@@ -245,7 +245,7 @@ fn joined(folder: &str, reference: &str) -> String {
     parts.join("/")
 }
 
-/// A question of the library, and where its answer goes.
+/// A request of the library, and the channel for its answer.
 enum FileRequest {
     Name { anchor: String, reference: String, answer: Sender<String> },
     Exists { name: String, answer: Sender<bool> },
@@ -269,10 +269,10 @@ pub(super) fn connect() -> (Client, Server) {
 }
 
 impl Server {
-    /// Answers until the client is gone.
+    /// Answers requests until the client has ended.
     pub(super) fn serve(self, files: &Files<'_>) {
         for request in self.requests {
-            // A client that is gone needs no answer
+            // A client that has ended needs no answer
             match request {
                 FileRequest::Name { anchor, reference, answer } => {
                     // A reference that cannot be followed keeps its name, and is not found
@@ -288,7 +288,7 @@ impl Server {
 }
 
 impl Client {
-    /// Asks a question; `None`: the server is gone.
+    /// Sends a request and waits for its answer; `None`: the server has ended.
     fn ask<T>(&self, request: impl FnOnce(Sender<T>) -> FileRequest) -> Option<T> {
         let (sender, receiver) = channel();
         self.requests.send(request(sender)).ok()?;

@@ -87,7 +87,7 @@ pub(super) fn area(mesh: &Mesh, world: &DAffine3) -> f64 {
     mesh.triangles.iter().map(area).sum()
 }
 
-/// Reads a light by its type; `None`: it is none, or it is left out.
+/// Reads a light by its type; `None`: it is not a light, or it is left out.
 pub(super) fn read(walk: &mut Walk<'_, '_, '_>, visited: &VisitedPrim<'_>, kind: &str) -> Option<LightSpec> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
     let path = prim.path().as_str();
@@ -121,7 +121,7 @@ pub(super) fn read(walk: &mut Walk<'_, '_, '_>, visited: &VisitedPrim<'_>, kind:
     Some(LightSpec { shape, strength: strength(source, prim, time, usual), texture, cone: cone.filter(|_| takes_cone) })
 }
 
-/// Returns the strength of a surface that is a light; `None`: it is none.
+/// Returns the strength of a surface that is a light; `None`: it is not a light.
 pub(super) fn of_surface(walk: &Walk<'_, '_, '_>, visited: &VisitedPrim<'_>) -> Option<Strength> {
     let (source, prim, time) = (walk.source, visited.prim, walk.time);
     let schemas = source.schemas(prim);
@@ -254,7 +254,7 @@ fn report_unused(source: &StageSource<'_>, prim: &Prim, time: f64, schemas: &[St
     if schemas.iter().any(|name| name == "ShadowAPI")
         && source.boolean(prim, "inputs:shadow:enable", time) == Some(false)
     {
-        source.unsupported(path, "the light casts shadows nevertheless");
+        source.unsupported(path, "the light still casts shadows");
     }
     if !source.targets(prim, "light:filters").is_empty() {
         source.unsupported(path, "filters of lights are left out");

@@ -133,7 +133,7 @@ impl<'s, 'a> Materials<'s, 'a> {
         let source = self.source;
         let path = prim.path().as_str();
         if source.type_of(prim) != "Material" {
-            source.unsupported(path, "is bound as a material and is none; its surfaces have their display colour");
+            source.unsupported(path, "is bound as a material but is not one; its surfaces have their display colour");
             return None;
         }
         let shader = ["outputs:surface", "outputs:mtlx:surface"].iter().find_map(|name| {
@@ -226,11 +226,11 @@ impl<'s, 'a> Materials<'s, 'a> {
             _ => None,
         };
         let Some(mut file) = file else {
-            source.unsupported(&place, "the texture names no file; its fallback is taken");
+            source.unsupported(&place, "the texture has no file; its fallback is used");
             return None;
         };
         if file.reference.contains("<UDIM>") {
-            source.unsupported(&place, "of pictures in tiles (UDIM) only the one with the number 1001 is shown");
+            source.unsupported(&place, "of pictures in tiles (UDIM), only tile 1001 is shown");
             file.reference = file.reference.replace("<UDIM>", "1001");
             file.name = source.files.named("", &file.reference).ok().filter(|name| source.files.exists(name));
         }
@@ -298,7 +298,7 @@ impl<'s, 'a> Materials<'s, 'a> {
                     from = self.follow(&reader, "inputs:in", DEPTH_MAX);
                 }
                 other => {
-                    let message = format!("coordinates by `{}` are not supported; `st` is taken", shortened(other));
+                    let message = format!("coordinates by `{}` are not supported; `st` is used", shortened(other));
                     source.unsupported(reader.path().as_str(), message);
                     break;
                 }
@@ -310,7 +310,7 @@ impl<'s, 'a> Materials<'s, 'a> {
                 return look.uv_sets.len() - 1;
             }
             let message =
-                format!("a third set of coordinates, `{}`, is not kept; the first stands for it", shortened(&name));
+                format!("a third set of coordinates, `{}`, is not kept; the first replaces it", shortened(&name));
             source.unsupported(shader.path().as_str(), message);
             0
         });
@@ -430,7 +430,7 @@ impl PreviewSurface<'_, '_, '_> {
                     return sound(Vec3::new(r, g, b).as_dvec3()).into();
                 };
                 if texture.channel.is_some() {
-                    source.unsupported(&place, "one channel of a texture is no colour; all three are taken");
+                    source.unsupported(&place, "one channel of a texture is not a colour; all three are used");
                 }
                 let [r, g, b, _] = texture.scale;
                 let factor = Vec3::new(r, g, b).min(Vec3::splat(FACTOR_MAX));
@@ -441,7 +441,7 @@ impl PreviewSurface<'_, '_, '_> {
                 Vec3::ONE.into()
             }
             other => {
-                let message = format!("the shader `{}` is not supported here; its fallback is taken", shortened(other));
+                let message = format!("the shader `{}` is not supported here; its fallback is used", shortened(other));
                 source.unsupported(&place, message);
                 let fallback = self.materials.value(&shader, "inputs:fallback").and_then(|it| values::vector(&it));
                 sound(fallback.filter(|color| color.is_finite()).unwrap_or(usual)).into()
@@ -468,7 +468,7 @@ impl PreviewSurface<'_, '_, '_> {
                 1.0.into()
             }
             other => {
-                let message = format!("the shader `{}` is not supported here; its fallback is taken", shortened(other));
+                let message = format!("the shader `{}` is not supported here; its fallback is used", shortened(other));
                 source.unsupported(&place, message);
                 let fallback = self.materials.value(&shader, "inputs:fallback").and_then(|it| values::number(&it));
                 (fallback.unwrap_or(usual).clamp(0.0, 1.0) as f32).into()
@@ -479,7 +479,7 @@ impl PreviewSurface<'_, '_, '_> {
     fn normal(&mut self) -> Option<Relief> {
         let (shader, output) = self.connected("inputs:normal")?;
         if self.materials.id(&shader) != "UsdUVTexture" {
-            self.materials.source.unsupported(&self.place("inputs:normal"), "is no texture; it is left out");
+            self.materials.source.unsupported(&self.place("inputs:normal"), "is not a texture; it is left out");
             return None;
         }
         let texture = self.materials.texture(&shader, &output, &mut self.look, true)?;

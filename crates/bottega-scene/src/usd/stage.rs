@@ -157,7 +157,7 @@ fn world_from_stage(source: &StageSource<'_>) -> DAffine3 {
         "Z" => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
         "Y" => DMat3::IDENTITY,
         other => {
-            source.unsupported("upAxis", format!("`{}` is no up axis; y is taken", shortened(other)));
+            source.unsupported("upAxis", format!("`{}` is not an up axis; y is used", shortened(other)));
             DMat3::IDENTITY
         }
     };

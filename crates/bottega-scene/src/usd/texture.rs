@@ -132,7 +132,7 @@ impl<'a> Textures<'a> {
                 }
                 Err(problem) => {
                     let (what, image) = stand_in(wanted, &name);
-                    source.unsupported(place, format!("the picture `{name}`: {problem}; {what} stands for it"));
+                    source.unsupported(place, format!("the picture `{name}`: {problem}; {what} replaces it"));
                     image
                 }
             }

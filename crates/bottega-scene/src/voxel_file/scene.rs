@@ -29,7 +29,7 @@ const TEMPERATURES: &[&str] = &["temperature", "heat", "flame", "flames"];
 const OPTICAL_DEPTH: f32 = 12.0;
 /// Single-scattering albedo of the smoke.
 const ALBEDO: f32 = 0.6;
-/// Greatest temperature in kelvin of a file whose values are no temperatures, because none is above 100.
+/// Greatest temperature in kelvin of a file whose values are not temperatures, because none is above 100.
 const HOTTEST: f32 = 2000.0;
 /// Greatest component of the radiance of the hottest part, where nothing is seen through it.
 const RADIANCE: f32 = 10.0;

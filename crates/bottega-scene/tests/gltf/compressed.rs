@@ -146,7 +146,7 @@ fn damaged_compressed_data_names_its_place() {
         json!({"EXT_meshopt_compression": view})
     };
     for (extension, words) in [
-        (compressed("ATTRIBUTES", 12, "NONE"), "known version"),
+        (compressed("ATTRIBUTES", 12, "NONE"), "supported version"),
         (compressed("TRIANGLES", 4, "NONE"), "triangles"),
         (compressed("INDICES", 4, "NONE"), "sequence"),
         (compressed("ATTRIBUTES", 14, "NONE"), "14 bytes"),

@@ -165,9 +165,9 @@ fn names_of_pictures_are_found_as_other_machines_write_them() {
     for (reference, expected) in [
         ("brick wall.png", None),
         ("\"brick wall.png\"", None),
-        ("Brick Wall.PNG", Some("`brick wall.png` is taken")),
-        ("C:\\Users\\someone\\Desktop\\brick wall.png", Some("beside the scene is taken")),
-        ("/home/other/Brick Wall.png", Some("beside the scene is taken")),
+        ("Brick Wall.PNG", Some("`brick wall.png` is used")),
+        ("C:\\Users\\someone\\Desktop\\brick wall.png", Some("beside the scene is used")),
+        ("/home/other/Brick Wall.png", Some("beside the scene is used")),
     ] {
         let mtl = format!("newmtl t\nKd 1 1 1\nmap_Kd {reference}\n");
         let files: [(&str, &[u8]); 3] =

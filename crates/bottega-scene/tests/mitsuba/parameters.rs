@@ -98,7 +98,7 @@ fn unknown_parameters_are_reported_with_their_place_and_refused_when_strict() {
     let text = "<shape type='sphere'>\n<float name='wobble' value='1'/>\n<bsdf type='velvet'><rgb name='a' value='1'/></bsdf></shape>\n<shape type='teapot'/><shape type='teapot'/>";
     let loaded = read(text);
     let expected = [
-        "scene.xml:4:1: the bsdf `velvet` is not supported; gray diffuse stands for it",
+        "scene.xml:4:1: the bsdf `velvet` is not supported; gray diffuse replaces it",
         "scene.xml:5:1: the shape `teapot` is not supported and left out (and at another place)",
         "scene.xml:3:1: `wobble` of the shape `sphere` is left out",
     ];

@@ -278,7 +278,7 @@ fn missing_mesh_colors_are_reported() {
     let loaded = read("<shape type='sphere'><bsdf type='roughconductor'>
         <texture type='mesh_attribute' name='alpha'><string name='name' value='vertex_color'/></texture></bsdf></shape>");
     assert!(
-        warnings(&loaded)[0].contains("has no attribute `vertex_color`; 0.5 stands for it"),
+        warnings(&loaded)[0].contains("has no attribute `vertex_color`; 0.5 replaces it"),
         "{:?}",
         warnings(&loaded)
     );

@@ -52,8 +52,8 @@ pub(super) struct SkippedStatements([Option<(LocatedFault, usize)>; KINDS.len()]
 /// The effects of each kind of damage.
 const KINDS: [&str; 5] = [
     "the vertex is left out with its faces",
-    "0 stands for these texture coordinates",
-    "that of its faces stands for the normal",
+    "0 replaces these texture coordinates",
+    "the normal of its faces replaces it",
     "the face is left out",
     "the triangle has no area and is left out",
 ];
@@ -155,7 +155,7 @@ fn parse_watching(
                 unknown.push(keyword.to_vec());
                 let keyword = shortened(&String::from_utf8_lossy(keyword)).into_owned();
                 if unknown.len() > 16 && !keyword.is_ascii() {
-                    return Err(LineFault::new(line, "this is no OBJ file"));
+                    return Err(LineFault::new(line, "this is not an OBJ file"));
                 }
                 return parsed.add(Statement::Unknown(keyword, number));
             }

@@ -33,7 +33,7 @@ pub(super) fn read(context: &mut Context<'_>, params: &Params, at: TextPlace) ->
         |triangle: &[u32; 3]| triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0];
     let triangles: Vec<[u32; 3]> = triangles.iter().copied().filter(is_sound).collect();
     if triangles.len() > TRIANGLES_MAX >> (2 * levels) {
-        let problem = format!("{levels} levels would make more than {TRIANGLES_MAX} triangles of it");
+        let problem = format!("{levels} levels make more than {TRIANGLES_MAX} triangles of it");
         return Err(params.place_of("levels").fault(problem).into());
     }
     // Vertices, triangles and the edge table.
