@@ -53,16 +53,16 @@ pub struct FlatScene {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotFlat {
     /// Surfaces that are invisible to the camera from behind.
-    #[error("surfaces that the camera sees through from behind")]
+    #[error("surfaces that are invisible to the camera from behind")]
     CulledBacks,
     /// Media that scatter or emit, or are not bounded by refracting surfaces; light that is scattered below surfaces.
     #[error("media that scatter or have no refracting boundary, and subsurface scattering")]
     Media,
     /// Panes, which transmit light straight through without counting as a bounce.
-    #[error("panes that let the light of lamps without extent through")]
+    #[error("panes that transmit the light of lamps without extent")]
     Panes,
     /// A camera that does not see emitters.
-    #[error("a camera from which what shines is hidden")]
+    #[error("a camera that does not see lights")]
     HiddenEmitters,
     /// Curves that face each ray.
     #[error("curves that face each ray")]

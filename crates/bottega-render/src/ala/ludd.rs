@@ -46,7 +46,7 @@ pub enum Criterion {
 
 /// The error of an unknown criterion's name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no criterion; there are normal, power, direction, irradiance and importance")]
+#[error("`{0}` is not a criterion; there are normal, power, direction, irradiance and importance")]
 pub struct UnknownCriterion(String);
 
 /// Samples of one map with the values of some criteria.

@@ -13,7 +13,7 @@ use super::tree::{Guide, GuideNode, Lattice, Region};
 
 /// The error of bytes that are not a valid guide.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("these bytes are nothing that was learnt of a scene")]
+#[error("the bytes are not a guide of a scene")]
 pub struct UnreadGuide;
 
 impl Guide {

@@ -47,7 +47,7 @@ struct PathLane<'a> {
     branches: Vec<Branch>,
     /// Light samples of the current vertex that wait for their shadow rays.
     deferred: Vec<DeferredLight>,
-    /// `true`: the path goes on from its current vertex.
+    /// `true`: the path continues from its current vertex.
     goes_on: bool,
 }
 

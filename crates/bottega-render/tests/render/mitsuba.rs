@@ -105,7 +105,7 @@ fn solids_without_media_keep_the_medium_around_them() {
     let lit = scene("volpath", 16, &format!("{CEILING_LAMP}{around}"));
     check("glass in fog", &lit, [0.0788, 0.0597, 0.0406], 0.03);
     let lit = scene("path", 16, &format!("{CEILING_LAMP}{around}"));
-    assert!(read(&lit).warnings.iter().any(|warning| warning.message.contains("knows no media")));
+    assert!(read(&lit).warnings.iter().any(|warning| warning.message.contains("does not support media")));
     check("the same without media", &lit, [0.0611, 0.0454, 0.0320], 0.03);
 }
 
@@ -213,7 +213,7 @@ fn photons_are_seen_between_clip_planes() {
 
 #[test]
 fn hair_is_as_bright_as_mitsubas() {
-    // 80 strands around a centre, below a sky that the camera does not see; 2,000 samples a pixel.
+    // 80 strands around a centre, below a sky that the camera does not see; 2,000 samples per pixel.
     let scene = |bsdf: &str| {
         format!(
             "<scene version='3.0.0'><integrator type='path'><integer name='max_depth' value='64'/>

@@ -72,7 +72,7 @@ impl WalkWeight {
 impl MediumPath<'_> {
     /// Follows light below a surface, and scatters it where it leaves. Returns `None` when the path ends.
     ///
-    /// - `wi`: direction in which the path goes on, in world space.
+    /// - `wi`: direction in which the path continues, in world space.
     pub(super) fn pass_below(&mut self, point: &Interaction, wi: Vec3, interior: &Interior) -> Option<Departure> {
         let exit = self.walk(point, wi, interior)?;
         let prepared = self.prepared;
